@@ -1,0 +1,1 @@
+"""Command line: one module per command, the only layer that prints or exits."""

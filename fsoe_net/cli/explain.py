@@ -1,0 +1,66 @@
+"""``fsoe-net explain``: the page of a diagnostic code, in the terminal."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem
+
+from fsoe_net.diag import CATALOGUE, nearest_code
+
+__all__ = ["command", "page_text"]
+
+
+_EPILOG = "\b\nExamples:\n  fsoe-net explain FSN203\n  fsoe-net explain 203"
+
+
+class _Code(click.ParamType[str]):
+    """A diagnostic code, with completion."""
+
+    name = "code"
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        return [
+            CompletionItem(code, help=info.title)
+            for code, info in CATALOGUE.items()
+            if code.startswith(incomplete.upper())
+        ]
+
+
+def page_text(code: str) -> str | None:
+    """Return the Markdown page of a code, from the package or the source tree, or ``None``."""
+    inside = resources.files("fsoe_net") / "diagnostics" / f"{code}.md"
+    if inside.is_file():
+        return inside.read_text("utf-8")
+    beside = Path(__file__).parents[2] / "docs" / "diagnostics" / f"{code}.md"
+    return beside.read_text("utf-8") if beside.is_file() else None
+
+
+@click.command("explain", epilog=_EPILOG)
+@click.argument("code", type=_Code(), required=False)
+def command(code: str | None) -> None:
+    """Explain a diagnostic code; without CODE list all of them."""
+    if code is None:
+        for info in CATALOGUE.values():
+            click.echo(f"{info.code}  {info.severity:7}  {info.title}")
+        return
+    known = nearest_code(code)
+    if known is None or known[3:] != code.strip().upper().removeprefix("FSN"):
+        hint = f" Did you mean {known}?" if known else " `fsoe-net explain` lists all codes."
+        raise click.BadParameter(f"no code {code!r}.{hint}", param_hint="CODE")
+    text = page_text(known)
+    if text is None:
+        info = CATALOGUE[known]
+        click.echo(f"{known} ({info.severity}): {info.title}")
+        return
+    if click.get_text_stream("stdout").isatty():
+        from rich.console import Console
+        from rich.markdown import Markdown
+
+        Console().print(Markdown(text))
+    else:
+        click.echo(text)

@@ -1,0 +1,99 @@
+"""The arguments all commands share: which files, and how references in them are followed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import click
+
+from fsoe_net.diag import Diagnostic, sort_diagnostics
+from fsoe_net.load import LoadOptions, load_network
+from fsoe_net.model import Network, Resolution, resolve
+from fsoe_net.rules import Runtime, check
+
+__all__ = ["Checked", "check_files", "input_options", "runtime_option"]
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
+    def parse(
+        _ctx: click.Context, _param: click.Parameter, values: Sequence[str]
+    ) -> dict[str, str]:
+        rows = {}
+        for value in values:
+            name, found, rest = value.partition(separator)
+            if not found or not name:
+                raise click.BadParameter(f"{value!r} is not {what}")
+            rows[name] = rest
+        return rows
+
+    return parse
+
+
+def input_options(function: _F) -> _F:
+    """Add FILES, ``--package`` and ``--arg`` to a command."""
+    for decorate in (
+        click.argument("files", nargs=-1, required=True, type=click.Path()),
+        click.option(
+            "--package",
+            "packages",
+            multiple=True,
+            metavar="NAME=DIR",
+            callback=_pair("=", "NAME=DIR"),
+            help="Folder of a ROS package, for $(find NAME) and package://NAME.",
+        ),
+        click.option(
+            "--arg",
+            "xacro_args",
+            multiple=True,
+            metavar="NAME:=VALUE",
+            callback=_pair(":=", "NAME:=VALUE"),
+            help="Argument of a xacro file.",
+        ),
+    ):
+        function = decorate(function)
+    return function
+
+
+def runtime_option(function: _F) -> _F:
+    """Add ``--runtime``."""
+    return click.option(
+        "--runtime",
+        type=click.Choice([r.value for r in Runtime]),
+        default=Runtime.FSN.value,
+        show_default=True,
+        help="Also say what this program would do today with the same files.",
+    )(function)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checked:
+    """A network with everything found in it. ``resolution`` is ``None`` when nothing was read."""
+
+    resolution: Resolution | None
+    diagnostics: list[Diagnostic]
+
+    @property
+    def network(self) -> Network | None:
+        """The network, if any."""
+        return self.resolution.network if self.resolution else None
+
+
+def check_files(
+    files: Sequence[str],
+    *,
+    packages: dict[str, str] | None = None,
+    xacro_args: dict[str, str] | None = None,
+    runtime: Runtime = Runtime.FSN,
+) -> Checked:
+    """Load, resolve and check the files a user named."""
+    options = LoadOptions(packages=packages or {}, xacro_args=xacro_args or {})
+    loaded = load_network(files, options)
+    found = list(loaded.diagnostics)
+    resolution = resolve(loaded.network) if loaded.network is not None else None
+    if resolution is not None:
+        found += check(resolution, runtime=runtime)
+    return Checked(resolution=resolution, diagnostics=sort_diagnostics(found))

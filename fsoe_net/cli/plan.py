@@ -1,0 +1,113 @@
+"""``fsoe-net plan``: compile a network to a `.fsnplan`, or show one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+import click
+
+from fsoe_net.cli.inputs import check_files, input_options
+from fsoe_net.cli.output import print_diagnostics, summary
+from fsoe_net.diag import Severity
+from fsoe_net.errors import InputError
+from fsoe_net.load import Collector, read_bytes
+from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_text, plan_json, plan_text
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net plan network.yaml -o machine.fsnplan
+  fsoe-net plan --show machine.fsnplan
+  fsoe-net plan --show machine.fsnplan --image igh
+  fsoe-net plan --show machine.fsnplan --format json"""
+
+
+@click.command("plan", epilog=_EPILOG)
+@input_options
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Plan file to write.")
+@click.option("--show", is_flag=True, help="FILES is a plan; print it.")
+@click.option(
+    "--image",
+    type=click.Choice(["igh"]),
+    help="Print the absolute image of this MainDevice, as `ethercat domains -v` does.",
+)
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+def command(
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    output: str | None,
+    show: bool,
+    image: str | None,
+    fmt: str,
+) -> None:
+    """Compile a network to a copy plan, or show a plan.
+
+    FILES as for `fsoe-net check`. Nothing is written when the network has an error.
+    """
+    if show and output:
+        raise click.UsageError("--show prints a plan; it does not go with -o")
+    if show:
+        _show(_read(files), image, fmt)
+        return
+    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    errors = [d for d in checked.diagnostics if d.level is Severity.ERROR]
+    if errors or checked.resolution is None:
+        print_diagnostics(errors, err=True)
+        raise InputError(f"no plan written: {summary(errors) or 'nothing to compile'}")
+    if checked.resolution.network.partial or not checked.resolution.transfers:
+        raise InputError(
+            "no plan written: these files alone are no whole network; name the URDF or network file"
+        )
+    warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
+    print_diagnostics(warnings, err=True)
+    plan = compile_plan(checked.resolution)
+    if output is None:
+        _show(plan, image, fmt)
+        click.echo("not written; -o FILE writes it", err=True)
+        return
+    data = plan.to_bytes()
+    _write(output, data)
+    click.echo(
+        f"{output}: {len(data)} bytes, {len(plan.copies)} copies, "
+        f"{len(plan.connections)} connections, SHA-256 {hashlib.sha256(data).hexdigest()[:16]}…"
+    )
+
+
+def _read(files: tuple[str, ...]) -> Plan:
+    if len(files) != 1:
+        raise click.UsageError("--show takes one plan file")
+    out = Collector()
+    data = read_bytes(files[0], out)
+    if data is None:
+        raise InputError("no plan to show", out.diagnostics)
+    try:
+        return decode_plan(data)
+    except InputError as exc:
+        raise InputError(f"{files[0]}: {exc}") from exc
+
+
+def _show(plan: Plan, image: str | None, fmt: str) -> None:
+    if fmt == "json":
+        click.echo(json.dumps(plan_json(plan), indent=2, ensure_ascii=False))
+    elif image == "igh":
+        click.echo(igh_text(plan))
+    else:
+        click.echo(plan_text(plan))
+
+
+def _write(output: str, data: bytes) -> None:
+    """Write whole or not at all: a plan cut off by a full disk must not replace a good one."""
+    target = Path(output)
+    partial = target.with_name(target.name + f".{os.getpid()}.part")
+    try:
+        partial.write_bytes(data)
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)

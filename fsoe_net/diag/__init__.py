@@ -1,0 +1,16 @@
+"""Diagnostics: what is wrong in a user's file, as data with a place and a mend."""
+
+from fsoe_net.diag.catalogue import CATALOGUE, CodeInfo, code_info, nearest_code
+from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span, sort_diagnostics
+
+__all__ = [
+    "CATALOGUE",
+    "CodeInfo",
+    "Diagnostic",
+    "Related",
+    "Severity",
+    "Span",
+    "code_info",
+    "nearest_code",
+    "sort_diagnostics",
+]

@@ -1,0 +1,148 @@
+"""Every diagnostic code, its default severity and its title. Codes are never renumbered.
+
+FSN1xx loading, FSN2xx plan and copies, FSN3xx FSoE, FSN4xx devices and layout, FSN5xx live bus,
+FSN6xx timing. Each code has a page ``docs/diagnostics/FSNxyz.md`` and two fixtures below
+``tests/fixtures/diagnostics/FSNxyz/``; a test demands all three.
+"""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+
+__all__ = ["CATALOGUE", "CodeInfo", "code_info", "nearest_code"]
+
+
+@dataclass(frozen=True, slots=True)
+class CodeInfo:
+    """One line of the catalogue: code, default severity (``error | warning | info``), title."""
+
+    code: str
+    severity: str
+    title: str
+
+
+_TABLE = """
+FSN101 error   file cannot be read
+FSN102 error   not valid YAML
+FSN103 error   document is too deep, too large or expands without bound
+FSN104 error   document is empty or is not a map
+FSN105 error   more than one document in a file
+FSN106 error   key given twice
+FSN107 error   merge key is not understood by the driver
+FSN108 error   invisible or non-ASCII character in a key
+FSN109 error   unknown key
+FSN110 error   key is missing
+FSN111 error   value has the wrong type
+FSN112 error   number is spelled in a way that is read as another number
+FSN113 error   number is out of range
+FSN114 error   leading zero: octal in one file, decimal in the other
+FSN115 warning index without 0x
+FSN116 error   value is not one of the allowed words
+FSN117 error   kind of file not recognised
+FSN118 error   not well-formed XML, or a document type is declared
+FSN119 error   xacro cannot be expanded
+FSN120 error   ec_module without a plugin
+FSN121 warning plugin is not known
+FSN122 warning driver plugin of the 2024 prototype
+FSN123 error   both fsoe_config and transfer_config
+FSN124 error   transfers in an XML <safety> block are ignored
+FSN125 error   no transfers: the file would silently do nothing
+FSN126 info    relative path depends on where the driver is started
+FSN127 warning interface nested inside ec_module is never exported
+FSN128 error   component name used in several ros2_control blocks
+FSN129 error   transfer crosses two EtherCAT masters
+FSN130 error   cycle time or control frequency is not above zero
+FSN131 error   address is spelled in a way that is read as another number
+FSN132 info    fsoe_config is the old name of transfer_config
+FSN133 error   referenced file cannot be read
+FSN134 error   module name used twice
+FSN201 error   transfer names an unknown module
+FSN202 error   transfer names an entry that the module does not map
+FSN203 error   transfer reads an output
+FSN204 error   two transfers write the same bytes
+FSN205 error   transfer writes an input
+FSN206 error   transfer uses an entry marked skip
+FSN207 error   transfer uses a padding entry
+FSN208 error   size is not the size of the frame
+FSN209 error   copy runs past the end of its FSoE frame or sync manager
+FSN210 error   the two ends of a transfer have frames of different size
+FSN211 error   transfer does not start at the command byte of a frame
+FSN212 warning entry that does not look like part of the frame lies inside it
+FSN213 error   transfer starts inside a byte
+FSN214 error   the driver overwrites bytes of a copied frame
+FSN215 error   one direction of a connection is missing
+FSN216 error   source and destination overlap
+FSN217 error   transfer reads what another transfer writes
+FSN218 error   safety_master is missing or names an unknown module
+FSN219 error   transfer does not touch the safety master of its net
+FSN222 error   transfer of size zero
+FSN223 error   net without transfers
+FSN224 warning net name used twice
+FSN225 error   the two directions of a connection use different slots
+FSN226 error   the FSoE MainInstance cannot be the MainDevice itself
+FSN227 error   connection has no transfers
+FSN228 error   transfer_master and safety_master disagree
+FSN230 error   transfer uses a module that may be left out
+FSN232 info    FSoE frame that no transfer serves
+FSN233 error   standard transfer touches an FSoE frame
+FSN301 error   FSoE address used twice
+FSN302 error   connection ID used twice
+FSN303 warning FSoE address is unusual
+FSN304 error   connection ID 0 is not allowed
+FSN305 error   FSoE watchdog time is not allowed
+FSN306 error   application parameters cannot be sent
+FSN307 info    no FSoE frame structure recognised at this entry
+FSN401 error   receive and transmit PDOs look exchanged
+FSN402 error   unknown data type
+FSN403 error   bit length of a type is out of range
+FSN404 error   PDO channel is incomplete
+FSN405 warning mask does not select the bit of this entry
+FSN406 warning PDO without channels: its layout is not known offline
+FSN407 error   PDO listed twice
+FSN408 warning entry mapped twice
+FSN409 error   PDOs are assigned to no sync manager
+FSN410 error   PDO assigned to a sync manager of the other direction
+FSN411 info    sync manager watchdog is off on FSoE outputs
+FSN412 error   sync manager index is not possible
+FSN413 error   PDOs assigned to two sync managers
+FSN414 error   two modules at the same bus position
+FSN415 error   module declared in the URDF and in the YAML
+FSN417 info    start-up SDOs of a module addressed by alias go to another SubDevice
+FSN418 error   start-up SDO cannot be written
+FSN420 error   sync manager does not fit into one datagram
+FSN421 info    process image needs several datagrams
+FSN423 error   interface given both for the channel and for its data_mapping
+FSN427 warning type cannot be accessed as a value
+FSN429 warning   interface on a PDO of the wrong direction
+FSN460 info    drive that waits for STO release blocks the start of the driver
+FSN461 info    stopping and starting the driver doubles the transfers
+FSN462 info    driver that writes every default would destroy the copied frame
+FSN465 info    linuxcnc-ethercat has no FSoE support for this device
+FSN601 warning FSoE watchdog is too short for the bus cycle
+"""
+
+CATALOGUE: dict[str, CodeInfo] = {
+    code: CodeInfo(code, severity, title)
+    for code, severity, title in (line.split(maxsplit=2) for line in _TABLE.strip().splitlines())
+}
+
+
+def code_info(code: str) -> CodeInfo:
+    """Return the catalogue line of a code.
+
+    Raises:
+        KeyError: No such code.
+    """
+    return CATALOGUE[code]
+
+
+def nearest_code(text: str) -> str | None:
+    """Return the code a user may have meant, or ``None``. ``203`` and ``fsn203`` are understood."""
+    wanted = text.strip().upper()
+    if wanted.isdigit():
+        wanted = "FSN" + wanted
+    if wanted in CATALOGUE:
+        return wanted
+    close = difflib.get_close_matches(wanted, CATALOGUE, n=1, cutoff=0.7)
+    return close[0] if close else None

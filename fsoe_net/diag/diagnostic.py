@@ -1,0 +1,114 @@
+"""The shape of one finding: code, severity, message, place, related places, hint."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fsoe_net.diag.catalogue import code_info
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["Diagnostic", "Related", "Severity", "Span", "sort_diagnostics"]
+
+
+class Severity(enum.Enum):
+    """How bad a finding is. `check` exits with 1 for errors and warnings, not for ``info``."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+
+    @property
+    def rank(self) -> int:
+        """0 for the worst, rising."""
+        return _RANK[self]
+
+
+_RANK = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.INFO: 2}
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Span:
+    """A place in a file. Lines and columns count from 1; a column counts characters, not bytes.
+
+    ``line`` 0 means the file as a whole (missing, unreadable, empty).
+    """
+
+    file: str
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Related:
+    """A second place that explains a finding, e.g. the declaration a name collides with."""
+
+    span: Span
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnostic:
+    """One finding.
+
+    Args:
+        code: ``FSNxyz`` from the catalogue; never renumbered.
+        message: One sentence that names the values involved.
+        span: Where the user has to look.
+        severity: Taken from the catalogue when left out.
+        hint: The concrete mend where one can be computed, else the next step; may be empty.
+        related: Further places.
+
+    Raises:
+        KeyError: The code is not in the catalogue.
+    """
+
+    code: str
+    message: str
+    span: Span
+    severity: Severity | None = None
+    hint: str = ""
+    related: tuple[Related, ...] = ()
+
+    def __post_init__(self) -> None:
+        default = Severity(code_info(self.code).severity)
+        if self.severity is None:
+            object.__setattr__(self, "severity", default)
+
+    @property
+    def level(self) -> Severity:
+        """The severity, never ``None``."""
+        return self.severity or Severity.ERROR
+
+    def to_json(self) -> dict[str, object]:
+        """Return the stable JSON form (see ``docs/reference/json-output.md``)."""
+        return {
+            "code": self.code,
+            "severity": self.level.value,
+            "title": code_info(self.code).title,
+            "message": self.message,
+            "file": self.span.file,
+            "line": self.span.line,
+            "column": self.span.column,
+            "hint": self.hint,
+            "related": [
+                {
+                    "file": r.span.file,
+                    "line": r.span.line,
+                    "column": r.span.column,
+                    "message": r.message,
+                }
+                for r in self.related
+            ],
+        }
+
+
+def sort_diagnostics(found: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Return the findings without duplicates, by file, line, column, severity and code."""
+    return sorted(dict.fromkeys(found), key=lambda d: (d.span, d.level.rank, d.code, d.message))

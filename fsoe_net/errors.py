@@ -1,0 +1,97 @@
+"""Exceptions of fsoe-net.
+
+What is wrong in a user's file is data (`fsoe_net.diag.Diagnostic`), not an exception. Exceptions
+are for the outside world and for programming mistakes:
+
+    FsnError                      anything this package raises on purpose
+    +-- EnvironmentFault          a tool, permission or compiled part is missing      (exit 3)
+    |   +-- CoreMissing           the compiled module could not be loaded
+    +-- InputError                a file was refused as a whole; carries diagnostics  (exit 1)
+    |   +-- PlanFormatError       bytes that are no valid .fsnplan
+    +-- FsoeError                 misuse of the FSoE engine
+    |   +-- PduSizeError          no FSoE PDU has this size
+    |   +-- ConfigError           an FSoE instance was configured with impossible values
+    +-- CoreError                 the C core refused a call; carries its status
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from fsoe_net.diag import Diagnostic
+
+__all__ = [
+    "ConfigError",
+    "CoreError",
+    "CoreMissing",
+    "EnvironmentFault",
+    "FsnError",
+    "FsoeError",
+    "InputError",
+    "PduSizeError",
+    "PlanFormatError",
+]
+
+
+class FsnError(Exception):
+    """Base of every exception this package raises on purpose."""
+
+    exit_code = 3
+
+
+class EnvironmentFault(FsnError):
+    """The machine lacks something: a tool, a permission, the compiled part."""
+
+
+class CoreMissing(EnvironmentFault):
+    """The compiled module `fsoe_net.core._core` could not be loaded.
+
+    Scenarios: a source tree that was never built; a wheel of another platform.
+    """
+
+
+class InputError(FsnError):
+    """A file was refused as a whole.
+
+    Args:
+        message: One sentence for the user.
+        diagnostics: What is wrong, located; may be empty when the message says it all.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, diagnostics: Sequence[Diagnostic] = ()) -> None:
+        super().__init__(message)
+        self.diagnostics = tuple(diagnostics)
+
+
+class PlanFormatError(InputError):
+    """Bytes that are no valid `.fsnplan`: wrong magic, length, CRC, or inconsistent tables."""
+
+
+class FsoeError(FsnError):
+    """Misuse of the FSoE engine."""
+
+
+class PduSizeError(FsoeError, ValueError):
+    """No FSoE PDU has this size (6 bytes, or 3 + 4 k bytes with k >= 1)."""
+
+
+class ConfigError(FsoeError, ValueError):
+    """An FSoE instance was configured with values the protocol does not allow."""
+
+
+class CoreError(FsnError):
+    """The C core refused a call.
+
+    Args:
+        message: What was refused, with the core's reason.
+        status: Value of `fsn_status`, negative.
+    """
+
+    def __init__(self, message: str, status: int) -> None:
+        super().__init__(message)
+        self.status = status

@@ -1,0 +1,22 @@
+"""Files into the model, every value with its place; what is wrong becomes diagnostics."""
+
+from fsoe_net.load.files import Collector, read_bytes
+from fsoe_net.load.network import FileKind, LoadOptions, LoadResult, load_network
+from fsoe_net.load.schema import check_structure, read_schema
+from fsoe_net.load.yaml_tree import MapNode, ScalarNode, SeqNode, load_yaml, parse_yaml
+
+__all__ = [
+    "Collector",
+    "FileKind",
+    "LoadOptions",
+    "LoadResult",
+    "MapNode",
+    "ScalarNode",
+    "SeqNode",
+    "check_structure",
+    "load_network",
+    "load_yaml",
+    "parse_yaml",
+    "read_bytes",
+    "read_schema",
+]

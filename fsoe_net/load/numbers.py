@@ -1,0 +1,223 @@
+"""Numbers as the user spelled them, and what each reader makes of the spelling.
+
+Two readers matter. Slave YAML goes through yaml-cpp (leading 0 is octal). The endpoints of the
+transfer YAML go through a function of the driver that knows only a lower-case ``0x`` and otherwise
+reads decimal digits up to the first other character (`stoul`), then cuts to 16 bits. We accept only
+spellings every reader takes for the same number, and name what would be read otherwise.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import re
+
+from fsoe_net.diag import Severity, Span
+from fsoe_net.load.files import Collector
+from fsoe_net.load.yaml_tree import Node, ScalarNode
+
+__all__ = ["Reader", "driver_endpoint_number", "read_float", "read_int", "warn_decimal_index"]
+
+
+class Reader(enum.Enum):
+    """Which grammar a number is under."""
+
+    SLAVE = "slave YAML"
+    ENDPOINT = "transfer YAML"
+    OWN = "network YAML"
+
+
+_HEX = re.compile(r"0[xX][0-9a-fA-F]+\Z")
+_DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)\Z")
+_LEADING_ZERO = re.compile(r"-?0[0-9]+\Z")
+
+
+def driver_endpoint_number(text: str) -> int | None:
+    """Return what the driver's endpoint parser makes of a spelling, cut to 16 bits.
+
+    Returns:
+        The number, or ``None`` where the driver throws an exception.
+    """
+    trimmed = text.strip(" \t")
+    if trimmed.startswith("0x"):
+        match = re.match(r"\s*[+-]?(?:0[xX](?=[0-9a-fA-F]))?([0-9a-fA-F]+)", trimmed)
+        base = 16
+    else:
+        match = re.match(r"\s*[+-]?([0-9]+)", trimmed)
+        base = 10
+    if match is None:
+        return None
+    value = int(match.group(1), base)
+    if match.group().lstrip().startswith("-"):
+        value = -value
+    return value & 0xFFFF
+
+
+def read_int(
+    node: Node | None,
+    out: Collector,
+    *,
+    what: str,
+    low: int,
+    high: int,
+    reader: Reader,
+) -> int | None:
+    """Return the number a scalar spells, or ``None`` with a finding.
+
+    Args:
+        node: The value; ``None`` (key missing) gives ``None`` silently, the schema has spoken.
+        out: Takes FSN111 … FSN114.
+        what: Name of the value for messages, e.g. ``"index"``.
+        low: Smallest allowed value.
+        high: Largest allowed value.
+        reader: Grammar the file is under.
+    """
+    if not isinstance(node, ScalarNode) or node.is_null:
+        return None
+    text = node.text
+    if _LEADING_ZERO.match(text):
+        value = _leading_zero(text, node.span, out, what=what, reader=reader)
+        if value is None:
+            return None
+    elif _HEX.match(text):
+        if reader is Reader.ENDPOINT and text.startswith("0X"):
+            _misread(text, node.span, out, what=what, mend="0x" + text[2:])
+            return None
+        value = int(text, 16)
+    elif _DECIMAL.match(text):
+        value = int(text)
+    elif reader is Reader.ENDPOINT:
+        _misread(text, node.span, out, what=what, mend=_mend_of(text))
+        return None
+    else:
+        out.add(
+            "FSN112" if re.search(r"[0-9]", text) else "FSN111",
+            node.span,
+            f"{what} {text!r} is no integer",
+            hint=f"write {_mend_of(text)}" if _mend_of(text) else "write 0x6000 or 24576",
+        )
+        return None
+    if not low <= value <= high:
+        _out_of_range(value, text, node.span, out, what=what, low=low, high=high, reader=reader)
+        return None
+    return value
+
+
+def _leading_zero(
+    text: str, span: Span, out: Collector, *, what: str, reader: Reader
+) -> int | None:
+    decimal = int(text)
+    try:
+        octal = int(text.replace("-", "-0o", 1) if text[0] == "-" else "0o" + text, 8)
+    except ValueError:
+        octal = None
+    if octal == decimal:
+        return decimal
+    other = "refuses it" if octal is None else f"reads {octal}"
+    slave = f"slave YAML {other}" + (" (octal)" if octal is not None else "")
+    out.add(
+        "FSN114",
+        span,
+        f"{what} {text!r} has a leading zero: {slave}, the endpoint reader of the transfer YAML "
+        f"reads {decimal}",
+        hint=f"write {decimal}"
+        + (f" or {octal}" if octal is not None else "")
+        + ", whichever is meant",
+    )
+    return octal if reader is Reader.SLAVE else decimal
+
+
+def _misread(text: str, span: Span, out: Collector, *, what: str, mend: str) -> None:
+    value = driver_endpoint_number(text)
+    read = "throws an exception on it" if value is None else f"reads it as 0x{value:04x} ({value})"
+    out.add(
+        "FSN112",
+        span,
+        f"{what} {text!r} is spelled in a way the driver misreads: it {read}",
+        hint=f"write {mend}" if mend else "write it as 0x6000",
+    )
+
+
+def _mend_of(text: str) -> str:
+    """Guess the number that was meant."""
+    for pattern, base in (
+        (r"\s*0[xX]\s*([0-9a-fA-F]+)", 16),
+        (r"\s*#[xX]([0-9a-fA-F]+)", 16),
+        (r"\s*([0-9a-fA-F]+)[hH]\Z", 16),
+        (r"\s*0b([01]+)\Z", 2),
+        (r"\s*0o([0-7]+)\Z", 8),
+        (r"\s*\+?([0-9]{1,3}(?:[_,'][0-9]{3})+)\Z", 10),
+        (r"\s*\+?([0-9]+)(?:\.0*)?\s*\Z", 10),
+        (r"\s*([0-9]+)\s*[a-zA-Z]*\Z", 10),
+    ):
+        match = re.match(pattern, text)
+        if match:
+            value = int(re.sub("[_,']", "", match.group(1)), base)
+            return f"0x{value:04x}" if base == 16 else str(value)
+    return ""
+
+
+def _out_of_range(
+    value: int,
+    text: str,
+    span: Span,
+    out: Collector,
+    *,
+    what: str,
+    low: int,
+    high: int,
+    reader: Reader,
+) -> None:
+    note = ""
+    if reader is Reader.ENDPOINT:
+        note = f"; the driver would cut it to 0x{value & 0xFFFF:04x}"
+        if what == "subindex":
+            note = "; the driver would never find it"
+    limits = f"0x{low:x} … 0x{high:x}" if text.lower().startswith("0x") else f"{low} … {high}"
+    out.add("FSN113", span, f"{what} {text} is outside {limits}{note}", hint="correct the number")
+
+
+def read_float(node: Node | None, out: Collector, *, what: str) -> float | None:
+    """Return a floating point number as yaml-cpp reads it, ``nan`` included, or ``None``."""
+    if not isinstance(node, ScalarNode) or node.is_null:
+        return None
+    text = node.text
+    if text.lower() in (".nan", ".inf", "+.inf", "-.inf") and text in _SPECIAL:
+        return _SPECIAL[text]
+    if re.match(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\Z", text):
+        return float(text)
+    nan = text.lower() in ("nan", "inf", "-inf")
+    out.add(
+        "FSN111",
+        node.span,
+        f"{what} {text!r} is no number",
+        hint=f"write .{text.lower().lstrip('-')}" if nan else "write 0, 1.5 or .nan",
+    )
+    return None
+
+
+_SPECIAL = {
+    ".nan": math.nan,
+    ".NaN": math.nan,
+    ".NAN": math.nan,
+    ".inf": math.inf,
+    ".Inf": math.inf,
+    ".INF": math.inf,
+    "+.inf": math.inf,
+    "-.inf": -math.inf,
+}
+
+
+def warn_decimal_index(node: Node | None, out: Collector, value: int | None) -> None:
+    """FSN115 for an object index written in decimal: nearly always a forgotten 0x."""
+    if value is None or not isinstance(node, ScalarNode) or node.text[:2].lower() == "0x":
+        return
+    digits = node.text.lstrip("0")
+    likely = len(digits) == 4
+    out.add(
+        "FSN115",
+        node.span,
+        f"index {node.text} is decimal and means 0x{value:04x}",
+        severity=Severity.WARNING if likely else Severity.INFO,
+        hint=f"write 0x{node.text}" if likely else f"write 0x{value:04x}",
+    )

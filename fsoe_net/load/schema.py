@@ -1,0 +1,248 @@
+"""Structure of YAML files, checked with the same JSON Schemas an editor uses.
+
+The schemas say which keys exist, which are needed and what kind of value they hold. How a number
+is spelled and whether it is in range is left to `fsoe_net.load.numbers`, which knows what each
+reader makes of a spelling; those keywords of the schemas are for editors only.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import json
+import re
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fsoe_net.diag import Severity
+from fsoe_net.load.yaml_tree import MapNode, Node, ScalarNode, SeqNode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from fsoe_net.load.files import Collector
+
+__all__ = ["check_structure", "nearest_key", "read_schema", "schema_keys"]
+
+_SKIPPED = {"pattern", "minimum", "maximum", "exclusiveMinimum"}
+
+_CONFUSED = {
+    "sub_index": "subindex",
+    "subIndex": "subindex",
+    "SubIndex": "subindex",
+    "module": "ec_module",
+    "rpdos": "rpdo",
+    "tpdos": "tpdo",
+    "product_code": "product_id",
+    "sync_manager": "sm",
+    "length": "size",
+    "bytes": "size",
+    "entries": "channels",
+    "conn_id": "connection_id",
+    "watchdog": "watchdog_ms",
+    "fsoe_address": "address",
+}
+
+
+def read_schema(name: str) -> dict[str, Any]:
+    """Return one schema, e.g. ``transfers``, from the installed package or the source tree.
+
+    Raises:
+        FileNotFoundError: No such schema; the installation is damaged.
+    """
+    file = f"{name}.schema.json"
+    inside = resources.files("fsoe_net") / "schemas" / file
+    if inside.is_file():
+        text = inside.read_text("utf-8")
+    else:
+        text = (Path(__file__).parents[2] / "schemas" / file).read_text("utf-8")
+    loaded: dict[str, Any] = json.loads(text)
+    return loaded
+
+
+@functools.cache
+def _validator(name: str) -> Any:
+    from jsonschema import Draft202012Validator
+    from referencing import Registry, Resource
+
+    schema = read_schema(name)
+    names = {name, *re.findall(r'"([a-z]+)\.schema\.json#', json.dumps(schema))}
+    registry: Any = Registry().with_resources(
+        (loaded["$id"], Resource.from_contents(loaded)) for loaded in map(read_schema, names)
+    )
+    return Draft202012Validator(schema, registry=registry)
+
+
+def schema_keys(name: str) -> frozenset[str]:
+    """Return the top-level keys a schema allows."""
+    return frozenset(read_schema(name)["properties"])
+
+
+def check_structure(root: MapNode, name: str, out: Collector) -> None:
+    """Add a finding for each unknown, missing or wrongly typed key of a document.
+
+    Args:
+        root: The document.
+        name: Schema, e.g. ``transfers``.
+        out: Takes FSN109, FSN110, FSN111, FSN116.
+    """
+    for error in _validator(name).iter_errors(_plain(root)):
+        if error.validator not in _SKIPPED:
+            _translate(error, root, out)
+
+
+def _plain(node: Node) -> Any:
+    """Return dicts, lists and values as a YAML 1.2 reader would."""
+    if isinstance(node, MapNode):
+        return {key: _plain(value) for key, value in node.pairs.items()}
+    if isinstance(node, SeqNode):
+        return [_plain(item) for item in node.items]
+    if node.is_null:
+        return None
+    if not node.plain:
+        return node.text
+    return _plain_scalar(node.text)
+
+
+_BOOLEANS = {"true": True, "false": False, "yes": True, "no": False, "on": True, "off": False}
+
+
+def _plain_scalar(text: str) -> object:
+    first = text[0]
+    if first.isdigit() or first in "+-.":
+        if re.fullmatch(r"[+-]?[0-9]+|0[xX][0-9a-fA-F]+", text):
+            try:
+                return int(text, 16 if text[1:2] in ("x", "X") else 10)
+            except ValueError:  # more digits than Python converts
+                return text
+        if re.fullmatch(
+            r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?\.(inf|nan)", text
+        ):
+            return float(text.replace(".inf", "inf").replace(".nan", "nan"))
+    return _BOOLEANS.get(text.lower(), text)
+
+
+def _node_at(root: Node, path: Iterable[str | int]) -> Node:
+    node = root
+    for step in path:
+        if isinstance(node, MapNode) and isinstance(step, str):
+            node = node.pairs[step]
+        elif isinstance(node, SeqNode) and isinstance(step, int):
+            node = node.items[step]
+    return node
+
+
+def _where(path: Sequence[str | int]) -> str:
+    text = ""
+    for step in path:
+        text += f"[{step + 1}]" if isinstance(step, int) else (f".{step}" if text else str(step))
+    return text or "the document"
+
+
+def _translate(error: Any, root: MapNode, out: Collector) -> None:
+    node = _node_at(root, error.absolute_path)
+    path = list(error.absolute_path)
+    if error.validator == "additionalProperties" and isinstance(node, MapNode):
+        _unknown_keys(node, error.schema.get("properties", {}), path, out)
+    elif error.validator == "required" and isinstance(node, MapNode):
+        _missing_keys(node, error, path, out)
+    elif error.validator in ("enum", "const"):
+        _not_allowed(node, error, path, out)
+    elif error.validator == "type":
+        _wrong_type(node, error, path, out)
+    else:
+        out.add("FSN111", node.span, f"{_where(path)}: {error.message}", hint="see the schema")
+
+
+def nearest_key(key: str, allowed: Iterable[str]) -> str | None:
+    """Return the key that was probably meant, or ``None``."""
+    known = list(allowed)
+    if _CONFUSED.get(key) in known:
+        return _CONFUSED[key]
+    swapped = {v: k for k, v in _CONFUSED.items()}.get(key)
+    if swapped in known:
+        return swapped
+    folded = {k.lower().replace("_", ""): k for k in known}
+    plain = re.sub(r"[^a-z0-9]", "", key.lower())
+    if plain in folded:
+        return folded[plain]
+    close = difflib.get_close_matches(plain, folded, n=1, cutoff=0.72)
+    return folded[close[0]] if close else None
+
+
+def _unknown_keys(
+    node: MapNode, properties: dict[str, Any], path: list[str | int], out: Collector
+) -> None:
+    free = [k for k in properties if k not in node.pairs]
+    for key in node.pairs:
+        if key in properties:
+            continue
+        meant = nearest_key(key, free)
+        where = f"in {_where(path)}" if path else "at the top level"
+        out.add(
+            "FSN109",
+            node.keys[key],
+            f"unknown key {key!r} {where}; the driver ignores it silently",
+            # A word that resembles no key is a remark of the user's, not a mistake.
+            severity=None if meant else Severity.INFO,
+            hint=f"write {meant!r}" if meant else f"known here: {', '.join(sorted(properties))}",
+        )
+
+
+def _missing_keys(node: MapNode, error: Any, path: list[str | int], out: Collector) -> None:
+    missing = [k for k in error.validator_value if k not in node.pairs]
+    # jsonschema reports each missing key on its own and names it in the message.
+    for key in missing:
+        if f"'{key}'" != error.message.split(" is a required", 1)[0]:
+            continue
+        properties = error.schema.get("properties", {})
+        typo = any(
+            nearest_key(k, [m for m in properties if m not in node.pairs]) == key
+            for k in node.pairs
+            if k not in properties
+        )
+        if not typo:
+            inside_pdo = "channels" in path
+            out.add(
+                "FSN404" if inside_pdo else "FSN110",
+                node.span,
+                f"{_where(path)} has no {key!r}"
+                + ("; the driver goes on with a random value" if inside_pdo else ""),
+                hint=f"add {key}: {properties.get(key, {}).get('description', '')}".rstrip(": "),
+            )
+
+
+def _not_allowed(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
+    allowed = error.validator_value if error.validator == "enum" else [error.validator_value]
+    words = [str(w) for w in allowed if w is not None]
+    text = node.text if isinstance(node, ScalarNode) else "a list or map"
+    close = difflib.get_close_matches(text.lower(), words, n=1, cutoff=0.6)
+    out.add(
+        "FSN116",
+        node.span,
+        f"{_where(path)} is {text!r}; allowed: {', '.join(words)}",
+        hint=f"write {close[0]}" if close else f"write one of: {', '.join(words)}",
+    )
+
+
+_KINDS = {"object": "a map", "array": "a list", "string": "a text", "null": "nothing"}
+
+
+def _wrong_type(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
+    wanted = error.validator_value
+    names = [wanted] if isinstance(wanted, str) else list(wanted)
+    if any(n in ("integer", "number") for n in names):
+        expected = "a number"
+    else:
+        expected = " or ".join(_KINDS.get(n, f"a {n}") for n in names if n != "null")
+    if isinstance(node, ScalarNode):
+        found = "empty" if node.is_null else f"{node.text[:60]!r}"
+    else:
+        found = "a list" if isinstance(node, SeqNode) else "a map"
+    hint = f"write {expected}"
+    if names[0] == "array":
+        hint = "start each item with `- `"
+    elif names[0] == "object" and isinstance(node, SeqNode):
+        hint = "delete the `- ` in front of the keys"
+    out.add("FSN111", node.span, f"{_where(path)} must be {expected}, it is {found}", hint=hint)

@@ -1,0 +1,66 @@
+"""The network as the user's files describe it: frozen dataclasses, no I/O."""
+
+from fsoe_net.model.bus import (
+    Device,
+    Direction,
+    Entry,
+    Located,
+    Pdo,
+    Sdo,
+    SubDevice,
+    SyncManager,
+    Watchdog,
+)
+from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout, find_blocks, layout_of
+from fsoe_net.model.network import (
+    ConnectionFacts,
+    Endpoint,
+    Net,
+    Network,
+    SourceFile,
+    Transfer,
+    TransferKind,
+)
+from fsoe_net.model.resolve import (
+    Connection,
+    Miss,
+    Resolution,
+    ResolvedEnd,
+    ResolvedTransfer,
+    main_instance_of,
+    partner_block,
+    resolve,
+)
+
+__all__ = [
+    "Connection",
+    "ConnectionFacts",
+    "Device",
+    "DeviceLayout",
+    "Direction",
+    "Endpoint",
+    "Entry",
+    "FsoeBlock",
+    "Located",
+    "Miss",
+    "Net",
+    "Network",
+    "Pdo",
+    "Placed",
+    "Resolution",
+    "ResolvedEnd",
+    "ResolvedTransfer",
+    "Sdo",
+    "SmLayout",
+    "SourceFile",
+    "SubDevice",
+    "SyncManager",
+    "Transfer",
+    "TransferKind",
+    "Watchdog",
+    "find_blocks",
+    "layout_of",
+    "main_instance_of",
+    "partner_block",
+    "resolve",
+]

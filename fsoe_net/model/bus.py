@@ -1,0 +1,171 @@
+"""What hangs on the bus: SubDevices with sync managers, PDOs and entries."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fsoe_net.diag import Span
+
+__all__ = [
+    "Device",
+    "Direction",
+    "Entry",
+    "Located",
+    "Pdo",
+    "Sdo",
+    "SubDevice",
+    "SyncManager",
+    "Watchdog",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Located:
+    """Base of everything that came from a file: its place, and the place of each of its keys."""
+
+    span: Span = field(default=Span(""), compare=False, repr=False)
+    fields: Mapping[str, Span] = field(default_factory=dict, compare=False, repr=False)
+
+    def at(self, key: str) -> Span:
+        """Return the place of a key's value, or of the object when the key was not written."""
+        return self.fields.get(key, self.span)
+
+
+class Direction(enum.Enum):
+    """Direction of a sync manager, seen from the MainDevice."""
+
+    OUTPUT = "output"  # MainDevice to SubDevice, RxPDO
+    INPUT = "input"  # SubDevice to MainDevice, TxPDO
+
+
+class Watchdog(enum.Enum):
+    """Sync manager watchdog as the master is told; DEFAULT leaves the SII setting."""
+
+    DEFAULT = "default"
+    ENABLE = "enable"
+    DISABLE = "disable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry(Located):
+    """One PDO entry (a *channel* in driver YAML).
+
+    ``index`` 0 is padding. ``bits`` is the length in the PDO. ``type_name`` is the spelling in the
+    file. ``written_by`` names what makes the driver write the entry each cycle, e.g.
+    ``default`` or ``command_interface``; ``None`` when it never does.
+    """
+
+    index: int
+    subindex: int
+    bits: int
+    type_name: str = ""
+    skip: bool = False
+    name: str = ""
+    command_interface: str | None = None
+    state_interface: str | None = None
+    default: float | None = None
+    mask: int | None = None
+    restart_relevant: bool = False
+
+    @property
+    def is_gap(self) -> bool:
+        """Whether this is padding, which no driver registers."""
+        return self.index == 0
+
+    @property
+    def registered(self) -> bool:
+        """Whether the driver asks the master for this entry's offset."""
+        return not self.is_gap and not self.skip
+
+    @property
+    def address(self) -> str:
+        """``0x6000:01``."""
+        return f"0x{self.index:04x}:{self.subindex:02x}"
+
+    @property
+    def written_by(self) -> str | None:
+        """Key that lets the driver write this output itself, or ``None``."""
+        if self.command_interface is not None:
+            return "command_interface"
+        return "default" if self.default is not None else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pdo(Located):
+    """One PDO with its entries in wire order. No entries: the device's own mapping is used."""
+
+    index: int
+    entries: tuple[Entry, ...]
+
+    @property
+    def bits(self) -> int:
+        """Sum of the entry lengths, padding included."""
+        return sum(e.bits for e in self.entries)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SyncManager(Located):
+    """One sync manager. ``carries`` is ``"rpdo"``, ``"tpdo"`` or ``None`` (nothing assigned).
+
+    ``declared`` is false for the four that the driver invents when a file lists none.
+    """
+
+    index: int
+    direction: Direction
+    carries: str | None
+    watchdog: Watchdog = Watchdog.DEFAULT
+    declared: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sdo(Located):
+    """One start-up SDO: ``size_bytes`` is 1, 2, 4 or 8; ``value`` may be negative."""
+
+    index: int
+    subindex: int
+    size_bytes: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Device(Located):
+    """What one slave-config file says about a device type."""
+
+    path: str
+    vendor_id: int
+    product_code: int
+    assign_activate: int = 0
+    sync_managers: tuple[SyncManager, ...] = ()
+    rpdos: tuple[Pdo, ...] = ()
+    tpdos: tuple[Pdo, ...] = ()
+    sdos: tuple[Sdo, ...] = ()
+
+    def pdos_of(self, sm: SyncManager) -> tuple[Pdo, ...]:
+        """Return the PDOs a sync manager carries, in assignment order."""
+        if sm.carries == "rpdo":
+            return self.rpdos
+        return self.tpdos if sm.carries == "tpdo" else ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SubDevice(Located):
+    """One SubDevice on the bus: a name, an address and its device description.
+
+    ``alias`` 0: ``position`` is the ring position; else ``position`` counts from the SubDevice with
+    that alias. ``device`` is ``None`` when its file could not be read: rules then stay silent about
+    its content, the loader has already spoken. ``origin`` says where it was declared: ``network``,
+    ``joint``, ``gpio``, ``sensor``, ``transfer_modules`` or ``safety_modules``.
+    """
+
+    name: str
+    alias: int = 0
+    position: int
+    device: Device | None
+    config_path: str = ""
+    plugin: str | None = None
+    required: bool = True
+    origin: str = "network"
+    system: str = ""
+    master_id: int = 0

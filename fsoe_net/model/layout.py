@@ -1,0 +1,262 @@
+"""PDO layout of each sync manager to the bit, and the FSoE frames that can be recognised in it.
+
+The rule (observed in the IgH master): the PDOs of a sync manager follow each other in assignment
+order, the entries of a PDO in listed order, nothing is aligned, padding counts. The first entry
+with an index:subindex, lowest sync manager first, is the one a driver gets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fsoe_net.fsoe import is_frame_length, safe_data_length
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
+
+__all__ = ["DeviceLayout", "FsoeBlock", "Placed", "SmLayout", "find_blocks", "layout_of"]
+
+_CRC_BITS = 16
+_CONNECTION_ID_BITS = 16
+_COMMAND_BITS = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placed:
+    """An entry with its bit offset inside the process data of its sync manager."""
+
+    entry: Entry
+    pdo: Pdo
+    bit_offset: int
+
+    @property
+    def end_bit(self) -> int:
+        """First bit behind the entry."""
+        return self.bit_offset + self.entry.bits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FsoeBlock:
+    """An FSoE frame recognised by structure.
+
+    ``likely`` is true when a CRC stands on another index than the command, as some maps do: the
+    frame is used, but a size check against it only warns.
+    """
+
+    byte_offset: int
+    frame_bytes: int
+    command: Entry
+    direction: Direction
+    sm_index: int
+    likely: bool = False
+
+    @property
+    def end_byte(self) -> int:
+        """First byte behind the frame."""
+        return self.byte_offset + self.frame_bytes
+
+    @property
+    def safe_bytes(self) -> int:
+        """Safe data bytes the frame carries."""
+        return safe_data_length(self.frame_bytes)
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Sync manager number and byte offset, unique inside a device."""
+        return (self.sm_index, self.byte_offset)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmLayout:
+    """One sync manager with every entry placed.
+
+    ``known_bits`` is smaller than ``bits`` or 0 when a PDO without channels stands in the way: the
+    device then puts in what it has itself, and no offset behind it is known.
+    """
+
+    sm: SyncManager
+    placed: tuple[Placed, ...]
+    bits: int
+    known_bits: int
+    complete: bool
+    blocks: tuple[FsoeBlock, ...]
+
+    @property
+    def size_bytes(self) -> int:
+        """Length of the process data; a started byte counts."""
+        return (self.bits + 7) // 8
+
+    @property
+    def registered(self) -> bool:
+        """Whether a driver registers an entry here, so that it gets a place in the image."""
+        return any(p.entry.registered for p in self.placed)
+
+    def block_at(self, bit_offset: int) -> FsoeBlock | None:
+        """Return the frame that holds this bit, or ``None``."""
+        byte = bit_offset // 8
+        return next((b for b in self.blocks if b.byte_offset <= byte < b.end_byte), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceLayout:
+    """All sync managers of a device, by rising number, also those without PDOs.
+
+    ``partners`` maps each output frame to the input frame of the same connection, as
+    `FsoeBlock.key`. On all known devices the two commands stand on objects 0x1000 apart
+    (0x7080 / 0x6080), 0x100 apart (0xE700 / 0xE600) or 0x10 apart (0x6770 / 0x6760); frames
+    without such a partner are left out.
+    """
+
+    managers: tuple[SmLayout, ...]
+    partners: Mapping[tuple[int, int], tuple[int, int]]
+
+
+def layout_of(device: Device) -> DeviceLayout:
+    """Place every entry of a device and recognise its FSoE frames."""
+    managers = tuple(
+        _place(device, sm) for sm in sorted(device.sync_managers, key=lambda sm: sm.index)
+    )
+    return DeviceLayout(managers=managers, partners=_partners(managers))
+
+
+def _place(device: Device, sm: SyncManager) -> SmLayout:
+    placed: list[Placed] = []
+    bit = 0
+    known_bits: int | None = None
+    pdos = device.pdos_of(sm)
+    for pdo in pdos:
+        if not pdo.entries and known_bits is None:
+            known_bits = bit
+        for entry in pdo.entries:
+            placed.append(Placed(entry=entry, pdo=pdo, bit_offset=bit))
+            bit += entry.bits
+    return SmLayout(
+        sm=sm,
+        placed=tuple(placed),
+        bits=bit,
+        known_bits=bit if known_bits is None else known_bits,
+        complete=known_bits is None,
+        blocks=find_blocks(tuple(placed), sm),
+    )
+
+
+def _partners(managers: tuple[SmLayout, ...]) -> dict[tuple[int, int], tuple[int, int]]:
+    blocks = [b for sm in managers for b in sm.blocks]
+    inputs = {b.command.index: b for b in blocks if b.direction is Direction.INPUT}
+    pairs: dict[tuple[int, int], tuple[int, int]] = {}
+    for out in (b for b in blocks if b.direction is Direction.OUTPUT):
+        for distance in (0x1000, 0x100, 0x10):
+            partner = inputs.get(out.command.index - distance)
+            if partner is not None:
+                pairs[out.key] = partner.key
+                break
+    return pairs
+
+
+def find_blocks(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeBlock, ...]:
+    """Recognise FSoE frames by structure; names are never trusted (they are empty or swapped).
+
+    A frame starts with an 8-bit command on a byte boundary. CRCs of 16 bits stand at byte 2 (one
+    safe byte) or at bytes 3, 7, 11 … (even numbers of safe bytes), the connection ID ends it.
+    Command, CRCs and connection ID share one object index; safe data do not:
+
+        +-----+--------+-------+-----+--------+-------+---------+
+        | cmd | data 0 | CRC 0 | ... | data k | CRC k | conn ID |
+        +-----+--------+-------+-----+--------+-------+---------+
+          X:01            X:03                   X:..     X:02
+    """
+    starts = {p.bit_offset: n for n, p in enumerate(placed)}
+    blocks: list[FsoeBlock] = []
+    free_from = 0
+    for number, place in enumerate(placed):
+        if place.bit_offset < free_from or not _can_be_command(place):
+            continue
+        block = _block_at(placed, starts, number, sm)
+        if block is not None:
+            blocks.append(block)
+            free_from = 8 * block.end_byte
+    return tuple(blocks)
+
+
+def _can_be_command(place: Placed) -> bool:
+    return (
+        place.entry.bits == _COMMAND_BITS
+        and not place.entry.is_gap
+        and place.bit_offset % 8 == 0
+        and place.entry.index >= 0x2000
+    )
+
+
+def _block_at(
+    placed: tuple[Placed, ...], starts: dict[int, int], number: int, sm: SyncManager
+) -> FsoeBlock | None:
+    """Return the longest frame that starts at this entry, or ``None``."""
+    command = placed[number]
+    end_bits = placed[-1].end_bit
+    best: FsoeBlock | None = None
+    for frame_bytes in _candidate_lengths((end_bits - command.bit_offset) // 8):
+        match = _matches(placed, starts, command, frame_bytes)
+        if match is not None:
+            best = FsoeBlock(
+                byte_offset=command.bit_offset // 8,
+                frame_bytes=frame_bytes,
+                command=command.entry,
+                direction=sm.direction,
+                sm_index=sm.index,
+                likely=match == "likely",
+            )
+    return best
+
+
+def _candidate_lengths(room_bytes: int) -> list[int]:
+    return [n for n in (6, *range(7, min(room_bytes, 255) + 1, 4)) if n <= room_bytes]
+
+
+def _matches(
+    placed: tuple[Placed, ...], starts: dict[int, int], command: Placed, frame_bytes: int
+) -> str | None:
+    """Return ``sure`` or ``likely`` when a frame of this length fits, else ``None``."""
+    if not is_frame_length(frame_bytes):
+        return None
+    base = command.bit_offset
+    crc_bytes = [2] if frame_bytes == 6 else list(range(3, frame_bytes - 2, 4))
+    words = [*crc_bytes, frame_bytes - 2]
+    checks: list[Entry] = []
+    for byte in words:
+        number = starts.get(base + 8 * byte)
+        if number is None or placed[number].entry.bits != _CRC_BITS:
+            return None
+        checks.append(placed[number].entry)
+    if any(e.is_gap for e in checks):
+        return None
+    index = command.entry.index
+    same = [e.index == index for e in checks]
+    if not _subindices_differ(command.entry, checks):
+        return None
+    if all(same):
+        return "sure" if _data_differs(placed, starts, base, words, frame_bytes, index) else None
+    # Some maps put a single CRC on a neighbouring object; the connection ID stays on the command's.
+    if same[-1] and sum(same) >= len(same) - 1 and len(same) > 2:
+        return "likely"
+    return None
+
+
+def _subindices_differ(command: Entry, checks: list[Entry]) -> bool:
+    seen = [(e.index, e.subindex) for e in (command, *checks)]
+    return len(set(seen)) == len(seen)
+
+
+def _data_differs(
+    placed: tuple[Placed, ...],
+    starts: dict[int, int],
+    base: int,
+    words: list[int],
+    frame_bytes: int,
+    index: int,
+) -> bool:
+    """Safe data of a frame never stand on the index of its command; ordinary records do."""
+    word_bits = {base + 8 * byte for byte in words}
+    for bit, number in starts.items():
+        inside = base < bit < base + 8 * frame_bytes
+        if inside and bit not in word_bits and placed[number].entry.index == index:
+            return False
+    return True

@@ -1,0 +1,103 @@
+"""What the user wants copied: nets, transfers, connection facts, and the whole network."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Located, SubDevice
+
+__all__ = [
+    "ConnectionFacts",
+    "Endpoint",
+    "Net",
+    "Network",
+    "SourceFile",
+    "Transfer",
+    "TransferKind",
+]
+
+
+class TransferKind(enum.Enum):
+    """What a transfer moves: one FSoE frame, or ordinary process data."""
+
+    FSOE = "fsoe"
+    STANDARD = "standard"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Endpoint(Located):
+    """One end of a transfer: the first entry of the bytes that move."""
+
+    module: str
+    index: int
+    subindex: int
+
+    def __str__(self) -> str:
+        return f"{self.module} 0x{self.index:04x}:{self.subindex:02x}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transfer(Located):
+    """Copy ``size_bytes`` from an input entry to an output entry, every bus cycle."""
+
+    size_bytes: int
+    source: Endpoint
+    destination: Endpoint
+    kind: TransferKind = TransferKind.FSOE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConnectionFacts(Located):
+    """FSoE facts that no PDO holds. ``None``: not stated.
+
+    ``main`` and ``sub`` are SubDevice names; ``slot`` tells several connections between the same
+    two apart, counted from 0 in the order of their transfers.
+    """
+
+    main: str
+    sub: str
+    slot: int = 0
+    address: int | None = None
+    connection_id: int | None = None
+    watchdog_ms: int | None = None
+    app_parameters: bytes = b""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Net(Located):
+    """One FSoE MainInstance with its transfers.
+
+    ``incomplete``: a transfer could not be read, so what is missing is no finding of its own.
+    """
+
+    name: str
+    safety_master: str | None
+    transfers: tuple[Transfer, ...]
+    connections: tuple[ConnectionFacts, ...] = ()
+    incomplete: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceFile:
+    """One file that was read: path as shown to the user and SHA-256 of its bytes (hex)."""
+
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Network(Located):
+    """Everything that is known before the bus is there.
+
+    ``subdevices`` stand in the order in which a driver adds them to its master, which is the order
+    of the process image. ``cycle_ns`` is ``None`` when no file states it. ``partial``: modules may
+    be declared in a file that was not given, so unknown names are no mistakes.
+    """
+
+    name: str
+    cycle_ns: int | None
+    subdevices: tuple[SubDevice, ...]
+    nets: tuple[Net, ...]
+    sources: tuple[SourceFile, ...] = ()
+    partial: bool = False

@@ -1,0 +1,300 @@
+"""Model to plan: numbers every record, resolves every copy to sync manager and bit offset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from fsoe_net.errors import InputError
+from fsoe_net.fsoe import safe_data_length
+from fsoe_net.model import (
+    DeviceLayout,
+    Direction,
+    Entry,
+    FsoeBlock,
+    Resolution,
+    ResolvedEnd,
+    ResolvedTransfer,
+    SmLayout,
+    SubDevice,
+    TransferKind,
+    Watchdog,
+)
+from fsoe_net.plan.model import (
+    NONE,
+    Plan,
+    PlanBlock,
+    PlanConnection,
+    PlanCopy,
+    PlanEntry,
+    PlanPdo,
+    PlanSdo,
+    PlanSubDevice,
+    PlanSymbol,
+    PlanSyncManager,
+)
+
+__all__ = ["compile_plan"]
+
+_WATCHDOG = {Watchdog.DEFAULT: 0, Watchdog.ENABLE: 1, Watchdog.DISABLE: 2}
+_ANY_REVISION = (0, 0xFFFFFFFF)
+_MAX_SYMBOL_BITS = 64
+
+
+def compile_plan(resolution: Resolution) -> Plan:
+    """Compile a network whose rules found no error.
+
+    Raises:
+        InputError: A transfer does not resolve to bytes, or an FSoE transfer has no partner; the
+            rules name the place, so run `fsoe_net.rules.check` first.
+    """
+    for row in resolution.transfers:
+        if not row.usable or row.transfer.size_bytes == 0:
+            raise InputError(
+                f"{row.transfer.span}: {row.transfer.source} -> {row.transfer.destination} does "
+                "not resolve to bytes; `fsoe-net check` says why"
+            )
+    if resolution.single:
+        span = resolution.single[0].transfer.span
+        raise InputError(f"{span}: this transfer has no partner; `fsoe-net check` says more")
+    return _Compiler(resolution).compile()
+
+
+@dataclass(slots=True)
+class _Compiler:
+    """Numbers records in bus order."""
+
+    resolution: Resolution
+    sync_managers: list[PlanSyncManager] = field(default_factory=list)
+    pdos: list[PlanPdo] = field(default_factory=list)
+    entries: list[PlanEntry] = field(default_factory=list)
+    sdos: list[PlanSdo] = field(default_factory=list)
+    symbols: list[PlanSymbol] = field(default_factory=list)
+    blocks: list[PlanBlock] = field(default_factory=list)
+    sm_numbers: dict[tuple[int, int], int] = field(default_factory=dict)
+    subdevice_numbers: dict[int, int] = field(default_factory=dict)
+    symbol_names: set[str] = field(default_factory=set)
+
+    def compile(self) -> Plan:
+        used = self._used()
+        network = self.resolution.network
+        subdevices = [
+            self._subdevice(number, sub, layout, used)
+            for number, (sub, layout) in enumerate(
+                zip(network.subdevices, self.resolution.layouts, strict=True)
+            )
+        ]
+        copies, numbers = self._copies()
+        return Plan(
+            cycle_ns=network.cycle_ns or 0,
+            subdevices=tuple(subdevices),
+            sync_managers=tuple(self.sync_managers),
+            pdos=tuple(self.pdos),
+            entries=tuple(self.entries),
+            sdos=tuple(self.sdos),
+            symbols=tuple(self.symbols),
+            blocks=tuple(self.blocks),
+            copies=copies,
+            connections=self._connections(numbers),
+        )
+
+    def _used(self) -> set[tuple[int, tuple[int, int]]]:
+        """Return (SubDevice, frame) of every frame that a copy moves."""
+        used: set[tuple[int, tuple[int, int]]] = set()
+        for row in self.resolution.transfers:
+            for end in (row.source, row.destination):
+                if end.block is not None:
+                    used.add((id(end.subdevice), end.block.key))
+                used.add((id(end.subdevice), (-1, -1)))
+        return used
+
+    def _subdevice(
+        self,
+        number: int,
+        sub: SubDevice,
+        layout: DeviceLayout | None,
+        used: set[tuple[int, tuple[int, int]]],
+    ) -> PlanSubDevice:
+        self.subdevice_numbers[id(sub)] = number
+        first_sm, first_sdo = len(self.sync_managers), len(self.sdos)
+        for sm in layout.managers if layout else ():
+            self._sync_manager(number, sub, sm, used)
+        for sdo in sub.device.sdos if sub.device else ():
+            self.sdos.append(
+                PlanSdo(
+                    index=sdo.index,
+                    subindex=sdo.subindex,
+                    size_bytes=sdo.size_bytes,
+                    value=sdo.value,
+                )
+            )
+        return PlanSubDevice(
+            name=sub.name,
+            alias=sub.alias,
+            position=sub.position,
+            vendor_id=sub.device.vendor_id if sub.device else 0,
+            product_code=sub.device.product_code if sub.device else 0,
+            revision_low=_ANY_REVISION[0],
+            revision_high=_ANY_REVISION[1],
+            first_sm=first_sm,
+            sm_count=len(self.sync_managers) - first_sm,
+            first_sdo=first_sdo,
+            sdo_count=len(self.sdos) - first_sdo,
+            assign_activate=(sub.device.assign_activate if sub.device else 0) & 0xFFFF,
+            in_copy=(id(sub), (-1, -1)) in used,
+        )
+
+    def _sync_manager(
+        self,
+        number: int,
+        sub: SubDevice,
+        sm: SmLayout,
+        used: set[tuple[int, tuple[int, int]]],
+    ) -> None:
+        sm_number = len(self.sync_managers)
+        self.sm_numbers[id(sub), sm.sm.index] = sm_number
+        first_pdo = len(self.pdos)
+        self._pdos(sub, sm)
+        self.sync_managers.append(
+            PlanSyncManager(
+                subdevice=number,
+                index=sm.sm.index,
+                direction=1 if sm.sm.direction is Direction.OUTPUT else 2,
+                watchdog=_WATCHDOG[sm.sm.watchdog],
+                registered=sm.registered,
+                bits=sm.bits,
+                first_pdo=first_pdo,
+                pdo_count=len(self.pdos) - first_pdo,
+            )
+        )
+        for block in sm.blocks:
+            self.blocks.append(_block(sm_number, block, (id(sub), block.key) in used))
+        self._symbols(sub, sm, sm_number)
+
+    def _pdos(self, sub: SubDevice, sm: SmLayout) -> None:
+        bit = 0
+        for pdo in sub.device.pdos_of(sm.sm) if sub.device else ():
+            self.pdos.append(
+                PlanPdo(
+                    index=pdo.index,
+                    first_entry=len(self.entries),
+                    entry_count=len(pdo.entries),
+                    bit_offset=bit,
+                )
+            )
+            for entry in pdo.entries:
+                self.entries.append(
+                    PlanEntry(
+                        index=entry.index,
+                        subindex=entry.subindex,
+                        registered=entry.registered,
+                        bits=entry.bits,
+                        kind=entry_kind(entry),
+                        bit_offset=bit,
+                    )
+                )
+                bit += entry.bits
+
+    def _symbols(self, sub: SubDevice, sm: SmLayout, sm_number: int) -> None:
+        for placed in sm.placed:
+            entry = placed.entry
+            first, last = placed.bit_offset, max(placed.bit_offset, placed.end_bit - 1)
+            free = sm.block_at(first) is None and sm.block_at(last) is None
+            if not entry.registered or not free or not 0 < entry.bits <= _MAX_SYMBOL_BITS:
+                continue
+            interface = entry.command_interface or entry.state_interface or entry.name
+            self.symbols.append(
+                PlanSymbol(
+                    name=self._symbol_name(sub.name, interface, entry),
+                    sm=sm_number,
+                    bit_offset=first,
+                    bits=entry.bits,
+                    kind=entry_kind(entry),
+                    output=sm.sm.direction is Direction.OUTPUT,
+                    restart_relevant=entry.restart_relevant,
+                )
+            )
+
+    def _symbol_name(self, sub: str, interface: str | None, entry: Entry) -> str:
+        """Return a unique name: the interface, else the address, else with a counter."""
+        for candidate in (f"{sub}.{interface}" if interface else "", f"{sub}.{entry.address}"):
+            if candidate and candidate not in self.symbol_names:
+                self.symbol_names.add(candidate)
+                return candidate
+        number = 2
+        while f"{sub}.{entry.address}-{number}" in self.symbol_names:
+            number += 1
+        name = f"{sub}.{entry.address}-{number}"
+        self.symbol_names.add(name)
+        return name
+
+    def _copies(self) -> tuple[tuple[PlanCopy, ...], dict[int, int]]:
+        """Return the copies sorted by destination, and transfer → copy number."""
+        owner = {
+            id(row): number
+            for number, c in enumerate(self.resolution.connections)
+            for row in (c.to_sub, c.to_main)
+        }
+        rows = sorted(
+            ((self._copy(row, owner.get(id(row), NONE)), row) for row in self.resolution.transfers),
+            key=lambda pair: (pair[0].destination_sm, pair[0].destination_bit),
+        )
+        numbers = {id(row): number for number, (_, row) in enumerate(rows)}
+        return tuple(copy for copy, _ in rows), numbers
+
+    def _copy(self, row: ResolvedTransfer, connection: int) -> PlanCopy:
+        source_sm, source_bit = self._place(row.source)
+        destination_sm, destination_bit = self._place(row.destination)
+        return PlanCopy(
+            source_sm=source_sm,
+            source_bit=source_bit,
+            destination_sm=destination_sm,
+            destination_bit=destination_bit,
+            bits=8 * row.transfer.size_bytes,
+            net=row.net.name,
+            kind=1 if row.transfer.kind is TransferKind.FSOE else 2,
+            connection=connection,
+        )
+
+    def _place(self, end: ResolvedEnd) -> tuple[int, int]:
+        assert end.sm is not None  # noqa: S101  (compile_plan has refused everything else)
+        return self.sm_numbers[id(end.subdevice), end.sm.sm.index], 8 * end.byte_offset
+
+    def _connections(self, numbers: dict[int, int]) -> tuple[PlanConnection, ...]:
+        return tuple(
+            PlanConnection(
+                name=c.name,
+                net=c.net.name,
+                main=self.subdevice_numbers[id(c.main)],
+                sub=self.subdevice_numbers[id(c.sub)],
+                copy_to_sub=numbers[id(c.to_sub)],
+                copy_to_main=numbers[id(c.to_main)],
+                connection_id=c.facts.connection_id if c.facts else None,
+                address=c.facts.address if c.facts else None,
+                watchdog_ms=c.facts.watchdog_ms if c.facts else None,
+                safe_to_sub=safe_data_length(c.to_sub.transfer.size_bytes),
+                safe_to_main=safe_data_length(c.to_main.transfer.size_bytes),
+            )
+            for c in self.resolution.connections
+        )
+
+
+def _block(sm_number: int, block: FsoeBlock, copied: bool) -> PlanBlock:
+    return PlanBlock(
+        sm=sm_number,
+        byte_offset=block.byte_offset,
+        frame_bytes=block.frame_bytes,
+        safe_bytes=block.safe_bytes,
+        copied=copied,
+    )
+
+
+def entry_kind(entry: Entry) -> int:
+    """Return the type number of the plan format for a type word."""
+    word = entry.type_name
+    if word == "bool":
+        return 1
+    if word.startswith("int"):
+        return 2
+    if word.startswith("uint"):
+        return 3
+    return 4 if word in ("float", "double", "real32", "real64") else 0

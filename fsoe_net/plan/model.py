@@ -1,0 +1,178 @@
+"""The copy plan in memory: plain records, numbered as in the file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = [
+    "NONE",
+    "Plan",
+    "PlanBlock",
+    "PlanConnection",
+    "PlanCopy",
+    "PlanEntry",
+    "PlanPdo",
+    "PlanSdo",
+    "PlanSubDevice",
+    "PlanSymbol",
+    "PlanSyncManager",
+]
+
+NONE = 0xFFFFFFFF
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanSubDevice:
+    """One SubDevice; see the plan format for every field."""
+
+    name: str
+    alias: int
+    position: int
+    vendor_id: int
+    product_code: int
+    revision_low: int
+    revision_high: int
+    first_sm: int
+    sm_count: int
+    first_sdo: int
+    sdo_count: int
+    assign_activate: int
+    in_copy: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanSyncManager:
+    """One sync manager; ``direction`` 1 output, 2 input; ``watchdog`` 0 leave, 1 on, 2 off."""
+
+    subdevice: int
+    index: int
+    direction: int
+    watchdog: int
+    registered: bool
+    bits: int
+    first_pdo: int
+    pdo_count: int
+
+    @property
+    def size_bytes(self) -> int:
+        """Length of the process data; a started byte counts."""
+        return (self.bits + 7) // 8
+
+    @property
+    def is_output(self) -> bool:
+        """Whether the MainDevice writes it."""
+        return self.direction == 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanPdo:
+    """One PDO."""
+
+    index: int
+    first_entry: int
+    entry_count: int
+    bit_offset: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanEntry:
+    """One entry; ``kind`` 0 bits, 1 bool, 2 signed, 3 unsigned, 4 floating point."""
+
+    index: int
+    subindex: int
+    registered: bool
+    bits: int
+    kind: int
+    bit_offset: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanSdo:
+    """One start-up SDO; ``value`` may be negative."""
+
+    index: int
+    subindex: int
+    size_bytes: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanSymbol:
+    """One named entry of ordinary process data."""
+
+    name: str
+    sm: int
+    bit_offset: int
+    bits: int
+    kind: int
+    output: bool
+    restart_relevant: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanBlock:
+    """One recognised FSoE frame."""
+
+    sm: int
+    byte_offset: int
+    frame_bytes: int
+    safe_bytes: int
+    copied: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanCopy:
+    """One copy; ``kind`` 1 FSoE frame, 2 standard data; ``connection`` may be `NONE`."""
+
+    source_sm: int
+    source_bit: int
+    destination_sm: int
+    destination_bit: int
+    bits: int
+    net: str
+    kind: int
+    connection: int
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes moved."""
+        return self.bits // 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanConnection:
+    """One FSoE connection: a pair of copies; ``None`` for facts nobody stated."""
+
+    name: str
+    net: str
+    main: int
+    sub: int
+    copy_to_sub: int
+    copy_to_main: int
+    connection_id: int | None
+    address: int | None
+    watchdog_ms: int | None
+    safe_to_sub: int
+    safe_to_main: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """All records of a plan, in file order."""
+
+    cycle_ns: int
+    subdevices: tuple[PlanSubDevice, ...]
+    sync_managers: tuple[PlanSyncManager, ...]
+    pdos: tuple[PlanPdo, ...]
+    entries: tuple[PlanEntry, ...]
+    sdos: tuple[PlanSdo, ...]
+    symbols: tuple[PlanSymbol, ...]
+    blocks: tuple[PlanBlock, ...]
+    copies: tuple[PlanCopy, ...]
+    connections: tuple[PlanConnection, ...]
+
+    def to_bytes(self) -> bytes:
+        """Return the bytes of the `.fsnplan` file; equal plans give equal bytes."""
+        from fsoe_net.plan.codec import encode_plan
+
+        return encode_plan(self)

@@ -1,0 +1,125 @@
+"""A plan for people and for programs: table of copies, JSON document."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict
+
+from fsoe_net.plan.image import igh_image
+from fsoe_net.plan.model import NONE, Plan, PlanCopy
+
+__all__ = ["copy_end", "entry_at", "plan_json", "plan_text"]
+
+
+def copy_end(plan: Plan, sm_number: int, bit: int) -> str:
+    """Return ``ek1914 SM3 byte 0 (0x6000:01)``: the entry that starts there, if one does."""
+    sm = plan.sync_managers[sm_number]
+    name = plan.subdevices[sm.subdevice].name
+    entry = entry_at(plan, sm_number, bit)
+    return f"{name} SM{sm.index} byte {bit // 8}" + (f" ({entry})" if entry else "")
+
+
+def entry_at(plan: Plan, sm_number: int, bit: int) -> str:
+    """Return the address of the entry that starts at a bit of a sync manager, or an empty text."""
+    sm = plan.sync_managers[sm_number]
+    for pdo in plan.pdos[sm.first_pdo : sm.first_pdo + sm.pdo_count]:
+        for entry in plan.entries[pdo.first_entry : pdo.first_entry + pdo.entry_count]:
+            if entry.bit_offset == bit and entry.bits:
+                return f"0x{entry.index:04x}:{entry.subindex:02x}"
+    return ""
+
+
+def plan_text(plan: Plan) -> str:
+    """Return the plan as a table: connections, then copies with names, offsets and lengths."""
+    cycle = f"{plan.cycle_ns / 1000:g} us" if plan.cycle_ns else "not stated"
+    lines = [
+        f"plan format 1.0, {len(plan.subdevices)} SubDevices, {len(plan.copies)} copies, "
+        f"{sum(c.size_bytes for c in plan.copies)} bytes per cycle, bus cycle {cycle}",
+        f"SHA-256 {hashlib.sha256(plan.to_bytes()).hexdigest()}",
+        "",
+    ]
+    rows = [["connection", "main", "sub", "ConnID", "address", "watchdog", "safe bytes"]]
+    for c in plan.connections:
+        watchdog = "-" if c.watchdog_ms is None else f"{c.watchdog_ms} ms"
+        rows.append(
+            [
+                c.name,
+                plan.subdevices[c.main].name,
+                plan.subdevices[c.sub].name,
+                "-" if c.connection_id is None else str(c.connection_id),
+                "-" if c.address is None else str(c.address),
+                watchdog,
+                f"{c.safe_to_sub} to sub, {c.safe_to_main} to main",
+            ]
+        )
+    lines += [*_table(rows), ""] if plan.connections else []
+    rows = [["#", "bytes", "from", "to", "connection"]]
+    rows += [_copy_row(plan, number, copy) for number, copy in enumerate(plan.copies)]
+    return "\n".join([*lines, *_table(rows)])
+
+
+def _copy_row(plan: Plan, number: int, copy: PlanCopy) -> list[str]:
+    name = "standard data"
+    if copy.connection != NONE:
+        name = plan.connections[copy.connection].name
+    return [
+        str(number),
+        str(copy.size_bytes),
+        copy_end(plan, copy.source_sm, copy.source_bit),
+        copy_end(plan, copy.destination_sm, copy.destination_bit),
+        name,
+    ]
+
+
+def _table(rows: list[list[str]]) -> list[str]:
+    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
+    return [
+        "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+
+
+def plan_json(plan: Plan) -> dict[str, object]:
+    """Return the stable JSON form: every record with names resolved, and the IgH image."""
+    domain = igh_image(plan)
+    bases = {f.sm: f.offset_bytes for f in domain.fmmus}
+    return {
+        "format": "1.0",
+        "sha256": hashlib.sha256(plan.to_bytes()).hexdigest(),
+        "cycle_ns": plan.cycle_ns,
+        "subdevices": [asdict(s) for s in plan.subdevices],
+        "sync_managers": [asdict(s) | {"size_bytes": s.size_bytes} for s in plan.sync_managers],
+        "connections": [
+            asdict(c) | {"main": plan.subdevices[c.main].name, "sub": plan.subdevices[c.sub].name}
+            for c in plan.connections
+        ],
+        "copies": [
+            {
+                "number": number,
+                "net": c.net,
+                "kind": "fsoe" if c.kind == 1 else "standard",
+                "size_bytes": c.size_bytes,
+                "connection": None if c.connection == NONE else plan.connections[c.connection].name,
+                "source": _end_json(plan, c.source_sm, c.source_bit, bases),
+                "destination": _end_json(plan, c.destination_sm, c.destination_bit, bases),
+            }
+            for number, c in enumerate(plan.copies)
+        ],
+        "symbols": [asdict(s) for s in plan.symbols],
+        "blocks": [asdict(b) for b in plan.blocks],
+        "igh_image": {
+            "size_bytes": domain.size_bytes,
+            "working_counter": domain.working_counter,
+            "fmmus": [asdict(f) for f in domain.fmmus],
+        },
+    }
+
+
+def _end_json(plan: Plan, sm_number: int, bit: int, bases: dict[int, int]) -> dict[str, object]:
+    sm = plan.sync_managers[sm_number]
+    return {
+        "subdevice": plan.subdevices[sm.subdevice].name,
+        "sm": sm.index,
+        "entry": entry_at(plan, sm_number, bit),
+        "byte_offset": bit // 8,
+        "igh_byte": bases[sm_number] + bit // 8 if sm_number in bases else None,
+    }

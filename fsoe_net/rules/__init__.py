@@ -1,0 +1,35 @@
+"""The rules: what is wrong in a network, as diagnostics. One module per family."""
+
+from __future__ import annotations
+
+from fsoe_net.diag import Diagnostic, sort_diagnostics
+from fsoe_net.model import Resolution
+from fsoe_net.rules.bus import check_bus
+from fsoe_net.rules.context import Context
+from fsoe_net.rules.devices import check_devices
+from fsoe_net.rules.ends import check_ends
+from fsoe_net.rules.frames import check_frames
+from fsoe_net.rules.fsoe import check_fsoe
+from fsoe_net.rules.nets import check_nets
+from fsoe_net.rules.runtime import Runtime, check_runtime, effect_today
+
+__all__ = ["Runtime", "check", "effect_today"]
+
+
+def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Diagnostic]:
+    """Return everything that is wrong in a network, sorted by place.
+
+    Args:
+        resolution: The network, resolved.
+        runtime: Adds what only this runtime minds.
+    """
+    ctx = Context(resolution)
+    # Order matters: a mistake in one place is named there, and not again by the rules behind it.
+    check_devices(ctx)
+    check_bus(ctx)
+    check_ends(ctx)
+    check_frames(ctx)
+    check_nets(ctx)
+    check_fsoe(ctx)
+    check_runtime(ctx, runtime)
+    return sort_diagnostics(ctx.found)

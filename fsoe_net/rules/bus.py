@@ -1,0 +1,101 @@
+"""FSN134, FSN230, FSN414, FSN415, FSN417: modules and their places on the bus."""
+
+from __future__ import annotations
+
+from fsoe_net.diag import Related
+from fsoe_net.model import SubDevice
+from fsoe_net.rules.context import Context
+
+__all__ = ["check_bus"]
+
+_YAML_ORIGINS = {"transfer_modules", "safety_modules"}
+
+
+def check_bus(ctx: Context) -> None:
+    """Check names and addresses of all modules."""
+    names: dict[str, SubDevice] = {}
+    places: dict[tuple[int, int, int], SubDevice] = {}
+    for sub in ctx.resolution.network.subdevices:
+        first = names.setdefault(sub.name, sub)
+        same_name = first is not sub
+        if same_name:
+            _name_twice(ctx, sub, first)
+        place = (sub.master_id, sub.alias, sub.position)
+        there = places.setdefault(place, sub)
+        if there is not sub and not (same_name and there is first):
+            _place_twice(ctx, sub, there)
+        if sub.alias and sub.device is not None and sub.device.sdos:
+            ctx.add(
+                "FSN417",
+                sub.at("alias"),
+                f"{sub.name} has alias {sub.alias} and start-up SDOs; ethercat_driver_ros2 sends "
+                f"them to ring position {sub.position} instead",
+                hint="address it by ring position (alias 0) while it has SDOs",
+            )
+    _optional_modules(ctx)
+
+
+def _address(sub: SubDevice) -> str:
+    return (
+        f"alias {sub.alias}, position {sub.position}" if sub.alias else (f"position {sub.position}")
+    )
+
+
+def _name_twice(ctx: Context, sub: SubDevice, first: SubDevice) -> None:
+    mixed = (sub.origin in _YAML_ORIGINS) != (first.origin in _YAML_ORIGINS)
+    related = (Related(span=first.at("name"), message=f"first declared here ({first.origin})"),)
+    if mixed:
+        ctx.add(
+            "FSN415",
+            sub.at("name"),
+            f"{sub.name} is declared in the URDF and in the YAML; it would be configured twice",
+            hint=f"delete it from {sub.origin}, or from the URDF",
+            related=related,
+        )
+        return
+    ctx.add(
+        "FSN134",
+        sub.at("name"),
+        f"the name {sub.name!r} is used twice; every transfer would use the first",
+        hint="give each SubDevice a name of its own",
+        related=related,
+    )
+
+
+def _place_twice(ctx: Context, sub: SubDevice, there: SubDevice) -> None:
+    same = (
+        sub.device is not None
+        and there.device is not None
+        and sub.device.vendor_id == there.device.vendor_id
+        and sub.device.product_code == there.device.product_code
+    )
+    effect = (
+        "the PDO list of the second replaces the first"
+        if same
+        else "the master refuses the second with “Slave type mismatch”"
+    )
+    ctx.add(
+        "FSN414",
+        sub.at("position"),
+        f"{sub.name} and {there.name} are both at {_address(sub)}; {effect}",
+        hint="`ethercat slaves` lists the positions",
+        related=(Related(span=there.at("position"), message=f"{there.name} is here"),),
+    )
+
+
+def _optional_modules(ctx: Context) -> None:
+    seen: set[tuple[str, int]] = set()
+    for row in ctx.resolution.transfers:
+        for end in (row.source, row.destination):
+            sub = end.subdevice
+            if sub is None or sub.required or (sub.name, id(row.net)) in seen:
+                continue
+            seen.add((sub.name, id(row.net)))
+            ctx.add(
+                "FSN230",
+                end.endpoint.at("ec_module"),
+                f"{sub.name} is marked required: false; when it is left out the driver copies "
+                "through an uninitialised pointer",
+                hint="remove required: false from this module",
+                related=(Related(span=sub.at("required"), message="required: false"),),
+            )

@@ -1,0 +1,263 @@
+"""FSN4xx: what one device description says about itself."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from fsoe_net.diag import Related, Severity
+from fsoe_net.model import (
+    Device,
+    DeviceLayout,
+    Direction,
+    Pdo,
+    Placed,
+    SmLayout,
+    SubDevice,
+    Watchdog,
+)
+from fsoe_net.rules.context import Context, describe_sm
+
+__all__ = ["check_devices"]
+
+MAX_DATAGRAM_BYTES = 1486
+_MAX_SYNC_MANAGERS = 16
+
+
+def check_devices(ctx: Context) -> None:
+    """Check every device description once."""
+    for device, layout, sub in ctx.devices():
+        _pdo_groups(ctx, device)
+        _pdo_lists(ctx, device)
+        _sync_managers(ctx, device, layout)
+        for sm in layout.managers:
+            _entries(ctx, sm)
+            _sync_manager_size(ctx, sm, sub)
+        _entries_twice(ctx, layout)
+        _interfaces(ctx, device)
+    _image_size(ctx)
+
+
+def _pdo_groups(ctx: Context, device: Device) -> None:
+    """FSN401: 0x16xx/0x17xx are RxPDOs and 0x1Axx/0x1Bxx TxPDOs on every device with CoE."""
+    for group, pdos, foreign in (
+        ("rpdo", device.rpdos, range(0x1A00, 0x1C00)),
+        ("tpdo", device.tpdos, range(0x1600, 0x1800)),
+    ):
+        wrong = [p for p in pdos if p.index in foreign]
+        if wrong:
+            other = "tpdo" if group == "rpdo" else "rpdo"
+            ctx.exchanged.add(id(device))
+            ctx.add(
+                "FSN401",
+                wrong[0].at("index"),
+                f"0x{wrong[0].index:04x} stands under {group}, but its number says {other}",
+                hint=f"move it under {other}: (rpdo = MainDevice to SubDevice, 0x16xx; "
+                "tpdo = SubDevice to MainDevice, 0x1axx)",
+            )
+
+
+def _pdo_lists(ctx: Context, device: Device) -> None:
+    seen: dict[int, Pdo] = {}
+    for pdo in (*device.rpdos, *device.tpdos):
+        first = seen.setdefault(pdo.index, pdo)
+        if first is not pdo:
+            ctx.add(
+                "FSN407",
+                pdo.at("index"),
+                f"PDO 0x{pdo.index:04x} is listed twice; the master fills only the first, the "
+                "second keeps what the device has",
+                hint="merge the channels into one PDO, or correct the number",
+                related=(Related(span=first.at("index"), message="first listed here"),),
+            )
+        if not pdo.entries:
+            ctx.add(
+                "FSN406",
+                pdo.span,
+                f"PDO 0x{pdo.index:04x} has no channels: the device's own mapping is used and "
+                "no offset behind it is known offline",
+                hint="list its entries, as `ethercat cstruct` or the ESI shows them",
+            )
+
+
+def _sync_managers(ctx: Context, device: Device, layout: DeviceLayout) -> None:
+    seen: set[int] = set()
+    for sm in device.sync_managers:
+        if sm.index >= _MAX_SYNC_MANAGERS or sm.index in seen:
+            why = "given twice" if sm.index in seen else "above 15"
+            ctx.add(
+                "FSN412", sm.at("index"), f"sync manager {sm.index} is {why}", hint="correct it"
+            )
+        seen.add(sm.index)
+        wanted = {"rpdo": Direction.OUTPUT, "tpdo": Direction.INPUT}.get(sm.carries or "")
+        if wanted is not None and wanted is not sm.direction:
+            ctx.exchanged.add(id(device))
+            ctx.add(
+                "FSN410",
+                sm.at("pdo"),
+                f"{sm.carries} on SM{sm.index}, which is of type {sm.direction.value}; the FMMU "
+                "would point the wrong way and the working counter stay incomplete",
+                hint=f"write type: {wanted.value}, or pdo: "
+                f"{'tpdo' if sm.carries == 'rpdo' else 'rpdo'}",
+            )
+    for group, pdos in (("rpdo", device.rpdos), ("tpdo", device.tpdos)):
+        carriers = [sm for sm in device.sync_managers if sm.carries == group]
+        if pdos and not carriers:
+            ctx.unassigned.add(id(device))
+            ctx.add(
+                "FSN409",
+                device.at("sm"),
+                f"no sync manager carries {group}; the master answers “PDO entry is not mapped”",
+                hint=f"add pdo: {group} to SM{2 if group == 'rpdo' else 3}",
+            )
+        for extra in carriers[1:]:
+            ctx.add(
+                "FSN413",
+                extra.at("pdo"),
+                f"{group} is on SM{carriers[0].index} and on SM{extra.index}",
+                hint="keep one of them; the format cannot split a group over two sync managers",
+                related=(Related(span=carriers[0].at("pdo"), message="first"),),
+            )
+    _watchdogs(ctx, layout)
+
+
+def _watchdogs(ctx: Context, layout: DeviceLayout) -> None:
+    for sm in layout.managers:
+        off = sm.sm.watchdog is Watchdog.DISABLE and sm.sm.direction is Direction.OUTPUT
+        if off and sm.blocks:
+            ctx.add(
+                "FSN411",
+                sm.sm.at("watchdog"),
+                f"the watchdog of SM{sm.sm.index} is off; a silent MainDevice is then noticed by "
+                "the FSoE watchdog alone",
+                hint="watchdog: enable also stops the standard outputs of this SubDevice",
+            )
+
+
+def _entries(ctx: Context, sm: SmLayout) -> None:
+    for placed in sm.placed:
+        entry = placed.entry
+        used = entry.command_interface or entry.state_interface or entry.default is not None
+        is_bits = entry.type_name == "bool" or entry.type_name.startswith("bit")
+        if not is_bits or entry.is_gap or "data_mapping" in entry.fields:
+            continue
+        if entry.bits > 8 and used:
+            ctx.add(
+                "FSN427",
+                entry.at("type"),
+                f"{entry.address} of type {entry.type_name} has an interface; the driver reads "
+                "and writes only one byte of such a type",
+                hint="use uint16 … uint64, or bitN only for padding",
+            )
+        elif used or entry.mask is not None:
+            _mask(ctx, placed)
+
+
+def _mask(ctx: Context, placed: Placed) -> None:
+    """FSN405: the driver ignores the bit position, so the mask must select the bits."""
+    entry = placed.entry
+    shift = placed.bit_offset % 8
+    bits = (((1 << entry.bits) - 1) << shift) & 0xFF
+    mask = 0xFF if entry.mask is None else entry.mask
+    good = mask == bits if entry.bits == 1 else mask != 0 and mask & ~bits == 0
+    if good:
+        return
+    said = "no mask" if entry.mask is None else f"mask {entry.mask}"
+    ctx.add(
+        "FSN405",
+        entry.at("mask"),
+        f"{entry.address} lies at bit {shift} of its byte but has {said}; "
+        "the driver would use other bits",
+        hint=f"write mask: {bits}",
+    )
+
+
+def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
+    if sm.size_bytes > MAX_DATAGRAM_BYTES:
+        ctx.add(
+            "FSN420",
+            sm.sm.span if sm.sm.declared else sub.span,
+            f"{describe_sm(sm)}: {sm.size_bytes} bytes of process data; one datagram carries "
+            f"{MAX_DATAGRAM_BYTES}",
+            hint="map fewer entries",
+        )
+
+
+def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
+    first: dict[tuple[int, int], tuple[SmLayout, Placed]] = {}
+    idle: Counter[str] = Counter()
+    idle_at = None
+    for sm in layout.managers:
+        for placed in sm.placed:
+            entry = placed.entry
+            if entry.is_gap:
+                continue
+            known_sm, known = first.setdefault((entry.index, entry.subindex), (sm, placed))
+            if known is placed:
+                continue
+            used = entry.command_interface or entry.state_interface or entry.default is not None
+            if known_sm.sm.carries == sm.sm.carries and known_sm is not sm:
+                continue  # one group on two sync managers is FSN413
+            if not used and known_sm is not sm:
+                continue  # drives map the same object as command and as status
+            if not used:
+                idle[entry.address] += 1
+                idle_at = idle_at or entry
+                continue
+            ctx.add(
+                "FSN408",
+                entry.at("index"),
+                f"{entry.address} is mapped a second time; a driver always gets the first place",
+                hint="use another entry here, or move the interface to the first",
+                related=(Related(span=known.entry.span, message="first mapped here"),),
+            )
+    if idle_at is not None:
+        names = ", ".join(sorted(idle))
+        ctx.add(
+            "FSN408",
+            idle_at.at("index"),
+            f"mapped more than once, as padding it seems: {names}",
+            severity=Severity.INFO,
+            hint="index 0x0000 says padding more clearly",
+        )
+
+
+def _interfaces(ctx: Context, device: Device) -> None:
+    if id(device) in ctx.exchanged:
+        return  # FSN401 has named the cause
+    for group, pdos, key, own in (
+        ("tpdo", device.tpdos, "command_interface", "state_interface"),
+        ("rpdo", device.rpdos, "state_interface", "command_interface"),
+    ):
+        for pdo in pdos:
+            for entry in pdo.entries:
+                if getattr(entry, key) is None:
+                    continue
+                effect = "newer drivers stop with an exception, older ones ignore it"
+                ctx.add(
+                    "FSN429",
+                    entry.at(key),
+                    f"{key} on {entry.address}, an entry of a {group}; "
+                    + (effect if group == "tpdo" else "the driver ignores it"),
+                    severity=None if group == "tpdo" else Severity.INFO,
+                    hint=f"use {own} here",
+                )
+
+
+def _image_size(ctx: Context) -> None:
+    total = sum(
+        sm.size_bytes
+        for layout in ctx.resolution.layouts
+        if layout is not None
+        for sm in layout.managers
+        if sm.registered
+    )
+    network = ctx.resolution.network
+    if total > MAX_DATAGRAM_BYTES and network.nets:
+        ctx.add(
+            "FSN421",
+            network.span,
+            f"the process image has {total} bytes, so it travels in several datagrams with a "
+            "working counter each",
+            hint="nothing to do; frames are never split, since datagrams are cut between "
+            "sync managers",
+        )

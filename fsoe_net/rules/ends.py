@@ -1,0 +1,303 @@
+"""FSN201 … FSN207, FSN213: does each end of a transfer mean bytes, and in the right direction?"""
+
+from __future__ import annotations
+
+from fsoe_net.diag import Related
+from fsoe_net.model import (
+    Direction,
+    Miss,
+    Placed,
+    ResolvedEnd,
+    ResolvedTransfer,
+    SmLayout,
+    TransferKind,
+)
+from fsoe_net.rules.context import Context, block_text, describe_end, nearest
+
+__all__ = ["check_ends", "is_main_device"]
+
+_MAIN_DEVICE_WORDS = {
+    "maindevice",
+    "main_device",
+    "master",
+    "ethercat_master",
+    "ec_master",
+    "host",
+    "pc",
+    "self",
+    "controller",
+    "local",
+}
+
+
+def is_main_device(name: str) -> bool:
+    """Whether a name that is no SubDevice means the MainDevice itself."""
+    return name.lower().replace("-", "_").replace(" ", "_") in _MAIN_DEVICE_WORDS
+
+
+def check_ends(ctx: Context) -> None:
+    """Check both ends of every transfer."""
+    names = {s.name for s in ctx.resolution.network.subdevices}
+    written = _written_by_transfers(ctx)
+    for row in ctx.resolution.transfers:
+        before = len(ctx.found)
+        for end, wanted in ((row.source, Direction.INPUT), (row.destination, Direction.OUTPUT)):
+            _lookup(ctx, row, end, wanted, names)
+        if row.found:
+            _direction(ctx, row, written)
+            for end in (row.source, row.destination):
+                _alignment(ctx, end)
+        if row.source.subdevice is not None and row.destination.subdevice is not None:
+            _masters(ctx, row)
+        if len(ctx.found) > before:
+            ctx.blame(row)
+
+
+def _written_by_transfers(ctx: Context) -> dict[tuple[int, int, int], ResolvedTransfer]:
+    """Map the entry each transfer writes to the transfer, to see chains."""
+    return {
+        (
+            id(r.destination.subdevice),
+            r.destination.endpoint.index,
+            r.destination.endpoint.subindex,
+        ): r
+        for r in ctx.resolution.transfers
+        if r.destination.placed is not None
+    }
+
+
+def _lookup(
+    ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direction, names: set[str]
+) -> None:
+    if end.miss is None or end.miss is Miss.DEVICE:
+        return
+    endpoint = end.endpoint
+    if end.miss is Miss.MODULE:
+        ctx.unsure_nets.add(id(row.net))
+        _unknown_module(ctx, end, names)
+        return
+    if end.miss is Miss.ENTRY and ctx.is_unassigned(end):
+        return  # FSN409 has named the cause
+    span = endpoint.at("index")
+    if end.miss is Miss.GAP:
+        ctx.add(
+            "FSN207",
+            span,
+            f"{endpoint} is padding; it is never registered, the copy would use a wild pointer",
+            hint=_better_start(end, wanted, row),
+        )
+    elif end.miss is Miss.SKIPPED:
+        where = end.placed.entry.at("skip") if end.placed else span
+        ctx.add(
+            "FSN206",
+            span,
+            f"{endpoint} is marked skip: true, so the driver does not register it and would copy "
+            "through an uninitialised pointer",
+            hint="remove skip: true from this channel",
+            related=(Related(span=where, message="skip: true"),),
+        )
+    elif end.miss is Miss.LAYOUT:
+        ctx.add(
+            "FSN406",
+            span,
+            f"where {endpoint} lies is not known offline: a PDO without channels stands before it",
+            hint="list the channels of every PDO of this sync manager",
+        )
+    else:
+        _unknown_entry(ctx, row, end, wanted)
+
+
+def _unknown_module(ctx: Context, end: ResolvedEnd, names: set[str]) -> None:
+    name = end.endpoint.module
+    span = end.endpoint.at("ec_module")
+    if is_main_device(name):
+        _centralized(ctx, end, name)
+    elif not ctx.resolution.network.partial:
+        meant = nearest(name, names)
+        ctx.add(
+            "FSN201",
+            span,
+            f"no module is named {name!r}",
+            hint=f"write {meant}" if meant else f"known: {', '.join(sorted(names)) or 'none'}",
+        )
+
+
+def _centralized(ctx: Context, end: ResolvedEnd, name: str) -> None:
+    ctx.add(
+        "FSN226",
+        end.endpoint.at("ec_module"),
+        f"{name!r} means the MainDevice itself: an FSoE MainInstance on the MainDevice "
+        "(centralized topology) needs certified software on certified hardware",
+        hint="use a safety terminal on the bus (for example EL6910, EL1918) as MainInstance; the "
+        "MainDevice then only copies frames",
+    )
+
+
+def _unknown_entry(
+    ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direction
+) -> None:
+    endpoint = end.endpoint
+    ctx.add(
+        "FSN202",
+        endpoint.at("index"),
+        f"{endpoint} is not mapped in any PDO; the driver would copy through an uninitialised "
+        "pointer",
+        hint=_better_start(end, wanted, row),
+    )
+
+
+def _better_start(end: ResolvedEnd, wanted: Direction, row: ResolvedTransfer) -> str:
+    """Name the entry that was probably meant: a frame's command first, of the right direction."""
+    if end.layout is None:
+        return ""
+    choices: list[tuple[int, str]] = []
+    fsoe = row.transfer.kind is TransferKind.FSOE
+    for sm in end.layout.managers:
+        if sm.sm.direction is not wanted:
+            continue
+        for placed in sm.placed:
+            if placed.entry.registered:
+                choices.append((_distance(end, sm, placed, row, fsoe), _name(end, sm, placed)))
+    if not choices:
+        return f"{end.endpoint.module} maps no entry in this direction"
+    best = min(choices, key=lambda c: c[0])
+    return f"nearest: {best[1]}"
+
+
+def _distance(
+    end: ResolvedEnd, sm: SmLayout, placed: Placed, row: ResolvedTransfer, fsoe: bool
+) -> int:
+    index, subindex = end.endpoint.index, end.endpoint.subindex
+    text_a, text_b = (
+        f"{index:04x}{subindex:02x}",
+        f"{placed.entry.index:04x}{placed.entry.subindex:02x}",
+    )
+    score = 4 * sum(a != b for a, b in zip(text_a, text_b, strict=True))
+    block = sm.block_at(placed.bit_offset)
+    is_command = block is not None and block.command is placed.entry
+    if fsoe and not is_command:
+        score += 20
+    if fsoe and block is not None and block.frame_bytes != row.transfer.size_bytes:
+        score += 6
+    return score
+
+
+def _name(end: ResolvedEnd, sm: SmLayout, placed: Placed) -> str:
+    block = sm.block_at(placed.bit_offset)
+    text = f"{end.endpoint.module} {placed.entry.address}"
+    if block is not None and block.command is placed.entry:
+        return f"{text}, the command of a {block.frame_bytes}-byte frame in SM{sm.sm.index}"
+    return f"{text} in SM{sm.sm.index}"
+
+
+def _direction(
+    ctx: Context,
+    row: ResolvedTransfer,
+    written: dict[tuple[int, int, int], ResolvedTransfer],
+) -> None:
+    source, destination = row.source, row.destination
+    if source.sm is None or destination.sm is None:
+        return
+    if ctx.is_exchanged(source) or ctx.is_exchanged(destination):
+        return  # FSN401 has named the cause
+    reads_output = source.sm.sm.direction is Direction.OUTPUT
+    writes_input = destination.sm.sm.direction is Direction.INPUT
+    if reads_output and source.subdevice is destination.subdevice and _overlap(row):
+        ctx.unsure_nets.add(id(row.net))
+        ctx.add(
+            "FSN216",
+            row.transfer.span,
+            f"source and destination are the same bytes of {source.endpoint.module}",
+            hint="in is the frame one SubDevice sends, out the place where another receives it",
+        )
+        return
+    if reads_output:
+        key = (id(source.subdevice), source.endpoint.index, source.endpoint.subindex)
+        other = written.get(key)
+        if other is not None and other is not row and not writes_input:
+            _chain(ctx, row, other)
+            return
+        ctx.add(
+            "FSN203",
+            row.transfer.source.at("index"),
+            f"transfer reads an output: {describe_end(source)}",
+            hint=_mend_direction(row, reads_output, writes_input),
+        )
+    elif writes_input:
+        ctx.add(
+            "FSN205",
+            row.transfer.destination.at("index"),
+            f"transfer writes an input: {describe_end(destination)}; nothing would reach the "
+            "SubDevice",
+            hint=_mend_direction(row, reads_output, writes_input),
+        )
+
+
+def _overlap(row: ResolvedTransfer) -> bool:
+    size = row.transfer.size_bytes
+    same_sm = row.source.sm is row.destination.sm
+    return same_sm and abs(row.source.byte_offset - row.destination.byte_offset) < max(size, 1)
+
+
+def _chain(ctx: Context, row: ResolvedTransfer, other: ResolvedTransfer) -> None:
+    ctx.add(
+        "FSN217",
+        row.transfer.source.at("index"),
+        f"{row.transfer.source} is what another transfer writes; the copy would depend on the "
+        "order of the transfers",
+        hint=f"read from {other.transfer.source} instead",
+        related=(Related(span=other.transfer.span, message="written by this transfer"),),
+    )
+
+
+def _mend_direction(row: ResolvedTransfer, reads_output: bool, writes_input: bool) -> str:
+    source, destination, size = row.source, row.destination, row.transfer.size_bytes
+    if reads_output and writes_input:
+        return (
+            f"in and out look exchanged; the opposite copy {destination.endpoint} -> "
+            f"{source.endpoint} would fit ({size} bytes)"
+        )
+    wrong = source if reads_output else destination
+    partner = _partner_address(wrong)
+    if partner is None:
+        return "in must be an entry of a TxPDO, out an entry of an RxPDO"
+    key = "in" if reads_output else "out"
+    return f"write {partner} as {key}"
+
+
+def _partner_address(end: ResolvedEnd) -> str | None:
+    """Return the command of the opposite frame of the same connection on this device."""
+    block = end.block
+    if block is None or end.layout is None:
+        return None
+    partners = end.layout.partners
+    key = partners.get(block.key) or next((o for o, i in partners.items() if i == block.key), None)
+    for sm in end.layout.managers:
+        for candidate in sm.blocks:
+            if candidate.key == key:
+                return block_text(end.endpoint.module, candidate)
+    return None
+
+
+def _alignment(ctx: Context, end: ResolvedEnd) -> None:
+    if end.placed is not None and end.placed.bit_offset % 8:
+        ctx.add(
+            "FSN213",
+            end.endpoint.at("index"),
+            f"{end.endpoint} starts at bit {end.placed.bit_offset % 8} of byte {end.byte_offset} "
+            "of its sync manager; copies move whole bytes, so its neighbours would move too",
+            hint="start at the first entry of that byte",
+        )
+
+
+def _masters(ctx: Context, row: ResolvedTransfer) -> None:
+    source, destination = row.source.subdevice, row.destination.subdevice
+    if source is None or destination is None or source.master_id == destination.master_id:
+        return
+    ctx.add(
+        "FSN129",
+        row.transfer.span,
+        f"{source.name} is on master {source.master_id}, {destination.name} on master "
+        f"{destination.master_id}; a copy moves bytes inside one process image",
+        hint="put both SubDevices on one master",
+    )

@@ -1,0 +1,287 @@
+"""FSN208 … FSN214, FSN222, FSN233, FSN307: do the bytes a transfer moves make one whole frame?"""
+
+from __future__ import annotations
+
+from fsoe_net.diag import Related
+from fsoe_net.fsoe import is_frame_length
+from fsoe_net.model import (
+    Direction,
+    FsoeBlock,
+    ResolvedEnd,
+    ResolvedTransfer,
+    SmLayout,
+    TransferKind,
+)
+from fsoe_net.rules.context import Context, block_text, describe_end, touched_bytes
+
+__all__ = ["check_frames"]
+
+
+def check_frames(ctx: Context) -> None:
+    """Check size, start and content of every transfer whose ends are known."""
+    for row in ctx.resolution.transfers:
+        before = len(ctx.found)
+        _one(ctx, row)
+        if len(ctx.found) > before:
+            ctx.blame(row)
+
+
+def _one(ctx: Context, row: ResolvedTransfer) -> None:
+    size = row.transfer.size_bytes
+    if size == 0:
+        ctx.add(
+            "FSN222",
+            row.transfer.at("size"),
+            "a transfer of size 0 copies nothing",
+            hint=_right_size(row) or "write the length of the frame in bytes",
+        )
+        return
+    if not row.usable:
+        _size_alone(ctx, row)
+        return
+    if row.transfer.kind is TransferKind.STANDARD:
+        for end in (row.source, row.destination):
+            _standard(ctx, row, end)
+        _ends(ctx, row)
+    else:
+        starts = [_start(ctx, row, end) for end in (row.source, row.destination)]
+        if all(starts):
+            _sizes(ctx, row)
+    _overwritten(ctx, row)
+
+
+def _right_size(row: ResolvedTransfer) -> str:
+    lengths = {b.frame_bytes for b in (row.source.block, row.destination.block) if b is not None}
+    return f"write size: {lengths.pop()}" if len(lengths) == 1 else ""
+
+
+def _size_alone(ctx: Context, row: ResolvedTransfer) -> None:
+    """FSN208 for a size that no FSoE frame has, even when an end is unknown."""
+    size = row.transfer.size_bytes
+    fsoe = row.transfer.kind is TransferKind.FSOE
+    if fsoe and not is_frame_length(size):
+        ctx.add(
+            "FSN208",
+            row.transfer.at("size"),
+            f"no FSoE frame has {size} bytes",
+            hint=_right_size(row)
+            or f"nearest: {_near_lengths(size)}; kind: standard marks other data",
+        )
+
+
+def _near_lengths(size: int) -> str:
+    lengths = sorted((n for n in range(6, 256) if is_frame_length(n)), key=lambda n: abs(n - size))
+    return " or ".join(str(n) for n in sorted(lengths[:2]))
+
+
+def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
+    """Return whether the end starts a frame, or nothing is known against it."""
+    if end.sm is None or end.placed is None:
+        return False
+    block = end.block
+    if block is None:
+        return _unrecognised(ctx, row, end, end.sm)
+    if block.command is end.placed.entry:
+        return True
+    ctx.add(
+        "FSN211",
+        end.endpoint.at("index"),
+        f"{end.endpoint} lies {end.byte_offset - block.byte_offset} bytes inside a frame; the copy "
+        "would be shifted",
+        hint=f"start at its command, {block_text(end.endpoint.module, block)}",
+    )
+    return False
+
+
+def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmLayout) -> bool:
+    """Handle an end where no frame structure was found: is it a mistake or only unusual?"""
+    endpoint, size = end.endpoint, row.transfer.size_bytes
+    free = _blocks_of(end, sm.sm.direction)
+    intruder = _intruder(end, sm, size)
+    if end.placed is not None and (end.placed.entry.bits != 8 or (free and intruder is None)):
+        better = min(free, key=lambda b: b.frame_bytes != size) if free else None
+        ctx.add(
+            "FSN211",
+            endpoint.at("index"),
+            f"{describe_end(end)}, but is not the command byte of an FSoE frame",
+            hint=(f"start at {block_text(endpoint.module, better)}; " if better else "")
+            + "mark ordinary data with kind: standard",
+        )
+        return False
+    if intruder is not None:
+        ctx.add(
+            "FSN212",
+            endpoint.at("index"),
+            f"{intruder} inside the {size} bytes from {endpoint}, so they are no FSoE frame as "
+            "mapped here",
+            hint="compare the PDO with `ethercat pdos` or the ESI; an entry is missing, too long "
+            "or too short",
+        )
+        return True
+    ctx.add(
+        "FSN307",
+        endpoint.at("index"),
+        f"no frame structure (command, data, CRC, connection ID) is visible at {endpoint}; its "
+        "length cannot be checked",
+        hint="map the entries of the frame one by one to have them checked",
+    )
+    return True
+
+
+def _blocks_of(end: ResolvedEnd, direction: Direction) -> list[FsoeBlock]:
+    if end.layout is None:
+        return []
+    return [b for sm in end.layout.managers for b in sm.blocks if b.direction is direction]
+
+
+def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
+    """Say what stands where a CRC or the connection ID should, if anything looks like a frame."""
+    if end.placed is None or not is_frame_length(size):
+        return None
+    starts = {p.bit_offset: p.entry for p in sm.placed}
+    base = end.placed.bit_offset
+    words = [2] if size == 6 else list(range(3, size - 2, 4))
+    expected = [(b, "CRC") for b in words] + [(size - 2, "connection ID")]
+    found = [starts.get(base + 8 * byte) for byte, _ in expected]
+    good = [e is not None and e.bits == 16 and not e.is_gap for e in found]
+    others = [
+        p.entry
+        for p in sm.placed
+        if base < p.bit_offset < base + 8 * size and p.entry.index == end.placed.entry.index
+    ]
+    if all(good) or not others:
+        return None
+    byte, what = expected[good.index(False)]
+    entry = found[good.index(False)]
+    there = f"{entry.address} of {entry.bits} bits stands" if entry else "no entry starts"
+    return f"{there} where the {what} is expected (byte {byte})"
+
+
+def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
+    source, destination = row.source.block, row.destination.block
+    size = row.transfer.size_bytes
+    span = row.transfer.at("size")
+    if source is None or destination is None:
+        known = source or destination
+        if known is not None and size != known.frame_bytes:
+            _wrong_size(ctx, row, known.frame_bytes)
+        elif known is None:
+            _size_alone(ctx, row)
+            _ends(ctx, row)
+        else:
+            _ends(ctx, row)
+        return
+    if source.frame_bytes != destination.frame_bytes:
+        ctx.add(
+            "FSN210",
+            span,
+            f"{row.transfer.source} sends a frame of {source.frame_bytes} bytes, "
+            f"{row.transfer.destination} takes one of {destination.frame_bytes}",
+            hint=_matching_block(row, source)
+            or "the slot of the safety master must have the size "
+            "of this device; correct its project or PDO list",
+        )
+    elif size != source.frame_bytes:
+        _wrong_size(ctx, row, source.frame_bytes)
+
+
+def _matching_block(row: ResolvedTransfer, source: FsoeBlock) -> str:
+    """Name an input slot of the receiver that has the right length, if there is exactly one."""
+    fits = [
+        b
+        for b in _blocks_of(row.destination, Direction.OUTPUT)
+        if b.frame_bytes == source.frame_bytes
+    ]
+    if len(fits) != 1:
+        return ""
+    return (
+        f"{block_text(row.transfer.destination.module, fits[0])} takes {source.frame_bytes} bytes"
+    )
+
+
+def _wrong_size(ctx: Context, row: ResolvedTransfer, frame_bytes: int) -> None:
+    size = row.transfer.size_bytes
+    if size > frame_bytes:
+        end = row.destination
+        behind = _entry_behind(end, frame_bytes)
+        ctx.add(
+            "FSN209",
+            row.transfer.at("size"),
+            f"size {size} runs {size - frame_bytes} bytes past the {frame_bytes}-byte frame"
+            + (f" and would overwrite {behind}" if behind else ""),
+            hint=f"write size: {frame_bytes}",
+        )
+        return
+    no_frame = "" if is_frame_length(size) else "; no FSoE frame has that length"
+    ctx.add(
+        "FSN208",
+        row.transfer.at("size"),
+        f"size {size} cuts a frame of {frame_bytes} bytes{no_frame}",
+        hint=f"write size: {frame_bytes}",
+    )
+
+
+def _entry_behind(end: ResolvedEnd, frame_bytes: int) -> str:
+    if end.sm is None:
+        return ""
+    bit = 8 * (end.byte_offset + frame_bytes)
+    hit = next((p for p in end.sm.placed if p.bit_offset <= bit < p.end_bit), None)
+    if hit is None:
+        return f"what lies behind SM{end.sm.sm.index} of {end.endpoint.module}"
+    return f"{end.endpoint.module} {hit.entry.address}" if not hit.entry.is_gap else "padding"
+
+
+def _ends(ctx: Context, row: ResolvedTransfer) -> None:
+    """FSN209 against the end of the sync manager, when no frame bounds the copy."""
+    size = row.transfer.size_bytes
+    for end in (row.source, row.destination):
+        if end.sm is None:
+            continue
+        _, behind = touched_bytes(end, size)
+        if behind > end.sm.size_bytes:
+            ctx.add(
+                "FSN209",
+                row.transfer.at("size"),
+                f"size {size} from {end.endpoint} runs {behind - end.sm.size_bytes} bytes past the "
+                f"end of SM{end.sm.sm.index} ({end.sm.size_bytes} bytes)",
+                hint=f"at most {end.sm.size_bytes - end.byte_offset} bytes are left there",
+            )
+
+
+def _standard(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> None:
+    if end.sm is None:
+        return
+    first, behind = touched_bytes(end, row.transfer.size_bytes)
+    for block in end.sm.blocks:
+        if first < block.end_byte and block.byte_offset < behind:
+            ctx.add(
+                "FSN233",
+                row.transfer.at("kind"),
+                f"this transfer is marked standard but touches the FSoE frame at "
+                f"{block_text(end.endpoint.module, block)}",
+                hint="remove kind: standard when the frame itself is meant, else copy other bytes",
+            )
+
+
+def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:
+    """FSN214: entries inside the destination that the driver also writes."""
+    end = row.destination
+    if end.sm is None:
+        return
+    first, behind = touched_bytes(end, row.transfer.size_bytes)
+    if end.block is not None:
+        behind = min(behind, end.block.end_byte)  # a size that is too large is another finding
+    for placed in end.sm.placed:
+        inside = placed.bit_offset < 8 * behind and 8 * first < placed.end_bit
+        why = placed.entry.written_by
+        if inside and why is not None and placed.entry.registered:
+            ctx.add(
+                "FSN214",
+                placed.entry.at(why),
+                f"{why} on {placed.entry.address} lets the driver overwrite a byte that this "
+                "transfer has copied",
+                hint=f"remove {why} from this channel"
+                if row.transfer.kind is TransferKind.FSOE
+                else f"remove {why}, or copy fewer bytes",
+                related=(Related(span=row.transfer.span, message="copied by this transfer"),),
+            )

@@ -1,0 +1,117 @@
+"""FSN301 … FSN306 and FSN601: the FSoE facts of the connections, and time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fsoe_net.diag import Related
+from fsoe_net.model import ConnectionFacts, Net, TransferKind
+from fsoe_net.rules.context import Context
+
+__all__ = ["check_fsoe"]
+
+# Bus cycles one FSoE cycle takes at best (two hops, each sampled by one and delivered by the next
+# frame), plus one for jitter: below that the watchdog expires without any fault.
+WATCHDOG_BUS_CYCLES = 5
+_TWINSAFE_DEFAULT_MS = 100
+_MAX_APP_PARAMETER_BYTES = 256
+
+
+def check_fsoe(ctx: Context) -> None:
+    """Check addresses, connection IDs, parameters and watchdog times."""
+    stated = [(net, c) for net in ctx.resolution.network.nets for c in net.connections]
+    _unique(ctx, stated, "FSN301", "address", "FSoE address", lambda c: c.address)
+    _unique(ctx, stated, "FSN302", "connection_id", "connection ID", lambda c: c.connection_id)
+    for _, fact in stated:
+        _values(ctx, fact)
+    _timing(ctx)
+
+
+def _unique(
+    ctx: Context,
+    stated: list[tuple[Net, ConnectionFacts]],
+    code: str,
+    key: str,
+    what: str,
+    value_of: Callable[[ConnectionFacts], int | None],
+) -> None:
+    seen: dict[int, ConnectionFacts] = {}
+    for _, fact in stated:
+        value = value_of(fact)
+        if value is None:
+            continue
+        first = seen.setdefault(value, fact)
+        # A SubDevice has one FSoE address, also when it holds several connections.
+        same_device = code == "FSN301" and first.sub == fact.sub
+        if first is not fact and not same_device:
+            ctx.add(
+                code,
+                fact.at(key),
+                f"{what} {value} is used twice; it must be unique in the whole network, also "
+                "with several safety masters",
+                hint="give each connection its own, and set the device to the same value",
+                related=(Related(span=first.at(key), message=f"first used by {first.sub}"),),
+            )
+
+
+def _values(ctx: Context, fact: ConnectionFacts) -> None:
+    if fact.address in (0, 0xFFFF):
+        ctx.add(
+            "FSN303",
+            fact.at("address"),
+            f"FSoE address {fact.address} is what devices show that were never addressed",
+            hint="set the address at the device (1 … 65534) and write it here",
+        )
+    if fact.connection_id == 0:
+        ctx.add(
+            "FSN304",
+            fact.at("connection_id"),
+            "connection ID 0 is refused by every SubInstance (error 3)",
+            hint="write a number from 1 to 65535, unique in the network",
+        )
+    if fact.watchdog_ms == 0:
+        ctx.add(
+            "FSN305",
+            fact.at("watchdog_ms"),
+            "a watchdog of 0 ms is refused (error 9), some devices even hang on it",
+            hint="write the time in milliseconds, 1 … 65535",
+        )
+    if len(fact.app_parameters) > _MAX_APP_PARAMETER_BYTES:
+        ctx.add(
+            "FSN306",
+            fact.at("app_parameters"),
+            f"{len(fact.app_parameters)} bytes of application parameters; more than "
+            f"{_MAX_APP_PARAMETER_BYTES} were never seen to work",
+            hint="check the parameter list of the device",
+        )
+
+
+def _timing(ctx: Context) -> None:
+    network = ctx.resolution.network
+    if network.cycle_ns is None:
+        return
+    cycle_ms = network.cycle_ns / 1e6
+    least_ms = WATCHDOG_BUS_CYCLES * cycle_ms
+    for net in network.nets:
+        for fact in net.connections:
+            if fact.watchdog_ms and fact.watchdog_ms < least_ms:
+                ctx.add(
+                    "FSN601",
+                    fact.at("watchdog_ms"),
+                    f"watchdog {fact.watchdog_ms} ms is shorter than {WATCHDOG_BUS_CYCLES} bus "
+                    f"cycles of {cycle_ms:g} ms; it would expire without any fault",
+                    hint=f"at least {least_ms:g} ms plus the cycle times of both devices, or a "
+                    "shorter bus cycle",
+                )
+        least_hz = 1000 * WATCHDOG_BUS_CYCLES // _TWINSAFE_DEFAULT_MS
+        unstated = not any(f.watchdog_ms for f in net.connections)
+        has_fsoe = any(t.kind is TransferKind.FSOE for t in net.transfers)
+        if unstated and has_fsoe and least_ms > _TWINSAFE_DEFAULT_MS:
+            ctx.add(
+                "FSN601",
+                net.span,
+                f"the bus cycle is {cycle_ms:g} ms; the usual FSoE watchdog of "
+                f"{_TWINSAFE_DEFAULT_MS} ms is shorter than {WATCHDOG_BUS_CYCLES} such cycles",
+                hint=f"control_frequency of at least {least_hz} Hz, or  longer watchdogs "
+                "(then state them as watchdog_ms)",
+            )

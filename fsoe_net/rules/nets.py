@@ -1,0 +1,295 @@
+"""FSN204, FSN215, FSN218 … FSN232: do the transfers of a net make whole connections?"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from fsoe_net.diag import Related
+from fsoe_net.model import (
+    Connection,
+    Direction,
+    FsoeBlock,
+    Net,
+    ResolvedEnd,
+    ResolvedTransfer,
+    TransferKind,
+    main_instance_of,
+    partner_block,
+)
+from fsoe_net.rules.context import Context, block_text, module_pair, nearest, touched_bytes
+from fsoe_net.rules.ends import is_main_device
+
+__all__ = ["check_nets"]
+
+
+def check_nets(ctx: Context) -> None:
+    """Check nets as wholes; runs after the single transfers so that one mistake is named once."""
+    _destinations(ctx)
+    _names(ctx)
+    rows: dict[int, list[ResolvedTransfer]] = defaultdict(list)
+    for row in ctx.resolution.transfers:
+        if row.transfer.kind is TransferKind.FSOE:
+            rows[id(row.net)].append(row)
+    for net in ctx.resolution.network.nets:
+        if net.incomplete:
+            ctx.unsure_nets.add(id(net))
+        _main_instance(ctx, net, rows[id(net)])
+    for single in ctx.resolution.single:
+        sure = id(single.net) not in ctx.unsure_nets
+        if sure and module_pair(single) not in ctx.blamed_pairs:
+            _missing_direction(ctx, single)
+    for connection in ctx.resolution.connections:
+        _crossed(ctx, connection)
+    _facts(ctx)
+    _unserved(ctx)
+
+
+def _destinations(ctx: Context) -> None:
+    """FSN204 by a sweep over all destinations of a sync manager."""
+    by_sm: dict[tuple[str, int], list[tuple[int, int, ResolvedTransfer]]] = defaultdict(list)
+    for row in ctx.resolution.transfers:
+        end = row.destination
+        if not row.found or end.sm is None or end.subdevice is None:
+            continue
+        first, behind = touched_bytes(end, row.transfer.size_bytes)
+        by_sm[end.subdevice.name, end.sm.sm.index].append((first, behind, row))
+    for group in by_sm.values():
+        group.sort(key=lambda item: (item[0], item[1], item[2].transfer.span))
+        reach, owner = -1, group[0][2]
+        for first, behind, row in group:
+            if first < reach:
+                _overlap(ctx, owner, row, min(reach, behind) - first)
+            if behind > reach:
+                reach, owner = behind, row
+
+
+def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: int) -> None:
+    early, late = sorted((one, two), key=lambda r: r.transfer.span)
+    ctx.blame(early)
+    ctx.blame(late)
+    same_source = early.transfer.source == late.transfer.source
+    hint = "delete one of the two" if same_source else _other_slot(ctx, late)
+    ctx.add(
+        "FSN204",
+        late.transfer.destination.at("index"),
+        f"{late.transfer.destination}: {count} bytes are also written by another transfer; the "
+        "last one would win",
+        hint=hint,
+        related=(Related(span=early.transfer.span, message="the other transfer"),),
+    )
+
+
+def _other_slot(ctx: Context, row: ResolvedTransfer) -> str:
+    """Name a slot of the receiver that has the right size and that nobody uses."""
+    used = _used_blocks(ctx)
+    end, source = row.destination, row.source.block
+    if end.layout is None or end.subdevice is None:
+        return "let each transfer write a place of its own"
+    for sm in end.layout.managers:
+        for block in sm.blocks:
+            fits = source is None or block.frame_bytes == source.frame_bytes
+            free = (end.subdevice.name, block.key) not in used
+            if block.direction is Direction.OUTPUT and fits and free:
+                return f"{block_text(end.endpoint.module, block)} is free and has the right size"
+    return "let each transfer write a place of its own"
+
+
+def _used_blocks(ctx: Context) -> set[tuple[str, tuple[int, int]]]:
+    used: set[tuple[str, tuple[int, int]]] = set()
+    for row in ctx.resolution.transfers:
+        for end in (row.source, row.destination):
+            block = end.block
+            if block is not None and end.subdevice is not None:
+                used.add((end.subdevice.name, block.key))
+    return used
+
+
+def _names(ctx: Context) -> None:
+    seen: dict[str, Net] = {}
+    for net in ctx.resolution.network.nets:
+        first = seen.setdefault(net.name, net)
+        if first is not net:
+            ctx.add(
+                "FSN224",
+                net.at("name"),
+                f"net name {net.name!r} is used twice",
+                hint="give each net a name of its own; logs and reports show it",
+                related=(Related(span=first.at("name"), message="first used here"),),
+            )
+
+
+def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None:
+    names = {s.name for s in ctx.resolution.network.subdevices}
+    used = sorted({m for row in rows for m in module_pair(row)})
+    span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
+    stated = net.safety_master
+    if stated is not None and stated not in names:
+        _unknown_master(ctx, net, rows, names, used)
+        return
+    ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
+    main = main_instance_of(net, ends)
+    if main is None and rows:
+        ctx.add(
+            "FSN218",
+            net.span,
+            f"net {net.name!r} does not say which SubDevice holds the FSoE MainInstance, and its "
+            "transfers share none",
+            hint=f"add safety_master: with one of {', '.join(used)}",
+        )
+        return
+    for row in rows:
+        if main in module_pair(row) or module_pair(row) in ctx.blamed_pairs:
+            continue
+        ctx.add(
+            "FSN219",
+            row.transfer.span,
+            f"{row.transfer.source} -> {row.transfer.destination}: neither end is {main}, which "
+            f"holds the MainInstance of net {net.name!r}",
+            hint="put it into the net of its own safety master, or mark it kind: standard",
+            related=(Related(span=span, message="safety master of the net"),),
+        )
+
+
+def _unknown_master(
+    ctx: Context, net: Net, rows: list[ResolvedTransfer], names: set[str], used: list[str]
+) -> None:
+    stated = net.safety_master or ""
+    ctx.unsure_nets.add(id(net))
+    span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
+    if is_main_device(stated):
+        ctx.add(
+            "FSN226",
+            span,
+            f"{stated!r} means the MainDevice itself: an FSoE MainInstance on the MainDevice "
+            "(centralized topology) needs certified software on certified hardware, which this "
+            "PC is not",
+            hint="name the safety terminal on the bus (for example EL6910, EL1918) that holds it",
+        )
+        return
+    if ctx.resolution.network.partial and (stated in used or not names):
+        return
+    ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
+    shared = set(ends[0]).intersection(*map(set, ends[1:])) if ends else set()
+    meant = nearest(stated, shared or names) or (next(iter(shared)) if len(shared) == 1 else None)
+    ctx.add(
+        "FSN218",
+        span,
+        f"safety_master {stated!r} is no module of this network",
+        hint=f"write {meant}" if meant else f"known: {', '.join(sorted(names)) or 'none'}",
+    )
+
+
+def _missing_direction(ctx: Context, row: ResolvedTransfer) -> None:
+    source, destination = row.transfer.source, row.transfer.destination
+    ctx.add(
+        "FSN215",
+        row.transfer.span,
+        f"{source.module} -> {destination.module} is copied, but not {destination.module} -> "
+        f"{source.module}; FSoE needs both directions",
+        hint=_mend_missing(row),
+    )
+
+
+def _mend_missing(row: ResolvedTransfer) -> str:
+    """Write out the missing transfer when both devices show the partner frames."""
+    back_in = _input_partner(row.destination)
+    back_out = _output_partner(row.source)
+    if back_in is None or back_out is None:
+        return "add the opposite transfer, or mark ordinary data with kind: standard"
+    if back_in.frame_bytes != back_out.frame_bytes:
+        return "add the opposite transfer"
+    there, here = row.transfer.destination.module, row.transfer.source.module
+    return (
+        f"add: {{size: {back_in.frame_bytes}, "
+        f"in: {{ec_module: {there}, index: 0x{back_in.command.index:04x}, "
+        f"subindex: 0x{back_in.command.subindex:02x}}}, "
+        f"out: {{ec_module: {here}, index: 0x{back_out.command.index:04x}, "
+        f"subindex: 0x{back_out.command.subindex:02x}}}}}"
+    )
+
+
+def _find(end: ResolvedEnd, key: tuple[int, int] | None) -> FsoeBlock | None:
+    if end.layout is None or key is None:
+        return None
+    return next((b for sm in end.layout.managers for b in sm.blocks if b.key == key), None)
+
+
+def _input_partner(end: ResolvedEnd) -> FsoeBlock | None:
+    return _find(end, partner_block(end))
+
+
+def _output_partner(end: ResolvedEnd) -> FsoeBlock | None:
+    block = end.block
+    if block is None or end.layout is None:
+        return None
+    return _find(end, next((o for o, i in end.layout.partners.items() if i == block.key), None))
+
+
+def _crossed(ctx: Context, connection: Connection) -> None:
+    down, up = connection.to_sub, connection.to_main
+    if module_pair(down) in ctx.blamed_pairs:
+        return
+    for out_row, in_row in ((up, down), (down, up)):
+        wanted = _input_partner(out_row.destination)
+        sends = in_row.source.block
+        if wanted is None or sends is None or wanted.key == sends.key:
+            continue
+        module = in_row.transfer.source.module
+        ctx.add(
+            "FSN225",
+            in_row.transfer.source.at("index"),
+            f"{connection.name}: {module} receives this connection at "
+            f"{out_row.transfer.destination} but sends it from {in_row.transfer.source}, which is "
+            "another slot",
+            hint=f"write {block_text(module, wanted)} here, or change the opposite transfer",
+            related=(Related(span=out_row.transfer.span, message="the opposite transfer"),),
+        )
+
+
+def _facts(ctx: Context) -> None:
+    pairs = {(c.main.name, c.sub.name) for c in ctx.resolution.connections}
+    singles = {module_pair(row) for row in ctx.resolution.single}
+    for net, fact in ctx.resolution.unmatched_facts:
+        named = frozenset((fact.main, fact.sub))
+        if id(net) in ctx.unsure_nets or named in ctx.blamed_pairs or named in singles:
+            continue
+        if is_main_device(fact.main):
+            hint = "name the safety terminal on the bus that holds the MainInstance"
+        elif (fact.sub, fact.main) in pairs:
+            hint = "main and sub look exchanged"
+        else:
+            ours = [f"{main}-{sub}" for main, sub in sorted(pairs)]
+            close = nearest(f"{fact.main}-{fact.sub}", ours)
+            hint = (
+                f"did you mean {close}?" if close else f"connections: {', '.join(ours) or 'none'}"
+            )
+        slot = f" (slot {fact.slot})" if fact.slot else ""
+        ctx.add(
+            "FSN227",
+            fact.at("main"),
+            f"net {net.name!r} has no pair of transfers between {fact.main} and {fact.sub}{slot}",
+            hint=hint,
+        )
+
+
+def _unserved(ctx: Context) -> None:
+    """FSN232: frames that exist in the PDOs but that nothing copies."""
+    network = ctx.resolution.network
+    if not network.nets or network.partial or ctx.unsure_nets:
+        return
+    used = _used_blocks(ctx)
+    for sub, layout in zip(network.subdevices, ctx.resolution.layouts, strict=True):
+        idle = [
+            block
+            for sm in (layout.managers if layout else ())
+            for block in sm.blocks
+            if (sub.name, block.key) not in used
+        ]
+        if idle and not any(sub.name in pair for pair in ctx.blamed_pairs):
+            names = ", ".join(b.command.address for b in idle)
+            ctx.add(
+                "FSN232",
+                sub.span,
+                f"{sub.name}: no transfer serves the FSoE frames at {names}",
+                hint="fine for unused slots; else add the transfers",
+            )

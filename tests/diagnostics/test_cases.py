@@ -1,0 +1,65 @@
+"""Every code: the clean files do not raise it, one seeded mistake raises it at the right place."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from fsoe_net.cli.inputs import check_files
+from fsoe_net.diag import CATALOGUE, Severity
+from fsoe_net.rules import Runtime
+
+HERE = Path(__file__).parent
+CASES = yaml.safe_load((HERE / "cases.yaml").read_text("utf-8"))
+PAD = "      - {index: 0x0000, sub_index: 0, type: bit240}\n"
+
+
+def _seed(folder: Path, case: dict) -> None:
+    for file, find, put in case.get("edit", ()):
+        path = folder / file
+        text = path.read_text("utf-8")
+        assert find in text, f"{find!r} is not in {file}"
+        if put.startswith("REPEAT"):
+            put = PAD * int(put.removeprefix("REPEAT"))
+        path.write_text(text.replace(find, put, 1), "utf-8")
+    for file, text in case.get("write", ()):
+        (folder / file).write_text(text, "utf-8")
+
+
+def _check(folder: Path, case: dict, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(folder)
+    runtime = Runtime(case.get("runtime", "fsn"))
+    return check_files(case["check"], runtime=runtime).diagnostics
+
+
+def test_every_code_has_a_case_and_a_page():
+    assert sorted(CASES) == sorted(CATALOGUE)
+    pages = HERE.parents[1] / "docs" / "diagnostics"
+    missing = [code for code in CATALOGUE if not (pages / f"{code}.md").is_file()]
+    assert missing == []
+
+
+@pytest.mark.parametrize("code", sorted(CASES))
+def test_seeded_mistake_is_named_at_its_place(
+    code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    case = CASES[code]
+    folder = tmp_path / "case"
+    shutil.copytree(HERE / "base", folder)
+    _seed(folder, case)
+    found = _check(folder, case, monkeypatch)
+    places = [str(d.span) for d in found if d.code == code]
+    assert case["at"] in places, [f"{d.span} {d.code} {d.message}" for d in found]
+    # One mistake is one finding: whatever else is reported must be expected or a mere note.
+    others = {d.code for d in found if d.level is not Severity.INFO} - {code}
+    assert others <= set(case.get("also", ())), [f"{d.span} {d.code} {d.message}" for d in found]
+    assert all(d.hint for d in found), [d.code for d in found if not d.hint]
+
+
+@pytest.mark.parametrize("files", [["network.yaml"], ["robot.urdf"], ["devices/drive.yaml"]])
+def test_clean_files_raise_nothing_but_notes(files: list[str], monkeypatch: pytest.MonkeyPatch):
+    found = _check(HERE / "base", {"check": files}, monkeypatch)
+    assert [f"{d.span} {d.code}" for d in found if d.level is not Severity.INFO] == []
