@@ -2,26 +2,26 @@
 
 Compared with independent implementations, not checked against ETG.5100 and not conformance tested:
 for emulation and test, never part of a safety function. Knows nothing of EtherCAT; time is an
-argument.
+argument. `fsoe_net.fsoe.replay` holds recorded runs against the engine.
 """
 
-from fsoe_net.fsoe.chain import Chain
-from fsoe_net.fsoe.instance import Event, EventKind, MainConfig, State, SubConfig
+from fsoe_net.fsoe.chain import Chain, advance, fits_start, reset_frame
+from fsoe_net.fsoe.config import MainConfig, Parameters, SubConfig
+from fsoe_net.fsoe.crc import block_crc, frame_crcs, sra_crc
+from fsoe_net.fsoe.event import Event, EventKind, State
 from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import (
     SAFE_SIZES,
     Command,
     Pdu,
     ResetCode,
+    command_text,
     decode_pdu,
-    describe_pdu,
-    encode_pdu,
-    frame_crcs,
+    describe,
     frame_length,
     is_frame_length,
     reset_code_text,
     safe_data_length,
-    sra_crc,
 )
 from fsoe_net.fsoe.sub_instance import SubInstance
 
@@ -33,18 +33,23 @@ __all__ = [
     "EventKind",
     "MainConfig",
     "MainInstance",
+    "Parameters",
     "Pdu",
     "ResetCode",
     "State",
     "SubConfig",
     "SubInstance",
+    "advance",
+    "block_crc",
+    "command_text",
     "decode_pdu",
-    "describe_pdu",
-    "encode_pdu",
+    "describe",
+    "fits_start",
     "frame_crcs",
     "frame_length",
     "is_frame_length",
     "reset_code_text",
+    "reset_frame",
     "safe_data_length",
     "sra_crc",
 ]

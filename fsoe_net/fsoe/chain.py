@@ -4,34 +4,38 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.fsoe.pdu import Pdu, encode_pdu, frame_crcs
+from fsoe_net.fsoe.crc import frame_crcs
+from fsoe_net.fsoe.pdu import Command, Pdu, assemble
 
-__all__ = ["Chain", "next_sequence", "reset_frame", "valid_from_start"]
+__all__ = ["Chain", "advance", "fits_start", "reset_frame"]
 
 
-def next_sequence(sequence: int) -> int:
+def advance(sequence: int) -> int:
     """Return the number after ``sequence``; 65535 is followed by 1, 0 is never used."""
     return 1 if sequence == 0xFFFF else sequence + 1
 
 
 def reset_frame(code: int, safe_bytes: int) -> bytes:
-    """Return a Reset frame: old 0, sequence 1, ConnID 0, whatever happened before."""
+    """Return a Reset frame: old 0, sequence 1, ConnID 0, whatever happened before (§3)."""
     data = bytes((code,)) + bytes(safe_bytes - 1)
-    crcs = frame_crcs(0, 0, 1, 0x2A, data)
-    return encode_pdu(Pdu(command=0x2A, safe_data=data, crcs=crcs, connection_id=0))
+    return assemble(Command.RESET, data, frame_crcs(0, 0, 1, Command.RESET, data), 0)
 
 
-def valid_from_start(pdu: Pdu) -> bool:
-    """Whether the CRCs fit (old 0, sequence 1) with the ConnID the frame carries."""
+def fits_start(pdu: Pdu) -> bool:
+    """Whether the CRCs fit (old 0, sequence 1) with the ConnID the frame itself carries."""
     return frame_crcs(0, pdu.connection_id, 1, pdu.command, pdu.safe_data) == pdu.crcs
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class Chain:
     """The five values each side keeps; ``None`` means empty.
 
-    ``last`` is CRC_0 of the last frame of either direction, ``own`` the one sent last, ``peer`` the
-    one accepted last.
+    Attributes:
+        last: CRC_0 of the last frame of either direction.
+        own: CRC_0 of the frame sent last.
+        peer: CRC_0 of the frame accepted last.
+        tx_sequence: Number of the next frame to send, 1 … 65535.
+        rx_sequence: Number of the next frame to accept, 1 … 65535.
     """
 
     last: int = 0
@@ -45,31 +49,33 @@ class Chain:
         self.last, self.own, self.peer = 0, None, None
         self.tx_sequence = self.rx_sequence = 1
 
-    def seal(self, command: int, data: bytes, connection_id: int) -> bytes:
+    def send(self, command: int, data: bytes, connection_id: int) -> bytes:
         """Return the frame to send and advance.
 
-        If CRC_0 would equal the one sent last, the sequence number advances once more, so that
-        every new frame differs from its predecessor (collision rule).
+        Collision rule: if CRC_0 would equal that of the frame sent last, the sequence number
+        advances once more. Once is enough: two numbers never give the same CRC_0.
         """
         crcs = frame_crcs(self.last, connection_id, self.tx_sequence, command, data)
         if crcs[0] == self.own:
-            self.tx_sequence = next_sequence(self.tx_sequence)
+            self.tx_sequence = advance(self.tx_sequence)
             crcs = frame_crcs(self.last, connection_id, self.tx_sequence, command, data)
         self.own = self.last = crcs[0]
-        self.tx_sequence = next_sequence(self.tx_sequence)
-        return encode_pdu(
-            Pdu(command=command, safe_data=data, crcs=crcs, connection_id=connection_id)
-        )
+        self.tx_sequence = advance(self.tx_sequence)
+        return assemble(command, data, crcs, connection_id)
 
-    def accept(self, pdu: Pdu) -> bool:
-        """Check a received frame; only a right one changes the chain."""
+    def receive(self, pdu: Pdu) -> bool:
+        """Check the CRCs of a received frame and advance; a wrong frame changes nothing.
+
+        The first Session reply meets an empty ``peer``, so it is received without the collision
+        rule (§11.3, §16).
+        """
         sequence = self.rx_sequence
         crcs = frame_crcs(self.last, pdu.connection_id, sequence, pdu.command, pdu.safe_data)
         if crcs[0] == self.peer:
-            sequence = next_sequence(sequence)
+            sequence = advance(sequence)
             crcs = frame_crcs(self.last, pdu.connection_id, sequence, pdu.command, pdu.safe_data)
         if crcs != pdu.crcs:
             return False
         self.peer = self.last = crcs[0]
-        self.rx_sequence = next_sequence(sequence)
+        self.rx_sequence = advance(sequence)
         return True

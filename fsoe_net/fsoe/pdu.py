@@ -1,7 +1,8 @@
-"""FSoE frames on the wire: commands, sizes, CRCs.
+"""FSoE frames on the wire (§1, §7): commands, sizes, taking apart and putting together.
 
-Rules are numbered as in ``docs/explanation/fsoe-engine.md`` (the *protocol notes*). They come from
-comparing independent implementations, not from ETG.5100, and are not conformance tested.
+Section numbers in this package are those of the protocol notes,
+``docs/explanation/fsoe-engine.md``: compared with independent implementations, not checked against
+ETG.5100 and not conformance tested.
 """
 
 from __future__ import annotations
@@ -10,32 +11,25 @@ import enum
 import struct
 from dataclasses import dataclass
 
-import crcmod
-
-from fsoe_net.errors import PduSizeError
+from fsoe_net.errors import FsoeError, PduSizeError
 
 __all__ = [
     "SAFE_SIZES",
     "Command",
     "Pdu",
     "ResetCode",
-    "block_crc",
+    "assemble",
+    "command_text",
     "decode_pdu",
-    "describe_pdu",
-    "encode_pdu",
-    "frame_crcs",
+    "describe",
     "frame_length",
     "is_frame_length",
     "reset_code_text",
     "safe_data_length",
-    "sra_crc",
 ]
 
 SAFE_SIZES: frozenset[int] = frozenset({1, *range(2, 127, 2)})
-
-_crc16 = crcmod.mkCrcFun(0x139B7, initCrc=0, rev=False, xorOut=0)
-_HEAD = struct.Struct("<HHHB")
-_WORD = struct.Struct("<H")
+"""Numbers of safe data bytes an FSoE frame can carry: 1 or even up to 126."""
 
 
 class Command(enum.IntEnum):
@@ -50,7 +44,7 @@ class Command(enum.IntEnum):
 
 
 class ResetCode(enum.IntEnum):
-    """First data byte of a Reset frame (§7)."""
+    """First data byte of a Reset frame (§7); 0x80 … 0xFF are device specific."""
 
     LOCAL = 0
     COMMAND = 1
@@ -65,6 +59,10 @@ class ResetCode(enum.IntEnum):
     APP_PARAMETER_LENGTH = 10
     APP_PARAMETER = 11
 
+
+_COMMAND_TEXT = {
+    int(command): command.name.title().replace("_", "") for command in Command
+}  # 0x36: "ProcessData"
 
 _CODE_TEXT = {
     0: "local reset or acknowledgement",
@@ -82,9 +80,14 @@ _CODE_TEXT = {
 }
 
 
+def command_text(command: int) -> str:
+    """Return the name of a command byte, for people."""
+    return _COMMAND_TEXT.get(command, f"command 0x{command:02x}")
+
+
 def reset_code_text(code: int) -> str:
     """Return what a reset code means, for people."""
-    if code >= 0x80:
+    if 0x80 <= code <= 0xFF:
         return f"device-specific code 0x{code:02x}"
     return _CODE_TEXT.get(code, f"unknown code {code}")
 
@@ -100,18 +103,21 @@ def frame_length(safe_bytes: int) -> int:
     return 6 if safe_bytes == 1 else 2 * safe_bytes + 3
 
 
-def is_frame_length(size_bytes: int) -> bool:
-    """Whether an FSoE frame can have this length: 6, 7, 11, 15 … 255."""
-    return size_bytes == 6 or (7 <= size_bytes <= 255 and size_bytes % 4 == 3)
+def is_frame_length(n: int) -> bool:
+    """Whether an FSoE frame can have this length: 6, 7, 11, 15 … 255 bytes."""
+    return n == 6 or (7 <= n <= 255 and n % 4 == 3)
 
 
 def safe_data_length(pdu_bytes: int) -> int:
-    """Return how many safe data bytes a frame of this length carries.
+    """Return how many safe data bytes an FSoE frame of this length carries.
 
     Byte    0     1..2     3..4      ...     n-2..n-1
           +-----+--------+--------+-------+----------+
           | cmd | data 0 | CRC 0  |  ...  | conn ID  |
           +-----+--------+--------+-------+----------+
+
+    Args:
+        pdu_bytes: Whole frame on the wire, in bytes: 6, or 3 + 4 * k with k >= 1.
 
     Raises:
         PduSizeError: No FSoE frame has this length.
@@ -121,105 +127,83 @@ def safe_data_length(pdu_bytes: int) -> int:
     return 1 if pdu_bytes == 6 else (pdu_bytes - 3) // 2
 
 
-def block_crc(
-    old: int, connection_id: int, sequence: int, command: int, block: int, data: bytes
-) -> int:
-    """Return the CRC-16 of one block (§2).
-
-    Args:
-        old: CRC_0 of the frame before, of either direction; 0 after a Reset.
-        connection_id: Value of the frame's own ConnID field.
-        sequence: Sequence number, 1 … 65535.
-        command: Command byte.
-        block: Number of the block, from 0; block 0 does not feed its number.
-        data: Two safe data bytes, or one when the frame carries only one.
-    """
-    head = _HEAD.pack(old, connection_id, sequence, command)
-    number = _WORD.pack(block) if block else b""
-    crc: int = _crc16(head + number + data + b"\0\0\0")
-    return crc
-
-
-def frame_crcs(
-    old: int, connection_id: int, sequence: int, command: int, data: bytes
-) -> tuple[int, ...]:
-    """Return the CRCs of all blocks of a frame; they share ``old`` and ``sequence``."""
-    return tuple(
-        block_crc(old, connection_id, sequence, command, n, data[2 * n : 2 * n + 2])
-        for n in range((len(data) + 1) // 2)
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pdu:
-    """One frame taken apart. ``command`` may be a value that no `Command` has."""
+    """One frame taken apart.
+
+    Attributes:
+        command: Command byte; may be a value that no `Command` has.
+        safe_data: 1, 2, 4 … 126 bytes.
+        crcs: CRC_0, CRC_1 … as carried, right or wrong; one per block.
+        connection_id: Last two bytes of the frame.
+    """
 
     command: int
     safe_data: bytes
     crcs: tuple[int, ...]
     connection_id: int
 
+    def encode(self) -> bytes:
+        """Return the bytes of the frame.
 
-def encode_pdu(pdu: Pdu) -> bytes:
-    """Return the bytes of a frame.
+        Raises:
+            PduSizeError: No FSoE frame carries this many safe data bytes or CRCs.
+            FsoeError: A field does not fit into its bytes.
+        """
+        try:
+            return assemble(self.command, self.safe_data, self.crcs, self.connection_id)
+        except struct.error as exc:
+            raise FsoeError(f"a field of {self} does not fit: {exc}") from exc
 
-    Raises:
-        PduSizeError: No FSoE frame carries this many safe data bytes.
-    """
-    data = pdu.safe_data
-    frame_length(len(data))
-    parts = [bytes((pdu.command,))]
-    for number, crc in enumerate(pdu.crcs):
-        parts.append(data[2 * number : 2 * number + 2])
-        parts.append(_WORD.pack(crc))
-    parts.append(_WORD.pack(pdu.connection_id))
-    return b"".join(parts)
+    @classmethod
+    def decode(cls, data: bytes) -> Pdu:
+        """Take a frame apart; CRCs are not checked.
+
+        Raises:
+            PduSizeError: No FSoE frame has this length.
+        """
+        return decode_pdu(data)
 
 
-def decode_pdu(frame: bytes) -> Pdu:
+_LAYOUTS = {
+    frame_length(size): struct.Struct("<B" + ("BH" if size == 1 else "2sH" * (size // 2)) + "H")
+    for size in SAFE_SIZES
+}
+
+
+def assemble(command: int, data: bytes, crcs: tuple[int, ...], connection_id: int) -> bytes:
+    """Return the bytes of a frame; see `safe_data_length` for the drawing."""
+    layout = _LAYOUTS[frame_length(len(data))]
+    if len(crcs) != (len(data) + 1) // 2:
+        raise PduSizeError(f"{len(crcs)} CRCs for {len(data)} safe data bytes")
+    if len(data) == 1:
+        return layout.pack(command, data[0], crcs[0], connection_id)
+    if len(data) == 2:
+        return layout.pack(command, data, crcs[0], connection_id)
+    fields: list[int | bytes] = [command]
+    for block, crc in enumerate(crcs):
+        fields += (data[2 * block : 2 * block + 2], crc)
+    return layout.pack(*fields, connection_id)
+
+
+def decode_pdu(data: bytes) -> Pdu:
     """Take a frame apart; CRCs are not checked.
 
     Raises:
         PduSizeError: No FSoE frame has this length.
     """
-    size = safe_data_length(len(frame))
-    step = 1 if size == 1 else 2
-    data = bytearray()
-    crcs = []
-    at = 1
-    for _ in range((size + 1) // 2):
-        data += frame[at : at + step]
-        crcs.append(frame[at + step] | frame[at + step + 1] << 8)
-        at += step + 2
+    size = safe_data_length(len(data))
+    fields = _LAYOUTS[len(data)].unpack(data)
+    safe_data = bytes(fields[1:2]) if size == 1 else b"".join(fields[1:-1:2])
     return Pdu(
-        command=frame[0],
-        safe_data=bytes(data),
-        crcs=tuple(crcs),
-        connection_id=frame[at] | frame[at + 1] << 8,
+        command=fields[0], safe_data=safe_data, crcs=fields[2:-1:2], connection_id=fields[-1]
     )
 
 
-def describe_pdu(pdu: Pdu) -> str:
-    """Return a frame as one line, e.g. ``ProcessData 0f ConnID 10 CRC 6b2e``."""
-    try:
-        name = Command(pdu.command).name.title().replace("_", "")
-    except ValueError:
-        name = f"command 0x{pdu.command:02x}"
+def describe(pdu: Pdu) -> str:
+    """Return a frame as one line, e.g. ``ProcessData 0f 00 ConnID 10 CRC 6b2e``."""
+    name = command_text(pdu.command)
     if pdu.command == Command.RESET:
         name += f"({pdu.safe_data[0]}: {reset_code_text(pdu.safe_data[0])})"
-    crcs = " ".join(f"{c:04x}" for c in pdu.crcs)
+    crcs = " ".join(f"{crc:04x}" for crc in pdu.crcs)
     return f"{name} {pdu.safe_data.hex(' ')} ConnID {pdu.connection_id} CRC {crcs}"
-
-
-_sra = crcmod.mkCrcFun(0x1814141AB, initCrc=0, rev=False, xorOut=0)
-
-
-def sra_crc(data: bytes, start: int = 0) -> int:
-    """Return the SRA CRC-32 over parameters (§12), which is sent as the first application bytes.
-
-    Args:
-        data: Parameter bytes, low byte of each value first.
-        start: Result of the bytes before, to continue.
-    """
-    crc: int = _sra(data, start)
-    return crc

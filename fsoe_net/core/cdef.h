@@ -1,0 +1,90 @@
+/* What Python uses of the C core. The compiler checks it against the headers of master_core. */
+#define FSN_NONE ...
+#define FSN_FAULT_NO_RECORD ...
+#define FSN_LATENCY_BUCKETS 32
+
+typedef int... fsn_status;
+const char *fsn_status_name(fsn_status status);
+const char *fsn_status_text(fsn_status status);
+const char *fsn_section_name(uint32_t section);
+
+struct fsn_fault {
+    fsn_status status;
+    uint32_t section;
+    uint32_t copy_index;
+    uint32_t byte;
+    int sys_errno;
+};
+
+struct fsn_plan;
+struct fsn_subdevice_info { const char *name; uint32_t first_sm, sm_count; ...; };
+struct fsn_sm_info { uint32_t subdevice, size_bytes; uint8_t index, direction, registered; ...; };
+struct fsn_symbol_info { const char *name; uint16_t bits; uint8_t output; ...; };
+struct fsn_connection_info { const char *name; ...; };
+
+fsn_status fsn_plan_load(const void *bytes, size_t len_bytes, struct fsn_plan **plan,
+                         struct fsn_fault *fault);
+void fsn_plan_free(struct fsn_plan *plan);
+uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
+uint32_t fsn_plan_subdevice_count(const struct fsn_plan *plan);
+uint32_t fsn_plan_sm_count(const struct fsn_plan *plan);
+uint32_t fsn_plan_symbol_count(const struct fsn_plan *plan);
+uint32_t fsn_plan_connection_count(const struct fsn_plan *plan);
+fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
+                              struct fsn_subdevice_info *info);
+fsn_status fsn_plan_sm(const struct fsn_plan *plan, uint32_t number, struct fsn_sm_info *info);
+fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
+                           struct fsn_symbol_info *info);
+fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
+                               struct fsn_connection_info *info);
+
+struct fsn_bus_ops { ...; };
+struct fsn_emulated;
+const struct fsn_bus_ops *fsn_emulated_ops(void);
+fsn_status fsn_emulated_create(const struct fsn_plan *plan, struct fsn_emulated **bus);
+void fsn_emulated_free(struct fsn_emulated *bus);
+fsn_status fsn_emulated_read_outputs(struct fsn_emulated *bus, uint32_t sm, uint8_t *buffer,
+                                     size_t len_bytes);
+fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm, const uint8_t *buffer,
+                                     size_t len_bytes);
+fsn_status fsn_emulated_set_present(struct fsn_emulated *bus, uint32_t subdevice, bool present);
+
+struct fsn_core;
+struct fsn_statistics {
+    uint64_t cycles, overruns, wkc_errors, bytes_copied, now_ns;
+    uint64_t latency_max_ns, latency_sum_ns, cycle_max_ns, copy_max_ns, events_lost;
+    uint32_t expected_wkc, actual_wkc, copies, merged_copies, realtime;
+    uint32_t latency[32];
+    ...;
+};
+struct fsn_direction {
+    uint64_t frames, process_data, failsafe_data, resets, last_new_ns;
+    uint64_t interval_last_ns, interval_min_ns, interval_max_ns, interval_sum_ns, intervals;
+    uint16_t connection_id;
+    uint8_t command, reset_code;
+    ...;
+};
+struct fsn_connection_status { struct fsn_direction direction[2]; uint32_t outside; ...; };
+struct fsn_event {
+    uint64_t now_ns;
+    uint32_t connection;
+    uint8_t before, after, reset_code;
+    ...;
+};
+struct fsn_thread_options { uint64_t cycle_ns; int priority; int cpu; bool lock_memory; ...; };
+
+fsn_status fsn_core_create(const struct fsn_plan *plan, const struct fsn_bus_ops *ops, void *bus,
+                           struct fsn_core **core, struct fsn_fault *fault);
+void fsn_core_free(struct fsn_core *core);
+fsn_status fsn_core_cycle(struct fsn_core *core, uint64_t now_ns);
+fsn_status fsn_core_start(struct fsn_core *core, const struct fsn_thread_options *options,
+                          struct fsn_fault *fault);
+void fsn_core_stop(struct fsn_core *core);
+fsn_status fsn_core_snapshot(struct fsn_core *core, struct fsn_statistics *statistics,
+                             struct fsn_connection_status *connections, uint8_t *image);
+uint32_t fsn_core_image_bytes(const struct fsn_core *core);
+uint32_t fsn_core_sm_base(const struct fsn_core *core, uint32_t sm);
+bool fsn_core_event(struct fsn_core *core, struct fsn_event *event);
+fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol, uint64_t value);
+fsn_status fsn_core_read_symbol(const struct fsn_core *core, const uint8_t *image, uint32_t symbol,
+                                uint64_t *value);

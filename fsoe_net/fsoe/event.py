@@ -1,0 +1,49 @@
+"""States of a connection end and the events it reports."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+__all__ = ["Event", "EventKind", "State"]
+
+
+class State(enum.Enum):
+    """State of a connection end."""
+
+    RESET = "Reset"
+    SESSION = "Session"
+    CONNECTION = "Connection"
+    PARAMETER = "Parameter"
+    DATA = "Data"
+
+
+class EventKind(enum.Enum):
+    """What happened, and who began it."""
+
+    STATE = "state"
+    """The start-up went one state further."""
+    RESET_LOCAL = "reset_local"
+    """This end sent a Reset on its own account."""
+    RESET_BY_PEER = "reset_by_peer"
+    """The other end sent a Reset; a SubInstance has acknowledged it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something worth logging; one step yields at most one.
+
+    Attributes:
+        now_ns: Time of the step.
+        kind: What happened.
+        code: Reset code. For kind STATE the code in the frame that ended state Reset of a
+            MainInstance, else 0.
+        state_before: State before the step.
+        state_after: State after the step.
+    """
+
+    now_ns: int
+    kind: EventKind
+    code: int
+    state_before: State
+    state_after: State

@@ -1,0 +1,12 @@
+/** Everything: load a plan, run it on a bus. */
+#ifndef FSN_FSN_H
+#define FSN_FSN_H
+
+#include "fsn/bus.h"
+#include "fsn/core.h"
+#include "fsn/emulated.h"
+#include "fsn/plan.h"
+#include "fsn/status.h"
+#include "fsn/version.h"
+
+#endif

@@ -1,0 +1,113 @@
+/** Plans: bytes of a .fsnplan file, taken as hostile input and proved before anything is copied.
+ *  Layout: docs/reference/plan-format.md. */
+#ifndef FSN_PLAN_H
+#define FSN_PLAN_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fsn/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** No record, no place. */
+#define FSN_NONE 0xFFFFFFFFu
+enum { FSN_OUTPUT = 1, FSN_INPUT = 2 };
+enum { FSN_COPY_FSOE = 1, FSN_COPY_STANDARD = 2 };
+enum { FSN_MAX_SM_BITS = 11888, FSN_MAX_DATAGRAM_BYTES = 1486, FSN_MAX_FRAME_BYTES = 255 };
+
+struct fsn_plan;
+
+/** A SubDevice as the plan states it. */
+struct fsn_subdevice_info {
+    const char *name;
+    uint32_t vendor_id, product_code, revision_low, revision_high;
+    uint32_t first_sm, sm_count, first_sdo, sdo_count;
+    uint16_t alias, position, assign_activate;
+    uint8_t in_copy;
+};
+
+/** A sync manager; sizes in bits, size_bytes rounds up. */
+struct fsn_sm_info {
+    uint32_t subdevice, bits, size_bytes, first_pdo, pdo_count;
+    uint8_t index, direction, watchdog, registered;
+};
+
+/** A named entry of ordinary process data. */
+struct fsn_symbol_info {
+    const char *name;
+    uint32_t sm, bit_offset;
+    uint16_t bits;
+    uint8_t kind, output, restart_relevant;
+};
+
+/** A recognised FSoE frame. */
+struct fsn_block_info {
+    uint32_t sm, byte_offset;
+    uint16_t frame_bytes, safe_bytes;
+    uint8_t copied;
+};
+
+/** A copy; offsets are relative to the sync manager's process data. */
+struct fsn_copy_info {
+    const char *net;
+    uint32_t source_sm, source_byte, destination_sm, destination_byte, size_bytes, connection;
+    uint16_t kind;
+};
+
+/** A connection: two opposite copies between a MainInstance and a SubInstance. */
+struct fsn_connection_info {
+    const char *name, *net;
+    uint32_t main_subdevice, sub_subdevice, copy_to_sub, copy_to_main;
+    uint16_t connection_id, address, watchdog_ms, known; /**< known: bit 0, 1, 2 in this order */
+    uint16_t safe_to_sub, safe_to_main;
+};
+
+/** Copies and proves a plan.
+ *  @param[in]  bytes       file content; not needed after the call.
+ *  @param[in]  len_bytes   its length.
+ *  @param[out] plan        the plan, to be freed by fsn_plan_free(); NULL on refusal.
+ *  @param[out] fault       where and why it was refused; may be NULL.
+ *  @retval FSN_E_PLAN_…, FSN_E_COPY_…  a rule of the plan format is broken; nothing was kept.
+ *  Memory: len_bytes plus a small constant. Time: O(records).
+ *  Context: set-up. Allocates. */
+FSN_API FSN_MUST_USE fsn_status fsn_plan_load(const void *bytes, size_t len_bytes,
+                                              struct fsn_plan **plan, struct fsn_fault *fault);
+
+/** Frees a plan; NULL is allowed. No core may use it any more. Context: set-up. */
+FSN_API void fsn_plan_free(struct fsn_plan *plan);
+
+/** Bus cycle in nanoseconds, 0 when the plan does not state it. Context: any thread. */
+FSN_API uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
+
+/** Numbers of records. Context: any thread. */
+FSN_API uint32_t fsn_plan_subdevice_count(const struct fsn_plan *plan);
+FSN_API uint32_t fsn_plan_sm_count(const struct fsn_plan *plan);
+FSN_API uint32_t fsn_plan_symbol_count(const struct fsn_plan *plan);
+FSN_API uint32_t fsn_plan_block_count(const struct fsn_plan *plan);
+FSN_API uint32_t fsn_plan_copy_count(const struct fsn_plan *plan);
+FSN_API uint32_t fsn_plan_connection_count(const struct fsn_plan *plan);
+
+/** Decode one record.
+ *  @retval FSN_E_ARG  no record of that number.
+ *  Names point into the plan and live as long as it. Context: any thread. */
+FSN_API FSN_MUST_USE fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
+                                                   struct fsn_subdevice_info *info);
+FSN_API FSN_MUST_USE fsn_status fsn_plan_sm(const struct fsn_plan *plan, uint32_t number,
+                                            struct fsn_sm_info *info);
+FSN_API FSN_MUST_USE fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
+                                                struct fsn_symbol_info *info);
+FSN_API FSN_MUST_USE fsn_status fsn_plan_block(const struct fsn_plan *plan, uint32_t number,
+                                               struct fsn_block_info *info);
+FSN_API FSN_MUST_USE fsn_status fsn_plan_copy(const struct fsn_plan *plan, uint32_t number,
+                                              struct fsn_copy_info *info);
+FSN_API FSN_MUST_USE fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
+                                                    struct fsn_connection_info *info);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

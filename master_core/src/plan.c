@@ -1,0 +1,278 @@
+#include "plan_internal.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const uint8_t magic[8] = {'F', 'S', 'N', 'P', 'L', 'A', 'N', 0};
+
+const uint32_t fsn_record_bytes[FSN_SECTIONS + 1] = {0, 48, 24, 16, 12, 16, 20, 16, 32, 40, 1};
+
+fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t section, uint32_t record,
+                      uint32_t byte) {
+    if (fault != NULL) {
+        *fault = (struct fsn_fault){
+            .status = status, .section = section, .copy_index = record, .byte = byte};
+    }
+    return status;
+}
+
+/** CRC-32 of IEEE 802.3 with four bytes at `hole` taken as zero; set-up only, so no table. */
+static uint32_t crc32_with_hole(const uint8_t *bytes, uint32_t len, uint32_t hole) {
+    uint32_t crc = 0xFFFFFFFFu;
+    for (uint32_t i = 0; i < len; i++) {
+        const uint8_t byte = (i >= hole && i < hole + 4) ? 0 : bytes[i];
+        crc ^= byte;
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (crc >> 1) ^ (0xEDB88320u & (0u - (crc & 1u)));
+        }
+    }
+    return ~crc;
+}
+
+static fsn_status check_header(const uint8_t *b, size_t len, struct fsn_fault *fault) {
+    if (len < FSN_HEADER_BYTES + FSN_SECTIONS * FSN_ROW_BYTES) {
+        return fsn_refuse(fault, FSN_E_PLAN_LENGTH, 0, FSN_FAULT_NO_RECORD, 0);
+    }
+    if (memcmp(b, magic, sizeof magic) != 0) {
+        return fsn_refuse(fault, FSN_E_PLAN_MAGIC, 0, FSN_FAULT_NO_RECORD, 0);
+    }
+    if (fsn_get16(b + 8) != 1) {
+        return fsn_refuse(fault, FSN_E_PLAN_VERSION, 0, FSN_FAULT_NO_RECORD, 8);
+    }
+    if (len > 0x7FFFFFFFu || fsn_get32(b + 12) != len) {
+        return fsn_refuse(fault, FSN_E_PLAN_LENGTH, 0, FSN_FAULT_NO_RECORD, 12);
+    }
+    if (fsn_get32(b + 16) != crc32_with_hole(b, (uint32_t)len, 16)) {
+        return fsn_refuse(fault, FSN_E_PLAN_CRC, 0, FSN_FAULT_NO_RECORD, 16);
+    }
+    if (fsn_get32(b + 24) != FSN_SECTIONS) {
+        return fsn_refuse(fault, FSN_E_PLAN_SECTION, 0, FSN_FAULT_NO_RECORD, 24);
+    }
+    if (fsn_get32(b + 28) != 0) {
+        return fsn_refuse(fault, FSN_E_PLAN_RESERVED, 0, FSN_FAULT_NO_RECORD, 28);
+    }
+    return FSN_OK;
+}
+
+/** Sections follow each other in order, without gaps but zero bytes up to a multiple of 4. */
+static fsn_status read_sections(struct fsn_plan *plan, struct fsn_fault *fault) {
+    uint64_t expected = FSN_HEADER_BYTES + FSN_SECTIONS * FSN_ROW_BYTES;
+    for (uint32_t s = 1; s <= FSN_SECTIONS; s++) {
+        const uint32_t at = FSN_HEADER_BYTES + (s - 1) * FSN_ROW_BYTES;
+        const uint8_t *row = plan->bytes + at;
+        const uint32_t offset = fsn_get32(row + 4);
+        const uint32_t count = fsn_get32(row + 8);
+        const uint64_t end = (uint64_t)offset + (uint64_t)count * fsn_record_bytes[s];
+        if (fsn_get32(row) != s || offset != expected || end > plan->len_bytes ||
+            fsn_get32(row + 12) != fsn_record_bytes[s]) {
+            return fsn_refuse(fault, FSN_E_PLAN_SECTION, s, FSN_FAULT_NO_RECORD, at);
+        }
+        plan->offset[s] = offset;
+        plan->count[s] = count;
+        expected = s < FSN_SECTIONS ? (end + 3) & ~(uint64_t)3 : end;
+        for (uint64_t i = end; i < expected && i < plan->len_bytes; i++) {
+            if (plan->bytes[i] != 0) {
+                return fsn_refuse(fault, FSN_E_PLAN_RESERVED, s, FSN_FAULT_NO_RECORD, (uint32_t)i);
+            }
+        }
+    }
+    if (expected != plan->len_bytes) {
+        return fsn_refuse(fault, FSN_E_PLAN_LENGTH, FSN_SEC_STRINGS, FSN_FAULT_NO_RECORD,
+                          (uint32_t)expected);
+    }
+    return FSN_OK;
+}
+
+fsn_status fsn_plan_load(const void *bytes, size_t len_bytes, struct fsn_plan **out,
+                         struct fsn_fault *fault) {
+    if (out == NULL) {
+        return fsn_refuse(fault, FSN_E_ARG, 0, FSN_FAULT_NO_RECORD, 0);
+    }
+    *out = NULL;
+    if (bytes == NULL) {
+        return fsn_refuse(fault, FSN_E_ARG, 0, FSN_FAULT_NO_RECORD, 0);
+    }
+    fsn_status status = check_header(bytes, len_bytes, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    struct fsn_plan *plan = calloc(1, sizeof *plan);
+    uint8_t *copy = malloc(len_bytes);
+    if (plan == NULL || copy == NULL) {
+        free(plan);
+        free(copy);
+        return fsn_refuse(fault, FSN_E_NOMEM, 0, FSN_FAULT_NO_RECORD, 0);
+    }
+    memcpy(copy, bytes, len_bytes);
+    plan->bytes = copy;
+    plan->len_bytes = (uint32_t)len_bytes;
+    plan->cycle_ns = fsn_get32(copy + 20);
+    status = read_sections(plan, fault);
+    if (status == FSN_OK) {
+        status = fsn_plan_prove(plan, fault);
+    }
+    if (status != FSN_OK) {
+        fsn_plan_free(plan);
+        return status;
+    }
+    *out = plan;
+    return FSN_OK;
+}
+
+void fsn_plan_free(struct fsn_plan *plan) {
+    if (plan != NULL) {
+        free(plan->bytes);
+        free(plan);
+    }
+}
+
+uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan) {
+    return plan->cycle_ns;
+}
+
+uint32_t fsn_plan_subdevice_count(const struct fsn_plan *plan) {
+    return plan->count[FSN_SEC_SUBDEVICE];
+}
+
+uint32_t fsn_plan_sm_count(const struct fsn_plan *plan) {
+    return plan->count[FSN_SEC_SM];
+}
+
+uint32_t fsn_plan_symbol_count(const struct fsn_plan *plan) {
+    return plan->count[FSN_SEC_SYMBOL];
+}
+
+uint32_t fsn_plan_block_count(const struct fsn_plan *plan) {
+    return plan->count[FSN_SEC_BLOCK];
+}
+
+uint32_t fsn_plan_copy_count(const struct fsn_plan *plan) {
+    return plan->count[FSN_SEC_COPY];
+}
+
+uint32_t fsn_plan_connection_count(const struct fsn_plan *plan) {
+    return plan->count[FSN_SEC_CONNECTION];
+}
+
+/** The proofs have shown that every string reference lies inside the table, which ends in zero. */
+static const char *text(const struct fsn_plan *plan, const uint8_t *field) {
+    return (const char *)plan->bytes + plan->offset[FSN_SEC_STRINGS] + fsn_get32(field);
+}
+
+fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
+                              struct fsn_subdevice_info *info) {
+    if (number >= plan->count[FSN_SEC_SUBDEVICE]) {
+        return FSN_E_ARG;
+    }
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SUBDEVICE, number);
+    *info = (struct fsn_subdevice_info){
+        .name = text(plan, r),
+        .alias = fsn_get16(r + 4),
+        .position = fsn_get16(r + 6),
+        .vendor_id = fsn_get32(r + 8),
+        .product_code = fsn_get32(r + 12),
+        .revision_low = fsn_get32(r + 16),
+        .revision_high = fsn_get32(r + 20),
+        .first_sm = fsn_get32(r + 24),
+        .sm_count = fsn_get32(r + 28),
+        .first_sdo = fsn_get32(r + 32),
+        .sdo_count = fsn_get32(r + 36),
+        .assign_activate = fsn_get16(r + 40),
+        .in_copy = (uint8_t)(fsn_get16(r + 42) & 1u),
+    };
+    return FSN_OK;
+}
+
+fsn_status fsn_plan_sm(const struct fsn_plan *plan, uint32_t number, struct fsn_sm_info *info) {
+    if (number >= plan->count[FSN_SEC_SM]) {
+        return FSN_E_ARG;
+    }
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, number);
+    *info = (struct fsn_sm_info){
+        .subdevice = fsn_get32(r),
+        .index = r[4],
+        .direction = r[5],
+        .watchdog = r[6],
+        .registered = r[7] & 1u,
+        .bits = fsn_get32(r + 8),
+        .size_bytes = (fsn_get32(r + 8) + 7) / 8,
+        .first_pdo = fsn_get32(r + 12),
+        .pdo_count = fsn_get32(r + 16),
+    };
+    return FSN_OK;
+}
+
+fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
+                           struct fsn_symbol_info *info) {
+    if (number >= plan->count[FSN_SEC_SYMBOL]) {
+        return FSN_E_ARG;
+    }
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SYMBOL, number);
+    *info = (struct fsn_symbol_info){
+        .name = text(plan, r),
+        .sm = fsn_get32(r + 4),
+        .bit_offset = fsn_get32(r + 8),
+        .bits = fsn_get16(r + 12),
+        .kind = r[14],
+        .output = r[15] & 1u,
+        .restart_relevant = (r[15] >> 1) & 1u,
+    };
+    return FSN_OK;
+}
+
+fsn_status fsn_plan_block(const struct fsn_plan *plan, uint32_t number,
+                          struct fsn_block_info *info) {
+    if (number >= plan->count[FSN_SEC_BLOCK]) {
+        return FSN_E_ARG;
+    }
+    const uint8_t *r = fsn_record(plan, FSN_SEC_BLOCK, number);
+    *info = (struct fsn_block_info){
+        .sm = fsn_get32(r),
+        .byte_offset = fsn_get32(r + 4),
+        .frame_bytes = fsn_get16(r + 8),
+        .safe_bytes = fsn_get16(r + 10),
+        .copied = (uint8_t)(fsn_get32(r + 12) & 1u),
+    };
+    return FSN_OK;
+}
+
+fsn_status fsn_plan_copy(const struct fsn_plan *plan, uint32_t number, struct fsn_copy_info *info) {
+    if (number >= plan->count[FSN_SEC_COPY]) {
+        return FSN_E_ARG;
+    }
+    const uint8_t *r = fsn_record(plan, FSN_SEC_COPY, number);
+    *info = (struct fsn_copy_info){
+        .source_sm = fsn_get32(r),
+        .source_byte = fsn_get32(r + 4) / 8,
+        .destination_sm = fsn_get32(r + 8),
+        .destination_byte = fsn_get32(r + 12) / 8,
+        .size_bytes = fsn_get32(r + 16) / 8,
+        .net = text(plan, r + 20),
+        .kind = fsn_get16(r + 24),
+        .connection = fsn_get32(r + 28),
+    };
+    return FSN_OK;
+}
+
+fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
+                               struct fsn_connection_info *info) {
+    if (number >= plan->count[FSN_SEC_CONNECTION]) {
+        return FSN_E_ARG;
+    }
+    const uint8_t *r = fsn_record(plan, FSN_SEC_CONNECTION, number);
+    *info = (struct fsn_connection_info){
+        .name = text(plan, r),
+        .net = text(plan, r + 4),
+        .main_subdevice = fsn_get32(r + 8),
+        .sub_subdevice = fsn_get32(r + 12),
+        .copy_to_sub = fsn_get32(r + 16),
+        .copy_to_main = fsn_get32(r + 20),
+        .connection_id = fsn_get16(r + 24),
+        .address = fsn_get16(r + 26),
+        .watchdog_ms = fsn_get16(r + 28),
+        .known = fsn_get16(r + 30),
+        .safe_to_sub = fsn_get16(r + 32),
+        .safe_to_main = fsn_get16(r + 34),
+    };
+    return FSN_OK;
+}

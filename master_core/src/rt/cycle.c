@@ -1,0 +1,104 @@
+#define _POSIX_C_SOURCE 200809L
+
+#include "rt.h"
+
+#include <errno.h>
+#include <string.h>
+#include <time.h>
+
+static uint64_t clock_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+static void sleep_until(uint64_t at_ns) {
+    const struct timespec at = {.tv_sec = (time_t)(at_ns / 1000000000u),
+                                .tv_nsec = (long)(at_ns % 1000000000u)};
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL) == EINTR) {
+    }
+}
+
+/** Writes up to 64 bits at any bit of the image. */
+static void write_bits(uint8_t *image, uint32_t bit, uint32_t bits, uint64_t value) {
+    while (bits > 0) {
+        const uint32_t shift = bit % 8;
+        const uint32_t now = bits < 8 - shift ? bits : 8 - shift;
+        const uint8_t mask = (uint8_t)(((1u << now) - 1u) << shift);
+        uint8_t *byte = image + bit / 8;
+        *byte = (uint8_t)((*byte & ~mask) | (((uint32_t)(value & 0xFFu) << shift) & mask));
+        value >>= now;
+        bit += now;
+        bits -= now;
+    }
+}
+
+static void write_outputs(struct fsn_rt *rt) {
+    const uint32_t count = atomic_load_explicit(&rt->active_count, memory_order_acquire);
+    for (uint32_t i = 0; i < count; i++) {
+        struct fsn_rt_output *output = &rt->outputs[rt->active[i]];
+        const uint64_t value = atomic_load_explicit(&output->value, memory_order_relaxed);
+        write_bits(rt->image, output->bit_offset, output->bits, value);
+    }
+}
+
+static void take_input(struct fsn_statistics *s, const struct fsn_bus_input *input) {
+    s->expected_wkc = input->expected_wkc;
+    s->actual_wkc = input->actual_wkc;
+    if (input->bad_datagrams > 0 || input->actual_wkc != input->expected_wkc) {
+        s->wkc_errors++;
+    }
+}
+
+void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
+    struct fsn_statistics *s = &rt->statistics;
+    struct fsn_bus_input input = {0};
+    const uint64_t start = timed ? clock_ns() : 0;
+    rt->ops->receive(rt->bus, &input);
+    take_input(s, &input);
+    const uint64_t before_copy = timed ? clock_ns() : 0;
+    fsn_rt_copy_all(rt->image, rt->copies, rt->groups, rt->group_count);
+    const uint64_t after_copy = timed ? clock_ns() : 0;
+    fsn_rt_monitor(rt, now_ns);
+    write_outputs(rt);
+    rt->ops->send(rt->bus);
+    s->cycles++;
+    s->bytes_copied += rt->bytes_per_cycle;
+    s->now_ns = now_ns;
+    if (timed) {
+        const uint64_t copy = after_copy - before_copy;
+        const uint64_t whole = clock_ns() - start;
+        s->copy_max_ns = copy > s->copy_max_ns ? copy : s->copy_max_ns;
+        s->cycle_max_ns = whole > s->cycle_max_ns ? whole : s->cycle_max_ns;
+    }
+    fsn_rt_publish(rt);
+}
+
+static void count_latency(struct fsn_statistics *s, uint64_t latency_ns) {
+    uint32_t bucket = 0;
+    for (uint64_t rest = latency_ns; rest > 0 && bucket < FSN_LATENCY_BUCKETS - 1; rest >>= 1) {
+        bucket++;
+    }
+    s->latency[bucket]++;
+    s->latency_sum_ns += latency_ns;
+    s->latency_max_ns = latency_ns > s->latency_max_ns ? latency_ns : s->latency_max_ns;
+}
+
+void fsn_rt_loop(struct fsn_rt *rt) {
+    uint64_t next = clock_ns() + rt->cycle_ns;
+    while (!atomic_load_explicit(&rt->stop, memory_order_relaxed)) {
+        sleep_until(next);
+        const uint64_t now = clock_ns();
+        const uint64_t late = now > next ? now - next : 0;
+        count_latency(&rt->statistics, late);
+        fsn_rt_cycle(rt, now, true);
+        next += rt->cycle_ns;
+        if (late >= rt->cycle_ns) {
+            /* Missed wake-ups are counted and dropped, not caught up: a burst of cycles would put
+             * several frames of one device into one of its own cycles. */
+            const uint64_t missed = late / rt->cycle_ns;
+            rt->statistics.overruns += missed;
+            next += missed * rt->cycle_ns;
+        }
+    }
+}

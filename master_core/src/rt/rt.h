@@ -1,0 +1,101 @@
+/** What the cyclic path touches. Set-up code fills it, then only the cyclic thread writes it.
+ *  Nothing here allocates, locks, prints or calls the system but for clock and sleep. */
+#ifndef FSN_RT_H
+#define FSN_RT_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fsn/core.h"
+
+enum {
+    FSN_RT_SIZE_CLASSES = 64, /**< copies up to this size run with a constant size */
+    FSN_RT_EVENTS = 256,      /**< slots of the event ring, a power of two */
+};
+
+/** One merged copy, absolute bytes in the image. */
+struct fsn_rt_copy {
+    uint32_t source, destination;
+};
+
+/** Copies of one size, executed together. Sizes above FSN_RT_SIZE_CLASSES get a group each. */
+struct fsn_rt_group {
+    uint32_t size_bytes, first, count;
+};
+
+/** One observed frame: where it lies after the copy, and the bytes seen last. */
+struct fsn_rt_watch {
+    uint32_t offset, size_bytes;
+    bool seen; /**< any frame yet; an empty image is none */
+    uint8_t last[FSN_MAX_FRAME_BYTES];
+};
+
+/** Bits of the image that the application sets. */
+struct fsn_rt_output {
+    uint32_t bit_offset; /**< absolute bit in the image */
+    uint32_t bits;
+    _Atomic uint64_t value;
+};
+
+/** Ring of events: written by the cycle, read by one consumer. */
+struct fsn_rt_ring {
+    _Atomic uint32_t head, tail;
+    struct fsn_event slot[FSN_RT_EVENTS];
+};
+
+/** Picture for other threads, guarded by a sequence that is odd while it changes. */
+struct fsn_rt_snapshot {
+    _Atomic uint32_t sequence;
+    _Atomic uint64_t *words; /**< statistics, connections, image, each padded to 8 bytes */
+    uint32_t word_count;
+};
+
+struct fsn_rt {
+    const struct fsn_bus_ops *ops;
+    void *bus;
+    uint8_t *image;
+    uint32_t image_bytes;
+
+    const struct fsn_rt_copy *copies;
+    const struct fsn_rt_group *groups;
+    uint32_t group_count;
+    uint64_t bytes_per_cycle;
+
+    struct fsn_rt_watch *watches; /**< two per connection: main to sub, sub to main */
+    struct fsn_connection_status *connections;
+    uint32_t connection_count;
+
+    struct fsn_rt_output *outputs;      /**< one per symbol */
+    const uint32_t *active;             /**< symbols set so far, in the order of their first set */
+    _Atomic uint32_t active_count;
+
+    struct fsn_statistics statistics;
+    struct fsn_rt_ring ring;
+    struct fsn_rt_snapshot snapshot;
+
+    /* The thread's own part. */
+    uint64_t cycle_ns;
+    atomic_bool stop;
+};
+
+/** Executes every copy of the plan. Cost: O(copies); nothing depends on the data. */
+void fsn_rt_copy_all(uint8_t *image, const struct fsn_rt_copy *copies,
+                     const struct fsn_rt_group *groups, uint32_t group_count);
+
+/** Looks at every connection after the copies; never changes a byte of the image. */
+void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns);
+
+/** Adds an event; a full ring counts the loss and keeps the older events. */
+void fsn_rt_push_event(struct fsn_rt *rt, const struct fsn_event *event);
+
+/** Publishes statistics, connections and image. */
+void fsn_rt_publish(struct fsn_rt *rt);
+
+/** One bus cycle. `timed` reads the clock around copy and cycle; off in virtual time. */
+void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed);
+
+/** The cyclic thread: cycles at absolute times until stop is set. */
+void fsn_rt_loop(struct fsn_rt *rt);
+
+#endif

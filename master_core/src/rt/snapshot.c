@@ -1,0 +1,27 @@
+#include "rt.h"
+
+#include <string.h>
+
+/** Stores bytes as relaxed 8-byte words; the last word is padded with zeros. */
+static _Atomic uint64_t *put(_Atomic uint64_t *words, const void *from, size_t len_bytes) {
+    const uint8_t *bytes = from;
+    for (size_t at = 0; at < len_bytes; at += 8) {
+        uint64_t word = 0;
+        const size_t left = len_bytes - at;
+        memcpy(&word, bytes + at, left < 8 ? left : 8);
+        atomic_store_explicit(words++, word, memory_order_relaxed);
+    }
+    return words;
+}
+
+/* Sequence lock: odd while the words change. Readers see either nothing of a change or retry. */
+void fsn_rt_publish(struct fsn_rt *rt) {
+    struct fsn_rt_snapshot *s = &rt->snapshot;
+    const uint32_t sequence = atomic_load_explicit(&s->sequence, memory_order_relaxed);
+    atomic_store_explicit(&s->sequence, sequence + 1, memory_order_relaxed);
+    atomic_thread_fence(memory_order_release);
+    _Atomic uint64_t *words = put(s->words, &rt->statistics, sizeof rt->statistics);
+    words = put(words, rt->connections, rt->connection_count * sizeof *rt->connections);
+    put(words, rt->image, rt->image_bytes);
+    atomic_store_explicit(&s->sequence, sequence + 2, memory_order_release);
+}
