@@ -58,9 +58,9 @@ def command(code: str | None) -> None:
         click.echo(f"{known} ({info.severity}): {info.title}")
         return
     if click.get_text_stream("stdout").isatty():
-        from rich.console import Console
-        from rich.markdown import Markdown
+        import rich.console
+        import rich.markdown
 
-        Console().print(Markdown(text))
+        rich.console.Console().print(rich.markdown.Markdown(text))
     else:
         click.echo(text)

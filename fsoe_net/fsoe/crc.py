@@ -22,7 +22,7 @@ _NUMBERS = tuple(struct.pack("<H", n) if n else b"" for n in range(63))
 def block_crc(
     old: int, connection_id: int, sequence: int, command: int, block: int, data: bytes
 ) -> int:
-    """Return the CRC-16 of one block (§2), which is fed these bytes:
+    """Return the CRC-16 of one block (§2), which is fed these bytes.
 
     Byte    0..1    2..3      4..5      6      7..8      9..10     11..13
           +-------+--------+---------+-----+----------+--------+------------+
@@ -44,21 +44,31 @@ def block_crc(
     return crc
 
 
+# A CRC that starts from 0 is linear: the CRC of a block is that of its head followed by zeros, XOR
+# that of its number followed by zeros, XOR that of its data; the last two come from tables.
+_LOW = tuple(_crc16(bytes((value, 0)) + _ZEROS) for value in range(256))
+_HIGH = tuple(_crc16(bytes((value,)) + _ZEROS) for value in range(256))
+_NUMBER = tuple(_crc16(number + bytes(5)) for number in _NUMBERS[1:])
+
+
 def frame_crcs(
     old: int, connection_id: int, sequence: int, command: int, data: bytes
 ) -> tuple[int, ...]:
-    """Return the CRCs of all blocks of a frame.
-
-    The blocks share everything up to the command, so that part is fed only once.
-    """
-    head = _crc16(_HEAD.pack(old, connection_id, sequence, command))
-    if len(data) <= 2:
-        return (_crc16(data + _ZEROS, head),)
-    return tuple(
-        [
-            _crc16(_NUMBERS[at >> 1] + data[at : at + 2] + _ZEROS, head)
-            for at in range(0, len(data), 2)
-        ]
+    """Return the CRCs of all blocks of a frame: `block_crc` of each, only faster."""
+    head: int = _crc16(_HEAD.pack(old, connection_id, sequence, command) + bytes(4))
+    if len(data) == 1:
+        return (head ^ _HIGH[data[0]],)
+    head = _crc16(b"\0", head)
+    first = head ^ _LOW[data[0]] ^ _HIGH[data[1]]
+    if len(data) == 2:
+        return (first,)
+    head = _crc16(b"\0\0", head)  # the numbers of the blocks after the first
+    return (
+        first,
+        *[
+            head ^ number ^ _LOW[low] ^ _HIGH[high]
+            for number, low, high in zip(_NUMBER, data[2::2], data[3::2], strict=False)
+        ],
     )
 
 

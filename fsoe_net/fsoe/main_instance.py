@@ -121,7 +121,7 @@ class MainInstance(Instance):
         return self._begin(self._draw_session_id())
 
     def _start_connection(self) -> bytes:
-        """Byte    0..1      2..3: ConnID and FSoE address."""  # noqa: D402 - a drawing
+        """Byte    0..1      2..3: ConnID and FSoE address."""
         self.connection_id = self.config.connection_id
         self._enter(State.CONNECTION)
         return self._begin(struct.pack("<HH", self.connection_id, self.config.address))

@@ -166,7 +166,7 @@ class Pdu:
 
 
 _LAYOUTS = {
-    frame_length(size): struct.Struct("<B" + ("BH" if size == 1 else "2sH" * (size // 2)) + "H")
+    frame_length(size): struct.Struct("<B" + ("BH" if size == 1 else "BBH" * (size // 2)) + "H")
     for size in SAFE_SIZES
 }
 
@@ -178,12 +178,9 @@ def assemble(command: int, data: bytes, crcs: tuple[int, ...], connection_id: in
         raise PduSizeError(f"{len(crcs)} CRCs for {len(data)} safe data bytes")
     if len(data) == 1:
         return layout.pack(command, data[0], crcs[0], connection_id)
-    if len(data) == 2:
-        return layout.pack(command, data, crcs[0], connection_id)
-    fields: list[int | bytes] = [command]
-    for block, crc in enumerate(crcs):
-        fields += (data[2 * block : 2 * block + 2], crc)
-    return layout.pack(*fields, connection_id)
+    blocks = [0] * (3 * len(crcs))
+    blocks[0::3], blocks[1::3], blocks[2::3] = data[0::2], data[1::2], crcs
+    return layout.pack(command, *blocks, connection_id)
 
 
 def decode_pdu(data: bytes) -> Pdu:
@@ -194,9 +191,20 @@ def decode_pdu(data: bytes) -> Pdu:
     """
     size = safe_data_length(len(data))
     fields = _LAYOUTS[len(data)].unpack(data)
-    safe_data = bytes(fields[1:2]) if size == 1 else b"".join(fields[1:-1:2])
+    if size == 1:
+        return Pdu(
+            command=fields[0],
+            safe_data=bytes(fields[1:2]),
+            crcs=fields[2:3],
+            connection_id=fields[3],
+        )
+    safe_data = bytearray(size)
+    safe_data[0::2], safe_data[1::2] = bytes(fields[1:-1:3]), bytes(fields[2:-1:3])
     return Pdu(
-        command=fields[0], safe_data=safe_data, crcs=fields[2:-1:2], connection_id=fields[-1]
+        command=fields[0],
+        safe_data=bytes(safe_data),
+        crcs=fields[3:-1:3],
+        connection_id=fields[-1],
     )
 
 

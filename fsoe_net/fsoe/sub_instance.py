@@ -40,7 +40,7 @@ class SubInstance(Instance):
         super()._power_up()
         self._session_id = b""
         self._session_sent_bytes = 0
-        self._told = b""  # Connection or Parameter bytes received so far
+        self._told = bytearray()  # Connection or Parameter bytes received so far
 
     def step(self, now_ns: int, received: bytes | None) -> bytes | None:  # noqa: D102 - inherited
         self._now_ns = now_ns
@@ -115,7 +115,7 @@ class SubInstance(Instance):
         if not self._chain.receive(pdu):
             return ResetCode.CRC
         self.connection_id = pdu.connection_id
-        self._told = b""
+        self._told = bytearray()
         self._enter(State.CONNECTION)
         return None
 
@@ -134,7 +134,7 @@ class SubInstance(Instance):
             return ResetCode.ADDRESS
         if not self._chain.receive(pdu):
             return ResetCode.CRC
-        self._told = b""
+        self._told = bytearray()
         self._enter(State.PARAMETER)
         return None
 
@@ -166,7 +166,7 @@ class SubInstance(Instance):
             return ResetCode.COMM_PARAMETER
         if self.config.verify is None:
             return 0
-        app = self._told[_COMM_BYTES : self._parameter_bytes]
+        app = bytes(self._told[_COMM_BYTES : self._parameter_bytes])
         code = self.config.verify(Parameters(watchdog_ms=watchdog_ms, app_parameters=app))
         if code in (0, ResetCode.COMM_PARAMETER) or 0x80 <= code <= 0xFF:
             return code

@@ -31,8 +31,10 @@ from fsoe_net.model.resolve import (
     partner_block,
     resolve,
 )
+from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
 
 __all__ = [
+    "Action",
     "Connection",
     "ConnectionFacts",
     "Device",
@@ -40,8 +42,10 @@ __all__ = [
     "Direction",
     "Endpoint",
     "Entry",
+    "Expectation",
     "FsoeBlock",
     "Located",
+    "LogicChoice",
     "Miss",
     "Net",
     "Network",
@@ -50,9 +54,11 @@ __all__ = [
     "Resolution",
     "ResolvedEnd",
     "ResolvedTransfer",
+    "Scenario",
     "Sdo",
     "SmLayout",
     "SourceFile",
+    "Step",
     "SubDevice",
     "SyncManager",
     "Transfer",

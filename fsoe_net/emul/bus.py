@@ -1,0 +1,126 @@
+"""All emulated devices of a network, and the safe signals by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fsoe_net.emul.device import EmulatedDevice, Port, main_port, sub_port
+from fsoe_net.emul.setup import ConnectionSetup, choose_setups
+from fsoe_net.emul.signals import split_name
+from fsoe_net.model import Direction, LogicChoice, Resolution
+
+__all__ = ["EmulatedNetwork", "build_network"]
+
+# Objects of the safety drive profile: status bits of a drive are no e-stop buttons.
+_DRIVE_OBJECTS = range(0x6600, 0x6800)
+
+
+class EmulatedNetwork:
+    """Devices in bus order, connections in plan order.
+
+    Args:
+        setups: Facts of every connection.
+        devices: Devices by SubDevice name.
+    """
+
+    def __init__(self, setups: list[ConnectionSetup], devices: dict[str, EmulatedDevice]) -> None:
+        self.setups = setups
+        self.devices = devices
+        self.mains: dict[str, Port] = {}
+        self.subs: dict[str, Port] = {}
+        for device in devices.values():
+            for port in device.ports:
+                ends = self.mains if port.is_main else self.subs
+                ends[port.setup.connection.name] = port
+
+    @property
+    def masters(self) -> list[EmulatedDevice]:
+        """Devices that hold a MainInstance, so have a logic."""
+        return [d for d in self.devices.values() if any(p.is_main for p in d.ports)]
+
+    @property
+    def safe_inputs(self) -> dict[str, Port]:
+        """Safe inputs of all SubInstances by name."""
+        return {name: port for port in self.subs.values() for name in port.sends}
+
+    @property
+    def safe_outputs(self) -> dict[str, Port]:
+        """Safe outputs of all SubInstances by name."""
+        return {name: port for port in self.subs.values() for name in port.receives}
+
+    def default_inputs(self) -> list[str]:
+        """Return the safe inputs the default logic watches: single bits, drive status excluded."""
+        return [
+            name
+            for name, port in self.safe_inputs.items()
+            if port.sends[name].bits == 1 and port.sends[name].index not in _DRIVE_OBJECTS
+        ]
+
+    def set_safe_input(self, name: str, value: int) -> None:
+        """Set what a SubInstance sees at its terminals.
+
+        Raises:
+            KeyError: No safe input of that name.
+        """
+        name = normal_name(name)
+        port = self.safe_inputs[name]
+        port.sends[name].write(port.safe, value)
+
+    def safe_output(self, name: str) -> int:
+        """Return what a SubInstance hands to its outputs; 0 while not valid.
+
+        Raises:
+            KeyError: No safe output of that name.
+        """
+        name = normal_name(name)
+        return self.safe_outputs[name].received(name)
+
+    def choose_logic(self, choice: LogicChoice) -> None:
+        """Tell every safety master which inputs it watches and which outputs it switches.
+
+        Raises:
+            KeyError: A name is no safe input or output.
+        """
+        inputs = self.default_inputs() if choice.inputs is None else choice.inputs
+        outputs = list(self.safe_outputs) if choice.outputs is None else choice.outputs
+        watched = {(n := normal_name(x)): self.safe_inputs[n].setup.connection.name for x in inputs}
+        switched = {
+            (n := normal_name(x)): self.safe_outputs[n].setup.connection.name for x in outputs
+        }
+        for device in self.masters:
+            own = {p.setup.connection.name: p for p in device.ports if p.is_main}
+            device.logic_inputs = [(own[c], n) for n, c in watched.items() if c in own]
+            device.logic_outputs = [(own[c], n) for n, c in switched.items() if c in own]
+
+
+def normal_name(text: str) -> str:
+    """Return the canonical spelling of a signal name."""
+    parts = split_name(text)
+    return text if parts is None else f"{parts[0]}.0x{parts[1]:04x}:{parts[2]:02x}"
+
+
+def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> EmulatedNetwork:
+    """Build a device for every SubDevice that holds an FSoE end.
+
+    Args:
+        resolution: A network without errors.
+        session_ids: Source of session ids: random live, counted in virtual time.
+    """
+    setups = choose_setups(resolution)
+    ports: dict[str, list[Port]] = {}
+    for setup in setups:
+        c = setup.connection
+        ports.setdefault(c.main.name, []).append(main_port(setup, session_ids))
+        ports.setdefault(c.sub.name, []).append(sub_port(setup, session_ids))
+    devices: dict[str, EmulatedDevice] = {}
+    rows = zip(resolution.network.subdevices, resolution.layouts, strict=True)
+    for sub, layout in rows:
+        if sub.name not in ports or layout is None or sub.name in devices:
+            continue
+        inputs = {
+            sm.sm.index: bytearray(sm.size_bytes)
+            for sm in layout.managers
+            if sm.sm.direction is Direction.INPUT and sm.registered
+        }
+        devices[sub.name] = EmulatedDevice(name=sub.name, ports=ports[sub.name], inputs=inputs)
+    return EmulatedNetwork(setups, devices)

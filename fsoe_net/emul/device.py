@@ -1,0 +1,186 @@
+"""Emulated SubDevices: FSoE ends at their places in the process data, and what they do with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from fsoe_net.emul.logic import SafetyLogic
+from fsoe_net.emul.setup import ConnectionSetup
+from fsoe_net.emul.signals import Signal, signals_of
+from fsoe_net.fsoe import MainConfig, MainInstance, State, SubConfig, SubInstance, safe_data_length
+from fsoe_net.model import ResolvedEnd, SmLayout
+
+__all__ = ["EmulatedDevice", "Port", "ProcessData", "main_port", "sub_port"]
+
+SessionIds = Callable[[], int]
+
+
+class ProcessData(Protocol):
+    """The sync managers of one SubDevice, seen from the device; numbers are SM numbers."""
+
+    def read_outputs(self, sm: int) -> bytes:
+        """Return the newest outputs."""
+
+    def write_inputs(self, sm: int, data: bytes) -> None:
+        """Publish inputs, whole."""
+
+
+@dataclass(slots=True)
+class Port:
+    """One FSoE end of a device and where its frames lie.
+
+    ``receives`` and ``sends`` name the safe data; ``safe`` is what the end sends while enabled.
+    """
+
+    setup: ConnectionSetup
+    instance: MainInstance | SubInstance
+    rx_sm: int
+    rx_byte: int
+    rx_bytes: int
+    tx_sm: int
+    tx_byte: int
+    receives: dict[str, Signal]
+    sends: dict[str, Signal]
+    safe: bytearray
+
+    @property
+    def is_main(self) -> bool:
+        """Whether this is the MainInstance of its connection."""
+        return isinstance(self.instance, MainInstance)
+
+    def received(self, name: str) -> int:
+        """Return a received safe value; 0 while the data are not valid."""
+        return self.receives[name].read(self.instance.received_safe_data)
+
+
+def main_port(setup: ConnectionSetup, session_ids: SessionIds) -> Port:
+    """Build the end in the safety master."""
+    c = setup.connection
+    to_sub = safe_data_length(c.to_sub.transfer.size_bytes)
+    to_main = safe_data_length(c.to_main.transfer.size_bytes)
+    config = MainConfig(
+        connection_id=setup.connection_id,
+        address=setup.address,
+        watchdog_ms=setup.watchdog_ms,
+        safe_out_bytes=to_sub,
+        safe_in_bytes=to_main,
+        app_parameters=setup.app_parameters,
+    )
+    instance = MainInstance(config, session_ids=session_ids)
+    # Names of safe data are those of the SubInstance; the slots of a logic are mere numbers.
+    return _port(setup, instance, c.to_main.destination, c.to_sub.source, named_by_sub=True)
+
+
+def sub_port(setup: ConnectionSetup, session_ids: SessionIds) -> Port:
+    """Build the end in a safe input, output or drive."""
+    c = setup.connection
+    config = SubConfig(
+        address=setup.address,
+        safe_out_bytes=safe_data_length(c.to_sub.transfer.size_bytes),
+        safe_in_bytes=safe_data_length(c.to_main.transfer.size_bytes),
+        app_parameter_bytes=len(setup.app_parameters),
+    )
+    instance = SubInstance(config, session_ids=session_ids)
+    return _port(setup, instance, c.to_sub.destination, c.to_main.source, named_by_sub=False)
+
+
+def _port(
+    setup: ConnectionSetup,
+    instance: MainInstance | SubInstance,
+    rx: ResolvedEnd,
+    tx: ResolvedEnd,
+    *,
+    named_by_sub: bool,
+) -> Port:
+    c = setup.connection
+    to_sub, to_main = c.to_sub, c.to_main
+    outputs = signals_of(
+        c.sub.name,
+        _layout(to_sub.destination),
+        to_sub.destination.byte_offset,
+        to_sub.transfer.size_bytes,
+    )
+    inputs = signals_of(
+        c.sub.name, _layout(to_main.source), to_main.source.byte_offset, to_main.transfer.size_bytes
+    )
+    receives, sends = (inputs, outputs) if named_by_sub else (outputs, inputs)
+    received, sent = (to_main, to_sub) if named_by_sub else (to_sub, to_main)
+    return Port(
+        setup=setup,
+        instance=instance,
+        rx_sm=_layout(rx).sm.index,
+        rx_byte=rx.byte_offset,
+        rx_bytes=received.transfer.size_bytes,
+        tx_sm=_layout(tx).sm.index,
+        tx_byte=tx.byte_offset,
+        receives=receives,
+        sends=sends,
+        safe=bytearray(safe_data_length(sent.transfer.size_bytes)),
+    )
+
+
+def _layout(end: ResolvedEnd) -> SmLayout:
+    if end.sm is None:
+        raise ValueError(f"{end.endpoint} has no place")  # connections resolve by construction
+    return end.sm
+
+
+@dataclass(slots=True)
+class EmulatedDevice:
+    """One SubDevice: its FSoE ends, and its input process data as last published."""
+
+    name: str
+    ports: list[Port]
+    inputs: dict[int, bytearray]
+    logic: SafetyLogic = field(default_factory=SafetyLogic)
+    logic_inputs: list[tuple[Port, str]] = field(default_factory=list)
+    logic_outputs: list[tuple[Port, str]] = field(default_factory=list)
+
+    def step(self, now_ns: int, io: ProcessData) -> None:
+        """Read outputs, let every FSoE end take one step, publish inputs that changed."""
+        changed: set[int] = set()
+        for port in self.ports:
+            image = io.read_outputs(port.rx_sm)
+            frame = image[port.rx_byte : port.rx_byte + port.rx_bytes]
+            if not port.is_main:
+                self._prepare_sub(port)
+            port.instance.set_safe_data(bytes(port.safe))
+            answer = port.instance.step(now_ns, frame)
+            if answer is not None:
+                self.inputs[port.tx_sm][port.tx_byte : port.tx_byte + len(answer)] = answer
+                changed.add(port.tx_sm)
+        self._decide()
+        for sm in changed:
+            io.write_inputs(sm, bytes(self.inputs[sm]))
+
+    def _prepare_sub(self, port: Port) -> None:
+        """A SubInstance sends its values whenever it is in Data; drives echo what is commanded."""
+        port.instance.enable = port.instance.state is State.DATA
+        for name, signal in port.sends.items():
+            if name in port.receives:
+                signal.write(port.safe, port.received(name))
+
+    def _decide(self) -> None:
+        """Run the logic of a safety master over all its connections."""
+        mains = [p for p in self.ports if p.is_main]
+        if not mains:
+            return
+        good = all(p.instance.state is State.DATA and p.instance.data_valid for p in mains)
+        good = good and all(port.received(name) for port, name in self.logic_inputs)
+        on = self.logic.update(good)
+        for port in mains:
+            port.safe[:] = bytes(len(port.safe))
+            port.instance.enable = on and port.instance.state is State.DATA
+        for port, name in self.logic_outputs if on else ():
+            signal = port.sends[name]
+            signal.write(port.safe, (1 << signal.bits) - 1)
+
+    def power_cycle(self) -> None:
+        """Switch the device off and on: everything volatile is lost, inputs read as zero."""
+        for port in self.ports:
+            port.instance.power_cycle()
+        for data in self.inputs.values():
+            data[:] = bytes(len(data))
+        self.logic.on = False

@@ -1,0 +1,82 @@
+"""Names of safe data: where each entry of the PDO lies in the safe data of a frame."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from fsoe_net.model import SmLayout
+
+__all__ = ["Signal", "signals_of", "split_name"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signal:
+    """Some bits of the safe data of one frame. ``name`` is ``subdevice.0x6001:01``."""
+
+    name: str
+    index: int
+    subindex: int
+    bit: int
+    bits: int
+
+    def read(self, data: bytes | bytearray) -> int:
+        """Return the value in these safe data."""
+        whole = int.from_bytes(data, "little")
+        return whole >> self.bit & ((1 << self.bits) - 1)
+
+    def write(self, data: bytearray, value: int) -> None:
+        """Put a value into these safe data; bits that do not fit are cut off."""
+        mask = ((1 << self.bits) - 1) << self.bit
+        whole = int.from_bytes(data, "little") & ~mask | value << self.bit & mask
+        data[:] = whole.to_bytes(len(data), "little")
+
+
+def signals_of(
+    subdevice: str, sm: SmLayout, byte_offset: int, frame_bytes: int
+) -> dict[str, Signal]:
+    """Return the safe data entries of a frame by name; padding and repeated objects are left out.
+
+    Safe data are cut by a CRC behind every second byte (behind the first when there is only one):
+
+        frame byte   0     1    2    3..4    5    6    7..8
+                   +-----+----+----+-------+----+----+-------+
+                   | cmd | d0 | d1 | CRC 0 | d2 | d3 | CRC 1 | ...
+                   +-----+----+----+-------+----+----+-------+
+    """
+    found: dict[str, Signal] = {}
+    for placed in sm.placed:
+        entry = placed.entry
+        if entry.is_gap or not entry.bits:
+            continue
+        start = _safe_bit(placed.bit_offset - 8 * byte_offset, frame_bytes)
+        end = _safe_bit(placed.end_bit - 1 - 8 * byte_offset, frame_bytes)
+        if start is None or end is None or end - start != entry.bits - 1:
+            continue
+        name = f"{subdevice}.{entry.address}"
+        found.setdefault(
+            name,
+            Signal(
+                name=name, index=entry.index, subindex=entry.subindex, bit=start, bits=entry.bits
+            ),
+        )
+    return found
+
+
+def _safe_bit(frame_bit: int, frame_bytes: int) -> int | None:
+    """Return the safe data bit of a bit of the frame, ``None`` for command, CRC and ConnID."""
+    byte, bit = divmod(frame_bit, 8)
+    if not 1 <= byte < frame_bytes - 2:
+        return None
+    if frame_bytes == 6:
+        return bit if byte == 1 else None
+    block, inside = divmod(byte - 1, 4)
+    return 8 * (2 * block + inside) + bit if inside < 2 else None
+
+
+def split_name(text: str) -> tuple[str, int, int] | None:
+    """Take ``ek1914.0x6001:01`` apart; ``0x`` may be left out. ``None`` when it is no such name."""
+    match = re.fullmatch(r"(.+)\.(?:0x)?([0-9a-fA-F]{1,4}):(?:0x)?([0-9a-fA-F]{1,2})", text)
+    if match is None:
+        return None
+    return match.group(1), int(match.group(2), 16), int(match.group(3), 16)

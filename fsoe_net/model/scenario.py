@@ -1,0 +1,72 @@
+"""What shall happen during a run, and what must be observed."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fsoe_net.model.bus import Located
+
+__all__ = ["Action", "Expectation", "LogicChoice", "Scenario", "Step"]
+
+
+class Action(enum.Enum):
+    """What a step does."""
+
+    SET = "set"
+    PRESS = "press"
+    RELEASE = "release"
+    BREAK = "break"
+    HEAL = "heal"
+    POWER_CYCLE = "power_cycle"
+    LOCAL_RESET = "local_reset"
+    OUTPUT = "output"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step(Located):
+    """Something done at a time; ``values`` for ``set`` and ``output``, else ``target``."""
+
+    at_ns: int
+    action: Action
+    target: str = ""
+    values: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expectation(Located):
+    """What must hold from ``from_ns`` to ``to_ns`` (equal: at that moment).
+
+    ``state`` is a word such as ``data_process`` for ``connection`` (empty: for all).
+    ``safe_outputs`` are values the SubInstances hand to their outputs. ``outputs_on`` is the
+    verdict of the logic. ``min_resets`` counts Resets of the connection since the start.
+    """
+
+    from_ns: int
+    to_ns: int
+    connection: str = ""
+    state: str = ""
+    safe_outputs: Mapping[str, int] = field(default_factory=dict)
+    outputs_on: bool | None = None
+    min_resets: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogicChoice:
+    """Which safe inputs must be 1, and which safe outputs are switched; ``None``: the default."""
+
+    inputs: tuple[str, ...] | None = None
+    outputs: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario(Located):
+    """A scenario file."""
+
+    path: str
+    duration_ns: int | None
+    initial: Mapping[str, int] = field(default_factory=dict)
+    logic: LogicChoice = field(default_factory=LogicChoice)
+    steps: tuple[Step, ...] = ()
+    expectations: tuple[Expectation, ...] = ()

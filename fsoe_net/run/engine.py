@@ -1,0 +1,298 @@
+"""Scenario and devices in step with time; the same engine drives virtual and live runs."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+
+from fsoe_net.diag import Diagnostic, Span
+from fsoe_net.emul import EmulatedNetwork, Port, normal_name
+from fsoe_net.fsoe import EventKind, State, reset_code_text
+from fsoe_net.model import Action, Expectation, Scenario, Step
+from fsoe_net.run.result import RunEvent, Verdict
+
+__all__ = ["Engine", "check_scenario", "state_word"]
+
+_MAX_EVENTS = 20_000
+_AUTO_PRESS_NS = 100_000_000
+
+
+def state_word(main: Port, sub: Port) -> str:
+    """Return the state of a connection: of the end that is behind, and of Data the kind."""
+    order = list(State)
+    state = min(main.instance.state, sub.instance.state, key=order.index)
+    if state is not State.DATA:
+        return str(state.value).lower()
+    valid = main.instance.data_valid and sub.instance.data_valid
+    return "data_process" if valid else "data_failsafe"
+
+
+def check_scenario(
+    scenario: Scenario, network: EmulatedNetwork, subdevices: set[str], symbols: set[str]
+) -> list[Diagnostic]:
+    """Return what a scenario names that this network does not have (FSN116)."""
+    found: list[Diagnostic] = []
+    connections = set(network.mains)
+    inputs, outputs = set(network.safe_inputs), set(network.safe_outputs)
+
+    def need(name: str, known: set[str], what: str, span: Span) -> None:
+        if name in known or normal_name(name) in known:
+            return
+        close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+        listed = ", ".join(sorted(known)[:8]) or "none"
+        found.append(
+            Diagnostic(
+                code="FSN116",
+                span=span,
+                message=f"this network has no {what} {name!r}",
+                hint=f"write {close[0]}" if close else f"known: {listed}",
+            )
+        )
+
+    for name in scenario.initial:
+        need(name, inputs, "safe input", scenario.at("initial"))
+    for name in scenario.logic.inputs or ():
+        need(name, inputs, "safe input", scenario.at("logic"))
+    for name in scenario.logic.outputs or ():
+        need(name, outputs, "safe output", scenario.at("logic"))
+    for step in scenario.steps:
+        _check_step(step, need, inputs, symbols, subdevices, connections, set(network.devices))
+    for expectation in scenario.expectations:
+        if expectation.connection:
+            span = expectation.at("connection")
+            need(expectation.connection, connections, "connection", span)
+        for name in expectation.safe_outputs:
+            need(name, outputs, "safe output", expectation.at(name))
+    return found
+
+
+def _check_step(
+    step: Step,
+    need: Callable[[str, set[str], str, Span], None],
+    inputs: set[str],
+    symbols: set[str],
+    subdevices: set[str],
+    connections: set[str],
+    devices: set[str],
+) -> None:
+    span = step.at(step.action.value)
+    if step.action is Action.SET:
+        for name in step.values:
+            need(name, inputs, "safe input", step.at(name))
+    elif step.action is Action.OUTPUT:
+        for name in step.values:
+            need(name, symbols, "output symbol", step.at(name))
+    elif step.action in (Action.BREAK, Action.HEAL):
+        need(step.target, subdevices, "SubDevice", span)
+    elif step.action is Action.POWER_CYCLE:
+        need(step.target, devices, "FSoE SubDevice", span)
+    elif step.action is Action.LOCAL_RESET:
+        need(step.target, connections, "connection", span)
+
+
+class Engine:
+    """Runs steps when they are due, watches expectations, collects events.
+
+    Args:
+        network: The emulated devices.
+        scenario: Steps and expectations, or ``None``: then reset is pressed once when all
+            connections are in Data.
+        set_present: Unplugs a SubDevice by name or plugs it in.
+        set_output: Sets a standard output by symbol name.
+    """
+
+    def __init__(
+        self,
+        network: EmulatedNetwork,
+        scenario: Scenario | None,
+        *,
+        set_present: Callable[[str, bool], None],
+        set_output: Callable[[str, int], None],
+    ) -> None:
+        self.network = network
+        self.events: list[RunEvent] = []
+        self.events_lost = 0
+        self.time_to_data_ns: dict[str, int] = {}
+        self.resets: dict[str, int] = dict.fromkeys(network.mains, 0)
+        self.last_reset: dict[str, int] = {}
+        self._scenario = scenario
+        self._set_present = set_present
+        self._set_output = set_output
+        self._steps = list(scenario.steps) if scenario else []
+        self._next_step = 0
+        self._open = list(scenario.expectations) if scenario else []
+        self._failed: dict[int, str] = {}
+        self._done: set[int] = set()
+        self._auto_release_ns: int | None = None
+        self._auto_pressed = False
+        self._was_on = dict.fromkeys((d.name for d in network.masters), False)
+        for name in network.default_inputs():
+            network.set_safe_input(name, 1)
+        if scenario is not None:
+            network.choose_logic(scenario.logic)
+            for name in scenario.logic.inputs or ():
+                network.set_safe_input(name, 1)
+            for name, value in scenario.initial.items():
+                network.set_safe_input(name, value)
+
+    # -- before the devices step ----------------------------------------------------------------
+
+    def act(self, now_ns: int) -> None:
+        """Do every step that is due."""
+        while self._next_step < len(self._steps) and self._steps[self._next_step].at_ns <= now_ns:
+            step = self._steps[self._next_step]
+            self._next_step += 1
+            self._do(step, now_ns)
+        if self._scenario is None:
+            self._press_once(now_ns)
+
+    def _do(self, step: Step, now_ns: int) -> None:
+        self.log(now_ns, "scenario", _step_text(step))
+        if step.action is Action.SET:
+            for name, value in step.values.items():
+                self.network.set_safe_input(name, value)
+        elif step.action in (Action.PRESS, Action.RELEASE):
+            self._press(step.action is Action.PRESS)
+        elif step.action in (Action.BREAK, Action.HEAL):
+            self._set_present(step.target, step.action is Action.HEAL)
+        elif step.action is Action.POWER_CYCLE:
+            self.network.devices[step.target].power_cycle()
+        elif step.action is Action.LOCAL_RESET:
+            self.network.mains[step.target].instance.request_reset()
+        else:
+            for name, value in step.values.items():
+                self._set_output(name, value)
+
+    def _press(self, pressed: bool) -> None:
+        for device in self.network.masters:
+            device.logic.pressed = pressed
+
+    def _press_once(self, now_ns: int) -> None:
+        """Without a scenario somebody must press reset, or nothing would ever switch on."""
+        if self._auto_release_ns is not None and now_ns >= self._auto_release_ns:
+            self._press(False)
+            self._auto_release_ns = None
+        times = self.time_to_data_ns
+        settled = len(times) == len(self.network.mains) and (
+            now_ns >= max(times.values(), default=0) + _AUTO_PRESS_NS
+        )
+        if not self._auto_pressed and settled:
+            self._auto_pressed = True
+            self._press(True)
+            self._auto_release_ns = now_ns + _AUTO_PRESS_NS
+            self.log(now_ns, "run", "no scenario: reset pressed once, all connections in Data")
+
+    # -- after the devices have stepped -----------------------------------------------------------
+
+    def watch(self, now_ns: int) -> None:
+        """Collect events and judge expectations."""
+        for name, main in self.network.mains.items():
+            sub = self.network.subs[name]
+            self._instance_events(name, main, now_ns)
+            self._instance_events(name, sub, now_ns)
+            if name not in self.time_to_data_ns and state_word(main, sub).startswith("data"):
+                self.time_to_data_ns[name] = now_ns
+        for device in self.network.masters:
+            if device.logic.on is not self._was_on[device.name]:
+                self._was_on[device.name] = device.logic.on
+                self.log(now_ns, device.name, f"outputs {'on' if device.logic.on else 'off'}")
+        if self._open:
+            self._judge(now_ns)
+
+    def _instance_events(self, name: str, port: Port, now_ns: int) -> None:
+        end = "MainInstance" if port.is_main else "SubInstance"
+        for event in port.instance.take_events():
+            if event.kind is EventKind.STATE:
+                self.log(now_ns, name, f"{end}: {event.state_after.value}")
+                continue
+            if event.kind is EventKind.RESET_LOCAL:
+                first = port.is_main and event.state_before is State.RESET and event.code == 0
+                if not first:
+                    self.resets[name] += 1
+                    self.last_reset[name] = event.code
+                text = f"{end} resets: {reset_code_text(event.code)}"
+            else:
+                text = f"{end} was reset by its peer: {reset_code_text(event.code)}"
+            self.log(now_ns, name, text, event.code)
+
+    def _judge(self, now_ns: int) -> None:
+        for number, expectation in enumerate(self._open):
+            if number in self._done or now_ns < expectation.from_ns:
+                continue
+            if number not in self._failed:
+                seen = self._mismatch(expectation)
+                if seen:
+                    self._failed[number] = f"{seen} at {now_ns / 1e6:g} ms"
+            if now_ns >= expectation.to_ns:
+                self._done.add(number)
+
+    def _mismatch(self, expectation: Expectation) -> str:
+        """Return what was seen instead, or an empty text."""
+        names = [expectation.connection] if expectation.connection else list(self.network.mains)
+        for name in names:
+            state = state_word(self.network.mains[name], self.network.subs[name])
+            wanted = expectation.state
+            if wanted and state != wanted and not (wanted == "data" and state.startswith("data")):
+                return f"{name} was in {state}"
+            least = expectation.min_resets
+            if least is not None and self.resets[name] < least:
+                return f"{name} had {self.resets[name]} resets"
+        for name, value in expectation.safe_outputs.items():
+            got = self.network.safe_output(name)
+            if got != value:
+                return f"{name} was {got}"
+        if expectation.outputs_on is not None:
+            for device in self.network.masters:
+                if device.logic.on is not expectation.outputs_on:
+                    return f"outputs of {device.name} were {'on' if device.logic.on else 'off'}"
+        return ""
+
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Return the verdict on every expectation; one that never came due has not held."""
+        rows = []
+        for number, expectation in enumerate(self._open):
+            seen = self._failed.get(number, "")
+            if not seen and number not in self._done:
+                seen = "the run ended before"
+            rows.append(
+                Verdict(
+                    place=str(expectation.span),
+                    text=_expectation_text(expectation),
+                    held=not seen,
+                    seen=seen,
+                )
+            )
+        return tuple(rows)
+
+    def log(self, now_ns: int, source: str, text: str, code: int | None = None) -> None:
+        """Add an event; beyond a bound only counted, so that a reset loop cannot eat memory."""
+        if len(self.events) >= _MAX_EVENTS:
+            self.events_lost += 1
+            return
+        self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, code=code))
+
+
+def _values_text(values: object) -> str:
+    return ", ".join(f"{k} = {v}" for k, v in dict(values).items())  # type: ignore[call-overload]
+
+
+def _step_text(step: Step) -> str:
+    if step.values:
+        return f"{step.action.value} {_values_text(step.values)}"
+    return f"{step.action.value.replace('_', ' ')} {step.target}"
+
+
+def _expectation_text(e: Expectation) -> str:
+    when = f"at {e.from_ns / 1e6:g} ms"
+    if e.to_ns != e.from_ns:
+        when = f"from {e.from_ns / 1e6:g} to {e.to_ns / 1e6:g} ms"
+    parts = []
+    if e.state:
+        parts.append(f"{e.connection or 'every connection'} in {e.state}")
+    if e.safe_outputs:
+        parts.append(_values_text(e.safe_outputs))
+    if e.outputs_on is not None:
+        parts.append(f"outputs {'on' if e.outputs_on else 'off'}")
+    if e.min_resets is not None:
+        parts.append(f"{e.connection or 'every connection'} with at least {e.min_resets} resets")
+    return f"{when}: {', '.join(parts)}"

@@ -1,0 +1,93 @@
+"""What a run has shown: connections, statistics, events, verdicts; and its JSON form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+from fsoe_net.core import Statistics
+
+__all__ = ["ConnectionResult", "RunEvent", "RunResult", "Verdict"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEvent:
+    """Something that happened; ``code`` is the reset code of reset events, else ``None``."""
+
+    time_ms: float
+    source: str
+    text: str
+    code: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConnectionResult:
+    """One connection at the end of a run, or now. Times in milliseconds.
+
+    ``state`` is a word: ``reset``, ``session``, ``connection``, ``parameter``, ``data_failsafe``
+    (in Data, FailSafeData in at least one direction) or ``data_process``. ``wire_state`` is what
+    the core saw in the copied frames. ``chosen`` names facts that no file states.
+    """
+
+    name: str
+    net: str
+    main: str
+    sub: str
+    state: str
+    wire_state: str
+    connection_id: int
+    address: int
+    watchdog_ms: int
+    chosen: tuple[str, ...]
+    time_to_data_ms: float | None
+    fsoe_cycle_ms: Mapping[str, float]
+    frames_to_sub: int
+    frames_to_main: int
+    resets: int
+    last_reset_code: int | None
+    last_reset_text: str
+    safe_to_sub: str
+    safe_to_main: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """An expectation of the scenario and whether it held."""
+
+    place: str
+    text: str
+    held: bool
+    seen: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResult:
+    """A whole run. ``passed``: every expectation held, or, without any, all reached Data."""
+
+    mode: str
+    network: str
+    plan_sha256: str
+    duration_ms: float
+    connections: tuple[ConnectionResult, ...]
+    statistics: Statistics
+    events: tuple[RunEvent, ...]
+    events_lost: int
+    verdicts: tuple[Verdict, ...]
+    passed: bool
+
+    def to_json(self, version: str) -> dict[str, object]:
+        """Return the stable JSON document (``docs/reference/run-output.md``)."""
+        return {
+            "tool": "fsoe-net",
+            "version": version,
+            "network": self.network,
+            "plan_sha256": self.plan_sha256,
+            "mode": self.mode,
+            "duration_ms": self.duration_ms,
+            "result": "pass" if self.passed else "fail",
+            "connections": [asdict(c) for c in self.connections],
+            "statistics": asdict(self.statistics),
+            "expectations": [asdict(v) for v in self.verdicts],
+            "events": [asdict(e) for e in self.events],
+            "events_lost": self.events_lost,
+        }

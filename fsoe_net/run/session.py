@@ -1,0 +1,300 @@
+"""Runs: virtual (one thread, as fast as it goes, repeatable) and live (the core has its thread)."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import secrets
+import threading
+import time
+from collections.abc import Callable
+
+from fsoe_net.core import ConnectionSnapshot, Core, CorePlan, EmulatedBus, Snapshot
+from fsoe_net.diag import Diagnostic
+from fsoe_net.emul import EmulatedNetwork, build_network
+from fsoe_net.fsoe import reset_code_text
+from fsoe_net.model import Resolution, Scenario
+from fsoe_net.run.engine import Engine, check_scenario, state_word
+from fsoe_net.run.result import ConnectionResult, RunResult
+
+__all__ = ["DEFAULT_CYCLE_NS", "Session", "run_live", "run_virtual"]
+
+DEFAULT_CYCLE_NS = 1_000_000
+DEFAULT_DURATION_NS = 3_000_000_000
+
+
+class _Port:
+    """Process data of one SubDevice on the emulated bus; sync managers by their SM number."""
+
+    def __init__(self, bus: EmulatedBus, plan: CorePlan, name: str, sms: list[int]) -> None:
+        self._bus = bus
+        self._numbers = {sm: plan.sync_manager(name, sm) for sm in sms}
+
+    def read_outputs(self, sm: int) -> bytes:
+        return self._bus.read_outputs(self._numbers[sm])
+
+    def write_inputs(self, sm: int, data: bytes) -> None:
+        self._bus.write_inputs(self._numbers[sm], data)
+
+
+class Session:
+    """A network on the emulated bus, ready to run.
+
+    Args:
+        resolution: A network without errors and with at least one connection.
+        plan_bytes: The plan the core loads.
+        scenario: What happens and what must be seen, or ``None``.
+        session_ids: Source of FSoE session ids.
+
+    Raises:
+        PlanFormatError: The core refuses the plan.
+        CoreMissing: The compiled part is not there.
+    """
+
+    def __init__(
+        self,
+        resolution: Resolution,
+        plan_bytes: bytes,
+        scenario: Scenario | None,
+        *,
+        session_ids: Callable[[], int],
+    ) -> None:
+        self.resolution = resolution
+        self.scenario = scenario
+        self.plan_sha256 = hashlib.sha256(plan_bytes).hexdigest()
+        self.plan = CorePlan.load(plan_bytes)
+        self.bus = EmulatedBus(self.plan)
+        self.core = Core(self.plan, self.bus)
+        self.network = build_network(resolution, session_ids)
+        if scenario is None:
+            from fsoe_net.model import LogicChoice
+
+            self.network.choose_logic(LogicChoice())
+        self._io = _ports(self.network, self.bus, self.plan, resolution)
+        self._engine: Engine | None = None
+
+    @property
+    def cycle_ns(self) -> int:
+        """Bus cycle of the plan, or 1 ms when nothing states it."""
+        return self.plan.cycle_ns or DEFAULT_CYCLE_NS
+
+    @property
+    def duration_ns(self) -> int:
+        """Duration of the scenario, or 3 s."""
+        stated = self.scenario.duration_ns if self.scenario else None
+        return stated or DEFAULT_DURATION_NS
+
+    def scenario_findings(self) -> list[Diagnostic]:
+        """Return what the scenario names that the network does not have."""
+        if self.scenario is None:
+            return []
+        names = set(self.plan.subdevice_names)
+        return check_scenario(self.scenario, self.network, names, set(self.plan.symbols))
+
+    @property
+    def engine(self) -> Engine:
+        """The engine of this run; made on first use, after the scenario was found good."""
+        if self._engine is None:
+            self._engine = Engine(
+                self.network,
+                self.scenario,
+                set_present=self._set_present,
+                set_output=self._set_output,
+            )
+        return self._engine
+
+    def _set_present(self, name: str, present: bool) -> None:
+        self.bus.set_present(self.plan.subdevice_names.index(name), present)
+
+    def _set_output(self, name: str, value: int) -> None:
+        self.core.set_output(self.plan.symbols[name], value)
+
+    def step_devices(self, now_ns: int) -> None:
+        """Let the scenario act, every device take one step, and look at what came out."""
+        engine = self.engine
+        engine.act(now_ns)
+        for name, device in self.network.devices.items():
+            device.step(now_ns, self._io[name])
+        engine.watch(now_ns)
+
+    def connections(self, snapshot: Snapshot) -> tuple[ConnectionResult, ...]:
+        """Return every connection as devices and core see it now."""
+        rows = zip(self.network.setups, snapshot.connections, strict=True)
+        return tuple(self._connection(n, wire) for n, (_, wire) in enumerate(rows))
+
+    def _connection(self, number: int, wire: ConnectionSnapshot) -> ConnectionResult:
+        setup = self.network.setups[number]
+        connection = setup.connection
+        name = connection.name
+        main, sub = self.network.mains[name], self.network.subs[name]
+        engine = self.engine
+        to_data = engine.time_to_data_ns.get(name)
+        code = engine.last_reset.get(name)
+        down = wire.to_sub
+        return ConnectionResult(
+            name=name,
+            net=connection.net.name,
+            main=connection.main.name,
+            sub=connection.sub.name,
+            state=state_word(main, sub),
+            wire_state=wire.state.word,
+            connection_id=setup.connection_id,
+            address=setup.address,
+            watchdog_ms=setup.watchdog_ms,
+            chosen=setup.chosen,
+            time_to_data_ms=None if to_data is None else to_data / 1e6,
+            fsoe_cycle_ms={
+                "last": down.cycle_last_ns / 1e6,
+                "min": down.cycle_min_ns / 1e6,
+                "mean": down.cycle_mean_ns / 1e6,
+                "max": down.cycle_max_ns / 1e6,
+            },
+            frames_to_sub=down.frames,
+            frames_to_main=wire.to_main.frames,
+            resets=engine.resets[name],
+            last_reset_code=code,
+            last_reset_text="" if code is None else reset_code_text(code),
+            safe_to_sub=sub.instance.received_safe_data.hex(),
+            safe_to_main=main.instance.received_safe_data.hex(),
+        )
+
+    def result(self, mode: str, duration_ns: int) -> RunResult:
+        """Return the result of the run so far."""
+        snapshot = self.core.snapshot()
+        connections = self.connections(snapshot)
+        verdicts = self.engine.verdicts()
+        reached = all(c.state.startswith("data") for c in connections)
+        passed = all(v.held for v in verdicts) if verdicts else reached
+        return RunResult(
+            mode=mode,
+            network=self.resolution.network.name,
+            plan_sha256=self.plan_sha256,
+            duration_ms=duration_ns / 1e6,
+            connections=connections,
+            statistics=snapshot.statistics,
+            events=tuple(self.engine.events),
+            events_lost=self.engine.events_lost,
+            verdicts=verdicts,
+            passed=passed,
+        )
+
+
+def _ports(
+    network: EmulatedNetwork, bus: EmulatedBus, plan: CorePlan, resolution: Resolution
+) -> dict[str, _Port]:
+    ports: dict[str, _Port] = {}
+    for sub, layout in zip(resolution.network.subdevices, resolution.layouts, strict=True):
+        if sub.name in network.devices and layout is not None and sub.name not in ports:
+            sms = [sm.sm.index for sm in layout.managers if sm.registered]
+            ports[sub.name] = _Port(bus, plan, sub.name, sms)
+    return ports
+
+
+def counted_session_ids() -> Callable[[], int]:
+    """Return a source of session ids that is the same in every run."""
+    numbers = itertools.count(0x1234, 0x1357)
+    return lambda: next(numbers) & 0xFFFF
+
+
+def random_session_ids() -> Callable[[], int]:
+    """Return a source of random session ids."""
+    return lambda: secrets.randbelow(0x10000)
+
+
+def run_virtual(session: Session, duration_ns: int) -> RunResult:
+    """Run in virtual time: one cycle and one step of every device after the other.
+
+    The same session gives the same result, byte for byte.
+    """
+    cycle_ns = session.cycle_ns
+    cycles = max(1, duration_ns // cycle_ns)
+    cycle, step = session.core.cycle, session.step_devices
+    for number in range(1, cycles + 1):
+        now_ns = number * cycle_ns
+        cycle(now_ns)
+        step(now_ns)
+    return session.result("virtual", cycles * cycle_ns)
+
+
+def run_live(
+    session: Session,
+    duration_ns: int,
+    *,
+    device_period_ns: int = 1_000_000,
+    on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None = None,
+) -> RunResult:
+    """Run in real time: the core cycles in its own C thread, the devices live at their own pace.
+
+    Args:
+        session: A fresh session.
+        duration_ns: How long.
+        device_period_ns: Time between two steps of the devices.
+        on_update: Called about ten times a second with what is seen now.
+
+    A keyboard interrupt ends the run early; its result is still returned. An error in the device
+    thread is raised here.
+    """
+    live = _Live(session, device_period_ns)
+    return live.run(duration_ns, on_update)
+
+
+class _Live:
+    """The threads of a live run."""
+
+    def __init__(self, session: Session, device_period_ns: int) -> None:
+        self._session = session
+        self._period_ns = device_period_ns
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._error: BaseException | None = None
+        self._start_ns = 0
+
+    def run(
+        self,
+        duration_ns: int,
+        on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None,
+    ) -> RunResult:
+        session = self._session
+        session.core.start(cycle_ns=session.cycle_ns)
+        self._start_ns = time.monotonic_ns()
+        thread = threading.Thread(target=self._devices, name="devices", daemon=True)
+        thread.start()
+        try:
+            self._wait(duration_ns, on_update)
+        except KeyboardInterrupt:
+            session.engine.log(self._now(), "run", "interrupted by the user")
+        finally:
+            self._stop.set()
+            thread.join()
+            session.core.stop()
+        if self._error is not None:
+            raise self._error
+        return session.result("live", min(self._now(), duration_ns))
+
+    def _now(self) -> int:
+        return time.monotonic_ns() - self._start_ns
+
+    def _wait(
+        self,
+        duration_ns: int,
+        on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None,
+    ) -> None:
+        while (left := duration_ns - self._now()) > 0 and not self._stop.wait(min(0.1, left / 1e9)):
+            if on_update is not None:
+                snapshot = self._session.core.snapshot()
+                with self._lock:
+                    rows = self._session.connections(snapshot)
+                on_update(rows, snapshot, self._now() / 1e9)
+
+    def _devices(self) -> None:
+        """Step all devices at their period; late steps are not caught up."""
+        try:
+            next_ns = self._now()
+            while not self._stop.is_set():
+                with self._lock:
+                    self._session.step_devices(self._now())
+                next_ns = max(next_ns + self._period_ns, self._now())
+                self._stop.wait(max(0.0, (next_ns - self._now()) / 1e9))
+        except BaseException as exc:
+            self._error = exc
+            self._stop.set()
