@@ -1,0 +1,41 @@
+# Two targets for a fresh machine; everything else is a script in scripts/.
+VENV := .venv
+PY := $(VENV)/bin/python
+FSN := $(VENV)/bin/fsoe-net
+
+.PHONY: demo test clean
+.DEFAULT_GOAL := demo
+
+demo: $(VENV)/.ready
+	@echo '== check: every mistake in the files, at file, line and column'
+	$(FSN) check examples/estop/network.yaml
+	@echo; echo '== plan: compiled to a self-checking copy plan'
+	$(FSN) plan examples/estop/network.yaml -o estop.fsnplan
+	$(FSN) plan --show estop.fsnplan
+	@echo; echo '== run: emulated bus, copied by the C core; an e-stop is pressed and released'
+	$(FSN) run examples/estop/network.yaml --plan estop.fsnplan --scenario examples/estop/scenario.yaml
+	@echo; echo '== report'
+	$(FSN) report examples/estop/network.yaml --scenario examples/estop/scenario.yaml -o report.html
+
+test: $(VENV)/.ready-test
+	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" scripts/test
+	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" scripts/test-c
+
+# Built again when a source of the compiled part or of the packaging changes.
+SOURCES := pyproject.toml CMakeLists.txt $(shell find master_core/src master_core/include \
+	fsoe_net/core/cdef.h fsoe_net/core/build_module.py master_core/CMakeLists.txt -type f)
+
+$(VENV)/bin/python:
+	@scripts/need
+	python3 -m venv $(VENV)
+
+$(VENV)/.ready: $(VENV)/bin/python $(SOURCES)
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(VENV)/.ready-test: $(VENV)/.ready
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[test]' cmake
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist report.html estop.fsnplan
