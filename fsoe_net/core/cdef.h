@@ -1,7 +1,10 @@
 /* What Python uses of the C core. The compiler checks it against the headers of master_core. */
 #define FSN_NONE ...
 #define FSN_FAULT_NO_RECORD ...
-#define FSN_LATENCY_BUCKETS 32
+#define FSN_LATENCY_BUCKETS ...
+#define FSN_E_ARG ...
+#define FSN_E_STATE ...
+#define FSN_E_CLOSED ...
 
 typedef int... fsn_status;
 const char *fsn_status_name(fsn_status status);
@@ -14,6 +17,7 @@ struct fsn_fault {
     uint32_t copy_index;
     uint32_t byte;
     int sys_errno;
+    const char *rule;
 };
 
 struct fsn_plan;
@@ -44,7 +48,7 @@ const struct fsn_bus_ops *fsn_emulated_ops(void);
 fsn_status fsn_emulated_create(const struct fsn_plan *plan, struct fsn_emulated **bus);
 void fsn_emulated_free(struct fsn_emulated *bus);
 fsn_status fsn_emulated_read_outputs(struct fsn_emulated *bus, uint32_t sm, uint8_t *buffer,
-                                     size_t len_bytes);
+                                     size_t len_bytes, bool *fresh);
 fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm, const uint8_t *buffer,
                                      size_t len_bytes);
 fsn_status fsn_emulated_set_present(struct fsn_emulated *bus, uint32_t subdevice, bool present);
@@ -52,9 +56,10 @@ fsn_status fsn_emulated_set_present(struct fsn_emulated *bus, uint32_t subdevice
 struct fsn_core;
 struct fsn_statistics {
     uint64_t cycles, overruns, wkc_errors, bytes_copied, now_ns;
-    uint64_t latency_max_ns, latency_sum_ns, cycle_max_ns, copy_max_ns, events_lost;
+    uint64_t wakeups, latency_min_ns, latency_max_ns, latency_sum_ns;
+    uint64_t cycle_max_ns, copy_max_ns, events_lost;
     uint32_t expected_wkc, actual_wkc, copies, merged_copies, realtime;
-    uint32_t latency[32];
+    uint32_t latency[...];
     ...;
 };
 struct fsn_direction {
@@ -83,6 +88,7 @@ void fsn_core_stop(struct fsn_core *core);
 fsn_status fsn_core_snapshot(struct fsn_core *core, struct fsn_statistics *statistics,
                              struct fsn_connection_status *connections, uint8_t *image);
 uint32_t fsn_core_image_bytes(const struct fsn_core *core);
+uint64_t fsn_core_stale_cycles(const struct fsn_core *core, uint32_t sm);
 uint32_t fsn_core_sm_base(const struct fsn_core *core, uint32_t sm);
 bool fsn_core_event(struct fsn_core *core, struct fsn_event *event);
 fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol, uint64_t value);

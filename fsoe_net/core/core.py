@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import os
+import threading
 from types import TracebackType
 from typing import Any
 
@@ -18,6 +20,7 @@ from fsoe_net.errors import CoreError, CoreMissing, PlanFormatError
 
 __all__ = ["Core", "CorePlan", "EmulatedBus"]
 
+_MASK = (1 << 64) - 1
 _STATES = {state.value: state for state in OutsideState}
 
 
@@ -47,25 +50,41 @@ def _raise(status: int, what: str) -> None:
 
 def _fault_text(fault: Any) -> str:
     ffi, lib = _module()
-    text = str(ffi.string(lib.fsn_status_text(fault.status)).decode())
+    rule = "" if fault.rule == ffi.NULL else ffi.string(fault.rule).decode()
+    text = rule or ffi.string(lib.fsn_status_text(fault.status)).decode()
+    name = ffi.string(lib.fsn_status_name(fault.status)).decode()
     section = ffi.string(lib.fsn_section_name(fault.section)).decode()
-    if fault.copy_index == lib.FSN_FAULT_NO_RECORD:
-        return f"{section}: {text}" if fault.section else text
-    return f"{section} {fault.copy_index}: {text}"
+    place = f"{section}: " if fault.section else ""
+    if fault.section and fault.copy_index != lib.FSN_FAULT_NO_RECORD:
+        place = f"{section} {fault.copy_index}: "
+    system = f": {os.strerror(fault.sys_errno)}" if fault.sys_errno else ""
+    return f"{place}{text}{system} ({name})"
 
 
 class CorePlan:
     """A plan that the C core has loaded and proved."""
 
+    cycle_ns: int
+    """Bus cycle in nanoseconds, 0 when the plan does not state it."""
+    subdevice_names: tuple[str, ...]
+    connection_names: tuple[str, ...]
+    symbols: dict[str, int]
+    """Number of each symbol by name, for `Core.set_output` and `Core.read_symbol`."""
+    sm_sizes: list[int]
+    """Process data of each sync manager in bytes; 0 when it has no place on the bus."""
+
     def __init__(self, pointer: Any) -> None:
         self._pointer = pointer
         ffi, lib = _module()
-        self.cycle_ns: int = lib.fsn_plan_cycle_ns(pointer)
+        self.cycle_ns = int(lib.fsn_plan_cycle_ns(pointer))
         self.subdevice_names = self._names("subdevice")
         self.connection_names = self._names("connection")
-        self.symbols = {name: n for n, name in enumerate(self._names("symbol"))}
+        names = self._names("symbol")
+        self.symbols = {name: n for n, name in enumerate(names)}
+        if len(self.symbols) != len(names):
+            raise PlanFormatError("two symbols of the plan have the same name")
         info = ffi.new("struct fsn_sm_info *")
-        self.sm_sizes: list[int] = []
+        self.sm_sizes = []
         self._sms: dict[tuple[str, int], int] = {}
         for number in range(lib.fsn_plan_sm_count(pointer)):
             _raise(lib.fsn_plan_sm(pointer, number, info), "sync manager")
@@ -115,31 +134,47 @@ class EmulatedBus:
         _raise(lib.fsn_emulated_create(plan._pointer, slot), "emulated bus")
         self._plan = plan
         self._lib = lib
-        self._pointer = ffi.gc(slot[0], lambda p, _keep=plan: lib.fsn_emulated_free(p))
+        # Reference counts in C keep plan and bus alive as long as needed, whatever the order in
+        # which the garbage collector comes along.
+        self._pointer = ffi.gc(slot[0], lib.fsn_emulated_free)
         self._buffers = [ffi.new("uint8_t[]", max(1, size)) for size in plan.sm_sizes]
-        self._ffi_buffer = ffi.buffer
+        self._views = [
+            ffi.buffer(buffer, size)
+            for buffer, size in zip(self._buffers, plan.sm_sizes, strict=True)
+        ]
+        self._null = ffi.NULL
 
     def read_outputs(self, sm: int) -> bytes:
-        """Return what the newest delivered outputs of an output sync manager are.
+        """Return the newest outputs that were delivered to an output sync manager, whole.
+
+        One thread per sync manager.
 
         Raises:
             CoreError: No output sync manager of that number.
         """
-        buffer, size = self._buffers[sm], self._plan.sm_sizes[sm]
-        status = self._lib.fsn_emulated_read_outputs(self._pointer, sm, buffer, size)
+        view = self._views[sm] if 0 <= sm < len(self._views) else None
+        if view is None:
+            raise CoreError(f"sync manager {sm}: {self._range()}", self._lib.FSN_E_ARG)
+        status = self._lib.fsn_emulated_read_outputs(
+            self._pointer, sm, self._buffers[sm], len(view), self._null
+        )
         if status:
-            _raise(status, f"sync manager {sm}")
-        return bytes(self._ffi_buffer(buffer, size))
+            raise self._refusal(sm, "an output", status)
+        return bytes(view)
 
     def write_inputs(self, sm: int, data: bytes) -> None:
         """Publish the inputs of an input sync manager, whole.
 
+        One thread per sync manager.
+
         Raises:
             CoreError: No input sync manager of that number, or wrong length.
         """
+        if not 0 <= sm < len(self._views):
+            raise CoreError(f"sync manager {sm}: {self._range()}", self._lib.FSN_E_ARG)
         status = self._lib.fsn_emulated_write_inputs(self._pointer, sm, data, len(data))
         if status:
-            _raise(status, f"sync manager {sm}")
+            raise self._refusal(sm, f"an input of {len(data)} bytes", status)
 
     def set_present(self, subdevice: int, present: bool) -> None:
         """Unplug a SubDevice (by number) or plug it in again.
@@ -147,8 +182,17 @@ class EmulatedBus:
         Raises:
             CoreError: No such SubDevice.
         """
+        if not 0 <= subdevice < len(self._plan.subdevice_names):
+            raise CoreError(f"the plan has no SubDevice {subdevice}", self._lib.FSN_E_ARG)
         status = self._lib.fsn_emulated_set_present(self._pointer, subdevice, present)
         _raise(status, f"SubDevice {subdevice}")
+
+    def _range(self) -> str:
+        return f"the plan has {len(self._views)}, counted from 0"
+
+    def _refusal(self, sm: int, wanted: str, status: int) -> CoreError:
+        size = self._plan.sm_sizes[sm]
+        return CoreError(f"sync manager {sm} ({size} bytes) is not {wanted}", status)
 
 
 class Core:
@@ -165,12 +209,12 @@ class Core:
         self._plan = plan
         self._lib = lib
         self._ffi = ffi
-        # The core points into plan and bus: they live as long as it does.
-        self._pointer = ffi.gc(slot[0], lambda p, _keep=(plan, bus): lib.fsn_core_free(p))
-        self._statistics = ffi.new("struct fsn_statistics *")
-        count = len(plan.connection_names)
-        self._connections = ffi.new("struct fsn_connection_status[]", max(1, count))
-        self._image = ffi.new("uint8_t[]", max(1, lib.fsn_core_image_bytes(self._pointer)))
+        self._pointer = ffi.gc(slot[0], lib.fsn_core_free)
+        self._image_bytes = int(lib.fsn_core_image_bytes(self._pointer))
+        # C allows one consumer of events, one writer of outputs and one set-up thread at a time.
+        self._events_lock = threading.Lock()
+        self._outputs_lock = threading.Lock()
+        self._setup_lock = threading.Lock()
 
     def __enter__(self) -> Core:
         return self
@@ -181,17 +225,36 @@ class Core:
         value: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.stop()
+        self.close()
+
+    def close(self) -> None:
+        """Stop the cyclic thread and let go of the core; may be called at any time, twice too.
+
+        No other thread may be inside a call. Later calls raise `CoreError`.
+        """
+        with self._setup_lock:
+            if self._pointer != self._ffi.NULL:
+                pointer, self._pointer = self._pointer, self._ffi.NULL
+                self._ffi.release(pointer)
 
     def cycle(self, now_ns: int) -> None:
         """Run one bus cycle at a given time.
 
         Raises:
-            CoreError: The cyclic thread runs.
+            CoreError: The cyclic thread runs, or the core is closed.
         """
         status = self._lib.fsn_core_cycle(self._pointer, now_ns)
         if status:
             _raise(status, "cycle")
+
+    def cycles(self, now_ns: int, step_ns: int, count: int) -> None:
+        """Run ``count`` bus cycles, the first at ``now_ns``, then every ``step_ns``.
+
+        Raises:
+            CoreError: The cyclic thread runs, or the core is closed.
+        """
+        for number in range(count):
+            self.cycle(now_ns + number * step_ns)
 
     def start(self, *, cycle_ns: int = 0, priority: int = 0, cpu: int | None = None) -> None:
         """Start the cyclic thread.
@@ -208,13 +271,15 @@ class Core:
         options.cycle_ns, options.priority = cycle_ns, priority
         options.cpu = 0 if cpu is None else cpu + 1
         fault = self._ffi.new("struct fsn_fault *")
-        status = self._lib.fsn_core_start(self._pointer, options, fault)
+        with self._setup_lock:
+            status = self._lib.fsn_core_start(self._pointer, options, fault)
         if status:
             raise CoreError(f"cyclic thread not started: {_fault_text(fault)}", status)
 
     def stop(self) -> None:
         """Stop the cyclic thread after its current cycle; may be called at any time."""
-        self._lib.fsn_core_stop(self._pointer)
+        with self._setup_lock:
+            self._lib.fsn_core_stop(self._pointer)
 
     def snapshot(self) -> Snapshot:
         """Return a consistent picture of one cycle.
@@ -222,40 +287,71 @@ class Core:
         Raises:
             CoreError: The cycle was faster than every attempt to read.
         """
-        status = self._lib.fsn_core_snapshot(
-            self._pointer, self._statistics, self._connections, self._image
-        )
-        _raise(status, "snapshot")
+        ffi = self._ffi
         count = len(self._plan.connection_names)
-        return Snapshot(
-            statistics=_statistics(self._statistics),
-            connections=tuple(_connection(self._connections[n]) for n in range(count)),
+        # Of its own for each call: several threads may look at once.
+        statistics = ffi.new("struct fsn_statistics *")
+        connections = ffi.new("struct fsn_connection_status[]", max(1, count))
+        _raise(
+            self._lib.fsn_core_snapshot(self._pointer, statistics, connections, ffi.NULL),
+            "snapshot",
         )
+        return Snapshot(
+            statistics=_statistics(statistics),
+            connections=tuple(_connection(connections[n]) for n in range(count)),
+        )
+
+    def image(self) -> bytes:
+        """Return the process image of one cycle.
+
+        Raises:
+            CoreError: The cycle was faster than every attempt to read.
+        """
+        image = self._image()
+        return bytes(self._ffi.buffer(image, self._image_bytes))
+
+    def stale_cycles(self, sm: int) -> int:
+        """Return in how many cycles an input sync manager held bytes of an earlier cycle.
+
+        Raises:
+            CoreError: No such sync manager, or the core is closed.
+        """
+        if self._pointer == self._ffi.NULL or not 0 <= sm < len(self._plan.sm_sizes):
+            _raise(self._lib.FSN_E_ARG, f"sync manager {sm}")
+        return int(self._lib.fsn_core_stale_cycles(self._pointer, sm))
 
     def events(self) -> list[CoreEvent]:
         """Return the changes of state since the last call."""
         event = self._ffi.new("struct fsn_event *")
         found = []
-        while self._lib.fsn_core_event(self._pointer, event):
-            found.append(
-                CoreEvent(
-                    now_ns=event.now_ns,
-                    connection=event.connection,
-                    before=_STATES[event.before],
-                    after=_STATES[event.after],
-                    reset_code=event.reset_code,
+        with self._events_lock:
+            while self._lib.fsn_core_event(self._pointer, event):
+                found.append(
+                    CoreEvent(
+                        now_ns=event.now_ns,
+                        connection=event.connection,
+                        before=_STATES[event.before],
+                        after=_STATES[event.after],
+                        reset_code=event.reset_code,
+                    )
                 )
-            )
         return found
 
     def set_output(self, symbol: int, value: int) -> None:
         """Set a standard output from the next cycle on.
 
+        Negative values are stored in two's complement.
+
         Raises:
             CoreError: No such symbol, an input, or its bytes belong to a copy.
+            OverflowError: The value has more than 64 bits.
         """
-        mask = 0xFFFFFFFFFFFFFFFF
-        _raise(self._lib.fsn_core_set_output(self._pointer, symbol, value & mask), "output")
+        if not -(1 << 63) <= value < 1 << 64:
+            raise OverflowError(f"{value} has more than 64 bits")
+        self._check_symbol(symbol)
+        with self._outputs_lock:
+            status = self._lib.fsn_core_set_output(self._pointer, symbol, value & _MASK)
+        _raise(status, f"output {symbol}")
 
     def read_symbol(self, symbol: int) -> int:
         """Return the value of a symbol in the last cycle, zero-extended.
@@ -263,16 +359,26 @@ class Core:
         Raises:
             CoreError: No such symbol.
         """
-        null = self._ffi.NULL
-        _raise(self._lib.fsn_core_snapshot(self._pointer, null, null, self._image), "snapshot")
+        self._check_symbol(symbol)
         value = self._ffi.new("uint64_t *")
-        status = self._lib.fsn_core_read_symbol(self._pointer, self._image, symbol, value)
-        _raise(status, "symbol")
+        image = self._image()
+        status = self._lib.fsn_core_read_symbol(self._pointer, image, symbol, value)
+        _raise(status, f"symbol {symbol}")
         return int(value[0])
+
+    def _check_symbol(self, symbol: int) -> None:
+        if not 0 <= symbol < len(self._plan.symbols):
+            raise CoreError(f"the plan has no symbol {symbol}", self._lib.FSN_E_ARG)
+
+    def _image(self) -> Any:
+        ffi = self._ffi
+        image = ffi.new("uint8_t[]", max(1, self._image_bytes))
+        status = self._lib.fsn_core_snapshot(self._pointer, ffi.NULL, ffi.NULL, image)
+        _raise(status, "snapshot")
+        return image
 
 
 def _statistics(s: Any) -> Statistics:
-    timed = sum(s.latency)
     return Statistics(
         cycles=s.cycles,
         overruns=s.overruns,
@@ -280,7 +386,9 @@ def _statistics(s: Any) -> Statistics:
         bytes_copied=s.bytes_copied,
         now_ns=s.now_ns,
         latency_max_ns=s.latency_max_ns,
-        latency_mean_ns=s.latency_sum_ns // timed if timed else 0,
+        latency_mean_ns=s.latency_sum_ns // s.wakeups if s.wakeups else 0,
+        latency_min_ns=s.latency_min_ns,
+        latency_histogram=tuple(s.latency),
         cycle_max_ns=s.cycle_max_ns,
         copy_max_ns=s.copy_max_ns,
         events_lost=s.events_lost,

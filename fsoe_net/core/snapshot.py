@@ -40,7 +40,11 @@ class OutsideState(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statistics:
-    """Counters of the cyclic thread; times in nanoseconds."""
+    """Counters of the cyclic thread; times in nanoseconds.
+
+    Entry ``n`` of ``latency_histogram`` counts wake-ups that came 2^(n-1) to 2^n ns late, entry 0
+    those in time, the last one all above. Latencies stay 0 in virtual time.
+    """
 
     cycles: int
     overruns: int
@@ -49,6 +53,8 @@ class Statistics:
     now_ns: int
     latency_max_ns: int
     latency_mean_ns: int
+    latency_min_ns: int
+    latency_histogram: tuple[int, ...]
     cycle_max_ns: int
     copy_max_ns: int
     events_lost: int

@@ -2,6 +2,9 @@
 #ifndef FSN_PLAN_INTERNAL_H
 #define FSN_PLAN_INTERNAL_H
 
+#include <stdatomic.h>
+#include <stdbool.h>
+
 #include "fsn/plan.h"
 
 enum {
@@ -24,6 +27,9 @@ enum fsn_section {
 };
 
 struct fsn_plan {
+    /** Caller, buses and cores that use it: the last one to let go frees it, so that they may be
+     *  freed in any order. */
+    atomic_uint holders;
     uint8_t *bytes;
     uint32_t len_bytes;
     uint32_t cycle_ns;
@@ -48,11 +54,52 @@ static inline const uint8_t *fsn_record(const struct fsn_plan *plan, uint32_t se
     return plan->bytes + plan->offset[section] + (size_t)number * fsn_record_bytes[section];
 }
 
-/** Proves every rule of the plan format but those of header and section table. */
-fsn_status fsn_plan_prove(const struct fsn_plan *plan, struct fsn_fault *fault);
+static inline uint32_t fsn_sm_bits(const struct fsn_plan *plan, uint32_t sm) {
+    return fsn_get32(fsn_record(plan, FSN_SEC_SM, sm) + 8);
+}
 
-/** Fills a fault (may be NULL) and returns its status. */
+static inline uint32_t fsn_sm_bytes(const struct fsn_plan *plan, uint32_t sm) {
+    return (fsn_sm_bits(plan, sm) + 7) / 8;
+}
+
+static inline uint8_t fsn_sm_direction(const struct fsn_plan *plan, uint32_t sm) {
+    return fsn_record(plan, FSN_SEC_SM, sm)[5];
+}
+
+/** What a rule needs to refuse a record. */
+struct fsn_at {
+    const struct fsn_plan *plan;
+    struct fsn_fault *fault;
+    uint32_t section, number;
+};
+
+/** Refuses the record: `field` is the byte in it, `rule` a static sentence. */
+fsn_status fsn_no(const struct fsn_at *at, fsn_status status, uint32_t field, const char *rule);
+
+/** Whether the u32 at `field` is the offset of a string. */
+bool fsn_string_ok(const struct fsn_plan *plan, const uint8_t *field);
+
+/** Proves strings, SubDevices, SDOs, sync managers, PDOs and entries. */
+fsn_status fsn_prove_layout(const struct fsn_plan *plan, struct fsn_fault *fault);
+
+/** Proves blocks, symbols, copies and connections; the layout must have been proved. */
+fsn_status fsn_prove_copies(const struct fsn_plan *plan, struct fsn_fault *fault);
+
+/** How a range of bytes meets the FSoE blocks of its sync manager. */
+enum fsn_touch { FSN_TOUCH_NONE, FSN_TOUCH_EXACT, FSN_TOUCH_PART };
+enum fsn_touch fsn_touch_of(const struct fsn_plan *plan, uint32_t sm, uint32_t byte, uint32_t size);
+
+/** Takes a further hold of a plan; fsn_plan_free() lets go. */
+void fsn_plan_hold(const struct fsn_plan *plan);
+
+/** Fills a fault (may be NULL) and returns its status; `rule` NULL stands for the status text. */
 fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t section, uint32_t record,
-                      uint32_t byte);
+                      uint32_t byte, const char *rule);
+
+/** The same for what concerns no record. */
+static inline fsn_status fsn_refuse_all(struct fsn_fault *fault, fsn_status status,
+                                        const char *rule) {
+    return fsn_refuse(fault, status, 0, FSN_FAULT_NO_RECORD, 0, rule);
+}
 
 #endif

@@ -1,5 +1,11 @@
 #include "fsn/status.h"
 
+#include "fsn/version.h"
+
+const char *fsn_version(void) {
+    return FSN_VERSION_STRING;
+}
+
 const char *fsn_status_name(fsn_status status) {
     switch (status) {
 #define FSN_STATUS_NAME(name, value, text)                                                         \
@@ -23,8 +29,8 @@ const char *fsn_status_text(fsn_status status) {
 }
 
 const char *fsn_section_name(uint32_t section) {
-    static const char *const names[] = {"header",  "SubDevice", "sync manager", "PDO",
-                                        "entry",   "SDO",       "symbol",       "FSoE block",
-                                        "copy",    "connection", "strings"};
+    static const char *const names[] = {"header", "SubDevice",  "sync manager", "PDO",
+                                        "entry",  "SDO",        "symbol",       "FSoE block",
+                                        "copy",   "connection", "strings"};
     return section < sizeof names / sizeof names[0] ? names[section] : "?";
 }

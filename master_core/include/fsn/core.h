@@ -17,7 +17,7 @@ struct fsn_core;
 
 /** State of a connection as seen from outside, from the commands in both directions. */
 enum fsn_outside {
-    FSN_OUTSIDE_SILENT = 0,     /**< no frame in at least one direction */
+    FSN_OUTSIDE_SILENT = 0, /**< no frame in at least one direction */
     FSN_OUTSIDE_RESET = 1,
     FSN_OUTSIDE_SESSION = 2,
     FSN_OUTSIDE_CONNECTION = 3,
@@ -31,36 +31,38 @@ enum { FSN_LATENCY_BUCKETS = 32 };
 
 /** Counters of the cyclic thread; they only grow. */
 struct fsn_statistics {
-    uint64_t cycles;            /**< bus cycles run */
-    uint64_t overruns;          /**< wake-ups that came a whole cycle or more late */
-    uint64_t wkc_errors;        /**< cycles with an incomplete working counter */
-    uint64_t bytes_copied;      /**< bytes moved by copies */
-    uint64_t now_ns;            /**< start of the last cycle, monotonic */
-    uint64_t latency_max_ns;    /**< worst wake-up latency */
-    uint64_t latency_sum_ns;    /**< sum over all timed cycles, for the mean */
-    uint64_t cycle_max_ns;      /**< longest work inside a cycle */
-    uint64_t copy_max_ns;       /**< longest copy phase */
-    uint64_t events_lost;       /**< events that found the ring full */
-    uint32_t expected_wkc;      /**< of the last cycle */
-    uint32_t actual_wkc;        /**< of the last cycle */
-    uint32_t copies;            /**< copies of the plan */
-    uint32_t merged_copies;     /**< copies executed after merging neighbours */
-    uint32_t realtime;          /**< 1 when the thread got its real-time priority */
+    uint64_t cycles;                       /**< bus cycles run */
+    uint64_t overruns;                     /**< wake-ups that came a whole cycle or more late */
+    uint64_t wkc_errors;                   /**< cycles with an incomplete working counter */
+    uint64_t bytes_copied;                 /**< bytes moved by copies */
+    uint64_t now_ns;                       /**< start of the last cycle, monotonic */
+    uint64_t wakeups;                      /**< timed cycles: those of the cyclic thread */
+    uint64_t latency_min_ns;               /**< best wake-up latency; 0 before the first */
+    uint64_t latency_max_ns;               /**< worst wake-up latency */
+    uint64_t latency_sum_ns;               /**< over all wake-ups, for the mean */
+    uint64_t cycle_max_ns;                 /**< longest work inside a cycle */
+    uint64_t copy_max_ns;                  /**< longest copy phase */
+    uint64_t events_lost;                  /**< events that found the ring full */
+    uint32_t expected_wkc;                 /**< of the last cycle */
+    uint32_t actual_wkc;                   /**< of the last cycle */
+    uint32_t copies;                       /**< copies of the plan */
+    uint32_t merged_copies;                /**< copies executed after merging neighbours */
+    uint32_t realtime;                     /**< 1 when the thread got its real-time priority */
     uint32_t latency[FSN_LATENCY_BUCKETS]; /**< bucket n counts latencies in [2^(n-1), 2^n) ns */
 };
 
 /** One direction of a connection, observed. Index 0 is main to sub, 1 is sub to main. */
 struct fsn_direction {
-    uint64_t frames;          /**< new frames: any byte differs from the one before */
-    uint64_t process_data;    /**< of these, ProcessData */
-    uint64_t failsafe_data;   /**< of these, FailSafeData */
-    uint64_t resets;          /**< of these, Reset */
-    uint64_t last_new_ns;     /**< time of the last new frame */
+    uint64_t frames;        /**< new frames: any byte differs from the one before */
+    uint64_t process_data;  /**< of these, ProcessData */
+    uint64_t failsafe_data; /**< of these, FailSafeData */
+    uint64_t resets;        /**< times a Reset began: Reset after another command */
+    uint64_t last_new_ns;   /**< time of the last new frame */
     uint64_t interval_last_ns, interval_min_ns, interval_max_ns; /**< between new data frames */
     uint64_t interval_sum_ns, intervals;
-    uint16_t connection_id;   /**< last two bytes of the frame */
-    uint8_t command;          /**< first byte of the frame */
-    uint8_t reset_code;       /**< data byte of the last Reset */
+    uint16_t connection_id; /**< last two bytes of the frame */
+    uint8_t command;        /**< first byte of the frame */
+    uint8_t reset_code;     /**< data byte of the last Reset */
 };
 
 /** A connection, observed. */
@@ -72,29 +74,37 @@ struct fsn_connection_status {
 
 /** One change of state. */
 struct fsn_event {
-    uint64_t now_ns;
-    uint32_t connection;
+    uint64_t now_ns;       /**< start of the cycle that saw it, nanoseconds */
+    uint32_t connection;   /**< its number in the plan */
     uint8_t before, after; /**< enum fsn_outside */
-    uint8_t reset_code;    /**< of the last Reset of either direction */
+    uint8_t reset_code;    /**< when `after` is a reset: its code, of the main if both send one */
     uint8_t reserved;
 };
 
 /** How the cyclic thread runs. Zero is a good value for every field but cycle_ns. */
 struct fsn_thread_options {
-    uint64_t cycle_ns;  /**< bus cycle, 1 000 … 4 000 000 000 ns; 0 takes the plan's */
-    int priority;       /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
-    int cpu;            /**< CPU number + 1 to pin the thread; 0 leaves it free */
-    bool lock_memory;   /**< mlockall(MCL_CURRENT | MCL_FUTURE) before the first cycle */
+    uint64_t cycle_ns; /**< bus cycle, 1 000 … 4 000 000 000 ns; 0 takes the plan's */
+    int priority;      /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
+    int cpu;           /**< CPU number + 1 to pin the thread; 0 leaves it free */
+    bool lock_memory;  /**< mlockall(MCL_CURRENT | MCL_FUTURE) before the first cycle */
 };
 
 /** Activates a plan on a bus: asks the bus for its layout, resolves every copy to absolute bytes,
  *  proves bounds, direction, disjoint destinations and one datagram per copy, merges neighbours.
  *  Afterwards the copies are immutable.
- *  @param[in]  plan   must outlive the core.
- *  @param[in]  ops, bus  must outlive the core; ops->close is called by fsn_core_free().
- *  @param[out] core   NULL on refusal.
- *  @param[out] fault  names the copy; may be NULL.
- *  @retval FSN_E_BUS_…, FSN_E_COPY_…  the whole plan is refused; nothing runs.
+ *  @param[in]  plan   held until the core is freed.
+ *  @param[in]  ops, bus  must outlive the core; an emulated bus does so by itself. ops->close is
+ *                     called by fsn_core_free(), and on a refusal after ops->open.
+ *  @param[out] core   to be freed by fsn_core_free(); NULL on refusal.
+ *  @param[out] fault  names the copy or sync manager and the rule; may be NULL.
+ *  @retval FSN_E_ARG           plan, ops or one of open, receive and send is missing.
+ *  @retval FSN_E_NOMEM         out of memory.
+ *  @retval FSN_E_BUS_IMAGE     a sync manager or datagram lies outside the image.
+ *  @retval FSN_E_BUS_OVERLAP   two sync managers share bytes, such as inputs laid over outputs.
+ *  @retval FSN_E_BUS_STRADDLE  a copy would be split over two datagrams.
+ *  @retval FSN_E_COPY_…        a rule of the plan format does not hold on this bus.
+ *  @retval others              what ops->open returned.
+ *  After any refusal nothing runs and no byte was moved.
  *  Context: set-up. Allocates. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_create(const struct fsn_plan *plan,
                                                 const struct fsn_bus_ops *ops, void *bus,
@@ -105,12 +115,16 @@ FSN_API void fsn_core_free(struct fsn_core *core);
 
 /** Runs one bus cycle: receive, working counter, copies, monitor, application outputs, send.
  *  @param[in] now_ns  monotonic start of the cycle, nanoseconds; any clock, never decreasing.
+ *  @retval FSN_E_ARG    no core.
  *  @retval FSN_E_STATE  the thread runs; no byte was moved.
  *  Context: the caller's cyclic thread. RT-safe: no allocation, lock or system call.
  *  Cost: O(copies + connections). */
 FSN_API FSN_MUST_USE fsn_status fsn_core_cycle(struct fsn_core *core, uint64_t now_ns);
 
-/** Starts the cyclic thread.
+/** Starts the cyclic thread: cycles at absolute times of CLOCK_MONOTONIC, missed ones are counted
+ *  and left out.
+ *  @param[in]  options  how it runs; not needed after the call.
+ *  @param[out] fault    may be NULL.
  *  @retval FSN_E_STATE  it runs already.   @retval FSN_E_ARG  no or an impossible cycle time.
  *  @retval FSN_E_SYS    the thread could not be created or memory not locked; see sys_errno.
  *  A refused real-time priority is no error: fsn_statistics.realtime stays 0.
@@ -127,8 +141,9 @@ FSN_API void fsn_core_stop(struct fsn_core *core);
  *  @param[out] statistics    may be NULL.
  *  @param[out] connections   fsn_plan_connection_count() elements; may be NULL.
  *  @param[out] image         fsn_core_image_bytes() bytes; may be NULL.
- *  @retval FSN_E_BUSY  the writer was faster than every attempt; try again.
- *  Context: any thread. Never delays the cyclic thread. */
+ *  @retval FSN_E_ARG   no core.
+ *  @retval FSN_E_BUSY  the writer was faster than every attempt, or is stuck; try again.
+ *  Context: any thread. Never delays the cyclic thread; at most 1 000 attempts. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_snapshot(struct fsn_core *core,
                                                   struct fsn_statistics *statistics,
                                                   struct fsn_connection_status *connections,
@@ -140,13 +155,20 @@ FSN_API uint32_t fsn_core_image_bytes(const struct fsn_core *core);
 /** First byte of a sync manager in the image, or FSN_NONE. Context: any thread. */
 FSN_API uint32_t fsn_core_sm_base(const struct fsn_core *core, uint32_t sm);
 
-/** Takes the oldest event.
+/** Cycles in which an input sync manager held old bytes, as far as the bus knows it.
+ *  Context: any thread. */
+FSN_API uint64_t fsn_core_stale_cycles(const struct fsn_core *core, uint32_t sm);
+
+/** Takes the oldest event. A full ring keeps what it has and counts what it drops in events_lost.
+ *  @param[out] event  left alone when there is none.
  *  @retval false  there is none.   Context: one consumer thread. */
 FSN_API bool fsn_core_event(struct fsn_core *core, struct fsn_event *event);
 
 /** Sets a standard output; it is written in every cycle from the next on, after the copies.
+ *  @param[in] symbol  its number in the plan.
+ *  @param[in] value   its low bits are taken, as many as the symbol has.
  *  @retval FSN_E_ARG     no such symbol.
- *  @retval FSN_E_CLOSED  the symbol is an input, or a copy owns its bytes.
+ *  @retval FSN_E_CLOSED  the symbol is an input, or a copy or FSoE block owns one of its bytes.
  *  Context: one writer thread. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol,
                                                     uint64_t value);

@@ -20,28 +20,35 @@ struct fsn_emulated;
 FSN_API const struct fsn_bus_ops *fsn_emulated_ops(void);
 
 /** Creates the SubDevices of a plan, all present, all buffers zero.
- *  @param[in] plan  must outlive the bus.   @retval FSN_E_NOMEM  out of memory.
+ *  @param[in]  plan  held until the bus is freed.
+ *  @param[out] bus   to be freed by fsn_emulated_free(); NULL on failure.
+ *  @retval FSN_E_ARG  no plan or no place for the bus.   @retval FSN_E_NOMEM  out of memory.
  *  Context: set-up. Allocates. */
 FSN_API FSN_MUST_USE fsn_status fsn_emulated_create(const struct fsn_plan *plan,
                                                     struct fsn_emulated **bus);
 
-/** Frees the bus; NULL is allowed. The core that used it must be freed before. Context: set-up. */
+/** Lets go of the bus; NULL is allowed. A core that uses it holds it for itself, so both may be
+ * freed in any order. Context: set-up. */
 FSN_API void fsn_emulated_free(struct fsn_emulated *bus);
 
 /** Device side: reads the newest outputs a SubDevice was sent.
  *  @param[in]  sm     number of an output sync manager in the plan.
  *  @param[out] buffer size_bytes of the sync manager.
+ *  @param[out] fresh  whether they were sent since the last call; may be NULL.
  *  @retval FSN_E_ARG  no output sync manager, or the buffer is too small.
  *  Context: one device thread per sync manager. */
 FSN_API FSN_MUST_USE fsn_status fsn_emulated_read_outputs(struct fsn_emulated *bus, uint32_t sm,
-                                                          uint8_t *buffer, size_t len_bytes);
+                                                          uint8_t *buffer, size_t len_bytes,
+                                                          bool *fresh);
 
 /** Device side: publishes new inputs of a SubDevice, whole.
- *  @retval FSN_E_ARG  no input sync manager, or the length is not its size.
+ *  @param[in] sm         number of an input sync manager in the plan.
+ *  @param[in] buffer     its whole process data.
+ *  @param[in] len_bytes  size_bytes of the sync manager.
+ *  @retval FSN_E_ARG  no input sync manager, or the length is not its size; nothing was changed.
  *  Context: one device thread per sync manager. */
 FSN_API FSN_MUST_USE fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm,
-                                                          const uint8_t *buffer,
-                                                          size_t len_bytes);
+                                                          const uint8_t *buffer, size_t len_bytes);
 
 /** Unplugs a SubDevice or plugs it in again. While it is absent nothing is delivered in either
  *  direction and the working counter is lower.   @retval FSN_E_ARG  no such SubDevice.

@@ -71,12 +71,13 @@ struct fsn_connection_info {
  *  @param[out] plan        the plan, to be freed by fsn_plan_free(); NULL on refusal.
  *  @param[out] fault       where and why it was refused; may be NULL.
  *  @retval FSN_E_PLAN_…, FSN_E_COPY_…  a rule of the plan format is broken; nothing was kept.
- *  Memory: len_bytes plus a small constant. Time: O(records).
+ *  Memory: len_bytes plus a small constant. Time: O(len_bytes + records * log(blocks)).
  *  Context: set-up. Allocates. */
 FSN_API FSN_MUST_USE fsn_status fsn_plan_load(const void *bytes, size_t len_bytes,
                                               struct fsn_plan **plan, struct fsn_fault *fault);
 
-/** Frees a plan; NULL is allowed. No core may use it any more. Context: set-up. */
+/** Lets go of a plan; NULL is allowed. Buses and cores made from it hold it for themselves, so all
+ *  of them may be freed in any order. Context: set-up. */
 FSN_API void fsn_plan_free(struct fsn_plan *plan);
 
 /** Bus cycle in nanoseconds, 0 when the plan does not state it. Context: any thread. */

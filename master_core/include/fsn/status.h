@@ -56,14 +56,19 @@ typedef enum fsn_status {
 /** A fault that speaks about no single record. */
 #define FSN_FAULT_NO_RECORD 0xFFFFFFFFu
 
-/** Where and why something was refused. Owned by the caller, overwritten by each call. */
+/** Where and why something was refused. Owned by the caller, written by each refusal. */
 struct fsn_fault {
     fsn_status status;
     uint32_t section;    /**< plan section, 1 … 10; 0 for the header or no plan at all */
-    uint32_t copy_index; /**< number of the record, for section 8 of the copy */
-    uint32_t byte;       /**< offset in the plan file, bytes */
-    int sys_errno;       /**< errno of the failed system call, else 0 */
+    uint32_t copy_index; /**< number of the record in its section: in section 8, of the copy */
+    uint32_t byte;    /**< offset in the plan file, bytes; 0 when the bus, not the file, is wrong */
+    int sys_errno;    /**< errno of the failed system call, else 0 */
+    const char *rule; /**< the rule that is broken, in words; static, never NULL after a refusal */
 };
+
+/** Returns the version of the library that runs, e.g. "0.1.0"; FSN_VERSION_STRING is that of the
+ *  headers. Context: any thread. */
+FSN_API const char *fsn_version(void);
 
 /** Returns "FSN_E_COPY_RANGE" and the like; "FSN_E_?" for an unknown value. Context: any thread. */
 FSN_API const char *fsn_status_name(fsn_status status);

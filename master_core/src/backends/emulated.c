@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "plan_internal.h"
+
 /** Three buffers of one sync manager: one with the writer, one with the reader, one in between.
  *  `middle` holds the number of the buffer in between, and FRESH while nobody has read it. */
 struct mailbox {
@@ -17,6 +19,9 @@ struct mailbox {
 enum { FRESH = 4, NUMBER = 3 };
 
 struct fsn_emulated {
+    /** Caller and core: the last one to let go frees it, so that they may go in any order. */
+    atomic_uint holders;
+    atomic_bool opened; /**< one image, so one core at a time */
     const struct fsn_plan *plan;
     struct mailbox *boxes; /**< one per sync manager; size 0 without a place */
     uint32_t box_count;
@@ -26,9 +31,9 @@ struct fsn_emulated {
     uint8_t *image;
     uint32_t image_bytes;
     uint32_t *sm_base, *sm_datagram;
+    uint32_t *datagram_begin;
     uint32_t datagram_count;
     uint32_t *expected;   /**< working counter per datagram when all are present */
-    uint32_t *actual;     /**< of this cycle */
     uint32_t *outputs_in; /**< last datagram that counted this SubDevice's outputs, plus one */
     uint32_t *inputs_in;
 };
@@ -40,11 +45,14 @@ static void publish(struct mailbox *box, const uint8_t *bytes) {
     box->writer = old & NUMBER;
 }
 
-static const uint8_t *newest(struct mailbox *box) {
+/** Newest whole buffer; `fresh` tells whether it was published since the last call. */
+static const uint8_t *newest(struct mailbox *box, bool *fresh) {
+    *fresh = false;
     if ((atomic_load_explicit(&box->middle, memory_order_relaxed) & FRESH) != 0) {
         const uint8_t old =
             atomic_exchange_explicit(&box->middle, box->reader, memory_order_acq_rel);
         box->reader = old & NUMBER;
+        *fresh = true;
     }
     return box->buffer[box->reader];
 }
@@ -69,7 +77,7 @@ static void lay_out(struct fsn_emulated *bus) {
                 if (end > datagram_start &&
                     end - datagram_start + box->size_bytes > FSN_MAX_DATAGRAM_BYTES) {
                     datagram++;
-                    datagram_start = end;
+                    datagram_start = bus->datagram_begin[datagram] = end;
                 }
                 box->base = bus->sm_base[sm] = end;
                 bus->sm_datagram[sm] = datagram;
@@ -81,16 +89,17 @@ static void lay_out(struct fsn_emulated *bus) {
     bus->datagram_count = datagram + 1;
 }
 
-/** Adds what one sync manager contributes: each SubDevice counts once per direction and datagram,
- *  2 for outputs and 1 for inputs, as LRW does. */
-static void count_wkc(struct fsn_emulated *bus, uint32_t sm, uint32_t *counter) {
+/** What one sync manager adds to the working counter of its datagram: each SubDevice counts once
+ * per direction and datagram, 2 for outputs and 1 for inputs, as LRW does. */
+static uint32_t wkc_of(struct fsn_emulated *bus, uint32_t sm) {
     const struct mailbox *box = &bus->boxes[sm];
     const uint32_t datagram = bus->sm_datagram[sm];
     uint32_t *seen = box->direction == FSN_OUTPUT ? bus->outputs_in : bus->inputs_in;
-    if (seen[box->subdevice] != datagram + 1) {
-        seen[box->subdevice] = datagram + 1;
-        counter[datagram] += box->direction == FSN_OUTPUT ? 2 : 1;
+    if (seen[box->subdevice] == datagram + 1) {
+        return 0;
     }
+    seen[box->subdevice] = datagram + 1;
+    return box->direction == FSN_OUTPUT ? 2 : 1;
 }
 
 static void clear_seen(struct fsn_emulated *bus) {
@@ -121,12 +130,12 @@ static bool allocate(struct fsn_emulated *bus) {
     bus->sm_base = calloc(sms, sizeof *bus->sm_base);
     bus->sm_datagram = calloc(sms, sizeof *bus->sm_datagram);
     bus->expected = calloc(sms, sizeof *bus->expected);
-    bus->actual = calloc(sms, sizeof *bus->actual);
+    bus->datagram_begin = calloc(sms, sizeof *bus->datagram_begin);
     bus->present = calloc(subs, sizeof *bus->present);
     bus->outputs_in = calloc(subs, sizeof *bus->outputs_in);
     bus->inputs_in = calloc(subs, sizeof *bus->inputs_in);
     if (bus->boxes == NULL || bus->sm_base == NULL || bus->sm_datagram == NULL ||
-        bus->expected == NULL || bus->actual == NULL || bus->present == NULL ||
+        bus->expected == NULL || bus->datagram_begin == NULL || bus->present == NULL ||
         bus->outputs_in == NULL || bus->inputs_in == NULL) {
         return false;
     }
@@ -153,7 +162,7 @@ static void fill(struct fsn_emulated *bus) {
     lay_out(bus);
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         if (bus->boxes[sm].size_bytes > 0) {
-            count_wkc(bus, sm, bus->expected);
+            bus->expected[bus->sm_datagram[sm]] += wkc_of(bus, sm);
         }
     }
 }
@@ -167,6 +176,8 @@ fsn_status fsn_emulated_create(const struct fsn_plan *plan, struct fsn_emulated 
     if (bus == NULL) {
         return FSN_E_NOMEM;
     }
+    atomic_init(&bus->holders, 1);
+    fsn_plan_hold(plan);
     bus->plan = plan;
     bus->box_count = fsn_plan_sm_count(plan);
     bus->subdevice_count = fsn_plan_subdevice_count(plan);
@@ -180,19 +191,20 @@ fsn_status fsn_emulated_create(const struct fsn_plan *plan, struct fsn_emulated 
 }
 
 void fsn_emulated_free(struct fsn_emulated *bus) {
-    if (bus == NULL) {
+    if (bus == NULL || atomic_fetch_sub_explicit(&bus->holders, 1, memory_order_acq_rel) != 1) {
         return;
     }
     free(bus->boxes);
     free(bus->sm_base);
     free(bus->sm_datagram);
     free(bus->expected);
-    free(bus->actual);
+    free(bus->datagram_begin);
     free((void *)bus->present);
     free(bus->outputs_in);
     free(bus->inputs_in);
     free(bus->storage);
     free(bus->image);
+    fsn_plan_free((struct fsn_plan *)bus->plan);
     free(bus);
 }
 
@@ -202,35 +214,51 @@ static fsn_status emulated_open(void *context, const struct fsn_plan *plan,
     if (bus == NULL || bus->plan != plan) {
         return FSN_E_ARG;
     }
+    if (atomic_exchange(&bus->opened, true)) {
+        return FSN_E_STATE;
+    }
+    atomic_fetch_add_explicit(&bus->holders, 1, memory_order_relaxed);
     *layout = (struct fsn_bus_layout){
         .image = bus->image,
         .image_bytes = bus->image_bytes,
         .sm_base = bus->sm_base,
-        .sm_datagram = bus->sm_datagram,
+        .datagram_begin = bus->datagram_begin,
         .datagram_count = bus->datagram_count,
     };
     return FSN_OK;
 }
 
+static void emulated_close(void *context) {
+    struct fsn_emulated *bus = context;
+    atomic_store(&bus->opened, false);
+    fsn_emulated_free(bus);
+}
+
+static bool is_present(struct fsn_emulated *bus, const struct mailbox *box) {
+    return atomic_load_explicit(&bus->present[box->subdevice], memory_order_acquire);
+}
+
 static void emulated_receive(void *context, struct fsn_bus_input *input) {
     struct fsn_emulated *bus = context;
-    memset(bus->actual, 0, bus->datagram_count * sizeof *bus->actual);
     clear_seen(bus);
+    for (uint32_t d = 0; d < bus->datagram_count; d++) {
+        input->wkc[d].expected = bus->expected[d];
+    }
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         struct mailbox *box = &bus->boxes[sm];
-        if (box->size_bytes == 0 ||
-            !atomic_load_explicit(&bus->present[box->subdevice], memory_order_acquire)) {
-            continue; /* the input bytes of an absent SubDevice stay as they are, whole */
+        if (box->size_bytes == 0) {
+            continue;
         }
-        count_wkc(bus, sm, bus->actual);
+        if (!is_present(bus, box)) {
+            /* The input bytes of an absent SubDevice stay as they are, whole. */
+            input->sm_stale[sm] = box->direction == FSN_INPUT;
+            continue;
+        }
+        input->wkc[bus->sm_datagram[sm]].actual += wkc_of(bus, sm);
         if (box->direction == FSN_INPUT) {
-            memcpy(bus->image + box->base, newest(box), box->size_bytes);
+            bool fresh;
+            memcpy(bus->image + box->base, newest(box, &fresh), box->size_bytes);
         }
-    }
-    for (uint32_t d = 0; d < bus->datagram_count; d++) {
-        input->expected_wkc += bus->expected[d];
-        input->actual_wkc += bus->actual[d];
-        input->bad_datagrams += bus->expected[d] != bus->actual[d];
     }
 }
 
@@ -238,8 +266,7 @@ static void emulated_send(void *context) {
     struct fsn_emulated *bus = context;
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         struct mailbox *box = &bus->boxes[sm];
-        if (box->size_bytes > 0 && box->direction == FSN_OUTPUT &&
-            atomic_load_explicit(&bus->present[box->subdevice], memory_order_acquire)) {
+        if (box->size_bytes > 0 && box->direction == FSN_OUTPUT && is_present(bus, box)) {
             publish(box, bus->image + box->base);
         }
     }
@@ -251,7 +278,7 @@ const struct fsn_bus_ops *fsn_emulated_ops(void) {
         .open = emulated_open,
         .receive = emulated_receive,
         .send = emulated_send,
-        .close = NULL,
+        .close = emulated_close,
     };
     return &ops;
 }
@@ -265,12 +292,16 @@ static struct mailbox *find(struct fsn_emulated *bus, uint32_t sm, uint8_t direc
 }
 
 fsn_status fsn_emulated_read_outputs(struct fsn_emulated *bus, uint32_t sm, uint8_t *buffer,
-                                     size_t len_bytes) {
+                                     size_t len_bytes, bool *fresh) {
     struct mailbox *box = find(bus, sm, FSN_OUTPUT);
     if (box == NULL || len_bytes < box->size_bytes) {
         return FSN_E_ARG;
     }
-    memcpy(buffer, newest(box), box->size_bytes);
+    bool is_new;
+    memcpy(buffer, newest(box, &is_new), box->size_bytes);
+    if (fresh != NULL) {
+        *fresh = is_new;
+    }
     return FSN_OK;
 }
 

@@ -42,20 +42,37 @@ static void write_outputs(struct fsn_rt *rt) {
     }
 }
 
-static void take_input(struct fsn_statistics *s, const struct fsn_bus_input *input) {
-    s->expected_wkc = input->expected_wkc;
-    s->actual_wkc = input->actual_wkc;
-    if (input->bad_datagrams > 0 || input->actual_wkc != input->expected_wkc) {
-        s->wkc_errors++;
+static void clear_input(struct fsn_rt *rt) {
+    memset(rt->input.wkc, 0, rt->datagram_count * sizeof *rt->input.wkc);
+    memset(rt->input.sm_stale, 0, rt->sm_count);
+}
+
+/** Working counter verdict per datagram, and age of the inputs. Nothing is done about either: an
+ *  old frame is harmless, and the watchdog of its receiver decides. */
+static void judge_input(struct fsn_rt *rt) {
+    struct fsn_statistics *s = &rt->statistics;
+    uint32_t bad = 0;
+    s->expected_wkc = 0;
+    s->actual_wkc = 0;
+    for (uint32_t d = 0; d < rt->datagram_count; d++) {
+        s->expected_wkc += rt->input.wkc[d].expected;
+        s->actual_wkc += rt->input.wkc[d].actual;
+        bad += rt->input.wkc[d].expected != rt->input.wkc[d].actual;
+    }
+    s->wkc_errors += bad > 0;
+    for (uint32_t sm = 0; sm < rt->sm_count; sm++) {
+        if (rt->input.sm_stale[sm] != 0) {
+            atomic_fetch_add_explicit(&rt->stale[sm], 1, memory_order_relaxed);
+        }
     }
 }
 
 void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     struct fsn_statistics *s = &rt->statistics;
-    struct fsn_bus_input input = {0};
     const uint64_t start = timed ? clock_ns() : 0;
-    rt->ops->receive(rt->bus, &input);
-    take_input(s, &input);
+    clear_input(rt);
+    rt->ops->receive(rt->bus, &rt->input);
+    judge_input(rt);
     const uint64_t before_copy = timed ? clock_ns() : 0;
     fsn_rt_copy_all(rt->image, rt->copies, rt->groups, rt->group_count);
     const uint64_t after_copy = timed ? clock_ns() : 0;
@@ -82,6 +99,9 @@ static void count_latency(struct fsn_statistics *s, uint64_t latency_ns) {
     s->latency[bucket]++;
     s->latency_sum_ns += latency_ns;
     s->latency_max_ns = latency_ns > s->latency_max_ns ? latency_ns : s->latency_max_ns;
+    s->latency_min_ns =
+        s->wakeups == 0 || latency_ns < s->latency_min_ns ? latency_ns : s->latency_min_ns;
+    s->wakeups++;
 }
 
 void fsn_rt_loop(struct fsn_rt *rt) {

@@ -52,6 +52,7 @@ static void take_frame(struct fsn_direction *d, const uint8_t *frame, uint32_t s
                        uint64_t now_ns) {
     const bool was_data = d->command == CMD_PROCESS_DATA || d->command == CMD_FAILSAFE_DATA;
     const bool is_data = frame[0] == CMD_PROCESS_DATA || frame[0] == CMD_FAILSAFE_DATA;
+    const bool was_reset = d->command == CMD_RESET;
     if (was_data && is_data) {
         count_interval(d, now_ns - d->last_new_ns);
     }
@@ -62,7 +63,8 @@ static void take_frame(struct fsn_direction *d, const uint8_t *frame, uint32_t s
     d->process_data += frame[0] == CMD_PROCESS_DATA;
     d->failsafe_data += frame[0] == CMD_FAILSAFE_DATA;
     if (frame[0] == CMD_RESET) {
-        d->resets++;
+        /* One Reset is several frames, because its CRCs go on; only its begin counts. */
+        d->resets += !was_reset;
         d->reset_code = frame[1];
     }
 }
@@ -95,13 +97,14 @@ void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {
             continue;
         }
         status->outside = after;
-        const bool by_main = status->direction[0].command == CMD_RESET;
+        const struct fsn_direction *by =
+            &status->direction[status->direction[0].command == CMD_RESET ? 0 : 1];
         const struct fsn_event event = {
             .now_ns = now_ns,
             .connection = c,
             .before = (uint8_t)before,
             .after = (uint8_t)after,
-            .reset_code = status->direction[by_main ? 0 : 1].reset_code,
+            .reset_code = after == FSN_OUTSIDE_RESET ? by->reset_code : 0,
         };
         fsn_rt_push_event(rt, &event);
     }

@@ -10,8 +10,7 @@
 #include "fsn/core.h"
 
 enum {
-    FSN_RT_SIZE_CLASSES = 64, /**< copies up to this size run with a constant size */
-    FSN_RT_EVENTS = 256,      /**< slots of the event ring, a power of two */
+    FSN_RT_EVENTS = 256, /**< slots of the event ring, a power of two */
 };
 
 /** One merged copy, absolute bytes in the image. */
@@ -19,7 +18,7 @@ struct fsn_rt_copy {
     uint32_t source, destination;
 };
 
-/** Copies of one size, executed together. Sizes above FSN_RT_SIZE_CLASSES get a group each. */
+/** Copies of one size, executed together. */
 struct fsn_rt_group {
     uint32_t size_bytes, first, count;
 };
@@ -31,10 +30,11 @@ struct fsn_rt_watch {
     uint8_t last[FSN_MAX_FRAME_BYTES];
 };
 
-/** Bits of the image that the application sets. */
+/** Bits of the image that a symbol names. */
 struct fsn_rt_output {
     uint32_t bit_offset; /**< absolute bit in the image */
-    uint32_t bits;
+    uint32_t bits;       /**< 0 without a place in the image */
+    bool open;           /**< the application may set it */
     _Atomic uint64_t value;
 };
 
@@ -48,7 +48,6 @@ struct fsn_rt_ring {
 struct fsn_rt_snapshot {
     _Atomic uint32_t sequence;
     _Atomic uint64_t *words; /**< statistics, connections, image, each padded to 8 bytes */
-    uint32_t word_count;
 };
 
 struct fsn_rt {
@@ -56,6 +55,10 @@ struct fsn_rt {
     void *bus;
     uint8_t *image;
     uint32_t image_bytes;
+
+    struct fsn_bus_input input; /**< filled by the bus in every cycle */
+    _Atomic uint64_t *stale;    /**< per sync manager: cycles with old inputs */
+    uint32_t datagram_count, sm_count;
 
     const struct fsn_rt_copy *copies;
     const struct fsn_rt_group *groups;
@@ -66,8 +69,8 @@ struct fsn_rt {
     struct fsn_connection_status *connections;
     uint32_t connection_count;
 
-    struct fsn_rt_output *outputs;      /**< one per symbol */
-    const uint32_t *active;             /**< symbols set so far, in the order of their first set */
+    struct fsn_rt_output *outputs; /**< one per symbol */
+    const uint32_t *active;        /**< symbols set so far, in the order of their first set */
     _Atomic uint32_t active_count;
 
     struct fsn_statistics statistics;

@@ -5,10 +5,14 @@
 /** Stores bytes as relaxed 8-byte words; the last word is padded with zeros. */
 static _Atomic uint64_t *put(_Atomic uint64_t *words, const void *from, size_t len_bytes) {
     const uint8_t *bytes = from;
-    for (size_t at = 0; at < len_bytes; at += 8) {
+    for (; len_bytes >= 8; len_bytes -= 8, bytes += 8) {
+        uint64_t word;
+        memcpy(&word, bytes, 8);
+        atomic_store_explicit(words++, word, memory_order_relaxed);
+    }
+    if (len_bytes > 0) {
         uint64_t word = 0;
-        const size_t left = len_bytes - at;
-        memcpy(&word, bytes + at, left < 8 ? left : 8);
+        memcpy(&word, bytes, len_bytes);
         atomic_store_explicit(words++, word, memory_order_relaxed);
     }
     return words;

@@ -1,0 +1,121 @@
+/** What other threads may do while the cycle runs: look at the snapshot, take events, set outputs.
+ *  Nothing here can delay the cyclic thread. */
+#define _POSIX_C_SOURCE 200809L
+
+#include <sched.h>
+#include <string.h>
+
+#include "core_internal.h"
+
+/** Copies words of the snapshot; `to` may be NULL to skip them. */
+static const _Atomic uint64_t *take(const _Atomic uint64_t *from, void *to, size_t len_bytes) {
+    uint8_t *bytes = to;
+    if (bytes == NULL) {
+        return from + (len_bytes + 7) / 8;
+    }
+    for (; len_bytes >= 8; len_bytes -= 8, bytes += 8) {
+        const uint64_t word = atomic_load_explicit(from++, memory_order_relaxed);
+        memcpy(bytes, &word, 8);
+    }
+    if (len_bytes > 0) {
+        const uint64_t word = atomic_load_explicit(from++, memory_order_relaxed);
+        memcpy(bytes, &word, len_bytes);
+    }
+    return from;
+}
+
+/** Reads the words once; false when the writer was at them meanwhile. */
+static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statistics,
+                         struct fsn_connection_status *connections, uint8_t *image) {
+    const uint32_t before = atomic_load_explicit(&rt->snapshot.sequence, memory_order_acquire);
+    if (before % 2 != 0) {
+        return false;
+    }
+    const _Atomic uint64_t *from = rt->snapshot.words;
+    from = take(from, statistics, sizeof rt->statistics);
+    from = take(from, connections, rt->connection_count * sizeof *rt->connections);
+    take(from, image, rt->image_bytes);
+    /* The loads above may not sink below the second look at the sequence. */
+    atomic_thread_fence(memory_order_acquire);
+    return atomic_load_explicit(&rt->snapshot.sequence, memory_order_relaxed) == before;
+}
+
+fsn_status fsn_core_snapshot(struct fsn_core *core, struct fsn_statistics *statistics,
+                             struct fsn_connection_status *connections, uint8_t *image) {
+    /* Bounded, so that a writer that died in the middle cannot hang a reader. */
+    enum { ATTEMPTS = 1000 };
+    if (core == NULL) {
+        return FSN_E_ARG;
+    }
+    for (int i = 0; i < ATTEMPTS; i++) {
+        if (try_snapshot(&core->rt, statistics, connections, image)) {
+            return FSN_OK;
+        }
+        sched_yield();
+    }
+    return FSN_E_BUSY;
+}
+
+uint32_t fsn_core_image_bytes(const struct fsn_core *core) {
+    return core->rt.image_bytes;
+}
+
+uint32_t fsn_core_sm_base(const struct fsn_core *core, uint32_t sm) {
+    return sm < core->rt.sm_count ? core->layout.sm_base[sm] : FSN_NONE;
+}
+
+uint64_t fsn_core_stale_cycles(const struct fsn_core *core, uint32_t sm) {
+    return sm < core->rt.sm_count ? atomic_load_explicit(&core->rt.stale[sm], memory_order_relaxed)
+                                  : 0;
+}
+
+bool fsn_core_event(struct fsn_core *core, struct fsn_event *event) {
+    if (core == NULL || event == NULL) {
+        return false;
+    }
+    struct fsn_rt_ring *ring = &core->rt.ring;
+    const uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
+    if (tail == atomic_load_explicit(&ring->head, memory_order_acquire)) {
+        return false;
+    }
+    *event = ring->slot[tail % FSN_RT_EVENTS];
+    atomic_store_explicit(&ring->tail, tail + 1, memory_order_release);
+    return true;
+}
+
+static bool has_place(const struct fsn_core *core, uint32_t symbol) {
+    return symbol < core->plan->count[FSN_SEC_SYMBOL] && core->rt.outputs[symbol].bits > 0;
+}
+
+fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol, uint64_t value) {
+    if (core == NULL || !has_place(core, symbol)) {
+        return FSN_E_ARG;
+    }
+    struct fsn_rt_output *output = &core->rt.outputs[symbol];
+    if (!output->open) {
+        return FSN_E_CLOSED;
+    }
+    atomic_store_explicit(&output->value, value, memory_order_relaxed);
+    if (!core->is_active[symbol]) {
+        const uint32_t count = atomic_load_explicit(&core->rt.active_count, memory_order_relaxed);
+        core->active[count] = symbol;
+        core->is_active[symbol] = 1;
+        /* The cycle sees the symbol's number and value before it sees that there is one more. */
+        atomic_store_explicit(&core->rt.active_count, count + 1, memory_order_release);
+    }
+    return FSN_OK;
+}
+
+fsn_status fsn_core_read_symbol(const struct fsn_core *core, const uint8_t *image, uint32_t symbol,
+                                uint64_t *value) {
+    if (core == NULL || image == NULL || value == NULL || !has_place(core, symbol)) {
+        return FSN_E_ARG;
+    }
+    const uint32_t first = core->rt.outputs[symbol].bit_offset;
+    *value = 0;
+    for (uint32_t i = 0; i < core->rt.outputs[symbol].bits; i++) {
+        const uint32_t bit = first + i;
+        *value |= (uint64_t)((image[bit / 8] >> (bit % 8)) & 1u) << i;
+    }
+    return FSN_OK;
+}

@@ -1,0 +1,396 @@
+/** Activation: the plan speaks of sync managers, the bus of an image; here both become absolute
+ *  bytes, are proved together, and then never change. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "core_internal.h"
+
+/** A copy with absolute bytes while neighbours are merged and sizes grouped. */
+struct span {
+    uint32_t source, destination, size_bytes;
+    uint32_t number; /**< copy of the plan, to name it in a refusal */
+};
+
+/** Where a sync manager lies in the image. */
+struct place {
+    uint32_t begin, end, sm;
+};
+
+static fsn_status refuse_copy(struct fsn_fault *fault, fsn_status status, uint32_t number,
+                              const char *rule) {
+    return fsn_refuse(fault, status, FSN_SEC_COPY, number, 0, rule);
+}
+
+static int by_begin(const void *a, const void *b) {
+    const struct place *x = a;
+    const struct place *y = b;
+    return (x->begin > y->begin) - (x->begin < y->begin);
+}
+
+/** Fills `places` with the sync managers that have one, each inside the image. */
+static fsn_status place_all(const struct fsn_core *core, struct place *places, uint32_t *used,
+                            struct fsn_fault *fault) {
+    const struct fsn_bus_layout *layout = &core->layout;
+    *used = 0;
+    for (uint32_t sm = 0; sm < core->plan->count[FSN_SEC_SM]; sm++) {
+        const uint32_t base = layout->sm_base[sm];
+        const uint32_t size = fsn_sm_bytes(core->plan, sm);
+        if (base == FSN_NONE || size == 0) {
+            continue;
+        }
+        if (base > layout->image_bytes || size > layout->image_bytes - base) {
+            return fsn_refuse(fault, FSN_E_BUS_IMAGE, FSN_SEC_SM, sm, 0, NULL);
+        }
+        places[(*used)++] = (struct place){base, base + size, sm};
+    }
+    return FSN_OK;
+}
+
+/** No sync manager lies over another: an input that shared bytes with an output would show us our
+ *  own frames, and two outputs that shared bytes would make disjoint copies collide. */
+static fsn_status check_places(const struct fsn_core *core, struct fsn_fault *fault) {
+    struct place *places = calloc((size_t)core->plan->count[FSN_SEC_SM] + 1, sizeof *places);
+    if (places == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    uint32_t used = 0;
+    fsn_status status = place_all(core, places, &used, fault);
+    if (status == FSN_OK) {
+        qsort(places, used, sizeof *places, by_begin);
+    }
+    for (uint32_t i = 1; i < used && status == FSN_OK; i++) {
+        if (places[i].begin < places[i - 1].end) {
+            status = fsn_refuse(fault, FSN_E_BUS_OVERLAP, FSN_SEC_SM, places[i].sm, 0, NULL);
+        }
+    }
+    free(places);
+    return status;
+}
+
+static fsn_status check_layout(const struct fsn_core *core, struct fsn_fault *fault) {
+    const struct fsn_bus_layout *layout = &core->layout;
+    if (layout->sm_base == NULL || layout->datagram_begin == NULL || layout->datagram_count == 0 ||
+        (layout->image == NULL && layout->image_bytes > 0)) {
+        return fsn_refuse_all(fault, FSN_E_BUS_IMAGE, "the bus left a part of its layout empty");
+    }
+    /* Places are counted in bits later, which must fit 32 of them. */
+    if (layout->image_bytes > UINT32_MAX / 8) {
+        return fsn_refuse_all(fault, FSN_E_BUS_IMAGE, "the image has 512 MiB or more");
+    }
+    for (uint32_t d = 0; d < layout->datagram_count; d++) {
+        const uint32_t begin = layout->datagram_begin[d];
+        if (begin > layout->image_bytes ||
+            (d == 0 ? begin != 0 : begin < layout->datagram_begin[d - 1])) {
+            return fsn_refuse_all(fault, FSN_E_BUS_IMAGE,
+                                  "datagrams do not start at 0 and rise inside the image");
+        }
+    }
+    return check_places(core, fault);
+}
+
+/** Datagram that carries a byte of the image. */
+static uint32_t datagram_of(const struct fsn_bus_layout *layout, uint32_t byte) {
+    uint32_t low = 0;
+    uint32_t high = layout->datagram_count;
+    while (high - low > 1) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (layout->datagram_begin[middle] <= byte) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+static bool straddles(const struct fsn_bus_layout *layout, uint32_t byte, uint32_t size_bytes) {
+    return datagram_of(layout, byte) != datagram_of(layout, byte + size_bytes - 1);
+}
+
+/** An FSoE copy must be one of the two of its connection, and run in the direction it has there.
+ *  The loader has proved it; once more here, since this is what keeps frames apart. */
+static bool is_paired(const struct fsn_plan *plan, uint32_t number,
+                      const struct fsn_copy_info *copy) {
+    struct fsn_connection_info c;
+    if (copy->kind != FSN_COPY_FSOE) {
+        return true;
+    }
+    if (fsn_plan_connection(plan, copy->connection, &c) != FSN_OK ||
+        (number != c.copy_to_sub && number != c.copy_to_main)) {
+        return false;
+    }
+    const uint32_t from = number == c.copy_to_sub ? c.main_subdevice : c.sub_subdevice;
+    const uint32_t to = number == c.copy_to_sub ? c.sub_subdevice : c.main_subdevice;
+    return fsn_get32(fsn_record(plan, FSN_SEC_SM, copy->source_sm)) == from &&
+           fsn_get32(fsn_record(plan, FSN_SEC_SM, copy->destination_sm)) == to;
+}
+
+/** Resolves one copy to absolute bytes and proves it for this bus. */
+static fsn_status resolve_copy(const struct fsn_core *core, uint32_t number, struct span *span,
+                               struct fsn_fault *fault) {
+    const struct fsn_plan *plan = core->plan;
+    const struct fsn_bus_layout *layout = &core->layout;
+    struct fsn_copy_info copy;
+    const fsn_status status = fsn_plan_copy(plan, number, &copy);
+    if (status != FSN_OK) {
+        return refuse_copy(fault, status, number, NULL);
+    }
+    if (layout->sm_base[copy.source_sm] == FSN_NONE ||
+        layout->sm_base[copy.destination_sm] == FSN_NONE) {
+        return refuse_copy(fault, FSN_E_BUS_IMAGE, number,
+                           "the bus gives a sync manager of this copy no place in its image");
+    }
+    if (fsn_sm_direction(plan, copy.source_sm) != FSN_INPUT ||
+        fsn_sm_direction(plan, copy.destination_sm) != FSN_OUTPUT) {
+        return refuse_copy(fault, FSN_E_COPY_DIRECTION, number, NULL);
+    }
+    if (copy.source_byte + copy.size_bytes > fsn_sm_bytes(plan, copy.source_sm) ||
+        copy.destination_byte + copy.size_bytes > fsn_sm_bytes(plan, copy.destination_sm)) {
+        return refuse_copy(fault, FSN_E_COPY_RANGE, number, NULL);
+    }
+    if (!is_paired(plan, number, &copy)) {
+        return refuse_copy(fault, FSN_E_COPY_PAIR, number, NULL);
+    }
+    *span = (struct span){layout->sm_base[copy.source_sm] + copy.source_byte,
+                          layout->sm_base[copy.destination_sm] + copy.destination_byte,
+                          copy.size_bytes, number};
+    /* Two datagrams may come from two passes of the bus: half a frame would be old. */
+    if (straddles(layout, span->source, span->size_bytes) ||
+        straddles(layout, span->destination, span->size_bytes)) {
+        return refuse_copy(fault, FSN_E_BUS_STRADDLE, number, NULL);
+    }
+    return FSN_OK;
+}
+
+static int by_destination(const void *a, const void *b) {
+    const struct span *x = a;
+    const struct span *y = b;
+    return (x->destination > y->destination) - (x->destination < y->destination);
+}
+
+static int by_size(const void *a, const void *b) {
+    const struct span *x = a;
+    const struct span *y = b;
+    if (x->size_bytes != y->size_bytes) {
+        return x->size_bytes < y->size_bytes ? -1 : 1;
+    }
+    return by_destination(a, b);
+}
+
+static fsn_status check_disjoint(const struct span *spans, uint32_t count,
+                                 struct fsn_fault *fault) {
+    for (uint32_t i = 1; i < count; i++) {
+        if (spans[i].destination < spans[i - 1].destination + spans[i - 1].size_bytes) {
+            return refuse_copy(fault, FSN_E_COPY_OVERLAP, spans[i].number, NULL);
+        }
+    }
+    return FSN_OK;
+}
+
+/** Merges neighbours that are neighbours on both sides. The input is sorted by destination. */
+static uint32_t merge(struct span *spans, uint32_t count) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        struct span *last = kept > 0 ? &spans[kept - 1] : NULL;
+        if (last != NULL && last->destination + last->size_bytes == spans[i].destination &&
+            last->source + last->size_bytes == spans[i].source) {
+            last->size_bytes += spans[i].size_bytes;
+        } else {
+            spans[kept++] = spans[i];
+        }
+    }
+    return kept;
+}
+
+/** Puts the merged copies, sorted by size, into groups of one size. */
+static void group(struct fsn_core *core, const struct span *spans, uint32_t count) {
+    uint32_t groups = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        core->copies[i] = (struct fsn_rt_copy){spans[i].source, spans[i].destination};
+        if (groups > 0 && core->groups[groups - 1].size_bytes == spans[i].size_bytes) {
+            core->groups[groups - 1].count++;
+        } else {
+            core->groups[groups++] = (struct fsn_rt_group){spans[i].size_bytes, i, 1};
+        }
+    }
+    core->rt.copies = core->copies;
+    core->rt.groups = core->groups;
+    core->rt.group_count = groups;
+    core->rt.statistics.merged_copies = count;
+}
+
+static fsn_status activate_copies(struct fsn_core *core, struct fsn_fault *fault) {
+    const uint32_t count = core->plan->count[FSN_SEC_COPY];
+    struct span *spans = calloc((size_t)count + 1, sizeof *spans);
+    core->copies = calloc((size_t)count + 1, sizeof *core->copies);
+    core->groups = calloc((size_t)count + 1, sizeof *core->groups);
+    if (spans == NULL || core->copies == NULL || core->groups == NULL) {
+        free(spans);
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    fsn_status status = FSN_OK;
+    for (uint32_t i = 0; i < count && status == FSN_OK; i++) {
+        status = resolve_copy(core, i, &spans[i], fault);
+        core->rt.bytes_per_cycle += status == FSN_OK ? spans[i].size_bytes : 0;
+    }
+    if (status == FSN_OK) {
+        qsort(spans, count, sizeof *spans, by_destination);
+        status = check_disjoint(spans, count, fault);
+    }
+    if (status == FSN_OK) {
+        const uint32_t merged = merge(spans, count);
+        qsort(spans, merged, sizeof *spans, by_size);
+        group(core, spans, merged);
+        core->rt.statistics.copies = count;
+    }
+    free(spans);
+    return status;
+}
+
+static fsn_status watch(const struct fsn_core *core, uint32_t number, struct fsn_rt_watch *out,
+                        struct fsn_fault *fault) {
+    struct fsn_copy_info copy;
+    const fsn_status status = fsn_plan_copy(core->plan, number, &copy);
+    if (status != FSN_OK || copy.size_bytes > sizeof out->last) {
+        return refuse_copy(fault, FSN_E_COPY_FRAME, number, NULL);
+    }
+    out->offset = core->layout.sm_base[copy.destination_sm] + copy.destination_byte;
+    out->size_bytes = copy.size_bytes;
+    return FSN_OK;
+}
+
+static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *fault) {
+    struct fsn_rt *rt = &core->rt;
+    const uint32_t count = core->plan->count[FSN_SEC_CONNECTION];
+    rt->connections = calloc((size_t)count + 1, sizeof *rt->connections);
+    rt->watches = calloc(2 * (size_t)count + 1, sizeof *rt->watches);
+    if (rt->connections == NULL || rt->watches == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    rt->connection_count = count;
+    fsn_status status = FSN_OK;
+    for (uint32_t i = 0; i < count && status == FSN_OK; i++) {
+        struct fsn_connection_info info;
+        status = fsn_plan_connection(core->plan, i, &info);
+        if (status == FSN_OK) {
+            status = watch(core, info.copy_to_sub, &rt->watches[2 * i], fault);
+        }
+        if (status == FSN_OK) {
+            status = watch(core, info.copy_to_main, &rt->watches[2 * i + 1], fault);
+        }
+    }
+    return status;
+}
+
+/** Whether a copy writes a byte of this symbol; copies are sorted by destination. */
+static bool is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
+    const uint32_t first = symbol->bit_offset / 8;
+    const uint32_t behind = (symbol->bit_offset + symbol->bits + 7) / 8;
+    uint32_t low = 0; /* first copy that ends behind the first byte of the symbol */
+    uint32_t high = plan->count[FSN_SEC_COPY];
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        const uint8_t *r = fsn_record(plan, FSN_SEC_COPY, middle);
+        const uint32_t sm = fsn_get32(r + 8);
+        const uint32_t end = (fsn_get32(r + 12) + fsn_get32(r + 16)) / 8;
+        if (sm < symbol->sm || (sm == symbol->sm && end <= first)) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    if (low >= plan->count[FSN_SEC_COPY]) {
+        return false;
+    }
+    const uint8_t *r = fsn_record(plan, FSN_SEC_COPY, low);
+    return fsn_get32(r + 8) == symbol->sm && fsn_get32(r + 12) / 8 < behind;
+}
+
+/** Whether the application may write this symbol: an output that neither a copy nor a recognised
+ *  FSoE block owns. */
+static bool is_open(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
+    const uint32_t first = symbol->bit_offset / 8;
+    const uint32_t last = (symbol->bit_offset + symbol->bits - 1u) / 8;
+    return symbol->output != 0 && fsn_sm_direction(plan, symbol->sm) == FSN_OUTPUT &&
+           fsn_touch_of(plan, symbol->sm, first, last - first + 1) == FSN_TOUCH_NONE &&
+           !is_copied(plan, symbol);
+}
+
+static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *fault) {
+    const uint32_t count = core->plan->count[FSN_SEC_SYMBOL];
+    core->rt.outputs = calloc((size_t)count + 1, sizeof *core->rt.outputs);
+    core->active = calloc((size_t)count + 1, sizeof *core->active);
+    core->is_active = calloc((size_t)count + 1, 1);
+    if (core->rt.outputs == NULL || core->active == NULL || core->is_active == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    core->rt.active = core->active;
+    for (uint32_t i = 0; i < count; i++) {
+        struct fsn_symbol_info info;
+        if (fsn_plan_symbol(core->plan, i, &info) != FSN_OK ||
+            core->layout.sm_base[info.sm] == FSN_NONE) {
+            continue;
+        }
+        core->rt.outputs[i].bit_offset = 8 * core->layout.sm_base[info.sm] + info.bit_offset;
+        core->rt.outputs[i].bits = info.bits;
+        core->rt.outputs[i].open = is_open(core->plan, &info);
+    }
+    return FSN_OK;
+}
+
+/** What the bus fills in every cycle, and what is counted from it. */
+static fsn_status activate_input(struct fsn_core *core, struct fsn_fault *fault) {
+    struct fsn_rt *rt = &core->rt;
+    rt->datagram_count = core->layout.datagram_count;
+    rt->sm_count = core->plan->count[FSN_SEC_SM];
+    rt->input.wkc = calloc(rt->datagram_count, sizeof *rt->input.wkc);
+    rt->input.sm_stale = calloc((size_t)rt->sm_count + 1, 1);
+    rt->stale = calloc((size_t)rt->sm_count + 1, sizeof *rt->stale);
+    if (rt->input.wkc == NULL || rt->input.sm_stale == NULL || rt->stale == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    return FSN_OK;
+}
+
+static size_t words(size_t bytes) {
+    return (bytes + 7) / 8;
+}
+
+static fsn_status activate_snapshot(struct fsn_core *core, struct fsn_fault *fault) {
+    struct fsn_rt *rt = &core->rt;
+    const size_t count = words(sizeof rt->statistics) +
+                         words(rt->connection_count * sizeof *rt->connections) +
+                         words(rt->image_bytes);
+    rt->snapshot.words = calloc(count, sizeof *rt->snapshot.words);
+    if (rt->snapshot.words == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    fsn_rt_publish(rt);
+    return FSN_OK;
+}
+
+fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault) {
+    struct fsn_bus_layout *layout = &core->layout;
+    fsn_status status = core->rt.ops->open(core->rt.bus, core->plan, layout);
+    if (status != FSN_OK) {
+        return fsn_refuse_all(fault, status, "the bus does not open");
+    }
+    core->opened = true;
+    status = check_layout(core, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    core->rt.image = layout->image;
+    core->rt.image_bytes = layout->image_bytes;
+    if (layout->image_bytes > 0) {
+        /* Until its source has delivered once, a destination holds zeros. */
+        memset(layout->image, 0, layout->image_bytes);
+    }
+    typedef fsn_status (*step)(struct fsn_core *, struct fsn_fault *);
+    static const step steps[] = {activate_copies, activate_monitor, activate_outputs,
+                                 activate_input, activate_snapshot};
+    for (size_t i = 0; i < sizeof steps / sizeof steps[0] && status == FSN_OK; i++) {
+        status = steps[i](core, fault);
+    }
+    return status;
+}

@@ -1,0 +1,28 @@
+/** The core as set up, shared by activation, thread control and access from other threads. */
+#ifndef FSN_CORE_INTERNAL_H
+#define FSN_CORE_INTERNAL_H
+
+#include <pthread.h>
+
+#include "fsn/core.h"
+#include "plan_internal.h"
+#include "rt/rt.h"
+
+struct fsn_core {
+    struct fsn_rt rt;
+    const struct fsn_plan *plan;
+    struct fsn_bus_layout layout;
+    bool opened; /**< the bus was opened and is owed a close */
+    struct fsn_rt_copy *copies;
+    struct fsn_rt_group *groups;
+    uint32_t *active;   /**< symbols set so far; the cycle reads the first active_count */
+    uint8_t *is_active; /**< per symbol; the writer's own */
+    pthread_t thread;
+    bool running;
+};
+
+/** Opens the bus, proves plan and layout together and builds what the cycle executes.
+ *  On refusal the caller frees the core. */
+fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault);
+
+#endif

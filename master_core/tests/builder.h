@@ -1,0 +1,68 @@
+/** Builds plans for tests, independent of the Python writer: one table of records, then bytes. */
+#ifndef FSN_TEST_BUILDER_H
+#define FSN_TEST_BUILDER_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+/** Fails the test with place and text; never compiled out. */
+#define CHECK(condition)                                                                           \
+    do {                                                                                           \
+        if (!(condition)) {                                                                        \
+            fprintf(stderr, "%s:%d: not true: %s\n", __FILE__, __LINE__, #condition);              \
+            exit(1);                                                                               \
+        }                                                                                          \
+    } while (0)
+
+/** One sync manager of a test SubDevice: whole bytes, one PDO with 8-bit entries. */
+struct build_sm {
+    uint8_t direction;
+    uint32_t size_bytes;
+};
+
+/** One copy between two SubDevices; `sm` counts from 0 inside the SubDevice: 0 output, 1 input. */
+struct build_copy {
+    uint32_t from, source_byte, to, destination_byte, size_bytes;
+};
+
+/** A named entry: `sm` is the record number, 2 * SubDevice + 1 for its inputs. */
+struct build_symbol {
+    uint32_t sm, bit_offset, bits;
+};
+
+/** A recognised FSoE frame. */
+struct build_block {
+    uint32_t sm, byte_offset, size_bytes;
+};
+
+/** A network of `count` SubDevices, each with one output and one input sync manager. */
+struct build {
+    uint32_t subdevices;
+    const struct build_sm (*sm)[2];  /**< [subdevice][0 output, 1 input] */
+    const struct build_copy *copies; /**< FSoE pairs: 2n to sub, 2n + 1 to main; then standard */
+    uint32_t pairs, standard;
+    uint32_t cycle_ns;
+    const struct build_symbol *symbols;
+    const struct build_block *blocks;              /**< sorted by sync manager and offset */
+    uint32_t symbol_count, block_count, sdo_count; /**< all SDOs belong to the last SubDevice */
+};
+
+/** Returns plan bytes to be freed by the caller; copies are sorted by destination here. */
+uint8_t *build_plan(const struct build *build, size_t *len_bytes);
+
+/** Writes the CRC anew after a test has changed bytes. */
+void build_fix_crc(uint8_t *bytes, size_t len_bytes);
+
+/** The e-stop pair: two SubDevices with 9 + 8 and 8 + 8 bytes, one connection of 6-byte frames. */
+uint8_t *build_estop(size_t *len_bytes);
+
+/** The e-stop pair with its four FSoE blocks, one SDO, and a byte of standard data behind the
+ *  frames: symbol 0 in the outputs of the main (bits 52 to 59), symbol 1 in its inputs. */
+uint8_t *build_full(size_t *len_bytes);
+
+/** Pseudo random numbers that are the same on every machine. */
+uint32_t next_random(uint64_t *state);
+
+#endif

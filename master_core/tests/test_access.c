@@ -1,0 +1,310 @@
+/** Outputs of the application, ages, datagrams, resets, and other threads beside a running one. */
+#define _POSIX_C_SOURCE 200809L
+
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <string.h>
+
+#include "builder.h"
+#include "core_internal.h"
+#include "fsn/fsn.h"
+
+struct rig {
+    struct fsn_plan *plan;
+    struct fsn_emulated *bus;
+    struct fsn_core *core;
+    uint64_t now_ns;
+};
+
+static struct rig set_up(uint8_t *bytes, size_t len) {
+    struct rig rig = {0};
+    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
+    free(bytes);
+    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
+    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
+    return rig;
+}
+
+static struct rig set_up_full(void) {
+    size_t len;
+    uint8_t *bytes = build_full(&len);
+    return set_up(bytes, len);
+}
+
+static void tear_down(struct rig *rig) {
+    fsn_core_free(rig->core);
+    fsn_emulated_free(rig->bus);
+    fsn_plan_free(rig->plan);
+}
+
+static void cycle(struct rig *rig) {
+    rig->now_ns += 1000000;
+    CHECK(fsn_core_cycle(rig->core, rig->now_ns) == FSN_OK);
+}
+
+static void send(struct rig *rig, uint32_t sm, const char *frame) {
+    uint8_t inputs[8] = {0};
+    memcpy(inputs, frame, 6);
+    inputs[6] = 0x34;
+    inputs[7] = 0x12;
+    CHECK(fsn_emulated_write_inputs(rig->bus, sm, inputs, sizeof inputs) == FSN_OK);
+}
+
+static struct fsn_statistics statistics(struct rig *rig) {
+    struct fsn_statistics s;
+    CHECK(fsn_core_snapshot(rig->core, &s, NULL, NULL) == FSN_OK);
+    return s;
+}
+
+/** Bits 52 to 59 of the main's outputs, beside its frame and beside bits that are not the symbol's.
+ */
+static void outputs_touch_their_bits_only(void) {
+    struct rig rig = set_up_full();
+    uint8_t out[9];
+    send(&rig, 3, "\x36\xFF\xFF\xFF\xFF\xFF");
+    CHECK(fsn_core_set_output(rig.core, 0, 0xFFFFFFFFFFFFFFFFu) == FSN_OK);
+    cycle(&rig);
+    CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, NULL) == FSN_OK);
+    CHECK(memcmp(out, "\x36\xFF\xFF\xFF\xFF\xFF\xF0\x0F\x00", 9) == 0);
+    CHECK(fsn_core_set_output(rig.core, 0, 0xA5) == FSN_OK);
+    cycle(&rig);
+    CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, NULL) == FSN_OK);
+    CHECK(memcmp(out, "\x36\xFF\xFF\xFF\xFF\xFF\x50\x0A\x00", 9) == 0);
+    cycle(&rig); /* and it stays */
+    uint8_t image[33];
+    uint64_t value;
+    CHECK(fsn_core_snapshot(rig.core, NULL, NULL, image) == FSN_OK);
+    CHECK(fsn_core_read_symbol(rig.core, image, 0, &value) == FSN_OK && value == 0xA5);
+    send(&rig, 1, "\x36\x00\x00\x00\x00\x00");
+    cycle(&rig);
+    CHECK(fsn_core_snapshot(rig.core, NULL, NULL, image) == FSN_OK);
+    CHECK(fsn_core_read_symbol(rig.core, image, 1, &value) == FSN_OK && value == 0x1234);
+    CHECK(fsn_core_read_symbol(rig.core, image, 2, &value) == FSN_E_ARG);
+    CHECK(fsn_core_set_output(rig.core, 1, 1) == FSN_E_CLOSED); /* an input */
+    CHECK(fsn_core_set_output(rig.core, 2, 1) == FSN_E_ARG);
+    tear_down(&rig);
+}
+
+/** A symbol under a standard copy belongs to the copy. */
+static void copied_outputs_are_closed(void) {
+    static const struct build_sm sm[2][2] = {{{1, 4}, {2, 4}}, {{1, 4}, {2, 4}}};
+    static const struct build_copy copies[] = {{0, 0, 1, 1, 2}};
+    static const struct build_symbol symbols[] = {{2, 0, 8}, {2, 7, 2}, {2, 16, 8}, {2, 24, 8}};
+    const struct build build = {.subdevices = 2,
+                                .sm = sm,
+                                .copies = copies,
+                                .standard = 1,
+                                .symbols = symbols,
+                                .symbol_count = 4};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    struct rig rig = set_up(bytes, len);
+    CHECK(fsn_core_set_output(rig.core, 0, 1) == FSN_OK);
+    CHECK(fsn_core_set_output(rig.core, 1, 1) == FSN_E_CLOSED);
+    CHECK(fsn_core_set_output(rig.core, 2, 1) == FSN_E_CLOSED);
+    CHECK(fsn_core_set_output(rig.core, 3, 1) == FSN_OK);
+    tear_down(&rig);
+}
+
+static void age_and_news_are_told(void) {
+    struct rig rig = set_up_full();
+    uint8_t out[9];
+    bool fresh = true;
+    CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, &fresh) == FSN_OK && !fresh);
+    cycle(&rig);
+    CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, &fresh) == FSN_OK && fresh);
+    CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, &fresh) == FSN_OK && !fresh);
+    CHECK(fsn_emulated_set_present(rig.bus, 1, false) == FSN_OK);
+    for (int i = 0; i < 3; i++) {
+        cycle(&rig);
+    }
+    CHECK(fsn_core_stale_cycles(rig.core, 3) == 3 && fsn_core_stale_cycles(rig.core, 1) == 0);
+    CHECK(fsn_core_stale_cycles(rig.core, 2) == 0); /* an output has no age */
+    CHECK(fsn_core_stale_cycles(rig.core, 99) == 0);
+    CHECK(statistics(&rig).wkc_errors == 3);
+    CHECK(fsn_emulated_read_outputs(rig.bus, 2, out, sizeof out, &fresh) == FSN_OK);
+    CHECK(fsn_emulated_read_outputs(rig.bus, 2, out, sizeof out, &fresh) == FSN_OK && !fresh);
+    tear_down(&rig);
+}
+
+/** Three SubDevices with 800 bytes each way: a cut before each sync manager that would not fit. */
+static void datagrams_are_cut_at_sync_managers(void) {
+    static const struct build_sm sm[3][2] = {
+        {{1, 800}, {2, 686}}, {{1, 1486}, {2, 1}}, {{1, 3}, {2, 4}}};
+    const struct build build = {.subdevices = 3, .sm = sm};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    struct rig rig = set_up(bytes, len);
+    static const uint32_t base[] = {0, 800, 1486, 2972, 2973, 2976};
+    for (uint32_t i = 0; i < 6; i++) {
+        CHECK(fsn_core_sm_base(rig.core, i) == base[i]);
+    }
+    cycle(&rig);
+    CHECK(statistics(&rig).expected_wkc == 9 && statistics(&rig).actual_wkc == 9);
+    CHECK(fsn_emulated_set_present(rig.bus, 1, false) == FSN_OK); /* in two datagrams */
+    cycle(&rig);
+    CHECK(statistics(&rig).actual_wkc == 6 && statistics(&rig).wkc_errors == 1);
+    tear_down(&rig);
+}
+
+/** 1 486 bytes fit a datagram, 1 487 do not. */
+static void datagrams_end_at_their_limit(void) {
+    for (uint32_t excess = 0; excess < 2; excess++) {
+        const struct build_sm sm[1][2] = {{{1, 800}, {2, 686 + excess}}};
+        const struct build build = {.subdevices = 1, .sm = sm};
+        size_t len;
+        uint8_t *bytes = build_plan(&build, &len);
+        struct fsn_plan *plan;
+        struct fsn_emulated *bus;
+        struct fsn_bus_layout layout;
+        CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+        CHECK(fsn_emulated_create(plan, &bus) == FSN_OK);
+        CHECK(fsn_emulated_ops()->open(bus, plan, &layout) == FSN_OK);
+        CHECK(layout.image_bytes == 1486 + excess && layout.datagram_count == 1 + excess);
+        CHECK(layout.datagram_begin[0] == 0);
+        CHECK(excess == 0 || layout.datagram_begin[1] == 800);
+        fsn_emulated_ops()->close(bus);
+        fsn_emulated_free(bus);
+        fsn_plan_free(plan);
+        free(bytes);
+    }
+}
+
+/** A Reset lasts several frames; it counts once, and its last code is kept. */
+static void resets_are_counted_once(void) {
+    struct rig rig = set_up_full();
+    static const char *const frames[] = {
+        "\x2a\x05\x01\x00\x00\x00", "\x2a\x05\x02\x00\x00\x00", "\x2a\x04\x03\x00\x00\x00",
+        "\x4e\x05\x01\x00\x00\x00", "\x2a\x01\x01\x00\x00\x00",
+    };
+    struct fsn_connection_status c;
+    for (size_t i = 0; i < 5; i++) {
+        send(&rig, 1, frames[i]);
+        cycle(&rig);
+        CHECK(fsn_core_snapshot(rig.core, NULL, &c, NULL) == FSN_OK);
+        CHECK(c.direction[0].resets == (i < 4 ? 1u : 2u) && c.direction[0].frames == i + 1);
+    }
+    CHECK(c.direction[0].reset_code == 1 && c.direction[1].frames == 0);
+    tear_down(&rig);
+}
+
+static void one_core_per_bus(void) {
+    struct rig rig = set_up_full();
+    struct fsn_core *second;
+    struct fsn_fault fault;
+    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &second, &fault) == FSN_E_STATE);
+    cycle(&rig); /* the first one is not harmed */
+    fsn_core_free(rig.core);
+    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, &fault) == FSN_OK);
+    tear_down(&rig);
+}
+
+/** A writer that stopped in the middle of a snapshot does not hang its readers. */
+static void stuck_writer_is_told(void) {
+    struct rig rig = set_up_full();
+    struct fsn_statistics s;
+    atomic_fetch_add(&rig.core->rt.snapshot.sequence, 1);
+    CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_E_BUSY);
+    atomic_fetch_add(&rig.core->rt.snapshot.sequence, 1);
+    CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_OK);
+    tear_down(&rig);
+}
+
+static void nothing_is_refused(void) {
+    CHECK(fsn_core_cycle(NULL, 1) == FSN_E_ARG);
+    CHECK(fsn_core_snapshot(NULL, NULL, NULL, NULL) == FSN_E_ARG);
+    CHECK(fsn_core_set_output(NULL, 0, 0) == FSN_E_ARG);
+    CHECK(!fsn_core_event(NULL, NULL));
+    CHECK(strcmp(fsn_version(), FSN_VERSION_STRING) == 0);
+    fsn_core_stop(NULL);
+    fsn_core_free(NULL);
+    fsn_emulated_free(NULL);
+    fsn_plan_free(NULL);
+}
+
+struct shared {
+    struct rig rig;
+    atomic_bool done;
+};
+
+/** A device that answers each frame, so that states change all the time. */
+static void *device(void *argument) {
+    struct shared *shared = argument;
+    for (uint8_t n = 0; !atomic_load(&shared->done); n++) {
+        const char frame[] = {n % 2 ? 0x36 : 0x08, (char)n, 1, 0, 7, 0};
+        send(&shared->rig, 1, frame);
+        send(&shared->rig, 3, frame);
+        uint8_t out[9];
+        CHECK(fsn_emulated_read_outputs(shared->rig.bus, 0, out, sizeof out, NULL) == FSN_OK);
+        CHECK(out[0] == 0 || out[0] == 0x36 || out[0] == 0x08);
+        sched_yield();
+    }
+    return NULL;
+}
+
+static void *writer(void *argument) {
+    struct shared *shared = argument;
+    for (uint64_t n = 0; !atomic_load(&shared->done); n++) {
+        CHECK(fsn_core_set_output(shared->rig.core, 0, n) == FSN_OK);
+        sched_yield();
+    }
+    return NULL;
+}
+
+/** The real thread with a device, an output writer, an event consumer and a reader beside it. */
+static void everyone_at_once(void) {
+    struct shared shared = {.rig = set_up_full()};
+    struct rig *rig = &shared.rig;
+    pthread_t threads[2];
+    CHECK(pthread_create(&threads[0], NULL, device, &shared) == 0);
+    CHECK(pthread_create(&threads[1], NULL, writer, &shared) == 0);
+    const struct fsn_thread_options options = {.cycle_ns = 100000, .priority = 1};
+    struct fsn_fault fault;
+    CHECK(fsn_core_start(rig->core, &options, &fault) == FSN_OK);
+    struct fsn_statistics s = {0};
+    uint64_t events = 0;
+    uint64_t last_ns = 0;
+    while (s.cycles < 500 || events < 3) {
+        struct fsn_event event;
+        while (fsn_core_event(rig->core, &event)) {
+            CHECK(event.connection == 0 && event.before != event.after && event.now_ns >= last_ns);
+            last_ns = event.now_ns;
+            events++;
+        }
+        if (fsn_core_snapshot(rig->core, &s, NULL, NULL) == FSN_OK) {
+            CHECK(s.bytes_copied == 12 * s.cycles);
+        }
+        sched_yield();
+    }
+    fsn_core_stop(rig->core);
+    atomic_store(&shared.done, true);
+    pthread_join(threads[0], NULL);
+    pthread_join(threads[1], NULL);
+    s = statistics(rig);
+    uint64_t in_buckets = 0;
+    for (int i = 0; i < FSN_LATENCY_BUCKETS; i++) {
+        in_buckets += s.latency[i];
+    }
+    CHECK(s.wakeups == s.cycles && in_buckets == s.wakeups);
+    CHECK(s.latency_min_ns <= s.latency_max_ns && s.latency_sum_ns >= s.latency_max_ns);
+    CHECK(s.cycle_max_ns >= s.copy_max_ns);
+    printf("%llu cycles, %llu events, real-time %u, latency %llu to %llu ns\n",
+           (unsigned long long)s.cycles, (unsigned long long)events, s.realtime,
+           (unsigned long long)s.latency_min_ns, (unsigned long long)s.latency_max_ns);
+    tear_down(rig);
+}
+
+int main(void) {
+    outputs_touch_their_bits_only();
+    copied_outputs_are_closed();
+    age_and_news_are_told();
+    datagrams_are_cut_at_sync_managers();
+    datagrams_end_at_their_limit();
+    resets_are_counted_once();
+    one_core_per_bus();
+    stuck_writer_is_told();
+    nothing_is_refused();
+    everyone_at_once();
+    return 0;
+}
