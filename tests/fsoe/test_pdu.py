@@ -1,0 +1,176 @@
+"""Frames, CRCs and texts: known answers and properties."""
+
+import json
+
+import pytest
+from data_files import need
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fsoe_net.errors import FsoeError, PduSizeError
+from fsoe_net.fsoe import (
+    SAFE_SIZES,
+    Command,
+    Pdu,
+    block_crc,
+    decode_pdu,
+    describe,
+    fits_start,
+    frame_crcs,
+    frame_length,
+    is_frame_length,
+    reset_code_text,
+    reset_frame,
+    safe_data_length,
+    sra_crc,
+)
+
+RESETS_OF_TWO_BYTES = {
+    0: "2a0000c42d0000",
+    1: "2a010047b70000",
+    2: "2a020075210000",
+    3: "2a0300f6bb0000",
+    4: "2a0400a6340000",
+    5: "2a050025ae0000",
+    6: "2a060017380000",
+    7: "2a070094a20000",
+    8: "2a0800001f0000",
+    9: "2a090083850000",
+    10: "2a0a00b1130000",
+    11: "2a0b0032890000",
+    128: "2a80005d4b0000",
+    255: "2aff00c6f70000",
+}
+WORD = st.integers(0, 0xFFFF)
+SAFE_DATA = st.sampled_from(sorted(SAFE_SIZES)).flatmap(
+    lambda size: st.binary(min_size=size, max_size=size)
+)
+
+
+@st.composite
+def pdus(draw):
+    data = draw(SAFE_DATA)
+    blocks = (len(data) + 1) // 2
+    return Pdu(
+        command=draw(st.integers(0, 255)),
+        safe_data=data,
+        crcs=tuple(draw(st.lists(WORD, min_size=blocks, max_size=blocks))),
+        connection_id=draw(WORD),
+    )
+
+
+@pytest.mark.parametrize(("code", "frame"), RESETS_OF_TWO_BYTES.items())
+def test_reset_frames(code, frame):
+    assert reset_frame(code, 2).hex() == frame
+    assert fits_start(decode_pdu(bytes.fromhex(frame)))
+
+
+def test_reset_frames_of_other_sizes():
+    assert reset_frame(0, 1).hex() == "2a0086f80000"
+    assert reset_frame(0, 4).hex() == "2a0000c42d0000b9140000"
+
+
+def test_sizes():
+    assert sorted(SAFE_SIZES)[:4] == [1, 2, 4, 6]
+    assert len(SAFE_SIZES) == 64
+    lengths = {frame_length(size): size for size in SAFE_SIZES}
+    assert max(lengths) == 255
+    for n in range(-3, 300):
+        assert is_frame_length(n) is (n in lengths)
+        if n in lengths:
+            assert safe_data_length(n) == lengths[n]
+        else:
+            with pytest.raises(PduSizeError, match=f"^{n} bytes"):
+                safe_data_length(n)
+
+
+@pytest.mark.parametrize("size", [-2, 0, 3, 5, 7, 125, 127, 128])
+def test_no_frame_carries_these(size):
+    with pytest.raises(PduSizeError, match=f"^{size} safe data bytes"):
+        frame_length(size)
+
+
+def test_codec_places_bytes():
+    frame = bytes(range(0x36, 0x36 + 11))
+    pdu = decode_pdu(frame)
+    assert pdu.command == Command.PROCESS_DATA
+    assert pdu.safe_data == bytes((0x37, 0x38, 0x3B, 0x3C))
+    assert pdu.crcs == (0x3A39, 0x3E3D)
+    assert pdu.connection_id == 0x403F
+    assert Pdu.decode(frame) == pdu
+
+
+@settings(deadline=None)
+@given(pdus())
+def test_encode_decode(pdu):
+    frame = pdu.encode()
+    assert len(frame) == frame_length(len(pdu.safe_data))
+    assert decode_pdu(frame) == pdu
+    assert "\n" not in describe(pdu)
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=260))
+def test_decode_encode(frame):
+    if is_frame_length(len(frame)):
+        assert decode_pdu(frame).encode() == frame
+    else:
+        with pytest.raises(PduSizeError):
+            decode_pdu(frame)
+
+
+@settings(deadline=None)
+@given(WORD, WORD, WORD, st.integers(0, 255), SAFE_DATA)
+def test_fast_crcs_are_those_of_the_blocks(old, connection_id, sequence, command, data):
+    assert frame_crcs(old, connection_id, sequence, command, data) == tuple(
+        block_crc(old, connection_id, sequence, command, block, data[2 * block : 2 * block + 2])
+        for block in range((len(data) + 1) // 2)
+    )
+
+
+def test_two_chains_can_share_a_crc():
+    """§2: old CRC and number pass through 16 bits, so more blocks do not guard the chain."""
+    data = bytes(range(8))
+    assert frame_crcs(0x9999, 5, 77, 0x36, data) == frame_crcs(0x1234, 5, 64258, 0x36, data)
+
+
+@pytest.mark.parametrize(
+    "pdu",
+    [
+        Pdu(command=256, safe_data=b"\0", crcs=(0,), connection_id=0),
+        Pdu(command=1, safe_data=b"\0", crcs=(0,), connection_id=-1),
+        Pdu(command=1, safe_data=b"\0\0", crcs=(0x10000,), connection_id=0),
+        Pdu(command=1, safe_data=b"\0\0", crcs=(), connection_id=0),
+        Pdu(command=1, safe_data=b"\0\0\0", crcs=(0, 0), connection_id=0),
+    ],
+)
+def test_encoding_the_impossible(pdu):
+    with pytest.raises(FsoeError):
+        pdu.encode()
+
+
+def test_texts():
+    assert describe(decode_pdu(reset_frame(4, 2))) == "Reset(4: wrong CRC) 04 00 ConnID 0 CRC 34a6"
+    assert describe(decode_pdu(bytes(6))) == "command 0x00 00 ConnID 0 CRC 0000"
+    assert reset_code_text(0x80) == "device-specific code 0x80"
+    assert reset_code_text(12) == "unknown code 12"
+    assert len({reset_code_text(code) for code in range(256)}) == 256
+
+
+def test_sra_known_answers():
+    assert sra_crc(b"123456789") == 0x3010BF7F
+    assert sra_crc(bytes.fromhex("0100020003000400")) == 0x59EC1C58
+
+
+def test_sra_vectors():
+    vectors = json.loads(need("traces", "sra_crc.json").read_text("utf-8"))["vectors"]
+    assert vectors
+    for vector in vectors:
+        crc = sra_crc(bytes.fromhex(vector["data"]), int(vector["crc_in"], 16))
+        assert f"{crc:08x}" == vector["crc_out"]
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=40), st.binary(max_size=40))
+def test_sra_goes_on(first, second):
+    assert sra_crc(second, sra_crc(first)) == sra_crc(first + second)
