@@ -1,12 +1,13 @@
 """Diagnostics: what is wrong in a user's file, as data with a place and a mend."""
 
 from fsoe_net.diag.catalogue import CATALOGUE, CodeInfo, code_info, nearest_code
-from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span, sort_diagnostics
+from fsoe_net.diag.diagnostic import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
 
 __all__ = [
     "CATALOGUE",
     "CodeInfo",
     "Diagnostic",
+    "Findings",
     "Related",
     "Severity",
     "Span",

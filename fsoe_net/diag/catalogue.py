@@ -1,8 +1,8 @@
 """Every diagnostic code, its default severity and its title. Codes are never renumbered.
 
 FSN1xx loading, FSN2xx plan and copies, FSN3xx FSoE, FSN4xx devices and layout, FSN5xx live bus,
-FSN6xx timing. Each code has a page ``docs/diagnostics/FSNxyz.md`` and two fixtures below
-``tests/fixtures/diagnostics/FSNxyz/``; a test demands all three.
+FSN6xx timing. Each code has a page ``docs/diagnostics/FSNxyz.md`` and a seeded mistake in
+``tests/diagnostics/cases.yaml`` that raises it where the clean files do not; a test demands both.
 """
 
 from __future__ import annotations

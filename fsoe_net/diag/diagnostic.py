@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from fsoe_net.diag.catalogue import code_info
@@ -11,7 +11,7 @@ from fsoe_net.diag.catalogue import code_info
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["Diagnostic", "Related", "Severity", "Span", "sort_diagnostics"]
+__all__ = ["Diagnostic", "Findings", "Related", "Severity", "Span", "sort_diagnostics"]
 
 
 class Severity(enum.Enum):
@@ -109,6 +109,31 @@ class Diagnostic:
         }
 
 
+@dataclass(slots=True)
+class Findings:
+    """Gathers findings while loaders and rules go on after a mistake."""
+
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+    def add(
+        self,
+        code: str,
+        span: Span,
+        message: str,
+        *,
+        hint: str = "",
+        severity: Severity | None = None,
+        related: tuple[Related, ...] = (),
+    ) -> None:
+        """Add one finding; see `Diagnostic` for the arguments."""
+        self.diagnostics.append(
+            Diagnostic(
+                code=code, span=span, message=message, hint=hint, severity=severity, related=related
+            )
+        )
+
+
 def sort_diagnostics(found: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return the findings without duplicates, by file, line, column, severity and code."""
-    return sorted(dict.fromkeys(found), key=lambda d: (d.span, d.level.rank, d.code, d.message))
+    unique = {(d.code, d.span, d.message): d for d in found}
+    return sorted(unique.values(), key=lambda d: (d.span, d.level.rank, d.code, d.message))

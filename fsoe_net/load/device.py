@@ -7,8 +7,8 @@ import os
 
 from fsoe_net.diag import Severity, Span
 from fsoe_net.load.files import Collector
-from fsoe_net.load.numbers import Reader, read_float, read_int
-from fsoe_net.load.schema import check_structure
+from fsoe_net.load.numbers import Reader, read_float, read_int, warn_decimal_index
+from fsoe_net.load.schema import check_structure, schema_keys
 from fsoe_net.load.types import type_bits
 from fsoe_net.load.yaml_tree import MapNode, SeqNode, load_yaml
 from fsoe_net.model import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
@@ -40,7 +40,18 @@ def load_device(
         The device, or ``None`` when nothing sure can be said about its layout.
     """
     root = load_yaml(path, out, named_at=named_at)
-    return None if root is None else device_from_yaml(root, os.fspath(path), out)
+    if root is None:
+        return None
+    if named_at is not None and not schema_keys("slave") & set(root.pairs):
+        keys = ", ".join(list(root.pairs)[:5])
+        out.add(
+            "FSN117",
+            named_at,
+            f"{os.fspath(path)!r} is no slave YAML; its keys are: {keys}",
+            hint="name the file with vendor_id, rpdo and tpdo of this device",
+        )
+        return None
+    return device_from_yaml(root, os.fspath(path), out)
 
 
 def device_from_yaml(root: MapNode, path: str, out: Collector) -> Device | None:
@@ -80,6 +91,7 @@ def _pdos(root: MapNode, key: str, out: Collector) -> tuple[Pdo, ...] | None:
     sure = True
     for node in root.maps(key):
         index = _int(node, "index", 0xFFFF, out)
+        warn_decimal_index(node.get("index"), out, index)
         channels = node.get("channels")
         entries = [_entry(item, out) for item in node.maps("channels")]
         if isinstance(channels, SeqNode) and len(entries) != len(channels.items):
@@ -94,6 +106,7 @@ def _pdos(root: MapNode, key: str, out: Collector) -> tuple[Pdo, ...] | None:
 
 def _entry(node: MapNode, out: Collector) -> Entry | None:
     index = _int(node, "index", 0xFFFF, out)
+    warn_decimal_index(node.get("index"), out, index)
     subindex = _int(node, "sub_index", 0xFF, out)
     word = node.text("type")
     bits = type_bits(word, node.at("type"), out) if word is not None else None

@@ -8,7 +8,7 @@ import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fsoe_net.diag import Diagnostic, Related, Severity, Span
+from fsoe_net.diag import Findings, Span
 from fsoe_net.model import SourceFile
 
 __all__ = ["MAX_FILE_BYTES", "Collector", "read_bytes"]
@@ -17,28 +17,10 @@ MAX_FILE_BYTES = 32 * 1024 * 1024
 
 
 @dataclass(slots=True)
-class Collector:
-    """Gathers findings and the files that were read, while loaders go on after a mistake."""
+class Collector(Findings):
+    """Findings, and the files that were read."""
 
-    diagnostics: list[Diagnostic] = field(default_factory=list)
     sources: list[SourceFile] = field(default_factory=list)
-
-    def add(
-        self,
-        code: str,
-        span: Span,
-        message: str,
-        *,
-        hint: str = "",
-        severity: Severity | None = None,
-        related: tuple[Related, ...] = (),
-    ) -> None:
-        """Add one finding."""
-        self.diagnostics.append(
-            Diagnostic(
-                code=code, span=span, message=message, hint=hint, severity=severity, related=related
-            )
-        )
 
     def source(self, path: str, data: bytes) -> None:
         """Remember a file that was read, once."""
@@ -98,7 +80,7 @@ def _nearest_file(shown: str) -> str:
         present = sorted(os.listdir(folder or "."))[:5000]
     except (OSError, ValueError):
         return f"the folder {folder!r} does not exist either" if folder else "check the path"
-    close = difflib.get_close_matches(name, present, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(name, present, n=1, cutoff=0.75)
     if close:
         return f"there is {os.path.join(folder, close[0])!r}"
     return "check the path; relative paths start at the file that names them"

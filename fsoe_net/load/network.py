@@ -65,8 +65,8 @@ def load_network(
     Never raises for what is in the files or the file system: every problem is a diagnostic.
     """
     assembly = _Assembly(options or LoadOptions())
-    for path in paths:
-        assembly.add(os.fspath(path))
+    for path in dict.fromkeys(os.fspath(p) for p in paths):
+        assembly.add(path)
     network = assembly.finish()
     return LoadResult(
         network=network, diagnostics=tuple(sort_diagnostics(assembly.out.diagnostics))
@@ -160,6 +160,14 @@ class _Assembly:
             close = difflib.get_close_matches(key.lower(), words, n=1, cutoff=0.75)
             if close:
                 return words[close[0]]
+        if {"steps", "expect"} & set(root.pairs):
+            self.out.add(
+                "FSN117",
+                root.span,
+                "this is a scenario, not a network",
+                hint=f"fsoe-net run NETWORK --scenario {path}",
+            )
+            return None
         keys = ", ".join(list(root.pairs)[:5]) or "none"
         self.out.add(
             "FSN117",
@@ -186,14 +194,6 @@ class _Assembly:
 
     def _from_network_file(self, file: _Yaml) -> Network:
         root = file.root
-        version = root.text("version")
-        if version is not None and version != "1":
-            self.out.add(
-                "FSN116",
-                root.at("version"),
-                f"version {version} is not known to this fsoe-net, which reads version 1",
-                hint="write version: 1, or use a newer fsoe-net",
-            )
         subs = [s for s in map(self._subdevice, root.maps("subdevices")) if s is not None]
         nets = nets_from_yaml(root, self.out)
         for extra in self._transfer_files:

@@ -27,6 +27,8 @@ class Reader(enum.Enum):
     OWN = "network YAML"
 
 
+_MAX_DIGITS = 40  # Python refuses to convert thousands of them; 64 bits need 20
+
 _HEX = re.compile(r"0[xX][0-9a-fA-F]+\Z")
 _DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)\Z")
 _LEADING_ZERO = re.compile(r"-?0[0-9]+\Z")
@@ -75,6 +77,9 @@ def read_int(
     if not isinstance(node, ScalarNode) or node.is_null:
         return None
     text = node.text
+    if len(text) > _MAX_DIGITS:
+        out.add("FSN113", node.span, f"{what} has {len(text)} digits", hint="correct the number")
+        return None
     if _LEADING_ZERO.match(text):
         value = _leading_zero(text, node.span, out, what=what, reader=reader)
         if value is None:
@@ -129,17 +134,18 @@ def _leading_zero(
 
 def _misread(text: str, span: Span, out: Collector, *, what: str, mend: str) -> None:
     value = driver_endpoint_number(text)
-    read = "throws an exception on it" if value is None else f"reads it as 0x{value:04x} ({value})"
+    read = "throws an exception" if value is None else f"takes it for 0x{value:04x} ({value})"
     out.add(
         "FSN112",
         span,
-        f"{what} {text!r} is spelled in a way the driver misreads: it {read}",
+        f"{what} {text!r} is misread by the driver, which {read}",
         hint=f"write {mend}" if mend else "write it as 0x6000",
     )
 
 
 def _mend_of(text: str) -> str:
     """Guess the number that was meant."""
+    text = re.sub(r"(?<=[0-9a-fA-F])_(?=[0-9a-fA-F])", "", text)
     for pattern, base in (
         (r"\s*0[xX]\s*([0-9a-fA-F]+)", 16),
         (r"\s*#[xX]([0-9a-fA-F]+)", 16),
@@ -212,8 +218,10 @@ def warn_decimal_index(node: Node | None, out: Collector, value: int | None) -> 
     """FSN115 for an object index written in decimal: nearly always a forgotten 0x."""
     if value is None or not isinstance(node, ScalarNode) or node.text[:2].lower() == "0x":
         return
-    digits = node.text.lstrip("0")
-    likely = len(digits) == 4
+    likely = len(node.text) == 4
+    named = any(d.code == "FSN115" and d.span.file == node.span.file for d in out.diagnostics)
+    if value == 0 or (named and not likely):
+        return  # one remark per file is enough
     out.add(
         "FSN115",
         node.span,

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import os
+import re
+from dataclasses import replace
 
-from fsoe_net.diag import Diagnostic, Span, sort_diagnostics
+from fsoe_net.diag import Diagnostic, Related, Severity, Span, sort_diagnostics
 from fsoe_net.load.files import Collector
 from fsoe_net.load.numbers import Reader, read_float, read_int
 from fsoe_net.load.schema import check_structure
-from fsoe_net.load.yaml_tree import MapNode, ScalarNode, SeqNode, load_yaml
+from fsoe_net.load.yaml_tree import MapNode, Node, ScalarNode, SeqNode, load_yaml
 from fsoe_net.model import Action, Expectation, LogicChoice, Scenario, Step
 
 __all__ = ["load_scenario"]
 
 _MAX_MS = 7 * 24 * 3600 * 1000.0
+_INTEGER = re.compile(r"[+-]?[0-9]+\Z|0[xX][0-9a-fA-F]+\Z")
+_ASKED = ("state", "safe_outputs", "outputs", "min_resets", "max_resets")
 
 
 def load_scenario(
@@ -28,12 +32,14 @@ def load_scenario(
     root = load_yaml(path, out)
     if root is None:
         return None, sort_diagnostics(out.diagnostics)
-    check_structure(root, "scenario", out)
+    _check_structure(root, out)
     logic = root.get("logic")
     duration_ms = _ms(root, "duration_s", out, 1000)
+    if duration_ms == 0:
+        out.add("FSN113", root.at("duration_s"), "duration_s is 0", hint="write 3, or leave it out")
     scenario = Scenario(
         span=root.span,
-        fields=root.places(),
+        fields=_deep_places(root, "initial"),
         path=os.fspath(path),
         duration_ns=None if duration_ms is None else round(duration_ms * 1e6),
         initial=_values(root, "initial", out),
@@ -49,12 +55,32 @@ def load_scenario(
     return scenario, sort_diagnostics(out.diagnostics)
 
 
+def _check_structure(root: MapNode, out: Collector) -> None:
+    """Check keys and types. An unknown key is always an error here.
+
+    In a driver's file it may be a remark; here it would be an expectation nobody looks at.
+    """
+    found = Collector()
+    check_structure(root, "scenario", found)
+    for item in found.diagnostics:
+        if item.code == "FSN109":
+            what = item.message.partition(";")[0]
+            message = f"{what}; nothing would come of it"
+            item = replace(item, severity=Severity.ERROR, message=message)
+        out.diagnostics.append(item)
+
+
 def _ms(node: MapNode, key: str, out: Collector, factor: float = 1) -> float | None:
-    value = read_float(node.get(key), out, what=key)
-    if value is None:
+    return _time(node.get(key), out, what=key, factor=factor)
+
+
+def _time(item: Node | None, out: Collector, *, what: str, factor: float = 1) -> float | None:
+    """Return a time in milliseconds, or ``None`` with a finding; ``nan`` is no time either."""
+    value = read_float(item, out, what=what)
+    if value is None or item is None:
         return None
     if not 0 <= value * factor <= _MAX_MS:
-        out.add("FSN113", node.at(key), f"{key} {value:g} is no possible time", hint="0 … one week")
+        out.add("FSN113", item.span, f"{what} {value:g} is no possible time", hint="0 … one week")
         return None
     return value * factor
 
@@ -65,8 +91,12 @@ def _values(node: MapNode, key: str, out: Collector) -> dict[str, int]:
         return {}
     values: dict[str, int] = {}
     for name, item in inner.pairs.items():
-        if isinstance(item, ScalarNode) and item.text.lower() in ("true", "on", "false", "off"):
+        if not isinstance(item, ScalarNode):
+            continue  # the schema has spoken, here and below
+        if item.text.lower() in ("true", "on", "false", "off"):
             values[name] = int(item.text.lower() in ("true", "on"))
+            continue
+        if not _INTEGER.match(item.text):
             continue
         number = read_int(item, out, what=name, low=-(2**63), high=2**64 - 1, reader=Reader.OWN)
         if number is not None:
@@ -128,39 +158,50 @@ def _expectation(node: MapNode, out: Collector) -> Expectation | None:
         state=node.text("state") or "",
         safe_outputs=_values(node, "safe_outputs", out),
         outputs_on=outputs in ("on", "true") if outputs else None,
-        min_resets=read_int(
-            node.get("min_resets"), out, what="min_resets", low=0, high=10**9, reader=Reader.OWN
-        ),
+        min_resets=_count(node, "min_resets", out),
+        max_resets=_count(node, "max_resets", out),
     )
-    if not (expectation.state or expectation.safe_outputs or outputs or expectation.min_resets):
+    if not any(key in node.pairs for key in _ASKED):
         out.add(
             "FSN110",
             node.span,
             "this expectation asks for nothing",
-            hint="add state, safe_outputs, outputs or min_resets",
+            hint=f"add one of: {', '.join(_ASKED)}",
         )
     return expectation
 
 
+def _count(node: MapNode, key: str, out: Collector) -> int | None:
+    return read_int(node.get(key), out, what=key, low=0, high=10**9, reader=Reader.OWN)
+
+
 def _window(node: MapNode, out: Collector) -> tuple[int, int] | None:
-    during = node.get("during_ms")
-    if isinstance(during, SeqNode) and len(during.items) == 2:
-        ends = [read_float(item, out, what="during_ms") for item in during.items]
-        if None in ends:
-            return None
-        first, last = (round(e * 1e6) for e in ends if e is not None)
-        if not 0 <= first <= last:
-            out.add("FSN113", during.span, "during_ms must rise", hint="write [first, last]")
-            return None
-        return first, last
-    at_ms = _ms(node, "at_ms", out)
-    if at_ms is None:
-        if "at_ms" not in node.pairs and during is None:
-            out.add(
-                "FSN110",
-                node.span,
-                "an expectation needs at_ms or during_ms",
-                hint="add at_ms: 500",
-            )
+    """Return first and last moment, equal for ``at_ms``."""
+    if "at_ms" in node.pairs and "during_ms" in node.pairs:
+        out.add(
+            "FSN106",
+            node.keys["during_ms"],
+            "the time of this expectation is given twice",
+            hint="delete at_ms or during_ms",
+            related=(Related(span=node.keys["at_ms"], message="at_ms stands here"),),
+        )
         return None
-    return round(at_ms * 1e6), round(at_ms * 1e6)
+    if "during_ms" in node.pairs:
+        return _during(node.get("during_ms"), out)
+    if "at_ms" not in node.pairs:
+        hint = "add at_ms: 500"
+        out.add("FSN110", node.span, "an expectation needs at_ms or during_ms", hint=hint)
+    at_ms = _ms(node, "at_ms", out)
+    return None if at_ms is None else (round(at_ms * 1e6), round(at_ms * 1e6))
+
+
+def _during(during: Node | None, out: Collector) -> tuple[int, int] | None:
+    if not isinstance(during, SeqNode) or len(during.items) != 2:
+        return None  # the schema has spoken
+    first, last = (_time(item, out, what="during_ms") for item in during.items)
+    if first is None or last is None:
+        return None
+    if first > last:
+        out.add("FSN113", during.span, "during_ms must rise", hint="write [first, last]")
+        return None
+    return round(first * 1e6), round(last * 1e6)

@@ -52,11 +52,11 @@ def read_schema(name: str) -> dict[str, Any]:
         FileNotFoundError: No such schema; the installation is damaged.
     """
     file = f"{name}.schema.json"
-    inside = resources.files("fsoe_net") / "schemas" / file
-    if inside.is_file():
-        text = inside.read_text("utf-8")
+    in_source = Path(__file__).parents[2] / "schemas" / file
+    if in_source.is_file():  # a source tree, also when installed editable
+        text = in_source.read_text("utf-8")
     else:
-        text = (Path(__file__).parents[2] / "schemas" / file).read_text("utf-8")
+        text = (resources.files("fsoe_net") / "schemas" / file).read_text("utf-8")
     loaded: dict[str, Any] = json.loads(text)
     return loaded
 
@@ -87,9 +87,48 @@ def check_structure(root: MapNode, name: str, out: Collector) -> None:
         name: Schema, e.g. ``transfers``.
         out: Takes FSN109, FSN110, FSN111, FSN116.
     """
-    for error in _validator(name).iter_errors(_plain(root)):
+    plain = _plain(root)
+    validator = _validator(name)
+    if validator.is_valid(_without_repeats(plain, _worded_keys(name))):
+        return  # the usual case: thousands of transfers of one shape, checked once
+    for error in validator.iter_errors(plain):
         if error.validator not in _SKIPPED:
             _translate(error, root, out)
+
+
+@functools.cache
+def _worded_keys(name: str) -> frozenset[str]:
+    """Return the keys whose values, not only their types, the schema looks at."""
+    found: set[str] = set()
+    pending: list[Any] = [read_schema(name), read_schema("transfers")]
+    while pending:
+        part = pending.pop()
+        if isinstance(part, dict):
+            for key, value in part.items():
+                if isinstance(value, dict) and {"enum", "const"} & set(value):
+                    found.add(key)
+                pending.append(value)
+        elif isinstance(part, list):
+            pending.extend(part)
+    return frozenset(found)
+
+
+def _without_repeats(value: Any, worded: frozenset[str]) -> Any:
+    """Return a document whose lists keep one item of each shape (keys and types)."""
+    if isinstance(value, dict):
+        return {key: _without_repeats(item, worded) for key, item in value.items()}
+    if not isinstance(value, list):
+        return value
+    kept = {_shape(item, worded): item for item in value}
+    return [_without_repeats(item, worded) for item in kept.values()]
+
+
+def _shape(value: Any, worded: frozenset[str], key: str = "") -> Any:
+    if isinstance(value, dict):
+        return tuple((k, _shape(v, worded, k)) for k, v in value.items())
+    if isinstance(value, list):
+        return ("list", *dict.fromkeys(_shape(item, worded) for item in value))
+    return value if key in worded else type(value)
 
 
 def _plain(node: Node) -> Any:
@@ -136,7 +175,7 @@ def _node_at(root: Node, path: Iterable[str | int]) -> Node:
 def _where(path: Sequence[str | int]) -> str:
     text = ""
     for step in path:
-        text += f"[{step + 1}]" if isinstance(step, int) else (f".{step}" if text else str(step))
+        text += f" {step + 1}" if isinstance(step, int) else f"{', ' if text else ''}{step}"
     return text or "the document"
 
 
@@ -183,7 +222,7 @@ def _unknown_keys(
         out.add(
             "FSN109",
             node.keys[key],
-            f"unknown key {key!r} {where}; the driver ignores it silently",
+            f"unknown key {key!r} {where}",
             # A word that resembles no key is a remark of the user's, not a mistake.
             severity=None if meant else Severity.INFO,
             hint=f"write {meant!r}" if meant else f"known here: {', '.join(sorted(properties))}",
@@ -232,7 +271,9 @@ _KINDS = {"object": "a map", "array": "a list", "string": "a text", "null": "not
 def _wrong_type(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
     wanted = error.validator_value
     names = [wanted] if isinstance(wanted, str) else list(wanted)
-    if any(n in ("integer", "number") for n in names):
+    if "boolean" in names and "string" in names:
+        expected = "a text"
+    elif any(n in ("integer", "number") for n in names):
         expected = "a number"
     else:
         expected = " or ".join(_KINDS.get(n, f"a {n}") for n in names if n != "null")

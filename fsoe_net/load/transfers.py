@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fsoe_net.diag import Related, Span
 from fsoe_net.load.files import Collector
 from fsoe_net.load.numbers import Reader, read_int, warn_decimal_index
+from fsoe_net.load.schema import nearest_key
 from fsoe_net.load.yaml_tree import MapNode, Node, SeqNode
 from fsoe_net.model import ConnectionFacts, Endpoint, Net, Transfer, TransferKind
 
@@ -57,7 +58,11 @@ def _net(node: MapNode, out: Collector) -> Net:
         )
     transfers = [_transfer(item, out) for item in node.maps("transfers")]
     rows = node.get("transfers")
-    if rows is None or (isinstance(rows, SeqNode) and not rows.items):
+    known = {"name", "safety_master", "transfer_master", "transfers", "connections"}
+    misspelt = rows is None and any(
+        nearest_key(k, known - set(node.pairs)) == "transfers" for k in node.pairs if k not in known
+    )
+    if not misspelt and (rows is None or (isinstance(rows, SeqNode) and not rows.items)):
         out.add(
             "FSN223",
             node.at("transfers") if rows is not None else node.span,
@@ -70,7 +75,7 @@ def _net(node: MapNode, out: Collector) -> Net:
         name=name,
         safety_master=new if new is not None else old,
         transfers=tuple(t for t in transfers if t is not None),
-        incomplete=None in transfers,
+        incomplete=None in transfers or misspelt,
         connections=tuple(
             c for c in (_connection(item, out) for item in node.maps("connections")) if c
         ),

@@ -1,8 +1,11 @@
 """Runs the real xacro in a process of its own; started by `fsoe_net.load.xacro_expand`.
 
-Reads a JSON request from standard input, writes a JSON answer to standard output. Every element of
-the sources gets a number before xacro sees it, so that the expansion knows where each came from,
-also through macros and includes.
+Reads a JSON request from standard input, writes a JSON answer to standard output. Every element
+gets its place as DOM user data before xacro sees it; minidom hands user data on when xacro clones
+macro bodies and blocks, so the expansion knows where each element was written.
+
+The file may be hostile. Expressions cannot reach beyond what xacro offers them, and nothing is
+written, started or connected to; processor time and memory are bounded.
 """
 
 from __future__ import annotations
@@ -10,120 +13,270 @@ from __future__ import annotations
 import json
 import os
 import resource
+import signal
 import sys
 import xml.dom.minidom
+from types import CodeType, FrameType, TracebackType
 from typing import Any
-from xml.dom import expatbuilder
+from xml.dom import Node
+from xml.parsers.expat import ExpatError
 
-MARK = "fsn-at"
-CPU_SECONDS = 20
-MEMORY_BYTES = 1_500_000_000
+from fsoe_net.load.files import Collector, read_bytes
+from fsoe_net.load.xml_tree import MAX_ELEMENTS, Element, parse_xml
+
+_PLACE = "fsn-place"
+_MAX_TEXT = 32 * 1024 * 1024
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+_TEXT_NODES = (Node.TEXT_NODE, Node.CDATA_SECTION_NODE)
+
+Place = tuple[str, int, int, int, int]  # file, line, column; line and column of the text, or 0, 0
 
 
-def _limit() -> None:
-    resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    sys.setrecursionlimit(2000)
+class _TimeUp(BaseException):
+    """The processor time is used up. Not an Exception: xacro swallows those in places."""
 
 
-class _Places:
-    """The table of places and the files that were read."""
+class _Refused(Exception):
+    """A finding that is complete as it is."""
 
-    def __init__(self) -> None:
-        self.table: list[tuple[str, int, int]] = []
-        self.files: list[str] = []
+    def __init__(self, code: str, message: str, hint: str, place: tuple[str, int, int]) -> None:
+        super().__init__(message)
+        self.answer = {"code": code, "message": message, "hint": hint, "place": place, "via": []}
 
-    def parse(self, data: bytes, file: str) -> xml.dom.minidom.Document:
-        self.files.append(file)
-        document: xml.dom.minidom.Document = _Builder(self.table, file).parseString(data)
+
+class _Unknown(LookupError):
+    """A package that no mapping knows."""
+
+
+class _Carry:
+    """DOM user data handler: a clone stands where its original stands."""
+
+    def handle(self, _operation: int, key: str, data: Place, _source: Any, clone: Any) -> None:
+        if clone is not None:
+            clone.setUserData(key, data, self)
+
+
+def _limit(limits: dict[str, Any]) -> None:
+    def time_up(_signal: int, _frame: FrameType | None) -> None:
+        raise _TimeUp
+
+    signal.signal(signal.SIGXCPU, time_up)
+    seconds = int(limits["cpu_seconds"])
+    for what, soft, hard in (
+        (resource.RLIMIT_CPU, seconds, seconds + 1),
+        (resource.RLIMIT_AS, limits["memory_bytes"], limits["memory_bytes"]),
+        (resource.RLIMIT_FSIZE, 0, 0),
+        (resource.RLIMIT_NPROC, 0, 0),
+        (resource.RLIMIT_CORE, 0, 0),
+    ):
+        top = resource.getrlimit(what)[1]
+        if top != resource.RLIM_INFINITY:
+            soft, hard = min(soft, top), min(hard, top)
+        resource.setrlimit(what, (soft, hard))
+
+
+def _audit(event: str, arguments: tuple[Any, ...]) -> None:
+    """Refuse what no robot description needs."""
+    if event == "open":
+        path, _mode, flags = arguments
+        refused = not isinstance(path, int) and bool(flags & _WRITING)
+    else:
+        refused = event not in ("os.listdir", "os.scandir") and event.startswith(
+            ("os.", "shutil.", "socket.", "subprocess.", "ctypes.", "resource.", "signal.")
+        )
+    if refused:
+        raise PermissionError(f"a robot description must not do this: {event}")
+
+
+def _hidden_names(code: CodeType) -> list[str]:
+    """Return the double underscore names of an expression, comprehensions and lambdas included."""
+    inner = [c for c in code.co_consts if isinstance(c, CodeType)]
+    return [n for n in code.co_names if n.startswith("__")] + [
+        name for c in inner for name in _hidden_names(c)
+    ]
+
+
+class _Xacro:
+    """The xacro module, with its file access, package search and expressions replaced."""
+
+    def __init__(self, request: dict[str, Any]) -> None:
+        import xacro
+        import yaml  # noqa: F401 - xacro imports it when first used, too late for the limits
+        from xacro import substitution_args
+
+        self.out = Collector()
+        self._request = request
+        self._xacro: Any = xacro
+        self._evaluate = xacro.safe_eval
+        self._parse = xacro.parse
+        xacro.parse = self._parse_file
+        xacro.safe_eval = self._checked_eval
+        substitution_args._eval_find = self._find
+        substitution_args._eval_dict["find"] = self._find
+
+    def expand(self) -> list[list[Any]]:
+        document = self._xacro.process_file(
+            self._request["file"], mappings=dict(self._request["arguments"]), verbosity=0
+        )
+        return _rows(document.documentElement)
+
+    def sources(self) -> list[tuple[str, str]]:
+        """Return every file that was read, with its SHA-256; also YAML that expressions loaded."""
+        known = {row.path for row in self.out.sources}
+        for file in self._xacro.all_includes:
+            if file not in known:
+                read_bytes(file, self.out)
+        return [(row.path, row.sha256) for row in self.out.sources]
+
+    def _parse_file(self, inp: Any, filename: str | None = None) -> Any:
+        if inp is not None or filename is None:
+            return self._parse(inp, filename)
+        out = Collector()
+        data = read_bytes(filename, out)
+        self.out.sources += out.sources
+        if data is None:
+            self._xacro.filestack.pop()
+            message = out.diagnostics[0].message
+            # xacro lets an optional include fail by this very exception.
+            raise self._xacro.XacroException(message, exc=OSError(""))
+        root = parse_xml(data, filename, out)
+        if root is None:
+            bad = out.diagnostics[0]
+            place = (bad.span.file, bad.span.line, bad.span.column)
+            raise _Refused(bad.code, bad.message, bad.hint, place)
+        try:
+            document = xml.dom.minidom.parseString(data)  # noqa: S318 - parse_xml refused DTDs
+        except ExpatError as exc:
+            place = (filename, exc.lineno, exc.offset + 1)
+            raise _Refused("FSN119", str(exc).partition(":")[0], "", place) from exc
+        _mark(document, root)
         return document
 
-
-class _Builder(expatbuilder.ExpatBuilderNS):
-    """minidom's own builder, which numbers each element in passing."""
-
-    def __init__(self, table: list[tuple[str, int, int]], file: str) -> None:
-        super().__init__()
-        self._table = table
-        self._file = file
-
-    def start_element_handler(self, name: str, attributes: Any) -> None:
-        super().start_element_handler(name, attributes)
-        element = self.curNode
-        # xacro refuses unknown attributes of its own tags.
-        if isinstance(element, xml.dom.minidom.Element) and not element.tagName.startswith(
-            "xacro:"
-        ):
-            element.setAttribute(MARK, str(len(self._table)))
-        parser = self.getParser()
-        self._table.append((self._file, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1))
-
-    def start_doctype_decl_handler(self, *_arguments: object) -> None:
-        raise ValueError("a document type is declared; entities are not used in a description")
-
-
-def _expand(request: dict[str, Any], places: _Places) -> str:
-    import xacro
-
-    original = xacro.parse
-
-    def parse(inp: Any, filename: str | None = None) -> Any:
-        if inp is not None or filename is None:
-            return original(inp, filename)
-        with open(filename, "rb") as file:
-            return places.parse(file.read(), filename)
-
-    packages = request["packages"]
-
-    def find(name: str) -> str:
+    def _find(self, name: str) -> str:
+        packages = self._request["packages"]
         if name in packages:
             return str(packages[name])
-        for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(":"):
+        for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
             share = os.path.join(prefix, "share", name)
             if prefix and os.path.isdir(share):
                 return share
-        raise LookupError(f"package {name!r} is not known; pass --package {name}=DIR")
+        raise _Unknown(name)
 
-    xacro.parse = parse
-    from xacro import substitution_args
+    def _checked_eval(self, expression: str, *scopes: Any) -> Any:
+        hidden = _hidden_names(compile(expression.strip(), "<expression>", "eval"))
+        if hidden:
+            raise self._xacro.XacroException(f"use of invalid name(s): {', '.join(hidden)}")
+        return self._evaluate(expression, *scopes)
 
-    substitution_args._eval_find = find
-    document = xacro.process_file(request["file"], mappings=dict(request["arguments"]))
-    text: str = document.toxml()
-    return text
+
+def _mark(document: xml.dom.minidom.Document, root: Element) -> None:
+    """Give each DOM element the place that the located tree has for it."""
+    carry = _Carry()
+    for node, element in zip(document.getElementsByTagName("*"), root.walk(), strict=True):
+        text = element.text_span
+        at = (text.line, text.column) if text is not None else (0, 0)
+        place: Place = (element.span.file, element.span.line, element.span.column, *at)
+        node.setUserData(_PLACE, place, carry)
+
+
+def _rows(root: Any) -> list[list[Any]]:
+    """Return the elements in document order: depth, name, attributes, place, own text."""
+    rows: list[list[Any]] = []
+    size = 0
+    stack = [(root, 0)]
+    while stack:
+        node, depth = stack.pop()
+        texts = [c.data for c in node.childNodes if c.nodeType in _TEXT_NODES]
+        # Blanks beside other nodes are not written by xacro either.
+        text = "".join(t for t in texts if not t.isspace())
+        attributes = dict(node.attributes.items())
+        size += len(text) + sum(map(len, attributes.values()))
+        rows.append([depth, node.tagName, attributes, node.getUserData(_PLACE), text])
+        if len(rows) > MAX_ELEMENTS or size > _MAX_TEXT:
+            raise MemoryError
+        below = [c for c in node.childNodes if c.nodeType == Node.ELEMENT_NODE]
+        stack.extend((c, depth + 1) for c in reversed(below))
+    return rows
+
+
+def _where(traceback: TracebackType | None) -> list[tuple[str, int, int, str]]:
+    """Return what xacro was working on, innermost first: place and tag."""
+    found: list[tuple[str, int, int, str]] = []
+    while traceback is not None:
+        frame = traceback.tb_frame
+        node = frame.f_locals.get("node") if frame.f_code.co_name == "eval_all" else None
+        if isinstance(node, xml.dom.minidom.Node):
+            text = node.nodeType in _TEXT_NODES
+            owner: Any = node.parentNode if text else node
+            place = owner.getUserData(_PLACE) if owner is not None else None
+            if place is not None:
+                file, line, column, text_line, text_column = place
+                at = (text_line, text_column) if text and text_line else (line, column)
+                row = (file, *at, owner.tagName)
+                if row not in found[:1]:
+                    found.insert(0, row)
+        traceback = traceback.tb_next
+    return found
+
+
+def _chain(exc: BaseException) -> list[BaseException]:
+    """Return an exception and all it came from."""
+    chain: list[BaseException] = []
+    todo: list[BaseException | None] = [exc]
+    while todo:
+        one = todo.pop()
+        if one is not None and one not in chain and len(chain) < 100:
+            chain.append(one)
+            todo += [one.__context__, one.__cause__, getattr(one, "exc", None)]
+    return chain
+
+
+def _explain(exc: BaseException) -> dict[str, Any]:
+    where = _where(exc.__traceback__)
+    message, hint = " ".join(str(exc).split())[:500] or type(exc).__name__, ""
+    for cause in _chain(exc):
+        if isinstance(cause, _Refused):
+            return cause.answer
+        if isinstance(cause, _Unknown):
+            name = cause.args[0]
+            message, hint = f"package {name!r} is not known", f"pass --package {name}=DIR"
+        elif type(cause).__name__ == "ArgException":
+            name = str(cause)
+            message, hint = f"$(arg {name}) has no value", f"pass --arg {name}:=VALUE"
+        elif isinstance(cause, RecursionError):
+            message, hint = "macros call each other without end", ""
+        elif isinstance(cause, (_TimeUp, MemoryError)):
+            message, hint = "it needs more time or memory than is allowed", ""
+        else:
+            continue
+        break
+    via = [row for row in where[1:] if row[3].startswith("xacro:")]
+    return {
+        "code": "FSN119",
+        "message": message,
+        "hint": hint,
+        "place": where[0][:3] if where else None,
+        "via": list(dict.fromkeys(via))[:4],
+    }
 
 
 def main() -> None:
     """Answer one request."""
-    _limit()
     request = json.load(sys.stdin)
     answer_to = os.dup(1)
     os.dup2(2, 1)  # what xacro prints must not mix with the answer
-    places = _Places()
-    answer: dict[str, Any] = {}
+    sys.dont_write_bytecode = True
+    answer: dict[str, Any] = {"sources": []}
     try:
-        answer["text"] = _expand(request, places)
-    except MemoryError:
-        answer["error"] = "it needs more memory than is allowed"
-    except RecursionError:
-        answer["error"] = "macros call each other without end"
-    except Exception as exc:
-        message = str(exc) or type(exc).__name__
-        answer["error"] = message.strip().splitlines()[0][:500]
-        answer["files"] = _stack_files()
-    answer["table"] = places.table
-    answer["read"] = places.files
+        worker = _Xacro(request)
+        _limit(request["limits"])
+        sys.addaudithook(_audit)
+        try:
+            answer["rows"] = worker.expand()
+        except (Exception, _TimeUp) as exc:
+            answer["error"] = _explain(exc)
+        answer["sources"] = worker.sources()
+    except ImportError as exc:
+        answer["error"] = _explain(exc) | {"message": f"xacro is not installed: {exc}"}
     with os.fdopen(answer_to, "w", encoding="utf-8") as pipe:
         json.dump(answer, pipe)
-
-
-def _stack_files() -> list[str]:
-    """Return the files xacro was in when it failed, innermost first."""
-    import xacro
-
-    stack = getattr(xacro, "filestack", None) or []
-    return [f for f in reversed(stack) if isinstance(f, str)]
-
-
-if __name__ == "__main__":
-    main()

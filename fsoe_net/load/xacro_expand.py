@@ -1,4 +1,8 @@
-"""Expands xacro with the real xacro, in a child process with limits on time and memory."""
+"""Expands xacro with the real xacro, in a child process with limits on time and memory.
+
+Request and answer are JSON, see `fsoe_net.load.xacro_child`. Every element of the expansion keeps
+the place where it was written, also through macros and includes.
+"""
 
 from __future__ import annotations
 
@@ -8,23 +12,45 @@ import re
 import subprocess
 import sys
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from fsoe_net.diag import Span
-from fsoe_net.load.files import Collector, read_bytes
-from fsoe_net.load.xacro_child import MARK
-from fsoe_net.load.xml_tree import Element, parse_xml
+from fsoe_net.diag import Related, Span
+from fsoe_net.load.files import Collector
+from fsoe_net.load.xml_tree import Element
+from fsoe_net.model import SourceFile
 
-__all__ = ["expand_xacro", "uses_xacro"]
+__all__ = ["LIMITS", "XacroLimits", "expand_xacro", "uses_xacro"]
 
-_TIMEOUT_SECONDS = 30
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class XacroLimits:
+    """What an expansion may cost.
+
+    Args:
+        cpu_seconds: Processor time; real robots take about one second.
+        wall_seconds: Time by the clock, for what blocks without computing.
+        memory_bytes: Address space of the child process.
+    """
+
+    cpu_seconds: int = 20
+    wall_seconds: float = 30.0
+    memory_bytes: int = 1_500_000_000
+
+
+LIMITS = XacroLimits()
+_CHILD = "from fsoe_net.load.xacro_child import main; main()"
 
 
 def uses_xacro(root: Element) -> bool:
-    """Whether a document needs expansion: xacro tags, ``${…}`` or ``$(…)`` anywhere."""
+    """Whether a document needs expansion: xacro tags or attributes, ``${…}`` or ``$(…)``."""
     for element in root.walk():
-        texts = [element.text, *element.attributes.values()]
-        if element.name.startswith("xacro:") or any("${" in t or "$(" in t for t in texts):
+        if element.name.startswith("xacro:"):
+            return True
+        if any(name.startswith("xacro:") for name in element.attributes):
+            return True
+        texts = (element.text, *element.attributes.values())
+        if any("${" in text or "$(" in text for text in texts):
             return True
     return False
 
@@ -32,79 +58,103 @@ def uses_xacro(root: Element) -> bool:
 def expand_xacro(
     path: str, out: Collector, *, packages: Mapping[str, str], arguments: Mapping[str, str]
 ) -> Element | None:
-    """Return the expanded document with the original places, or ``None`` with FSN119."""
-    request = {"file": path, "packages": dict(packages), "arguments": dict(arguments)}
+    """Expand a file.
+
+    Args:
+        path: The xacro file.
+        out: Takes FSN119, FSN118 for an included file, and the files that were read.
+        packages: ROS package name to folder, for ``$(find name)``.
+        arguments: Values of ``$(arg name)``.
+
+    Returns:
+        The expanded document, or ``None`` with a finding.
+    """
+    request = {
+        "file": path,
+        "packages": dict(packages),
+        "arguments": dict(arguments),
+        "limits": asdict(LIMITS),
+    }
     try:
-        done = subprocess.run(
-            [sys.executable, "-m", "fsoe_net.load.xacro_child"],
+        done = subprocess.run(  # noqa: S603 - our own interpreter and code, no shell
+            # -P: modules that lie in the current folder are not the ones meant.
+            [sys.executable, "-P", "-c", _CHILD],
             input=json.dumps(request).encode(),
-            capture_output=True,
-            timeout=_TIMEOUT_SECONDS,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=LIMITS.wall_seconds,
             check=False,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         )
+        return _read_answer(json.loads(done.stdout), path, out)
     except subprocess.TimeoutExpired:
-        _fail(out, path, f"it does not end within {_TIMEOUT_SECONDS} s", None)
+        _fail(out, Span(path, 1, 1), f"it does not end within {LIMITS.wall_seconds:g} s")
+    except OSError as exc:
+        _fail(out, Span(path, 1, 1), f"its process cannot be started: {exc.strerror or exc}")
+    except (ValueError, TypeError, LookupError):
+        # No answer, or one cut off: the kernel ended the child at a limit.
+        _fail(out, Span(path, 1, 1), "it needs more time or memory than is allowed")
+    return None
+
+
+def _read_answer(answer: dict[str, Any], path: str, out: Collector) -> Element | None:
+    for file, digest in answer["sources"]:
+        row = SourceFile(path=str(file), sha256=str(digest))
+        if row not in out.sources:
+            out.sources.append(row)
+    error = answer.get("error")
+    if error is None:
+        return _build(answer["rows"], path)
+    span = Span(*error["place"]) if error["place"] else Span(path, 1, 1)
+    if error["code"] == "FSN118":
+        out.add("FSN118", span, error["message"], hint=error["hint"])
         return None
-    try:
-        answer: dict[str, Any] = json.loads(done.stdout)
-    except ValueError:
-        why = "it needs more time or memory than is allowed; do macros call each other?"
-        _fail(out, path, why, None)
-        return None
-    for file in answer["read"][1:]:
-        read_bytes(file, out)
-    if "error" in answer:
-        _fail(out, path, answer["error"], answer)
-        return None
-    root = parse_xml(answer["text"].encode(), path, out)
-    if root is not None:
-        _restore_places(root, answer["table"])
-    return root
+    related = tuple(
+        Related(span=Span(file, line, column), message=f"expanded from <{name}> here")
+        for file, line, column, name in error["via"]
+    )
+    _fail(out, span, error["message"], hint=error["hint"], related=related)
+    return None
 
 
-def _restore_places(root: Element, table: list[list[Any]]) -> None:
-    """Give every element its place in the sources; text is placed right behind its start tag."""
-    for element in root.walk():
-        number = element.attributes.pop(MARK, None)
-        if number is not None:
-            file, line, column = table[int(number)]
-            element.span = Span(file, line, column)
-        element.text_span = None
-
-
-def _fail(out: Collector, path: str, message: str, answer: dict[str, Any] | None) -> None:
-    file = next(iter(answer.get("files", [])), path) if answer else path
-    span, hint = _place_of(file, message)
-    out.add("FSN119", span, f"xacro: {message}", hint=hint)
+def _build(rows: list[list[Any]], path: str) -> Element:
+    """Build the tree from its elements in document order, each with its depth."""
+    stack: list[Element] = []
+    for depth, name, attributes, place, text in rows:
+        del stack[depth:]
+        span, text_span = stack[-1].span if stack else Span(path, 1, 1), None
+        if place is not None:
+            file, line, column, text_line, text_column = place
+            span = Span(file, line, column)
+            text_span = Span(file, text_line, text_column) if text_line else None
+        element = Element(name, attributes, span, text=text, text_span=text_span)
+        if stack:
+            stack[-1].children.append(element)
+        stack.append(element)
+    return stack[0]
 
 
 _HINTS = (
-    (r"pass --package", "pass --package NAME=DIR once for each package that $(find …) names"),
-    (r"[Uu]ndefined substitution argument (\S+)", r"pass --arg \1:=VALUE"),
     (r"unknown macro name: (\S+)", r"define the macro \1, or include the file that does"),
-    (r"No such file", "check the path of the xacro:include"),
-    (r"name '(\w+)' is not defined", r"define \1 with <xacro:property> or <xacro:arg>"),
-    (r"without end|more time", "look for a macro that uses itself"),
+    (r"package://", "xacro does not read package://; write $(find PACKAGE)/… instead"),
+    (r"[Nn]o such file|cannot read", "correct the path; it is relative to the file that names it"),
+    (r"name '(\w+)' is not defined", r"define \1 with <xacro:property>, or correct the spelling"),
+    (r"Undefined parameters \[(.*?)\]", r"give the macro: \1"),
+    (r"Invalid parameter \"(.*?)\"", r"delete \1, or add it to the params of the macro"),
+    (r"call each other|time or memory|does not end", "look for a macro that uses itself"),
+    (r"environment variable (.*?) is not set", r"set \1 before the call"),
+    (r"unbound prefix", 'add xmlns:xacro="http://www.ros.org/wiki/xacro" to <robot>'),
+    (r"xacro is not installed", "pip install xacro, or apt install ros-<distribution>-xacro"),
 )
 
 
-def _place_of(file: str, message: str) -> tuple[Span, str]:
-    """Find what xacro complains about in the source; xacro itself names no line."""
-    hint = next(
-        (m.expand(text) for pattern, text in _HINTS if (m := re.search(pattern, message))),
-        "`xacro FILE` shows the same error",
-    )
-    try:
-        with open(file, "rb") as source:
-            lines = source.read(1 << 20).decode("utf-8", "replace").splitlines()
-    except OSError:
-        return Span(file, 1, 1), hint
-    for word in re.findall(r"[\w:./-]{3,}", message):
-        for number, line in enumerate(lines, start=1):
-            at = line.find(f"<{word}")
-            if at < 0 and ("$" in line or "xacro:" in line):
-                at = line.find(word)
-            if at >= 0:
-                return Span(file, number, at + 1), hint
-    return Span(file, 1, 1), hint
+def _fail(
+    out: Collector, span: Span, message: str, *, hint: str = "", related: tuple[Related, ...] = ()
+) -> None:
+    if not hint:
+        found = ((re.search(pattern, message), text) for pattern, text in _HINTS)
+        hint = next(
+            (match.expand(text) for match, text in found if match),
+            f"`xacro {span.file}` shows the same error",
+        )
+    out.add("FSN119", span, f"xacro: {message}", hint=hint, related=related)

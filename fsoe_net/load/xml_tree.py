@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -10,15 +11,40 @@ from xml.parsers import expat
 from fsoe_net.diag import Span
 from fsoe_net.load.files import Collector
 
-__all__ = ["Element", "parse_xml"]
+__all__ = ["MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_xml"]
 
 MAX_DEPTH = 200
 MAX_ELEMENTS = 500_000
+MAX_TEXT_PIECES = 3_000_000  # expat hands over each line of text on its own
+
+_BYTE_ORDER_MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_ENCODING_HINT = "save the file as UTF-8 and declare no other encoding"
+_HINTS = {
+    "XML_ERROR_NO_ELEMENTS": "the file is empty or cut off",
+    "XML_ERROR_UNCLOSED_TOKEN": "close this tag, comment or quote; the file may be cut off",
+    "XML_ERROR_UNCLOSED_CDATA_SECTION": "close it with ]]>",
+    "XML_ERROR_PARTIAL_CHAR": _ENCODING_HINT,
+    "XML_ERROR_DUPLICATE_ATTRIBUTE": "delete one of the two attributes",
+    "XML_ERROR_JUNK_AFTER_DOC_ELEMENT": "a file has one root element; delete what stands behind",
+    "XML_ERROR_UNDEFINED_ENTITY": "write &amp; for a plain &",
+    "XML_ERROR_BAD_CHAR_REF": "this character number is not allowed in XML; delete it",
+    "XML_ERROR_MISPLACED_XML_PI": "<?xml …?> must be the very first bytes of the file",
+    "XML_ERROR_UNKNOWN_ENCODING": _ENCODING_HINT,
+    "XML_ERROR_INCORRECT_ENCODING": _ENCODING_HINT,
+}
+_HINT_OF_CODE = {
+    expat.errors.codes[getattr(expat.errors, name)]: hint for name, hint in _HINTS.items()
+}
+_INVALID_TOKEN = expat.errors.codes[expat.errors.XML_ERROR_INVALID_TOKEN]
+_TAG_MISMATCH = expat.errors.codes[expat.errors.XML_ERROR_TAG_MISMATCH]
 
 
 @dataclass(slots=True, eq=False)
 class Element:
-    """One element. ``text`` is its own character data, ``text_span`` where that starts."""
+    """One element. ``text`` is its own character data, ``text_span`` where its first word starts.
+
+    Not frozen: built while parsing, children before their parent is complete.
+    """
 
     name: str
     attributes: dict[str, str]
@@ -44,11 +70,6 @@ class Element:
             stack.extend(reversed(element.children))
 
     @property
-    def value(self) -> str:
-        """The text without white space around it."""
-        return self.text.strip()
-
-    @property
     def value_span(self) -> Span:
         """Place of the text, else of the element."""
         return self.text_span or self.span
@@ -59,33 +80,44 @@ class _Refused(Exception):
 
 
 def parse_xml(data: bytes, path: str | os.PathLike[str], out: Collector) -> Element | None:
-    """Parse a document; ``None`` with FSN118 when it is refused."""
-    builder = _Builder(os.fspath(path), out)
+    """Parse a document.
+
+    Args:
+        data: The bytes of the file; UTF-8, or what its byte order mark or declaration says.
+        path: The file, for places.
+        out: Takes FSN118 when the document is refused.
+
+    Returns:
+        The root element, or ``None`` with a finding.
+    """
+    shown = os.fspath(path)
+    builder = _Builder(shown, data, out)
     try:
-        return builder.parse(data)
+        return builder.parse()
     except expat.ExpatError as exc:
+        span = builder.place(exc.lineno, exc.offset)
         reason = expat.ErrorString(exc.code)
-        hint = "a tag is not closed, or the file is cut off"
-        if exc.code == expat.errors.codes[expat.errors.XML_ERROR_TAG_MISMATCH]:
-            hint = builder.open_tag_hint()
-        span = Span(os.fspath(path), exc.lineno, exc.offset + 1)
-        out.add("FSN118", span, f"not well-formed XML: {reason}", hint=hint)
+        out.add("FSN118", span, f"not well-formed XML: {reason}", hint=builder.hint(exc))
     except (ValueError, LookupError) as exc:
-        out.add("FSN118", Span(os.fspath(path), 1, 1), f"not XML: {exc}", hint="save it as UTF-8")
+        out.add("FSN118", Span(shown, 1, 1), f"not readable as XML: {exc}", hint=_ENCODING_HINT)
     except _Refused:
         pass
     return None
 
 
 class _Builder:
-    """Feeds expat and keeps an own stack."""
+    """Feeds expat and keeps an own stack of open elements with their pieces of text."""
 
-    def __init__(self, file: str, out: Collector) -> None:
+    def __init__(self, file: str, data: bytes, out: Collector) -> None:
         self._file = file
+        self._data = data
+        # expat counts a byte order mark as a column of the first line; editors do not show it.
+        self._mark = int(data.startswith(_BYTE_ORDER_MARKS))
         self._out = out
-        self._stack: list[Element] = []
+        self._stack: list[tuple[Element, list[str]]] = []
         self._root: Element | None = None
-        self._count = 0
+        self._elements = 0
+        self._pieces = 0
         self._parser = expat.ParserCreate()
         # Unbuffered, so that the position at a piece of text is where it starts.
         self._parser.buffer_text = False
@@ -94,50 +126,84 @@ class _Builder:
         self._parser.CharacterDataHandler = self._characters
         self._parser.StartDoctypeDeclHandler = self._doctype
 
-    def parse(self, data: bytes) -> Element | None:
-        self._parser.Parse(data, True)
+    def parse(self) -> Element | None:
+        self._parser.Parse(self._data, True)
         return self._root
 
-    def open_tag_hint(self) -> str:
+    def hint(self, error: expat.ExpatError) -> str:
+        """Name the mend for what expat stumbled over."""
+        if error.code in _HINT_OF_CODE:
+            return _HINT_OF_CODE[error.code]
+        if error.code == _INVALID_TOKEN:
+            at = self._parser.ErrorByteIndex
+            return _invalid_token_hint(self._data[max(at - 1, 0) : at], self._data[at : at + 1])
         if not self._stack:
-            return "a tag is closed that was never opened"
-        top = self._stack[-1]
-        return f"<{top.name}> of line {top.span.line} is still open here"
+            return "look for a tag that is closed but was never opened"
+        top = self._stack[-1][0]
+        verb = "close it before this tag" if error.code == _TAG_MISMATCH else "close it"
+        return f"<{top.name}> of line {top.span.line} is still open here; {verb}"
+
+    def place(self, line: int, offset: int) -> Span:
+        """Return the place for a line and an offset as expat counts them."""
+        column = offset + 1 - (self._mark if line == 1 else 0)
+        return Span(self._file, line, max(column, 1))
 
     def _here(self) -> Span:
-        parser = self._parser
-        return Span(self._file, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1)
+        return self.place(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber)
 
-    def _refuse(self, message: str, hint: str) -> None:
-        self._out.add("FSN118", self._here(), message, hint=hint)
+    def _refuse(self, message: str, hint: str, span: Span | None = None) -> None:
+        self._out.add("FSN118", span or self._here(), message, hint=hint)
         raise _Refused
 
     def _doctype(self, *_arguments: object) -> None:
-        self._refuse("a document type is declared", "delete <!DOCTYPE …>; entities are not used")
+        """Refuse the declaration; expat tells of it behind its name, so its start is searched."""
+        before = self._data[: self._parser.CurrentByteIndex]
+        start = before.rfind(b"<!DOCTYPE")
+        span = None
+        if start >= 0:
+            line = before.count(b"\n", 0, start) + 1
+            begin = before.rfind(b"\n", 0, start) + 1
+            span = self.place(line, len(before[begin:start].decode("utf-8", "replace")))
+        message = "a document type is declared"
+        self._refuse(message, "delete <!DOCTYPE …>; entities are not used", span)
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
-        self._count += 1
-        if len(self._stack) >= MAX_DEPTH or self._count > MAX_ELEMENTS:
-            self._refuse(
-                f"more than {MAX_DEPTH} levels or {MAX_ELEMENTS} elements", "is this a robot?"
-            )
+        self._elements += 1
+        if len(self._stack) >= MAX_DEPTH:
+            self._refuse(f"more than {MAX_DEPTH} levels of tags", "is this a robot description?")
+        if self._elements > MAX_ELEMENTS:
+            self._refuse(f"more than {MAX_ELEMENTS} tags", "is this a robot description?")
         element = Element(name, attributes, self._here())
         if self._stack:
-            self._stack[-1].children.append(element)
+            self._stack[-1][0].children.append(element)
         else:
             self._root = element
-        self._stack.append(element)
+        self._stack.append((element, []))
 
     def _end(self, _name: str) -> None:
-        self._stack.pop()
+        element, pieces = self._stack.pop()
+        element.text = "".join(pieces)
 
     def _characters(self, text: str) -> None:
-        top = self._stack[-1]
-        if not top.text.strip() and text.strip():
-            # expat reports where the text starts; skip the white space before the first word.
-            before = text[: len(text) - len(text.lstrip())]
+        self._pieces += 1
+        if self._pieces > MAX_TEXT_PIECES:
+            self._refuse(f"more than {MAX_TEXT_PIECES} lines", "is this a robot description?")
+        element, pieces = self._stack[-1]
+        pieces.append(text)
+        if element.text_span is None and not text.isspace():
+            # expat reports where the piece starts, and ends a piece at each line.
             here = self._here()
-            lines = before.count("\n")
-            column = here.column + len(before) if not lines else len(before.rsplit("\n", 1)[1]) + 1
-            top.text_span = Span(self._file, here.line + lines, column)
-        top.text += text
+            blanks = len(text) - len(text.lstrip())
+            element.text_span = Span(self._file, here.line, here.column + blanks)
+
+
+def _invalid_token_hint(before: bytes, byte: bytes) -> str:
+    if byte == b"\0":
+        return "delete the NUL byte; is this a text file?"
+    if byte >= b"\x80":
+        return _ENCODING_HINT
+    if b"&" in (before, byte):
+        return "write &amp; for a plain &"
+    if b"<" in (before, byte):
+        return "write &lt; for a plain <, or close the tag or quote before it"
+    return "look at this character and the tag around it; quotes around attribute values?"

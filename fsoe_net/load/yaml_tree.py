@@ -187,7 +187,8 @@ def _syntax_error(exc: yaml.YAMLError, file: str, text: str, out: Collector) -> 
     related: tuple[Related, ...] = ()
     if context and start is not None and mark is not None and start.line != mark.line:
         related = (Related(span=Span(file, start.line + 1, start.column + 1), message=context),)
-    line = text.splitlines()[mark.line] if mark and mark.line < text.count("\n") + 1 else ""
+    lines = text.splitlines()
+    line = lines[mark.line] if mark and mark.line < len(lines) else ""
     hint = "check indentation and brackets above this place"
     if "\t" in line[: len(line) - len(line.lstrip())]:
         hint = "replace the tab by spaces; YAML forbids tabs in indentation"

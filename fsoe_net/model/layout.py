@@ -18,6 +18,7 @@ __all__ = ["DeviceLayout", "FsoeBlock", "Placed", "SmLayout", "find_blocks", "la
 _CRC_BITS = 16
 _CONNECTION_ID_BITS = 16
 _COMMAND_BITS = 8
+_NEIGHBOUR = 0x0F  # a CRC was seen eight objects away from its command, never farther
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,7 +236,8 @@ def _matches(
     if all(same):
         return "sure" if _data_differs(placed, starts, base, words, frame_bytes, index) else None
     # Some maps put a single CRC on a neighbouring object; the connection ID stays on the command's.
-    if same[-1] and sum(same) >= len(same) - 1 and len(same) > 2:
+    near = all(abs(e.index - index) <= _NEIGHBOUR for e in checks)
+    if near and same[-1] and sum(same) >= len(same) - 1 and len(same) > 2:
         return "likely"
     return None
 

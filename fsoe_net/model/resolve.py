@@ -243,7 +243,10 @@ def _pair(
         rows = per_net.get(id(net), [])
         ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
         main_name = main_instance_of(net, ends)
-        facts = {(f.main, f.sub, f.slot): f for f in net.connections}
+        facts: dict[tuple[str, str, int], ConnectionFacts] = {}
+        for fact in net.connections:
+            if facts.setdefault((fact.main, fact.sub, fact.slot), fact) is not fact:
+                unmatched.append((net, fact))  # stated twice
         for (main, sub), (to_sub, to_main) in _by_partner(rows, main_name).items():
             couples, alone = _couple(to_sub, to_main)
             single.extend(alone)

@@ -40,7 +40,7 @@ class Expectation(Located):
 
     ``state`` is a word such as ``data_process`` for ``connection`` (empty: for all).
     ``safe_outputs`` are values the SubInstances hand to their outputs. ``outputs_on`` is the
-    verdict of the logic. ``min_resets`` counts Resets of the connection since the start.
+    verdict of the logic. ``min_resets`` and ``max_resets`` bound the Resets since the start.
     """
 
     from_ns: int
@@ -50,6 +50,7 @@ class Expectation(Located):
     safe_outputs: Mapping[str, int] = field(default_factory=dict)
     outputs_on: bool | None = None
     min_resets: int | None = None
+    max_resets: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,74 @@
+"""Number spellings: what every reader takes for the same number, and what is refused by name."""
+
+from __future__ import annotations
+
+import pytest
+
+from fsoe_net.diag import Span
+from fsoe_net.load.files import Collector
+from fsoe_net.load.numbers import Reader, driver_endpoint_number, read_int
+from fsoe_net.load.yaml_tree import ScalarNode
+
+
+def read(text: str, reader: Reader, high: int = 0xFFFF) -> tuple[int | None, list[str]]:
+    out = Collector()
+    node = ScalarNode(Span("f", 1, 1), text, True)
+    value = read_int(node, out, what="index", low=0, high=high, reader=reader)
+    return value, [d.code for d in out.diagnostics]
+
+
+# Measured with the driver's own function (see the reference of number traps in the docs).
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("0x6000", 0x6000),
+        ("24576", 0x6000),
+        ("0X6000", 0),
+        ("060000", 60000),
+        ("0x16000", 0x6000),
+        ("6000h", 6000),
+        ("-5", 0xFFFB),
+        ("0x", 0),
+        ("0x 6000", 0),
+        ("0x6000:01", 0x6000),
+        ("0x70g0", 0x70),
+        ("", None),
+    ],
+)
+def test_what_the_driver_reads(text: str, value: int | None):
+    assert driver_endpoint_number(text) == value
+
+
+@pytest.mark.parametrize("reader", list(Reader))
+@pytest.mark.parametrize(
+    ("text", "value"), [("0x6000", 0x6000), ("24576", 24576), ("0", 0), ("07", 7)]
+)
+def test_plain_spellings_are_the_same_everywhere(text: str, value: int, reader: Reader):
+    assert read(text, reader) == (value, [])
+
+
+@pytest.mark.parametrize(
+    ("text", "reader", "code"),
+    [
+        ("0X6000", Reader.ENDPOINT, "FSN112"),
+        ("6000h", Reader.ENDPOINT, "FSN112"),
+        ("0x6000:01", Reader.ENDPOINT, "FSN112"),
+        ("0x", Reader.ENDPOINT, "FSN112"),
+        ("#x6000", Reader.OWN, "FSN112"),
+        ("1_000", Reader.SLAVE, "FSN112"),
+        ("1.0", Reader.SLAVE, "FSN112"),
+        ("0b11", Reader.SLAVE, "FSN112"),
+        ("abc", Reader.SLAVE, "FSN111"),
+        ("010", Reader.SLAVE, "FSN114"),
+        ("010", Reader.ENDPOINT, "FSN114"),
+        ("08", Reader.SLAVE, "FSN114"),
+        ("0x10000", Reader.ENDPOINT, "FSN113"),
+        ("-1", Reader.SLAVE, "FSN113"),
+    ],
+)
+def test_traps_are_named(text: str, reader: Reader, code: str):
+    assert read(text, reader)[1] == [code]
+
+
+def test_upper_case_prefix_is_fine_in_slave_yaml():
+    assert read("0X6000", Reader.SLAVE) == (0x6000, [])

@@ -1,0 +1,127 @@
+"""What a URDF says: systems, modules in driver order, places; and the published examples."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+from pathlib import Path
+
+import pytest
+from data_files import need
+
+from fsoe_net.diag import Severity
+from fsoe_net.load.urdf import UrdfResult, load_urdf
+
+HERE = Path(__file__).parent / "urdf"
+
+
+def _found(result: UrdfResult) -> list[str]:
+    return [f"{d.code} {d.span.line}:{d.span.column}" for d in result.diagnostics]
+
+
+@pytest.fixture
+def no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Any child process fails the test."""
+
+    def refuse(*_args: object, **_options: object) -> None:
+        pytest.fail("a child process was started")
+
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+
+
+@pytest.mark.usefixtures("no_process")
+def test_modules_stand_in_the_order_in_which_the_driver_adds_them():
+    result = load_urdf(HERE / "robot.urdf")
+    assert _found(result) == []
+    (system,) = result.systems  # the mock_components block is not ours
+    assert [(m.name, m.origin, m.component) for m in system.modules] == [
+        ("drive", "joint", "axis"),
+        ("logic", "gpio", "io"),
+        ("input", "gpio", "io"),
+        ("force", "sensor", "force"),
+    ]
+
+
+def test_values_and_defaults():
+    (system,) = load_urdf(HERE / "robot.urdf").systems
+    assert (system.name, system.plugin) == ("cell", "ethercat_driver/EthercatDriver")
+    assert (system.master_id, system.control_frequency) == (1, 1000.0)
+    assert (system.transfer_file, system.transfer_key) == ("transfers.yaml", "transfer_config")
+    drive, logic, entry, force = system.modules
+    assert (drive.alias, drive.position, drive.required) == (7, 2, True)
+    assert drive.params["mode_of_operation"] == "8"
+    assert (logic.alias, logic.position) == (0, 1)
+    assert logic.slave_config == "\n          logic.yaml\n        "  # as the driver takes it
+    assert (entry.position, entry.required) == (0, False)
+    assert (force.alias, force.plugin) == (0, "ethercat_plugins/ATI_FTSensor")
+
+
+def test_every_value_knows_its_place():
+    path = str(HERE / "robot.urdf")
+    (system,) = load_urdf(path).systems
+    drive, logic, *_ = system.modules
+    assert str(system.span) == f"{path}:3:3"
+    assert str(system.at("plugin")) == f"{path}:5:15"
+    assert str(system.at("transfer_config")) == f"{path}:8:37"
+    assert str(drive.span) == str(drive.at("name")) == f"{path}:35:7"
+    assert str(drive.at("plugin")) == f"{path}:36:17"
+    assert str(drive.at("alias")) == f"{path}:37:29"
+    assert str(drive.at("mode_of_operation")) == f"{path}:39:41"
+    assert str(logic.at("slave_config")) == f"{path}:23:11"  # text on a line of its own
+    assert str(logic.at("required")) == str(logic.span)  # not written
+
+
+def test_the_source_is_recorded_with_its_digest():
+    path = HERE / "robot.urdf"
+    (row,) = load_urdf(path).sources
+    assert row.path == str(path)
+    assert row.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_defaults_of_an_empty_block(tmp_path: Path):
+    file = tmp_path / "r.urdf"
+    file.write_text(
+        "<robot><ros2_control name='a'><hardware><plugin>ethercat_driver/EthercatDriver</plugin>"
+        "</hardware></ros2_control></robot>"
+    )
+    (system,) = load_urdf(file).systems
+    assert (system.master_id, system.control_frequency) == (0, 100.0)
+    assert (system.transfer_file, system.transfer_key, system.modules) == (None, None, ())
+
+
+def test_modules_without_a_readable_position_get_unused_ones(tmp_path: Path):
+    file = tmp_path / "r.urdf"
+    text = (HERE / "robot.urdf").read_text()
+    text = text.replace('<param name="position">1</param>', "")
+    file.write_text(text.replace('"position">2<', '"position">65535<').replace(">3<", ">x<"))
+    (system,) = load_urdf(file).systems
+    assert [m.position for m in system.modules] == [65535, 65534, 0, 65533]
+
+
+@pytest.mark.usefixtures("no_process")
+def test_published_estop_template():
+    path = need("yaml", "yguel_safety-humble_safety_estop.ros2_control.template.xacro")
+    result = load_urdf(path)
+    assert _found(result) == ["FSN122 5:21", "FSN132 8:13", "FSN120 12:13", "FSN127 16:17"]
+    (system,) = result.systems
+    assert [(m.name, m.position, m.plugin is None) for m in system.modules] == [
+        ("el1918", 1, True),
+        ("ek1914", 0, False),
+    ]
+    assert (system.transfer_file, system.transfer_key) == (
+        "estop_ethercat_safety.yaml",
+        "fsoe_config",
+    )
+
+
+@pytest.mark.usefixtures("no_process")
+def test_published_safety_example():
+    result = load_urdf(need("yaml", "yguel_safety-humble_safety.ros2_control.xacro"))
+    assert _found(result) == ["FSN132 8:13"]
+    assert [d.level for d in result.diagnostics] == [Severity.INFO]
+    (system,) = result.systems
+    assert [(m.name, m.position) for m in system.modules] == [
+        ("MAXON_on_EPOS3", 0),  # the last in the file, but a joint
+        ("limit_switches_on_EL1018", 6),
+        ("encoder_on_EL5101", 2),
+    ]
