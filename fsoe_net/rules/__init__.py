@@ -23,7 +23,7 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
         resolution: The network, resolved.
         runtime: Adds what only this runtime minds.
     """
-    ctx = Context(resolution)
+    ctx = Context(resolution=resolution)
     # Order matters: a mistake in one place is named there, and not again by the rules behind it.
     check_devices(ctx)
     check_bus(ctx)
@@ -32,4 +32,4 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     check_nets(ctx)
     check_fsoe(ctx)
     check_runtime(ctx, runtime)
-    return sort_diagnostics(ctx.found)
+    return sort_diagnostics(ctx.diagnostics)

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Diagnostic, Related, Severity, Span
+from fsoe_net.diag import Findings
 from fsoe_net.model import (
     Device,
     DeviceLayout,
@@ -18,11 +18,21 @@ from fsoe_net.model import (
     SubDevice,
 )
 
-__all__ = ["Context", "describe_end", "describe_sm", "nearest", "touched_bytes"]
+__all__ = [
+    "Context",
+    "block_text",
+    "count_of",
+    "describe_end",
+    "describe_sm",
+    "few",
+    "module_pair",
+    "nearest",
+    "touched_bytes",
+]
 
 
-@dataclass(slots=True)
-class Context:
+@dataclass(slots=True, kw_only=True)
+class Context(Findings):
     """One run of the rules over one network.
 
     The sets keep one mistake from being named twice: module pairs that already have an error,
@@ -30,28 +40,10 @@ class Context:
     """
 
     resolution: Resolution
-    found: list[Diagnostic] = field(default_factory=list)
     blamed_pairs: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[int] = field(default_factory=set)
     unassigned: set[int] = field(default_factory=set)
     unsure_nets: set[int] = field(default_factory=set)
-
-    def add(
-        self,
-        code: str,
-        span: Span,
-        message: str,
-        *,
-        hint: str = "",
-        severity: Severity | None = None,
-        related: tuple[Related, ...] = (),
-    ) -> None:
-        """Add one finding."""
-        self.found.append(
-            Diagnostic(
-                code=code, span=span, message=message, hint=hint, severity=severity, related=related
-            )
-        )
 
     def devices(self) -> Iterator[tuple[Device, DeviceLayout, SubDevice]]:
         """Yield each device description once, with the first SubDevice that uses it."""
@@ -88,8 +80,10 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     folded = {k.lower(): k for k in known}
     if name.lower() in folded:
         return folded[name.lower()]
+    swapped = [k for k in folded if sorted(k) == sorted(name.lower())]
     close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=0.6)
-    return folded[close[0]] if close else None
+    best = swapped or close
+    return folded[best[0]] if best else None
 
 
 def describe_sm(sm: SmLayout) -> str:
@@ -113,6 +107,17 @@ def describe_end(end: ResolvedEnd) -> str:
 def touched_bytes(end: ResolvedEnd, size_bytes: int) -> tuple[int, int]:
     """Return the first byte and the byte behind the last that a copy touches in its SM."""
     return end.byte_offset, end.byte_offset + size_bytes
+
+
+def few(names: list[str], limit: int = 6) -> str:
+    """Return the first names of a list, and how many more there are."""
+    more = len(names) - limit
+    return ", ".join(names[:limit]) + (f" and {more} more" if more > 0 else "")
+
+
+def count_of(number: int, word: str) -> str:
+    """``1 byte``, ``2 bytes``."""
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
 
 
 def block_text(module: str, block: FsoeBlock) -> str:

@@ -21,6 +21,7 @@ __all__ = ["check_devices"]
 
 MAX_DATAGRAM_BYTES = 1486
 _MAX_SYNC_MANAGERS = 16
+_PROFILE_AREA = 0x6000  # below it stand objects of the manufacturer, some mapped as padding
 
 
 def check_devices(ctx: Context) -> None:
@@ -64,8 +65,8 @@ def _pdo_lists(ctx: Context, device: Device) -> None:
             ctx.add(
                 "FSN407",
                 pdo.at("index"),
-                f"PDO 0x{pdo.index:04x} is listed twice; the master fills only the first, the "
-                "second keeps what the device has",
+                f"PDO 0x{pdo.index:04x} is listed twice; the master finds the first by its "
+                "number and fills it with the channels of the second",
                 hint="merge the channels into one PDO, or correct the number",
                 related=(Related(span=first.at("index"), message="first listed here"),),
             )
@@ -85,7 +86,10 @@ def _sync_managers(ctx: Context, device: Device, layout: DeviceLayout) -> None:
         if sm.index >= _MAX_SYNC_MANAGERS or sm.index in seen:
             why = "given twice" if sm.index in seen else "above 15"
             ctx.add(
-                "FSN412", sm.at("index"), f"sync manager {sm.index} is {why}", hint="correct it"
+                "FSN412",
+                sm.at("index"),
+                f"sync manager {sm.index} is {why}",
+                hint="use each number from 0 to 15 once, as the ESI or `ethercat pdos` shows them",
             )
         seen.add(sm.index)
         wanted = {"rpdo": Direction.OUTPUT, "tpdo": Direction.INPUT}.get(sm.carries or "")
@@ -199,7 +203,7 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
                 continue  # one group on two sync managers is FSN413
             if not used and known_sm is not sm:
                 continue  # drives map the same object as command and as status
-            if not used:
+            if not used and entry.index < _PROFILE_AREA:
                 idle[entry.address] += 1
                 idle_at = idle_at or entry
                 continue

@@ -40,7 +40,7 @@ def check_ends(ctx: Context) -> None:
     names = {s.name for s in ctx.resolution.network.subdevices}
     written = _written_by_transfers(ctx)
     for row in ctx.resolution.transfers:
-        before = len(ctx.found)
+        before = len(ctx.diagnostics)
         for end, wanted in ((row.source, Direction.INPUT), (row.destination, Direction.OUTPUT)):
             _lookup(ctx, row, end, wanted, names)
         if row.found:
@@ -49,7 +49,7 @@ def check_ends(ctx: Context) -> None:
                 _alignment(ctx, end)
         if row.source.subdevice is not None and row.destination.subdevice is not None:
             _masters(ctx, row)
-        if len(ctx.found) > before:
+        if len(ctx.diagnostics) > before:
             ctx.blame(row)
 
 
@@ -83,7 +83,8 @@ def _lookup(
         ctx.add(
             "FSN207",
             span,
-            f"{endpoint} is padding; it is never registered, the copy would use a wild pointer",
+            f"{endpoint} is padding; it is never registered, so the copy would use an "
+            "uninitialised pointer",
             hint=_better_start(end, wanted, row),
         )
     elif end.miss is Miss.SKIPPED:
@@ -113,6 +114,8 @@ def _unknown_module(ctx: Context, end: ResolvedEnd, names: set[str]) -> None:
     if is_main_device(name):
         _centralized(ctx, end, name)
     elif not ctx.resolution.network.partial:
+        if any(d.code == "FSN134" for d in ctx.diagnostics):
+            return  # a name used twice is missing elsewhere
         meant = nearest(name, names)
         ctx.add(
             "FSN201",

@@ -12,7 +12,7 @@ from fsoe_net.model import (
     SmLayout,
     TransferKind,
 )
-from fsoe_net.rules.context import Context, block_text, describe_end, touched_bytes
+from fsoe_net.rules.context import Context, block_text, count_of, describe_end, touched_bytes
 
 __all__ = ["check_frames"]
 
@@ -20,14 +20,15 @@ __all__ = ["check_frames"]
 def check_frames(ctx: Context) -> None:
     """Check size, start and content of every transfer whose ends are known."""
     for row in ctx.resolution.transfers:
-        before = len(ctx.found)
+        before = len(ctx.diagnostics)
         _one(ctx, row)
-        if len(ctx.found) > before:
+        if len(ctx.diagnostics) > before:
             ctx.blame(row)
 
 
 def _one(ctx: Context, row: ResolvedTransfer) -> None:
     size = row.transfer.size_bytes
+    before = len(ctx.diagnostics)
     if size == 0:
         ctx.add(
             "FSN222",
@@ -40,14 +41,14 @@ def _one(ctx: Context, row: ResolvedTransfer) -> None:
         _size_alone(ctx, row)
         return
     if row.transfer.kind is TransferKind.STANDARD:
-        for end in (row.source, row.destination):
-            _standard(ctx, row, end)
-        _ends(ctx, row)
+        if not any(_standard(ctx, row, end) for end in (row.source, row.destination)):
+            _ends(ctx, row)
     else:
         starts = [_start(ctx, row, end) for end in (row.source, row.destination)]
         if all(starts):
             _sizes(ctx, row)
-    _overwritten(ctx, row)
+    if all(d.code == "FSN307" for d in ctx.diagnostics[before:]):
+        _overwritten(ctx, row)  # what a wrong length would touch is no finding of its own
 
 
 def _right_size(row: ResolvedTransfer) -> str:
@@ -86,8 +87,8 @@ def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
     ctx.add(
         "FSN211",
         end.endpoint.at("index"),
-        f"{end.endpoint} lies {end.byte_offset - block.byte_offset} bytes inside a frame; the copy "
-        "would be shifted",
+        f"{end.endpoint} lies {count_of(end.byte_offset - block.byte_offset, 'byte')} inside a "
+        "frame; the copy would be shifted",
         hint=f"start at its command, {block_text(end.endpoint.module, block)}",
     )
     return False
@@ -96,9 +97,10 @@ def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
 def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmLayout) -> bool:
     """Handle an end where no frame structure was found: is it a mistake or only unusual?"""
     endpoint, size = end.endpoint, row.transfer.size_bytes
-    free = _blocks_of(end, sm.sm.direction)
+    blocks = _blocks_of(end, sm.sm.direction)
+    free = [b for b in blocks if not _is_used(ctx, end, b)]
     intruder = _intruder(end, sm, size)
-    if end.placed is not None and (end.placed.entry.bits != 8 or (free and intruder is None)):
+    if end.placed is not None and (end.placed.entry.bits != 8 or (blocks and intruder is None)):
         better = min(free, key=lambda b: b.frame_bytes != size) if free else None
         ctx.add(
             "FSN211",
@@ -128,6 +130,16 @@ def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmL
     return True
 
 
+def _is_used(ctx: Context, end: ResolvedEnd, block: FsoeBlock) -> bool:
+    """Whether another transfer means this frame of the same SubDevice."""
+    return any(
+        other.block is not None and other.block.key == block.key
+        for row in ctx.resolution.transfers
+        for other in (row.source, row.destination)
+        if other.subdevice is end.subdevice
+    )
+
+
 def _blocks_of(end: ResolvedEnd, direction: Direction) -> list[FsoeBlock]:
     if end.layout is None:
         return []
@@ -149,6 +161,13 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
         for p in sm.placed
         if base < p.bit_offset < base + 8 * size and p.entry.index == end.placed.entry.index
     ]
+    addresses = [e.address for e in found if e is not None]
+    repeated = [a for a in addresses if addresses.count(a) > 1]
+    if all(good) and repeated:
+        return f"{repeated[0]} stands twice"
+    foreign = [e for e in found if e is not None and e.index != end.placed.entry.index]
+    if all(good) and foreign and len(foreign) < len(found):
+        return f"{foreign[0].address} stands where a CRC is expected"
     if all(good) or not others:
         return None
     byte, what = expected[good.index(False)]
@@ -177,7 +196,7 @@ def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
             span,
             f"{row.transfer.source} sends a frame of {source.frame_bytes} bytes, "
             f"{row.transfer.destination} takes one of {destination.frame_bytes}",
-            hint=_matching_block(row, source)
+            hint=_matching_block(ctx, row, source)
             or "the slot of the safety master must have the size "
             "of this device; correct its project or PDO list",
         )
@@ -185,12 +204,17 @@ def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
         _wrong_size(ctx, row, source.frame_bytes)
 
 
-def _matching_block(row: ResolvedTransfer, source: FsoeBlock) -> str:
-    """Name an input slot of the receiver that has the right length, if there is exactly one."""
+def _matching_block(ctx: Context, row: ResolvedTransfer, source: FsoeBlock) -> str:
+    """Name a free slot of the receiver that has the right length, if there is exactly one."""
+    used = {
+        r.destination.block.key
+        for r in ctx.resolution.transfers
+        if r.destination.block is not None and r.destination.subdevice is row.destination.subdevice
+    }
     fits = [
         b
         for b in _blocks_of(row.destination, Direction.OUTPUT)
-        if b.frame_bytes == source.frame_bytes
+        if b.frame_bytes == source.frame_bytes and b.key not in used
     ]
     if len(fits) != 1:
         return ""
@@ -207,8 +231,8 @@ def _wrong_size(ctx: Context, row: ResolvedTransfer, frame_bytes: int) -> None:
         ctx.add(
             "FSN209",
             row.transfer.at("size"),
-            f"size {size} runs {size - frame_bytes} bytes past the {frame_bytes}-byte frame"
-            + (f" and would overwrite {behind}" if behind else ""),
+            f"size {size} runs {count_of(size - frame_bytes, 'byte')} past the "
+            f"{frame_bytes}-byte frame" + (f" and would overwrite {behind}" if behind else ""),
             hint=f"write size: {frame_bytes}",
         )
         return
@@ -242,15 +266,17 @@ def _ends(ctx: Context, row: ResolvedTransfer) -> None:
             ctx.add(
                 "FSN209",
                 row.transfer.at("size"),
-                f"size {size} from {end.endpoint} runs {behind - end.sm.size_bytes} bytes past the "
+                f"size {size} from {end.endpoint} runs "
+                f"{count_of(behind - end.sm.size_bytes, 'byte')} past the "
                 f"end of SM{end.sm.sm.index} ({end.sm.size_bytes} bytes)",
                 hint=f"at most {end.sm.size_bytes - end.byte_offset} bytes are left there",
             )
 
 
-def _standard(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> None:
+def _standard(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
+    """Return whether FSN233 was found."""
     if end.sm is None:
-        return
+        return False
     first, behind = touched_bytes(end, row.transfer.size_bytes)
     for block in end.sm.blocks:
         if first < block.end_byte and block.byte_offset < behind:
@@ -261,6 +287,8 @@ def _standard(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> None:
                 f"{block_text(end.endpoint.module, block)}",
                 hint="remove kind: standard when the frame itself is meant, else copy other bytes",
             )
+            return True
+    return False
 
 
 def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:

@@ -12,11 +12,20 @@ from fsoe_net.model import (
     Net,
     ResolvedEnd,
     ResolvedTransfer,
+    SubDevice,
     TransferKind,
     main_instance_of,
     partner_block,
 )
-from fsoe_net.rules.context import Context, block_text, module_pair, nearest, touched_bytes
+from fsoe_net.rules.context import (
+    Context,
+    block_text,
+    count_of,
+    few,
+    module_pair,
+    nearest,
+    touched_bytes,
+)
 from fsoe_net.rules.ends import is_main_device
 
 __all__ = ["check_nets"]
@@ -34,10 +43,14 @@ def check_nets(ctx: Context) -> None:
         if net.incomplete:
             ctx.unsure_nets.add(id(net))
         _main_instance(ctx, net, rows[id(net)])
-    for single in ctx.resolution.single:
-        sure = id(single.net) not in ctx.unsure_nets
-        if sure and module_pair(single) not in ctx.blamed_pairs:
-            _missing_direction(ctx, single)
+    lonely = [
+        row
+        for row in ctx.resolution.single
+        if id(row.net) not in ctx.unsure_nets and module_pair(row) not in ctx.blamed_pairs
+    ]
+    for row in lonely:
+        _missing_direction(ctx, row)
+        ctx.blame(row)
     for connection in ctx.resolution.connections:
         _crossed(ctx, connection)
     _facts(ctx)
@@ -51,6 +64,8 @@ def _destinations(ctx: Context) -> None:
         end = row.destination
         if not row.found or end.sm is None or end.subdevice is None:
             continue
+        if module_pair(row) in ctx.blamed_pairs:
+            continue  # its length or place is wrong already
         first, behind = touched_bytes(end, row.transfer.size_bytes)
         by_sm[end.subdevice.name, end.sm.sm.index].append((first, behind, row))
     for group in by_sm.values():
@@ -72,8 +87,8 @@ def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: 
     ctx.add(
         "FSN204",
         late.transfer.destination.at("index"),
-        f"{late.transfer.destination}: {count} bytes are also written by another transfer; the "
-        "last one would win",
+        f"{late.transfer.destination}: another transfer writes {count_of(count, 'byte')} of it; "
+        "the last one would win",
         hint=hint,
         related=(Related(span=early.transfer.span, message="the other transfer"),),
     )
@@ -137,8 +152,22 @@ def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None
             hint=f"add safety_master: with one of {', '.join(used)}",
         )
         return
-    for row in rows:
-        if main in module_pair(row) or module_pair(row) in ctx.blamed_pairs:
+    foreign = [r for r in rows if main not in module_pair(r)]
+    shared = set(ends[0]).intersection(*map(set, ends[1:])) if ends else set()
+    if foreign and len(shared) == 1 and stated is not None:
+        # All transfers meet in one SubDevice, only not in the one that is stated.
+        ctx.unsure_nets.add(id(net))
+        other = shared.pop()
+        ctx.add(
+            "FSN219",
+            span,
+            f"{stated} is stated as safety master, but all transfers of net {net.name!r} meet in "
+            f"{other}",
+            hint=f"write {other}",
+        )
+        return
+    for row in foreign:
+        if module_pair(row) in ctx.blamed_pairs:
             continue
         ctx.add(
             "FSN219",
@@ -251,6 +280,20 @@ def _facts(ctx: Context) -> None:
     singles = {module_pair(row) for row in ctx.resolution.single}
     for net, fact in ctx.resolution.unmatched_facts:
         named = frozenset((fact.main, fact.sub))
+        first = next(
+            c
+            for c in net.connections
+            if (c.main, c.sub, c.slot) == (fact.main, fact.sub, fact.slot)
+        )
+        if first is not fact:
+            ctx.add(
+                "FSN227",
+                fact.at("sub"),
+                f"the connection {fact.main}-{fact.sub} is stated twice",
+                hint="correct main or sub; slot: 1 is the second connection between the same two",
+                related=(Related(span=first.span, message="first stated here"),),
+            )
+            continue
         if id(net) in ctx.unsure_nets or named in ctx.blamed_pairs or named in singles:
             continue
         if is_main_device(fact.main):
@@ -278,6 +321,8 @@ def _unserved(ctx: Context) -> None:
     if not network.nets or network.partial or ctx.unsure_nets:
         return
     used = _used_blocks(ctx)
+    touched = {name for name, _ in used}
+    without: list[SubDevice] = []
     for sub, layout in zip(network.subdevices, ctx.resolution.layouts, strict=True):
         idle = [
             block
@@ -285,11 +330,22 @@ def _unserved(ctx: Context) -> None:
             for block in sm.blocks
             if (sub.name, block.key) not in used
         ]
-        if idle and not any(sub.name in pair for pair in ctx.blamed_pairs):
-            names = ", ".join(b.command.address for b in idle)
-            ctx.add(
-                "FSN232",
-                sub.span,
-                f"{sub.name}: no transfer serves the FSoE frames at {names}",
-                hint="fine for unused slots; else add the transfers",
-            )
+        if not idle or any(sub.name in pair for pair in ctx.blamed_pairs):
+            continue
+        if sub.name not in touched:
+            without.append(sub)
+            continue
+        names = few([b.command.address for b in idle])
+        ctx.add(
+            "FSN232",
+            sub.span,
+            f"{sub.name}: no transfer serves the FSoE frames at {names}",
+            hint="fine for unused slots; else add the transfers",
+        )
+    if without:
+        ctx.add(
+            "FSN232",
+            without[0].span,
+            f"no transfer serves any FSoE frame of {few([s.name for s in without])}",
+            hint="fine when they are not part of a safety function; else add the transfers",
+        )

@@ -71,7 +71,7 @@ _ROS2_EFFECT = {
     "FSN403": _LAYOUT,
     "FSN404": _LAYOUT,
     "FSN405": "reads and writes other bits",
-    "FSN407": "maps only the second list, into the first PDO",
+    "FSN407": "maps the second list into the first PDO; all offsets are wrong",
     "FSN409": "stops: PDO entry is not mapped",
     "FSN410": "starts; the working counter stays incomplete",
     "FSN412": "stops at configuration",
@@ -98,12 +98,12 @@ def check_runtime(ctx: Context, runtime: Runtime) -> None:
     for net in ctx.resolution.network.nets:
         if not any(t.kind is TransferKind.FSOE for t in net.transfers):
             continue
-        if runtime is Runtime.ROS2_2025:
+        if runtime in (Runtime.ROS2_2025, Runtime.ROS2_2026):
             ctx.add(
                 "FSN461",
                 net.span,
-                "each deactivate and activate of this driver adds all transfers once more, with "
-                "the old pointers",
+                "versions up to 2026-08 add all transfers once more with each activation, the old "
+                "pointers among them",
                 hint="restart the process instead of re-activating",
             )
         if runtime is Runtime.ROS2_2026:

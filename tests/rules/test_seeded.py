@@ -1,0 +1,95 @@
+"""Mistakes seeded into the robot cell: each is named where it stands, without a cascade."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from networks import EXAMPLES
+
+from fsoe_net.cli.inputs import check_files
+from fsoe_net.diag import Severity
+
+LOGIC = "devices/el6910.yaml"
+
+# file, text, replacement, what must be found: exactly these codes that are not mere notes.
+SEEDED = {
+    "connection stated twice": ("network.yaml", "sub: drive_2,", "sub: drive_1,", {"FSN227"}),
+    "standard entry instead of a CRC": (
+        LOGIC,
+        "{index: 0x7020, sub_index: 5, type: uint16}",
+        "{index: 0xf788, sub_index: 0, type: uint16}",
+        {"FSN212"},
+    ),
+    "CRC object repeated": (
+        LOGIC,
+        "{index: 0x7020, sub_index: 5, type: uint16}",
+        "{index: 0x7020, sub_index: 6, type: uint16}",
+        {"FSN212", "FSN408"},
+    ),
+    "PDO number in decimal": ("devices/circulo.yaml", "index: 0x1700", "index: 1700", {"FSN115"}),
+    "entry in decimal": ("devices/circulo.yaml", "index: 0x6041", "index: 6041", {"FSN115"}),
+    "safe data mapped twice": (
+        LOGIC,
+        "{index: 0x7031, sub_index: 2, type: uint16}",
+        "{index: 0x7031, sub_index: 1, type: uint16}",
+        {"FSN408"},
+    ),
+    "size too large": ("network.yaml", "size: 31   # drive 1", "size: 32   # drive 1", {"FSN209"}),
+    "name used twice": ("network.yaml", "{name: drive_2,", "{name: drive_1,", {"FSN134"}),
+    "transfers misspelt": ("network.yaml", "    transfers:", "    transferz:", {"FSN109"}),
+    "wrong kind of file": ("network.yaml", "devices/el1904.yaml", "network.yaml", {"FSN117"}),
+    "underscore in a number": (
+        "network.yaml",
+        "ec_module: el6910, index: 0x7030",
+        "ec_module: el6910, index: 0x70_30",
+        {"FSN112"},
+    ),
+    "exchanged slots": ("network.yaml", "index: 0x6020", "index: 0x6030", {"FSN225", "FSN204"}),
+}
+
+
+def seed(folder: Path, file: str, old: str, new: str) -> None:
+    shutil.copytree(EXAMPLES / "el6910", folder, dirs_exist_ok=True)
+    path = folder / file
+    text = path.read_text("utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), "utf-8")
+
+
+@pytest.mark.parametrize("name", SEEDED)
+def test_seeded_mistake(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    file, old, new, codes = SEEDED[name]
+    seed(tmp_path, file, old, new)
+    monkeypatch.chdir(tmp_path)
+    found = [d for d in check_files(["network.yaml"]).diagnostics if d.level is not Severity.INFO]
+    named = {d.code for d in found}
+    assert named, name
+    assert named <= codes, [f"{d.span} {d.code} {d.message}" for d in found]
+
+
+def test_the_mend_of_a_number_keeps_all_digits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    seed(tmp_path, *SEEDED["underscore in a number"][:3])
+    monkeypatch.chdir(tmp_path)
+    (found,) = [d for d in check_files(["network.yaml"]).diagnostics if d.code == "FSN112"]
+    assert found.hint == "write 0x7030"
+
+
+# Unusual, but right: nobody may be blamed.
+VALID = {
+    "names YAML would type": ("drive_1", "on"),
+    "numbers as names": ("drive_2", "1.5"),
+    "unicode": ("drive_1", "Achse_ä"),
+}
+
+
+@pytest.mark.parametrize("name", VALID)
+def test_valid_networks_are_not_blamed(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    old, new = VALID[name]
+    shutil.copytree(EXAMPLES / "el6910", tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "network.yaml"
+    path.write_text(path.read_text("utf-8").replace(old, new), "utf-8")
+    monkeypatch.chdir(tmp_path)
+    found = [d for d in check_files(["network.yaml"]).diagnostics if d.level is not Severity.INFO]
+    assert found == []
