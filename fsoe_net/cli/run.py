@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ from fsoe_net.run import (
     random_session_ids,
     run_live,
     run_virtual,
+    state_text,
 )
 
 if TYPE_CHECKING:
@@ -42,15 +44,32 @@ Examples:
 The devices are emulated; nothing is sent to a real bus."""
 
 
+class _Finite(click.FloatRange):
+    """A number in a range; ``nan`` slips through the comparisons of `click.FloatRange`."""
+
+    def convert(
+        self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        number = float(super().convert(value, param, ctx))  # type: ignore[arg-type]  # click's stub
+        if math.isnan(number):
+            self.fail(f"{value} is no number.", param, ctx)
+        return number
+
+
+_WEEK_S = 7 * 24 * 3600
+
+
 @click.command("run", epilog=_EPILOG)
 @input_options
 @click.option("--plan", "plan_file", type=click.Path(), help="Plan the core loads.")
-@click.option("--duration", type=click.FloatRange(min=0.001), help="Seconds; default: scenario, 3.")
+@click.option(
+    "--duration", type=_Finite(min=0.001, max=_WEEK_S), help="Seconds; default: scenario, else 3."
+)
 @click.option("--scenario", "scenario_file", type=click.Path(), help="Steps and expectations.")
 @click.option("--virtual-time", is_flag=True, help="As fast as the machine goes, repeatable.")
 @click.option(
     "--device-period-ms",
-    type=click.FloatRange(min=0.1),
+    type=_Finite(min=0.1, max=1000),
     default=1.0,
     show_default=True,
     help="Pace of the emulated devices in a live run.",
@@ -154,29 +173,24 @@ def _live(session: Session, duration_ns: int, period_ns: int, fmt: str) -> RunRe
 
 
 _STATE_STYLE = {"data_process": "bold green", "data_failsafe": "yellow"}
-_STATE_TEXT = {"data_process": "Data · ProcessData", "data_failsafe": "Data · FailSafeData"}
-
-
-def state_text(word: str) -> str:
-    """Return a state word for people."""
-    return _STATE_TEXT.get(word, word.capitalize())
 
 
 def _live_table(
     session: Session, rows: tuple[ConnectionResult, ...], snapshot: Snapshot, now_s: float
 ) -> Table:
+    from rich.markup import escape
     from rich.table import Table
 
     s = snapshot.statistics
     name = session.resolution.network.name
     wkc = "" if s.expected_wkc == s.actual_wkc else f" · WKC {s.actual_wkc}/{s.expected_wkc}"
-    table = Table(title=f"{name} · {now_s:.1f} s · cycle {s.cycles}{wkc}")
+    table = Table(title=f"{escape(name)} · {now_s:.1f} s · cycle {s.cycles}{wkc}")
     for column in ("connection", "state", "ConnID", "FSoE cycle", "resets", "last reason"):
-        table.add_column(column)
+        table.add_column(column, no_wrap=column != "last reason")
     for c in rows:
         style = _STATE_STYLE.get(c.state, "red")
         table.add_row(
-            c.name,
+            escape(c.name),
             f"[{style}]{state_text(c.state)}[/]",
             str(c.connection_id),
             f"{c.fsoe_cycle_ms['last']:.1f} ms",

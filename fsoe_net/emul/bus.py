@@ -9,10 +9,11 @@ from fsoe_net.emul.setup import ConnectionSetup, choose_setups
 from fsoe_net.emul.signals import split_name
 from fsoe_net.model import Direction, LogicChoice, Resolution
 
-__all__ = ["EmulatedNetwork", "build_network"]
+__all__ = ["EmulatedNetwork", "build_network", "normal_name"]
 
-# Objects of the safety drive profile: status bits of a drive are no e-stop buttons.
-_DRIVE_OBJECTS = range(0x6600, 0x6800)
+# Input area of modular devices (ETG.5001). Status bits of a safety drive lie elsewhere (0x2xxx,
+# 0x66xx of the drive profile) and are no e-stop buttons.
+_INPUT_OBJECTS = range(0x6000, 0x6600)
 
 
 class EmulatedNetwork:
@@ -53,18 +54,34 @@ class EmulatedNetwork:
         return [
             name
             for name, port in self.safe_inputs.items()
-            if port.sends[name].bits == 1 and port.sends[name].index not in _DRIVE_OBJECTS
+            if port.sends[name].bits == 1 and port.sends[name].index in _INPUT_OBJECTS
         ]
 
+    def has_safe_input(self, name: str) -> bool:
+        """Return whether there is a safe input of that name."""
+        return normal_name(name) in self.safe_inputs
+
     def set_safe_input(self, name: str, value: int) -> None:
-        """Set what a SubInstance sees at its terminals.
+        """Set what a SubInstance sees at its terminals; a mirrored value mirrors no longer.
 
         Raises:
             KeyError: No safe input of that name.
         """
         name = normal_name(name)
         port = self.safe_inputs[name]
+        if name in port.mirrored:
+            port.mirrored.remove(name)
         port.sends[name].write(port.safe, value)
+
+    def set_good(self, name: str) -> None:
+        """Set a safe input to 1, unless it follows what the device is told.
+
+        Raises:
+            KeyError: No safe input of that name.
+        """
+        name = normal_name(name)
+        if name not in self.safe_inputs[name].mirrored:
+            self.set_safe_input(name, 1)
 
     def safe_output(self, name: str) -> int:
         """Return what a SubInstance hands to its outputs; 0 while not valid.
@@ -100,7 +117,7 @@ def normal_name(text: str) -> str:
 
 
 def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> EmulatedNetwork:
-    """Build a device for every SubDevice that holds an FSoE end.
+    """Build a device for every SubDevice with an FSoE end or standard inputs.
 
     Args:
         resolution: A network without errors.
@@ -115,12 +132,14 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
     devices: dict[str, EmulatedDevice] = {}
     rows = zip(resolution.network.subdevices, resolution.layouts, strict=True)
     for sub, layout in rows:
-        if sub.name not in ports or layout is None or sub.name in devices:
+        if layout is None or sub.name in devices:
             continue
         inputs = {
             sm.sm.index: bytearray(sm.size_bytes)
             for sm in layout.managers
             if sm.sm.direction is Direction.INPUT and sm.registered
         }
-        devices[sub.name] = EmulatedDevice(name=sub.name, ports=ports[sub.name], inputs=inputs)
+        if inputs or sub.name in ports:
+            own = ports.get(sub.name, [])
+            devices[sub.name] = EmulatedDevice(name=sub.name, ports=own, inputs=inputs)
     return EmulatedNetwork(setups, devices)

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from fsoe_net.emul.logic import SafetyLogic
 from fsoe_net.emul.setup import ConnectionSetup
-from fsoe_net.emul.signals import Signal, signals_of
+from fsoe_net.emul.signals import Signal, signals_of, write_bits
 from fsoe_net.fsoe import MainConfig, MainInstance, State, SubConfig, SubInstance, safe_data_length
 from fsoe_net.model import ResolvedEnd, SmLayout
 
@@ -44,6 +44,8 @@ class Port:
     receives: dict[str, Signal]
     sends: dict[str, Signal]
     safe: bytearray
+    mirrored: list[str] = field(default_factory=list)
+    """Values a SubInstance sends as it receives them: what a drive was told, it reports."""
 
     @property
     def is_main(self) -> bool:
@@ -118,6 +120,7 @@ def _port(
         receives=receives,
         sends=sends,
         safe=bytearray(safe_data_length(sent.transfer.size_bytes)),
+        mirrored=[] if named_by_sub else [name for name in sends if name in receives],
     )
 
 
@@ -137,10 +140,17 @@ class EmulatedDevice:
     logic: SafetyLogic = field(default_factory=SafetyLogic)
     logic_inputs: list[tuple[Port, str]] = field(default_factory=list)
     logic_outputs: list[tuple[Port, str]] = field(default_factory=list)
+    _unpublished: set[int] = field(default_factory=set)
+
+    def set_input(self, sm: int, bit: int, bits: int, value: int) -> None:
+        """Set standard input bits of a sync manager; the next step publishes them."""
+        data = self.inputs[sm]
+        write_bits(data, bit, bits, value)
+        self._unpublished.add(sm)
 
     def step(self, now_ns: int, io: ProcessData) -> None:
         """Read outputs, let every FSoE end take one step, publish inputs that changed."""
-        changed: set[int] = set()
+        changed = self._unpublished
         for port in self.ports:
             image = io.read_outputs(port.rx_sm)
             frame = image[port.rx_byte : port.rx_byte + port.rx_bytes]
@@ -154,13 +164,13 @@ class EmulatedDevice:
         self._decide()
         for sm in changed:
             io.write_inputs(sm, bytes(self.inputs[sm]))
+        changed.clear()
 
     def _prepare_sub(self, port: Port) -> None:
         """A SubInstance sends its values whenever it is in Data; drives echo what is commanded."""
         port.instance.enable = port.instance.state is State.DATA
-        for name, signal in port.sends.items():
-            if name in port.receives:
-                signal.write(port.safe, port.received(name))
+        for name in port.mirrored:
+            port.sends[name].write(port.safe, port.received(name))
 
     def _decide(self) -> None:
         """Run the logic of a safety master over all its connections."""
@@ -178,7 +188,10 @@ class EmulatedDevice:
             signal.write(port.safe, (1 << signal.bits) - 1)
 
     def power_cycle(self) -> None:
-        """Switch the device off and on: everything volatile is lost, inputs read as zero."""
+        """Switch the device off and on: everything volatile is lost.
+
+        The bus shows the inputs of before until the device publishes anew, as a memory does.
+        """
         for port in self.ports:
             port.instance.power_cycle()
         for data in self.inputs.values():

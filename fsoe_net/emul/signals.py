@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.model import SmLayout
 
-__all__ = ["Signal", "signals_of", "split_name"]
+__all__ = ["Signal", "signals_of", "split_name", "write_bits"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,9 +27,14 @@ class Signal:
 
     def write(self, data: bytearray, value: int) -> None:
         """Put a value into these safe data; bits that do not fit are cut off."""
-        mask = ((1 << self.bits) - 1) << self.bit
-        whole = int.from_bytes(data, "little") & ~mask | value << self.bit & mask
-        data[:] = whole.to_bytes(len(data), "little")
+        write_bits(data, self.bit, self.bits, value)
+
+
+def write_bits(data: bytearray, bit: int, bits: int, value: int) -> None:
+    """Put a value at a bit offset, low bit first; bits that do not fit are cut off."""
+    mask = ((1 << bits) - 1) << bit
+    whole = int.from_bytes(data, "little") & ~mask | value << bit & mask
+    data[:] = whole.to_bytes(len(data), "little")
 
 
 def signals_of(

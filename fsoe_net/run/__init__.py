@@ -1,6 +1,6 @@
 """Live sessions: emulated devices, the C core and a scenario, in virtual or real time."""
 
-from fsoe_net.run.result import ConnectionResult, RunEvent, RunResult, Verdict
+from fsoe_net.run.result import ConnectionResult, RunEvent, RunResult, Verdict, state_text
 from fsoe_net.run.session import (
     Session,
     counted_session_ids,
@@ -19,4 +19,5 @@ __all__ = [
     "random_session_ids",
     "run_live",
     "run_virtual",
+    "state_text",
 ]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 
-from fsoe_net.diag import Diagnostic, Span
-from fsoe_net.emul import EmulatedNetwork, Port, normal_name
+from fsoe_net.emul import EmulatedNetwork, Port
 from fsoe_net.fsoe import EventKind, State, reset_code_text
 from fsoe_net.model import Action, Expectation, Scenario, Step
 from fsoe_net.run.result import RunEvent, Verdict
 
-__all__ = ["Engine", "check_scenario", "state_word"]
+__all__ = ["Engine", "state_word"]
 
 _MAX_EVENTS = 20_000
 _AUTO_PRESS_NS = 100_000_000
@@ -27,69 +25,6 @@ def state_word(main: Port, sub: Port) -> str:
     return "data_process" if valid else "data_failsafe"
 
 
-def check_scenario(
-    scenario: Scenario, network: EmulatedNetwork, subdevices: set[str], symbols: set[str]
-) -> list[Diagnostic]:
-    """Return what a scenario names that this network does not have (FSN116)."""
-    found: list[Diagnostic] = []
-    connections = set(network.mains)
-    inputs, outputs = set(network.safe_inputs), set(network.safe_outputs)
-
-    def need(name: str, known: set[str], what: str, span: Span) -> None:
-        if name in known or normal_name(name) in known:
-            return
-        close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-        listed = ", ".join(sorted(known)[:8]) or "none"
-        found.append(
-            Diagnostic(
-                code="FSN116",
-                span=span,
-                message=f"this network has no {what} {name!r}",
-                hint=f"write {close[0]}" if close else f"known: {listed}",
-            )
-        )
-
-    for name in scenario.initial:
-        need(name, inputs, "safe input", scenario.at("initial"))
-    for name in scenario.logic.inputs or ():
-        need(name, inputs, "safe input", scenario.at("logic"))
-    for name in scenario.logic.outputs or ():
-        need(name, outputs, "safe output", scenario.at("logic"))
-    for step in scenario.steps:
-        _check_step(step, need, inputs, symbols, subdevices, connections, set(network.devices))
-    for expectation in scenario.expectations:
-        if expectation.connection:
-            span = expectation.at("connection")
-            need(expectation.connection, connections, "connection", span)
-        for name in expectation.safe_outputs:
-            need(name, outputs, "safe output", expectation.at(name))
-    return found
-
-
-def _check_step(
-    step: Step,
-    need: Callable[[str, set[str], str, Span], None],
-    inputs: set[str],
-    symbols: set[str],
-    subdevices: set[str],
-    connections: set[str],
-    devices: set[str],
-) -> None:
-    span = step.at(step.action.value)
-    if step.action is Action.SET:
-        for name in step.values:
-            need(name, inputs, "safe input", step.at(name))
-    elif step.action is Action.OUTPUT:
-        for name in step.values:
-            need(name, symbols, "output symbol", step.at(name))
-    elif step.action in (Action.BREAK, Action.HEAL):
-        need(step.target, subdevices, "SubDevice", span)
-    elif step.action is Action.POWER_CYCLE:
-        need(step.target, devices, "FSoE SubDevice", span)
-    elif step.action is Action.LOCAL_RESET:
-        need(step.target, connections, "connection", span)
-
-
 class Engine:
     """Runs steps when they are due, watches expectations, collects events.
 
@@ -99,6 +34,7 @@ class Engine:
             connections are in Data.
         set_present: Unplugs a SubDevice by name or plugs it in.
         set_output: Sets a standard output by symbol name.
+        set_input: Sets a standard input by symbol name.
     """
 
     def __init__(
@@ -108,6 +44,7 @@ class Engine:
         *,
         set_present: Callable[[str, bool], None],
         set_output: Callable[[str, int], None],
+        set_input: Callable[[str, int], None],
     ) -> None:
         self.network = network
         self.events: list[RunEvent] = []
@@ -118,6 +55,7 @@ class Engine:
         self._scenario = scenario
         self._set_present = set_present
         self._set_output = set_output
+        self._set_input = set_input
         self._steps = list(scenario.steps) if scenario else []
         self._next_step = 0
         self._open = list(scenario.expectations) if scenario else []
@@ -127,11 +65,11 @@ class Engine:
         self._auto_pressed = False
         self._was_on = dict.fromkeys((d.name for d in network.masters), False)
         for name in network.default_inputs():
-            network.set_safe_input(name, 1)
+            network.set_good(name)
         if scenario is not None:
             network.choose_logic(scenario.logic)
             for name in scenario.logic.inputs or ():
-                network.set_safe_input(name, 1)
+                network.set_good(name)
             for name, value in scenario.initial.items():
                 network.set_safe_input(name, value)
 
@@ -150,7 +88,10 @@ class Engine:
         self.log(now_ns, "scenario", _step_text(step))
         if step.action is Action.SET:
             for name, value in step.values.items():
-                self.network.set_safe_input(name, value)
+                if self.network.has_safe_input(name):
+                    self.network.set_safe_input(name, value)
+                else:
+                    self._set_input(name, value)
         elif step.action in (Action.PRESS, Action.RELEASE):
             self._press(step.action is Action.PRESS)
         elif step.action in (Action.BREAK, Action.HEAL):
@@ -234,9 +175,10 @@ class Engine:
             wanted = expectation.state
             if wanted and state != wanted and not (wanted == "data" and state.startswith("data")):
                 return f"{name} was in {state}"
-            least = expectation.min_resets
-            if least is not None and self.resets[name] < least:
-                return f"{name} had {self.resets[name]} resets"
+            least, most = expectation.min_resets, expectation.max_resets
+            resets = self.resets[name]
+            if (least is not None and resets < least) or (most is not None and resets > most):
+                return f"{name} had {resets} resets"
         for name, value in expectation.safe_outputs.items():
             got = self.network.safe_output(name)
             if got != value:
@@ -246,6 +188,13 @@ class Engine:
                 if device.logic.on is not expectation.outputs_on:
                     return f"outputs of {device.name} were {'on' if device.logic.on else 'off'}"
         return ""
+
+    def finish(self, now_ns: int) -> None:
+        """Judge what came due after the last step, and say which steps were never reached."""
+        self._judge(now_ns)
+        left = len(self._steps) - self._next_step
+        if left:
+            self.log(now_ns, "run", f"the run ended before {left} of {len(self._steps)} steps")
 
     def verdicts(self) -> tuple[Verdict, ...]:
         """Return the verdict on every expectation; one that never came due has not held."""
@@ -293,6 +242,9 @@ def _expectation_text(e: Expectation) -> str:
         parts.append(_values_text(e.safe_outputs))
     if e.outputs_on is not None:
         parts.append(f"outputs {'on' if e.outputs_on else 'off'}")
+    who = e.connection or "every connection"
     if e.min_resets is not None:
-        parts.append(f"{e.connection or 'every connection'} with at least {e.min_resets} resets")
+        parts.append(f"{who} with at least {e.min_resets} resets")
+    if e.max_resets is not None:
+        parts.append(f"{who} with at most {e.max_resets} resets")
     return f"{when}: {', '.join(parts)}"

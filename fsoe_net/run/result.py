@@ -7,7 +7,14 @@ from dataclasses import asdict, dataclass
 
 from fsoe_net.core import Statistics
 
-__all__ = ["ConnectionResult", "RunEvent", "RunResult", "Verdict"]
+__all__ = ["ConnectionResult", "RunEvent", "RunResult", "Verdict", "state_text"]
+
+_STATE_TEXT = {"data_process": "Data · ProcessData", "data_failsafe": "Data · FailSafeData"}
+
+
+def state_text(word: str) -> str:
+    """Return a state word for people."""
+    return _STATE_TEXT.get(word, word.capitalize())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +33,8 @@ class ConnectionResult:
 
     ``state`` is a word: ``reset``, ``session``, ``connection``, ``parameter``, ``data_failsafe``
     (in Data, FailSafeData in at least one direction) or ``data_process``. ``wire_state`` is what
-    the core saw in the copied frames. ``chosen`` names facts that no file states.
+    the core saw in the copied frames. ``chosen`` names facts that no file states. ``data_to_sub``
+    and ``data_to_main`` are what each end receives: ``process``, ``failsafe`` or ``none``.
     """
 
     name: str
@@ -46,6 +54,8 @@ class ConnectionResult:
     resets: int
     last_reset_code: int | None
     last_reset_text: str
+    data_to_sub: str
+    data_to_main: str
     safe_to_sub: str
     safe_to_main: str
 

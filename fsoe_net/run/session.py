@@ -11,16 +11,19 @@ from collections.abc import Callable
 
 from fsoe_net.core import ConnectionSnapshot, Core, CorePlan, EmulatedBus, Snapshot
 from fsoe_net.diag import Diagnostic
-from fsoe_net.emul import EmulatedNetwork, build_network
-from fsoe_net.fsoe import reset_code_text
-from fsoe_net.model import Resolution, Scenario
-from fsoe_net.run.engine import Engine, check_scenario, state_word
+from fsoe_net.emul import EmulatedNetwork, Port, build_network
+from fsoe_net.fsoe import State, reset_code_text
+from fsoe_net.model import LogicChoice, Resolution, Scenario
+from fsoe_net.plan import decode_plan
+from fsoe_net.run.engine import Engine, state_word
+from fsoe_net.run.fit import Names, check_scenario
 from fsoe_net.run.result import ConnectionResult, RunResult
 
 __all__ = ["DEFAULT_CYCLE_NS", "Session", "run_live", "run_virtual"]
 
 DEFAULT_CYCLE_NS = 1_000_000
 DEFAULT_DURATION_NS = 3_000_000_000
+_INTERRUPTED = "interrupted by the user"
 
 
 class _Port:
@@ -63,12 +66,11 @@ class Session:
         self.scenario = scenario
         self.plan_sha256 = hashlib.sha256(plan_bytes).hexdigest()
         self.plan = CorePlan.load(plan_bytes)
+        self._records = decode_plan(plan_bytes)
         self.bus = EmulatedBus(self.plan)
         self.core = Core(self.plan, self.bus)
         self.network = build_network(resolution, session_ids)
         if scenario is None:
-            from fsoe_net.model import LogicChoice
-
             self.network.choose_logic(LogicChoice())
         self._io = _ports(self.network, self.bus, self.plan, resolution)
         self._engine: Engine | None = None
@@ -88,8 +90,7 @@ class Session:
         """Return what the scenario names that the network does not have."""
         if self.scenario is None:
             return []
-        names = set(self.plan.subdevice_names)
-        return check_scenario(self.scenario, self.network, names, set(self.plan.symbols))
+        return check_scenario(self.scenario, Names.of(self.network, self._records))
 
     @property
     def engine(self) -> Engine:
@@ -100,6 +101,7 @@ class Session:
                 self.scenario,
                 set_present=self._set_present,
                 set_output=self._set_output,
+                set_input=self._set_input,
             )
         return self._engine
 
@@ -108,6 +110,12 @@ class Session:
 
     def _set_output(self, name: str, value: int) -> None:
         self.core.set_output(self.plan.symbols[name], value)
+
+    def _set_input(self, name: str, value: int) -> None:
+        symbol = self._records.symbols[self.plan.symbols[name]]
+        sm = self._records.sync_managers[symbol.sm]
+        device = self.network.devices[self.plan.subdevice_names[sm.subdevice]]
+        device.set_input(sm.index, symbol.bit_offset, symbol.bits, value)
 
     def step_devices(self, now_ns: int) -> None:
         """Let the scenario act, every device take one step, and look at what came out."""
@@ -154,12 +162,15 @@ class Session:
             resets=engine.resets[name],
             last_reset_code=code,
             last_reset_text="" if code is None else reset_code_text(code),
+            data_to_sub=_data_kind(sub),
+            data_to_main=_data_kind(main),
             safe_to_sub=sub.instance.received_safe_data.hex(),
             safe_to_main=main.instance.received_safe_data.hex(),
         )
 
     def result(self, mode: str, duration_ns: int) -> RunResult:
-        """Return the result of the run so far."""
+        """Return the result of a run that has ended."""
+        self.engine.finish(duration_ns)
         snapshot = self.core.snapshot()
         connections = self.connections(snapshot)
         verdicts = self.engine.verdicts()
@@ -177,6 +188,13 @@ class Session:
             verdicts=verdicts,
             passed=passed,
         )
+
+
+def _data_kind(receiver: Port) -> str:
+    """Return what an end receives: ``process``, ``failsafe``, or ``none`` outside Data."""
+    if receiver.instance.state is not State.DATA:
+        return "none"
+    return "process" if receiver.instance.data_valid else "failsafe"
 
 
 def _ports(
@@ -204,16 +222,21 @@ def random_session_ids() -> Callable[[], int]:
 def run_virtual(session: Session, duration_ns: int) -> RunResult:
     """Run in virtual time: one cycle and one step of every device after the other.
 
-    The same session gives the same result, byte for byte.
+    The same session gives the same result, byte for byte. A keyboard interrupt ends the run early;
+    its result is still returned.
     """
     cycle_ns = session.cycle_ns
     cycles = max(1, duration_ns // cycle_ns)
     cycle, step = session.core.cycle, session.step_devices
-    for number in range(1, cycles + 1):
-        now_ns = number * cycle_ns
-        cycle(now_ns)
-        step(now_ns)
-    return session.result("virtual", cycles * cycle_ns)
+    now_ns = 0
+    try:
+        for number in range(1, cycles + 1):
+            now_ns = number * cycle_ns
+            cycle(now_ns)
+            step(now_ns)
+    except KeyboardInterrupt:
+        session.engine.log(now_ns, "run", _INTERRUPTED)
+    return session.result("virtual", now_ns)
 
 
 def run_live(
@@ -262,7 +285,7 @@ class _Live:
         try:
             self._wait(duration_ns, on_update)
         except KeyboardInterrupt:
-            session.engine.log(self._now(), "run", "interrupted by the user")
+            session.engine.log(self._now(), "run", _INTERRUPTED)
         finally:
             self._stop.set()
             thread.join()

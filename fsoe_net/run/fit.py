@@ -1,0 +1,135 @@
+"""Whether a scenario fits a network: every name it uses exists and every value can be stored."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from fsoe_net.diag import Diagnostic, Span, sort_diagnostics
+from fsoe_net.emul import EmulatedNetwork, normal_name
+from fsoe_net.model import Action, Located, Scenario, Step
+from fsoe_net.plan import Plan, PlanSymbol
+
+__all__ = ["Names", "check_scenario"]
+
+_SIGNED = 2
+_Range = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Names:
+    """What a scenario may name in one network; values of signals with their range."""
+
+    safe_inputs: Mapping[str, _Range]
+    safe_outputs: Mapping[str, _Range]
+    inputs: Mapping[str, _Range]
+    outputs: Mapping[str, _Range]
+    subdevices: frozenset[str]
+    devices: frozenset[str]
+    connections: frozenset[str]
+
+    @classmethod
+    def of(cls, network: EmulatedNetwork, plan: Plan) -> Names:
+        """Collect the names of a network and of the plan its core has loaded."""
+        return cls(
+            safe_inputs={n: _bits(p.sends[n].bits) for n, p in network.safe_inputs.items()},
+            safe_outputs={n: _bits(p.receives[n].bits) for n, p in network.safe_outputs.items()},
+            inputs={s.name: _range(s) for s in plan.symbols if not s.output},
+            outputs={s.name: _range(s) for s in plan.symbols if s.output and not _owned(s, plan)},
+            subdevices=frozenset(s.name for s in plan.subdevices),
+            devices=frozenset(network.devices),
+            connections=frozenset(network.mains),
+        )
+
+
+def _bits(bits: int) -> _Range:
+    return 0, (1 << bits) - 1
+
+
+def _range(symbol: PlanSymbol) -> _Range:
+    if symbol.kind == _SIGNED:
+        return -(1 << (symbol.bits - 1)), (1 << (symbol.bits - 1)) - 1
+    return _bits(symbol.bits)
+
+
+def _owned(symbol: PlanSymbol, plan: Plan) -> bool:
+    """Whether a copy writes bits of this output, so that nobody else may."""
+    return any(
+        copy.destination_sm == symbol.sm
+        and copy.destination_bit < symbol.bit_offset + symbol.bits
+        and symbol.bit_offset < copy.destination_bit + copy.bits
+        for copy in plan.copies
+    )
+
+
+def check_scenario(scenario: Scenario, names: Names) -> list[Diagnostic]:
+    """Return what does not fit: unknown names (FSN116) and values that fit no bits (FSN113)."""
+    check = _Check(names)
+    check.values(scenario.initial, names.safe_inputs, "safe input", scenario)
+    for name in scenario.logic.inputs or ():
+        check.known(name, names.safe_inputs, "safe input", scenario.at("logic"))
+    for name in scenario.logic.outputs or ():
+        check.known(name, names.safe_outputs, "safe output", scenario.at("logic"))
+    for step in scenario.steps:
+        check.step(step)
+    for expectation in scenario.expectations:
+        if expectation.connection:
+            span = expectation.at("connection")
+            check.known(expectation.connection, names.connections, "connection", span)
+        check.values(expectation.safe_outputs, names.safe_outputs, "safe output", expectation)
+    return sort_diagnostics(check.found)
+
+
+@dataclass(slots=True)
+class _Check:
+    names: Names
+    found: list[Diagnostic] = field(default_factory=list)
+
+    def step(self, step: Step) -> None:
+        names, span = self.names, step.at(step.action.value)
+        if step.action is Action.SET:
+            both = {**names.inputs, **names.safe_inputs}
+            self.values(step.values, both, "input", step)
+        elif step.action is Action.OUTPUT:
+            self.values(step.values, names.outputs, "standard output", step)
+        elif step.action in (Action.BREAK, Action.HEAL):
+            self.known(step.target, names.subdevices, "SubDevice", span)
+        elif step.action is Action.POWER_CYCLE:
+            self.known(step.target, names.devices, "SubDevice with process data", span)
+        elif step.action is Action.LOCAL_RESET:
+            self.known(step.target, names.connections, "connection", span)
+
+    def values(
+        self,
+        values: Mapping[str, int],
+        known: Mapping[str, _Range],
+        what: str,
+        owner: Located,
+    ) -> None:
+        for name, value in values.items():
+            span = owner.at(name)
+            if not self.known(name, known, what, span):
+                continue
+            low, high = known[name if name in known else normal_name(name)]
+            if not low <= value <= high:
+                message = f"{name} cannot be {value}; it holds {low} … {high}"
+                self._add("FSN113", span, message, f"write {low} … {high}")
+
+    def known(self, name: str, known: Collection[str], what: str, span: Span) -> bool:
+        if name in known or normal_name(name) in known:
+            return True
+        self._add("FSN116", span, f"this network has no {what} {name!r}", _nearest(name, known))
+        return False
+
+    def _add(self, code: str, span: Span, message: str, hint: str) -> None:
+        self.found.append(Diagnostic(code=code, span=span, message=message, hint=hint))
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    ordered = sorted(known)
+    close = difflib.get_close_matches(name, ordered, n=1, cutoff=0.5)
+    if close:
+        return f"write {close[0]}"
+    more = ", …" if len(ordered) > 8 else ""
+    return f"known: {', '.join(ordered[:8]) or 'none'}{more}"

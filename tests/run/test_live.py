@@ -1,0 +1,107 @@
+"""Live runs: the core in its own thread. No assertion here measures time."""
+
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from run.support import ESTOP, ROBOT, needs_core, session_of
+
+from fsoe_net.run import run_live
+
+pytestmark = needs_core
+
+MS = 1_000_000
+
+
+@pytest.mark.parametrize("folder", [ESTOP, ROBOT], ids=["estop", "el6910"])
+def test_connections_come_up_and_reset_is_pressed(folder: Path):
+    updates: list[float] = []
+    result = run_live(
+        session_of(folder),
+        1500 * MS,
+        on_update=lambda rows, snapshot, now_s: updates.append(now_s),
+    )
+    assert result.mode == "live"
+    assert {c.time_to_data_ms is not None for c in result.connections} == {True}
+    assert any(e.text.startswith("no scenario: reset pressed") for e in result.events)
+    assert result.statistics.cycles > 100
+    assert all(c.fsoe_cycle_ms["mean"] > 0 for c in result.connections)
+    assert updates == sorted(updates)
+    assert updates
+    assert threading.active_count() == 1
+
+
+def test_devices_slower_than_the_bus():
+    result = run_live(session_of(ESTOP), 1000 * MS, device_period_ns=5 * MS)
+    (row,) = result.connections
+    assert row.time_to_data_ms is not None
+    assert row.fsoe_cycle_ms["mean"] > 5
+
+
+def test_unplugged_for_good(tmp_path: Path):
+    text = (
+        "duration_s: 1\nsteps: [{at_ms: 300, break: ek1914}]\n"
+        "expect: [{at_ms: 900, safe_outputs: {ek1914.0x7001:01: 0}, min_resets: 1}]\n"
+    )
+    session = session_of(ESTOP, text, tmp=tmp_path)
+    result = run_live(session, session.duration_ns)
+    assert result.passed
+    assert result.statistics.wkc_errors > 0
+
+
+def test_error_in_the_device_thread_comes_out(monkeypatch: pytest.MonkeyPatch):
+    session = session_of(ESTOP)
+
+    def broken(now_ns: int) -> None:
+        raise RuntimeError("device is on fire")
+
+    monkeypatch.setattr(session, "step_devices", broken)
+    with pytest.raises(RuntimeError, match="on fire"):
+        run_live(session, 60_000 * MS)
+    assert threading.active_count() == 1
+
+
+def test_error_in_the_display_stops_the_threads():
+    session = session_of(ESTOP)
+
+    def broken(rows: object, snapshot: object, now_s: float) -> None:
+        raise RuntimeError("no terminal")
+
+    with pytest.raises(RuntimeError, match="no terminal"):
+        run_live(session, 60_000 * MS, on_update=broken)
+    assert threading.active_count() == 1
+    before = session.core.snapshot().statistics.cycles
+    session.core.cycle(time.monotonic_ns())  # refused while the cyclic thread runs
+    assert session.core.snapshot().statistics.cycles == before + 1
+
+
+# The child interrupts itself once the run is under way, however slow the machine is. A job in the
+# background ignores the signal from birth on; Python then installs no handler of its own.
+_MAIN = """\
+import os, signal, threading
+import fsoe_net.cli.run as command
+from fsoe_net.cli.main import main
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+run_live = command.run_live
+
+def interrupted(session, duration_ns, **options):
+    threading.Timer(1, os.kill, (os.getpid(), signal.SIGINT)).start()
+    return run_live(session, duration_ns, **options)
+
+command.run_live = interrupted
+main()
+"""
+
+
+def test_ctrl_c_prints_the_result():
+    command = [sys.executable, "-c", _MAIN, "run", str(ESTOP / "network.yaml")]
+    done = subprocess.run(
+        [*command, "--duration", "600"], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert "run: interrupted by the user" in done.stdout
+    assert "bus cycles in" in done.stdout
+    assert done.stderr == ""
