@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_option
-from fsoe_net.cli.output import FORMATS, exit_code, print_diagnostics, summary
+from fsoe_net.cli.output import FORMATS, counted, exit_code, print_diagnostics, summary
 from fsoe_net.diag import Severity
 from fsoe_net.rules import Runtime
 
@@ -65,8 +65,14 @@ def _verdict(checked: Checked) -> str:
     more = f"; `fsoe-net explain {codes[0]}` says more" if codes else ""
     if network is None or checked.resolution is None:
         return f"nothing checked: {counts}{more}"
-    connections = len(checked.resolution.connections)
-    size = f"{len(network.subdevices)} SubDevices, {connections} FSoE connections"
+    if network.partial:
+        return f"{network.name}: checked as far as this file goes" + (
+            f"; {counts}{more}" if counts else ", no mistake found"
+        )
+    size = (
+        f"{counted(len(network.subdevices), 'SubDevice')}, "
+        f"{counted(len(checked.resolution.connections), 'FSoE connection')}"
+    )
     return f"{network.name}: {'' if bad else 'no mistake found, '}{size}" + (
         f"; {counts}{more}" if counts else ""
     )

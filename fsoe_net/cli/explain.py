@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from importlib import resources
 from pathlib import Path
 
@@ -33,11 +34,11 @@ class _Code(click.ParamType[str]):
 
 def page_text(code: str) -> str | None:
     """Return the Markdown page of a code, from the package or the source tree, or ``None``."""
+    in_source = Path(__file__).parents[2] / "docs" / "diagnostics" / f"{code}.md"
+    if in_source.is_file():  # a source tree, also when installed editable
+        return in_source.read_text("utf-8")
     inside = resources.files("fsoe_net") / "diagnostics" / f"{code}.md"
-    if inside.is_file():
-        return inside.read_text("utf-8")
-    beside = Path(__file__).parents[2] / "docs" / "diagnostics" / f"{code}.md"
-    return beside.read_text("utf-8") if beside.is_file() else None
+    return inside.read_text("utf-8") if inside.is_file() else None
 
 
 @click.command("explain", epilog=_EPILOG)
@@ -57,7 +58,7 @@ def command(code: str | None) -> None:
         info = CATALOGUE[known]
         click.echo(f"{known} ({info.severity}): {info.title}")
         return
-    if click.get_text_stream("stdout").isatty():
+    if sys.stdout.isatty():
         import rich.console
         import rich.markdown
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from urllib.parse import quote
 
 import click
 
@@ -11,7 +12,7 @@ from fsoe_net import __version__
 from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
 from fsoe_net.rules import Runtime, effect_today
 
-__all__ = ["FORMATS", "exit_code", "print_diagnostics", "summary"]
+__all__ = ["FORMATS", "counted", "exit_code", "print_diagnostics", "summary"]
 
 FORMATS = ("text", "json", "sarif", "github")
 
@@ -24,6 +25,13 @@ def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
     return int(any(d.level is not Severity.INFO for d in diagnostics))
 
 
+def counted(number: int, word: str) -> str:
+    """Return ``1 copy`` or ``2 copies``."""
+    if number == 1:
+        return f"1 {word}"
+    return f"{number} {word[:-1]}ies" if word.endswith("y") else f"{number} {word}s"
+
+
 def summary(diagnostics: Sequence[Diagnostic]) -> str:
     """Return ``2 errors, 1 warning, 3 notes``; empty when there is nothing."""
     parts = []
@@ -34,7 +42,7 @@ def summary(diagnostics: Sequence[Diagnostic]) -> str:
     ):
         count = sum(d.level is level for d in diagnostics)
         if count:
-            parts.append(f"{count} {word}{'s' if count > 1 else ''}")
+            parts.append(counted(count, word))
     return ", ".join(parts)
 
 
@@ -153,7 +161,7 @@ def _sarif(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
 
 
 def _sarif_place(file: str, line: int, column: int) -> dict[str, object]:
-    place: dict[str, object] = {"artifactLocation": {"uri": file}}
+    place: dict[str, object] = {"artifactLocation": {"uri": quote(file)}}
     if line:
         place["region"] = {"startLine": line, "startColumn": column}
     return {"physicalLocation": place}

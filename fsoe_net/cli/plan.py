@@ -10,13 +10,13 @@ from pathlib import Path
 import click
 
 from fsoe_net.cli.inputs import check_files, input_options
-from fsoe_net.cli.output import print_diagnostics, summary
+from fsoe_net.cli.output import counted, print_diagnostics, summary
 from fsoe_net.diag import Severity
-from fsoe_net.errors import InputError
+from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, read_bytes
 from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_text, plan_json, plan_text
 
-__all__ = ["command"]
+__all__ = ["command", "write_whole"]
 
 _EPILOG = """\b
 Examples:
@@ -63,7 +63,8 @@ def command(
         raise InputError(f"no plan written: {summary(errors) or 'nothing to compile'}")
     if checked.resolution.network.partial or not checked.resolution.transfers:
         raise InputError(
-            "no plan written: these files alone are no whole network; name the URDF or network file"
+            "no plan written: these files alone are no whole network; name the URDF or network "
+            "file too"
         )
     warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
     print_diagnostics(warnings, err=True)
@@ -73,10 +74,11 @@ def command(
         click.echo("not written; -o FILE writes it", err=True)
         return
     data = plan.to_bytes()
-    _write(output, data)
+    write_whole(output, data)
     click.echo(
-        f"{output}: {len(data)} bytes, {len(plan.copies)} copies, "
-        f"{len(plan.connections)} connections, SHA-256 {hashlib.sha256(data).hexdigest()[:16]}…"
+        f"{output}: {len(data)} bytes, {counted(len(plan.copies), 'copy')}, "
+        f"{counted(len(plan.connections), 'connection')}, "
+        f"SHA-256 {hashlib.sha256(data).hexdigest()[:16]}…"
     )
 
 
@@ -102,12 +104,14 @@ def _show(plan: Plan, image: str | None, fmt: str) -> None:
         click.echo(plan_text(plan))
 
 
-def _write(output: str, data: bytes) -> None:
+def write_whole(output: str, data: bytes) -> None:
     """Write whole or not at all: a plan cut off by a full disk must not replace a good one."""
     target = Path(output)
     partial = target.with_name(target.name + f".{os.getpid()}.part")
     try:
         partial.write_bytes(data)
         partial.replace(target)
+    except OSError as exc:
+        raise EnvironmentFault(f"cannot write {output}: {exc.strerror}") from exc
     finally:
         partial.unlink(missing_ok=True)

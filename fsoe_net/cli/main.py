@@ -1,0 +1,100 @@
+"""Entry point of ``fsoe-net``: collects the commands and turns exceptions into exit codes."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+
+import click
+
+from fsoe_net import __version__
+from fsoe_net.errors import FsnError, InputError
+
+__all__ = ["main"]
+
+_COMMANDS = {
+    "check": "Check files of a network and explain every mistake.",
+    "explain": "Explain a diagnostic code.",
+    "plan": "Compile a network to a copy plan, or show a plan.",
+    "run": "Run a network on the emulated bus.",
+    "report": "Write a report page for a network.",
+}
+
+
+class _LazyGroup(click.Group):
+    """Imports a command only when it is called, so that `check` stays quick and needs no core."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        module = importlib.import_module(f"fsoe_net.cli.{cmd_name}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
+            import difflib
+
+            close = difflib.get_close_matches(args[0], _COMMANDS, n=1, cutoff=0.5)
+            hint = f" Did you mean {close[0]!r}?" if close else ""
+            if os.path.exists(args[0]):
+                hint = f" To check a file: fsoe-net check {args[0]}"
+            raise click.UsageError(f"No command {args[0]!r}.{hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+_EPILOG = """\b
+Examples:
+  fsoe-net check examples/estop/network.yaml
+  fsoe-net plan examples/estop/network.yaml -o estop.fsnplan
+  fsoe-net run examples/estop/network.yaml --scenario examples/estop/scenario.yaml
+
+Exit codes: 0 clean, 1 findings, 2 usage, 3 environment.
+Shell completion: eval "$(_FSOE_NET_COMPLETE=bash_source fsoe-net)" (also zsh, fish).
+
+Part of the black channel: no safety function, not certified."""
+
+
+@click.command(cls=_LazyGroup, epilog=_EPILOG, context_settings={"max_content_width": 100})
+@click.version_option(__version__, "-V", "--version", prog_name="fsoe-net")
+def cli() -> None:
+    """Check, compile, run and report FSoE (Safety over EtherCAT) networks."""
+
+
+def main() -> None:
+    """Run the command line and exit; no traceback for anything a user can cause."""
+    try:
+        sys.exit(cli.main(standalone_mode=False) or 0)
+    except click.ClickException as exc:
+        exc.show()
+        sys.exit(exc.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("interrupted", err=True)
+        sys.exit(130)
+    except InputError as exc:
+        from fsoe_net.cli.output import print_diagnostics
+
+        click.echo(f"error: {exc}", err=True)
+        print_diagnostics(exc.diagnostics, err=True)
+        sys.exit(exc.exit_code)
+    except FsnError as exc:
+        click.echo(f"error: {exc}", err=True)
+        sys.exit(exc.exit_code)
+    except BrokenPipeError:
+        # The reader (`| head`) has gone; that is no error of ours.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except OSError as exc:
+        name = f"{exc.filename}: " if exc.filename else ""
+        click.echo(f"error: {name}{exc.strerror or exc}", err=True)
+        sys.exit(3)

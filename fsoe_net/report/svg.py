@@ -1,0 +1,156 @@
+"""Pictures of a report: the network, and where the copied bytes lie. Plain SVG, no script."""
+
+from __future__ import annotations
+
+from html import escape
+
+from fsoe_net.plan import NONE, Plan, entry_at
+
+__all__ = ["copy_picture", "topology_picture"]
+
+_BOX_WIDTH, _BOX_HEIGHT, _GAP = 170, 62, 34
+_MAX_PER_ROW = 5
+_COLOURS = ("#1f6feb", "#b35900", "#1a7f37", "#8250df", "#bf3989", "#57606a")
+
+
+def _colour(number: int) -> str:
+    return _COLOURS[number % len(_COLOURS)]
+
+
+def _text(x: float, y: float, text: str, cls: str = "", anchor: str = "middle") -> str:
+    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{cls}">{escape(text)}</text>'
+
+
+def topology_picture(plan: Plan) -> str:
+    """Draw the bus with the SubDevices that take part, and an arc for every FSoE connection.
+
+    SubDevices without a copy are left out when there are many, and said so.
+    """
+    shown = [n for n, s in enumerate(plan.subdevices) if s.in_copy]
+    if len(plan.subdevices) <= 12:
+        shown = list(range(len(plan.subdevices)))
+    place: dict[int, tuple[float, float]] = {}
+    step_x, step_y = _BOX_WIDTH + _GAP, 200
+    for order, number in enumerate(shown):
+        row, column = divmod(order, _MAX_PER_ROW)
+        place[number] = (20 + column * step_x, 110 + row * step_y)
+    columns = min(_MAX_PER_ROW, max(1, len(shown)))
+    rows = (len(shown) + _MAX_PER_ROW - 1) // _MAX_PER_ROW
+    # The last row needs no room for arcs below it.
+    width, height = 20 + columns * step_x, rows * step_y - 10
+    parts = [
+        f'<svg viewBox="0 20 {width} {height - 10}" style="max-width:{width}px" role="img" '
+        f'aria-label="Topology: {len(plan.connections)} FSoE connections">'
+    ]
+    parts += _bus_line(place, rows, step_x)
+    mains = {c.main for c in plan.connections}
+    subs = {c.sub for c in plan.connections}
+    parts += [_box(plan, n, place[n], n in mains, n in subs) for n in shown]
+    parts += [_arc(plan, n, place) for n in range(len(plan.connections))]
+    hidden = len(plan.subdevices) - len(shown)
+    if hidden:
+        parts.append(_text(20, height - 8, f"{hidden} SubDevices without a copy", "small", "start"))
+    return "".join([*parts, "</svg>"])
+
+
+def _bus_line(place: dict[int, tuple[float, float]], rows: int, step_x: float) -> list[str]:
+    """The EtherCAT line through the boxes, row by row."""
+    lines = []
+    for row in range(rows):
+        y = 110 + row * 200 + _BOX_HEIGHT / 2
+        xs = [x for x, top in place.values() if top == 110 + row * 200]
+        lines.append(
+            f'<line x1="2" y1="{y:g}" x2="{max(xs) + step_x - 10:g}" y2="{y:g}" class="bus"/>'
+        )
+    return lines
+
+
+def _box(plan: Plan, number: int, at: tuple[float, float], is_main: bool, is_sub: bool) -> str:
+    sub = plan.subdevices[number]
+    x, y = at
+    role = "MainInstance" if is_main else "SubInstance" if is_sub else "no FSoE"
+    role = "Main and SubInstance" if is_main and is_sub else role
+    address = f"alias {sub.alias}+{sub.position}" if sub.alias else f"position {sub.position}"
+    cls = "main" if is_main else "sub" if is_sub else "plain"
+    middle = x + _BOX_WIDTH / 2
+    name = sub.name if len(sub.name) <= 22 else sub.name[:21] + "…"
+    return (
+        f"<g><title>{escape(sub.name)}: vendor 0x{sub.vendor_id:08x}, product "
+        f"0x{sub.product_code:08x}</title>"
+        f'<rect x="{x:g}" y="{y:g}" width="{_BOX_WIDTH}" height="{_BOX_HEIGHT}" rx="6" '
+        f'class="box {cls}"/>'
+        + _text(middle, y + 24, name, "name")
+        + _text(middle, y + 46, f"{role} · {address}", "small")
+        + "</g>"
+    )
+
+
+def _arc(plan: Plan, number: int, place: dict[int, tuple[float, float]]) -> str:
+    connection = plan.connections[number]
+    if connection.main not in place or connection.sub not in place:
+        return ""
+    (x1, y1), (x2, y2) = place[connection.main], place[connection.sub]
+    shift = 10 * (number % 4) - 15
+    start, end = x1 + _BOX_WIDTH / 2 + shift, x2 + _BOX_WIDTH / 2 + shift / 2
+    lift = 30 + 13 * (number % 5) + abs(end - start) / 30
+    top = min(y1, y2) - lift
+    middle = (start + end) / 2
+    label = f"ConnID {connection.connection_id}" if connection.connection_id else connection.name
+    return (
+        f"<g><title>{escape(connection.name)}</title>"
+        f'<path d="M{start:g},{y1:g} C{start:g},{top:g} {end:g},{top:g} {end:g},{y2:g}" '
+        f'class="arc" style="stroke:{_colour(number)}"/>'
+        + f'<text x="{middle:g}" y="{top + lift * 0.22:g}" text-anchor="middle" class="label" '
+        f'style="fill:{_colour(number)}">{escape(label)}</text></g>'
+    )
+
+
+def copy_picture(plan: Plan, number: int) -> str:
+    """Draw source and destination sync manager of a copy as byte rows, the copied range filled."""
+    copy = plan.copies[number]
+    colour = _colour(number if copy.connection == NONE else copy.connection)
+    ends = (
+        (copy.source_sm, copy.source_bit // 8, "from"),
+        (copy.destination_sm, copy.destination_bit // 8, "to"),
+    )
+    parts = ['<svg viewBox="0 0 640 92" class="bytes" role="img" aria-label="copied bytes">']
+    for row, (sm_number, first, word) in enumerate(ends):
+        parts.append(_byte_row(plan, sm_number, first, copy.size_bytes, word, 40 * row, colour))
+    return "".join([*parts, "</svg>"])
+
+
+def _byte_row(
+    plan: Plan, sm_number: int, first: int, size: int, word: str, y: float, colour: str
+) -> str:
+    sm = plan.sync_managers[sm_number]
+    total = max(1, sm.size_bytes)
+    left, room = 150, 480
+    unit = room / total
+    name = plan.subdevices[sm.subdevice].name
+    entry = entry_at(plan, sm_number, 8 * first)
+    last = first + size - 1
+    shown = name if len(name) <= 14 else name[:13] + "…"
+    cells = "".join(
+        f'<line x1="{left + unit * n:g}" y1="{y + 10:g}" x2="{left + unit * n:g}" y2="{y + 26:g}" '
+        'class="tick"/>'
+        for n in range(1, total)
+        if total <= 96
+    )
+    return (
+        f"<g><title>{escape(name)} SM{sm.index}: bytes {first} … {last} of {total}"
+        f"{', ' + entry if entry else ''}</title>"
+        + _text(4, y + 22, f"{word} {shown} SM{sm.index}", "small", "start")
+        + f'<rect x="{left}" y="{y + 10:g}" width="{room}" height="16" class="sm"/>'
+        + f'<rect x="{left + unit * first:g}" y="{y + 10:g}" width="{unit * size:g}" height="16" '
+        f'style="fill:{colour}"/>'
+        + cells
+        + _text(left, y + 38, "0", "tiny")
+        + _text(left + room, y + 38, str(total), "tiny")
+        + (_text(left + unit * first, y + 38, str(first), "tiny") if first else "")
+        + (
+            _text(left + unit * (last + 1), y + 38, str(last + 1), "tiny")
+            if last + 1 < total
+            else ""
+        )
+        + "</g>"
+    )

@@ -1,0 +1,159 @@
+"""What a user sees: outputs, exit codes, no traceback for anything."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from networks import EXAMPLES
+
+from fsoe_net.core import CorePlan
+from fsoe_net.errors import CoreMissing, PlanFormatError
+
+ESTOP = str(EXAMPLES / "estop" / "network.yaml")
+
+
+def fsn(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "fsoe_net.cli", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+@pytest.fixture
+def built() -> None:
+    try:
+        CorePlan.load(b"")
+    except CoreMissing as exc:
+        pytest.skip(str(exc))
+    except PlanFormatError:
+        pass
+
+
+def test_clean_network():
+    done = fsn("check", ESTOP)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "no mistake found, 2 SubDevices" in done.stdout
+
+
+def test_mistake_is_printed_as_the_design_says(tmp_path: Path):
+    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{EXAMPLES}/estop/devices/")
+    text = text.replace(
+        "in: {ec_module: ek1914, index: 0x6000, subindex: 1}\n"
+        "        out: {ec_module: el1918, index: 0x7080, subindex: 1}",
+        "out: {ec_module: ek1914, index: 0x6000, subindex: 1}\n"
+        "        in: {ec_module: el1918, index: 0x7080, subindex: 1}",
+    )
+    (tmp_path / "estop.yaml").write_text(text, "utf-8")
+    done = fsn("check", "estop.yaml", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stdout.startswith(
+        "estop.yaml:16:40: error[FSN203]: transfer reads an output: el1918 0x7080:01 is in RxPDO "
+        "0x1600 (SM2, MainDevice to SubDevice)\n"
+        "  hint: in and out look exchanged; the opposite copy ek1914 0x6000:01 -> el1918 0x7080:01 "
+        "would fit (6 bytes)\n"
+    )
+    today = fsn("check", "estop.yaml", "--runtime", "ros2-2026", cwd=tmp_path).stdout
+    assert "today: ros2-2026" in today
+
+
+def test_machine_formats(tmp_path: Path):
+    (tmp_path / "a.yaml").write_text("nets:\n  - transfers: []\n", "utf-8")
+    rows = json.loads(fsn("check", "a.yaml", "--format", "json", cwd=tmp_path).stdout)
+    assert rows["errors"] == len([d for d in rows["diagnostics"] if d["severity"] == "error"])
+    assert {"code", "message", "file", "line", "column", "hint"} <= set(rows["diagnostics"][0])
+    sarif = json.loads(fsn("check", "a.yaml", "--format", "sarif", cwd=tmp_path).stdout)
+    result = sarif["runs"][0]["results"][0]
+    assert result["locations"][0]["physicalLocation"]["region"]["startLine"] >= 1
+    github = fsn("check", "a.yaml", "--format", "github", cwd=tmp_path).stdout
+    assert github.startswith("::error file=a.yaml,line=2,col=5,title=FSN")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ((), 2, "Usage"),
+        (("chek", "x"), 2, "Did you mean 'check'"),
+        ((ESTOP,), 2, "fsoe-net check"),
+        (("check",), 2, "Missing argument"),
+        (("check", "nowhere.yaml"), 1, "no such file"),
+        (("explain", "FSN999"), 2, "no code"),
+        (("plan", "--show", ESTOP), 1, "no .fsnplan file"),
+        (("plan", "--show", "nowhere"), 1, "no such file"),
+        (("plan", ESTOP, "-o", "/nonexistent/x.fsnplan"), 3, "No such file"),
+        (("run", "nowhere.yaml"), 1, "no such file"),
+        (("run", ESTOP, "--scenario", "nowhere.yaml"), 1, "no such file"),
+        (("run", ESTOP, "--duration", "0"), 2, "duration"),
+        (("check", ESTOP, "--package", "x"), 2, "NAME=DIR"),
+        (("report", ESTOP), 2, "-o"),
+    ],
+)
+def test_wrong_use(arguments: tuple[str, ...], code: int, words: str):
+    done = fsn(*arguments)
+    assert done.returncode == code, done.stderr
+    assert words in done.stdout + done.stderr
+
+
+def test_explain():
+    assert "FSN203" in fsn("explain", "203").stdout
+    assert "FSN601" in fsn("explain").stdout
+    assert fsn("--version").stdout.startswith("fsoe-net, version ")
+
+
+def test_plan_round_trip(tmp_path: Path):
+    plan = tmp_path / "estop.fsnplan"
+    assert fsn("plan", ESTOP, "-o", str(plan)).returncode == 0
+    shown = fsn("plan", "--show", str(plan)).stdout
+    assert "el1918 SM2 byte 0 (0x7080:01)" in shown
+    document = json.loads(fsn("plan", "--show", str(plan), "--format", "json").stdout)
+    assert document["copies"][0]["source"]["subdevice"] == "el1918"
+    assert document["igh_image"]["size_bytes"] == 33
+    image = fsn("plan", "--show", str(plan), "--image", "igh").stdout
+    assert "WorkingCounter 6/6" in image
+
+
+def test_a_network_with_an_error_gets_no_plan_and_keeps_the_old_one(tmp_path: Path):
+    plan = tmp_path / "x.fsnplan"
+    plan.write_text("precious", "utf-8")
+    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{EXAMPLES}/estop/devices/")
+    (tmp_path / "bad.yaml").write_text(text.replace("size: 6", "size: 5", 1), "utf-8")
+    done = fsn("plan", str(tmp_path / "bad.yaml"), "-o", str(plan))
+    assert done.returncode == 1
+    assert "FSN208" in done.stderr
+    assert plan.read_text("utf-8") == "precious"
+
+
+@pytest.mark.usefixtures("built")
+def test_run_prints_one_json_document():
+    scenario = str(EXAMPLES / "estop" / "scenario.yaml")
+    done = fsn("run", ESTOP, "--scenario", scenario, "--virtual-time", "--format", "json")
+    assert done.returncode == 0
+    document = json.loads(done.stdout)
+    assert document["result"] == "pass"
+    (connection,) = document["connections"]
+    assert connection["name"] == "el1918-ek1914"
+    assert connection["state"] == "data_failsafe"
+    assert document["statistics"]["cycles"] == 3000
+
+
+@pytest.mark.usefixtures("built")
+def test_report_is_one_file_and_repeatable(tmp_path: Path):
+    pages = []
+    for name in ("a.html", "b.html"):
+        scenario = str(EXAMPLES / "estop" / "scenario.yaml")
+        done = fsn("report", ESTOP, "--scenario", scenario, "-o", str(tmp_path / name))
+        assert done.returncode == 0, done.stderr
+        pages.append((tmp_path / name).read_text("utf-8"))
+    assert pages[0] == pages[1]
+    for words in ("FSoE network estop", "not certified", "el1918-ek1914", "0x7080:01", "passed"):
+        assert words in pages[0]
+    for outside in ("<script", "http://", "src=", "@import"):
+        assert outside not in pages[0]

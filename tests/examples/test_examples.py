@@ -1,0 +1,46 @@
+"""The examples are what the README says they are."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from networks import EXAMPLES, example, resolved
+
+from fsoe_net.cli.inputs import check_files
+from fsoe_net.diag import Severity
+from fsoe_net.plan import compile_plan
+
+BROKEN = sorted(EXAMPLES.glob("broken/*.yaml"))
+
+
+@pytest.mark.parametrize("path", BROKEN, ids=lambda p: p.stem)
+def test_broken_example_gives_the_output_beside_it(path: Path):
+    done = subprocess.run(
+        [sys.executable, "-m", "fsoe_net.cli", "check", path.name],
+        cwd=path.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stdout == path.with_suffix(".txt").read_text("utf-8")
+
+
+def test_there_are_ten_broken_examples():
+    assert len(BROKEN) == 10
+
+
+@pytest.mark.parametrize(
+    "name", ["estop/network.yaml", "estop/estop.urdf.xacro", "el6910/network.yaml"]
+)
+def test_good_examples_are_clean(name: str):
+    found = check_files([str(EXAMPLES / name)]).diagnostics
+    assert [d for d in found if d.level is not Severity.INFO] == []
+
+
+def test_urdf_and_network_file_give_the_same_plan():
+    urdf = resolved(EXAMPLES / "estop" / "estop.urdf.xacro")
+    assert compile_plan(urdf).to_bytes() == compile_plan(example("estop")).to_bytes()

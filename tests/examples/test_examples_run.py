@@ -1,0 +1,77 @@
+"""The examples: no finding at all, and their scenarios pass in virtual time and live."""
+
+from pathlib import Path
+
+import pytest
+from run.support import EXAMPLES, needs_core, run, session_of
+
+from fsoe_net.cli.inputs import check_files
+from fsoe_net.diag import Severity
+from fsoe_net.load import load_network
+from fsoe_net.model import resolve
+from fsoe_net.plan import compile_plan
+from fsoe_net.run import run_live
+
+FOLDERS = ["estop", "el6910"]
+INPUTS = [
+    ["estop/network.yaml"],
+    ["estop/estop.urdf.xacro", "estop/transfers.yaml"],
+    ["estop/estop.urdf.xacro"],
+    ["el6910/network.yaml"],
+]
+
+
+def test_every_example_is_tested():
+    found = {p.name for p in EXAMPLES.iterdir() if p.is_dir()}
+    assert found == {*FOLDERS, "broken"}  # those have a test of their own
+
+
+@pytest.mark.parametrize("files", INPUTS, ids=" + ".join)
+def test_no_error_and_no_warning(files: list[str]):
+    found = check_files([str(EXAMPLES / file) for file in files]).diagnostics
+    assert [f"{d.span} {d.code}" for d in found if d.level is not Severity.INFO] == []
+
+
+def test_both_forms_of_the_estop_move_the_same_bytes():
+    def copies(*files: str) -> list[tuple[str, str, int]]:
+        network = load_network([EXAMPLES / "estop" / f for f in files]).network
+        assert network is not None
+        resolution = resolve(network)
+        compile_plan(resolution)
+        return [
+            (str(t.transfer.source), str(t.transfer.destination), t.transfer.size_bytes)
+            for t in resolution.transfers
+        ]
+
+    assert copies("network.yaml") == copies("estop.urdf.xacro", "transfers.yaml")
+
+
+@needs_core
+@pytest.mark.parametrize("name", FOLDERS)
+def test_scenario_passes_in_virtual_time(name: str):
+    result = run(EXAMPLES / name, EXAMPLES / name / "scenario.yaml")
+    assert [f"{v.place}: {v.text}; {v.seen}" for v in result.verdicts if not v.held] == []
+    assert len(result.verdicts) == 8
+    assert result.events_lost == 0
+
+
+@needs_core
+@pytest.mark.parametrize("name", FOLDERS)
+def test_scenario_runs_live(name: str):
+    """A loaded machine may stop for longer than the watchdog: the end counts, not the moments."""
+    session = session_of(EXAMPLES / name, EXAMPLES / name / "scenario.yaml")
+    result = run_live(session, session.duration_ns)
+    assert {c.state for c in result.connections} <= {"data_failsafe", "data_process"}
+    assert all(c.time_to_data_ms is not None for c in result.connections)
+    assert len(result.verdicts) == 8
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_readme_names_files_that_exist(name: str):
+    import re
+
+    folder: Path = EXAMPLES / name
+    text = (folder / "README.md").read_text("utf-8")
+    named = re.findall(r"examples/[\w./-]+\.(?:yaml|xacro)", text)
+    assert named
+    assert [n for n in named if not (EXAMPLES.parent / n).is_file()] == []
