@@ -1,0 +1,47 @@
+"""The house: small rooms, and promises about them that a reader can rely on."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+MODULES = sorted((ROOT / "fsoe_net").rglob("*.py"))
+
+
+def test_only_the_core_facade_imports_the_compiled_module():
+    users = [p for p in MODULES if re.search(r"import _core\b|_core import", p.read_text("utf-8"))]
+    assert [p.name for p in users] == ["core.py"]
+
+
+def test_only_the_command_line_prints():
+    printing = [
+        str(p)
+        for p in MODULES
+        if p.parent.name != "cli" and re.search(r"\bprint\(|sys\.exit\(", p.read_text("utf-8"))
+    ]
+    assert printing == []
+
+
+def test_time_is_an_argument_below_run():
+    for layer in ("fsoe", "plan", "rules", "emul", "model", "load"):
+        for path in (ROOT / "fsoe_net" / layer).glob("*.py"):
+            text = path.read_text("utf-8")
+            assert not re.search(r"^\s*(import time|from time|import datetime)", text, re.M), path
+
+
+def test_modules_stay_readable():
+    long = {str(p): n for p in MODULES if (n := len(p.read_text("utf-8").splitlines())) > 500}
+    assert long == {}
+
+
+def test_check_needs_neither_compiled_part_nor_heavy_imports():
+    code = (
+        "import sys, fsoe_net.cli.check\n"
+        "bad = {'fsoe_net.core', 'fsoe_net.run', 'rich', 'xacro', 'cffi'} & set(sys.modules)\n"
+        "sys.exit(str(bad) if bad else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
