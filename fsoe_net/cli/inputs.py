@@ -8,12 +8,14 @@ from typing import Any, TypeVar
 
 import click
 
-from fsoe_net.diag import Diagnostic, sort_diagnostics
+from fsoe_net.cli.output import summary
+from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, load_network
 from fsoe_net.model import Network, Resolution, resolve
 from fsoe_net.rules import Runtime, check
 
-__all__ = ["Checked", "check_files", "input_options", "runtime_option"]
+__all__ = ["Checked", "check_files", "input_options", "runtime_option", "whole_network"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -80,6 +82,29 @@ class Checked:
     def network(self) -> Network | None:
         """The network, if any."""
         return self.resolution.network if self.resolution else None
+
+
+def whole_network(checked: Checked, refusal: str) -> Resolution:
+    """Return the network when it can be compiled.
+
+    Args:
+        checked: What was read.
+        refusal: What is not done otherwise, e.g. ``no plan written``.
+
+    Raises:
+        InputError: It has an error, is only a part of a network, or moves nothing.
+    """
+    errors = [d for d in checked.diagnostics if d.level is Severity.ERROR]
+    resolution = checked.resolution
+    if errors or resolution is None:
+        raise InputError(f"{refusal}: {summary(errors) or 'nothing was read'}", errors)
+    if resolution.network.partial:
+        raise InputError(
+            f"{refusal}: these files alone are no whole network; name the URDF or network file too"
+        )
+    if not resolution.transfers:
+        raise InputError(f"{refusal}: no transfers are given; a URDF names them in transfer_config")
+    return resolution
 
 
 def check_files(

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import click
 
-from fsoe_net.cli.inputs import check_files, input_options
-from fsoe_net.cli.output import counted, print_diagnostics, summary
+from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.output import counted, print_diagnostics
 from fsoe_net.diag import Severity
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, read_bytes
@@ -57,18 +57,10 @@ def command(
         _show(_read(files), image, fmt)
         return
     checked = check_files(files, packages=packages, xacro_args=xacro_args)
-    errors = [d for d in checked.diagnostics if d.level is Severity.ERROR]
-    if errors or checked.resolution is None:
-        print_diagnostics(errors, err=True)
-        raise InputError(f"no plan written: {summary(errors) or 'nothing to compile'}")
-    if checked.resolution.network.partial or not checked.resolution.transfers:
-        raise InputError(
-            "no plan written: these files alone are no whole network; name the URDF or network "
-            "file too"
-        )
+    resolution = whole_network(checked, "no plan written")
     warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
     print_diagnostics(warnings, err=True)
-    plan = compile_plan(checked.resolution)
+    plan = compile_plan(resolution)
     if output is None:
         _show(plan, image, fmt)
         click.echo("not written; -o FILE writes it", err=True)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.inputs import check_files, input_options
-from fsoe_net.cli.output import print_diagnostics, summary
+from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.output import summary
 from fsoe_net.cli.plan import write_whole
-from fsoe_net.diag import Severity
-from fsoe_net.errors import InputError
 from fsoe_net.plan import compile_plan
 from fsoe_net.report import render_report
 
@@ -46,22 +44,17 @@ def command(
     FILES as for `fsoe-net check`. A network with an error gets no page.
     """
     checked = check_files(files, packages=packages, xacro_args=xacro_args)
-    errors = [d for d in checked.diagnostics if d.level is Severity.ERROR]
-    if errors or checked.resolution is None:
-        print_diagnostics(errors, err=True)
-        raise InputError(f"no page written: {summary(errors) or 'nothing to report'}")
-    if checked.resolution.network.partial or not checked.resolution.transfers:
-        raise InputError("no page written: these files alone are no whole network")
+    resolution = whole_network(checked, "no page written")
     result = None
     if scenario_file is not None:
         from fsoe_net.cli.run import prepare
         from fsoe_net.run import run_virtual
 
-        session = prepare(checked.resolution, None, scenario_file, virtual=True)
+        session = prepare(resolution, None, scenario_file, virtual=True)
         result = run_virtual(session, session.duration_ns)
     page = render_report(
-        checked.resolution.network,
-        compile_plan(checked.resolution),
+        resolution.network,
+        compile_plan(resolution),
         checked.diagnostics,
         version=__version__,
         run=result,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.inputs import check_files, input_options
-from fsoe_net.cli.output import print_diagnostics, summary
+from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.output import summary
 from fsoe_net.core import Snapshot
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
@@ -96,11 +96,8 @@ def command(
     masters, SubInstances elsewhere) live on the bus at their own pace. FILES as for `check`.
     """
     checked = check_files(files, packages=packages, xacro_args=xacro_args)
-    errors = [d for d in checked.diagnostics if d.level is Severity.ERROR]
-    if errors or checked.resolution is None:
-        print_diagnostics(errors, err=True)
-        raise InputError(f"nothing started: {summary(errors) or 'nothing to run'}")
-    session = prepare(checked.resolution, plan_file, scenario_file, virtual=virtual_time)
+    resolution = whole_network(checked, "nothing started")
+    session = prepare(resolution, plan_file, scenario_file, virtual=virtual_time)
     duration_ns = round(duration * 1e9) if duration else session.duration_ns
     if virtual_time:
         result = run_virtual(session, duration_ns)
