@@ -287,6 +287,14 @@ class _Assembly:
             subs.extend(self._from_rows(file, 0))
         if not self._systems:
             return None
+        if not nets and all(s.transfer_file is None for s in self._systems):
+            self.out.add(
+                "FSN125",
+                self._systems[0].span,
+                "no transfer_config is given, so no safety frame would be copied",
+                severity=Severity.INFO,
+                hint="fine for a robot without FSoE; else name the transfer YAML",
+            )
         return self._network(
             name=self._systems[0].name or Path(path).stem,
             span=self._systems[0].span,

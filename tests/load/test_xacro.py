@@ -89,6 +89,13 @@ def test_packages_are_found(tmp_path: Path):
     assert result.diagnostics == ()
 
 
+def test_a_urdf_without_transfers_is_remarked(tmp_path: Path):
+    from fsoe_net.load import load_network
+
+    result = load_network([write(tmp_path)])
+    assert "FSN125" in [d.code for d in result.diagnostics]
+
+
 def test_endless_macro_ends(tmp_path: Path):
     endless = MACRO.replace("<gpio", '<xacro:terminal name="a" position="1"/><gpio', 1)
     result = load_urdf(write(tmp_path, macro=endless))
