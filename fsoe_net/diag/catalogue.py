@@ -110,6 +110,7 @@ FSN414 error   two modules at the same bus position
 FSN415 error   module declared in the URDF and in the YAML
 FSN417 info    start-up SDOs of a module addressed by alias go to another SubDevice
 FSN418 error   start-up SDO cannot be written
+FSN419 warning process data with an FSoE frame do not end on a byte
 FSN420 error   sync manager does not fit into one datagram
 FSN421 info    process image needs several datagrams
 FSN423 error   interface given both for the channel and for its data_mapping

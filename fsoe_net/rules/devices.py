@@ -176,6 +176,16 @@ def _mask(ctx: Context, placed: Placed) -> None:
 
 
 def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
+    if sm.blocks and sm.complete and sm.bits % 8:
+        over = sm.bits % 8
+        ctx.add(
+            "FSN419",
+            sm.placed[-1].entry.at("type"),
+            f"{describe_sm(sm)}: the entries add up to {sm.bits} bits, which is no whole number of "
+            "bytes; a device with FSoE frames maps whole bytes",
+            hint=f"padding here is {over} bits too long or {8 - over} too short; "
+            "compare with `ethercat pdos`",
+        )
     if sm.size_bytes > MAX_DATAGRAM_BYTES:
         ctx.add(
             "FSN420",

@@ -23,7 +23,7 @@ def _seed(folder: Path, case: dict) -> None:
         text = path.read_text("utf-8")
         assert find in text, f"{find!r} is not in {file}"
         if put.startswith("REPEAT"):
-            put = PAD * int(put.removeprefix("REPEAT"))
+            put = find + PAD * int(put.removeprefix("REPEAT"))
         path.write_text(text.replace(find, put, 1), "utf-8")
     for file, text in case.get("write", ()):
         (folder / file).write_text(text, "utf-8")
