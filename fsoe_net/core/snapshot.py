@@ -32,11 +32,6 @@ class OutsideState(enum.Enum):
         """Lower-case word for files and tables, e.g. ``data_process``."""
         return self.name.lower()
 
-    @property
-    def in_data(self) -> bool:
-        """Whether both ends exchange data frames."""
-        return self in (OutsideState.DATA_FAILSAFE, OutsideState.DATA_PROCESS)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statistics:

@@ -28,7 +28,6 @@ class FileKind(enum.Enum):
     NETWORK = "network YAML"
     TRANSFERS = "transfer YAML"
     SLAVE = "slave YAML"
-    URDF = "URDF or xacro"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,6 +30,7 @@ from fsoe_net.model.resolve import (
     main_instance_of,
     partner_block,
     resolve,
+    shared_modules,
 )
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
 
@@ -69,4 +70,5 @@ __all__ = [
     "main_instance_of",
     "partner_block",
     "resolve",
+    "shared_modules",
 ]

@@ -22,6 +22,7 @@ __all__ = [
     "main_instance_of",
     "partner_block",
     "resolve",
+    "shared_modules",
 ]
 
 
@@ -211,6 +212,11 @@ def _doubt(sm: SmLayout, placed: Placed) -> Miss | None:
     return Miss.LAYOUT if placed.end_bit > sm.known_bits else None
 
 
+def shared_modules(ends: list[tuple[str, str]]) -> set[str]:
+    """Return the modules that every one of these transfers touches."""
+    return set(ends[0]).intersection(*map(set, ends[1:])) if ends else set()
+
+
 def main_instance_of(net: Net, ends: list[tuple[str, str]]) -> str | None:
     """Return the name of the SubDevice with the MainInstance of a net.
 
@@ -218,9 +224,7 @@ def main_instance_of(net: Net, ends: list[tuple[str, str]]) -> str | None:
     """
     if net.safety_master is not None:
         return net.safety_master
-    if not ends:
-        return None
-    common = set(ends[0]).intersection(*map(set, ends[1:]))
+    common = shared_modules(ends)
     return common.pop() if len(common) == 1 else None
 
 

@@ -30,10 +30,6 @@ class IghDomain:
     size_bytes: int
     working_counter: int
 
-    def base_of(self, sm: int) -> int | None:
-        """Return the first byte of a sync manager in the domain, or ``None`` without a place."""
-        return next((f.offset_bytes for f in self.fmmus if f.sm == sm), None)
-
 
 def igh_image(plan: Plan) -> IghDomain:
     """Lay out the domain: per SubDevice first the output, then the input sync managers.

@@ -16,6 +16,7 @@ from fsoe_net.model import (
     TransferKind,
     main_instance_of,
     partner_block,
+    shared_modules,
 )
 from fsoe_net.rules.context import (
     Context,
@@ -153,7 +154,7 @@ def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None
         )
         return
     foreign = [r for r in rows if main not in module_pair(r)]
-    shared = set(ends[0]).intersection(*map(set, ends[1:])) if ends else set()
+    shared = shared_modules(ends)
     if foreign and len(shared) == 1 and stated is not None:
         # All transfers meet in one SubDevice, only not in the one that is stated.
         ctx.unsure_nets.add(id(net))
@@ -198,7 +199,7 @@ def _unknown_master(
     if ctx.resolution.network.partial and (stated in used or not names):
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
-    shared = set(ends[0]).intersection(*map(set, ends[1:])) if ends else set()
+    shared = shared_modules(ends)
     meant = nearest(stated, shared or names) or (next(iter(shared)) if len(shared) == 1 else None)
     ctx.add(
         "FSN218",

@@ -318,6 +318,6 @@ class _Live:
                     self._session.step_devices(self._now())
                 next_ns = max(next_ns + self._period_ns, self._now())
                 self._stop.wait(max(0.0, (next_ns - self._now()) / 1e9))
-        except BaseException as exc:
+        except BaseException as exc:  # raised again in the main thread, so nothing is lost
             self._error = exc
             self._stop.set()
