@@ -93,3 +93,11 @@ def test_valid_networks_are_not_blamed(name: str, tmp_path: Path, monkeypatch: p
     monkeypatch.chdir(tmp_path)
     found = [d for d in check_files(["network.yaml"]).diagnostics if d.level is not Severity.INFO]
     assert found == []
+
+
+def test_a_connection_stated_twice_is_said_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    seed(tmp_path, *SEEDED["connection stated twice"][:3])
+    monkeypatch.chdir(tmp_path)
+    (found,) = [d for d in check_files(["network.yaml"]).diagnostics if d.code == "FSN227"]
+    assert found.message == "the connection el6910-drive_1 is stated twice"
+    assert found.related[0].span.line == found.span.line - 1
