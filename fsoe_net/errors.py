@@ -8,6 +8,7 @@ are for the outside world and for programming mistakes:
     |   +-- CoreMissing           the compiled module could not be loaded
     +-- InputError                a file was refused as a whole; carries diagnostics  (exit 1)
     |   +-- PlanFormatError       bytes that are no valid .fsnplan
+    |   +-- RecordingError        a line that is no part of a recorded run
     +-- FsoeError                 misuse of the FSoE engine
     |   +-- PduSizeError          no FSoE PDU has this size
     |   +-- ConfigError           an FSoE instance was configured with impossible values
@@ -33,6 +34,7 @@ __all__ = [
     "InputError",
     "PduSizeError",
     "PlanFormatError",
+    "RecordingError",
 ]
 
 
@@ -70,6 +72,20 @@ class InputError(FsnError):
 
 class PlanFormatError(InputError):
     """Bytes that are no valid `.fsnplan`: wrong magic, length, CRC, or inconsistent tables."""
+
+
+class RecordingError(InputError):
+    """A recorded run of FSoE ends holds something that is no recording.
+
+    Args:
+        reason: What is wrong, one sentence for the user.
+        line: Line of the file, from 1; 0 when it is the whole file.
+    """
+
+    def __init__(self, reason: str, line: int = 0) -> None:
+        super().__init__(f"line {line}: {reason}" if line else reason)
+        self.reason = reason
+        self.line = line
 
 
 class FsoeError(FsnError):

@@ -19,6 +19,7 @@ _COMMANDS = {
     "plan": "Compile a network to a copy plan, or show a plan.",
     "run": "Run a network on the emulated bus.",
     "report": "Write a report page for a network.",
+    "replay": "Hold recorded FSoE runs against this engine.",
 }
 
 

@@ -5,9 +5,9 @@ import json
 
 import pytest
 from data_files import listed, need
-from fsoe.pair import Bench
+from fsoe.recorded import CONFIG, own_run, row_of
 
-from fsoe_net.errors import FsoeError
+from fsoe_net.errors import RecordingError
 from fsoe_net.fsoe import decode_pdu
 from fsoe_net.fsoe.replay import replay, replay_file
 
@@ -33,7 +33,7 @@ CHANGES = {
     "state": ("slave_state", "Session"),
     "reset code": ("slave_reason", 99),
     "reset by": ("master_event", "by_slave"),
-    "valid": ("master_pd_valid", "neither"),
+    "valid": ("master_pd_valid", True),
     "data": ("safe_outputs", "7777"),
 }
 
@@ -51,65 +51,9 @@ def test_every_field_is_compared(field):
         assert "ProcessData 00 00 ConnID 43981 CRC 0000" in found.expected
 
 
-def _row(bench: Bench, n: int, rx: tuple, tx: tuple, **changes) -> dict:
-    main, sub = bench.main, bench.sub
-    return {
-        "type": "step",
-        "n": n,
-        "time_us": n * 1000,
-        "commands": [],
-        "master_app_out": "0000",
-        "slave_app_in": "0000",
-        "master_rx": rx[0] and rx[0].hex(),
-        "slave_rx": rx[1] and rx[1].hex(),
-        "master_tx": tx[0] and tx[0].hex(),
-        "slave_tx": tx[1] and tx[1].hex(),
-        "master_state": main.state.value,
-        "slave_state": sub.state.value,
-        "master_event": "none" if n else "by_master",
-        "slave_event": "none" if n else "by_master",
-        "master_reason": None if n else 0,
-        "slave_reason": None if n else 0,
-        "master_pd_valid": main.data_valid,
-        "slave_pd_valid": sub.data_valid,
-        "safe_inputs": main.received_safe_data.hex(),
-        "safe_outputs": sub.received_safe_data.hex(),
-        "master_session_id": "0x1122",
-        "slave_session_id": "0x3344",
-    } | changes
-
-
-CONFIG = {
-    "type": "config",
-    "slave_address": 0x1234,
-    "connection_id": 0xABCD,
-    "master_session_id": 0x1122,
-    "slave_session_id": 0x3344,
-    "watchdog_ms": 20,
-    "app_params": "",
-    "out_size": 2,
-    "in_size": 2,
-    "bus_cycle_us": 1000,
-    "master_impl": "A",
-    "slave_impl": "A",
-}
-
-
-def _own_run(cycles: int, bench: Bench | None = None) -> tuple[Bench, list[dict]]:
-    bench = bench or Bench()
-    rows = []
-    for n in range(cycles):
-        bench.now_ns = n * 1_000_000
-        to_main = bench.to_main
-        sent = bench.main_turn()
-        answer = bench.sub_turn()
-        rows.append(_row(bench, n, (to_main, bench.to_sub), (sent, answer)))
-    return bench, rows
-
-
 @pytest.mark.parametrize("right", [True, False])
 def test_skipped_cycles(right):
-    bench, rows = _own_run(12)
+    bench, rows = own_run(12)
     digest = hashlib.sha256()
     for n in range(12, 12 + 70_000):
         bench.now_ns = n * 1_000_000
@@ -125,18 +69,18 @@ def test_skipped_cycles(right):
 
 def test_quirk_accepts_both_until_the_next_reset():
     """§11.2: the recorded main ignores the good reply too, and waits for its watchdog."""
-    bench, rows = _own_run(1)
+    bench, rows = own_run(1)
     bench.now_ns = 1_000_000
     session = bench.main_turn()
     reply = bench.sub_turn()
     stale = reply[:-3] + bytes((reply[-3] ^ 1,)) + reply[-2:]
     first = bytes.fromhex(rows[0]["slave_tx"])
-    rows.append(_row(bench, 1, (first, session), (session, reply)))
-    rows.append(_row(bench, 2, (stale, session), (None, None), quirk="11.2"))
-    rows.extend(_row(bench, n, (reply, session), (None, None)) for n in range(3, 22))
+    rows.append(row_of(bench, 1, (first, session), (session, reply)))
+    rows.append(row_of(bench, 2, (stale, session), (None, None), quirk="11.2"))
+    rows.extend(row_of(bench, n, (reply, session), (None, None)) for n in range(3, 22))
     reset = bytes.fromhex("2a050025ae0000")
     rows.append(
-        _row(
+        row_of(
             bench,
             22,
             (reply, session),
@@ -147,7 +91,7 @@ def test_quirk_accepts_both_until_the_next_reset():
         )
     )
     for n in range(23, 42):
-        rows.append(_row(bench, n, (reply, session), (None, None), master_state="Reset"))
+        rows.append(row_of(bench, n, (reply, session), (None, None), master_state="Reset"))
     result = replay(map(json.dumps, [CONFIG, *rows]))
     assert not result.differences
     assert result.tolerated > 0
@@ -160,23 +104,23 @@ def test_quirk_accepts_both_until_the_next_reset():
 
 
 def test_scripted_sides_and_commands():
-    _, rows = _own_run(3)
+    _, rows = own_run(3)
     config = CONFIG | {"slave_impl": "scripted", "slave_session_id": None}
     for row in rows:
         row["slave_state"] = None
     assert replay(map(json.dumps, [config, *rows])).compared == 3
     rows[0]["commands"] = ["master.dance"]
-    with pytest.raises(FsoeError, match="dance"):
+    with pytest.raises(RecordingError, match="dance"):
         replay(map(json.dumps, [config, *rows]))
-    with pytest.raises(FsoeError, match="kind of line"):
+    with pytest.raises(RecordingError, match="kind of line"):
         replay(map(json.dumps, [config, {"type": "song"}]))
 
 
 def test_power_cycle_and_verdict():
-    bench, rows = _own_run(12)
+    bench, rows = own_run(12)
     rows[5]["commands"] = ["slave.power_cycle=0x5566"]
     assert replay(map(json.dumps, [CONFIG, *rows])).differences
-    bench, rows = _own_run(12)
+    bench, rows = own_run(12)
     rows[0]["commands"] = ["slave.verify=9"]
     found = replay(map(json.dumps, [CONFIG, *rows])).differences
     assert decode_pdu(bytes.fromhex(found[0].got.split(" ")[0])).safe_data == b"\x09\0"

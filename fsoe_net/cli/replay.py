@@ -1,0 +1,148 @@
+"""``fsoe-net replay``: hold recorded runs of FSoE ends against the engine of this package."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from fsoe_net import __version__
+from fsoe_net.cli.output import counted
+from fsoe_net.errors import RecordingError
+from fsoe_net.fsoe.difference import Difference, differing_bytes, explain
+from fsoe_net.fsoe.recording import Answer
+from fsoe_net.fsoe.replay import ReplayResult, replay_file
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net replay trace.jsonl
+  fsoe-net replay traces/*.jsonl --format json
+
+Exit codes: 0 all files replay, 1 something differs or a file is no recording."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Outcome:
+    """What became of one file; ``reason`` says why it was not read to its end."""
+
+    file: str
+    result: ReplayResult | None = None
+    reason: str = ""
+    line: int = 0
+
+    @property
+    def replays(self) -> bool:
+        return self.result is not None and not self.result.differing
+
+
+@click.command("replay", epilog=_EPILOG)
+@click.argument("files", nargs=-1, required=True, type=click.Path(), metavar="TRACE...")
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+@click.pass_context
+def command(ctx: click.Context, files: tuple[str, ...], fmt: str) -> None:
+    """Hold recorded runs of other FSoE implementations against this engine.
+
+    Each end of a TRACE is fed what it received in the recording, at the recorded times; its frames,
+    states, reset codes and data are compared. This is no conformance test.
+    """
+    outcomes = []
+    for file in files:
+        outcome = _replayed(file)
+        outcomes.append(outcome)
+        if fmt == "text":
+            _print_outcome(outcome)
+    if fmt == "json":
+        document = {
+            "tool": "fsoe-net",
+            "version": __version__,
+            "replays": all(outcome.replays for outcome in outcomes),
+            "files": [_json(outcome) for outcome in outcomes],
+        }
+        click.echo(json.dumps(document, indent=2))
+    ctx.exit(int(not all(outcome.replays for outcome in outcomes)))
+
+
+def _replayed(file: str) -> _Outcome:
+    try:
+        return _Outcome(file=file, result=replay_file(Path(file)))
+    except RecordingError as exc:
+        return _Outcome(file=file, reason=exc.reason, line=exc.line)
+    except OSError as exc:
+        return _Outcome(file=file, reason=exc.strerror or str(exc))
+
+
+def _print_outcome(outcome: _Outcome) -> None:
+    result = outcome.result
+    if result is None:
+        place = f"{outcome.file}:{outcome.line}" if outcome.line else outcome.file
+        click.echo(f"{place}: {outcome.reason}", err=True)
+        return
+    if outcome.replays:
+        click.echo(
+            f"{outcome.file}: replays: {counted(result.compared, 'call')} compared, "
+            f"{result.tolerated} tolerated"
+        )
+        return
+    first = result.differences[0]
+    head, *rest = explain(first)
+    click.echo(f"{outcome.file}:{first.line}: {head}")
+    for line in rest:
+        click.echo(line)
+    if result.differing > 1:
+        more = (
+            "1 more value differs"
+            if result.differing == 2
+            else (f"{result.differing - 1} more values differ")
+        )
+        click.echo(f"  {more}; {counted(result.compared, 'call')} compared")
+
+
+def _json(outcome: _Outcome) -> dict[str, object]:
+    result = outcome.result
+    error = {"line": outcome.line, "message": outcome.reason} if result is None else None
+    return {
+        "file": outcome.file,
+        "replays": outcome.replays,
+        "error": error,
+        "compared": result.compared if result else 0,
+        "tolerated": result.tolerated if result else 0,
+        "differing": result.differing if result else 0,
+        "differences": [_difference_json(d) for d in result.differences] if result else [],
+    }
+
+
+def _difference_json(difference: Difference) -> dict[str, object]:
+    row: dict[str, object] = {
+        "line": difference.line,
+        "step": difference.step,
+        "side": difference.side,
+        "field": difference.field,
+        "expected": difference.expected,
+        "got": difference.got,
+    }
+    call = difference.call
+    if call is not None:
+        row["time_us"] = call.time_us
+        row["received"] = call.received.hex() if call.received is not None else None
+        row["state_before"] = call.state_before
+        row["bytes"] = differing_bytes(call)
+        row["expected_answer"] = _answer_json(call.expected)
+        row["got_answer"] = _answer_json(call.got)
+    return row
+
+
+def _answer_json(answer: Answer) -> dict[str, object]:
+    return {
+        "frame": answer.frame.hex() if answer.frame is not None else None,
+        "state": answer.state,
+        "reset_by": answer.reset_by,
+        "reset_code": answer.reset_code,
+        "valid": answer.valid,
+        "data": answer.data.hex(),
+    }

@@ -1,0 +1,143 @@
+"""What a recorded run holds; the format of the file is in §13 of the protocol notes."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from fsoe_net.fsoe.config import MainConfig, SubConfig
+
+__all__ = ["Answer", "Call", "Order", "OrderKind", "Recording", "SideName", "Skip", "Step"]
+
+
+class SideName(enum.Enum):
+    """An end of the connection; the value is its name in the file."""
+
+    MAIN = "master"
+    SUB = "slave"
+
+    @property
+    def label(self) -> str:
+        """Name as people read it here: ``main`` or ``sub``."""
+        return self.name.lower()
+
+
+class OrderKind(enum.Enum):
+    """What a recorded command asks of an end."""
+
+    ENABLE = "enable"
+    DISABLE = "disable"
+    RESET = "reset"
+    DATA = "data"
+    SESSION = "session"
+    POWER_CYCLE = "power_cycle"
+    VERIFY = "verify"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """One recorded command, such as ``slave.data=0f00``.
+
+    Attributes:
+        side: Whom it concerns.
+        kind: What is asked.
+        data: Safe data of DATA, else empty.
+        number: Session id of SESSION and POWER_CYCLE (``None``: as before), code of VERIFY.
+    """
+
+    side: SideName
+    kind: OrderKind
+    data: bytes = b""
+    number: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What one call did, recorded or ours.
+
+    Attributes:
+        frame: Frame sent, ``None`` when none was.
+        state: Name of the state after the call.
+        reset_by: ``none``, ``this end`` or ``the other end``.
+        reset_code: Code of that reset.
+        valid: Whether the application has valid data.
+        data: Safe data the application sees.
+    """
+
+    frame: bytes | None
+    state: str
+    reset_by: str
+    reset_code: int | None
+    valid: bool
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """One recorded call of one end.
+
+    Attributes:
+        safe_data: Safe data its application gave.
+        received: Input image; ``None`` when nothing was ever delivered. Of any length.
+        session_id: Session id it drew, if it did.
+        expected: What it did.
+    """
+
+    safe_data: bytes
+    received: bytes | None
+    session_id: int | None
+    expected: Answer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One bus cycle: orders, then a call of each end.
+
+    Attributes:
+        number: Step number given in the file.
+        time_us: Time of the calls.
+        quirk: Both answers are right from here to the next Reset (§11).
+        orders: Commands before the calls.
+        calls: Calls of the recorded ends; a scripted end has none.
+        sub_frame: What the sub's side sent, of any length.
+    """
+
+    number: int
+    time_us: int
+    quirk: bool
+    orders: tuple[Order, ...]
+    calls: dict[SideName, Call]
+    sub_frame: bytes | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Skip:
+    """Cycles in lockstep without loss, of which only a hash is kept.
+
+    Attributes:
+        cycles: How many.
+        sha256: Over all frames, in hex; main's, then sub's, per cycle.
+    """
+
+    cycles: int
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """The configuration of a recorded run and its lines, read as they are asked for.
+
+    Attributes:
+        main: Configuration of the MainInstance.
+        sub: Configuration of the SubInstance; its verdict is an order.
+        first_ids: First session id of each recorded end; scripted ends are missing.
+        bus_cycle_us: Bus cycle.
+        lines: Number of each line with what it holds.
+    """
+
+    main: MainConfig
+    sub: SubConfig
+    first_ids: dict[SideName, int]
+    bus_cycle_us: int
+    lines: Iterator[tuple[int, Step | Skip]]

@@ -1,0 +1,204 @@
+"""Broken recordings: each mistake is said with its line, and nothing else is ever raised."""
+
+import io
+import json
+import tracemalloc
+
+import pytest
+from fsoe.recorded import CONFIG, own_run, recording_text
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fsoe_net.errors import RecordingError
+from fsoe_net.fsoe.json_rows import file_lines
+from fsoe_net.fsoe.recording_reader import read_recording
+from fsoe_net.fsoe.replay import replay, replay_file
+
+ROWS = own_run(10)[1]
+KEYS = sorted(CONFIG)
+STEP_KEYS = sorted(ROWS[0])
+
+CONFIG_MISTAKES = {
+    "out_size": (3, "safe_out_bytes is 3"),
+    "in_size": (128, "safe_in_bytes is 128"),
+    "connection_id": (0, "connection_id is 0"),
+    "slave_address": ("4660", "'slave_address' is '4660', not a whole number"),
+    "watchdog_ms": (True, "'watchdog_ms' is True, not a whole number"),
+    "app_params": ("abc", "an odd number of digits"),
+    "bus_cycle_us": (0, "'bus_cycle_us' is 0"),
+    "master_session_id": ("0x12345", "allowed are 0 … 65535"),
+    "type": ("step", "the first line is a 'step'"),
+}
+STEP_MISTAKES = {
+    "master_tx": ("360000", "'master_tx' has 3 bytes; its frames have 7"),
+    "slave_tx": ("2a0", "an odd number of digits"),
+    "master_rx": (12, "'master_rx' is 12, not a string"),
+    "slave_rx": ("zz", "no bytes in hex"),
+    "master_app_out": ("00", "1 safe data bytes for the master, which sends 2"),
+    "slave_state": ("Dance", "no state of an FSoE end"),
+    "master_event": ("by_nobody", "none of none, by_master"),
+    "slave_pd_valid": (1, "'slave_pd_valid' is 1, not true or false"),
+    "master_reason": ("5", "not a whole number"),
+    "time_us": (10, "'time_us' goes back from 5000 to 10"),
+    "slave_session_id": ("0xz", "no number"),
+    "commands": ("master.enable", "'commands' is 'master.enable', not a list"),
+    "type": ("song", "unknown kind of line 'song'"),
+    "n": (10**400, "a huge number"),
+}
+COMMAND_MISTAKES = {
+    "master.dance": "unknown command 'master.dance'",
+    "enable": "names neither 'master' nor 'slave'",
+    "nobody.enable": "names neither",
+    "master.data=0f0": "an odd number of digits",
+    "slave.data=0f": "1 safe data bytes for the slave",
+    "slave.session=many": "no number",
+    "slave.verify=": "no number",
+    "slave.power_cycle=65536": "allowed are 0 … 65535",
+}
+
+
+def refused(lines, line: int, reason: str):
+    with pytest.raises(RecordingError) as caught:
+        replay(lines)
+    assert caught.value.line == line
+    assert reason in caught.value.reason
+
+
+@pytest.mark.parametrize("key", CONFIG_MISTAKES)
+def test_mistakes_in_the_configuration(key):
+    value, reason = CONFIG_MISTAKES[key]
+    refused(recording_text(ROWS, **{key: value}).splitlines(), 1, reason)
+
+
+@pytest.mark.parametrize("key", STEP_MISTAKES)
+def test_mistakes_in_a_step(key):
+    value, reason = STEP_MISTAKES[key]
+    rows = [*ROWS[:6], ROWS[6] | {key: value}, *ROWS[7:]]
+    refused(recording_text(rows).splitlines(), 8, reason)
+
+
+@pytest.mark.parametrize(
+    "key", [k for k in STEP_KEYS if not k.endswith(("reason", "_id", "state"))]
+)
+def test_a_missing_key_is_named(key):
+    rows = [dict(row) for row in ROWS]
+    del rows[3][key]
+    refused(recording_text(rows).splitlines(), 5, f"{key!r} is missing")
+
+
+@pytest.mark.parametrize("text", COMMAND_MISTAKES)
+def test_mistakes_in_commands(text):
+    rows = [ROWS[0] | {"commands": [text]}]
+    refused(recording_text(rows).splitlines(), 2, COMMAND_MISTAKES[text])
+
+
+def test_mistakes_in_lines():
+    good = recording_text(ROWS).splitlines()
+    refused([], 0, "empty")
+    refused(["", "  "], 0, "empty")
+    refused(good[:1], 0, "nothing to compare")
+    refused([*good[:4], good[4][:100]], 5, "no JSON, or cut off")
+    refused([*good[:4], "", "[1]"], 6, "a list instead of an object")
+    refused(["[" * 100_000], 1, "nested too deeply")
+    refused([good[0], '{"type": "skip", "n": 3, "sha256": "00"}'], 2, "SHA-256")
+    refused(
+        [good[0], json.dumps({"type": "skip", "cycles": 10**9, "sha256": "00" * 32})], 2, "are 0"
+    )
+
+
+def test_files(tmp_path):
+    path = tmp_path / "trace.jsonl"
+    text = recording_text(ROWS)
+    path.write_text(text, "utf-8")
+    assert replay_file(path).compared == 20
+    path.write_bytes(text.encode() + b'{"note": "\xff"}')
+    with pytest.raises(RecordingError, match="line 12: not UTF-8"):
+        replay_file(path)
+    path.write_bytes(text.encode() + b" " * (1 << 21))
+    with pytest.raises(RecordingError, match="line 12: longer than"):
+        replay_file(path)
+
+
+def test_lines_are_read_when_they_are_needed():
+    taken = []
+
+    def lines():
+        for line in recording_text(ROWS).splitlines():
+            taken.append(line)
+            yield line
+
+    recording = read_recording(lines())
+    assert len(taken) == 1
+    next(recording.lines)
+    assert len(taken) == 2
+
+
+def test_a_long_recording_that_differs_everywhere_needs_little_memory():
+    bad = json.dumps(ROWS[9] | {"master_state": "Reset", "slave_state": "Reset"})
+    tracemalloc.start()
+    result = replay(
+        line for part in ([json.dumps(CONFIG)], (bad for _ in range(3000))) for line in part
+    )
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert result.differing > 3000
+    assert len(result.differences) == 100
+    assert peak < 2_000_000
+
+
+ODD = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=8),
+    st.binary(max_size=9).map(bytes.hex),
+    st.sampled_from(["Data", "Reset", "by_slave", "0x1122", "skip", "scripted", "2a0000000000"]),
+    st.lists(
+        st.sampled_from([*COMMAND_MISTAKES, "slave.reset", "master.power_cycle", 1]), max_size=2
+    ),
+    st.just({}),
+)
+
+
+def _answers_or_refuses(hold, recording):
+    try:
+        result = hold(recording)
+    except RecordingError as exc:
+        str(exc).encode("utf-8")
+    else:
+        assert result.compared
+
+
+@settings(max_examples=300)
+@given(st.data())
+def test_mutated_recordings(data):
+    """Values changed, keys and lines taken away or swapped: an answer or a RecordingError."""
+    rows = [CONFIG, *(ROWS[n] | {"quirk": "x"} if n == 7 else ROWS[n] for n in range(10))]
+    rows = [dict(row) for row in rows]
+    for _ in range(data.draw(st.integers(1, 4))):
+        row = rows[data.draw(st.integers(0, len(rows) - 1))]
+        key = data.draw(st.sampled_from([*sorted(row), "slave_own_address", "cycles"]))
+        if data.draw(st.booleans()):
+            row[key] = data.draw(ODD)
+        else:
+            row.pop(key, None)
+    if data.draw(st.booleans()):
+        rows.pop(data.draw(st.integers(0, len(rows) - 1)))
+    for row in rows:
+        if type(row.get("cycles")) is int:
+            row["cycles"] %= 1000
+    _answers_or_refuses(replay, map(json.dumps, rows))
+
+
+@settings(max_examples=200)
+@given(st.data())
+def test_mutated_bytes(data):
+    raw = bytearray(recording_text(ROWS).encode())
+    for _ in range(data.draw(st.integers(1, 5))):
+        at = data.draw(st.integers(0, len(raw) - 1))
+        if data.draw(st.booleans()):
+            raw[at] = data.draw(st.integers(0, 255))
+        else:
+            del raw[at : at + data.draw(st.integers(1, 40))]
+    _answers_or_refuses(replay, file_lines(io.BytesIO(raw)))
