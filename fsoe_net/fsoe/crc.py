@@ -48,28 +48,25 @@ def block_crc(
 # that of its number followed by zeros, XOR that of its data; the last two come from tables.
 _LOW = tuple(_crc16(bytes((value, 0)) + _ZEROS) for value in range(256))
 _HIGH = tuple(_crc16(bytes((value,)) + _ZEROS) for value in range(256))
-_NUMBER = tuple(_crc16(number + bytes(5)) for number in _NUMBERS[1:])
+_HEAD_ONE, _HEAD_TWO = struct.Struct("<HHHB4x"), struct.Struct("<HHHB5x")
+_NUMBER = tuple(_crc16(number + bytes(5)) for number in _NUMBERS)
 
 
 def frame_crcs(
     old: int, connection_id: int, sequence: int, command: int, data: bytes
 ) -> tuple[int, ...]:
     """Return the CRCs of all blocks of a frame: `block_crc` of each, only faster."""
-    head: int = _crc16(_HEAD.pack(old, connection_id, sequence, command) + bytes(4))
     if len(data) == 1:
+        head: int = _crc16(_HEAD_ONE.pack(old, connection_id, sequence, command))
         return (head ^ _HIGH[data[0]],)
-    head = _crc16(b"\0", head)
-    first = head ^ _LOW[data[0]] ^ _HIGH[data[1]]
-    if len(data) == 2:
-        return (first,)
-    head = _crc16(b"\0\0", head)  # the numbers of the blocks after the first
-    return (
-        first,
-        *[
-            head ^ number ^ _LOW[low] ^ _HIGH[high]
-            for number, low, high in zip(_NUMBER, data[2::2], data[3::2], strict=False)
-        ],
-    )
+    head = _crc16(_HEAD_TWO.pack(old, connection_id, sequence, command))
+    crcs = [head ^ _LOW[data[0]] ^ _HIGH[data[1]]]
+    if len(data) > 2:
+        head = _crc16(b"\0\0", head)  # the numbers of the blocks after the first
+        for block in range(1, len(data) // 2):
+            low, high = data[2 * block], data[2 * block + 1]
+            crcs.append(head ^ _NUMBER[block] ^ _LOW[low] ^ _HIGH[high])
+    return tuple(crcs)
 
 
 def sra_crc(data: bytes, start: int = 0) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 import struct
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from fsoe_net.errors import FsoeError, PduSizeError
 
@@ -123,13 +123,16 @@ def safe_data_length(pdu_bytes: int) -> int:
         PduSizeError: No FSoE frame has this length.
     """
     if not is_frame_length(pdu_bytes):
-        raise PduSizeError(f"{pdu_bytes} bytes; FSoE frames have 6, 7, 11, 15 … 255")
+        raise _no_frame(pdu_bytes)
     return 1 if pdu_bytes == 6 else (pdu_bytes - 3) // 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pdu:
-    """One frame taken apart.
+def _no_frame(pdu_bytes: int) -> PduSizeError:
+    return PduSizeError(f"{pdu_bytes} bytes; FSoE frames have 6, 7, 11, 15 … 255")
+
+
+class Pdu(NamedTuple):
+    """One frame taken apart; a tuple, since one is made of every frame received.
 
     Attributes:
         command: Command byte; may be a value that no `Command` has.
@@ -165,22 +168,26 @@ class Pdu:
         return decode_pdu(data)
 
 
-_LAYOUTS = {
-    frame_length(size): struct.Struct("<B" + ("BH" if size == 1 else "BBH" * (size // 2)) + "H")
-    for size in SAFE_SIZES
-}
+def _layout(safe_bytes: int) -> struct.Struct:
+    """Return command, then block and CRC in turn, then ConnID; see `safe_data_length`."""
+    blocks = "1sH" if safe_bytes == 1 else "2sH" * (safe_bytes // 2)
+    return struct.Struct(f"<B{blocks}H")
+
+
+_FRAMES = {frame_length(size): _layout(size) for size in SAFE_SIZES}
+_SAFE_DATA = {size: struct.Struct("1s" if size == 1 else "2s" * (size // 2)) for size in SAFE_SIZES}
 
 
 def assemble(command: int, data: bytes, crcs: tuple[int, ...], connection_id: int) -> bytes:
     """Return the bytes of a frame; see `safe_data_length` for the drawing."""
-    layout = _LAYOUTS[frame_length(len(data))]
+    layout = _FRAMES[frame_length(len(data))]
     if len(crcs) != (len(data) + 1) // 2:
         raise PduSizeError(f"{len(crcs)} CRCs for {len(data)} safe data bytes")
-    if len(data) == 1:
-        return layout.pack(command, data[0], crcs[0], connection_id)
-    blocks = [0] * (3 * len(crcs))
-    blocks[0::3], blocks[1::3], blocks[2::3] = data[0::2], data[1::2], crcs
-    return layout.pack(command, *blocks, connection_id)
+    if len(crcs) == 1:
+        return layout.pack(command, data, crcs[0], connection_id)
+    in_turn: list[bytes | int] = [0] * (2 * len(crcs))
+    in_turn[0::2], in_turn[1::2] = _SAFE_DATA[len(data)].unpack(data), crcs
+    return layout.pack(command, *in_turn, connection_id)
 
 
 def decode_pdu(data: bytes) -> Pdu:
@@ -189,22 +196,15 @@ def decode_pdu(data: bytes) -> Pdu:
     Raises:
         PduSizeError: No FSoE frame has this length.
     """
-    size = safe_data_length(len(data))
-    fields = _LAYOUTS[len(data)].unpack(data)
-    if size == 1:
-        return Pdu(
-            command=fields[0],
-            safe_data=bytes(fields[1:2]),
-            crcs=fields[2:3],
-            connection_id=fields[3],
-        )
-    safe_data = bytearray(size)
-    safe_data[0::2], safe_data[1::2] = bytes(fields[1:-1:3]), bytes(fields[2:-1:3])
+    layout = _FRAMES.get(len(data))
+    if layout is None:
+        raise _no_frame(len(data))
+    command, *in_turn, connection_id = layout.unpack(data)
     return Pdu(
-        command=fields[0],
-        safe_data=bytes(safe_data),
-        crcs=fields[3:-1:3],
-        connection_id=fields[-1],
+        command=command,
+        safe_data=b"".join(in_turn[0::2]),
+        crcs=tuple(in_turn[1::2]),
+        connection_id=connection_id,
     )
 
 
