@@ -4,11 +4,11 @@ Importing this package works without the compiled part; the first use then raise
 """
 
 from fsoe_net.core.core import Core, CorePlan, EmulatedBus
+from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
 from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
     DirectionSnapshot,
-    OutsideState,
     Snapshot,
     Statistics,
 )
@@ -17,10 +17,12 @@ __all__ = [
     "ConnectionSnapshot",
     "Core",
     "CoreEvent",
+    "CoreMonitor",
     "CorePlan",
     "DirectionSnapshot",
     "EmulatedBus",
-    "OutsideState",
     "Snapshot",
     "Statistics",
+    "frame_fits",
+    "frame_sequence",
 ]

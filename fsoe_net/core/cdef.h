@@ -63,17 +63,27 @@ struct fsn_statistics {
     ...;
 };
 struct fsn_direction {
-    uint64_t frames, process_data, failsafe_data, resets, last_new_ns;
+    uint64_t frames, process_data, failsafe_data, right, wrong, unchecked, resets, last_new_ns;
     uint64_t interval_last_ns, interval_min_ns, interval_max_ns, interval_sum_ns, intervals;
     uint16_t connection_id;
     uint8_t command, reset_code;
     ...;
 };
-struct fsn_connection_status { struct fsn_direction direction[2]; uint32_t outside; ...; };
+struct fsn_connection_status { struct fsn_direction direction[2]; uint32_t outside, gaps; ...; };
+
+struct fsn_followed { uint16_t sequence; ...; };
+struct fsn_monitor { struct fsn_connection_status status; struct fsn_followed followed[2]; ...; };
+bool fsn_fsoe_check(const uint8_t *frame, size_t len_bytes, uint16_t old_crc, uint16_t sequence);
+uint16_t fsn_fsoe_solve_sequence(const uint8_t *frame, size_t len_bytes, uint16_t old_crc);
+bool fsn_fsoe_is_whole(const uint8_t *frame, size_t len_bytes, unsigned *blocks);
+fsn_status fsn_monitor_init(struct fsn_monitor *monitor, uint32_t to_sub_bytes,
+                            uint32_t to_main_bytes);
+int fsn_monitor_frame(struct fsn_monitor *monitor, int way, const uint8_t *frame, uint64_t now_ns);
+
 struct fsn_event {
     uint64_t now_ns;
     uint32_t connection;
-    uint8_t before, after, reset_code;
+    uint8_t before, after, reset_code, by;
     ...;
 };
 struct fsn_thread_options { uint64_t cycle_ns; int priority; int cpu; bool lock_memory; ...; };

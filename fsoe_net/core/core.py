@@ -2,63 +2,25 @@
 
 from __future__ import annotations
 
-import functools
-import os
 import threading
 from types import TracebackType
 from typing import Any
 
+from fsoe_net.core.module import compiled, fault_text, raise_status
 from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
     DirectionSnapshot,
-    OutsideState,
     Snapshot,
     Statistics,
 )
-from fsoe_net.errors import CoreError, CoreMissing, PlanFormatError
+from fsoe_net.errors import CoreError, PlanFormatError
+from fsoe_net.fsoe import OutsideState
 
 __all__ = ["Core", "CorePlan", "EmulatedBus"]
 
 _MASK = (1 << 64) - 1
 _STATES = {state.value: state for state in OutsideState}
-
-
-@functools.cache
-def _module() -> tuple[Any, Any]:
-    """Return cffi's ``ffi`` and ``lib``.
-
-    Raises:
-        CoreMissing: The compiled module is not there or does not fit this machine.
-    """
-    try:
-        from fsoe_net.core import _core
-    except ImportError as exc:
-        raise CoreMissing(
-            f"the compiled part of fsoe-net is missing ({exc}); run `make demo` once, or "
-            "`pip install .` in the source tree. `check`, `plan` and `explain` work without it"
-        ) from exc
-    return _core.ffi, _core.lib
-
-
-def _raise(status: int, what: str) -> None:
-    if status:
-        ffi, lib = _module()
-        text = ffi.string(lib.fsn_status_text(status)).decode()
-        raise CoreError(f"{what}: {text}", status)
-
-
-def _fault_text(fault: Any) -> str:
-    ffi, lib = _module()
-    rule = "" if fault.rule == ffi.NULL else ffi.string(fault.rule).decode()
-    text = rule or ffi.string(lib.fsn_status_text(fault.status)).decode()
-    name = ffi.string(lib.fsn_status_name(fault.status)).decode()
-    section = ffi.string(lib.fsn_section_name(fault.section)).decode()
-    place = f"{section}: " if fault.section else ""
-    if fault.section and fault.copy_index != lib.FSN_FAULT_NO_RECORD:
-        place = f"{section} {fault.copy_index}: "
-    system = f": {os.strerror(fault.sys_errno)}" if fault.sys_errno else ""
-    return f"{place}{text}{system} ({name})"
 
 
 class CorePlan:
@@ -75,7 +37,7 @@ class CorePlan:
 
     def __init__(self, pointer: Any) -> None:
         self._pointer = pointer
-        ffi, lib = _module()
+        ffi, lib = compiled()
         self.cycle_ns = int(lib.fsn_plan_cycle_ns(pointer))
         self.subdevice_names = self._names("subdevice")
         self.connection_names = self._names("connection")
@@ -87,7 +49,7 @@ class CorePlan:
         self.sm_sizes = []
         self._sms: dict[tuple[str, int], int] = {}
         for number in range(lib.fsn_plan_sm_count(pointer)):
-            _raise(lib.fsn_plan_sm(pointer, number, info), "sync manager")
+            raise_status(lib.fsn_plan_sm(pointer, number, info), "sync manager")
             self.sm_sizes.append(info.size_bytes if info.registered else 0)
             self._sms.setdefault((self.subdevice_names[info.subdevice], info.index), number)
 
@@ -99,11 +61,11 @@ class CorePlan:
             PlanFormatError: The core refuses the plan; the message names record and rule.
             CoreMissing: The compiled part is not there.
         """
-        ffi, lib = _module()
+        ffi, lib = compiled()
         slot = ffi.new("struct fsn_plan **")
         fault = ffi.new("struct fsn_fault *")
         if lib.fsn_plan_load(data, len(data), slot, fault):
-            raise PlanFormatError(f"the core refuses this plan: {_fault_text(fault)}")
+            raise PlanFormatError(f"the core refuses this plan: {fault_text(fault)}")
         return cls(ffi.gc(slot[0], lib.fsn_plan_free))
 
     def sync_manager(self, subdevice: str, index: int) -> int:
@@ -115,12 +77,12 @@ class CorePlan:
         return self._sms[subdevice, index]
 
     def _names(self, kind: str) -> tuple[str, ...]:
-        ffi, lib = _module()
+        ffi, lib = compiled()
         info = ffi.new(f"struct fsn_{kind}_info *")
         read = getattr(lib, f"fsn_plan_{kind}")
         names = []
         for number in range(getattr(lib, f"fsn_plan_{kind}_count")(self._pointer)):
-            _raise(read(self._pointer, number, info), kind)
+            raise_status(read(self._pointer, number, info), kind)
             names.append(ffi.string(info.name).decode("utf-8", "replace"))
         return tuple(names)
 
@@ -129,9 +91,9 @@ class EmulatedBus:
     """The sync manager buffers of a plan's SubDevices, seen from the device side."""
 
     def __init__(self, plan: CorePlan) -> None:
-        ffi, lib = _module()
+        ffi, lib = compiled()
         slot = ffi.new("struct fsn_emulated **")
-        _raise(lib.fsn_emulated_create(plan._pointer, slot), "emulated bus")
+        raise_status(lib.fsn_emulated_create(plan._pointer, slot), "emulated bus")
         self._plan = plan
         self._lib = lib
         # Reference counts in C keep plan and bus alive as long as needed, whatever the order in
@@ -185,7 +147,7 @@ class EmulatedBus:
         if not 0 <= subdevice < len(self._plan.subdevice_names):
             raise CoreError(f"the plan has no SubDevice {subdevice}", self._lib.FSN_E_ARG)
         status = self._lib.fsn_emulated_set_present(self._pointer, subdevice, present)
-        _raise(status, f"SubDevice {subdevice}")
+        raise_status(status, f"SubDevice {subdevice}")
 
     def _range(self) -> str:
         return f"the plan has {len(self._views)}, counted from 0"
@@ -199,13 +161,13 @@ class Core:
     """The C core on an emulated bus: runs single cycles, or a cyclic thread of its own."""
 
     def __init__(self, plan: CorePlan, bus: EmulatedBus) -> None:
-        ffi, lib = _module()
+        ffi, lib = compiled()
         slot = ffi.new("struct fsn_core **")
         fault = ffi.new("struct fsn_fault *")
         ops = lib.fsn_emulated_ops()
         status = lib.fsn_core_create(plan._pointer, ops, bus._pointer, slot, fault)
         if status:
-            raise CoreError(f"the core refuses to run: {_fault_text(fault)}", status)
+            raise CoreError(f"the core refuses to run: {fault_text(fault)}", status)
         self._plan = plan
         self._lib = lib
         self._ffi = ffi
@@ -245,7 +207,7 @@ class Core:
         """
         status = self._lib.fsn_core_cycle(self._pointer, now_ns)
         if status:
-            _raise(status, "cycle")
+            raise_status(status, "cycle")
 
     def cycles(self, now_ns: int, step_ns: int, count: int) -> None:
         """Run ``count`` bus cycles, the first at ``now_ns``, then every ``step_ns``.
@@ -274,7 +236,7 @@ class Core:
         with self._setup_lock:
             status = self._lib.fsn_core_start(self._pointer, options, fault)
         if status:
-            raise CoreError(f"cyclic thread not started: {_fault_text(fault)}", status)
+            raise CoreError(f"cyclic thread not started: {fault_text(fault)}", status)
 
     def stop(self) -> None:
         """Stop the cyclic thread after its current cycle; may be called at any time."""
@@ -292,7 +254,7 @@ class Core:
         # Of its own for each call: several threads may look at once.
         statistics = ffi.new("struct fsn_statistics *")
         connections = ffi.new("struct fsn_connection_status[]", max(1, count))
-        _raise(
+        raise_status(
             self._lib.fsn_core_snapshot(self._pointer, statistics, connections, ffi.NULL),
             "snapshot",
         )
@@ -317,7 +279,7 @@ class Core:
             CoreError: No such sync manager, or the core is closed.
         """
         if self._pointer == self._ffi.NULL or not 0 <= sm < len(self._plan.sm_sizes):
-            _raise(self._lib.FSN_E_ARG, f"sync manager {sm}")
+            raise_status(self._lib.FSN_E_ARG, f"sync manager {sm}")
         return int(self._lib.fsn_core_stale_cycles(self._pointer, sm))
 
     def events(self) -> list[CoreEvent]:
@@ -333,6 +295,7 @@ class Core:
                         before=_STATES[event.before],
                         after=_STATES[event.after],
                         reset_code=event.reset_code,
+                        by=("", "main", "sub")[event.by],
                     )
                 )
         return found
@@ -351,7 +314,7 @@ class Core:
         self._check_symbol(symbol)
         with self._outputs_lock:
             status = self._lib.fsn_core_set_output(self._pointer, symbol, value & _MASK)
-        _raise(status, f"output {symbol}")
+        raise_status(status, f"output {symbol}")
 
     def read_symbol(self, symbol: int) -> int:
         """Return the value of a symbol in the last cycle, zero-extended.
@@ -363,7 +326,7 @@ class Core:
         value = self._ffi.new("uint64_t *")
         image = self._image()
         status = self._lib.fsn_core_read_symbol(self._pointer, image, symbol, value)
-        _raise(status, f"symbol {symbol}")
+        raise_status(status, f"symbol {symbol}")
         return int(value[0])
 
     def _check_symbol(self, symbol: int) -> None:
@@ -374,7 +337,7 @@ class Core:
         ffi = self._ffi
         image = ffi.new("uint8_t[]", max(1, self._image_bytes))
         status = self._lib.fsn_core_snapshot(self._pointer, ffi.NULL, ffi.NULL, image)
-        _raise(status, "snapshot")
+        raise_status(status, "snapshot")
         return image
 
 
@@ -408,6 +371,9 @@ def _direction(d: Any) -> DirectionSnapshot:
         frames=d.frames,
         process_data=d.process_data,
         failsafe_data=d.failsafe_data,
+        right=d.right,
+        wrong=d.wrong,
+        unchecked=d.unchecked,
         resets=d.resets,
         last_new_ns=d.last_new_ns,
         cycle_last_ns=d.interval_last_ns,
@@ -422,4 +388,5 @@ def _connection(c: Any) -> ConnectionSnapshot:
         state=_STATES[c.outside],
         to_sub=_direction(c.direction[0]),
         to_main=_direction(c.direction[1]),
+        gaps=c.gaps,
     )

@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
+
+from fsoe_net.fsoe import OutsideState
 
 __all__ = [
     "ConnectionSnapshot",
     "CoreEvent",
     "DirectionSnapshot",
-    "OutsideState",
     "Snapshot",
     "Statistics",
 ]
-
-
-class OutsideState(enum.Enum):
-    """State of a connection as the commands on the wire show it; values are those of the core."""
-
-    SILENT = 0
-    RESET = 1
-    SESSION = 2
-    CONNECTION = 3
-    PARAMETER = 4
-    DATA_FAILSAFE = 5
-    DATA_PROCESS = 6
-    UNKNOWN = 7
-
-    @property
-    def word(self) -> str:
-        """Lower-case word for files and tables, e.g. ``data_process``."""
-        return self.name.lower()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +44,10 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionSnapshot:
-    """One direction of a connection; ``cycle_*`` is the time between new data frames."""
+    """One direction of a connection; ``cycle_*`` is the time between new data frames.
+
+    ``right``, ``wrong`` and ``unchecked`` count frames by their CRCs (`fsoe_net.fsoe.Verdict`).
+    """
 
     command: int
     connection_id: int
@@ -70,6 +55,9 @@ class DirectionSnapshot:
     frames: int
     process_data: int
     failsafe_data: int
+    right: int
+    wrong: int
+    unchecked: int
     resets: int
     last_new_ns: int
     cycle_last_ns: int
@@ -85,6 +73,8 @@ class ConnectionSnapshot:
     state: OutsideState
     to_sub: DirectionSnapshot
     to_main: DirectionSnapshot
+    gaps: int
+    """Times the chain was lost and found again without a Reset: frames passed unseen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,10 +87,14 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoreEvent:
-    """A change of state the core has seen on the wire."""
+    """A change of state the core has seen on the wire.
+
+    ``by``: who began the reset, ``main`` or ``sub``; empty when it is none.
+    """
 
     now_ns: int
     connection: int
     before: OutsideState
     after: OutsideState
     reset_code: int
+    by: str

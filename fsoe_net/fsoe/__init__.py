@@ -7,9 +7,10 @@ argument. `fsoe_net.fsoe.replay` holds recorded runs against the engine.
 
 from fsoe_net.fsoe.chain import Chain, advance, fits_start, reset_frame
 from fsoe_net.fsoe.config import MainConfig, Parameters, SubConfig
-from fsoe_net.fsoe.crc import block_crc, frame_crcs, sra_crc
+from fsoe_net.fsoe.crc import block_crc, frame_crcs, solve_sequence, sra_crc
 from fsoe_net.fsoe.event import Event, EventKind, State
 from fsoe_net.fsoe.main_instance import MainInstance
+from fsoe_net.fsoe.monitor import DirectionCounts, Monitor, OutsideState, Verdict, outside_state
 from fsoe_net.fsoe.pdu import (
     SAFE_SIZES,
     Command,
@@ -29,16 +30,20 @@ __all__ = [
     "SAFE_SIZES",
     "Chain",
     "Command",
+    "DirectionCounts",
     "Event",
     "EventKind",
     "MainConfig",
     "MainInstance",
+    "Monitor",
+    "OutsideState",
     "Parameters",
     "Pdu",
     "ResetCode",
     "State",
     "SubConfig",
     "SubInstance",
+    "Verdict",
     "advance",
     "block_crc",
     "command_text",
@@ -48,8 +53,10 @@ __all__ = [
     "frame_crcs",
     "frame_length",
     "is_frame_length",
+    "outside_state",
     "reset_code_text",
     "reset_frame",
     "safe_data_length",
+    "solve_sequence",
     "sra_crc",
 ]

@@ -10,9 +10,10 @@ import struct
 
 import crcmod
 
-__all__ = ["block_crc", "frame_crcs", "sra_crc"]
+__all__ = ["block_crc", "frame_crcs", "solve_sequence", "sra_crc"]
 
-_crc16 = crcmod.mkCrcFun(0x139B7, initCrc=0, rev=False, xorOut=0)
+_POLYNOMIAL = 0x139B7
+_crc16 = crcmod.mkCrcFun(_POLYNOMIAL, initCrc=0, rev=False, xorOut=0)
 _crc32 = crcmod.mkCrcFun(0x1814141AB, initCrc=0, rev=False, xorOut=0)
 _HEAD = struct.Struct("<HHHB")
 _ZEROS = b"\0\0\0"
@@ -67,6 +68,26 @@ def frame_crcs(
             low, high = data[2 * block], data[2 * block + 1]
             crcs.append(head ^ _NUMBER[block] ^ _LOW[low] ^ _HIGH[high])
     return tuple(crcs)
+
+
+def solve_sequence(old: int, connection_id: int, command: int, data: bytes, crc: int) -> int:
+    """Return the one sequence number with which block 0 has this CRC; 0 is never used by FSoE.
+
+    The number enters the CRC through its two bytes, then the register is only shifted: what the
+    rest of the block leaves over, shifted back, is the number, low byte first.
+
+    Args:
+        old: CRC_0 of the frame before.
+        connection_id: Value of the frame's own ConnID field.
+        command: Command byte.
+        data: Safe data of the frame.
+        crc: CRC_0 of the frame.
+    """
+    rest = crc ^ frame_crcs(old, connection_id, 0, command, data)[0]
+    bytes_behind = 1 + min(len(data), 2) + len(_ZEROS)
+    for _ in range(16 + 8 * bytes_behind):
+        rest = (rest ^ _POLYNOMIAL) >> 1 if rest & 1 else rest >> 1
+    return (rest & 0xFF) << 8 | rest >> 8
 
 
 def sra_crc(data: bytes, start: int = 0) -> int:

@@ -33,7 +33,7 @@ static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statist
     }
     const _Atomic uint64_t *from = rt->snapshot.words;
     from = take(from, statistics, sizeof rt->statistics);
-    from = take(from, connections, rt->connection_count * sizeof *rt->connections);
+    from = take(from, connections, rt->connection_count * sizeof *connections);
     take(from, image, rt->image_bytes);
     /* The loads above may not sink below the second look at the sequence. */
     atomic_thread_fence(memory_order_acquire);

@@ -249,35 +249,36 @@ static fsn_status activate_copies(struct fsn_core *core, struct fsn_fault *fault
 
 static fsn_status watch(const struct fsn_core *core, uint32_t number, struct fsn_rt_watch *out,
                         struct fsn_fault *fault) {
-    struct fsn_copy_info copy;
-    const fsn_status status = fsn_plan_copy(core->plan, number, &copy);
-    if (status != FSN_OK || copy.size_bytes > sizeof out->last) {
-        return refuse_copy(fault, FSN_E_COPY_FRAME, number, NULL);
+    struct fsn_connection_info info;
+    fsn_status status = fsn_plan_connection(core->plan, number, &info);
+    const uint32_t copies[] = {info.copy_to_sub, info.copy_to_main};
+    uint32_t size_bytes[2];
+    for (unsigned way = 0; way < 2 && status == FSN_OK; way++) {
+        struct fsn_copy_info copy;
+        status = fsn_plan_copy(core->plan, copies[way], &copy);
+        if (status != FSN_OK) {
+            break;
+        }
+        out->offset[way] = core->layout.sm_base[copy.destination_sm] + copy.destination_byte;
+        size_bytes[way] = copy.size_bytes;
     }
-    out->offset = core->layout.sm_base[copy.destination_sm] + copy.destination_byte;
-    out->size_bytes = copy.size_bytes;
-    return FSN_OK;
+    if (status == FSN_OK) {
+        status = fsn_monitor_init(&out->monitor, size_bytes[FSN_TO_SUB], size_bytes[FSN_TO_MAIN]);
+    }
+    return status == FSN_OK ? FSN_OK : refuse_copy(fault, FSN_E_COPY_FRAME, copies[0], NULL);
 }
 
 static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_rt *rt = &core->rt;
     const uint32_t count = core->plan->count[FSN_SEC_CONNECTION];
-    rt->connections = calloc((size_t)count + 1, sizeof *rt->connections);
-    rt->watches = calloc(2 * (size_t)count + 1, sizeof *rt->watches);
-    if (rt->connections == NULL || rt->watches == NULL) {
+    rt->watches = calloc((size_t)count + 1, sizeof *rt->watches);
+    if (rt->watches == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
     rt->connection_count = count;
     fsn_status status = FSN_OK;
     for (uint32_t i = 0; i < count && status == FSN_OK; i++) {
-        struct fsn_connection_info info;
-        status = fsn_plan_connection(core->plan, i, &info);
-        if (status == FSN_OK) {
-            status = watch(core, info.copy_to_sub, &rt->watches[2 * i], fault);
-        }
-        if (status == FSN_OK) {
-            status = watch(core, info.copy_to_main, &rt->watches[2 * i + 1], fault);
-        }
+        status = watch(core, i, &rt->watches[i], fault);
     }
     return status;
 }
@@ -359,7 +360,7 @@ static size_t words(size_t bytes) {
 static fsn_status activate_snapshot(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_rt *rt = &core->rt;
     const size_t count = words(sizeof rt->statistics) +
-                         words(rt->connection_count * sizeof *rt->connections) +
+                         words(rt->connection_count * sizeof(struct fsn_connection_status)) +
                          words(rt->image_bytes);
     rt->snapshot.words = calloc(count, sizeof *rt->snapshot.words);
     if (rt->snapshot.words == NULL) {

@@ -44,7 +44,6 @@ void fsn_core_free(struct fsn_core *core) {
     }
     free(core->copies);
     free(core->groups);
-    free(core->rt.connections);
     free(core->rt.watches);
     free(core->rt.outputs);
     free(core->active);

@@ -1,12 +1,8 @@
 /** The proofs of docs/reference/plan-format.md, “What a reader proves again”, second half: what
  * moves between the SubDevices. Blocks and copies are sorted, so every overlap shows at a neighbour
  * or by bisection: O(n log n) whatever the file says. */
+#include "fsn/fsoe.h"
 #include "plan_internal.h"
-
-static bool is_frame(uint32_t size_bytes) {
-    return size_bytes == 6 ||
-           (size_bytes >= 7 && size_bytes <= FSN_MAX_FRAME_BYTES && size_bytes % 4 == 3);
-}
 
 static uint32_t safe_bytes_of(uint32_t frame_bytes) {
     return frame_bytes == 6 ? 1 : (frame_bytes - 3) / 2;
@@ -24,7 +20,7 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
         if (sm >= plan->count[FSN_SEC_SM]) {
             return fsn_no(&at, FSN_E_PLAN_REFERENCE, 0, "the block's sync manager does not exist");
         }
-        if (!is_frame(frame) || fsn_get16(r + 10) != safe_bytes_of(frame)) {
+        if (!fsn_fsoe_is_frame_length(frame) || fsn_get16(r + 10) != safe_bytes_of(frame)) {
             return fsn_no(&at, FSN_E_PLAN_VALUE, 8,
                           "an FSoE frame has 6 bytes or 3 + 4 k up to 255, and safe data to match");
         }
@@ -139,7 +135,7 @@ static fsn_status prove_copy_frame(const struct fsn_at *at) {
     const uint8_t *r = fsn_record(at->plan, at->section, at->number);
     const uint32_t size = fsn_get32(r + 16) / 8;
     const bool fsoe = fsn_get16(r + 24) == FSN_COPY_FSOE;
-    if (fsoe && !is_frame(size)) {
+    if (fsoe && !fsn_fsoe_is_frame_length(size)) {
         return fsn_no(at, FSN_E_COPY_FRAME, 16, "no FSoE frame has this length");
     }
     for (uint32_t field = 0; field <= 8; field += 8) {

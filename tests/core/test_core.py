@@ -7,8 +7,9 @@ import gc
 import pytest
 from networks import example
 
-from fsoe_net.core import Core, CorePlan, EmulatedBus, OutsideState
+from fsoe_net.core import Core, CorePlan, EmulatedBus
 from fsoe_net.errors import CoreError, CoreMissing, PlanFormatError
+from fsoe_net.fsoe import OutsideState
 from fsoe_net.plan import compile_plan
 
 

@@ -8,8 +8,9 @@ from core.rig import Rig, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.core import Core, EmulatedBus, OutsideState
+from fsoe_net.core import Core, EmulatedBus
 from fsoe_net.errors import CoreError
+from fsoe_net.fsoe import OutsideState
 
 RESET = bytes([0x2A, 5, 1, 2, 7, 0])
 SESSION = bytes([0x4E, 1, 1, 2, 7, 0])

@@ -153,15 +153,15 @@ def test_usage_is_exit_code_2(fsn, arguments: tuple[str, ...]):
 
 
 def test_missing_core_is_exit_code_3(fsn, monkeypatch: pytest.MonkeyPatch):
-    import fsoe_net.core.core as core
+    from fsoe_net.core import module
 
-    core._module.cache_clear()
+    module.compiled.cache_clear()
     monkeypatch.setitem(sys.modules, "fsoe_net.core._core", None)
     monkeypatch.delattr("fsoe_net.core._core", raising=False)
     try:
         code, out, err = fsn(NETWORK, "--virtual-time")
     finally:
-        core._module.cache_clear()
+        module.compiled.cache_clear()
     assert (code, out) == (3, "")
     assert "the compiled part of fsoe-net is missing" in err
 

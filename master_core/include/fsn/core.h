@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "fsn/bus.h"
+#include "fsn/monitor.h"
 #include "fsn/plan.h"
 
 #ifdef __cplusplus
@@ -14,18 +15,6 @@ extern "C" {
 #endif
 
 struct fsn_core;
-
-/** State of a connection as seen from outside, from the commands in both directions. */
-enum fsn_outside {
-    FSN_OUTSIDE_SILENT = 0, /**< no frame in at least one direction */
-    FSN_OUTSIDE_RESET = 1,
-    FSN_OUTSIDE_SESSION = 2,
-    FSN_OUTSIDE_CONNECTION = 3,
-    FSN_OUTSIDE_PARAMETER = 4,
-    FSN_OUTSIDE_DATA_FAILSAFE = 5, /**< FailSafeData in at least one direction */
-    FSN_OUTSIDE_DATA_PROCESS = 6,  /**< ProcessData in both directions */
-    FSN_OUTSIDE_UNKNOWN = 7        /**< a command no FSoE frame has */
-};
 
 enum { FSN_LATENCY_BUCKETS = 32 };
 
@@ -51,34 +40,13 @@ struct fsn_statistics {
     uint32_t latency[FSN_LATENCY_BUCKETS]; /**< bucket n counts latencies in [2^(n-1), 2^n) ns */
 };
 
-/** One direction of a connection, observed. Index 0 is main to sub, 1 is sub to main. */
-struct fsn_direction {
-    uint64_t frames;        /**< new frames: any byte differs from the one before */
-    uint64_t process_data;  /**< of these, ProcessData */
-    uint64_t failsafe_data; /**< of these, FailSafeData */
-    uint64_t resets;        /**< times a Reset began: Reset after another command */
-    uint64_t last_new_ns;   /**< time of the last new frame */
-    uint64_t interval_last_ns, interval_min_ns, interval_max_ns; /**< between new data frames */
-    uint64_t interval_sum_ns, intervals;
-    uint16_t connection_id; /**< last two bytes of the frame */
-    uint8_t command;        /**< first byte of the frame */
-    uint8_t reset_code;     /**< data byte of the last Reset */
-};
-
-/** A connection, observed. */
-struct fsn_connection_status {
-    struct fsn_direction direction[2];
-    uint32_t outside; /**< enum fsn_outside */
-    uint32_t reserved;
-};
-
 /** One change of state. */
 struct fsn_event {
     uint64_t now_ns;       /**< start of the cycle that saw it, nanoseconds */
     uint32_t connection;   /**< its number in the plan */
     uint8_t before, after; /**< enum fsn_outside */
-    uint8_t reset_code;    /**< when `after` is a reset: its code, of the main if both send one */
-    uint8_t reserved;
+    uint8_t reset_code;    /**< when `after` is a reset: the code of the end that began it */
+    uint8_t by;            /**< when `after` is a reset: who began it, enum fsn_way + 1; else 0 */
 };
 
 /** How the cyclic thread runs. Zero is a good value for every field but cycle_ns. */

@@ -5,6 +5,8 @@
 #include "fsn/bus.h"
 #include "fsn/core.h"
 #include "fsn/emulated.h"
+#include "fsn/fsoe.h"
+#include "fsn/monitor.h"
 #include "fsn/plan.h"
 #include "fsn/status.h"
 #include "fsn/version.h"

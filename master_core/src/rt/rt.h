@@ -23,11 +23,10 @@ struct fsn_rt_group {
     uint32_t size_bytes, first, count;
 };
 
-/** One observed frame: where it lies after the copy, and the bytes seen last. */
+/** One observed connection. */
 struct fsn_rt_watch {
-    uint32_t offset, size_bytes;
-    bool seen; /**< any frame yet; an empty image is none */
-    uint8_t last[FSN_MAX_FRAME_BYTES];
+    uint32_t offset[2]; /**< where its frames lie after the copy, enum fsn_way */
+    struct fsn_monitor monitor;
 };
 
 /** Bits of the image that a symbol names. */
@@ -65,8 +64,7 @@ struct fsn_rt {
     uint32_t group_count;
     uint64_t bytes_per_cycle;
 
-    struct fsn_rt_watch *watches; /**< two per connection: main to sub, sub to main */
-    struct fsn_connection_status *connections;
+    struct fsn_rt_watch *watches; /**< one per connection */
     uint32_t connection_count;
 
     struct fsn_rt_output *outputs; /**< one per symbol */

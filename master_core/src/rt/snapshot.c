@@ -25,7 +25,9 @@ void fsn_rt_publish(struct fsn_rt *rt) {
     atomic_store_explicit(&s->sequence, sequence + 1, memory_order_relaxed);
     atomic_thread_fence(memory_order_release);
     _Atomic uint64_t *words = put(s->words, &rt->statistics, sizeof rt->statistics);
-    words = put(words, rt->connections, rt->connection_count * sizeof *rt->connections);
+    for (uint32_t c = 0; c < rt->connection_count; c++) {
+        words = put(words, &rt->watches[c].monitor.status, sizeof rt->watches->monitor.status);
+    }
     put(words, rt->image, rt->image_bytes);
     atomic_store_explicit(&s->sequence, sequence + 2, memory_order_release);
 }

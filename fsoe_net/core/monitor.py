@@ -1,0 +1,93 @@
+"""The passive monitor of the C core: `fsoe_net.fsoe.Monitor`, only faster."""
+
+from __future__ import annotations
+
+from fsoe_net.core.module import compiled
+from fsoe_net.errors import PduSizeError
+from fsoe_net.fsoe import DirectionCounts, OutsideState, Verdict, frame_length
+
+__all__ = ["CoreMonitor", "frame_fits", "frame_sequence"]
+
+_VERDICTS = tuple(Verdict)
+
+
+class CoreMonitor:
+    """Follows both directions of one connection; index 0 is main to sub, 1 is sub to main.
+
+    Args:
+        safe_out_bytes: Safe data bytes from main to sub.
+        safe_in_bytes: Safe data bytes from sub to main.
+
+    Raises:
+        CoreMissing: The compiled part is not there.
+    """
+
+    def __init__(self, safe_out_bytes: int, safe_in_bytes: int) -> None:
+        ffi, self._lib = compiled()
+        self._sizes = frame_length(safe_out_bytes), frame_length(safe_in_bytes)
+        self._monitor = ffi.new("struct fsn_monitor *")
+        self._lib.fsn_monitor_init(self._monitor, *self._sizes)
+
+    @property
+    def state(self) -> OutsideState:
+        """State of the connection as seen from outside."""
+        return OutsideState(self._monitor.status.outside)
+
+    @property
+    def gaps(self) -> int:
+        """Times the chain was lost and found again without a Reset: frames passed unseen."""
+        return int(self._monitor.status.gaps)
+
+    def counts(self, direction: int) -> DirectionCounts:
+        """Return the counters of a direction as they are now."""
+        d = self._monitor.status.direction[direction]
+        return DirectionCounts(
+            frames=d.frames,
+            right=d.right,
+            wrong=d.wrong,
+            unchecked=d.unchecked,
+            resets=d.resets,
+            command=d.command,
+            connection_id=d.connection_id,
+            reset_code=d.reset_code,
+            last_new_ns=d.last_new_ns,
+        )
+
+    def sequence(self, direction: int) -> int:
+        """Return the number of the next frame of a direction, 0 while it is not known."""
+        return int(self._monitor.followed[direction].sequence)
+
+    def frame(self, direction: int, data: bytes, now_ns: int) -> Verdict:
+        """Look at what lies in the image of one direction; see `fsoe_net.fsoe.Monitor.frame`.
+
+        Raises:
+            PduSizeError: No FSoE frame of this direction has this length.
+        """
+        if len(data) != self._sizes[direction]:
+            raise PduSizeError(f"{len(data)} bytes; frames here have {self._sizes[direction]}")
+        verdict: int = self._lib.fsn_monitor_frame(self._monitor, direction, data, now_ns)
+        return _VERDICTS[verdict]
+
+
+def frame_fits(data: bytes, old: int, sequence: int) -> bool:
+    """Whether all CRCs of a frame are right for this old CRC and sequence number.
+
+    Raises:
+        CoreMissing: The compiled part is not there.
+    """
+    _, lib = compiled()
+    return bool(lib.fsn_fsoe_check(data, len(data), old, sequence))
+
+
+def frame_sequence(data: bytes, old: int) -> int:
+    """Return the one sequence number for which CRC_0 of a frame is right.
+
+    Args:
+        data: A frame of a length FSoE has.
+        old: CRC_0 of the frame before.
+
+    Raises:
+        CoreMissing: The compiled part is not there.
+    """
+    _, lib = compiled()
+    return int(lib.fsn_fsoe_solve_sequence(data, len(data), old))

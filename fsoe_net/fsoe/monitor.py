@@ -1,0 +1,290 @@
+"""Follows a connection from outside, from any point in time; never sends.
+
+The C core does the same for the live bus (`fsn_monitor`); a test holds the two together. Verdicts
+rest on the chain (§3): once old CRC and sequence number are known, every CRC of every frame can be
+recomputed. They are known after a Reset or Session, or found: for a given old CRC exactly one
+number makes CRC_0 right, so two successive numbers of one direction show that the chain was found.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from fsoe_net.errors import PduSizeError
+from fsoe_net.fsoe.chain import advance, fits_start
+from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
+from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
+
+__all__ = ["DirectionCounts", "Monitor", "OutsideState", "Verdict", "outside_state"]
+
+
+class Verdict(enum.IntEnum):
+    """What was found out about one frame; values are those of the C core."""
+
+    SAME = 0
+    """The bytes seen last, so no event (§10)."""
+    RIGHT = 1
+    """Every CRC fits the chain."""
+    WRONG = 2
+    """A CRC does not fit."""
+    UNCHECKED = 3
+    """The chain is not known yet, or frames were missed."""
+
+
+class OutsideState(enum.IntEnum):
+    """State of a connection as the commands on the wire show it; values are those of the core."""
+
+    SILENT = 0
+    RESET = 1
+    SESSION = 2
+    CONNECTION = 3
+    PARAMETER = 4
+    DATA_FAILSAFE = 5
+    DATA_PROCESS = 6
+    UNKNOWN = 7
+
+    @property
+    def word(self) -> str:
+        """Lower-case word for files and tables, e.g. ``data_process``."""
+        return self.name.lower()
+
+
+_DATA = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
+_LAGGING = (
+    (Command.RESET, OutsideState.RESET),
+    (Command.SESSION, OutsideState.SESSION),
+    (Command.CONNECTION, OutsideState.CONNECTION),
+    (Command.PARAMETER, OutsideState.PARAMETER),
+)
+
+
+def outside_state(to_sub: int, to_main: int) -> OutsideState:
+    """Return the state which the last commands of both directions show; the end behind decides.
+
+    Args:
+        to_sub: Last command of the main, 0 before any.
+        to_main: Last command of the sub, 0 before any.
+    """
+    if to_sub == 0 or to_main == 0:
+        return OutsideState.SILENT
+    for command, state in _LAGGING:
+        if command in (to_sub, to_main):
+            return state
+    if to_sub == to_main == Command.PROCESS_DATA:
+        return OutsideState.DATA_PROCESS
+    if to_sub in _DATA and to_main in _DATA:
+        return OutsideState.DATA_FAILSAFE
+    return OutsideState.UNKNOWN
+
+
+@dataclass(slots=True, kw_only=True)
+class DirectionCounts:
+    """One direction of a connection, observed.
+
+    Attributes:
+        frames: New frames: any byte differs from the one before.
+        right: Of these, frames whose CRCs fit the chain.
+        wrong: Of these, frames with a CRC that does not fit.
+        unchecked: Of these, frames seen while the chain was not known.
+        resets: Times a Reset began: Reset after another command.
+        command: First byte of the last frame.
+        connection_id: Last two bytes of the last frame.
+        reset_code: Code in the last Reset.
+        last_new_ns: Time of the last new frame.
+    """
+
+    frames: int = 0
+    right: int = 0
+    wrong: int = 0
+    unchecked: int = 0
+    resets: int = 0
+    command: int = 0
+    connection_id: int = 0
+    reset_code: int = 0
+    last_new_ns: int = 0
+
+
+@dataclass(slots=True)
+class _Side:
+    """What is known of the chain in one direction; 0 is "not known" for both numbers."""
+
+    last: bytes
+    own: int | None = None  # CRC_0 of its last frame, for the collision rule
+    sequence: int = 0  # number of its next frame
+    guess: int = 0  # number of its next frame, if the solved one was right
+    counts: DirectionCounts = field(default_factory=DirectionCounts)
+
+
+class Monitor:
+    """Follows both directions of one connection; index 0 is main to sub, 1 is sub to main.
+
+    Args:
+        safe_out_bytes: Safe data bytes from main to sub.
+        safe_in_bytes: Safe data bytes from sub to main.
+
+    Attributes:
+        gaps: Times the chain was lost and found again without a Reset: frames passed unseen, and
+            the frame counted as wrong or unchecked at that point was none of the channel's faults.
+    """
+
+    def __init__(self, safe_out_bytes: int, safe_in_bytes: int) -> None:
+        self.gaps = 0
+        self._sides = (
+            _Side(bytes(frame_length(safe_out_bytes))),
+            _Side(bytes(frame_length(safe_in_bytes))),
+        )
+        self._last_crc = 0  # CRC_0 of the last frame of either direction
+        self._last_direction: int | None = None  # who sent it
+        self._lost = False  # the chain was known, and no Reset has come since
+
+    @property
+    def state(self) -> OutsideState:
+        """State of the connection as seen from outside."""
+        return outside_state(*(side.counts.command for side in self._sides))
+
+    def counts(self, direction: int) -> DirectionCounts:
+        """Return the counters of a direction; they go on counting."""
+        return self._sides[direction].counts
+
+    def sequence(self, direction: int) -> int:
+        """Return the number of the next frame of a direction, 0 while it is not known."""
+        return self._sides[direction].sequence
+
+    def frame(self, direction: int, data: bytes, now_ns: int) -> Verdict:
+        """Look at what lies in the image of one direction.
+
+        Args:
+            direction: 0 main to sub, 1 sub to main.
+            data: The bytes, as long as the frames of this direction.
+            now_ns: Time of the observation.
+
+        Raises:
+            PduSizeError: No FSoE frame of this direction has this length.
+        """
+        side = self._sides[direction]
+        if data == side.last:
+            return Verdict.SAME
+        if len(data) != len(side.last):
+            raise PduSizeError(f"{len(data)} bytes; frames here have {len(side.last)}")
+        side.last = bytes(data)
+        pdu = decode_pdu(side.last)
+        counts = side.counts
+        _count(counts, pdu, now_ns)
+        verdict = self._judge(direction, pdu)
+        counts.right += verdict is Verdict.RIGHT
+        counts.wrong += verdict is Verdict.WRONG
+        counts.unchecked += verdict is Verdict.UNCHECKED
+        return verdict
+
+    def _judge(self, direction: int, pdu: Pdu) -> Verdict:
+        if pdu.command == Command.RESET:
+            self._clear()
+            right = pdu.connection_id == 0 and fits_start(pdu)
+            return Verdict.RIGHT if right else Verdict.WRONG
+        if pdu.command == Command.SESSION:
+            return self._session(direction, pdu)
+        if self._last_direction == direction:
+            self._lose(direction, pdu)  # the answer passed unseen
+            return Verdict.UNCHECKED
+        if self._sides[direction].sequence == 0:
+            return self._search(direction, pdu)
+        if self._fits(direction, pdu):
+            return Verdict.RIGHT
+        self._lose(direction, pdu)
+        return Verdict.WRONG
+
+    def _clear(self) -> None:
+        """§3: at every Reset, right or wrong, and when the main starts a session."""
+        for side in self._sides:
+            side.own, side.sequence, side.guess = None, 1, 0
+        self._last_crc, self._last_direction, self._lost = 0, None, False
+
+    def _session(self, direction: int, pdu: Pdu) -> Verdict:
+        """Take a Session frame; the main's first one starts the chain anew at any time (§6 row 9).
+
+        One that does not fit leaves a known chain alone: the reply to a session given up before is
+        ignored by a main as well (§5 row 11).
+        """
+        side = self._sides[direction]
+        if side.sequence and self._fits(direction, pdu):
+            return Verdict.RIGHT
+        if direction == 0 and fits_start(pdu):
+            self._clear()
+            self._accept(0, pdu.crcs[0], 1)
+            return Verdict.RIGHT
+        if side.sequence:
+            return Verdict.WRONG
+        self._last_crc, self._last_direction = pdu.crcs[0], direction
+        return Verdict.UNCHECKED
+
+    def _fits(self, direction: int, pdu: Pdu) -> bool:
+        """Check all CRCs with the known number (§3) and go on in the chain."""
+        side = self._sides[direction]
+        sequence = side.sequence
+        crcs = self._crcs(pdu, sequence)
+        if crcs[0] == side.own:  # collision rule
+            sequence = advance(sequence)
+            crcs = self._crcs(pdu, sequence)
+        if crcs != pdu.crcs:
+            return False
+        self._accept(direction, crcs[0], sequence)
+        return True
+
+    def _crcs(self, pdu: Pdu, sequence: int) -> tuple[int, ...]:
+        return frame_crcs(self._last_crc, pdu.connection_id, sequence, pdu.command, pdu.safe_data)
+
+    def _accept(self, direction: int, crc: int, sequence: int) -> None:
+        side = self._sides[direction]
+        side.own = self._last_crc = crc
+        side.sequence = advance(sequence)
+        self._last_direction = direction
+
+    def _lose(self, direction: int, pdu: Pdu) -> None:
+        """Forget the numbers; the search begins with the next frame of the other direction."""
+        self._lost |= any(side.sequence for side in self._sides)
+        for side in self._sides:
+            side.own, side.sequence, side.guess = None, 0, 0
+        self._sides[direction].own = self._last_crc = pdu.crcs[0]
+        self._last_direction = direction
+
+    def _search(self, direction: int, pdu: Pdu) -> Verdict:
+        """Solve for the number; a second one that follows the first shows that it is right."""
+        side = self._sides[direction]
+        sequence = (
+            0
+            if self._last_direction is None
+            else solve_sequence(
+                self._last_crc, pdu.connection_id, pdu.command, pdu.safe_data, pdu.crcs[0]
+            )
+        )
+        whole = sequence == 0 or self._crcs(pdu, sequence) == pdu.crcs
+        found = whole and sequence != 0 and self._continues(side, pdu, sequence)
+        side.own = self._last_crc = pdu.crcs[0]
+        self._last_direction = direction
+        side.guess = advance(sequence) if sequence and whole else 0
+        if not whole:
+            return Verdict.WRONG  # the blocks do not fit each other, whatever the chain is
+        if not found:
+            return Verdict.UNCHECKED
+        side.sequence, side.guess = side.guess, 0
+        self.gaps += self._lost
+        self._lost = False
+        return Verdict.RIGHT
+
+    def _continues(self, side: _Side, pdu: Pdu, sequence: int) -> bool:
+        if sequence == side.guess or side.guess == 0:
+            return side.guess != 0
+        collides = self._crcs(pdu, side.guess)[0] == side.own
+        return collides and sequence == advance(side.guess)
+
+
+def _count(counts: DirectionCounts, pdu: Pdu, now_ns: int) -> None:
+    counts.frames += 1
+    counts.last_new_ns = now_ns
+    if pdu.command == Command.RESET:
+        # One Reset may be several frames in a row; only its begin counts.
+        counts.resets += counts.command != Command.RESET
+        counts.reset_code = pdu.safe_data[0]
+    counts.command = pdu.command
+    counts.connection_id = pdu.connection_id

@@ -1,0 +1,104 @@
+/** Follows a connection from outside, from any point in time; never changes a byte. */
+#ifndef FSN_MONITOR_H
+#define FSN_MONITOR_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fsn/fsoe.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** State of a connection as seen from outside, from the commands in both directions. */
+enum fsn_outside {
+    FSN_OUTSIDE_SILENT = 0, /**< no frame in at least one direction */
+    FSN_OUTSIDE_RESET = 1,
+    FSN_OUTSIDE_SESSION = 2,
+    FSN_OUTSIDE_CONNECTION = 3,
+    FSN_OUTSIDE_PARAMETER = 4,
+    FSN_OUTSIDE_DATA_FAILSAFE = 5, /**< FailSafeData in at least one direction */
+    FSN_OUTSIDE_DATA_PROCESS = 6,  /**< ProcessData in both directions */
+    FSN_OUTSIDE_UNKNOWN = 7        /**< a command no FSoE frame has */
+};
+
+/** What was found out about one frame. */
+enum fsn_verdict {
+    FSN_VERDICT_SAME = 0,     /**< the bytes seen last, so no event */
+    FSN_VERDICT_RIGHT = 1,    /**< every CRC fits the chain */
+    FSN_VERDICT_WRONG = 2,    /**< a CRC does not fit */
+    FSN_VERDICT_UNCHECKED = 3 /**< the chain is not known yet, or frames were missed */
+};
+
+/** Direction of a frame, and index of fsn_connection_status.direction. */
+enum fsn_way { FSN_TO_SUB = 0, FSN_TO_MAIN = 1 };
+
+/** One direction of a connection, observed. */
+struct fsn_direction {
+    uint64_t frames;        /**< new frames: any byte differs from the one before */
+    uint64_t process_data;  /**< of these, ProcessData */
+    uint64_t failsafe_data; /**< of these, FailSafeData */
+    uint64_t right;         /**< of the frames, those whose CRCs fit the chain */
+    uint64_t wrong;         /**< of the frames, those with a CRC that does not fit */
+    uint64_t unchecked;     /**< of the frames, those seen while the chain was not known */
+    uint64_t resets;        /**< times a Reset began: Reset after another command */
+    uint64_t last_new_ns;   /**< time of the last new frame */
+    uint64_t interval_last_ns, interval_min_ns, interval_max_ns; /**< between new data frames */
+    uint64_t interval_sum_ns, intervals;
+    uint16_t connection_id; /**< last two bytes of the frame */
+    uint8_t command;        /**< first byte of the frame */
+    uint8_t reset_code;     /**< data byte of the last Reset */
+};
+
+/** A connection, observed. */
+struct fsn_connection_status {
+    struct fsn_direction direction[2]; /**< enum fsn_way */
+    uint32_t outside;                  /**< enum fsn_outside */
+    /** Times the chain was lost and found again without a Reset: frames passed unseen, and the
+     *  frame counted as wrong or unchecked at that point was no fault of the channel. */
+    uint32_t gaps;
+};
+
+/** One direction as the monitor remembers it; 0 is "not known" for both numbers. */
+struct fsn_followed {
+    uint32_t size_bytes;
+    uint16_t sequence; /**< number of the next frame */
+    uint16_t guess;    /**< number of the next frame, if the solved one was right */
+    uint16_t own;      /**< CRC_0 of the last frame, for the collision rule (§3) */
+    bool has_own;
+    uint8_t last[FSN_MAX_FRAME_BYTES];
+};
+
+/** A connection being followed: `status` to read, the rest the monitor's own. Holds no pointer and
+ *  may be copied. */
+struct fsn_monitor {
+    struct fsn_connection_status status;
+    struct fsn_followed followed[2];
+    uint16_t last_crc; /**< CRC_0 of the last frame of either direction */
+    uint8_t last_way;  /**< who sent it; 2: nobody */
+    bool lost;         /**< the chain was known, and no Reset has come since */
+};
+
+/** Begins to follow a connection.
+ *  @param[in] to_sub_bytes, to_main_bytes  lengths of the frames, of those FSoE has.
+ *  @retval FSN_E_ARG  no FSoE frame has such a length.
+ *  Context: any thread. RT-safe. */
+FSN_API FSN_MUST_USE fsn_status fsn_monitor_init(struct fsn_monitor *monitor, uint32_t to_sub_bytes,
+                                                 uint32_t to_main_bytes);
+
+/** Looks at what lies in the image of one direction. An image of zeros before the first frame is
+ *  no frame.
+ *  @param[in] way     enum fsn_way.
+ *  @param[in] frame   as many bytes as fsn_monitor_init() was told for this direction.
+ *  @param[in] now_ns  time of the observation, nanoseconds; any clock, never decreasing.
+ *  Context: the thread that owns the monitor. RT-safe: no allocation, lock or system call.
+ *  Cost: O(length). */
+FSN_API enum fsn_verdict fsn_monitor_frame(struct fsn_monitor *monitor, enum fsn_way way,
+                                           const uint8_t *frame, uint64_t now_ns);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

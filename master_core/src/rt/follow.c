@@ -1,0 +1,222 @@
+/** The passive monitor of one connection: fsoe_net/fsoe/monitor.py line by line, which a test holds
+ *  against it. */
+#include "fsn/monitor.h"
+
+#include <string.h>
+
+enum { NOBODY = 2 };
+
+static uint16_t advance(uint16_t sequence) {
+    return sequence == 0xFFFF ? 1 : (uint16_t)(sequence + 1);
+}
+
+/** The end that lags decides: a connection is in Data when both are. */
+static enum fsn_outside outside(uint8_t to_sub, uint8_t to_main) {
+    if (to_sub == 0 || to_main == 0) {
+        return FSN_OUTSIDE_SILENT;
+    }
+    static const uint8_t order[] = {FSN_CMD_RESET, FSN_CMD_SESSION, FSN_CMD_CONNECTION,
+                                    FSN_CMD_PARAMETER};
+    static const enum fsn_outside state[] = {FSN_OUTSIDE_RESET, FSN_OUTSIDE_SESSION,
+                                             FSN_OUTSIDE_CONNECTION, FSN_OUTSIDE_PARAMETER};
+    for (unsigned i = 0; i < sizeof order; i++) {
+        if (to_sub == order[i] || to_main == order[i]) {
+            return state[i];
+        }
+    }
+    if (to_sub == FSN_CMD_PROCESS_DATA && to_main == FSN_CMD_PROCESS_DATA) {
+        return FSN_OUTSIDE_DATA_PROCESS;
+    }
+    const bool data = (to_sub == FSN_CMD_PROCESS_DATA || to_sub == FSN_CMD_FAILSAFE_DATA) &&
+                      (to_main == FSN_CMD_PROCESS_DATA || to_main == FSN_CMD_FAILSAFE_DATA);
+    return data ? FSN_OUTSIDE_DATA_FAILSAFE : FSN_OUTSIDE_UNKNOWN;
+}
+
+static void count_interval(struct fsn_direction *d, uint64_t interval_ns) {
+    d->interval_last_ns = interval_ns;
+    d->interval_sum_ns += interval_ns;
+    if (d->intervals == 0 || interval_ns < d->interval_min_ns) {
+        d->interval_min_ns = interval_ns;
+    }
+    if (interval_ns > d->interval_max_ns) {
+        d->interval_max_ns = interval_ns;
+    }
+    d->intervals++;
+}
+
+/** Takes a new frame into the counters of its direction. */
+static void count_frame(struct fsn_direction *d, const uint8_t *frame, uint32_t size_bytes,
+                        uint64_t now_ns) {
+    const bool was_data = d->command == FSN_CMD_PROCESS_DATA || d->command == FSN_CMD_FAILSAFE_DATA;
+    const bool is_data = frame[0] == FSN_CMD_PROCESS_DATA || frame[0] == FSN_CMD_FAILSAFE_DATA;
+    if (was_data && is_data) {
+        count_interval(d, now_ns - d->last_new_ns);
+    }
+    d->frames++;
+    d->last_new_ns = now_ns;
+    d->connection_id = fsn_fsoe_connection_id(frame, size_bytes);
+    d->process_data += frame[0] == FSN_CMD_PROCESS_DATA;
+    d->failsafe_data += frame[0] == FSN_CMD_FAILSAFE_DATA;
+    if (frame[0] == FSN_CMD_RESET) {
+        /* One Reset may be several frames in a row; only its begin counts. */
+        d->resets += d->command != FSN_CMD_RESET;
+        d->reset_code = frame[1];
+    }
+    d->command = frame[0];
+}
+
+/** §3: at every Reset, right or wrong, and when the main starts a session. */
+static void clear_chain(struct fsn_monitor *m) {
+    for (unsigned way = 0; way < 2; way++) {
+        m->followed[way].has_own = false;
+        m->followed[way].sequence = 1;
+        m->followed[way].guess = 0;
+    }
+    m->last_crc = 0;
+    m->last_way = NOBODY;
+    m->lost = false;
+}
+
+static void remember(struct fsn_monitor *m, unsigned way, uint16_t crc) {
+    struct fsn_followed *f = &m->followed[way];
+    f->own = crc;
+    f->has_own = true;
+    m->last_crc = crc;
+    m->last_way = (uint8_t)way;
+}
+
+/** Checks all CRCs with the known number (§3) and goes on in the chain. */
+static bool fits(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
+    struct fsn_followed *f = &m->followed[way];
+    uint16_t sequence = f->sequence;
+    const uint16_t crc = fsn_fsoe_expected_crc0(frame, f->size_bytes, m->last_crc, sequence);
+    if (f->has_own && crc == f->own) { /* collision rule */
+        sequence = advance(sequence);
+    }
+    if (!fsn_fsoe_check(frame, f->size_bytes, m->last_crc, sequence)) {
+        return false;
+    }
+    remember(m, way, fsn_fsoe_crc0(frame, f->size_bytes));
+    f->sequence = advance(sequence);
+    return true;
+}
+
+/** Forgets the numbers; the search begins with the next frame of the other direction. */
+static void lose(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
+    m->lost |= m->followed[0].sequence != 0 || m->followed[1].sequence != 0;
+    for (unsigned i = 0; i < 2; i++) {
+        m->followed[i].has_own = false;
+        m->followed[i].sequence = 0;
+        m->followed[i].guess = 0;
+    }
+    remember(m, way, fsn_fsoe_crc0(frame, m->followed[way].size_bytes));
+}
+
+/** The main's first Session frame starts the chain anew at any time (§6 row 9). One that does not
+ *  fit leaves a known chain alone: the reply to a session given up before is ignored by a main as
+ *  well (§5 row 11). */
+static enum fsn_verdict take_session(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
+    struct fsn_followed *f = &m->followed[way];
+    if (f->sequence != 0 && fits(m, way, frame)) {
+        return FSN_VERDICT_RIGHT;
+    }
+    if (way == FSN_TO_SUB && fsn_fsoe_check(frame, f->size_bytes, 0, 1)) {
+        clear_chain(m);
+        remember(m, way, fsn_fsoe_crc0(frame, f->size_bytes));
+        f->sequence = 2;
+        return FSN_VERDICT_RIGHT;
+    }
+    if (f->sequence != 0) {
+        return FSN_VERDICT_WRONG;
+    }
+    m->last_crc = fsn_fsoe_crc0(frame, f->size_bytes);
+    m->last_way = (uint8_t)way;
+    return FSN_VERDICT_UNCHECKED;
+}
+
+static bool continues(const struct fsn_monitor *m, const struct fsn_followed *f,
+                      const uint8_t *frame, uint16_t sequence) {
+    if (sequence == f->guess || f->guess == 0) {
+        return f->guess != 0;
+    }
+    const uint16_t crc = fsn_fsoe_expected_crc0(frame, f->size_bytes, m->last_crc, f->guess);
+    return f->has_own && crc == f->own && sequence == advance(f->guess);
+}
+
+/** Solves for the number; a second one that follows the first shows that it is right. */
+static enum fsn_verdict search(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
+    struct fsn_followed *f = &m->followed[way];
+    const uint16_t sequence =
+        m->last_way == NOBODY ? 0 : fsn_fsoe_solve_sequence(frame, f->size_bytes, m->last_crc);
+    const bool whole = sequence == 0 || fsn_fsoe_check(frame, f->size_bytes, m->last_crc, sequence);
+    const bool found = whole && sequence != 0 && continues(m, f, frame, sequence);
+    remember(m, way, fsn_fsoe_crc0(frame, f->size_bytes));
+    f->guess = whole && sequence != 0 ? advance(sequence) : 0;
+    if (!whole) {
+        return FSN_VERDICT_WRONG; /* the blocks do not fit each other, whatever the chain is */
+    }
+    if (!found) {
+        return FSN_VERDICT_UNCHECKED;
+    }
+    f->sequence = f->guess;
+    f->guess = 0;
+    m->status.gaps += m->lost;
+    m->lost = false;
+    return FSN_VERDICT_RIGHT;
+}
+
+static enum fsn_verdict judge(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
+    const uint32_t size_bytes = m->followed[way].size_bytes;
+    if (frame[0] == FSN_CMD_RESET) {
+        clear_chain(m);
+        const bool right = fsn_fsoe_connection_id(frame, size_bytes) == 0 &&
+                           fsn_fsoe_check(frame, size_bytes, 0, 1);
+        return right ? FSN_VERDICT_RIGHT : FSN_VERDICT_WRONG;
+    }
+    if (frame[0] == FSN_CMD_SESSION) {
+        return take_session(m, way, frame);
+    }
+    if (m->last_way == way) { /* the answer passed unseen */
+        lose(m, way, frame);
+        return FSN_VERDICT_UNCHECKED;
+    }
+    if (m->followed[way].sequence == 0) {
+        return search(m, way, frame);
+    }
+    if (fits(m, way, frame)) {
+        return FSN_VERDICT_RIGHT;
+    }
+    lose(m, way, frame);
+    return FSN_VERDICT_WRONG;
+}
+
+fsn_status fsn_monitor_init(struct fsn_monitor *monitor, uint32_t to_sub_bytes,
+                            uint32_t to_main_bytes) {
+    if (monitor == NULL || !fsn_fsoe_is_frame_length(to_sub_bytes) ||
+        !fsn_fsoe_is_frame_length(to_main_bytes)) {
+        return FSN_E_ARG;
+    }
+    memset(monitor, 0, sizeof *monitor);
+    monitor->followed[FSN_TO_SUB].size_bytes = to_sub_bytes;
+    monitor->followed[FSN_TO_MAIN].size_bytes = to_main_bytes;
+    monitor->last_way = NOBODY;
+    return FSN_OK;
+}
+
+enum fsn_verdict fsn_monitor_frame(struct fsn_monitor *monitor, enum fsn_way way,
+                                   const uint8_t *frame, uint64_t now_ns) {
+    struct fsn_followed *f = &monitor->followed[way];
+    if (memcmp(frame, f->last, f->size_bytes) == 0) {
+        return FSN_VERDICT_SAME;
+    }
+    memcpy(f->last, frame, f->size_bytes);
+    struct fsn_direction *d = &monitor->status.direction[way];
+    count_frame(d, frame, f->size_bytes, now_ns);
+    const enum fsn_verdict verdict = judge(monitor, way, frame);
+    d->right += verdict == FSN_VERDICT_RIGHT;
+    d->wrong += verdict == FSN_VERDICT_WRONG;
+    d->unchecked += verdict == FSN_VERDICT_UNCHECKED;
+    monitor->status.outside = outside(monitor->status.direction[FSN_TO_SUB].command,
+                                      monitor->status.direction[FSN_TO_MAIN].command);
+    return verdict;
+}

@@ -1,0 +1,193 @@
+"""The C monitor and the Python one, given the same frames, must say the same."""
+
+import random
+
+import pytest
+from fsoe.pair import Bench, make_main, make_sub
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fsoe_net.core import CoreMonitor, frame_fits, frame_sequence
+from fsoe_net.errors import PduSizeError
+from fsoe_net.fsoe import (
+    SAFE_SIZES,
+    Monitor,
+    OutsideState,
+    Verdict,
+    decode_pdu,
+    frame_crcs,
+    frame_length,
+    solve_sequence,
+)
+
+sizes = st.sampled_from([1, 2, 4, 6, 14, 126])
+words = st.integers(0, 0xFFFF)
+TO_SUB, TO_MAIN = 0, 1
+
+
+@given(st.sampled_from(sorted(SAFE_SIZES)), words, words, st.data())
+def test_check_of_any_frame(size, old, sequence, data):
+    frame = bytearray(data.draw(st.binary(min_size=(n := frame_length(size)), max_size=n)))
+    pdu = decode_pdu(bytes(frame))
+    crcs = frame_crcs(old, pdu.connection_id, sequence, pdu.command, pdu.safe_data)
+    assert frame_fits(bytes(frame), old, sequence) is (crcs == pdu.crcs)
+    for block, crc in enumerate(crcs):
+        at = 2 if size == 1 else 3 + 4 * block
+        frame[at : at + 2] = crc.to_bytes(2, "little")
+    assert frame_fits(bytes(frame), old, sequence)
+    assert frame_sequence(bytes(frame), old) == sequence
+    assert solve_sequence(old, pdu.connection_id, pdu.command, pdu.safe_data, crcs[0]) == sequence
+    at = data.draw(st.integers(0, 8 * len(frame) - 1))
+    frame[at // 8] ^= 1 << at % 8
+    assert not frame_fits(bytes(frame), old, sequence)
+
+
+@pytest.mark.parametrize("length", [0, 1, 5, 8, 9, 10, 12, 256, 259])
+def test_lengths_no_frame_has(length):
+    assert not frame_fits(bytes(length), 0, 1)
+
+
+class Both:
+    """Feeds both monitors and compares all they know."""
+
+    def __init__(self, out, inn):
+        self.python, self.c = Monitor(out, inn), CoreMonitor(out, inn)
+        self.now_ns = 0
+        self.seen = []
+
+    def frame(self, direction, data):
+        self.now_ns += 1_000_000
+        verdict = self.python.frame(direction, data, self.now_ns)
+        assert self.c.frame(direction, data, self.now_ns) is verdict
+        for way in (TO_SUB, TO_MAIN):
+            assert self.c.counts(way) == self.python.counts(way)
+            assert self.c.sequence(way) == self.python.sequence(way)
+        assert (self.c.state, self.c.gaps) == (self.python.state, self.python.gaps)
+        self.seen.append(verdict)
+        return verdict
+
+
+def frames_of(out, inn, cycles, seed=0, **changes):
+    """Frames of a pair in the order sent, with its direction; one local reset on the way."""
+    rng = random.Random(seed)
+    bench = Bench(main=make_main(out, inn, **changes), sub=make_sub(out, inn))
+    rows = []
+    for cycle in range(cycles):
+        if cycle == cycles // 2:
+            bench.sub.request_reset()
+        for end, turn, way in (
+            (bench.main, bench.main_turn, TO_SUB),
+            (bench.sub, bench.sub_turn, TO_MAIN),
+        ):
+            end.enable = end.state.value == "Data" and rng.random() < 0.9
+            end.set_safe_data(rng.randbytes(end._sends))
+            sent = turn()
+            if sent is not None:
+                rows.append((way, sent))
+    return rows
+
+
+@given(sizes, sizes, st.integers(0, 99))
+@settings(max_examples=30)
+def test_whole_life_is_right(out, inn, seed):
+    both = Both(out, inn)
+    for way, frame in frames_of(out, inn, 60, seed):
+        assert both.frame(way, frame) is Verdict.RIGHT
+    assert both.python.gaps == 0
+
+
+@given(sizes, sizes, st.integers(0, 99), st.integers(0, 100))
+@settings(max_examples=60)
+def test_joins_at_any_time(out, inn, seed, skip):
+    """From the fourth frame on everything is checked: two numbers in each direction."""
+    rows = frames_of(out, inn, 60, seed)[skip % 50 :]
+    both = Both(out, inn)
+    verdicts = [both.frame(way, frame) for way, frame in rows]
+    assert Verdict.WRONG not in verdicts
+    assert set(verdicts[5:]) == {Verdict.RIGHT}
+    assert both.python.gaps == 0
+
+
+@given(sizes, sizes, st.integers(0, 99), st.data())
+@settings(max_examples=200)
+def test_both_agree_on_anything(out, inn, seed, data):
+    rows = frames_of(out, inn, 40, seed)
+    both = Both(out, inn)
+    for _ in range(data.draw(st.integers(1, 120))):
+        way, frame = rows[data.draw(st.integers(0, len(rows) - 1))]
+        kind = data.draw(st.sampled_from(["good", "good", "flip", "random", "run"]))
+        if kind == "flip":
+            at = data.draw(st.integers(0, 8 * len(frame) - 1))
+            frame = bytearray(frame)
+            frame[at // 8] ^= 1 << at % 8
+            frame = bytes(frame)
+        elif kind == "random":
+            frame = data.draw(st.binary(min_size=len(frame), max_size=len(frame)))
+        elif kind == "run":
+            start = data.draw(st.integers(0, len(rows) - 1))
+            for row in rows[start : start + data.draw(st.integers(1, 12))]:
+                both.frame(*row)
+            continue
+        both.frame(way, frame)
+
+
+@pytest.mark.parametrize(("out", "inn"), [(1, 1), (2, 2), (6, 14)])
+@pytest.mark.parametrize("lost", [1, 2, 3, 4, 5])
+def test_finds_the_chain_again_after_a_gap(out, inn, lost):
+    rows = frames_of(out, inn, 28, seed=3)
+    at = len(rows) - 16
+    both = Both(out, inn)
+    for way, frame in rows[:at]:
+        both.frame(way, frame)
+    rest = [both.frame(way, frame) for way, frame in rows[at + lost :]]
+    assert rest[0] is (Verdict.UNCHECKED if lost % 2 else Verdict.WRONG)
+    assert set(rest[5:]) == {Verdict.RIGHT}
+    assert both.python.gaps == 1
+
+
+def test_wrong_frame_then_reset_is_no_gap():
+    rows = frames_of(2, 2, 40)
+    both = Both(2, 2)
+    for way, frame in rows[:20]:
+        both.frame(way, frame)
+    way, frame = rows[20]
+    assert both.frame(way, frame[:3] + bytes((frame[3] ^ 1,)) + frame[4:]) is Verdict.WRONG
+    again = [both.frame(way, frame) for way, frame in frames_of(2, 2, 20)]
+    assert set(again) == {Verdict.RIGHT}
+    assert both.python.gaps == 0
+    assert both.python.counts(way).wrong == 1
+
+
+def test_stale_session_reply_does_not_lose_the_chain():
+    """§5 row 11: a reply to a session given up before is ignored by the main and by us."""
+    both = Both(2, 2)
+    stale = bytes.fromhex("4e9999 f576 0000")
+    for way, frame in frames_of(2, 2, 20)[:12]:
+        assert both.frame(way, frame) is Verdict.RIGHT
+        if frame[0] == 0x4E and way == TO_SUB:
+            assert both.frame(TO_MAIN, stale) is Verdict.WRONG
+    assert both.python.counts(TO_MAIN).wrong == 1
+
+
+def test_counts_resets_and_their_codes():
+    both = Both(2, 2)
+    reset = bytes.fromhex
+    both.frame(TO_SUB, reset("2a0500 25ae 0000"))
+    both.frame(TO_MAIN, reset("2a0000 c42d 0000"))
+    both.frame(TO_SUB, reset("2a0400 a634 0000"))
+    counts = both.python.counts(TO_SUB)
+    assert (counts.resets, counts.reset_code, counts.right) == (1, 4, 2)
+    assert both.python.state is OutsideState.RESET
+    assert both.frame(TO_SUB, reset("2a0400 a635 0000")) is Verdict.WRONG
+
+
+def test_length_of_the_other_direction_is_refused():
+    for monitor in (Monitor(2, 4), CoreMonitor(2, 4)):
+        with pytest.raises(PduSizeError, match="11 bytes; frames here have 7"):
+            monitor.frame(TO_SUB, bytes(10) + b"\1", 0)
+
+
+def test_zeros_before_the_first_frame_are_no_frame():
+    both = Both(1, 1)
+    assert both.frame(TO_SUB, bytes(6)) is Verdict.SAME
+    assert both.python.counts(TO_SUB).frames == 0
