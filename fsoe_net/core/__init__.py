@@ -5,6 +5,7 @@ Importing this package works without the compiled part; the first use then raise
 
 from fsoe_net.core.core import Core, CorePlan, EmulatedBus
 from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
+from fsoe_net.core.scan import FoundConnection, Place, ScanCounts, Scanner, Sighting
 from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
@@ -21,6 +22,11 @@ __all__ = [
     "CorePlan",
     "DirectionSnapshot",
     "EmulatedBus",
+    "FoundConnection",
+    "Place",
+    "ScanCounts",
+    "Scanner",
+    "Sighting",
     "Snapshot",
     "Statistics",
     "frame_fits",

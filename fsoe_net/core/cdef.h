@@ -104,3 +104,37 @@ bool fsn_core_event(struct fsn_core *core, struct fsn_event *event);
 fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol, uint64_t value);
 fsn_status fsn_core_read_symbol(const struct fsn_core *core, const uint8_t *image, uint32_t symbol,
                                 uint64_t *value);
+
+#define FSN_SCAN_PLACES ...
+#define FSN_MAX_FRAME_BYTES ...
+struct fsn_scan;
+struct fsn_scan_place { uint32_t address; uint8_t command, way; uint16_t size_bytes; ...; };
+struct fsn_scan_connection {
+    struct fsn_connection_status status;
+    struct fsn_scan_place places[...];
+    uint32_t place_count;
+    uint16_t connection_id;
+    uint8_t roles;
+    ...;
+};
+struct fsn_sighting {
+    uint64_t time_ns, packet;
+    uint32_t connection;
+    uint16_t sequence, size_bytes;
+    uint8_t way, verdict, outside;
+    uint8_t frame[...];
+    ...;
+};
+struct fsn_scan_counts {
+    uint64_t packets, ethercat, malformed, datagrams, unanswered, dropped;
+    ...;
+};
+fsn_status fsn_scan_create(struct fsn_scan **scan);
+void fsn_scan_free(struct fsn_scan *scan);
+uint32_t fsn_scan_packet(struct fsn_scan *scan, const uint8_t *bytes, size_t len_bytes,
+                         uint64_t time_ns);
+bool fsn_scan_next(struct fsn_scan *scan, struct fsn_sighting *sighting);
+uint32_t fsn_scan_connection_count(const struct fsn_scan *scan);
+fsn_status fsn_scan_connection(const struct fsn_scan *scan, uint32_t number,
+                               struct fsn_scan_connection *connection);
+void fsn_scan_counts(const struct fsn_scan *scan, struct fsn_scan_counts *counts);

@@ -272,6 +272,11 @@ class Core:
         image = self._image()
         return bytes(self._ffi.buffer(image, self._image_bytes))
 
+    def sm_base(self, sm: int) -> int | None:
+        """Return the first byte of a sync manager in the image; ``None`` when it has no place."""
+        base = int(self._lib.fsn_core_sm_base(self._pointer, sm))
+        return None if base == self._lib.FSN_NONE else base
+
     def stale_cycles(self, sm: int) -> int:
         """Return in how many cycles an input sync manager held bytes of an earlier cycle.
 
@@ -363,7 +368,8 @@ def _statistics(s: Any) -> Statistics:
     )
 
 
-def _direction(d: Any) -> DirectionSnapshot:
+def direction_snapshot(d: Any) -> DirectionSnapshot:
+    """Return the values of a `struct fsn_direction`."""
     return DirectionSnapshot(
         command=d.command,
         connection_id=d.connection_id,
@@ -386,7 +392,7 @@ def _direction(d: Any) -> DirectionSnapshot:
 def _connection(c: Any) -> ConnectionSnapshot:
     return ConnectionSnapshot(
         state=_STATES[c.outside],
-        to_sub=_direction(c.direction[0]),
-        to_main=_direction(c.direction[1]),
+        to_sub=direction_snapshot(c.direction[0]),
+        to_main=direction_snapshot(c.direction[1]),
         gaps=c.gaps,
     )

@@ -8,6 +8,7 @@
 #include "fsn/fsoe.h"
 #include "fsn/monitor.h"
 #include "fsn/plan.h"
+#include "fsn/scan.h"
 #include "fsn/status.h"
 #include "fsn/version.h"
 

@@ -97,6 +97,14 @@ FSN_API FSN_MUST_USE fsn_status fsn_monitor_init(struct fsn_monitor *monitor, ui
 FSN_API enum fsn_verdict fsn_monitor_frame(struct fsn_monitor *monitor, enum fsn_way way,
                                            const uint8_t *frame, uint64_t now_ns);
 
+/** Which of two frames that are both new in one cycle is to be shown first. The sub answers the
+ *  main, so the main's comes first; but it may begin anew while the answer to its frame before is
+ *  on its way, and that answer still belongs to what was before.
+ *  @retval true  the sub's.
+ *  Context: the thread that owns the monitor. RT-safe. Cost: O(length). */
+FSN_API bool fsn_monitor_sub_first(const struct fsn_monitor *monitor, const uint8_t *to_sub,
+                                   const uint8_t *to_main);
+
 #ifdef __cplusplus
 }
 #endif

@@ -220,3 +220,25 @@ enum fsn_verdict fsn_monitor_frame(struct fsn_monitor *monitor, enum fsn_way way
                                       monitor->status.direction[FSN_TO_MAIN].command);
     return verdict;
 }
+
+/** What the monitor would say to a frame. */
+static enum fsn_verdict try_frame(const struct fsn_monitor *monitor, enum fsn_way way,
+                                  const uint8_t *frame) {
+    struct fsn_monitor trial = *monitor;
+    return fsn_monitor_frame(&trial, way, frame, 0);
+}
+
+bool fsn_monitor_sub_first(const struct fsn_monitor *monitor, const uint8_t *to_sub,
+                           const uint8_t *to_main) {
+    const struct fsn_followed *f = monitor->followed;
+    if (to_main[0] == FSN_CMD_RESET || /* right at any time: most likely the acknowledgement */
+        memcmp(to_sub, f[FSN_TO_SUB].last, f[FSN_TO_SUB].size_bytes) == 0 ||
+        memcmp(to_main, f[FSN_TO_MAIN].last, f[FSN_TO_MAIN].size_bytes) == 0) {
+        return false;
+    }
+    /* A restart is right at any time, so it does not tell the order; other frames of the main do.
+     */
+    const bool restart = to_sub[0] == FSN_CMD_RESET || to_sub[0] == FSN_CMD_SESSION;
+    return (restart || try_frame(monitor, FSN_TO_SUB, to_sub) != FSN_VERDICT_RIGHT) &&
+           try_frame(monitor, FSN_TO_MAIN, to_main) == FSN_VERDICT_RIGHT;
+}

@@ -29,19 +29,15 @@ static void report(struct fsn_rt *rt, uint32_t connection, uint32_t before, uint
     fsn_rt_push_event(rt, &event);
 }
 
-/** Shows a monitor both directions. When both are new in one cycle, one end began anew while the
- *  answer of the other was on its way: the answer belongs to what was before. */
 static void look(struct fsn_rt_watch *watch, const uint8_t *image, uint64_t now_ns) {
-    const uint8_t *to_sub = image + watch->offset[FSN_TO_SUB];
-    const uint8_t *to_main = image + watch->offset[FSN_TO_MAIN];
-    const bool restart = to_sub[0] == FSN_CMD_RESET || to_sub[0] == FSN_CMD_SESSION;
-    if (!restart) {
-        (void)fsn_monitor_frame(&watch->monitor, FSN_TO_SUB, to_sub, now_ns);
-    }
-    (void)fsn_monitor_frame(&watch->monitor, FSN_TO_MAIN, to_main, now_ns);
-    if (restart) {
-        (void)fsn_monitor_frame(&watch->monitor, FSN_TO_SUB, to_sub, now_ns);
-    }
+    const uint8_t *const frames[2] = {image + watch->offset[FSN_TO_SUB],
+                                      image + watch->offset[FSN_TO_MAIN]};
+    const bool sub_first =
+        fsn_monitor_sub_first(&watch->monitor, frames[FSN_TO_SUB], frames[FSN_TO_MAIN]);
+    const enum fsn_way first = sub_first ? FSN_TO_MAIN : FSN_TO_SUB;
+    const enum fsn_way second = sub_first ? FSN_TO_SUB : FSN_TO_MAIN;
+    (void)fsn_monitor_frame(&watch->monitor, first, frames[first], now_ns);
+    (void)fsn_monitor_frame(&watch->monitor, second, frames[second], now_ns);
 }
 
 void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {

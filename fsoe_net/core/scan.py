@@ -1,0 +1,176 @@
+"""Finds FSoE connections in captured EtherCAT frames; the work is done in C."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from fsoe_net.core.core import direction_snapshot
+from fsoe_net.core.module import compiled, raise_status
+from fsoe_net.core.snapshot import DirectionSnapshot
+from fsoe_net.fsoe import OutsideState, Verdict
+
+__all__ = ["FoundConnection", "Place", "ScanCounts", "Scanner", "Sighting"]
+
+_COMMANDS = {
+    1: "APRD",
+    2: "APWR",
+    3: "APRW",
+    4: "FPRD",
+    5: "FPWR",
+    6: "FPRW",
+    10: "LRD",
+    11: "LWR",
+    12: "LRW",
+}
+_VERDICTS = tuple(Verdict)
+_STATES = tuple(OutsideState)
+
+
+class Sighting(NamedTuple):
+    """One new frame of a connection.
+
+    ``direction`` 0 is main to sub, 1 sub to main. ``sequence`` is the number of the frame in its
+    chain, 0 when not known. ``packet`` counts the packets of the capture from 1.
+    """
+
+    time_ns: int
+    packet: int
+    connection: int
+    direction: int
+    verdict: Verdict
+    state: OutsideState
+    sequence: int
+    frame: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where frames of one direction were seen.
+
+    Attributes:
+        command: EtherCAT command of the datagram, e.g. ``LRW``.
+        address: Logical address of the first byte; of a physical command its station address in
+            the lower and its offset in the upper 16 bits.
+        direction: 0 main to sub, 1 sub to main.
+        size_bytes: Length of the frame.
+    """
+
+    command: str
+    address: int
+    direction: int
+    size_bytes: int
+
+    @property
+    def is_logical(self) -> bool:
+        """Whether the address is a logical one."""
+        return self.command.startswith("L")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundConnection:
+    """A connection that was found; ``roles_certain`` when its start-up was seen."""
+
+    connection_id: int
+    places: tuple[Place, ...]
+    roles_certain: bool
+    state: OutsideState
+    gaps: int
+    to_sub: DirectionSnapshot
+    to_main: DirectionSnapshot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScanCounts:
+    """What was seen besides FSoE; see ``struct fsn_scan_counts``."""
+
+    packets: int
+    ethercat: int
+    malformed: int
+    datagrams: int
+    unanswered: int
+    dropped: int
+
+
+class Scanner:
+    """Takes captured Ethernet frames, yields the new FSoE frames in them.
+
+    Raises:
+        CoreMissing: The compiled part is not there.
+    """
+
+    def __init__(self) -> None:
+        self._ffi, self._lib = compiled()
+        slot = self._ffi.new("struct fsn_scan **")
+        raise_status(self._lib.fsn_scan_create(slot), "scanner")
+        self._scan = self._ffi.gc(slot[0], self._lib.fsn_scan_free)
+        self._sighting = self._ffi.new("struct fsn_sighting *")
+        self._frame = self._ffi.buffer(self._sighting.frame)
+        self._packet = self._lib.fsn_scan_packet  # looked up once: called for every packet
+
+    def packet(self, data: bytes, time_ns: int) -> list[Sighting]:
+        """Look at one captured Ethernet frame.
+
+        Args:
+            data: The bytes from the destination address on.
+            time_ns: When it was captured, never decreasing.
+
+        Returns:
+            The new FSoE frames, oldest first; those of a connection that was just found include
+            its frames in earlier packets.
+        """
+        if not self._packet(self._scan, data, len(data), time_ns):
+            return []
+        s, found = self._sighting, []
+        while self._lib.fsn_scan_next(self._scan, s):
+            found.append(
+                Sighting(
+                    s.time_ns,
+                    s.packet,
+                    s.connection,
+                    s.way,
+                    _VERDICTS[s.verdict],
+                    _STATES[s.outside],
+                    s.sequence,
+                    self._frame[: s.size_bytes],
+                )
+            )
+        return found
+
+    def connections(self) -> list[FoundConnection]:
+        """Return the connections found so far."""
+        c = self._ffi.new("struct fsn_scan_connection *")
+        found = []
+        for number in range(self._lib.fsn_scan_connection_count(self._scan)):
+            raise_status(self._lib.fsn_scan_connection(self._scan, number, c), "connection")
+            found.append(
+                FoundConnection(
+                    connection_id=c.connection_id,
+                    places=tuple(_place(c.places[n]) for n in range(c.place_count)),
+                    roles_certain=bool(c.roles),
+                    state=_STATES[c.status.outside],
+                    gaps=c.status.gaps,
+                    to_sub=direction_snapshot(c.status.direction[0]),
+                    to_main=direction_snapshot(c.status.direction[1]),
+                )
+            )
+        return found
+
+    def counts(self) -> ScanCounts:
+        """Return what was seen so far."""
+        c = self._ffi.new("struct fsn_scan_counts *")
+        self._lib.fsn_scan_counts(self._scan, c)
+        return ScanCounts(
+            packets=c.packets,
+            ethercat=c.ethercat,
+            malformed=c.malformed,
+            datagrams=c.datagrams,
+            unanswered=c.unanswered,
+            dropped=c.dropped,
+        )
+
+
+def _place(p: Any) -> Place:
+    return Place(
+        command=_COMMANDS[p.command], address=p.address, direction=p.way, size_bytes=p.size_bytes
+    )

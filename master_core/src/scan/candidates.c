@@ -1,0 +1,217 @@
+/** Places in the process data that may hold FSoE frames. Random data show no second command in a
+ * row at the same place, so nearly all places fall out at once. */
+#include "scan.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const uint8_t is_command[256] = {
+    [FSN_CMD_RESET] = 1,     [FSN_CMD_SESSION] = 1,      [FSN_CMD_CONNECTION] = 1,
+    [FSN_CMD_PARAMETER] = 1, [FSN_CMD_PROCESS_DATA] = 1, [FSN_CMD_FAILSAFE_DATA] = 1,
+};
+
+/** Returns the window at this address; NULL when there is no room for another. */
+static struct window *window_of(struct fsn_scan *scan, uint8_t command, uint32_t address,
+                                uint16_t size_bytes) {
+    for (uint32_t i = 0; i < scan->window_count; i++) {
+        struct window *w = &scan->windows[i];
+        if (w->address == address && w->command == command && w->size_bytes == size_bytes) {
+            return w;
+        }
+    }
+    if (scan->window_count == MAX_WINDOWS) {
+        scan->counts.dropped++;
+        return NULL;
+    }
+    struct window *w = &scan->windows[scan->window_count];
+    *w = (struct window){.command = command, .address = address, .size_bytes = size_bytes};
+    w->last = calloc(size_bytes, 1);
+    w->strikes = calloc(size_bytes, 1);
+    w->slots = malloc(size_bytes * sizeof *w->slots);
+    if (w->last == NULL || w->strikes == NULL || w->slots == NULL) {
+        free(w->last);
+        free(w->strikes);
+        free(w->slots);
+        scan->counts.dropped++;
+        return NULL;
+    }
+    memset(w->slots, 0xFF, size_bytes * sizeof *w->slots);
+    scan->window_count++;
+    return w;
+}
+
+const struct shown *scan_shown(const struct candidate *candidate, uint32_t back) {
+    return &candidate->shown[(candidate->count - 1 - back) % MEMORY];
+}
+
+uint32_t scan_remembered(const struct candidate *candidate) {
+    return candidate->count < MEMORY ? candidate->count : MEMORY;
+}
+
+static void remember(struct fsn_scan *scan, struct candidate *c, const uint8_t *frame) {
+    struct shown *slot = &c->shown[c->count % MEMORY];
+    slot->time_ns = scan->now_ns;
+    slot->packet = scan->counts.packets;
+    memcpy(slot->bytes, frame, c->size_bytes);
+    c->count++;
+}
+
+static void drop(struct fsn_scan *scan, uint32_t *slot) {
+    struct candidate *c = &scan->candidates[*slot];
+    free(c->bytes);
+    *c = (struct candidate){0};
+    *slot = NONE;
+}
+
+static uint32_t free_candidate(struct fsn_scan *scan) {
+    for (uint32_t i = 0; i < scan->candidate_count; i++) {
+        if (!scan->candidates[i].used) {
+            return i;
+        }
+    }
+    return scan->candidate_count < MAX_CANDIDATES ? scan->candidate_count++ : NONE;
+}
+
+static void add(struct fsn_scan *scan, struct window *w, uint32_t offset, unsigned kind,
+                uint32_t size_bytes) {
+    const uint32_t number = free_candidate(scan);
+    uint8_t *bytes = number == NONE ? NULL : malloc((size_t)MEMORY * size_bytes);
+    if (bytes == NULL) {
+        scan->counts.dropped++;
+        return;
+    }
+    struct candidate *c = &scan->candidates[number];
+    *c = (struct candidate){
+        .window = (uint32_t)(w - scan->windows),
+        .offset = offset,
+        .size_bytes = size_bytes,
+        .connection = NONE,
+        .bytes = bytes,
+        .used = true,
+    };
+    for (uint32_t i = 0; i < MEMORY; i++) {
+        c->shown[i].bytes = bytes + (size_t)i * size_bytes;
+    }
+    w->slots[offset][kind] = number;
+}
+
+/** Whether a frame can be one for what it says alone: ConnID 0 in Reset and Session only, and the
+ *  CRCs of a Reset depend on nothing before it. */
+static bool plausible(const uint8_t *frame, uint32_t size_bytes, uint16_t connection_id) {
+    const uint16_t id = fsn_fsoe_connection_id(frame, size_bytes);
+    if (frame[0] == FSN_CMD_RESET) {
+        return id == 0 && fsn_fsoe_check(frame, size_bytes, 0, 1);
+    }
+    if (frame[0] == FSN_CMD_SESSION) {
+        return id == 0;
+    }
+    return id != 0 && (connection_id == 0 || connection_id == id);
+}
+
+/** Returns the length of the frame that begins here, by its blocks that fit each other; 0 when not
+ *  even one of 7 bytes has room. */
+static uint32_t length_by_blocks(const uint8_t *frame, uint32_t room) {
+    if (room < 7) {
+        return 0;
+    }
+    const uint32_t most = room < FSN_MAX_FRAME_BYTES ? room : FSN_MAX_FRAME_BYTES;
+    unsigned blocks;
+    (void)fsn_fsoe_is_whole(frame, 3 + (most - 3) / 4 * 4, &blocks);
+    return 3 + 4 * blocks;
+}
+
+/** Looks at a place that shows a command, for one length. */
+static void look(struct fsn_scan *scan, struct window *w, uint32_t offset, unsigned kind,
+                 uint32_t size_bytes, const uint8_t *frame) {
+    uint32_t *slot = &w->slots[offset][kind];
+    if (*slot != NONE && scan->candidates[*slot].size_bytes > size_bytes) {
+        drop(scan, slot); /* its blocks fitted each other by chance */
+    }
+    const uint32_t size = *slot == NONE ? size_bytes : scan->candidates[*slot].size_bytes;
+    if (size == 0 || !w->seen || memcmp(w->last + offset, frame, size) == 0) {
+        return;
+    }
+    const uint16_t id = *slot == NONE ? 0 : scan->candidates[*slot].connection_id;
+    if (!plausible(frame, size, id)) {
+        if (*slot != NONE) {
+            drop(scan, slot);
+        }
+        return;
+    }
+    if (*slot == NONE) {
+        add(scan, w, offset, kind, size);
+    }
+    if (*slot == NONE) {
+        return;
+    }
+    struct candidate *c = &scan->candidates[*slot];
+    const uint16_t shown = fsn_fsoe_connection_id(frame, size);
+    c->connection_id = shown != 0 ? shown : c->connection_id;
+    remember(scan, c, frame);
+    scan_pair(scan, *slot);
+}
+
+/** Follows the places here that belong to a connection; true when there is one. */
+static bool look_at_known(struct fsn_scan *scan, struct window *w, uint32_t offset,
+                          const uint8_t *frame) {
+    bool known = false;
+    for (unsigned kind = 0; kind < SLOTS; kind++) {
+        const uint32_t number = w->slots[offset][kind];
+        if (number == NONE || scan->candidates[number].connection == NONE) {
+            continue;
+        }
+        known = true;
+        struct candidate *c = &scan->candidates[number];
+        if (memcmp(w->last + offset, frame, c->size_bytes) != 0) {
+            remember(scan, c, frame);
+            scan_follow(scan, number);
+        }
+    }
+    return known;
+}
+
+static void look_at(struct fsn_scan *scan, struct window *w, uint32_t offset, const uint8_t *data) {
+    const uint8_t *frame = data + offset;
+    const bool empty = w->slots[offset][0] == NONE && w->slots[offset][1] == NONE;
+    if (is_command[frame[0]] == 0) {
+        if (frame[0] == w->last[offset] || (empty && frame[0] == 0)) {
+            return;
+        }
+        if (!empty && look_at_known(scan, w, offset, frame)) {
+            return;
+        }
+        for (unsigned kind = 0; kind < SLOTS; kind++) {
+            if (w->slots[offset][kind] != NONE) {
+                drop(scan, &w->slots[offset][kind]);
+            }
+        }
+        w->strikes[offset] = (uint8_t)(w->strikes[offset] + (frame[0] != 0));
+        return;
+    }
+    if (!empty && look_at_known(scan, w, offset, frame)) {
+        return;
+    }
+    const uint32_t room = w->size_bytes - offset;
+    look(scan, w, offset, 0, length_by_blocks(frame, room), frame);
+    if (w->slots[offset][0] == NONE || scan->candidates[w->slots[offset][0]].connection == NONE) {
+        look(scan, w, offset, 1, FSN_MIN_FRAME_BYTES, frame);
+    }
+}
+
+void scan_process_data(struct fsn_scan *scan, uint8_t command, uint32_t address,
+                       const uint8_t *data, uint16_t size_bytes) {
+    if (size_bytes < FSN_MIN_FRAME_BYTES) {
+        return;
+    }
+    struct window *w = window_of(scan, command, address, size_bytes);
+    if (w == NULL || (w->seen && memcmp(w->last, data, size_bytes) == 0)) {
+        return;
+    }
+    for (uint32_t p = 0; p + FSN_MIN_FRAME_BYTES <= size_bytes; p++) {
+        if (w->strikes[p] < STRIKES) {
+            look_at(scan, w, p, data);
+        }
+    }
+    memcpy(w->last, data, size_bytes);
+    w->seen = true;
+}

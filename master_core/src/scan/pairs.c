@@ -1,0 +1,323 @@
+/** Two places become a connection when their frames form one chain. */
+#include "scan.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    LEAST_FRAMES = 4, /**< each place has shown, before pairing is tried */
+    LEAST_RIGHT =
+        3, /**< frames of each place whose CRCs fit: 2^-96 by chance, a Reset not counted */
+    LEAST_COPIES = 3, /**< frames equal to those of a known place, to be taken for a copy of it */
+};
+
+/** What two places have shown, merged by time. */
+struct merged {
+    const struct candidate *end[2]; /**< enum fsn_way */
+    uint32_t left[2];
+};
+
+static struct merged merge(const struct candidate *main, const struct candidate *sub) {
+    return (struct merged){.end = {main, sub},
+                           .left = {scan_remembered(main), scan_remembered(sub)}};
+}
+
+/** Takes the older of the two next frames; NULL at the end. */
+static const struct shown *take(struct merged *m, const struct fsn_monitor *monitor,
+                                enum fsn_way *way) {
+    const struct shown *next[2] = {NULL, NULL};
+    for (unsigned i = 0; i < 2; i++) {
+        next[i] = m->left[i] > 0 ? scan_shown(m->end[i], m->left[i] - 1) : NULL;
+    }
+    if (next[0] == NULL && next[1] == NULL) {
+        return NULL;
+    }
+    bool sub_first = next[0] == NULL;
+    if (next[0] != NULL && next[1] != NULL) {
+        sub_first = next[0]->packet == next[1]->packet
+                        ? fsn_monitor_sub_first(monitor, next[0]->bytes, next[1]->bytes)
+                        : next[1]->packet < next[0]->packet;
+    }
+    *way = sub_first ? FSN_TO_MAIN : FSN_TO_SUB;
+    m->left[*way]--;
+    return next[*way];
+}
+
+/** Whether the frames of these places form one chain. */
+static bool is_chain(const struct candidate *main, const struct candidate *sub,
+                     struct fsn_monitor *monitor) {
+    if (fsn_monitor_init(monitor, main->size_bytes, sub->size_bytes) != FSN_OK) {
+        return false;
+    }
+    struct merged m = merge(main, sub);
+    uint32_t right[2] = {0, 0};
+    enum fsn_way way;
+    for (const struct shown *s = take(&m, monitor, &way); s != NULL; s = take(&m, monitor, &way)) {
+        const enum fsn_verdict verdict = fsn_monitor_frame(monitor, way, s->bytes, s->time_ns);
+        if (verdict == FSN_VERDICT_WRONG) {
+            return false;
+        }
+        right[way] += verdict == FSN_VERDICT_RIGHT && s->bytes[0] != FSN_CMD_RESET;
+    }
+    return right[0] >= LEAST_RIGHT && right[1] >= LEAST_RIGHT;
+}
+
+/** Whether a place has shown a Session frame that begins a chain: only a main sends such. */
+static bool began_session(const struct candidate *c) {
+    for (uint32_t back = 0; back < scan_remembered(c); back++) {
+        const uint8_t *frame = scan_shown(c, back)->bytes;
+        if (frame[0] == FSN_CMD_SESSION && fsn_fsoe_check(frame, c->size_bytes, 0, 1)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/** Without collisions main and sub use the same number in an FSoE cycle, so after a frame of the
+ *  main its next number is one ahead, else they are equal. */
+static bool numbers_say_swapped(const struct fsn_monitor *monitor) {
+    const int ahead =
+        monitor->followed[FSN_TO_SUB].sequence - monitor->followed[FSN_TO_MAIN].sequence;
+    return ahead < (monitor->last_way == FSN_TO_SUB ? 1 : 0);
+}
+
+static void push(struct fsn_scan *scan, const struct fsn_sighting *sighting) {
+    const uint32_t end = scan->queue_head + scan->queue_count;
+    if (end == scan->queue_slots) {
+        const uint32_t slots = scan->queue_slots == 0 ? 64 : 2 * scan->queue_slots;
+        struct fsn_sighting *queue = realloc(scan->queue, slots * sizeof *queue);
+        if (queue == NULL) {
+            scan->counts.dropped++;
+            return;
+        }
+        scan->queue = queue;
+        scan->queue_slots = slots;
+    }
+    scan->queue[end] = *sighting;
+    scan->queue_count++;
+}
+
+/** Shows the monitor of a connection one frame and queues it. */
+static void follow(struct fsn_scan *scan, uint32_t connection, enum fsn_way way,
+                   const struct shown *shown) {
+    struct fsn_monitor *monitor = &scan->found[connection].monitor;
+    const enum fsn_verdict verdict = fsn_monitor_frame(monitor, way, shown->bytes, shown->time_ns);
+    if (verdict == FSN_VERDICT_SAME) {
+        return;
+    }
+    const uint16_t next = monitor->followed[way].sequence;
+    const uint32_t size_bytes = monitor->followed[way].size_bytes;
+    const bool numbered = verdict == FSN_VERDICT_RIGHT && shown->bytes[0] != FSN_CMD_RESET;
+    struct fsn_sighting sighting = {
+        .time_ns = shown->time_ns,
+        .packet = shown->packet,
+        .connection = connection,
+        .sequence = !numbered   ? 0
+                    : next == 1 ? 0xFFFF
+                                : (uint16_t)(next - 1),
+        .size_bytes = (uint16_t)size_bytes,
+        .way = (uint8_t)way,
+        .verdict = (uint8_t)verdict,
+        .outside = (uint8_t)monitor->status.outside,
+    };
+    memcpy(sighting.frame, shown->bytes, size_bytes);
+    push(scan, &sighting);
+}
+
+static void add_place(struct fsn_scan *scan, const struct candidate *c) {
+    struct fsn_scan_connection *info = &scan->found[c->connection].info;
+    if (info->place_count == FSN_SCAN_PLACES) {
+        return;
+    }
+    const struct window *w = &scan->windows[c->window];
+    const bool logical = w->command >= 10;
+    info->places[info->place_count++] = (struct fsn_scan_place){
+        /* A physical address keeps the offset in its upper half. */
+        .address = w->address + (logical ? c->offset : c->offset << 16),
+        .command = w->command,
+        .way = c->way,
+        .size_bytes = (uint16_t)c->size_bytes,
+    };
+}
+
+static void connect(struct fsn_scan *scan, struct candidate *main, struct candidate *sub,
+                    enum fsn_scan_roles roles) {
+    const uint32_t number = scan->found_count;
+    if (number == MAX_CONNECTIONS ||
+        fsn_monitor_init(&scan->found[number].monitor, main->size_bytes, sub->size_bytes) !=
+            FSN_OK) {
+        scan->counts.dropped++;
+        return;
+    }
+    scan->found_count++;
+    scan->found[number].info =
+        (struct fsn_scan_connection){.connection_id = main->connection_id, .roles = (uint8_t)roles};
+    struct candidate *const ends[2] = {main, sub};
+    for (unsigned i = 0; i < 2; i++) {
+        ends[i]->connection = number;
+        ends[i]->way = (uint8_t)i;
+        add_place(scan, ends[i]);
+    }
+    struct merged m = merge(main, sub);
+    enum fsn_way way;
+    const struct fsn_monitor *monitor = &scan->found[number].monitor;
+    for (const struct shown *s = take(&m, monitor, &way); s != NULL; s = take(&m, monitor, &way)) {
+        follow(scan, number, way, s);
+    }
+}
+
+/** Whether a place shows what a known place of a connection shows. */
+static bool is_copy_of(const struct candidate *c, const struct candidate *known) {
+    if (known->size_bytes != c->size_bytes) {
+        return false;
+    }
+    uint32_t equal = 0;
+    for (uint32_t i = 0; i < scan_remembered(c); i++) {
+        for (uint32_t k = 0; k < scan_remembered(known); k++) {
+            if (memcmp(scan_shown(c, i)->bytes, scan_shown(known, k)->bytes, c->size_bytes) == 0) {
+                equal++;
+                break;
+            }
+        }
+    }
+    return equal >= LEAST_COPIES;
+}
+
+/** Takes a place for a copy of one that is known; false when it is none. */
+static bool join_as_copy(struct fsn_scan *scan, struct candidate *c) {
+    for (uint32_t i = 0; i < scan->candidate_count; i++) {
+        const struct candidate *known = &scan->candidates[i];
+        if (known->used && known->connection != NONE && !known->copy &&
+            known->connection_id == c->connection_id && is_copy_of(c, known)) {
+            c->connection = known->connection;
+            c->way = known->way;
+            c->copy = true;
+            add_place(scan, c);
+            return true;
+        }
+    }
+    return false;
+}
+
+/** Tries two places as the two ends of a connection. */
+static bool try_pair(struct fsn_scan *scan, struct candidate *a, struct candidate *b) {
+    struct fsn_monitor monitor;
+    if (!is_chain(a, b, &monitor)) {
+        return false;
+    }
+    const bool a_began = began_session(a);
+    if (a_began || began_session(b)) {
+        connect(scan, a_began ? a : b, a_began ? b : a, FSN_ROLES_BY_START);
+        return true;
+    }
+    const bool swapped = numbers_say_swapped(&monitor);
+    connect(scan, swapped ? b : a, swapped ? a : b, FSN_ROLES_BY_NUMBERS);
+    return true;
+}
+
+void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
+    struct candidate *c = &scan->candidates[candidate];
+    if (c->connection_id == 0 || c->count < LEAST_FRAMES || c->count < c->next_try) {
+        return;
+    }
+    if (join_as_copy(scan, c)) {
+        return;
+    }
+    for (uint32_t i = 0; i < scan->candidate_count; i++) {
+        struct candidate *other = &scan->candidates[i];
+        if (i != candidate && other->used && other->connection == NONE &&
+            other->connection_id == c->connection_id && other->count >= LEAST_FRAMES &&
+            try_pair(scan, c, other)) {
+            return;
+        }
+    }
+    c->next_try = c->count + 1 + c->count / 4; /* rarely, for what will never fit */
+}
+
+/** The roles were a guess by numbers, and now the end taken for the sub has begun a session. */
+static void swap_roles(struct fsn_scan *scan, uint32_t connection) {
+    struct found *f = &scan->found[connection];
+    f->info.roles = FSN_ROLES_BY_START;
+    for (uint32_t i = 0; i < f->info.place_count; i++) {
+        f->info.places[i].way ^= 1;
+    }
+    const struct fsn_scan_place place = f->info.places[0];
+    f->info.places[0] = f->info.places[1];
+    f->info.places[1] = place;
+    const struct fsn_followed followed = f->monitor.followed[0];
+    f->monitor.followed[0] = f->monitor.followed[1];
+    f->monitor.followed[1] = followed;
+    const struct fsn_direction direction = f->monitor.status.direction[0];
+    f->monitor.status.direction[0] = f->monitor.status.direction[1];
+    f->monitor.status.direction[1] = direction;
+    for (uint32_t i = 0; i < scan->candidate_count; i++) {
+        if (scan->candidates[i].used && scan->candidates[i].connection == connection) {
+            scan->candidates[i].way ^= 1;
+        }
+    }
+}
+
+static void settle_roles(struct fsn_scan *scan, const struct candidate *c) {
+    struct fsn_scan_connection *info = &scan->found[c->connection].info;
+    const uint8_t *frame = scan_shown(c, 0)->bytes;
+    if (info->roles == FSN_ROLES_BY_START || frame[0] != FSN_CMD_SESSION ||
+        !fsn_fsoe_check(frame, c->size_bytes, 0, 1)) {
+        return;
+    }
+    if (c->way == FSN_TO_MAIN) {
+        swap_roles(scan, c->connection);
+    }
+    info->roles = FSN_ROLES_BY_START;
+}
+
+void scan_follow(struct fsn_scan *scan, uint32_t candidate) {
+    struct candidate *c = &scan->candidates[candidate];
+    if (c->copy) {
+        return;
+    }
+    settle_roles(scan, c);
+    if (scan->deferred_count < DEFERRED) {
+        scan->deferred[scan->deferred_count++] = candidate;
+        return;
+    }
+    follow(scan, c->connection, (enum fsn_way)c->way, scan_shown(c, 0));
+}
+
+/** The new frame of the other end in this packet, from a place in the list on; NULL: none. */
+static struct candidate *partner(struct fsn_scan *scan, uint32_t from, const struct candidate *c,
+                                 uint32_t *at) {
+    for (uint32_t i = from; i < scan->deferred_count; i++) {
+        struct candidate *other = &scan->candidates[scan->deferred[i]];
+        if (scan->deferred[i] != NONE && other->connection == c->connection) {
+            *at = i;
+            return other;
+        }
+    }
+    return NULL;
+}
+
+void scan_end_of_packet(struct fsn_scan *scan) {
+    for (uint32_t i = 0; i < scan->deferred_count; i++) {
+        if (scan->deferred[i] == NONE) {
+            continue;
+        }
+        const struct candidate *first = &scan->candidates[scan->deferred[i]];
+        uint32_t at = 0;
+        const struct candidate *second = partner(scan, i + 1, first, &at);
+        if (second != NULL) {
+            scan->deferred[at] = NONE;
+            const struct candidate *main = first->way == FSN_TO_SUB ? first : second;
+            const struct candidate *sub = first->way == FSN_TO_SUB ? second : first;
+            const bool sub_first =
+                fsn_monitor_sub_first(&scan->found[first->connection].monitor,
+                                      scan_shown(main, 0)->bytes, scan_shown(sub, 0)->bytes);
+            first = sub_first ? sub : main;
+            second = sub_first ? main : sub;
+        }
+        follow(scan, first->connection, (enum fsn_way)first->way, scan_shown(first, 0));
+        if (second != NULL) {
+            follow(scan, second->connection, (enum fsn_way)second->way, scan_shown(second, 0));
+        }
+    }
+    scan->deferred_count = 0;
+}

@@ -1,0 +1,91 @@
+/** Parts of the scanner: captured packets → process data → candidates → connections. */
+#ifndef FSN_SCAN_INTERNAL_H
+#define FSN_SCAN_INTERNAL_H
+
+#include "fsn/scan.h"
+
+enum {
+    MAX_WINDOWS = 512,      /**< process data areas told apart */
+    MAX_CANDIDATES = 4096,  /**< places that may hold FSoE frames */
+    MAX_CONNECTIONS = 1024, /**< found */
+    MEMORY = 24,            /**< frames a candidate remembers */
+    STRIKES = 3,            /**< other values a place may show before it is given up */
+    SLOTS = 2, /**< candidates per place: of the length its blocks say, and of 6 bytes */
+    DEFERRED = 256,
+};
+
+#define NONE 0xFFFFFFFFu
+
+/** One frame a candidate has shown. */
+struct shown {
+    uint64_t time_ns, packet;
+    uint8_t *bytes;
+};
+
+/** A place in the process data that may hold FSoE frames. */
+struct candidate {
+    uint32_t window, offset, size_bytes;
+    uint16_t connection_id; /**< 0: not shown yet */
+    uint32_t count;         /**< frames shown; [count % MEMORY] is the next slot */
+    uint32_t next_try;      /**< count from which pairing is tried again */
+    struct shown shown[MEMORY];
+    uint8_t *bytes;      /**< of all slots */
+    uint32_t connection; /**< NONE: not known to be an end of any */
+    uint8_t way;
+    bool copy; /**< shows what another place of the connection shows */
+    bool used;
+};
+
+/** Process data at one address, as seen last. */
+struct window {
+    uint8_t command;
+    uint32_t address;
+    uint16_t size_bytes;
+    bool seen;
+    uint8_t *last;
+    uint8_t *strikes;         /**< per byte; STRIKES: given up */
+    uint32_t (*slots)[SLOTS]; /**< per byte: its candidates, NONE where there is none */
+};
+
+struct found {
+    struct fsn_scan_connection info;
+    struct fsn_monitor monitor;
+};
+
+struct fsn_scan {
+    struct fsn_scan_counts counts;
+    uint64_t now_ns;
+    uint32_t deferred[DEFERRED]; /**< candidates whose new frame waits for the end of the packet */
+    uint32_t deferred_count;
+    struct window windows[MAX_WINDOWS];
+    uint32_t window_count;
+    struct candidate *candidates;
+    uint32_t candidate_count; /**< slots in use or used before */
+    struct found *found;
+    uint32_t found_count;
+    struct fsn_sighting *queue;
+    uint32_t queue_head, queue_count, queue_slots;
+};
+
+/** Looks at the process data of one answered datagram. */
+void scan_process_data(struct fsn_scan *scan, uint8_t command, uint32_t address,
+                       const uint8_t *data, uint16_t size_bytes);
+
+/** Follows the frames that waited for the end of the packet. */
+void scan_end_of_packet(struct fsn_scan *scan);
+
+/** The frame a candidate has shown `back` frames ago; 0 is the last one. */
+const struct shown *scan_shown(const struct candidate *candidate, uint32_t back);
+
+/** How many frames a candidate remembers. */
+uint32_t scan_remembered(const struct candidate *candidate);
+
+/** Follows the last frame of a candidate that belongs to a connection, now or at the end of the
+ *  packet. */
+void scan_follow(struct fsn_scan *scan, uint32_t candidate);
+
+/** Looks for the other end of a candidate that has shown a new frame; when it is found, both become
+ *  a connection, and what they have shown so far is followed. */
+void scan_pair(struct fsn_scan *scan, uint32_t candidate);
+
+#endif
