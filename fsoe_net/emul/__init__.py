@@ -4,7 +4,6 @@ from fsoe_net.emul.bus import EmulatedNetwork, build_network, normal_name
 from fsoe_net.emul.device import EmulatedDevice, Port, ProcessData
 from fsoe_net.emul.logic import SafetyLogic
 from fsoe_net.emul.setup import ConnectionSetup, choose_setups
-from fsoe_net.emul.signals import Signal, signals_of
 
 __all__ = [
     "ConnectionSetup",
@@ -13,9 +12,7 @@ __all__ = [
     "Port",
     "ProcessData",
     "SafetyLogic",
-    "Signal",
     "build_network",
     "choose_setups",
     "normal_name",
-    "signals_of",
 ]

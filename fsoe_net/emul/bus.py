@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 from fsoe_net.emul.device import EmulatedDevice, Port, main_port, sub_port
 from fsoe_net.emul.setup import ConnectionSetup, choose_setups
-from fsoe_net.emul.signals import split_name
-from fsoe_net.model import Direction, LogicChoice, Resolution
+from fsoe_net.model import Direction, LogicChoice, Resolution, split_name
 
 __all__ = ["EmulatedNetwork", "build_network", "normal_name"]
 

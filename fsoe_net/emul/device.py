@@ -8,9 +8,8 @@ from typing import Protocol
 
 from fsoe_net.emul.logic import SafetyLogic
 from fsoe_net.emul.setup import ConnectionSetup
-from fsoe_net.emul.signals import Signal, signals_of, write_bits
 from fsoe_net.fsoe import MainConfig, MainInstance, State, SubConfig, SubInstance, safe_data_length
-from fsoe_net.model import ResolvedEnd, SmLayout
+from fsoe_net.model import ResolvedEnd, Signal, SmLayout, connection_signals, write_bits
 
 __all__ = ["EmulatedDevice", "Port", "ProcessData", "main_port", "sub_port"]
 
@@ -98,15 +97,7 @@ def _port(
 ) -> Port:
     c = setup.connection
     to_sub, to_main = c.to_sub, c.to_main
-    outputs = signals_of(
-        c.sub.name,
-        _layout(to_sub.destination),
-        to_sub.destination.byte_offset,
-        to_sub.transfer.size_bytes,
-    )
-    inputs = signals_of(
-        c.sub.name, _layout(to_main.source), to_main.source.byte_offset, to_main.transfer.size_bytes
-    )
+    outputs, inputs = connection_signals(c)
     receives, sends = (inputs, outputs) if named_by_sub else (outputs, inputs)
     received, sent = (to_main, to_sub) if named_by_sub else (to_sub, to_main)
     return Port(

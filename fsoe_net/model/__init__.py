@@ -33,6 +33,7 @@ from fsoe_net.model.resolve import (
     shared_modules,
 )
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
+from fsoe_net.model.signals import Signal, connection_signals, signals_of, split_name, write_bits
 
 __all__ = [
     "Action",
@@ -57,6 +58,7 @@ __all__ = [
     "ResolvedTransfer",
     "Scenario",
     "Sdo",
+    "Signal",
     "SmLayout",
     "SourceFile",
     "Step",
@@ -65,10 +67,14 @@ __all__ = [
     "Transfer",
     "TransferKind",
     "Watchdog",
+    "connection_signals",
     "find_blocks",
     "layout_of",
     "main_instance_of",
     "partner_block",
     "resolve",
     "shared_modules",
+    "signals_of",
+    "split_name",
+    "write_bits",
 ]

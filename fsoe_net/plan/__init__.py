@@ -2,7 +2,7 @@
 
 from fsoe_net.plan.codec import decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.plan.image import IghDomain, IghFmmu, igh_image, igh_text
+from fsoe_net.plan.image import IghDatagram, IghDomain, IghFmmu, igh_image, igh_text
 from fsoe_net.plan.model import (
     NONE,
     Plan,
@@ -20,6 +20,7 @@ from fsoe_net.plan.show import copy_end, entry_at, plan_json, plan_text
 
 __all__ = [
     "NONE",
+    "IghDatagram",
     "IghDomain",
     "IghFmmu",
     "Plan",

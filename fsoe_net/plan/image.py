@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fsoe_net.plan.model import Plan
 
-__all__ = ["IghDomain", "IghFmmu", "igh_image", "igh_text"]
+__all__ = ["IghDatagram", "IghDomain", "IghFmmu", "igh_image", "igh_text"]
 
 # IgH cuts a domain into datagrams between FMMUs, at this many bytes (EC_MAX_DATA_SIZE).
 MAX_DATAGRAM_BYTES = 1486
@@ -23,12 +23,26 @@ class IghFmmu:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class IghDatagram:
+    """One datagram of the domain and the working counter with which it comes back."""
+
+    offset_bytes: int
+    size_bytes: int
+    working_counter: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class IghDomain:
     """Domain 0 as the IgH master lays it out when entries are registered in driver order."""
 
     fmmus: tuple[IghFmmu, ...]
     size_bytes: int
-    working_counter: int
+    datagrams: tuple[IghDatagram, ...]
+
+    @property
+    def working_counter(self) -> int:
+        """Expected sum over all datagrams."""
+        return sum(d.working_counter for d in self.datagrams)
 
 
 def igh_image(plan: Plan) -> IghDomain:
@@ -56,12 +70,10 @@ def igh_image(plan: Plan) -> IghDomain:
                 )
             )
             end += sm.size_bytes
-    return IghDomain(
-        fmmus=tuple(fmmus), size_bytes=end, working_counter=_working_counter(plan, fmmus)
-    )
+    return IghDomain(fmmus=tuple(fmmus), size_bytes=end, datagrams=_datagrams(plan, fmmus))
 
 
-def _working_counter(plan: Plan, fmmus: list[IghFmmu]) -> int:
+def _datagrams(plan: Plan, fmmus: list[IghFmmu]) -> tuple[IghDatagram, ...]:
     datagrams: list[list[IghFmmu]] = [[]]
     used = 0
     for fmmu in fmmus:
@@ -70,13 +82,19 @@ def _working_counter(plan: Plan, fmmus: list[IghFmmu]) -> int:
             used = 0
         datagrams[-1].append(fmmu)
         used += fmmu.size_bytes
-    total = 0
+    rows = []
     for datagram in datagrams:
         outputs = {plan.sync_managers[f.sm].subdevice for f in datagram if f.is_output}
         inputs = {plan.sync_managers[f.sm].subdevice for f in datagram if not f.is_output}
         both = bool(outputs) and bool(inputs)
-        total += (2 * len(outputs) if both else len(outputs)) + len(inputs)
-    return total
+        rows.append(
+            IghDatagram(
+                offset_bytes=datagram[0].offset_bytes if datagram else 0,
+                size_bytes=sum(f.size_bytes for f in datagram),
+                working_counter=(2 * len(outputs) if both else len(outputs)) + len(inputs),
+            )
+        )
+    return tuple(rows)
 
 
 def igh_text(plan: Plan) -> str:

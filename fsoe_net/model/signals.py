@@ -5,20 +5,27 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from fsoe_net.model import SmLayout
+from fsoe_net.model.bus import Entry
+from fsoe_net.model.layout import SmLayout
+from fsoe_net.model.resolve import Connection, ResolvedEnd
 
-__all__ = ["Signal", "signals_of", "split_name", "write_bits"]
+__all__ = ["Signal", "connection_signals", "signals_of", "split_name", "write_bits"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signal:
-    """Some bits of the safe data of one frame. ``name`` is ``subdevice.0x6001:01``."""
+    """Some bits of the safe data of one frame.
+
+    ``name`` is ``subdevice.0x6001:01``. ``label`` is what people call it, such as ``STO``; empty
+    when nothing says it.
+    """
 
     name: str
     index: int
     subindex: int
     bit: int
     bits: int
+    label: str = ""
 
     def read(self, data: bytes | bytearray) -> int:
         """Return the value in these safe data."""
@@ -62,10 +69,55 @@ def signals_of(
         found.setdefault(
             name,
             Signal(
-                name=name, index=entry.index, subindex=entry.subindex, bit=start, bits=entry.bits
+                name=name,
+                index=entry.index,
+                subindex=entry.subindex,
+                bit=start,
+                bits=entry.bits,
+                label=_label(entry),
             ),
         )
     return found
+
+
+def connection_signals(connection: Connection) -> tuple[dict[str, Signal], dict[str, Signal]]:
+    """Return the safe data of a connection by name: main to sub, sub to main.
+
+    Both are named by the PDOs of the SubInstance; the slots of a safety logic are mere numbers.
+    """
+    sub, to_sub, to_main = connection.sub.name, connection.to_sub, connection.to_main
+    return (
+        _signals_at(sub, to_sub.destination, to_sub.transfer.size_bytes),
+        _signals_at(sub, to_main.source, to_main.transfer.size_bytes),
+    )
+
+
+def _signals_at(subdevice: str, end: ResolvedEnd, frame_bytes: int) -> dict[str, Signal]:
+    if end.sm is None:
+        return {}  # it has no place in the process data, which a rule reports
+    return signals_of(subdevice, end.sm, end.byte_offset, frame_bytes)
+
+
+# Safety objects of drives (ETG.6100.2) as manuals of several makers print them; in the frame to the
+# drive a bit at 0 demands the function, in the frame from it a bit at 1 reports it.
+_DRIVE_OBJECTS = {
+    0x6630: "restart acknowledge",
+    0x6632: "error acknowledge",
+    0x6640: "STO",
+    0x6650: "SS1",
+    0x6660: "SBC",
+    0x6668: "SOS",
+    0x6670: "SS2",
+    0x6690: "SLS",
+    0x66D0: "SDI positive",
+    0x66D1: "SDI negative",
+}
+
+
+def _label(entry: Entry) -> str:
+    """Return the name a file gives, else that of the drive profile."""
+    given = entry.name or entry.state_interface or entry.command_interface
+    return given or _DRIVE_OBJECTS.get(entry.index, "")
 
 
 def _safe_bit(frame_bit: int, frame_bytes: int) -> int | None:
