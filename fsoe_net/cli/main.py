@@ -20,6 +20,7 @@ _COMMANDS = {
     "run": "Run a network on the emulated bus.",
     "report": "Write a report page for a network.",
     "replay": "Hold recorded FSoE runs against this engine.",
+    "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",
 }
 
 

@@ -17,6 +17,7 @@ from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, load_scenario, read_bytes
 from fsoe_net.model import Resolution, Scenario
+from fsoe_net.observe import CaptureWriter
 from fsoe_net.plan import compile_plan, decode_plan
 from fsoe_net.run import (
     ConnectionResult,
@@ -67,6 +68,7 @@ _WEEK_S = 7 * 24 * 3600
 )
 @click.option("--scenario", "scenario_file", type=click.Path(), help="Steps and expectations.")
 @click.option("--virtual-time", is_flag=True, help="As fast as the machine goes, repeatable.")
+@click.option("--capture", type=click.Path(), help="Write the frames of a virtual run (pcapng).")
 @click.option(
     "--device-period-ms",
     type=_Finite(min=0.1, max=1000),
@@ -87,6 +89,7 @@ def command(
     duration: float | None,
     scenario_file: str | None,
     virtual_time: bool,
+    capture: str | None,
     device_period_ms: float,
     fmt: str,
 ) -> None:
@@ -95,11 +98,16 @@ def command(
     The C core copies the frames in its own thread; emulated devices (MainInstances in the safety
     masters, SubInstances elsewhere) live on the bus at their own pace. FILES as for `check`.
     """
+    if capture is not None and not virtual_time:
+        raise click.UsageError("--capture needs --virtual-time: a live run carries no frames")
     checked = check_files(files, packages=packages, xacro_args=xacro_args)
     resolution = whole_network(checked, "nothing started")
     session = prepare(resolution, plan_file, scenario_file, virtual=virtual_time)
     duration_ns = round(duration * 1e9) if duration else session.duration_ns
-    if virtual_time:
+    if capture is not None:
+        with CaptureWriter(capture) as writer:
+            result = run_virtual(session, duration_ns, capture=writer)
+    elif virtual_time:
         result = run_virtual(session, duration_ns)
     else:
         result = _live(session, duration_ns, round(device_period_ms * 1e6), fmt)

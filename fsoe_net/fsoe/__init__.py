@@ -5,7 +5,7 @@ for emulation and test, never part of a safety function. Knows nothing of EtherC
 argument. `fsoe_net.fsoe.replay` holds recorded runs against the engine.
 """
 
-from fsoe_net.fsoe.chain import Chain, advance, fits_start, reset_frame
+from fsoe_net.fsoe.chain import Chain, advance, before, fits_start, is_whole, reset_frame
 from fsoe_net.fsoe.config import MainConfig, Parameters, SubConfig
 from fsoe_net.fsoe.crc import block_crc, frame_crcs, solve_sequence, sra_crc
 from fsoe_net.fsoe.event import Event, EventKind, State
@@ -23,6 +23,7 @@ from fsoe_net.fsoe.pdu import (
     is_frame_length,
     reset_code_text,
     safe_data_length,
+    safe_data_of,
 )
 from fsoe_net.fsoe.sub_instance import SubInstance
 
@@ -45,6 +46,7 @@ __all__ = [
     "SubInstance",
     "Verdict",
     "advance",
+    "before",
     "block_crc",
     "command_text",
     "decode_pdu",
@@ -53,10 +55,12 @@ __all__ = [
     "frame_crcs",
     "frame_length",
     "is_frame_length",
+    "is_whole",
     "outside_state",
     "reset_code_text",
     "reset_frame",
     "safe_data_length",
+    "safe_data_of",
     "solve_sequence",
     "sra_crc",
 ]

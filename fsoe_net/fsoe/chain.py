@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.fsoe.crc import frame_crcs
+from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
 from fsoe_net.fsoe.pdu import Command, Pdu, assemble
 
-__all__ = ["Chain", "advance", "fits_start", "reset_frame"]
+__all__ = ["Chain", "advance", "before", "fits_start", "is_whole", "reset_frame"]
 
 
 def advance(sequence: int) -> int:
     """Return the number after ``sequence``; 65535 is followed by 1, 0 is never used."""
     return 1 if sequence == 0xFFFF else sequence + 1
+
+
+def before(sequence: int) -> int:
+    """Return the number before ``sequence``: what `advance` takes to it."""
+    return 0xFFFF if sequence == 1 else sequence - 1
 
 
 def reset_frame(code: int, safe_bytes: int) -> bytes:
@@ -24,6 +29,16 @@ def reset_frame(code: int, safe_bytes: int) -> bytes:
 def fits_start(pdu: Pdu) -> bool:
     """Whether the CRCs fit (old 0, sequence 1) with the ConnID the frame itself carries."""
     return frame_crcs(0, pdu.connection_id, 1, pdu.command, pdu.safe_data) == pdu.crcs
+
+
+def is_whole(pdu: Pdu) -> bool:
+    """Whether the blocks of a frame fit each other, whatever old CRC and number are.
+
+    Each block but the first is 16 bits of evidence; a frame of one block always fits.
+    """
+    fields = pdu.connection_id, pdu.command, pdu.safe_data
+    sequence = solve_sequence(0, *fields, pdu.crcs[0])
+    return frame_crcs(0, fields[0], sequence, *fields[1:]) == pdu.crcs
 
 
 @dataclass(slots=True, kw_only=True)

@@ -26,6 +26,7 @@ __all__ = [
     "is_frame_length",
     "reset_code_text",
     "safe_data_length",
+    "safe_data_of",
 ]
 
 SAFE_SIZES: frozenset[int] = frozenset({1, *range(2, 127, 2)})
@@ -188,6 +189,15 @@ def assemble(command: int, data: bytes, crcs: tuple[int, ...], connection_id: in
     in_turn: list[bytes | int] = [0] * (2 * len(crcs))
     in_turn[0::2], in_turn[1::2] = _SAFE_DATA[len(data)].unpack(data), crcs
     return layout.pack(command, *in_turn, connection_id)
+
+
+def safe_data_of(frame: bytes) -> bytes:
+    """Return the safe data of a frame without taking the rest apart; no length is checked."""
+    if len(frame) <= 7:
+        return frame[1:-4]
+    data = bytearray((len(frame) - 3) // 2)
+    data[0::2], data[1::2] = frame[1:-2:4], frame[2:-2:4]
+    return bytes(data)
 
 
 def decode_pdu(data: bytes) -> Pdu:

@@ -14,7 +14,9 @@ from fsoe_net.diag import Diagnostic
 from fsoe_net.emul import EmulatedNetwork, Port, build_network
 from fsoe_net.fsoe import State, reset_code_text
 from fsoe_net.model import LogicChoice, Resolution, Scenario
+from fsoe_net.observe import CaptureWriter
 from fsoe_net.plan import decode_plan
+from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import Engine, state_word
 from fsoe_net.run.fit import Names, check_scenario
 from fsoe_net.run.result import ConnectionResult, RunResult
@@ -66,7 +68,7 @@ class Session:
         self.scenario = scenario
         self.plan_sha256 = hashlib.sha256(plan_bytes).hexdigest()
         self.plan = CorePlan.load(plan_bytes)
-        self._records = decode_plan(plan_bytes)
+        self.records = decode_plan(plan_bytes)
         self.bus = EmulatedBus(self.plan)
         self.core = Core(self.plan, self.bus)
         self.network = build_network(resolution, session_ids)
@@ -90,7 +92,7 @@ class Session:
         """Return what the scenario names that the network does not have."""
         if self.scenario is None:
             return []
-        return check_scenario(self.scenario, Names.of(self.network, self._records))
+        return check_scenario(self.scenario, Names.of(self.network, self.records))
 
     @property
     def engine(self) -> Engine:
@@ -112,8 +114,8 @@ class Session:
         self.core.set_output(self.plan.symbols[name], value)
 
     def _set_input(self, name: str, value: int) -> None:
-        symbol = self._records.symbols[self.plan.symbols[name]]
-        sm = self._records.sync_managers[symbol.sm]
+        symbol = self.records.symbols[self.plan.symbols[name]]
+        sm = self.records.sync_managers[symbol.sm]
         device = self.network.devices[self.plan.subdevice_names[sm.subdevice]]
         device.set_input(sm.index, symbol.bit_offset, symbol.bits, value)
 
@@ -219,12 +221,15 @@ def random_session_ids() -> Callable[[], int]:
     return lambda: secrets.randbelow(0x10000)
 
 
-def run_virtual(session: Session, duration_ns: int) -> RunResult:
+def run_virtual(
+    session: Session, duration_ns: int, *, capture: CaptureWriter | None = None
+) -> RunResult:
     """Run in virtual time: one cycle and one step of every device after the other.
 
     The same session gives the same result, byte for byte. A keyboard interrupt ends the run early;
-    its result is still returned.
+    its result is still returned. ``capture`` takes the frames a bus would carry.
     """
+    bus = None if capture is None else BusCapture(capture, session.core, session.records)
     cycle_ns = session.cycle_ns
     cycles = max(1, duration_ns // cycle_ns)
     cycle, step = session.core.cycle, session.step_devices
@@ -233,6 +238,8 @@ def run_virtual(session: Session, duration_ns: int) -> RunResult:
         for number in range(1, cycles + 1):
             now_ns = number * cycle_ns
             cycle(now_ns)
+            if bus is not None:
+                bus.cycle(now_ns)
             step(now_ns)
     except KeyboardInterrupt:
         session.engine.log(now_ns, "run", _INTERRUPTED)

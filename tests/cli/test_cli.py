@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from cli.tool import fsn
 from networks import EXAMPLES
 
 from fsoe_net.core import CorePlan
 from fsoe_net.errors import CoreMissing, PlanFormatError
 
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
-
-
-def fsn(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "fsoe_net.cli", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        check=False,
-    )
-    assert "Traceback" not in done.stderr, done.stderr
-    return done
 
 
 @pytest.fixture

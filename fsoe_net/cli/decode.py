@@ -1,0 +1,214 @@
+"""``fsoe-net decode``: FSoE frames from hex or captures, for people."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from fsoe_net.cli.decode_output import JsonOutput, Output, Row, TextOutput
+from fsoe_net.cli.inputs import check_files, whole_network
+from fsoe_net.core import Scanner, Sighting
+from fsoe_net.errors import InputError
+from fsoe_net.fsoe import Command, Verdict, safe_data_of
+from fsoe_net.observe import (
+    ConnectionNames,
+    LogicalImage,
+    Naming,
+    follow_frames,
+    is_capture,
+    lua_dissector,
+    parse_frames,
+    read_capture,
+)
+from fsoe_net.plan import compile_plan
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net decode 2a0400a6340000
+  fsoe-net decode "main 2a0000c42d0000 sub 2a0000c42d0000 main 4e2211fddd0000"
+  fsoe-net decode bus.pcapng --network network.yaml
+  fsoe-net decode --lua network.yaml -o fsoe.lua
+
+INPUT is hex, a capture (pcap, pcapng) or - for hex on standard input. Exit code 1 when a frame has
+a wrong CRC or an input cannot be read."""
+
+
+@click.command("decode", epilog=_EPILOG)
+@click.argument("inputs", nargs=-1, metavar="[INPUT]...")
+@click.option("--network", multiple=True, type=click.Path(), help="Files of the network: names.")
+@click.option("--lua", multiple=True, type=click.Path(), help="Write a Wireshark dissector for it.")
+@click.option("-o", "--output", type=click.Path(), help="File for --lua; else standard output.")
+@click.option("--changes", is_flag=True, help="Only frames that say something new.")
+@click.option("--summary", is_flag=True, help="Only the connections found.")
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    inputs: tuple[str, ...],
+    network: tuple[str, ...],
+    lua: tuple[str, ...],
+    output: str | None,
+    changes: bool,
+    summary: bool,
+    fmt: str,
+) -> None:
+    """Decode FSoE frames from hex or from captured EtherCAT traffic.
+
+    In a capture the frames are found without knowing the network: by command, ConnID and CRCs.
+    """
+    if lua:
+        if inputs or network:
+            raise click.UsageError("--lua takes the network and writes a dissector; no INPUT")
+        _write_lua(lua, output)
+        return
+    if output is not None:
+        raise click.UsageError("-o belongs to --lua; else redirect standard output")
+    naming = _naming(network)
+    out: Output = JsonOutput() if fmt == "json" else TextOutput()
+    captures = [name for name in inputs if Path(name).exists()]
+    if captures and len(captures) < len(inputs):
+        hexes = [name for name in inputs if name not in captures]
+        raise click.UsageError(f"{hexes[0]!r} is no file; captures and hex go into separate calls")
+    if captures:
+        for path in captures:
+            _decode_capture(path, naming, out, changes=changes, summary=summary)
+    else:
+        _decode_hex(inputs, naming, out)
+    out.end()
+    ctx.exit(int(out.wrong > 0))
+
+
+def _naming(network: tuple[str, ...]) -> Naming:
+    if not network:
+        return Naming(None)
+    resolution = whole_network(check_files(network), "nothing decoded")
+    return Naming(resolution, LogicalImage(compile_plan(resolution)))
+
+
+def _write_lua(files: tuple[str, ...], output: str | None) -> None:
+    resolution = whole_network(check_files(files), "no dissector written")
+    text = lua_dissector(resolution, compile_plan(resolution))
+    if output is None:
+        click.echo(text, nl=False)
+        return
+    Path(output).write_text(text, encoding="utf-8")
+    click.echo(f"{output}: open a capture with: wireshark -X lua_script:{output} FILE", err=True)
+
+
+def _decode_hex(inputs: tuple[str, ...], naming: Naming, out: Output) -> None:
+    texts = _stdin_lines() if not inputs or inputs == ("-",) else [("argument", " ".join(inputs))]
+    out.begin("hex")
+    for seen in follow_frames(parse_frames(texts)):
+        lengths = (seen.lengths[0], seen.lengths[1])
+        out.row(
+            Row(
+                packet=0,
+                time_ms=None,
+                names=naming.find(seen.pdu.connection_id, lengths),
+                number=0,
+                direction=seen.direction,
+                frame=seen.frame.data,
+                verdict=seen.verdict,
+                state=seen.state,
+                sequence=seen.sequence,
+                note=seen.note,
+            )
+        )
+    out.end_of_frames()
+
+
+def _stdin_lines() -> Iterator[tuple[str, str]]:
+    if sys.stdin.isatty():
+        click.echo("hex of FSoE frames, end with Ctrl-D:", err=True)
+    for number, line in enumerate(sys.stdin.buffer, start=1):
+        yield f"stdin:{number}", line.decode("utf-8", "replace")
+
+
+class _Named:
+    """Which connection of the network each one found is, and whether its roles are swapped."""
+
+    def __init__(self, scanner: Scanner, naming: Naming) -> None:
+        self._scanner = scanner
+        self._naming = naming
+        self._known: dict[int, tuple[ConnectionNames | None, bool]] = {}
+
+    def of(self, sighting: Sighting) -> tuple[ConnectionNames | None, bool]:
+        # A start-up tells the roles for certain, so the guess is taken back.
+        if sighting.connection not in self._known or sighting.frame[0] == Command.SESSION:
+            found = self._scanner.connections()[sighting.connection]
+            self._known[sighting.connection] = self._naming.find_in(found)
+        return self._known[sighting.connection]
+
+
+class _Said:
+    """What every direction has said last, to leave out what is not new."""
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[int, int], tuple[int, bytes, Verdict, int]] = {}
+
+    def is_news(self, s: Sighting) -> bool:
+        news = s.frame[0], safe_data_of(s.frame), s.verdict, s.state
+        key = s.connection, s.direction
+        if self._last.get(key) == news:
+            return False
+        self._last[key] = news
+        return True
+
+
+def _decode_capture(
+    path: str, naming: Naming, out: Output, *, changes: bool, summary: bool
+) -> None:
+    scanner = Scanner()
+    named = _Named(scanner, naming)
+    said = _Said()
+    start_ns = now_ns = -1
+    out.begin(path)
+    try:
+        for time_ns, packet in _packets(path):
+            if start_ns < 0:
+                start_ns = time_ns
+            now_ns = max(now_ns, time_ns)  # several interfaces in one file may step back
+            for s in scanner.packet(packet, now_ns):
+                out.wrong += s.verdict is Verdict.WRONG
+                if summary:
+                    continue
+                if changes and not said.is_news(s):
+                    continue
+                names, swapped = named.of(s)
+                out.row(
+                    Row(
+                        s.packet,
+                        (s.time_ns - start_ns) / 1e6,
+                        names,
+                        s.connection,
+                        s.direction ^ swapped,
+                        s.frame,
+                        s.verdict,
+                        s.state,
+                        s.sequence,
+                        "",
+                    )
+                )
+    except InputError as exc:
+        out.damaged(str(exc))
+    out.end_of_frames()
+    connections = [(c, *naming.find_in(c)) for c in scanner.connections()]
+    out.found(connections, scanner.counts(), start_ns)
+
+
+def _packets(path: str) -> Iterator[tuple[int, bytes]]:
+    with open(path, "rb") as file:
+        head = file.read(4)
+    if not is_capture(head):
+        raise InputError(
+            f"{path}: neither a pcap nor a pcapng capture; for a file of hex: "
+            f"fsoe-net decode - < {path}"
+        )
+    return read_capture(path)

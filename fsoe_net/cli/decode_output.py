@@ -1,0 +1,372 @@
+"""How decoded frames are printed: text in columns, or one JSON document written as it grows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import click
+
+from fsoe_net import __version__
+from fsoe_net.cli.output import counted
+from fsoe_net.core import DirectionSnapshot, FoundConnection, Place, ScanCounts
+from fsoe_net.fsoe import (
+    Command,
+    OutsideState,
+    Verdict,
+    command_text,
+    reset_code_text,
+    safe_data_length,
+    safe_data_of,
+)
+from fsoe_net.observe import ConnectionNames
+
+__all__ = ["JsonOutput", "Output", "Row", "TextOutput"]
+
+_WAYS = ("main_to_sub", "sub_to_main")
+_ARROWS = ("main > sub", "sub > main")
+_COLOUR = {Verdict.WRONG: "red", Verdict.UNCHECKED: "yellow", Verdict.SAME: None}
+_WORD = {v: v.name.lower() for v in Verdict}
+_CRC_TEXT = _WORD | {Verdict.SAME: "same frame"}
+_LINES_AT_ONCE = 500
+_MOST_PARTS = 10_000
+_STATE_TEXT = {state: state.word.replace("_", " ") for state in OutsideState}
+
+Found = tuple[FoundConnection, ConnectionNames | None, bool]
+
+
+class Row(NamedTuple):
+    """One frame to print; ``packet`` 0 and ``time_ms`` ``None``: typed, not captured."""
+
+    packet: int
+    time_ms: float | None
+    names: ConnectionNames | None
+    number: int
+    direction: int
+    frame: bytes
+    verdict: Verdict
+    state: OutsideState
+    sequence: int
+    note: str
+
+
+class _Parts:
+    """Cached texts of what does not change from frame to frame: all but CRCs, time and number."""
+
+    def __init__(self, build: Callable[[Row, bytes], tuple[str, str]]) -> None:
+        self._build = build
+        self._known: dict[tuple[object, ...], tuple[str, str]] = {}
+
+    def of(self, row: Row) -> tuple[str, str]:
+        _, _, names, number, direction, frame, _, state, _, _ = row
+        data = safe_data_of(frame)
+        key = number, direction, frame[0], data, state, frame[-2:], id(names)
+        texts = self._known.get(key)
+        if texts is None:
+            if len(self._known) >= _MOST_PARTS:
+                self._known.clear()
+            texts = self._known[key] = self._build(row, data)
+        return texts
+
+
+class _Lines:
+    """Writes in large pieces: a capture has many short lines."""
+
+    def __init__(self) -> None:
+        self._lines: list[str] = []
+
+    def add(self, text: str) -> None:
+        self._lines.append(text)
+        if len(self._lines) >= _LINES_AT_ONCE:
+            self.flush()
+
+    def flush(self) -> None:
+        click.echo("".join(self._lines), nl=False)
+        self._lines.clear()
+
+
+class Output(Protocol):
+    """Takes what is decoded, in order; ``wrong`` counts frames with a wrong CRC."""
+
+    wrong: int
+
+    def begin(self, source: str) -> None:
+        """Begin a source: a file or ``hex``."""
+
+    def row(self, row: Row) -> None:
+        """Print one frame."""
+
+    def damaged(self, message: str) -> None:
+        """Say that a capture could not be read to its end."""
+
+    def end_of_frames(self) -> None:
+        """Close the frames of a source."""
+
+    def found(self, connections: list[Found], counts: ScanCounts, start_ns: int) -> None:
+        """Print what was found in a capture."""
+
+    def end(self) -> None:
+        """Close the document."""
+
+
+def _meaning(row: Row, data: bytes) -> str:
+    """Return what the frame says beyond its columns."""
+    if row.frame[0] == Command.RESET:
+        return f"{data[0]}: {reset_code_text(data[0])}"
+    if row.frame[0] == Command.PROCESS_DATA and row.names is not None:
+        return row.names.values(row.direction, data)
+    return ""
+
+
+class TextOutput:
+    """Columns for people."""
+
+    def __init__(self) -> None:
+        self.wrong = 0
+        self._lines = _Lines()
+        self._columns = _Parts(self._constant)
+        self._headed = False
+
+    def begin(self, source: str) -> None:
+        """Remember the source; its head comes with the first frame."""
+        self._source = source
+        self._headed = False
+
+    def row(self, row: Row) -> None:
+        """Print one frame as a line."""
+        typed = row.time_ms is None
+        if not self._headed:
+            self._headed = True
+            place = "" if typed else f"{'packet':>8} {'time ms':>12}  {'connection':20} "
+            self._lines.add(
+                f"{place}{'way':11} {'command':14} {'ConnID':>6}  "
+                f"{'CRC':16} {'state':14} safe data\n"
+            )
+        if typed:
+            self.wrong += row.verdict is Verdict.WRONG
+        crc = _CRC_TEXT[row.verdict]
+        if row.sequence:
+            crc = f"{crc} #{row.sequence}"
+        crc = f"{crc:16}"
+        if row.verdict is not Verdict.RIGHT:
+            crc = click.style(crc, fg=_COLOUR[row.verdict])
+        place = "" if typed else f"{row.packet:>8} {row.time_ms:>12.3f}  "
+        note = f"  {row.note}" if row.note else ""
+        left, right = self._columns.of(row)
+        self._lines.add(f"{place}{left}{crc} {right}{note}\n")
+
+    @staticmethod
+    def _constant(row: Row, data: bytes) -> tuple[str, str]:
+        """Return the columns left and right of the CRC."""
+        name = row.names.name if row.names else f"#{row.number + 1}"
+        way = _ARROWS[row.direction]
+        connection_id = int.from_bytes(row.frame[-2:], "little")
+        place = "" if row.time_ms is None else f"{name:20} "
+        left = f"{place}{way:11} {command_text(row.frame[0]):14} {connection_id:>6}  "
+        meaning = _meaning(row, data)
+        right = f"{_STATE_TEXT[row.state]:14} {data.hex(' ')}"
+        return left, f"{right}  {meaning}" if meaning else right
+
+    def damaged(self, message: str) -> None:
+        """Say it on standard error."""
+        self.wrong += 1
+        click.echo(f"error: {message}", err=True)
+
+    def end_of_frames(self) -> None:
+        """Leave a line free."""
+        self._lines.flush()
+        if self._headed:
+            click.echo()
+
+    def found(self, connections: list[Found], counts: ScanCounts, start_ns: int) -> None:
+        """Print one block per connection, or why there is none."""
+        for number, (c, names, swapped) in enumerate(connections, start=1):
+            title = names.name if names else f"#{number}"
+            click.echo(f"{title}: ConnID {c.connection_id}, now {_STATE_TEXT[c.state]}")
+            ways = (c.to_sub, c.to_main)[:: -1 if swapped else 1]
+            for way, direction in zip(_ARROWS, ways, strict=True):
+                click.echo(f"  {way}  {_counts_text(direction)}")
+            for place in c.places:
+                click.echo(f"  {_place_text(place, swapped)}")
+            if c.gaps:
+                click.echo(f"  {counted(c.gaps, 'gap')}: the capture does not hold every frame")
+            if not c.roles_certain and not (names and names.ends):
+                click.echo("  main and sub are told apart by their numbers; no start-up was seen")
+        if not connections:
+            click.echo(f"{self._source}: no FSoE connection found; {_none_text(counts)}")
+        else:
+            click.echo(
+                f"{counts.packets} packets, {counts.ethercat} of EtherCAT, "
+                f"{counts.datagrams} answered process data datagrams"
+            )
+        if counts.malformed:
+            click.echo(f"{counts.malformed} EtherCAT frames with datagrams that do not fit")
+        if counts.dropped:
+            click.echo(f"{counts.dropped} places were not looked at: too many at once")
+
+    def end(self) -> None:
+        """Nothing is left to print."""
+
+
+def _counts_text(d: DirectionSnapshot) -> str:
+    text = f"{d.frames} frames: {d.right} right, {d.wrong} wrong, {d.unchecked} unchecked"
+    if d.cycle_max_ns:
+        low, mean, high = (n / 1e6 for n in (d.cycle_min_ns, d.cycle_mean_ns, d.cycle_max_ns))
+        text += f"; every {low:.3f} … {mean:.3f} … {high:.3f} ms"
+    if d.resets:
+        text += f"; {counted(d.resets, 'reset')}, last {d.reset_code}: "
+        text += reset_code_text(d.reset_code)
+    return text
+
+
+def _place_text(place: Place, swapped: bool) -> str:
+    safe = safe_data_length(place.size_bytes)
+    way = _ARROWS[place.direction ^ swapped]
+    at = f"0x{place.address:08x}"
+    if not place.is_logical:
+        at = f"station 0x{place.address & 0xFFFF:04x} offset 0x{place.address >> 16:04x}"
+    size = f"{place.size_bytes} bytes with {counted(safe, 'safe byte')}"
+    return f"{way}  at {place.command} {at}, {size}"
+
+
+def _none_text(counts: ScanCounts) -> str:
+    if not counts.packets:
+        return "the capture is empty"
+    if not counts.ethercat:
+        return f"none of its {counts.packets} packets is EtherCAT (0x88A4, or UDP port 34980)"
+    if not counts.datagrams and counts.unanswered:
+        return (
+            f"all {counts.unanswered} process data datagrams have working counter 0: captured on "
+            "the way out only, or no SubDevice was there"
+        )
+    return (
+        f"{counts.ethercat} EtherCAT frames with {counts.datagrams} answered process data "
+        "datagrams were looked at"
+    )
+
+
+class JsonOutput:
+    """One document; frames are written as they come, so memory does not grow with the capture."""
+
+    def __init__(self) -> None:
+        self.wrong = 0
+        self._sources = 0
+        self._rows = 0
+        self._damage: str | None = None
+        self._lines = _Lines()
+        self._parts = _Parts(self._constant)
+        head = json.dumps({"tool": "fsoe-net", "version": __version__})
+        click.echo(head[:-1] + ', "sources": [', nl=False)
+
+    def begin(self, source: str) -> None:
+        """Open the object of a source."""
+        click.echo("," if self._sources else "")
+        click.echo(f'{{"source": {json.dumps(source)}, "frames": [', nl=False)
+        self._sources, self._rows, self._damage = self._sources + 1, 0, None
+
+    def row(self, row: Row) -> None:
+        """Write one frame."""
+        where = ""
+        if row.time_ms is None:
+            self.wrong += row.verdict is Verdict.WRONG
+        else:
+            where = f'"packet": {row.packet}, "time_ms": {row.time_ms:.6f}, '
+        note = f', "note": {json.dumps(row.note)}' if row.note else ""
+        self._lines.add(
+            f"{',' if self._rows else ''}\n{{{where}{self._parts.of(row)[0]}, "
+            f'"crc": "{_WORD[row.verdict]}", "sequence": {row.sequence or "null"}, '
+            f'"frame": "{row.frame.hex()}"{note}}}'
+        )
+        self._rows += 1
+
+    @staticmethod
+    def _constant(row: Row, data: bytes) -> tuple[str, str]:
+        """Return the members that do not change from frame to frame; nothing stands behind."""
+        item: dict[str, object] = {
+            "connection": row.names.name if row.names else None,
+            "connection_number": row.number + 1,
+            "connection_id": int.from_bytes(row.frame[-2:], "little"),
+            "direction": _WAYS[row.direction],
+            "command": command_text(row.frame[0]),
+            "command_byte": row.frame[0],
+            "safe_data": data.hex(),
+            "state": row.state.word,
+        }
+        if row.frame[0] == Command.RESET:
+            item["reset_code"] = data[0]
+            item["reset_text"] = reset_code_text(data[0])
+        if row.frame[0] == Command.PROCESS_DATA and row.names is not None:
+            item["values"] = row.names.signal_values(row.direction, data)
+        return json.dumps(item)[1:-1], ""
+
+    def damaged(self, message: str) -> None:
+        """Keep the message for the object of the source."""
+        self.wrong += 1
+        self._damage = message
+        click.echo(f"error: {message}", err=True)
+
+    def end_of_frames(self) -> None:
+        """Close the list, and of hex the object."""
+        self._lines.flush()
+        click.echo("]", nl=False)
+        self._open = True
+
+    def found(self, connections: list[Found], counts: ScanCounts, start_ns: int) -> None:
+        """Write what was found in a capture."""
+        rows = []
+        for number, (c, names, swapped) in enumerate(connections, start=1):
+            ways = (c.to_sub, c.to_main)[:: -1 if swapped else 1]
+            rows.append(
+                {
+                    "number": number,
+                    "connection": names.name if names else None,
+                    "connection_id": c.connection_id,
+                    "state": c.state.word,
+                    "gaps": c.gaps,
+                    "roles": "certain" if c.roles_certain else "by numbers",
+                    "main_to_sub": _counts_json(ways[0]),
+                    "sub_to_main": _counts_json(ways[1]),
+                    "places": [
+                        {
+                            "command": p.command,
+                            "address": p.address,
+                            "direction": _WAYS[p.direction ^ swapped],
+                            "size_bytes": p.size_bytes,
+                        }
+                        for p in c.places
+                    ],
+                }
+            )
+        tail: dict[str, object] = {
+            "start_ns": max(start_ns, 0),
+            "damage": self._damage,
+            "connections": rows,
+            "packets": counts.packets,
+            "ethercat_frames": counts.ethercat,
+            "malformed_frames": counts.malformed,
+            "process_data_datagrams": counts.datagrams,
+            "unanswered_datagrams": counts.unanswered,
+        }
+        click.echo(", " + json.dumps(tail, indent=1)[1:], nl=False)
+        self._open = False
+
+    def end(self) -> None:
+        """Close the document."""
+        click.echo(("}" if self._open else "") + "]}")
+
+
+def _counts_json(d: DirectionSnapshot) -> dict[str, object]:
+    return {
+        "frames": d.frames,
+        "right": d.right,
+        "wrong": d.wrong,
+        "unchecked": d.unchecked,
+        "resets": d.resets,
+        "reset_code": d.reset_code if d.resets else None,
+        "cycle_ms": {
+            "min": d.cycle_min_ns / 1e6,
+            "mean": d.cycle_mean_ns / 1e6,
+            "max": d.cycle_max_ns / 1e6,
+        },
+    }

@@ -1,0 +1,180 @@
+"""FSoE frames typed or pasted as hex: one by one, or a conversation of main and sub."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from fsoe_net.errors import InputError
+from fsoe_net.fsoe import (
+    Command,
+    Monitor,
+    OutsideState,
+    Pdu,
+    Verdict,
+    before,
+    decode_pdu,
+    frame_length,
+    is_frame_length,
+    is_whole,
+    safe_data_length,
+)
+
+__all__ = ["HexFrame", "Seen", "follow_frames", "parse_frames"]
+
+_MARKS = {"m": 0, "main": 0, "master": 0, ">": 0, "s": 1, "sub": 1, "slave": 1, "<": 1}
+_BYTE = re.compile(r"(?:0x)?[0-9a-f]{1,2}", re.IGNORECASE)
+_SEPARATORS = str.maketrans("", "", ":-_")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HexFrame:
+    """One frame as given; ``direction`` 0 main to sub, 1 sub to main, ``None``: not said."""
+
+    data: bytes
+    direction: int | None
+    place: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """One frame and what is known of it.
+
+    Attributes:
+        frame: The frame as given.
+        pdu: Taken apart.
+        direction: 0 main to sub, 1 sub to main; assumed when ``frame.direction`` is ``None``.
+        verdict: On its CRCs, by the frames before it.
+        state: Of the connection after it.
+        sequence: Its number in the chain, 0 when not known.
+        lengths: Of the frames of both directions, as assumed.
+        note: What else can be said when the frames before it are missing.
+    """
+
+    frame: HexFrame
+    pdu: Pdu
+    direction: int
+    verdict: Verdict
+    state: OutsideState
+    sequence: int
+    lengths: tuple[int, int]
+    note: str
+
+
+def parse_frames(texts: Iterable[tuple[str, str]]) -> Iterator[HexFrame]:
+    """Take frames out of text.
+
+    A line holds frames, one word each, or the bytes of one frame as words of two digits. ``m`` or
+    ``>`` before a frame says that the main sends it, ``s`` or ``<`` that the sub does. ``#`` begins
+    a comment; ``0x``, ``:``, ``-``, ``_`` and commas are left out.
+
+    Args:
+        texts: Place for messages, e.g. ``stdin:3``, and text.
+
+    Raises:
+        InputError: A word is no hex, or no FSoE frame has its length.
+    """
+    for place, text in texts:
+        words = text.partition("#")[0].replace(",", " ").split()
+        direction: int | None = None
+        single: list[str] = []
+        for word in words:
+            mark = word.rstrip(":").lower()
+            if mark in _MARKS:
+                yield from _joined(single, direction, place)
+                single, direction = [], _MARKS[mark]
+            elif _BYTE.fullmatch(word):
+                single.append(word.lower().removeprefix("0x").zfill(2))
+            else:
+                yield from _joined(single, direction, place)
+                single = []
+                yield _frame(word, direction, place)
+                direction = None
+        yield from _joined(single, direction, place)
+
+
+def _joined(words: list[str], direction: int | None, place: str) -> Iterator[HexFrame]:
+    if words:
+        yield _frame("".join(words), direction, place)
+
+
+def _frame(word: str, direction: int | None, place: str) -> HexFrame:
+    digits = word.translate(_SEPARATORS).lower().removeprefix("0x")
+    try:
+        data = bytes.fromhex(digits)
+    except ValueError as exc:
+        raise InputError(
+            f"{place}: {word!r} is neither hex nor a file; a frame is written as 2a0000c42d0000"
+        ) from exc
+    if not is_frame_length(len(data)):
+        raise InputError(
+            f"{place}: {word!r} has {len(data)} bytes; FSoE frames have 6, 7, 11, 15 … 255"
+        )
+    return HexFrame(data=data, direction=direction, place=place)
+
+
+def follow_frames(frames: Iterable[HexFrame]) -> Iterator[Seen]:
+    """Follow frames as one conversation.
+
+    A frame without a direction is taken for an answer to the one before: the main begins. When the
+    two directions have different lengths, the length says it.
+
+    Raises:
+        InputError: The frames have more than two lengths, or two in one direction.
+    """
+    rows = list(frames)
+    lengths = _lengths(rows)
+    monitor = Monitor(safe_data_length(lengths[0]), safe_data_length(lengths[1]))
+    last = 1
+    for frame in rows:
+        direction = frame.direction
+        if direction is None:
+            direction = _assumed(frame.data, lengths, last)
+        last = direction
+        if len(frame.data) != lengths[direction]:
+            way = ("main", "sub")[direction]
+            raise InputError(
+                f"{frame.place}: {frame.data.hex()} has {len(frame.data)} bytes, other frames of "
+                f"the {way} have {lengths[direction]}; decode one connection at a time"
+            )
+        pdu = decode_pdu(frame.data)
+        verdict = monitor.frame(direction, frame.data, 0)
+        numbered = verdict is Verdict.RIGHT and pdu.command != Command.RESET
+        yield Seen(
+            frame=frame,
+            pdu=pdu,
+            direction=direction,
+            verdict=verdict,
+            state=monitor.state,
+            sequence=before(monitor.sequence(direction)) if numbered else 0,
+            lengths=lengths,
+            note=_note(pdu) if verdict is Verdict.UNCHECKED else "",
+        )
+
+
+def _note(pdu: Pdu) -> str:
+    """Return what one frame shows by itself."""
+    if not is_whole(pdu):
+        return "its blocks do not fit each other: damaged"
+    if len(pdu.crcs) == 1:
+        return "the CRC depends on the frame before, which is missing"
+    return "its blocks fit each other; CRC 0 depends on the frame before, which is missing"
+
+
+def _assumed(data: bytes, lengths: tuple[int, int], last: int) -> int:
+    if lengths[0] != lengths[1]:
+        return int(len(data) == lengths[1])
+    return 1 - last
+
+
+def _lengths(rows: list[HexFrame]) -> tuple[int, int]:
+    """Return the frame lengths of both directions."""
+    main = next((len(row.data) for row in rows if row.direction == 0), None)
+    sub = next((len(row.data) for row in rows if row.direction == 1), None)
+    seen = list(dict.fromkeys(len(row.data) for row in rows)) or [frame_length(2)]
+    if main is None:
+        main = next((n for n in seen if n != sub), seen[0])
+    if sub is None:
+        sub = next((n for n in seen if n != main), main)
+    return main, sub
