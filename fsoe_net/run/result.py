@@ -33,7 +33,8 @@ class ConnectionResult:
 
     ``state`` is a word: ``reset``, ``session``, ``connection``, ``parameter``, ``data_failsafe``
     (in Data, FailSafeData in at least one direction) or ``data_process``. ``wire_state`` is what
-    the core saw in the copied frames. ``chosen`` names facts that no file states. ``data_to_sub``
+    the core saw in the copied frames, and ``wrong_…`` the frames in them with a wrong CRC; ``gaps``
+    counts when it missed some. ``chosen`` names facts that no file states. ``data_to_sub``
     and ``data_to_main`` are what each end receives: ``process``, ``failsafe`` or ``none``.
     """
 
@@ -51,6 +52,9 @@ class ConnectionResult:
     fsoe_cycle_ms: Mapping[str, float]
     frames_to_sub: int
     frames_to_main: int
+    wrong_to_sub: int
+    wrong_to_main: int
+    gaps: int
     resets: int
     last_reset_code: int | None
     last_reset_text: str

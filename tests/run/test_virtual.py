@@ -48,6 +48,7 @@ def test_keys_of_the_document():
         "frames_to_main",
         "frames_to_sub",
         "fsoe_cycle_ms",
+        "gaps",
         "last_reset_code",
         "last_reset_text",
         "main",
@@ -61,6 +62,8 @@ def test_keys_of_the_document():
         "time_to_data_ms",
         "watchdog_ms",
         "wire_state",
+        "wrong_to_main",
+        "wrong_to_sub",
     ]
     assert sorted(found["events"][0]) == ["code", "source", "text", "time_ms"]
     assert sorted(found["expectations"][0]) == ["held", "place", "seen", "text"]
