@@ -117,10 +117,10 @@ def by_scanner(made: Made) -> list[tuple]:
     for c, (names, swapped) in zip(scanner.connections(), named, strict=True):
         assert names is not None
         assert not swapped
-        assert (c.places[0].address, c.places[1].address) in made.watched()
+        ends = c.places[0].address, c.places[1].address
+        assert all(a in n for a, n in zip(ends, names.addresses, strict=True))
     return sorted(
         (
-            s.packet,
             named[s.connection][0].name,
             s.direction,
             s.frame.hex(),
@@ -165,7 +165,11 @@ def test_verdicts_are_those_of_our_decoders(folder: Path, head: str, tmp_path: P
     made = Made(folder, tmp_path, head=head)
     found = made.new_frames()
     assert len(found) > 100
-    assert found == by_scanner(made) == by_monitor(made)
+    assert found == by_monitor(made)
+    # The scanner may watch where a frame is sent; the last one before a break never arrives.
+    sent, arrived = set(by_scanner(made)), {row[1:] for row in found}
+    assert not arrived - sent
+    assert len(sent - arrived) <= len(made.naming.connections)
 
 
 @pytest.mark.parametrize("folder", [ESTOP, ROBOT], ids=["estop", "el6910"])
