@@ -18,6 +18,7 @@ _COMMANDS = {
     "explain": "Explain a diagnostic code.",
     "plan": "Compile a network to a copy plan, or show a plan.",
     "run": "Run a network on the emulated bus.",
+    "campaign": "Put faults into the connections of a network.",
     "report": "Write a report page for a network.",
     "replay": "Hold recorded FSoE runs against this engine.",
     "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",

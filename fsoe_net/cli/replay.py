@@ -11,9 +11,9 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.output import counted
 from fsoe_net.errors import RecordingError
-from fsoe_net.fsoe.difference import Difference, differing_bytes, explain
-from fsoe_net.fsoe.recording import Answer
-from fsoe_net.fsoe.replay import ReplayResult, replay_file
+from fsoe_net.fsoe.recording import ReplayResult, replay_file
+from fsoe_net.fsoe.recording.difference import Difference, differing_bytes, explain
+from fsoe_net.fsoe.recording.model import Answer
 
 __all__ = ["command"]
 

@@ -2,7 +2,7 @@
 
 Compared with independent implementations, not checked against ETG.5100 and not conformance tested:
 for emulation and test, never part of a safety function. Knows nothing of EtherCAT; time is an
-argument. `fsoe_net.fsoe.replay` holds recorded runs against the engine.
+argument. `fsoe_net.fsoe.recording` holds recorded runs against the engine.
 """
 
 from fsoe_net.fsoe.chain import Chain, advance, before, fits_start, is_whole, reset_frame

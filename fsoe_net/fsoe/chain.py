@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
 from fsoe_net.fsoe.pdu import Command, Pdu, assemble
@@ -20,6 +21,7 @@ def before(sequence: int) -> int:
     return 0xFFFF if sequence == 1 else sequence - 1
 
 
+@lru_cache(maxsize=1024)
 def reset_frame(code: int, safe_bytes: int) -> bytes:
     """Return a Reset frame: old 0, sequence 1, ConnID 0, whatever happened before (§3)."""
     data = bytes((code,)) + bytes(safe_bytes - 1)
@@ -58,6 +60,13 @@ class Chain:
     peer: int | None = None
     tx_sequence: int = 1
     rx_sequence: int = 1
+
+    def copy(self) -> Chain:
+        """Return a chain of its own with the same values."""
+        twin = Chain.__new__(Chain)  # a quarter of the time of the constructor
+        twin.last, twin.own, twin.peer = self.last, self.own, self.peer
+        twin.tx_sequence, twin.rx_sequence = self.tx_sequence, self.rx_sequence
+        return twin
 
     def clear(self) -> None:
         """Return to the start values: at every Reset sent or received and every Session start."""

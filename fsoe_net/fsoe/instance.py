@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.chain import Chain, reset_frame
@@ -98,6 +99,22 @@ class Instance(abc.ABC):
     def power_cycle(self) -> None:
         """Forget everything, as after switching the device off and on."""
         self._power_up()
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return everything this end remembers, for `restore`; later steps do not touch it."""
+        state = self.__dict__.copy()
+        state["_chain"] = self._chain.copy()
+        state["_events"] = self._events.copy()
+        return state
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to a `snapshot` of this end; it can be gone back to again and again.
+
+        The source of session ids is the caller's and goes on where it is.
+        """
+        self.__dict__.update(state)
+        self._chain = state["_chain"].copy()
+        self._events = state["_events"].copy()
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call, oldest first; at most the newest 1024."""

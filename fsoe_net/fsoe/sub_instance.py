@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from typing import Any
 
 from fsoe_net.fsoe.chain import fits_start
 from fsoe_net.fsoe.config import Parameters, SubConfig
@@ -41,6 +42,15 @@ class SubInstance(Instance):
         self._session_id = b""
         self._session_sent_bytes = 0
         self._told = bytearray()  # Connection or Parameter bytes received so far
+
+    def snapshot(self) -> dict[str, Any]:  # noqa: D102 - inherited
+        state = super().snapshot()
+        state["_told"] = self._told.copy()
+        return state
+
+    def restore(self, state: dict[str, Any]) -> None:  # noqa: D102 - inherited
+        super().restore(state)
+        self._told = state["_told"].copy()
 
     def step(self, now_ns: int, received: bytes | None) -> bytes | None:  # noqa: D102 - inherited
         self._now_ns = now_ns

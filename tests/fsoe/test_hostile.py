@@ -5,86 +5,194 @@ connection comes back by itself.
 """
 
 import random
+from dataclasses import dataclass, replace
 
 import pytest
-from fsoe.channel import (
-    TO_MAIN,
-    TO_SUB,
-    Channel,
-    WrongData,
-    delay,
-    flip,
-    insert,
-    lose,
-    masquerade,
-    reflect,
-    repeat,
-)
+from fsoe.links import make_link
 from fsoe.pair import CONNECTION_ID, Bench, is_reset, last_reset, make_sub, parts, right
 
-from fsoe_net.fsoe import Chain, Command, EventKind, State, reset_frame
+from fsoe_net.fsoe import Chain, Command, EventKind, State, frame_length, reset_frame
+from fsoe_net.fsoe.campaign.channel import BACK, Way
+from fsoe_net.fsoe.campaign.faults import Alternate, Flip, Freeze, Late, Slip, Swap, Torn
 
+TO_SUB, TO_MAIN = Way.TO_SUB, Way.TO_MAIN
 CYCLES = 44  # the start-up takes 16 of them
 RECOVERY = 150
+WATCHDOG_CYCLES = 20
+MAX_AGE_CYCLES = WATCHDOG_CYCLES + 6  # and the way there and back, and the application's cycle
+
+
+class WrongData(AssertionError):
+    """Valid safe data which the other end never sent, or sent too long ago."""
+
+
+class Run:
+    """A channel whose applications look at every byte they are given."""
+
+    def __init__(self, *sizes, seed=0, watchdog_ms=WATCHDOG_CYCLES, connection_id=None):
+        link = make_link(*(sizes or (2, 2)), watchdog_ms=watchdog_ms)
+        if connection_id is not None:
+            link = replace(link, main=replace(link.main, connection_id=connection_id))
+        self.channel = link.channel(seed)
+        self.main, self.sub = self.channel.main, self.channel.sub
+        self.valid_turns = 0
+
+    @property
+    def cycle(self):
+        return self.channel.cycle
+
+    def run(self, cycles):
+        for _ in range(2 * cycles):
+            way, cycle = self.channel.way, self.channel.cycle
+            self.channel.turn()
+            self._judge(self.channel.ends[way], way, cycle)
+
+    def _judge(self, end, way, cycle):
+        data = end.received_safe_data
+        if not end.data_valid:
+            if any(data) or (end.state is not State.DATA and end.enable):
+                raise WrongData(f"cycle {cycle}: not valid, but {data.hex()}")
+            return
+        application = self.channel.application
+        ages = range(MAX_AGE_CYCLES + 1)
+        if data not in (application.at(way, cycle - age, len(data))[0] for age in ages):
+            raise WrongData(f"cycle {cycle}: valid data {data.hex()} were not sent lately")
+        self.valid_turns += 1
+
+    def put(self, make, way, duration):
+        """Let a fault act from now on."""
+        start = self.channel.cycle
+        fault = make(self, {"way": way, "start": start, "until": start + duration})
+        self.channel.faults = () if fault is None else (fault,)
+        self.run(duration)
+        self.channel.faults = ()
+
+    def frames(self, way):
+        return [frame for visible, frame in self.channel.sent[way] if visible <= self.cycle]
+
+    def healthy(self):
+        return self.main.data_valid and self.sub.data_valid
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reflect:
+    """An end gets its own frames back."""
+
+    way: Way
+    start: int
+    until: int
+
+    def apply(self, channel, image):
+        frame = channel.image(BACK[self.way], channel.cycle)
+        return image if frame is None or image is None or len(frame) != len(image) else frame
+
+    def next_change(self, channel):
+        return channel.cycle
+
+
+def flip(byte, bit):
+    return lambda run, span: Flip(**span, mask=1 << 8 * byte + bit)
+
+
+def lose(run, span):
+    return Freeze(**span)
+
+
+def delay(cycles):
+    return lambda run, span: Late(**span, cycles=cycles)
+
+
+def repeat(nth, command=None):
+    def make(run, span):
+        frames = [f for f in run.frames(span["way"]) if command in (None, f[0])]
+        if command is not None:
+            frames = frames[:1]
+        return Swap(**span, frame=frames[-1 - nth]) if len(frames) > nth else None
+
+    return make
+
+
+def insert(connection_id, cycles):
+    def make(run, span):
+        other = Run(*run.channel.sizes, seed=5, connection_id=connection_id)
+        other.run(cycles)
+        return Swap(**span, frame=other.channel.newest(span["way"]))
+
+    return make
+
+
+def masquerade(kind):
+    def make(run, span):
+        size, rng = frame_length(run.channel.sizes[span["way"]]), random.Random(7)
+        made = {
+            "zeros": bytes(size),
+            "ones": b"\xff" * size,
+            "random": bytes((rng.choice(list(Command)),)) + rng.randbytes(size - 1),
+        }
+        return Swap(**span, frame=made[kind])
+
+    return make
+
 
 FAULTS = {
-    **{f"flip byte {n}": (lambda way, n=n: flip(n, n % 8), 1) for n in range(11)},
-    "flip for three cycles": (lambda way: flip(1, 4), 3),
-    "flip for thirty cycles": (lambda way: flip(4, 7), 30),
+    **{f"flip byte {n}": (flip(n, n % 8), 1) for n in range(11)},
+    "flip for three cycles": (flip(1, 4), 3),
+    "flip for thirty cycles": (flip(4, 7), 30),
     "lose one": (lose, 1),
     "lose five": (lose, 5),
     "lose for almost T": (lose, 17),
     "lose for T": (lose, 20),
     "lose for two T": (lose, 40),
-    "delay by three": (lambda way: delay(way, 3), 10),
-    "delay by more than T": (lambda way: delay(way, 25), 30),
-    "repeat the one before": (lambda way: repeat(way, 1), 1),
-    "repeat the third before": (lambda way: repeat(way, 3), 1),
-    "repeat the reset": (lambda way: repeat(way, 0, Command.RESET), 1),
-    "repeat the session": (lambda way: repeat(way, 0, Command.SESSION), 1),
-    "repeat the connection": (lambda way: repeat(way, 0, Command.CONNECTION), 1),
-    "repeat the first data": (lambda way: repeat(way, 0, Command.PROCESS_DATA), 1),
-    "insert foreign data": (lambda way: insert(way, 77, 40), 1),
-    "insert foreign start-up": (lambda way: insert(way, 77, 9), 2),
-    "insert data of equal ConnID": (lambda way: insert(way, CONNECTION_ID, 40), 1),
-    "masquerade zeros": (lambda way: masquerade("zeros", way, 0), 1),
-    "masquerade ones": (lambda way: masquerade("ones", way, 0), 1),
-    "masquerade random": (lambda way: masquerade("random", way, 7), 5),
-    "reflect": (reflect, 1),
-    "reflect long": (reflect, 25),
+    "delay by three": (delay(3), 10),
+    "delay by more than T": (delay(25), 30),
+    "repeat the one before": (repeat(1), 1),
+    "repeat the third before": (repeat(3), 1),
+    "repeat the reset": (repeat(0, Command.RESET), 1),
+    "repeat the session": (repeat(0, Command.SESSION), 1),
+    "repeat the connection": (repeat(0, Command.CONNECTION), 1),
+    "repeat the first data": (repeat(0, Command.FAIL_SAFE_DATA), 1),
+    "insert foreign data": (insert(77, 40), 1),
+    "insert foreign start-up": (insert(77, 9), 2),
+    "insert data of equal ConnID": (insert(CONNECTION_ID, 40), 1),
+    "masquerade zeros": (masquerade("zeros"), 1),
+    "masquerade ones": (masquerade("ones"), 1),
+    "masquerade random": (masquerade("random"), 5),
+    "reflect": (lambda run, span: Reflect(**span), 1),
+    "reflect long": (lambda run, span: Reflect(**span), 25),
+    "torn": (lambda run, span: Torn(**span, head_bytes=3), 1),
+    "slip": (lambda run, span: Slip(**span, shift=1, beside=b"\x36"), 2),
+    "two writers": (lambda run, span: Alternate(**span, frame=run.channel.newest(TO_SUB)), 9),
 }
 
 
 @pytest.mark.parametrize("sizes", [(2, 2), (6, 4)], ids=str)
-@pytest.mark.parametrize("way", [TO_SUB, TO_MAIN])
+@pytest.mark.parametrize("way", list(Way), ids=str)
 @pytest.mark.parametrize("name", FAULTS)
 def test_fault_at_every_cycle(name, way, sizes):
     make, duration = FAULTS[name]
-    for at in range(CYCLES):
-        channel = Channel(*sizes, seed=at)
-        channel.run(at, None, way)
-        channel.run(duration, make(way), way)
+    for at in range(1, CYCLES):
+        run = Run(*sizes, seed=at)
+        run.run(at)
+        run.put(make, way, duration)
         for _ in range(RECOVERY):
-            if channel.cycle > at + duration + 4 and channel.healthy():
+            if run.cycle > at + duration + 4 and run.healthy():
                 break
-            channel.one()
-        assert channel.healthy(), f"fault at cycle {at}"
-        channel.run(20, None, way)
-        assert channel.healthy(), f"fault at cycle {at}"
+            run.run(1)
+        assert run.healthy(), f"fault at cycle {at}"
 
 
 def test_the_judge_sees_wrong_data():
     """The test above can fail: an end that checks nothing is caught."""
-    channel = Channel()
-    channel.run(30, None, TO_SUB)
-    channel.sub._chain = _Gullible()
+    run = Run()
+    run.run(30)
+    run.sub._chain = _Gullible()
     with pytest.raises(WrongData):
-        channel.run(4, flip(1, 6), TO_SUB)
-    channel = Channel()
-    channel.run(30, None, TO_SUB)
-    channel.main._watchdog_ns = channel.sub._watchdog_ns = 10**18
+        run.put(flip(1, 6), TO_SUB, 8)
+    run = Run()
+    run.run(30)
+    run.main._watchdog_ns = run.sub._watchdog_ns = 10**18
     with pytest.raises(WrongData):
-        channel.run(60, lose(TO_SUB), TO_SUB)
+        run.put(lose, TO_SUB, 60)
 
 
 class _Gullible(Chain):
@@ -97,15 +205,17 @@ def test_random_faults_for_long():
     rng = random.Random(11)
     valid = 0
     for seed in range(30):
-        channel = Channel(2, 2, seed=seed)
+        run = Run(seed=seed)
         for _ in range(40):
-            way = rng.choice([TO_SUB, TO_MAIN])
             make, duration = rng.choice(list(FAULTS.values()))
-            channel.run(rng.randrange(40), None, way)
-            channel.run(duration, make(way), way)
-        channel.run(RECOVERY, None, TO_SUB)
-        assert channel.healthy()
-        valid += channel.valid_cycles
+            run.run(rng.randrange(1, 40))
+            run.put(make, rng.choice(list(Way)), duration)
+        for _ in range(RECOVERY):
+            run.run(1)
+            if run.healthy():
+                break
+        assert run.healthy()
+        valid += run.valid_turns
     assert valid > 1000
 
 
@@ -179,20 +289,20 @@ def test_repeated_reset_and_session_frames_are_valid_for_ever():
     assert is_reset(main.step(0, _older(bench, main, Command.SESSION)), 1)
 
 
-def _survives_loss(way: str, frozen: int, start: int) -> bool:
-    channel = Channel()
-    channel.run(start, None, way)
-    channel.main.take_events()
-    channel.sub.take_events()
-    channel.run(frozen, lose(way), way)
-    channel.run(5, None, way)
-    codes = {e.code for end in (channel.main, channel.sub) for e in end.take_events()}
+def _survives_loss(way: Way, frozen: int, start: int) -> bool:
+    run = Run()
+    run.run(start)
+    run.main.take_events()
+    run.sub.take_events()
+    run.put(lose, way, frozen)
+    run.run(5)
+    codes = {e.code for end in (run.main, run.sub) for e in end.take_events()}
     assert not codes or 5 in codes
-    assert (channel.main.state is State.DATA) is (not codes)
+    assert (run.main.state is State.DATA) is (not codes)
     return not codes
 
 
-@pytest.mark.parametrize("way", [TO_SUB, TO_MAIN])
+@pytest.mark.parametrize("way", list(Way), ids=str)
 @pytest.mark.parametrize(("frozen", "phases"), [(16, 2), (17, 2), (18, 1), (19, 0), (30, 0)])
 def test_loss_up_to_the_watchdog_is_harmless(way, frozen, phases):
     """§10.1: two bus cycles of 1 ms per FSoE cycle, T = 20 ms; 18 depends on the moment."""
@@ -200,13 +310,13 @@ def test_loss_up_to_the_watchdog_is_harmless(way, frozen, phases):
 
 
 def test_two_connections_crossed_in_data():
-    first, second = Channel(seed=1), Channel(seed=2, connection_id=0x1111)
-    for channel in (first, second):
-        channel.run(30, None, TO_SUB)
-        channel.sub.take_events()
-        channel.main.take_events()
-    assert is_reset(first.sub.step(30_000_000, second.images[TO_SUB][-1]), 3)
-    assert is_reset(first.main.step(30_000_000, second.images[TO_MAIN][-1]), 3)
+    first, second = Run(seed=1), Run(seed=2, connection_id=0x1111)
+    for run in (first, second):
+        run.run(30)
+        run.sub.take_events()
+        run.main.take_events()
+    assert is_reset(first.sub.step(30_000_000, second.channel.newest(TO_SUB)), 3)
+    assert is_reset(first.main.step(30_000_000, second.channel.newest(TO_MAIN)), 3)
 
 
 def test_two_connections_crossed_at_start():
@@ -252,14 +362,14 @@ def test_wrong_address_is_retried_for_ever():
 
 def test_recovery_needs_no_dead_time():
     """§11.2: one corrupted frame to the sub costs about one start-up, not a watchdog period."""
-    channel = Channel(watchdog_ms=100)
-    channel.run(40, None, TO_SUB)
-    channel.run(1, flip(3, 2), TO_SUB)
-    start = channel.cycle
-    channel.one()
-    while channel.main.state is not State.DATA or channel.sub.state is not State.DATA:
-        channel.one()
-    assert channel.cycle - start < 30
+    run = Run(watchdog_ms=100)
+    run.run(40)
+    run.put(flip(3, 2), TO_SUB, 1)
+    start = run.cycle
+    run.run(1)
+    while run.main.state is not State.DATA or run.sub.state is not State.DATA:
+        run.run(1)
+    assert run.cycle - start < 30
 
 
 def test_right_frames_are_needed_for_the_helpers():

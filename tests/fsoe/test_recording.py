@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.errors import RecordingError
-from fsoe_net.fsoe.json_rows import file_lines
-from fsoe_net.fsoe.recording_reader import read_recording
-from fsoe_net.fsoe.replay import replay, replay_file
+from fsoe_net.fsoe.recording.reader import read_recording
+from fsoe_net.fsoe.recording.replay import replay, replay_file
+from fsoe_net.fsoe.recording.rows import file_lines
 
 ROWS = own_run(10)[1]
 KEYS = sorted(CONFIG)

@@ -9,7 +9,7 @@ from fsoe.recorded import CONFIG, own_run, row_of
 
 from fsoe_net.errors import RecordingError
 from fsoe_net.fsoe import decode_pdu
-from fsoe_net.fsoe.replay import replay, replay_file
+from fsoe_net.fsoe.recording.replay import replay, replay_file
 
 RUNS = listed("traces", "p*.jsonl")
 STEPS_OF_B = {"p10_ba_6x6_good.jsonl": 15, "p11_ba_1x2_good.jsonl": 15}

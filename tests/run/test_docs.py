@@ -2,13 +2,21 @@
 
 import dataclasses
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
+from networks import example
 from run.support import ESTOP, ROOT, document, needs_core, run, session_of
 
+from fsoe_net.fsoe import SubConfig
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
+from fsoe_net.fsoe.campaign.trials import CampaignConfig
 from fsoe_net.load import load_scenario, read_schema
+from fsoe_net.report.campaign import to_json
 from fsoe_net.run import run_virtual
+from fsoe_net.run.campaign import campaign_links, run_campaign
 
 PAGES = ROOT / "docs" / "reference"
 
@@ -65,3 +73,49 @@ def test_the_scenario_examples_are_valid(name: str):
     scenario, found = load_scenario(ROOT / "examples" / name / "scenario.yaml")
     assert scenario is not None
     assert found == []
+
+
+def test_fault_catalogue_names_every_class():
+    named = re.findall(r"^\| `(\w+)` \|", page("fault-catalogue.md"), re.M)
+    assert named == list(CATALOGUE)
+
+
+def test_every_key_of_a_campaign_is_documented():
+    config = CampaignConfig(links=campaign_links(example("estop")))
+    found = to_json(run_campaign(config, ("loss",), 8, jobs=1))
+    text = page("json-output.md").partition("# Output of `campaign")[2]
+    named = set(re.findall(r"`(\w+)(?:\[\])?`", text))
+    keys = {*found, *found["classes"][0], *found["connections"][0]}
+    assert keys <= named, keys - named
+
+
+def test_device_of_the_how_to_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The wrapper works with a library that has the functions of the header."""
+    text = (ROOT / "docs" / "howto" / "test-your-device.md").read_text("utf-8")
+    source = tmp_path / "my_sub.c"
+    silent = "#include <stdint.h>\n" + code(text, "c").replace(";", " {", 4)
+    bodies = iter(
+        [
+            "}",
+            "(void)now_ns;(void)in;(void)in_len;(void)out;return 0;}",
+            "return 0;}",
+            "(void)data;}",
+        ]
+    )
+    lines = []
+    for line in silent.splitlines():
+        lines.append(line + (next(bodies) if " {" in line else ""))
+    source.write_text("\n".join(lines).replace("/* bytes sent, 0 for none */", ""), "utf-8")
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    library = tmp_path / "libmy_sub.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source], check=True)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(code(text, "python"), names)
+    sub = names["make_sub"](SubConfig(address=1, safe_out_bytes=2, safe_in_bytes=2))
+    assert sub.step(0, None) is None
+    assert sub.step(1, bytes(7)) is None
+    assert not sub.data_valid
+    assert sub.received_safe_data == bytes(2)

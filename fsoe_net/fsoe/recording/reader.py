@@ -1,7 +1,7 @@
 """Reads recorded runs line by line.
 
 Nothing of a line is believed before it was looked at: what `read_recording` yields has the right
-types, sizes and ranges, so that `fsoe_net.fsoe.replay` need not ask again.
+types, sizes and ranges, so that `fsoe_net.fsoe.recording.replay` need not ask again.
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ from collections.abc import Iterable, Iterator
 from fsoe_net.errors import FsoeError, RecordingError
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.event import State
-from fsoe_net.fsoe.json_rows import Row, rows, short
 from fsoe_net.fsoe.pdu import frame_length
-from fsoe_net.fsoe.recording import (
+from fsoe_net.fsoe.recording.model import (
     Answer,
     Call,
     Order,
@@ -23,6 +22,7 @@ from fsoe_net.fsoe.recording import (
     Skip,
     Step,
 )
+from fsoe_net.fsoe.recording.rows import Row, rows, short
 
 __all__ = ["read_recording"]
 
@@ -72,6 +72,7 @@ def _recording(first: Row, others: Iterator[Row]) -> Recording:
     reader = _Reader(
         {SideName.MAIN: main.safe_out_bytes, SideName.SUB: main.safe_in_bytes},
         {side: ident for side, ident in ids.items() if ident is not None and side not in scripted},
+        {s for s in SideName if first.row.get(f"{s.value}_impl") == "foreign"},
     )
     return Recording(
         main=main,
@@ -85,8 +86,14 @@ def _recording(first: Row, others: Iterator[Row]) -> Recording:
 class _Reader:
     """Turns the lines after the configuration into steps."""
 
-    def __init__(self, sends: dict[SideName, int], first_ids: dict[SideName, int]) -> None:
+    def __init__(
+        self,
+        sends: dict[SideName, int],
+        first_ids: dict[SideName, int],
+        foreign: set[SideName],
+    ) -> None:
         self.sends = sends
+        self.foreign = foreign  # they show frames and data, no state
         self.first_ids = first_ids
         self.time_us = 0
 
@@ -120,7 +127,7 @@ class _Reader:
             calls={
                 side: self._call(row, side)
                 for side in self.first_ids
-                if row.given(f"{side.value}_state")
+                if side in self.foreign or row.given(f"{side.value}_state")
             },
             sub_frame=row.image("slave_tx"),
         )
@@ -154,16 +161,18 @@ class _Reader:
     def _call(self, row: Row, side: SideName) -> Call:
         key = side.value
         is_main = side is SideName.MAIN
+        foreign = side in self.foreign
         given = row.hex("master_app_out" if is_main else "slave_app_in")
+        code = None if foreign or not row.given(f"{key}_reason") else row.number(f"{key}_reason")
         return Call(
             safe_data=self._safe(row, given, side),
             received=row.image(f"{key}_rx"),
             session_id=row.session_id(f"{key}_session_id"),
             expected=Answer(
                 frame=self._sent(row, side),
-                state=_state(row, f"{key}_state"),
-                reset_by=_reset_by(row, side),
-                reset_code=row.number(f"{key}_reason") if row.given(f"{key}_reason") else None,
+                state=None if foreign else _state(row, f"{key}_state"),
+                reset_by="none" if foreign else _reset_by(row, side),
+                reset_code=code,
                 valid=row.get(f"{key}_pd_valid", bool),
                 data=row.hex("safe_inputs" if is_main else "safe_outputs"),
             ),

@@ -11,7 +11,7 @@ from fsoe_net.fsoe.pdu import (
     reset_code_text,
     safe_data_length,
 )
-from fsoe_net.fsoe.recording import Answer
+from fsoe_net.fsoe.recording.model import Answer
 
 __all__ = [
     "Compared",
@@ -73,8 +73,13 @@ class Difference:
 
 
 def differing(expected: Answer, got: Answer) -> list[str]:
-    """Return the names of the values in which two answers differ."""
-    names = [field.name for field in fields(Answer)]
+    """Return the names of the values in which two answers differ.
+
+    Of an end that shows no state, only frame, validity and data are compared.
+    """
+    names = ["frame", "valid", "data"]
+    if expected.state is not None:
+        names = [field.name for field in fields(Answer)]
     return [name for name in names if getattr(expected, name) != getattr(got, name)]
 
 
@@ -133,7 +138,10 @@ def _reset_text(answer: Answer) -> str:
 
 def _answer_text(answer: Answer) -> str:
     data = "valid" if answer.valid else "not valid"
-    return f"{answer.state}, {_reset_text(answer)}, data {answer.data.hex(' ')} {data}"
+    shown = f"{answer.state}, {_reset_text(answer)}"
+    if answer.state is None:
+        shown = "state not shown"
+    return f"{shown}, data {answer.data.hex(' ')} {data}"
 
 
 def explain(difference: Difference) -> list[str]:

@@ -58,7 +58,8 @@ class Answer:
 
     Attributes:
         frame: Frame sent, ``None`` when none was.
-        state: Name of the state after the call.
+        state: Name of the state after the call; ``None`` when the end shows none, as a foreign end
+            in a campaign: then its frames, validity and data alone count.
         reset_by: ``none``, ``this end`` or ``the other end``.
         reset_code: Code of that reset.
         valid: Whether the application has valid data.
@@ -66,7 +67,7 @@ class Answer:
     """
 
     frame: bytes | None
-    state: str
+    state: str | None
     reset_by: str
     reset_code: int | None
     valid: bool

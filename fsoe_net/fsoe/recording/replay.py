@@ -21,12 +21,17 @@ from pathlib import Path
 
 from fsoe_net.errors import RecordingError
 from fsoe_net.fsoe.chain import Chain
-from fsoe_net.fsoe.difference import Compared, Difference, differing, frame_text, value_text
 from fsoe_net.fsoe.event import Event, EventKind
-from fsoe_net.fsoe.json_rows import file_lines
 from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length
-from fsoe_net.fsoe.recording import (
+from fsoe_net.fsoe.recording.difference import (
+    Compared,
+    Difference,
+    differing,
+    frame_text,
+    value_text,
+)
+from fsoe_net.fsoe.recording.model import (
     Answer,
     Call,
     Order,
@@ -36,7 +41,8 @@ from fsoe_net.fsoe.recording import (
     Skip,
     Step,
 )
-from fsoe_net.fsoe.recording_reader import read_recording
+from fsoe_net.fsoe.recording.reader import read_recording
+from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.fsoe.sub_instance import SubInstance
 
 __all__ = ["Difference", "ReplayResult", "replay", "replay_file"]

@@ -1,0 +1,190 @@
+"""``fsoe-net campaign``: put faults into the connections of a network and count what happens."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
+from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
+from fsoe_net.run.campaign import (
+    CampaignResult,
+    Progress,
+    campaign_links,
+    run_campaign,
+    save_failures,
+)
+from fsoe_net.run.device import device_factory
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net campaign network.yaml
+  fsoe-net campaign network.yaml --faults corruption,loss --cycles 1000000 --seed 7
+  fsoe-net campaign network.yaml --faults loss+torn_copy
+  fsoe-net campaign network.yaml --sub my_device:make_sub --save-dir traces
+  fsoe-net campaign network.yaml --format json -o campaign.json
+
+Classes: docs/reference/fault-catalogue.md; a + b lets two happen together. The ends run in virtual
+time between images held here; nothing is sent to a bus. Exit code 0 when nothing was wrongly
+accepted and the CRC collisions are as many as the CRC allows."""
+
+
+def _classes(_ctx: click.Context, _param: click.Parameter, value: str) -> tuple[str, ...]:
+    if value == "all":
+        return tuple(CATALOGUE)
+    names = [name.strip() for name in value.split(",")]
+    for name in names:
+        parts = name.split("+")
+        for part in parts:
+            if part not in CATALOGUE:
+                raise click.BadParameter(_unknown(part))
+        if len(parts) > 1 and EXHAUSTIVE in parts:
+            raise click.BadParameter(f"{EXHAUSTIVE} are counted through and go with nothing else")
+    return tuple(dict.fromkeys(names))
+
+
+def _unknown(name: str) -> str:
+    close = difflib.get_close_matches(name, CATALOGUE, n=1, cutoff=0.4)
+    hint = f"Did you mean {close[0]!r}? " if close else ""
+    return f"no class {name!r}. {hint}There are all, {', '.join(CATALOGUE)}."
+
+
+@click.command("campaign", epilog=_EPILOG)
+@input_options
+@click.option(
+    "--faults",
+    "names",
+    default="all",
+    show_default=True,
+    metavar="all|CLASS,…",
+    callback=_classes,
+    help="Classes of faults.",
+)
+@click.option(
+    "--cycles",
+    type=click.IntRange(1, 10**9),
+    default=20_000,
+    show_default=True,
+    help="FSoE cycles with a fault in them, per class.",
+)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+@click.option("--connection", metavar="NAME", help="Only this connection.")
+@click.option("--jobs", type=click.IntRange(1, 1024), help="Processes; default: one per core.")
+@click.option("--sub", metavar="MODULE:FACTORY", help="Your own sub in the place of ours.")
+@click.option("--main", metavar="MODULE:FACTORY", help="Your own main in the place of ours.")
+@click.option(
+    "--format",
+    "fmt",
+    type=click.Choice(["text", "json", "markdown"]),
+    default="text",
+    show_default=True,
+)
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="File instead of the screen.")
+@click.option(
+    "--save-dir", type=click.Path(file_okay=False), help="Folder for recordings of failing cases."
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    names: tuple[str, ...],
+    cycles: int,
+    seed: int,
+    connection: str | None,
+    jobs: int | None,
+    sub: str | None,
+    main: str | None,
+    fmt: str,
+    output: str | None,
+    save_dir: str | None,
+) -> None:
+    """Put seeded faults into the connections of a network and count what becomes of them.
+
+    FILES as for `check`; sizes, ConnIDs, addresses, watchdogs and parameters are those of the
+    network.
+    """
+    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    resolution = whole_network(checked, "no fault put in")
+    if sub or main:
+        sys.path.insert(0, os.getcwd())
+    config = CampaignConfig(
+        links=campaign_links(
+            resolution,
+            connection=connection,
+            main_factory=device_factory(main) if main else None,
+            sub_factory=device_factory(sub) if sub else None,
+        ),
+        seed=seed,
+    )
+    total = sum(trial_count(config, name, cycles) for name in names)
+    start_s = time.monotonic()
+    with _progress(total) as on_progress:
+        result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
+    elapsed_s = time.monotonic() - start_s
+    saved = _save(result, save_dir) if save_dir else {}
+    text = {"json": _json, "markdown": to_markdown, "text": to_text}[fmt](result, saved)
+    if output:
+        Path(output).write_text(text + "\n", encoding="utf-8")
+    else:
+        click.echo(text)
+    _say(result, elapsed_s, output)
+    if result.interrupted:
+        ctx.exit(130)
+    ctx.exit(0 if result.passed else 1)
+
+
+def _json(result: CampaignResult, saved: Saved) -> str:
+    return json.dumps(to_json(result, saved), indent=2, ensure_ascii=False)
+
+
+def _save(result: CampaignResult, folder: str) -> Saved:
+    saved = {}
+    for case, path in save_failures(result, Path(folder)).items():
+        if path is None:
+            click.echo(
+                f"{case[0]}, trial {case[1]}: fails only after a long run, no trace", err=True
+            )
+        else:
+            saved[case] = str(path)
+    return saved
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Progress | None]:
+    """Show a bar on a terminal, on the error channel, so that it never mixes with the report."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    with Bar(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("faults", total=total)
+
+        def show(done: int, _total: int, name: str) -> None:
+            bar.update(task, completed=done, description=name)
+
+        yield show
+
+
+def _say(result: CampaignResult, elapsed_s: float, output: str | None) -> None:
+    done = sum(row.injected for row in result.classes)
+    rate = f"{done / elapsed_s:.0f}" if elapsed_s > 0 else "?"
+    click.echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)
+    if output:
+        click.echo(f"report written to {output}", err=True)
+    if result.interrupted:
+        click.echo("interrupted: the report holds what was done until then", err=True)

@@ -1,0 +1,67 @@
+"""Faults between two ends, seeded and judged: channel, injectors, campaigns, shrinking.
+
+channel         two ends, held images, time, injectors on the way
+faults          injectors; composable
+fault_classes   what IEC 61784-3 names, and what a relay can do wrong, as draws of injectors
+walk            clean runs, and points in them to inject at
+judge, witness  what became of a fault; the proof that an acceptance was a CRC collision
+trials          many faults of one class; statistics
+shrink          a failing case made small
+recorder        a run as a recording
+"""
+
+from fsoe_net.fsoe.campaign.channel import Channel, Peer, SessionIds, Way
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE, code_distance
+from fsoe_net.fsoe.campaign.faults import (
+    Alternate,
+    Flip,
+    Freeze,
+    Late,
+    Slip,
+    Swap,
+    Torn,
+    compose,
+)
+from fsoe_net.fsoe.campaign.judge import Outcome
+from fsoe_net.fsoe.campaign.recorder import Recorder
+from fsoe_net.fsoe.campaign.shrink import shrink
+from fsoe_net.fsoe.campaign.trials import (
+    EXHAUSTIVE,
+    CampaignConfig,
+    ClassResult,
+    Trials,
+    merge,
+    run_trials,
+    trial_count,
+)
+from fsoe_net.fsoe.campaign.walk import Link, MainFactory, SubFactory
+
+__all__ = [
+    "CATALOGUE",
+    "EXHAUSTIVE",
+    "Alternate",
+    "CampaignConfig",
+    "Channel",
+    "ClassResult",
+    "Flip",
+    "Freeze",
+    "Late",
+    "Link",
+    "MainFactory",
+    "Outcome",
+    "Peer",
+    "Recorder",
+    "SessionIds",
+    "Slip",
+    "SubFactory",
+    "Swap",
+    "Torn",
+    "Trials",
+    "Way",
+    "code_distance",
+    "compose",
+    "merge",
+    "run_trials",
+    "shrink",
+    "trial_count",
+]

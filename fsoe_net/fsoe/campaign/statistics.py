@@ -1,0 +1,33 @@
+"""The little statistics a campaign needs: how many rare accidents are plausible."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["CONFIDENCE", "count_interval"]
+
+CONFIDENCE = 0.99
+
+
+def count_interval(mean: float, confidence: float = CONFIDENCE) -> tuple[int, int]:
+    """Return the fewest and most events that are plausible when ``mean`` are expected.
+
+    Each tail outside has at most half of ``1 - confidence``. Rare independent events are counted
+    after Poisson; for a probability of 2^-16 that differs from the binomial distribution by less
+    than 2^-16 in every probability.
+
+    Args:
+        mean: Expected number, at least 0.
+        confidence: Share of campaigns that end inside, at least.
+    """
+    if mean <= 0:
+        return 0, 0
+    tail = (1 - confidence) / 2
+    low, n, below = 0, 0, 0.0  # ``below``: probability of fewer than n events
+    while True:
+        up_to = below + math.exp(n * math.log(mean) - mean - math.lgamma(n + 1))
+        if below <= tail:
+            low = n
+        if n >= mean and 1 - up_to <= tail:
+            return low, n
+        below, n = up_to, n + 1

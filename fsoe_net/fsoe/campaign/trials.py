@@ -1,0 +1,375 @@
+"""Fault campaigns: many seeded faults of a class, each put into a clean run and judged.
+
+A trial depends on the connections, the class, the seed and its own number, on nothing else: not on
+the trials before it, nor on how many processes share the work.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import random
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from fsoe_net.errors import ConfigError
+from fsoe_net.fsoe.campaign.channel import Channel, Way
+from fsoe_net.fsoe.campaign.fault_classes import (
+    CATALOGUE,
+    FaultClass,
+    Injection,
+    Strangers,
+    bit_error,
+    bit_error_count,
+)
+from fsoe_net.fsoe.campaign.faults import Flip
+from fsoe_net.fsoe.campaign.judge import Finding, Outcome, judge
+from fsoe_net.fsoe.campaign.statistics import count_interval
+from fsoe_net.fsoe.campaign.walk import Link, Scene, Walker, miswired
+from fsoe_net.fsoe.campaign.witness import Collision
+
+__all__ = [
+    "EXHAUSTIVE",
+    "CampaignConfig",
+    "ClassResult",
+    "Failure",
+    "Shown",
+    "Trials",
+    "merge",
+    "run_trials",
+    "trial_count",
+]
+
+EXHAUSTIVE = "bit_errors"
+_ADDRESSING = "addressing"
+_MISWIRED_SHARE = 1 / 32  # of its trials; each is a start-up of its own
+_PER_WALK = 1024  # trials that share a run
+_KEPT_FAILURES = 5
+_KEPT_COLLISIONS = 100
+_MAX_DRAWS = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CampaignConfig:
+    """The connections of a campaign; trials are dealt out to them in turn."""
+
+    links: tuple[Link, ...]
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.links:
+            raise ConfigError("a campaign needs at least one connection")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failure:
+    """A trial in which something was wrongly accepted.
+
+    Attributes:
+        trial: Its number.
+        link: Name of the connection.
+        reason: What was accepted.
+    """
+
+    trial: int
+    link: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """A trial that ended in a true collision, and the proof."""
+
+    trial: int
+    link: str
+    proof: Collision
+
+
+@dataclass(slots=True, kw_only=True)
+class ClassResult:
+    """What became of the faults of one class; results of parts can be merged.
+
+    Attributes:
+        name: Class, or classes joined by ``+``.
+        injected: Faults put in.
+        detected: Faults an end noticed.
+        tolerated: Faults no end had to notice.
+        collisions: Acceptances shown to be true CRC collisions.
+        wrongly_accepted: Acceptances that are not, or wrong or old data.
+        codes: Codes of the Resets by which faults were detected; -1 for a new Session or silence.
+        latency_min_ns: Shortest detection latency, ``None`` without detection.
+        latency_sum_ns: Sum over ``detected``.
+        latency_max_ns: Longest.
+        latency_max_share: Longest latency as a share of the watchdog of its connection.
+        exposed: Faults against which only the CRC helped, and whose chance is known.
+        exposed_collisions: Collisions among them.
+        expected: Expected number of those.
+        failures: First wrong acceptances.
+        shown: First collisions, with proof.
+    """
+
+    name: str
+    injected: int = 0
+    detected: int = 0
+    tolerated: int = 0
+    collisions: int = 0
+    wrongly_accepted: int = 0
+    codes: Counter[int] = field(default_factory=Counter)
+    latency_min_ns: int | None = None
+    latency_sum_ns: int = 0
+    latency_max_ns: int = 0
+    latency_max_share: float = 0.0
+    exposed: int = 0
+    exposed_collisions: int = 0
+    expected: float = 0.0
+    failures: list[Failure] = field(default_factory=list)
+    shown: list[Shown] = field(default_factory=list)
+
+    @property
+    def interval(self) -> tuple[int, int] | None:
+        """Fewest and most collisions among ``exposed`` that are plausible at 99 %."""
+        if self.name == EXHAUSTIVE:
+            return 0, 0
+        return count_interval(self.expected) if self.exposed else None
+
+    @property
+    def rate_ok(self) -> bool:
+        """Whether the collisions are as many as the CRC allows."""
+        if self.name == EXHAUSTIVE:
+            return self.collisions == 0
+        interval = self.interval
+        return interval is None or interval[0] <= self.exposed_collisions <= interval[1]
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was wrongly accepted and the rate is plausible."""
+        return self.wrongly_accepted == 0 and self.rate_ok
+
+    def add(self, finding: Finding, link: Link, chance: float | None) -> None:
+        """Count one trial."""
+        self.injected += 1
+        if finding.exposed and chance is not None:
+            self.exposed += 1
+            self.expected += chance
+            self.exposed_collisions += finding.verdict is Outcome.COLLISION
+        if finding.verdict is Outcome.DETECTED:
+            self.detected += 1
+            self.codes[-1 if finding.code is None else finding.code] += 1
+            self._latency(finding.latency_ns, finding.latency_ns / link.watchdog_ns)
+        elif finding.verdict is Outcome.TOLERATED:
+            self.tolerated += 1
+        elif finding.verdict is Outcome.COLLISION:
+            self.collisions += 1
+        else:
+            self.wrongly_accepted += 1
+
+    def _latency(self, latency_ns: int, share: float) -> None:
+        self.latency_sum_ns += latency_ns
+        if self.latency_min_ns is None or latency_ns < self.latency_min_ns:
+            self.latency_min_ns = latency_ns
+        self.latency_max_ns = max(self.latency_max_ns, latency_ns)
+        self.latency_max_share = max(self.latency_max_share, share)
+
+
+def merge(parts: Iterable[ClassResult]) -> ClassResult:
+    """Put results of parts of one class together; their order does not matter.
+
+    Raises:
+        ConfigError: No parts, or parts of different classes.
+    """
+    rows = list(parts)
+    if len({row.name for row in rows}) != 1:
+        raise ConfigError("only results of one class can be merged")
+    total = ClassResult(name=rows[0].name)
+    for row in rows:
+        for name in _SUMS:
+            setattr(total, name, getattr(total, name) + getattr(row, name))
+        total.codes.update(row.codes)
+        total.latency_max_ns = max(total.latency_max_ns, row.latency_max_ns)
+        total.latency_max_share = max(total.latency_max_share, row.latency_max_share)
+        total.failures += row.failures
+        total.shown += row.shown
+    shortest = [row.latency_min_ns for row in rows if row.latency_min_ns is not None]
+    total.latency_min_ns = min(shortest, default=None)
+    total.expected = sum(sorted(row.expected for row in rows))  # the same in whatever order
+    _keep_first(total)
+    return total
+
+
+def _keep_first(result: ClassResult) -> None:
+    result.failures = sorted(result.failures, key=lambda row: row.trial)[:_KEPT_FAILURES]
+    result.shown = sorted(result.shown, key=lambda row: row.trial)[:_KEPT_COLLISIONS]
+
+
+_SUMS = (
+    "injected",
+    "detected",
+    "tolerated",
+    "collisions",
+    "wrongly_accepted",
+    "latency_sum_ns",
+    "exposed",
+    "exposed_collisions",
+)
+
+
+@dataclass(slots=True, kw_only=True)  # not frozen: made a million times
+class Case:
+    """One trial made ready: a point of a run and what happens there."""
+
+    link: Link
+    scene: Scene
+    injection: Injection
+
+
+class _Lane:
+    """The trials of one connection and one class."""
+
+    def __init__(self, link: Link, seed: int, name: str) -> None:
+        self.link, self.classes = link, _classes(name)
+        self.exhaustive, self.miswires = name == EXHAUSTIVE, name == _ADDRESSING
+        self._wrong: Channel | None = None
+        self.walker, self.strangers = Walker(link, seed), Strangers(link, seed)
+        text = f"{seed}/{link.name}/{name}"
+        self._key = int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "little")
+        self._rng = random.Random()  # noqa: S311 - repeatable is the point
+
+    def case(self, number: int) -> Case:
+        rng = self._rng
+        rng.seed(self._key ^ number)
+        walk = number // _PER_WALK
+        if self.exhaustive:
+            return self._bit_error(rng, walk, number)
+        if self.miswires and rng.random() < _MISWIRED_SHARE:
+            return self._miswired(rng.getrandbits(63))
+        for _ in range(_MAX_DRAWS):
+            scene = self.walker.scene(walk, rng)
+            injection = self._draw(rng, scene, walk)
+            if injection is not None:
+                return Case(link=self.link, scene=scene, injection=injection)
+        raise ConfigError(f"{self.link.name}: no point of the run suits this class")
+
+    def _bit_error(self, rng: random.Random, walk: int, number: int) -> Case:
+        way, mask = bit_error(self.link, number)
+        scene = self.walker.scene(walk, rng, data_to=way)
+        start = scene.channel.cycle
+        flip = Flip(way=way, start=start, until=start + 1, mask=mask)
+        return Case(link=self.link, scene=scene, injection=Injection(faults=(flip,)))
+
+    def _miswired(self, seed: int) -> Case:
+        link = miswired(self.link)
+        if self._wrong is None:
+            self._wrong = link.channel(seed)
+        self._wrong = link.again(self._wrong, seed)
+        self._wrong.turn()  # the Reset a main begins with is no detection
+        scene = Scene(
+            channel=self._wrong,
+            way=Way.TO_SUB,
+            frame=b"",
+            in_data=False,
+            frames=(),
+            index=0,
+            watchdog_cycles=link.watchdog_cycles,
+        )
+        return Case(link=link, scene=scene, injection=Injection(faults=(), miswired=True))
+
+    def _draw(self, rng: random.Random, scene: Scene, walk: int) -> Injection | None:
+        drawn = []
+        for row in self.classes:
+            injection = row.make(rng, scene, self.strangers, walk)
+            if injection is None:
+                return None
+            drawn.append(injection)
+        if len(drawn) == 1:
+            return drawn[0]
+        return Injection(
+            faults=tuple(fault for one in drawn for fault in one.faults),
+            patient=any(one.patient for one in drawn),
+        )
+
+
+def _classes(name: str) -> list[FaultClass]:
+    rows = []
+    for part in name.split("+"):
+        if part not in CATALOGUE or (part == EXHAUSTIVE and part != name):
+            raise ConfigError(f"{part!r} is no class of faults that can be drawn")
+        rows.append(CATALOGUE[part])
+    return rows
+
+
+class Trials:
+    """The trials of one class, one at a time.
+
+    Args:
+        config: Connections and seed.
+        name: Class, or several joined by ``+`` that happen together.
+
+    Raises:
+        ConfigError: No such class.
+    """
+
+    def __init__(self, config: CampaignConfig, name: str) -> None:
+        self.name = name
+        links: Sequence[Link] = config.links
+        if name == EXHAUSTIVE:
+            links = _different_sizes(links)
+        self._lanes = [_Lane(link, config.seed, name) for link in links]
+        self._counts = [bit_error_count(link) for link in links] if name == EXHAUSTIVE else []
+
+    def case(self, trial: int) -> Case:
+        """Return a trial ready to be run; it uses up the one before."""
+        if self.name != EXHAUSTIVE:
+            lanes = self._lanes
+            return lanes[trial % len(lanes)].case(trial // len(lanes))
+        for lane, count in zip(self._lanes, self._counts, strict=True):
+            if trial < count:
+                return lane.case(trial)
+            trial -= count
+        raise ConfigError("there are not so many bit errors")
+
+    def run(self, trial: int) -> tuple[Case, Finding]:
+        """Run one trial."""
+        case = self.case(trial)
+        return case, judge(case.scene, case.injection, case.link.watchdog_ns)
+
+    def order(self, trials: range) -> Iterator[int]:
+        """Return the numbers connection by connection, which keeps the runs in use."""
+        step = 1 if self.name == EXHAUSTIVE else len(self._lanes)
+        for first in range(step):
+            yield from range(trials.start + (first - trials.start) % step, trials.stop, step)
+
+
+def _different_sizes(links: Sequence[Link]) -> list[Link]:
+    """Return one connection for each pair of sizes: the bit errors of others are the same."""
+    return list({link.sizes: link for link in reversed(links)}.values())[::-1]
+
+
+def trial_count(config: CampaignConfig, name: str, faults: int) -> int:
+    """Return how many trials a class has: ``faults``, or all bit errors whatever is asked for."""
+    if name != EXHAUSTIVE:
+        return faults
+    return sum(bit_error_count(link) for link in _different_sizes(config.links))
+
+
+def run_trials(config: CampaignConfig, name: str, trials: range) -> ClassResult:
+    """Run some trials of a class.
+
+    Args:
+        config: Connections and seed.
+        name: Class of the catalogue, or several joined by ``+``.
+        trials: Which; below `trial_count`.
+
+    Raises:
+        ConfigError: No such class, or a connection that never reaches state Data.
+    """
+    work = Trials(config, name)
+    result = ClassResult(name=name)
+    for trial in work.order(trials):
+        case, finding = work.run(trial)
+        result.add(finding, case.link, case.injection.chance)
+        if finding.verdict is Outcome.WRONGLY_ACCEPTED:
+            result.failures.append(Failure(trial=trial, link=case.link.name, reason=finding.reason))
+        elif finding.proof is not None:
+            result.shown.append(Shown(trial=trial, link=case.link.name, proof=finding.proof))
+    _keep_first(result)
+    return result

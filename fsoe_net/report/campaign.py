@@ -1,0 +1,249 @@
+"""Reports of a fault campaign: table for the screen, Markdown, JSON."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+from fsoe_net import __version__
+from fsoe_net.fsoe import reset_code_text
+from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, ClassResult, code_distance
+from fsoe_net.run.campaign import CampaignResult
+
+__all__ = ["Saved", "to_json", "to_markdown", "to_text"]
+
+Saved = Mapping[tuple[str, int], str]
+"""Recordings of failing cases: class and trial, file."""
+
+_WIDTH = 110
+_HEAD = (
+    "class",
+    "injected",
+    "detected",
+    "tolerated",
+    "collisions",
+    "plausible",
+    "wrong",
+    "latency mean",
+    "max",
+    "max / watchdog",
+)
+
+
+def to_json(result: CampaignResult, saved: Saved | None = None) -> dict[str, Any]:
+    """Return the report as documented in ``docs/reference/json-output.md``."""
+    return {
+        "tool": "fsoe-net",
+        "version": __version__,
+        "seed": result.config.seed,
+        "faults_per_class": result.faults,
+        "passed": result.passed and not result.interrupted,
+        "interrupted": result.interrupted,
+        "connections": [
+            {
+                "name": link.name,
+                "connection_id": link.main.connection_id,
+                "address": link.main.address,
+                "safe_out_bytes": link.sizes[0],
+                "safe_in_bytes": link.sizes[1],
+                "watchdog_ms": link.main.watchdog_ms,
+                "bus_cycle_us": link.cycle_ns / 1000,
+            }
+            for link in result.config.links
+        ],
+        "classes": [_class_json(row, saved or {}) for row in result.classes],
+    }
+
+
+def _class_json(row: ClassResult, saved: Saved) -> dict[str, Any]:
+    interval = row.interval
+    return {
+        "name": row.name,
+        "kind": _kind(row.name),
+        "exhaustive": row.name == EXHAUSTIVE,
+        "injected": row.injected,
+        "detected": row.detected,
+        "tolerated": row.tolerated,
+        "collisions": row.collisions,
+        "wrongly_accepted": row.wrongly_accepted,
+        "exposed": row.exposed,
+        "exposed_collisions": row.exposed_collisions,
+        "expected_collisions": round(row.expected, 9),
+        "plausible_collisions": list(interval) if interval else None,
+        "rate_ok": row.rate_ok,
+        "passed": row.passed,
+        "reset_codes": {str(code): row.codes[code] for code in sorted(row.codes) if code >= 0},
+        "detected_without_code": row.codes[-1],
+        "latency_ms": {
+            "min": None if row.latency_min_ns is None else row.latency_min_ns / 1e6,
+            "mean": _mean_ms(row),
+            "max": row.latency_max_ns / 1e6 if row.detected else None,
+        },
+        "latency_max_of_watchdog": round(row.latency_max_share, 6) if row.detected else None,
+        "failures": [
+            {
+                "trial": failure.trial,
+                "connection": failure.link,
+                "reason": failure.reason,
+                "trace": saved.get((row.name, failure.trial)),
+            }
+            for failure in row.failures
+        ],
+        "shown_collisions": [
+            {
+                "trial": shown.trial,
+                "connection": shown.link,
+                "end": shown.proof.end,
+                "accepted": shown.proof.frame.hex(),
+                "sent": shown.proof.right.hex(),
+                "old_crc": f"{shown.proof.old_crc:04x}",
+                "sequence": shown.proof.sequence,
+            }
+            for shown in row.shown
+        ],
+    }
+
+
+def _kind(name: str) -> str:
+    return " + ".join(dict.fromkeys(CATALOGUE[part].kind for part in name.split("+")))
+
+
+def _mean_ms(row: ClassResult) -> float | None:
+    return round(row.latency_sum_ns / row.detected / 1e6, 6) if row.detected else None
+
+
+def _cells(row: ClassResult) -> list[str]:
+    interval = row.interval
+    mean = _mean_ms(row)
+    plausible = "-"
+    if interval is not None:
+        plausible = str(interval[0]) if interval[0] == interval[1] else "{}..{}".format(*interval)
+    collisions = str(row.collisions)
+    if interval is not None and row.collisions != row.exposed_collisions:
+        collisions += f" ({row.exposed_collisions} of them counted)"
+    return [
+        row.name,
+        str(row.injected),
+        str(row.detected),
+        str(row.tolerated),
+        collisions,
+        plausible + ("" if row.rate_ok else " !"),
+        str(row.wrongly_accepted),
+        "-" if mean is None else f"{mean:.2f} ms",
+        f"{row.latency_max_ns / 1e6:.1f} ms" if row.detected else "-",
+        f"{row.latency_max_share:.2f}" if row.detected else "-",
+    ]
+
+
+def to_text(result: CampaignResult, saved: Saved | None = None) -> str:
+    """Return the report for a screen."""
+    rows = [list(_HEAD), *(_cells(row) for row in result.classes)]
+    widths = [max(len(row[n]) for row in rows) for n in range(len(_HEAD))]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if n == 0 else cell.rjust(width)
+            for n, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    notes = [
+        textwrap.fill(note, _WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+        for note in _notes(result)
+    ]
+    return "\n".join([*lines, "", *notes, *_failures(result, saved or {}), "", _verdict(result)])
+
+
+def to_markdown(result: CampaignResult, saved: Saved | None = None) -> str:
+    """Return the report as a Markdown page."""
+    links = [
+        f"| {link.name} | {link.main.connection_id} | {link.main.address} | {link.sizes[0]} "
+        f"| {link.sizes[1]} | {link.main.watchdog_ms} ms | {link.cycle_ns / 1e6:g} ms |"
+        for link in result.config.links
+    ]
+    return "\n".join(
+        [
+            "# Fault campaign",
+            "",
+            f"fsoe-net {__version__}, seed {result.config.seed}, {result.faults} faults per class.",
+            "",
+            "| connection | ConnID | address | bytes out | bytes in | watchdog | bus cycle |",
+            "|---|---|---|---|---|---|---|",
+            *links,
+            "",
+            "| " + " | ".join(_HEAD) + " |",
+            "|---" + "|---:" * (len(_HEAD) - 1) + "|",
+            *("| " + " | ".join(_cells(row)) + " |" for row in result.classes),
+            "",
+            "| class | detected by |",
+            "|---|---|",
+            *(f"| {row.name} | {_codes(row)} |" for row in result.classes if row.detected),
+            "",
+            *(f"* {note}" for note in _notes(result)),
+            "",
+            *(f"    {line}" for line in _failures(result, saved or {})),
+            "",
+            _verdict(result),
+        ]
+    )
+
+
+def _codes(row: ClassResult) -> str:
+    parts = [
+        f"{count} x {'new Session or silence' if code < 0 else reset_code_text(code)}"
+        for code, count in row.codes.most_common()
+    ]
+    return ", ".join(parts)
+
+
+def _notes(result: CampaignResult) -> list[str]:
+    exposed = sum(row.exposed for row in result.classes)
+    lines = [
+        "tolerated: no end had to notice (the same bytes again, a gap shorter than the watchdog).",
+        "collisions: accepted because every CRC fits by accident, each shown by computing them; "
+        f"plausible: 99 % interval of their number among the {exposed} faults against which only "
+        "the CRC helps and whose chance is known.",
+        "latency: from the first wrong image to the frame by which an end leaves; 0 when it is "
+        "refused in the call that reads it.",
+    ]
+    for row in result.classes:
+        if row.name == EXHAUSTIVE:
+            distance = min(
+                code_distance(min(size, 2)) for link in result.config.links for size in link.sizes
+            )
+            lines.append(
+                f"{EXHAUSTIVE}: all patterns of 1 to {distance - 1} bits in a block, all of 1 and "
+                "2 bits in a frame, whatever the number of cycles."
+            )
+    return lines + [_rate_note(row) for row in result.classes if not row.rate_ok]
+
+
+def _failures(result: CampaignResult, saved: Saved) -> list[str]:
+    lines = []
+    for row in result.classes:
+        for failure in row.failures:
+            lines.append(f"{row.name}, trial {failure.trial}, {failure.link}: {failure.reason}")
+            trace = saved.get((row.name, failure.trial))
+            if trace is not None:
+                lines.append(f"  -> {trace}")
+    return lines
+
+
+def _rate_note(row: ClassResult) -> str:
+    if row.name == EXHAUSTIVE:
+        return f"{row.name}: {row.collisions} collisions where the code allows none"
+    return (
+        f"{row.name}: {row.exposed_collisions} collisions, {row.expected:.2f} expected; by chance "
+        "that happens once in 100 classes: try another seed and more cycles"
+    )
+
+
+def _verdict(result: CampaignResult) -> str:
+    wrong = sum(row.wrongly_accepted for row in result.classes)
+    if wrong:
+        return f"FAILED: {wrong} wrongly accepted"
+    if not result.passed:
+        return "FAILED: collisions are not as many as the CRC allows"
+    if result.interrupted:
+        return "incomplete: nothing wrongly accepted so far"
+    return "passed: nothing wrongly accepted"

@@ -1,0 +1,268 @@
+"""A fault campaign over the connections of a network, on all cores."""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fsoe_net.emul.setup import ConnectionSetup, choose_setups
+from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.fsoe import MainConfig, SubConfig, safe_data_length
+from fsoe_net.fsoe.campaign import (
+    CampaignConfig,
+    ClassResult,
+    Link,
+    MainFactory,
+    SubFactory,
+    Trials,
+    merge,
+    run_trials,
+    shrink,
+    trial_count,
+)
+from fsoe_net.model import Resolution
+
+__all__ = ["CampaignResult", "campaign_links", "run_campaign", "save_failures"]
+
+_CHUNK = 8192  # the same whatever the number of processes, so that sums are the same too
+_DEFAULT_CYCLE_NS = 1_000_000
+_FEW = 4096  # trials which are not worth starting processes for
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CampaignResult:
+    """What a campaign found.
+
+    Attributes:
+        config: Connections and seed.
+        faults: Faults per class that were asked for.
+        classes: One row per class, in the order asked for; classes never begun are missing.
+        interrupted: Whether it was stopped before its end.
+    """
+
+    config: CampaignConfig
+    faults: int
+    classes: tuple[ClassResult, ...]
+    interrupted: bool
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing was wrongly accepted and every rate is plausible."""
+        return all(row.passed for row in self.classes)
+
+
+def campaign_links(
+    resolution: Resolution,
+    *,
+    connection: str | None = None,
+    main_factory: MainFactory | None = None,
+    sub_factory: SubFactory | None = None,
+) -> tuple[Link, ...]:
+    """Return the connections of a network, ready for a campaign.
+
+    Args:
+        resolution: The network; cycle 1 ms when it states none.
+        connection: Only this one.
+        main_factory: Makes a foreign main.
+        sub_factory: Makes a foreign sub.
+
+    Raises:
+        InputError: No connection at all, or none of this name.
+    """
+    setups = choose_setups(resolution)
+    if not setups:
+        raise InputError("nothing to try: these files hold no FSoE connection")
+    names = [setup.connection.name for setup in setups]
+    if connection is not None and connection not in names:
+        raise InputError(f"no connection {connection!r}; there are {', '.join(names)}")
+    cycle_ns = resolution.network.cycle_ns or _DEFAULT_CYCLE_NS
+    mains = [_main(setup) for setup in setups]
+    return tuple(
+        Link(
+            name=name,
+            main=main,
+            sub=_sub(main),
+            other=_other(main, mains),
+            cycle_ns=cycle_ns,
+            main_factory=main_factory,
+            sub_factory=sub_factory,
+        )
+        for name, main in zip(names, mains, strict=True)
+        if connection in (None, name)
+    )
+
+
+def _main(setup: ConnectionSetup) -> MainConfig:
+    return MainConfig(
+        connection_id=setup.connection_id,
+        address=setup.address,
+        watchdog_ms=setup.watchdog_ms,
+        safe_out_bytes=safe_data_length(setup.connection.to_sub.transfer.size_bytes),
+        safe_in_bytes=safe_data_length(setup.connection.to_main.transfer.size_bytes),
+        app_parameters=setup.app_parameters,
+    )
+
+
+def _sub(main: MainConfig) -> SubConfig:
+    return SubConfig(
+        address=main.address,
+        safe_out_bytes=main.safe_out_bytes,
+        safe_in_bytes=main.safe_in_bytes,
+        app_parameter_bytes=len(main.app_parameters),
+    )
+
+
+def _other(main: MainConfig, mains: Sequence[MainConfig]) -> MainConfig:
+    """Return another connection of the same sizes: of the network if there is one."""
+    sizes = (main.safe_out_bytes, main.safe_in_bytes)
+    for row in mains:
+        if row is not main and (row.safe_out_bytes, row.safe_in_bytes) == sizes:
+            return row
+    used = {row.connection_id for row in mains}
+    free = next(number for number in range(1, 0x10000) if number not in used)
+    return replace(main, connection_id=free, address=main.address ^ 1)
+
+
+def run_campaign(
+    config: CampaignConfig,
+    names: Sequence[str],
+    faults: int,
+    *,
+    jobs: int | None = None,
+    on_progress: Progress | None = None,
+) -> CampaignResult:
+    """Run a campaign.
+
+    Args:
+        config: Connections and seed.
+        names: Classes of faults.
+        faults: Faults per class.
+        jobs: Processes; default: one per core.
+        on_progress: Called in this process with faults done, faults in all, class last worked on.
+
+    Returns:
+        What was found. After Ctrl-C what had been found until then, marked so.
+
+    Raises:
+        ConfigError: No such class, or a connection that never reaches state Data.
+        EnvironmentFault: A device under test raised an exception or took its process with it.
+    """
+    work = [
+        (name, range(at, min(at + _CHUNK, count)))
+        for name in names
+        for count in [trial_count(config, name, faults)]
+        for at in range(0, count, _CHUNK)
+    ]
+    jobs = jobs or _cores()
+    total = sum(len(trials) for _, trials in work)
+    parts: dict[int, ClassResult] = {}
+    alone = jobs == 1 or total <= _FEW
+    steps = _alone(config, work) if alone else _together(config, work, jobs)
+    interrupted, done = False, 0
+    try:
+        for index, part in steps:
+            parts[index] = part
+            done += len(work[index][1])
+            if on_progress is not None:
+                on_progress(done, total, part.name)
+    except KeyboardInterrupt:
+        interrupted = True
+    found = [parts[index] for index in sorted(parts)]
+    rows = [[part for part in found if part.name == name] for name in names]
+    return CampaignResult(
+        config=config,
+        faults=faults,
+        classes=tuple(merge(row) for row in rows if row),
+        interrupted=interrupted,
+    )
+
+
+def save_failures(result: CampaignResult, folder: Path) -> dict[tuple[str, int], Path | None]:
+    """Make the first wrong acceptances of each class small and write them as recordings.
+
+    Args:
+        result: What the campaign found.
+        folder: Where to; made if needed.
+
+    Returns:
+        Class and trial, and the file `fsoe_net.fsoe.recording.replay_file` takes;
+        ``None`` for a case that fails only after the long run it was found in.
+    """
+    saved: dict[tuple[str, int], Path | None] = {}
+    for row in result.classes:
+        if not row.failures:
+            continue
+        trials = Trials(result.config, row.name)
+        for failure in row.failures:
+            small = shrink(trials.case(failure.trial))
+            saved[row.name, failure.trial] = None
+            if small is not None:
+                path = folder / f"{row.name.replace('+', '-and-')}-{failure.trial}.jsonl"
+                folder.mkdir(parents=True, exist_ok=True)
+                path.write_text("\n".join(small.lines) + "\n", encoding="utf-8")
+                saved[row.name, failure.trial] = path
+    return saved
+
+
+_Work = Sequence[tuple[str, range]]
+_Steps = Iterable[tuple[int, ClassResult]]
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))  # those this process may use
+    return os.cpu_count() or 1
+
+
+def _alone(config: CampaignConfig, work: _Work) -> _Steps:
+    for index, (name, trials) in enumerate(work):
+        yield index, run_trials(config, name, trials)
+
+
+def _together(config: CampaignConfig, work: _Work, jobs: int) -> _Steps:
+    """Share the work; at most a few pieces are handed out ahead, so that an end comes quickly."""
+    pool = ProcessPoolExecutor(
+        max_workers=min(jobs, len(work)),
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_prepare_process,
+    )
+    queue = iter(enumerate(work))
+    running: dict[Future[ClassResult], int] = {}
+    try:
+        while True:
+            for index, (name, trials) in queue:
+                running[pool.submit(run_trials, config, name, trials)] = index
+                if len(running) > 2 * jobs:
+                    break
+            if not running:
+                return
+            finished, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in finished:
+                yield running.pop(future), future.result()
+    except BrokenProcessPool as exc:
+        raise EnvironmentFault("a process of the campaign died; try --jobs 1 to see more") from exc
+    finally:
+        _stop(pool)
+
+
+def _stop(pool: ProcessPoolExecutor) -> None:
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        process.join()
+
+
+def _prepare_process() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
+    gc.set_threshold(200_000)  # trials leave no cycles behind; looking for them takes a tenth

@@ -1,0 +1,32 @@
+"""Connections for campaigns."""
+
+from __future__ import annotations
+
+from fsoe_net.fsoe import MainConfig, SubConfig
+from fsoe_net.fsoe.campaign.walk import Link
+
+
+def make_link(
+    out=2, inn=2, *, app=b"", watchdog_ms=20, cycle_ns=1_000_000, delay=(1, 1), **factories
+) -> Link:
+    def main(connection_id, address):
+        return MainConfig(
+            connection_id=connection_id,
+            address=address,
+            watchdog_ms=watchdog_ms,
+            safe_out_bytes=out,
+            safe_in_bytes=inn,
+            app_parameters=app,
+        )
+
+    return Link(
+        name=f"link {out}x{inn}",
+        main=main(0xABCD, 0x1234),
+        sub=SubConfig(
+            address=0x1234, safe_out_bytes=out, safe_in_bytes=inn, app_parameter_bytes=len(app)
+        ),
+        other=main(77, 0x1235),
+        cycle_ns=cycle_ns,
+        delay_cycles=delay,
+        **factories,
+    )

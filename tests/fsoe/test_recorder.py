@@ -1,0 +1,160 @@
+"""Recordings of runs with faults replay without a difference; failing cases are made small."""
+
+import json
+import random
+
+import pytest
+from fsoe.devices import (
+    ignores_crc,
+    ignores_sequence,
+    ignores_watchdog,
+    strange_main,
+    strange_sub,
+    strange_sub_that_takes_data,
+)
+from fsoe.links import make_link
+
+from fsoe_net.fsoe.campaign.channel import Way
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE, Strangers
+from fsoe_net.fsoe.campaign.faults import Flip, Freeze, Swap
+from fsoe_net.fsoe.campaign.recorder import Recorder
+from fsoe_net.fsoe.campaign.shrink import shrink
+from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials
+from fsoe_net.fsoe.campaign.walk import Scene
+from fsoe_net.fsoe.recording.replay import replay
+
+DRAWN = [name for name in CATALOGUE if name != "bit_errors"]
+
+
+def _same(recorder, cycles):
+    result = replay(recorder.lines())
+    assert not result.differences, str(result.differences[0])
+    assert result.compared >= 2 * cycles
+    return result
+
+
+@pytest.mark.parametrize("sizes", [(1, 1), (2, 2), (1, 6), (14, 4)], ids=str)
+def test_a_clean_run_replays(sizes):
+    recorder = Recorder(make_link(*sizes, app=b"\1\2\3"), 3)
+    recorder.channel.run(150)
+    assert recorder.channel.main.data_valid
+    _same(recorder, 150)
+
+
+@pytest.mark.parametrize("turns", [*range(1, 30), 31])
+def test_a_start_up_replays(turns):
+    recorder = Recorder(make_link(), 8)
+    for _ in range(turns):
+        recorder.channel.turn()
+    _same(recorder, turns // 2)
+
+
+@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize("cycle", [3, 9, 40])
+def test_each_class_of_faults_replays(name, cycle):
+    link = make_link(2, 4)
+    strangers, rng = Strangers(link, 1), random.Random(cycle)
+    recorder = Recorder(link, 5)
+    channel = recorder.channel
+    channel.run(cycle)
+    channel.turn()
+    frames = tuple(frame for _, frame in channel.sent[Way.TO_SUB])
+    scene = Scene(
+        channel=channel,
+        way=Way.TO_SUB,
+        frame=channel.newest(Way.TO_SUB),
+        in_data=cycle > 20,
+        frames=frames,
+        index=len(frames) - 1,
+        watchdog_cycles=20,
+    )
+    made = None
+    while made is None:
+        made = CATALOGUE[name].make(rng, scene, strangers, 0)
+    channel.faults = made.faults
+    channel.run(120)
+    _same(recorder, 120)
+
+
+@pytest.mark.parametrize("sizes", [(1, 2), (2, 2), (6, 1)], ids=str)
+@pytest.mark.parametrize(
+    "factories",
+    [
+        {"sub_factory": strange_sub},
+        {"sub_factory": strange_sub_that_takes_data},
+        {"main_factory": strange_main},
+    ],
+    ids=["sub", "sub with data", "main"],
+)
+def test_strangers_that_do_it_right_replay(factories, sizes):
+    recorder = Recorder(make_link(*sizes, **factories), 3)
+    channel = recorder.channel
+    channel.run(60)
+    channel.faults = (Flip(way=Way.TO_MAIN, start=60, until=61, mask=1 << 12),)
+    channel.run(60)
+    _same(recorder, 120)
+
+
+def test_left_out_cycles_replay():
+    recorder = Recorder(make_link(watchdog_ms=300), 3)
+    channel = recorder.channel
+    channel.run(40)
+    channel.faults = (Freeze(way=Way.TO_SUB, start=40, until=900),)
+    skipped = 0
+    while channel.cycle < 1000:
+        channel.run(1)
+        skipped += channel.skip_idle()
+    assert skipped > 250
+    _same(recorder, 140)
+
+
+def test_a_changed_recording_differs():
+    recorder = Recorder(make_link(), 3)
+    recorder.channel.run(60)
+    lines = list(recorder.lines("what it is"))
+    assert json.loads(lines[0])["title"] == "what it is"
+    row = json.loads(lines[-1])
+    row["safe_outputs"] = "5555"
+    assert replay([*lines[:-1], json.dumps(row)]).differences
+
+
+FORGOTTEN = [
+    (ignores_crc, "corruption", Flip, "2a04"),
+    (ignores_crc, "masquerade", Flip, "2a04"),
+    (ignores_sequence, "repetition", Swap, "2a04"),
+    (ignores_watchdog, "loss", Freeze, "2a05"),
+    (ignores_watchdog, "loss+corruption", Freeze, "2a05"),
+]
+
+
+@pytest.mark.parametrize(("device", "name", "kind", "ours"), FORGOTTEN)
+def test_a_failing_case_is_made_small_and_replays_as_different(device, name, kind, ours):
+    config = CampaignConfig(links=(make_link(sub_factory=device),), seed=1)
+    failures = run_trials(config, name, range(200)).failures
+    small = shrink(Trials(config, name).case(failures[0].trial))
+    assert small is not None
+    (fault,) = small.faults
+    assert isinstance(fault, kind)
+    if kind is Flip:
+        assert fault.mask.bit_count() == 1
+        assert fault.until - fault.start == 1
+    first = replay(small.lines).differences[0]
+    assert (first.side, first.field) == ("sub", "frame")
+    assert first.got.startswith(ours)
+    assert "sub" in small.reason
+    assert small.lines[0].count("title") == 1
+
+
+def test_the_smallest_case_is_early():
+    config = CampaignConfig(links=(make_link(sub_factory=ignores_crc),), seed=1)
+    small = [
+        shrink(Trials(config, "corruption").case(failure.trial))
+        for failure in run_trials(config, "corruption", range(60)).failures
+    ]
+    starts = {one.faults[0].start for one in small if one.faults[0].way is Way.TO_SUB}
+    assert starts == {5}  # the Connection frame, the first that no fresh start excuses
+
+
+def test_what_does_not_fail_is_not_made_small():
+    config = CampaignConfig(links=(make_link(),), seed=1)
+    assert shrink(Trials(config, "corruption").case(3)) is None
