@@ -17,6 +17,8 @@ __all__ = ["CaptureWriter", "is_capture", "read_capture"]
 _PCAP = {b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d"}
 _PCAPNG = b"\x0a\x0d\x0d\x0a"
 _ETHERNET = 1
+_TIMES_NS = range(1 << 63)  # a later year than 2262 is no clock
+_DAMAGED = (dpkt.Error, ValueError, struct.error, MemoryError)
 
 
 def is_capture(head: bytes) -> bool:
@@ -41,12 +43,22 @@ def read_capture(path: str | Path) -> Iterator[tuple[int, bytes]]:
             )
         number = 0
         try:
-            for number, (seconds, data) in enumerate(reader, start=1):  # noqa: B007 - for the message
-                yield int(seconds * 1_000_000_000), data
-        except (dpkt.Error, ValueError, struct.error, OverflowError) as exc:
+            for seconds, data in reader:
+                time_ns = int(seconds * 1_000_000_000)
+                if time_ns not in _TIMES_NS:
+                    raise ValueError("the time of the next one is none after 1970")
+                number += 1
+                yield time_ns, data
+        except (*_DAMAGED, OverflowError) as exc:
             raise InputError(
-                f"{path}: damaged after packet {number} ({exc}); everything before it was read"
+                f"{path}: damaged after packet {number} ({_reason(exc)}); "
+                "everything before it was read"
             ) from exc
+
+
+def _reason(exc: BaseException) -> str:
+    # dpkt reads as many bytes at once as the file claims a packet has.
+    return "a length beyond the memory" if isinstance(exc, MemoryError) else str(exc)
 
 
 def _reader(path: str, file: BinaryIO) -> Any:
@@ -56,8 +68,8 @@ def _reader(path: str, file: BinaryIO) -> Any:
         raise InputError(f"{path}: neither a pcap nor a pcapng capture")
     try:
         return dpkt.pcapng.Reader(file) if head == _PCAPNG else dpkt.pcap.Reader(file)
-    except (dpkt.Error, ValueError, struct.error) as exc:
-        raise InputError(f"{path}: the header of the capture is damaged ({exc})") from exc
+    except _DAMAGED as exc:
+        raise InputError(f"{path}: the header of the capture is damaged ({_reason(exc)})") from exc
 
 
 class CaptureWriter:

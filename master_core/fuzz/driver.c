@@ -1,13 +1,11 @@
-/** Drives the fuzz target without libFuzzer.
+/** Drives a fuzz target without libFuzzer.
  *
- *    fuzz_plan ROUNDS             mutates good plans, the same way every time
- *    fuzz_plan FILE…              replays files, such as what libFuzzer has found
- *    fuzz_plan --seed-corpus DIR  writes good plans for libFuzzer to start from */
+ *    fuzz_NAME ROUNDS             mutates good inputs, the same way every time
+ *    fuzz_NAME FILE…              replays files, such as what libFuzzer has found
+ *    fuzz_NAME --seed-corpus DIR  writes good inputs for libFuzzer to start from */
 #include <string.h>
 
-#include "builder.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+#include "fuzz.h"
 
 static int replay(const char *path) {
     FILE *file = fopen(path, "rb");
@@ -15,10 +13,15 @@ static int replay(const char *path) {
         perror(path);
         return 1;
     }
-    static uint8_t bytes[1 << 20];
-    const size_t len = fread(bytes, 1, sizeof bytes, file);
+    static uint8_t room[1 << 20];
+    const size_t len = fread(room, 1, sizeof room, file);
     fclose(file);
-    return LLVMFuzzerTestOneInput(bytes, len);
+    uint8_t *bytes = malloc(len > 0 ? len : 1); /* exact, so that ASan sees a reach beyond it */
+    CHECK(bytes != NULL);
+    memcpy(bytes, room, len);
+    const int status = LLVMFuzzerTestOneInput(bytes, len);
+    free(bytes);
+    return status;
 }
 
 /** Overwrites one aligned 32-bit field with a value that loves to overflow, or with that of another
@@ -61,12 +64,11 @@ static void mutate(const uint8_t *good, size_t len, uint64_t *seed) {
 }
 
 static int write_corpus(const char *directory) {
-    uint8_t *(*const build[])(size_t *) = {build_estop, build_full};
-    for (size_t i = 0; i < 2; i++) {
+    size_t len;
+    uint8_t *bytes;
+    for (size_t i = 0; (bytes = fuzz_seed(i, &len)) != NULL; i++) {
         char path[4096];
-        snprintf(path, sizeof path, "%s/plan-%zu", directory, i);
-        size_t len;
-        uint8_t *bytes = build[i](&len);
+        snprintf(path, sizeof path, "%s/seed-%zu", directory, i);
         FILE *file = fopen(path, "wb");
         const int written = file != NULL && fwrite(bytes, 1, len, file) == len;
         free(bytes);
@@ -78,29 +80,42 @@ static int write_corpus(const char *directory) {
     return 0;
 }
 
+/** Runs the good inputs as they are, then mutated, in turn. */
+static void run_rounds(long rounds) {
+    uint64_t seed = 42;
+    size_t len;
+    uint8_t *good;
+    for (size_t i = 0; (good = fuzz_seed(i, &len)) != NULL; i++) {
+        fuzz_reached = 0;
+        LLVMFuzzerTestOneInput(good, len);
+        CHECK(fuzz_reached > 0);
+        free(good);
+    }
+    for (size_t i = 0; rounds > 0; rounds--, i++) {
+        good = fuzz_seed(i, &len);
+        if (good == NULL) {
+            i = 0;
+            good = fuzz_seed(i, &len);
+        }
+        mutate(good, len, &seed);
+        free(good);
+    }
+}
+
 int main(int argc, char **argv) {
     if (argc == 3 && strcmp(argv[1], "--seed-corpus") == 0) {
         return write_corpus(argv[2]);
     }
     char *end = NULL;
     const long rounds = argc == 2 ? strtol(argv[1], &end, 10) : 0;
-    if (argc < 2 || end == NULL || *end != 0) {
-        int status = 0;
-        for (int i = 1; i < argc; i++) {
-            status |= replay(argv[i]);
-        }
-        return status;
+    if (argc == 2 && end != argv[1] && *end == 0) {
+        run_rounds(rounds);
+        printf("%ld mutated inputs\n", rounds);
+        return 0;
     }
-    uint8_t *(*const build[])(size_t *) = {build_estop, build_full};
-    uint64_t seed = 42;
-    for (size_t i = 0; i < 2; i++) {
-        size_t len;
-        uint8_t *good = build[i](&len);
-        for (long round = 0; round < rounds / 2; round++) {
-            mutate(good, len, &seed);
-        }
-        free(good);
+    int status = argc < 2;
+    for (int i = 1; i < argc; i++) {
+        status |= replay(argv[i]);
     }
-    printf("%ld mutated plans\n", rounds);
-    return 0;
+    return status;
 }

@@ -2,13 +2,12 @@
  *
  *  Length and CRC guard the rest of the loader so well that no mutation would pass them, so a plan
  *  that is refused for its CRC gets a right one and a second try. */
+#include "fuzz.h"
+
 #include <stdlib.h>
 #include <string.h>
 
-#include "builder.h"
-#include "fsn/fsn.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+uint64_t fuzz_reached;
 
 static void run(const struct fsn_plan *plan) {
     struct fsn_emulated *bus;
@@ -23,6 +22,7 @@ static void run(const struct fsn_plan *plan) {
     for (uint64_t now = 1; now < 4; now++) {
         CHECK(fsn_core_cycle(core, now) == FSN_OK);
     }
+    fuzz_reached++;
     fsn_core_free(core);
     fsn_emulated_free(bus);
 }
