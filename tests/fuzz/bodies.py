@@ -27,9 +27,9 @@ from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.core import CorePlan, Scanner
 from fsoe_net.diag import Span
 from fsoe_net.errors import InputError, PlanFormatError, RecordingError
-from fsoe_net.fsoe import recording_reader
-from fsoe_net.fsoe.json_rows import file_lines
-from fsoe_net.fsoe.replay import replay
+from fsoe_net.fsoe.recording import reader as recording_reader
+from fsoe_net.fsoe.recording import replay
+from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.load import Collector, load_scenario, urdf
 from fsoe_net.observe import CaptureWriter, follow_frames, parse_frames, read_capture
 from fsoe_net.plan import compile_plan, decode_plan, encode_plan, plan_json, plan_text
