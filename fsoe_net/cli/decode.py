@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+import io
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import click
 
-from fsoe_net.cli.decode_output import JsonOutput, Output, Row, TextOutput
+from fsoe_net.cli.decode_output import CaptureFacts, JsonOutput, Output, Row, TextOutput
 from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.core import Scanner, Sighting
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe import Command, Verdict, safe_data_of
 from fsoe_net.observe import (
+    CaptureReader,
     ConnectionNames,
     LogicalImage,
     Naming,
+    buffered,
     follow_frames,
     is_capture,
     lua_dissector,
     parse_frames,
-    read_capture,
 )
 from fsoe_net.plan import compile_plan
 
@@ -70,19 +73,43 @@ def command(
         return
     if output is not None:
         raise click.UsageError("-o belongs to --lua; else redirect standard output")
-    naming = _naming(network)
-    out: Output = JsonOutput() if fmt == "json" else TextOutput()
-    captures = [name for name in inputs if Path(name).exists()]
+    captures = [name for name in inputs if name != "-" and _is_file(name)]
     if captures and len(captures) < len(inputs):
         hexes = [name for name in inputs if name not in captures]
         raise click.UsageError(f"{hexes[0]!r} is no file; captures and hex go into separate calls")
+    naming = _naming(network)
+    out: Output = JsonOutput() if fmt == "json" else TextOutput()
     if captures:
         for path in captures:
-            _decode_capture(path, naming, out, changes=changes, summary=summary)
+            with open(path, "rb") as file:
+                _decode_capture(path, file, naming, out, changes=changes, summary=summary)
+    elif inputs and inputs != ("-",):
+        _decode_hex([("argument", " ".join(inputs))], naming, out)
     else:
-        _decode_hex(inputs, naming, out)
+        stdin = _standard_input()
+        if is_capture(stdin.peek(4)[:4]):
+            _decode_capture("stdin", stdin, naming, out, changes=changes, summary=summary)
+        else:
+            _decode_hex(_lines(stdin), naming, out)
     out.end()
     ctx.exit(int(out.wrong > 0))
+
+
+def _is_file(name: str) -> bool:
+    """Whether an argument names a file; long hex is no name a system would take."""
+    try:
+        return bool(name.strip()) and Path(name).exists()
+    except (OSError, ValueError):
+        return False
+
+
+def _standard_input() -> io.BufferedReader:
+    if sys.stdin is None or sys.stdin.closed:
+        raise click.UsageError("no INPUT, and standard input is closed")
+    if sys.stdin.isatty():
+        click.echo("hex of FSoE frames, end with Ctrl-D:", err=True)
+    stream = sys.stdin.buffer
+    return stream if isinstance(stream, io.BufferedReader) else buffered(stream)
 
 
 def _naming(network: tuple[str, ...]) -> Naming:
@@ -102,16 +129,15 @@ def _write_lua(files: tuple[str, ...], output: str | None) -> None:
     click.echo(f"{output}: open a capture with: wireshark -X lua_script:{output} FILE", err=True)
 
 
-def _decode_hex(inputs: tuple[str, ...], naming: Naming, out: Output) -> None:
-    texts = _stdin_lines() if not inputs or inputs == ("-",) else [("argument", " ".join(inputs))]
+def _decode_hex(texts: Iterable[tuple[str, str]], naming: Naming, out: Output) -> None:
     out.begin("hex")
-    for seen in follow_frames(parse_frames(texts)):
-        lengths = (seen.lengths[0], seen.lengths[1])
+    number = 0
+    for number, seen in enumerate(follow_frames(parse_frames(texts)), start=1):  # noqa: B007
         out.row(
             Row(
                 packet=0,
                 time_ms=None,
-                names=naming.find(seen.pdu.connection_id, lengths),
+                names=naming.find(seen.pdu.connection_id, seen.lengths),
                 number=0,
                 direction=seen.direction,
                 frame=seen.frame.data,
@@ -121,14 +147,14 @@ def _decode_hex(inputs: tuple[str, ...], naming: Naming, out: Output) -> None:
                 note=seen.note,
             )
         )
+    if number == 0:
+        out.damaged("no frame was given; a frame is written as 2a0000c42d0000")
     out.end_of_frames()
 
 
-def _stdin_lines() -> Iterator[tuple[str, str]]:
-    if sys.stdin.isatty():
-        click.echo("hex of FSoE frames, end with Ctrl-D:", err=True)
-    for number, line in enumerate(sys.stdin.buffer, start=1):
-        yield f"stdin:{number}", line.decode("utf-8", "replace")
+def _lines(stream: io.BufferedReader) -> Iterator[tuple[str, str]]:
+    for number, line in enumerate(stream, start=1):
+        yield f"stdin:{number}", line.decode("utf-8-sig" if number == 1 else "utf-8", "replace")
 
 
 class _Named:
@@ -163,19 +189,25 @@ class _Said:
 
 
 def _decode_capture(
-    path: str, naming: Naming, out: Output, *, changes: bool, summary: bool
+    name: str,
+    stream: BinaryIO,
+    naming: Naming,
+    out: Output,
+    *,
+    changes: bool,
+    summary: bool,
 ) -> None:
-    scanner = Scanner()
+    reader, scanner = CaptureReader(name, stream), Scanner()
     named = _Named(scanner, naming)
     said = _Said()
     start_ns = now_ns = -1
-    out.begin(path)
+    out.begin(name)
     try:
-        for time_ns, packet in _packets(path):
+        for time_ns, bus, packet in reader:
             if start_ns < 0:
                 start_ns = time_ns
             now_ns = max(now_ns, time_ns)  # several interfaces in one file may step back
-            for s in scanner.packet(packet, now_ns):
+            for s in scanner.packet(packet, now_ns, bus):
                 out.wrong += s.verdict is Verdict.WRONG
                 if summary:
                     continue
@@ -200,15 +232,4 @@ def _decode_capture(
         out.damaged(str(exc))
     out.end_of_frames()
     connections = [(c, *naming.find_in(c)) for c in scanner.connections()]
-    out.found(connections, scanner.counts(), start_ns)
-
-
-def _packets(path: str) -> Iterator[tuple[int, bytes]]:
-    with open(path, "rb") as file:
-        head = file.read(4)
-    if not is_capture(head):
-        raise InputError(
-            f"{path}: neither a pcap nor a pcapng capture; for a file of hex: "
-            f"fsoe-net decode - < {path}"
-        )
-    return read_capture(path)
+    out.found(connections, scanner.counts(), CaptureFacts(start_ns, reader.cut, reader.other_links))

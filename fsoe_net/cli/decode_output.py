@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
 import click
@@ -22,7 +22,7 @@ from fsoe_net.fsoe import (
 )
 from fsoe_net.observe import ConnectionNames
 
-__all__ = ["JsonOutput", "Output", "Row", "TextOutput"]
+__all__ = ["CaptureFacts", "JsonOutput", "Output", "Row", "TextOutput"]
 
 _WAYS = ("main_to_sub", "sub_to_main")
 _ARROWS = ("main > sub", "sub > main")
@@ -49,6 +49,20 @@ class Row(NamedTuple):
     state: OutsideState
     sequence: int
     note: str
+
+
+class CaptureFacts(NamedTuple):
+    """What is to be said of a capture.
+
+    Attributes:
+        start_ns: Time of its first packet; -1: there is none.
+        cut: Packets of which only the beginning was kept.
+        other_links: Packets of interfaces that are not Ethernet.
+    """
+
+    start_ns: int
+    cut: int
+    other_links: int
 
 
 class _Parts:
@@ -103,7 +117,7 @@ class Output(Protocol):
     def end_of_frames(self) -> None:
         """Close the frames of a source."""
 
-    def found(self, connections: list[Found], counts: ScanCounts, start_ns: int) -> None:
+    def found(self, connections: list[Found], counts: ScanCounts, facts: CaptureFacts) -> None:
         """Print what was found in a capture."""
 
     def end(self) -> None:
@@ -131,7 +145,7 @@ class TextOutput:
     def begin(self, source: str) -> None:
         """Remember the source; its head comes with the first frame."""
         self._source = source
-        self._headed = False
+        self._headed = self._damaged = False
 
     def row(self, row: Row) -> None:
         """Print one frame as a line."""
@@ -170,6 +184,8 @@ class TextOutput:
 
     def damaged(self, message: str) -> None:
         """Say it on standard error."""
+        self._lines.flush()
+        self._damaged = True
         self.wrong += 1
         click.echo(f"error: {message}", err=True)
 
@@ -179,34 +195,55 @@ class TextOutput:
         if self._headed:
             click.echo()
 
-    def found(self, connections: list[Found], counts: ScanCounts, start_ns: int) -> None:
+    def found(self, connections: list[Found], counts: ScanCounts, facts: CaptureFacts) -> None:
         """Print one block per connection, or why there is none."""
         for number, (c, names, swapped) in enumerate(connections, start=1):
-            title = names.name if names else f"#{number}"
-            click.echo(f"{title}: ConnID {c.connection_id}, now {_STATE_TEXT[c.state]}")
-            ways = (c.to_sub, c.to_main)[:: -1 if swapped else 1]
-            for way, direction in zip(_ARROWS, ways, strict=True):
-                click.echo(f"  {way}  {_counts_text(direction)}")
-            for place in c.places:
-                click.echo(f"  {_place_text(place, swapped)}")
-            if c.gaps:
-                click.echo(f"  {counted(c.gaps, 'gap')}: the capture does not hold every frame")
-            if not c.roles_certain and not (names and names.ends):
-                click.echo("  main and sub are told apart by their numbers; no start-up was seen")
-        if not connections:
-            click.echo(f"{self._source}: no FSoE connection found; {_none_text(counts)}")
-        else:
+            for line in _connection_lines(number, c, names, swapped):
+                click.echo(line)
+        if connections:
             click.echo(
                 f"{counts.packets} packets, {counts.ethercat} of EtherCAT, "
                 f"{counts.datagrams} answered process data datagrams"
             )
-        if counts.malformed:
-            click.echo(f"{counts.malformed} EtherCAT frames with datagrams that do not fit")
-        if counts.dropped:
-            click.echo(f"{counts.dropped} places were not looked at: too many at once")
+        elif counts.packets or not self._damaged:
+            click.echo(f"{self._source}: no FSoE connection found; {_none_text(counts)}")
+        for number, text in (
+            (facts.cut, "packets were captured in part only: capture with -s 0"),
+            (facts.other_links, "packets of interfaces that are not Ethernet left out"),
+            (counts.malformed, "EtherCAT frames with datagrams that do not fit"),
+            (counts.dropped, "datagrams or places were not looked at: too many at once"),
+        ):
+            if number:
+                click.echo(f"{number} {text}")
 
     def end(self) -> None:
         """Nothing is left to print."""
+
+
+def _connection_lines(
+    number: int, c: FoundConnection, names: ConnectionNames | None, swapped: bool
+) -> Iterator[str]:
+    yield (
+        f"{names.name if names else f'#{number}'}: "
+        f"ConnID {c.connection_id}, now {_STATE_TEXT[c.state]}"
+    )
+    ways = (c.to_sub, c.to_main)[:: -1 if swapped else 1]
+    for way, direction in zip(_ARROWS, ways, strict=True):
+        yield f"  {way}  {_counts_text(direction)}"
+    for place in c.places:
+        yield f"  {_place_text(place, swapped)}"
+    if c.gaps:
+        yield f"  {counted(c.gaps, 'gap')}: the capture does not hold every frame"
+    if names and not _is_where_expected(c, names):
+        yield "  named by ConnID and lengths; the addresses are not those of the IgH MainDevice"
+    if not c.roles_certain and not names:
+        yield "  main and sub are told apart by their numbers; no start-up was seen"
+
+
+def _is_where_expected(found: FoundConnection, names: ConnectionNames) -> bool:
+    """Whether both ends lie where the IgH MainDevice would put this connection."""
+    expected = names.addresses[0] | names.addresses[1]
+    return all(place.is_logical and place.address in expected for place in found.places[:2])
 
 
 def _counts_text(d: DirectionSnapshot) -> str:
@@ -312,7 +349,7 @@ class JsonOutput:
         click.echo("]", nl=False)
         self._open = True
 
-    def found(self, connections: list[Found], counts: ScanCounts, start_ns: int) -> None:
+    def found(self, connections: list[Found], counts: ScanCounts, facts: CaptureFacts) -> None:
         """Write what was found in a capture."""
         rows = []
         for number, (c, names, swapped) in enumerate(connections, start=1):
@@ -339,7 +376,7 @@ class JsonOutput:
                 }
             )
         tail: dict[str, object] = {
-            "start_ns": max(start_ns, 0),
+            "start_ns": max(facts.start_ns, 0),
             "damage": self._damage,
             "connections": rows,
             "packets": counts.packets,
@@ -347,6 +384,9 @@ class JsonOutput:
             "malformed_frames": counts.malformed,
             "process_data_datagrams": counts.datagrams,
             "unanswered_datagrams": counts.unanswered,
+            "cut_packets": facts.cut,
+            "packets_of_other_links": facts.other_links,
+            "dropped_places": counts.dropped,
         }
         click.echo(", " + json.dumps(tail, indent=1)[1:], nl=False)
         self._open = False

@@ -131,8 +131,8 @@ struct fsn_scan_counts {
 };
 fsn_status fsn_scan_create(struct fsn_scan **scan);
 void fsn_scan_free(struct fsn_scan *scan);
-uint32_t fsn_scan_packet(struct fsn_scan *scan, const uint8_t *bytes, size_t len_bytes,
-                         uint64_t time_ns);
+uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *bytes,
+                         size_t len_bytes, uint64_t time_ns);
 bool fsn_scan_next(struct fsn_scan *scan, struct fsn_sighting *sighting);
 uint32_t fsn_scan_connection_count(const struct fsn_scan *scan);
 fsn_status fsn_scan_connection(const struct fsn_scan *scan, uint32_t number,

@@ -108,18 +108,19 @@ class Scanner:
         self._frame = self._ffi.buffer(self._sighting.frame)
         self._packet = self._lib.fsn_scan_packet  # looked up once: called for every packet
 
-    def packet(self, data: bytes, time_ns: int) -> list[Sighting]:
+    def packet(self, data: bytes, time_ns: int, bus: int = 0) -> list[Sighting]:
         """Look at one captured Ethernet frame.
 
         Args:
             data: The bytes from the destination address on.
             time_ns: When it was captured, never decreasing.
+            bus: Number of the bus, when the capture is of several, such as its interface.
 
         Returns:
             The new FSoE frames, oldest first; those of a connection that was just found include
             its frames in earlier packets.
         """
-        if not self._packet(self._scan, data, len(data), time_ns):
+        if not self._packet(self._scan, bus, data, len(data), time_ns):
             return []
         s, found = self._sighting, []
         while self._lib.fsn_scan_next(self._scan, s):

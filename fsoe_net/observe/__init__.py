@@ -1,18 +1,26 @@
 """Looks at FSoE frames of others: hex, captures, a dissector for Wireshark. Sends nothing."""
 
-from fsoe_net.observe.capture import CaptureWriter, is_capture, read_capture
+from fsoe_net.observe.capture import (
+    CaptureReader,
+    CaptureWriter,
+    buffered,
+    is_capture,
+    read_capture,
+)
 from fsoe_net.observe.hexframes import HexFrame, Seen, follow_frames, parse_frames
 from fsoe_net.observe.lua import lua_dissector
 from fsoe_net.observe.names import ConnectionNames, Naming
 from fsoe_net.observe.wire import LogicalImage
 
 __all__ = [
+    "CaptureReader",
     "CaptureWriter",
     "ConnectionNames",
     "HexFrame",
     "LogicalImage",
     "Naming",
     "Seen",
+    "buffered",
     "follow_frames",
     "is_capture",
     "lua_dissector",

@@ -95,7 +95,7 @@ static void hand_over(struct wire *w, const uint8_t *bytes, size_t len) {
     remember_roles(w);
     w->packets++;
     w->now_ns += 1000;
-    uint32_t waiting = fsn_scan_packet(w->scan, packet, len, w->now_ns);
+    uint32_t waiting = fsn_scan_packet(w->scan, 0, packet, len, w->now_ns);
     CHECK(memcmp(packet, bytes, len) == 0);
     free(packet);
     struct fsn_sighting sighting;

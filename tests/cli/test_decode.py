@@ -1,6 +1,9 @@
 """`fsoe-net decode`: whole outputs, exit codes, broken files."""
 
+import gzip
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -171,3 +174,45 @@ def test_lua_names_the_network(tmp_path):
     assert "wireshark -X lua_script:" in done.stderr
     assert run("--lua", ESTOP).stdout == path.read_text("utf-8")
     assert '"el1918-ek1914"' in path.read_text("utf-8")
+
+
+def test_long_hex_is_no_file_name():
+    frame = "36" + "00" * 254
+    assert "ProcessData" in run("main", frame).stdout
+    talk = "main 2a0000c42d0000 sub 2a0000c42d0000 " * 20
+    assert run(talk).stdout.count("Reset") == 40
+
+
+def test_no_frame_is_an_error():
+    for arguments in (["main"], [" "], [""]):
+        assert "no frame was given" in run(*arguments, code=1).stderr
+    assert "no frame was given" in run(code=1, stdin="# nothing\n").stderr
+
+
+def test_captures_come_through_a_pipe_too(capture):
+    data = Path(capture).read_bytes()
+    assert "stdin" not in run("-", stdin=data).stderr
+    assert "1999 answered" in run("-", "--summary", stdin=data).stdout
+    assert "1999 answered" in run("-", "--summary", stdin=gzip.compress(data)).stdout
+
+
+def test_closed_standard_input():
+    done = subprocess.run(
+        f"{sys.executable} -m fsoe_net.cli decode - <&-",
+        shell=True,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "standard input is closed" in done.stderr
+
+
+def test_byte_order_mark_of_windows():
+    assert "Reset" in run("-", stdin="\ufeff2a0000c42d0000\n".encode()).stdout
+
+
+def test_names_of_another_network_are_doubted(capture):
+    other = str(Path(ESTOP).parents[1] / "el6910" / "network.yaml")
+    assert "the addresses are not those" in run("--network", other, "--summary", capture).stdout
+    assert "the addresses" not in run("--network", ESTOP, "--summary", capture).stdout

@@ -24,7 +24,7 @@ def _bodies(atheris: Any) -> dict[str, Any]:
     # Atheris cannot count in what the finder of an editable install loads; the plain one, which is
     # a class like all of Python's own, comes first then.
     sys.meta_path.sort(key=lambda finder: not isinstance(finder, type))
-    with atheris.instrument_imports(include=["fsoe_net", "dpkt"], enable_loader_override=False):
+    with atheris.instrument_imports(include=["fsoe_net"], enable_loader_override=False):
         from fuzz.bodies import TARGETS
     return TARGETS
 

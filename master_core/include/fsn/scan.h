@@ -59,21 +59,23 @@ struct fsn_scan_counts {
     uint64_t malformed;  /**< of these, frames whose datagrams do not fit */
     uint64_t datagrams;  /**< process data datagrams that a SubDevice has answered */
     uint64_t unanswered; /**< process data datagrams with working counter 0 */
-    uint64_t dropped;    /**< places not looked at, because tables were full */
+    uint64_t dropped;    /**< datagrams or places not looked at, because tables were full */
 };
 
 /** Creates a scanner; fsn_scan_free() lets it go, and takes NULL. Context: set-up. Allocates, at
- *  most about 30 MB however long the capture is. */
+ *  most about 60 MB however long the capture is. */
 FSN_API FSN_MUST_USE fsn_status fsn_scan_create(struct fsn_scan **scan);
 /** Lets a scanner go. Context: set-up. */
 FSN_API void fsn_scan_free(struct fsn_scan *scan);
 
 /** Looks at one captured Ethernet frame: EtherCAT (0x88A4, with VLAN tag or not) or EtherCAT in
  *  UDP. Datagrams with working counter 0 are left out: on their way out the inputs are old.
+ *  @param[in] bus      number of the bus, when the capture is of several: the same logical address
+ *                      is another place there. Buses are also told apart by the source address.
  *  @param[in] time_ns  when it was captured, nanoseconds, never decreasing.
  *  Returns how many sightings wait. Context: one thread. Allocates. */
-FSN_API uint32_t fsn_scan_packet(struct fsn_scan *scan, const uint8_t *bytes, size_t len_bytes,
-                                 uint64_t time_ns);
+FSN_API uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *bytes,
+                                 size_t len_bytes, uint64_t time_ns);
 
 /** Takes the oldest sighting; false when there is none. The first frames of a connection come when
  *  it is found, a few frames late. Context: one thread. */

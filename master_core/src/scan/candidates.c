@@ -14,8 +14,11 @@ static const uint8_t is_command[256] = {
 static struct window *window_of(struct fsn_scan *scan, uint8_t command, uint32_t address,
                                 uint16_t size_bytes) {
     for (uint32_t i = 0; i < scan->window_count; i++) {
-        struct window *w = &scan->windows[i];
-        if (w->address == address && w->command == command && w->size_bytes == size_bytes) {
+        const uint32_t at = (scan->next_window + i) % scan->window_count;
+        struct window *w = &scan->windows[at];
+        if (w->address == address && w->command == command && w->size_bytes == size_bytes &&
+            w->bus == scan->bus) {
+            scan->next_window = at + 1;
             return w;
         }
     }
@@ -24,7 +27,8 @@ static struct window *window_of(struct fsn_scan *scan, uint8_t command, uint32_t
         return NULL;
     }
     struct window *w = &scan->windows[scan->window_count];
-    *w = (struct window){.command = command, .address = address, .size_bytes = size_bytes};
+    *w = (struct window){
+        .bus = scan->bus, .command = command, .address = address, .size_bytes = size_bytes};
     w->last = calloc(size_bytes, 1);
     w->strikes = calloc(size_bytes, 1);
     w->slots = malloc(size_bytes * sizeof *w->slots);
@@ -59,24 +63,25 @@ static void remember(struct fsn_scan *scan, struct candidate *c, const uint8_t *
 static void drop(struct fsn_scan *scan, uint32_t *slot) {
     struct candidate *c = &scan->candidates[*slot];
     free(c->bytes);
-    *c = (struct candidate){0};
+    *c = (struct candidate){.next_free = scan->free_candidate};
+    scan->free_candidate = *slot + 1;
     *slot = NONE;
 }
 
-static uint32_t free_candidate(struct fsn_scan *scan) {
-    for (uint32_t i = 0; i < scan->candidate_count; i++) {
-        if (!scan->candidates[i].used) {
-            return i;
-        }
+/** Takes a free slot; NONE when all are in use. */
+static uint32_t take_slot(struct fsn_scan *scan) {
+    if (scan->free_candidate == 0) {
+        return scan->candidate_count < MAX_CANDIDATES ? scan->candidate_count++ : NONE;
     }
-    return scan->candidate_count < MAX_CANDIDATES ? scan->candidate_count++ : NONE;
+    const uint32_t number = scan->free_candidate - 1;
+    scan->free_candidate = scan->candidates[number].next_free;
+    return number;
 }
 
 static void add(struct fsn_scan *scan, struct window *w, uint32_t offset, unsigned kind,
                 uint32_t size_bytes) {
-    const uint32_t number = free_candidate(scan);
-    uint8_t *bytes = number == NONE ? NULL : malloc((size_t)MEMORY * size_bytes);
-    if (bytes == NULL) {
+    const uint32_t number = take_slot(scan);
+    if (number == NONE) {
         scan->counts.dropped++;
         return;
     }
@@ -86,13 +91,18 @@ static void add(struct fsn_scan *scan, struct window *w, uint32_t offset, unsign
         .offset = offset,
         .size_bytes = size_bytes,
         .connection = NONE,
-        .bytes = bytes,
         .used = true,
     };
-    for (uint32_t i = 0; i < MEMORY; i++) {
-        c->shown[i].bytes = bytes + (size_t)i * size_bytes;
-    }
     w->slots[offset][kind] = number;
+    c->bytes = malloc((size_t)MEMORY * size_bytes);
+    if (c->bytes == NULL) {
+        drop(scan, &w->slots[offset][kind]);
+        scan->counts.dropped++;
+        return;
+    }
+    for (uint32_t i = 0; i < MEMORY; i++) {
+        c->shown[i].bytes = c->bytes + (size_t)i * size_bytes;
+    }
 }
 
 /** Whether a frame can be one for what it says alone: ConnID 0 in Reset and Session only, and the
@@ -120,12 +130,20 @@ static uint32_t length_by_blocks(const uint8_t *frame, uint32_t room) {
     return 3 + 4 * blocks;
 }
 
+/** Whether the length taken for a place was wrong: blocks beyond it fitted each other by chance, or
+ *  its first frame was damaged and now more blocks fit in every frame. */
+static bool is_other_length(struct candidate *c, uint32_t size_bytes) {
+    c->against = (uint8_t)(size_bytes > c->size_bytes ? c->against + 1 : 0);
+    return size_bytes < c->size_bytes || c->against >= PATIENCE;
+}
+
 /** Looks at a place that shows a command, for one length. */
 static void look(struct fsn_scan *scan, struct window *w, uint32_t offset, unsigned kind,
                  uint32_t size_bytes, const uint8_t *frame) {
     uint32_t *slot = &w->slots[offset][kind];
-    if (*slot != NONE && scan->candidates[*slot].size_bytes > size_bytes) {
-        drop(scan, slot); /* its blocks fitted each other by chance */
+    if (*slot != NONE && memcmp(w->last + offset, frame, scan->candidates[*slot].size_bytes) != 0 &&
+        is_other_length(&scan->candidates[*slot], size_bytes)) {
+        drop(scan, slot);
     }
     const uint32_t size = *slot == NONE ? size_bytes : scan->candidates[*slot].size_bytes;
     if (size == 0 || !w->seen || memcmp(w->last + offset, frame, size) == 0) {
@@ -151,6 +169,21 @@ static void look(struct fsn_scan *scan, struct window *w, uint32_t offset, unsig
     scan_pair(scan, *slot);
 }
 
+/** Whether the last frame of a known place is one of another connection: another ConnID, or of a
+ *  copy frames which its original has not shown. A copy may be ahead, so an older one is looked at.
+ */
+static bool speaks_against(const struct fsn_scan *scan, const struct candidate *c) {
+    const uint8_t *frame = scan_shown(c, 0)->bytes;
+    if (c->copy) {
+        const struct candidate *original = scan_original(scan, c);
+        return scan_remembered(c) > PATIENCE && original != NULL &&
+               !scan_has_shown(original, scan_shown(c, PATIENCE)->bytes);
+    }
+    const uint16_t id = fsn_fsoe_connection_id(frame, c->size_bytes);
+    const bool chained = frame[0] != FSN_CMD_RESET && frame[0] != FSN_CMD_SESSION;
+    return chained && id != c->connection_id;
+}
+
 /** Follows the places here that belong to a connection; true when there is one. */
 static bool look_at_known(struct fsn_scan *scan, struct window *w, uint32_t offset,
                           const uint8_t *frame) {
@@ -162,12 +195,23 @@ static bool look_at_known(struct fsn_scan *scan, struct window *w, uint32_t offs
         }
         known = true;
         struct candidate *c = &scan->candidates[number];
-        if (memcmp(w->last + offset, frame, c->size_bytes) != 0) {
-            remember(scan, c, frame);
+        if (memcmp(w->last + offset, frame, c->size_bytes) == 0) {
+            continue;
+        }
+        remember(scan, c, frame);
+        c->against = (uint8_t)(speaks_against(scan, c) ? c->against + 1 : 0);
+        if (c->against > PATIENCE) {
+            scan_release(scan, number);
+        } else {
             scan_follow(scan, number);
         }
     }
     return known;
+}
+
+static void strike(struct window *w, uint32_t offset, bool counts) {
+    const int strikes = w->strikes[offset] + (counts ? STRIKE : 0);
+    w->strikes[offset] = (uint8_t)(strikes < MOST_STRIKES ? strikes : MOST_STRIKES);
 }
 
 static void look_at(struct fsn_scan *scan, struct window *w, uint32_t offset, const uint8_t *data) {
@@ -185,8 +229,11 @@ static void look_at(struct fsn_scan *scan, struct window *w, uint32_t offset, co
                 drop(scan, &w->slots[offset][kind]);
             }
         }
-        w->strikes[offset] = (uint8_t)(w->strikes[offset] + (frame[0] != 0));
+        strike(w, offset, frame[0] != 0);
         return;
+    }
+    if (w->strikes[offset] > 0 && empty) {
+        w->strikes[offset]--;
     }
     if (!empty && look_at_known(scan, w, offset, frame)) {
         return;
@@ -208,8 +255,12 @@ void scan_process_data(struct fsn_scan *scan, uint8_t command, uint32_t address,
         return;
     }
     for (uint32_t p = 0; p + FSN_MIN_FRAME_BYTES <= size_bytes; p++) {
-        if (w->strikes[p] < STRIKES) {
+        if (w->strikes[p] < GIVEN_UP) {
             look_at(scan, w, p, data);
+        } else if (is_command[data[p]] != 0) {
+            w->strikes[p]--; /* what was given up may be used otherwise now */
+        } else {
+            strike(w, p, data[p] != 0);
         }
     }
     memcpy(w->last, data, size_bytes);

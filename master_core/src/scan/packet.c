@@ -7,6 +7,7 @@
 enum {
     ETHERTYPE_ETHERCAT = 0x88A4,
     ETHERTYPE_VLAN = 0x8100,
+    ETHERTYPE_QINQ = 0x88A8,
     ETHERTYPE_IPV4 = 0x0800,
     UDP_PORT = 0x88A4,
     MAC_BYTES = 12,
@@ -32,7 +33,7 @@ static size_t ethercat_start(const uint8_t *bytes, size_t len) {
         return 0;
     }
     unsigned type = big16(bytes + at);
-    while (type == ETHERTYPE_VLAN && at + 6 <= len) {
+    while ((type == ETHERTYPE_VLAN || type == ETHERTYPE_QINQ) && at + 6 <= len) {
         at += 4;
         type = big16(bytes + at);
     }
@@ -88,8 +89,18 @@ static bool walk(struct fsn_scan *scan, const uint8_t *at, size_t len) {
     return true;
 }
 
-uint32_t fsn_scan_packet(struct fsn_scan *scan, const uint8_t *bytes, size_t len_bytes,
-                         uint64_t time_ns) {
+/** A MainDevice and its bus: number and source address, without the bit that SubDevices set. */
+static uint64_t bus_of(uint32_t bus, const uint8_t *bytes) {
+    const uint8_t *source = bytes + 6;
+    uint64_t key = bus & 0xFFFFu;
+    for (unsigned i = 0; i < 6; i++) {
+        key = key << 8 | (i == 0 ? source[i] & 0xFDu : source[i]);
+    }
+    return key;
+}
+
+uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *bytes,
+                         size_t len_bytes, uint64_t time_ns) {
     scan->counts.packets++;
     scan->now_ns = time_ns;
     const size_t start = ethercat_start(bytes, len_bytes);
@@ -97,6 +108,8 @@ uint32_t fsn_scan_packet(struct fsn_scan *scan, const uint8_t *bytes, size_t len
         return scan->queue_count;
     }
     scan->counts.ethercat++;
+    scan->bus = bus_of(bus, bytes);
+    scan->pair_tries = PAIR_TRIES;
     if (start + 2 > len_bytes) {
         scan->counts.malformed++;
         return scan->queue_count;

@@ -5,7 +5,8 @@
 #include <string.h>
 
 enum {
-    LEAST_FRAMES = 4, /**< each place has shown, before pairing is tried */
+    LEAST_FRAMES = 4, /**< with a ConnID, each place has shown before pairing is tried; one more
+                         than LEAST_COPIES, since a copy may be ahead of its original */
     LEAST_RIGHT =
         3, /**< frames of each place whose CRCs fit: 2^-96 by chance, a Reset not counted */
     LEAST_COPIES = 3, /**< frames equal to those of a known place, to be taken for a copy of it */
@@ -166,21 +167,60 @@ static void connect(struct fsn_scan *scan, struct candidate *main, struct candid
     }
 }
 
-/** Whether a place shows what a known place of a connection shows. */
+bool scan_has_shown(const struct candidate *candidate, const uint8_t *frame) {
+    for (uint32_t k = 0; k < scan_remembered(candidate); k++) {
+        if (memcmp(scan_shown(candidate, k)->bytes, frame, candidate->size_bytes) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+const struct candidate *scan_original(const struct fsn_scan *scan, const struct candidate *copy) {
+    for (uint32_t i = 0; i < scan->candidate_count; i++) {
+        const struct candidate *c = &scan->candidates[i];
+        if (c->used && c->connection == copy->connection && c->way == copy->way && !c->copy) {
+            return c;
+        }
+    }
+    return NULL;
+}
+
+/** Whether a place shows what a known place of a connection shows. Frames outside of a chain do not
+ *  count: every connection of this size has the same Resets. */
 static bool is_copy_of(const struct candidate *c, const struct candidate *known) {
     if (known->size_bytes != c->size_bytes) {
         return false;
     }
     uint32_t equal = 0;
     for (uint32_t i = 0; i < scan_remembered(c); i++) {
-        for (uint32_t k = 0; k < scan_remembered(known); k++) {
-            if (memcmp(scan_shown(c, i)->bytes, scan_shown(known, k)->bytes, c->size_bytes) == 0) {
-                equal++;
-                break;
-            }
-        }
+        const uint8_t *frame = scan_shown(c, i)->bytes;
+        equal += fsn_fsoe_connection_id(frame, c->size_bytes) != 0 && scan_has_shown(known, frame);
     }
     return equal >= LEAST_COPIES;
+}
+
+static void set_free(struct candidate *c) {
+    c->connection = NONE;
+    c->copy = false;
+    c->against = 0;
+    c->count = 0; /* what it has shown belongs to the past */
+    c->next_try = 0;
+    c->connection_id = 0;
+}
+
+void scan_release(struct fsn_scan *scan, uint32_t candidate) {
+    struct candidate *c = &scan->candidates[candidate];
+    const uint32_t connection = c->connection;
+    if (c->copy) {
+        set_free(c);
+        return;
+    }
+    for (uint32_t i = 0; i < scan->candidate_count; i++) {
+        if (scan->candidates[i].used && scan->candidates[i].connection == connection) {
+            set_free(&scan->candidates[i]);
+        }
+    }
 }
 
 /** Takes a place for a copy of one that is known; false when it is none. */
@@ -188,7 +228,9 @@ static bool join_as_copy(struct fsn_scan *scan, struct candidate *c) {
     for (uint32_t i = 0; i < scan->candidate_count; i++) {
         const struct candidate *known = &scan->candidates[i];
         if (known->used && known->connection != NONE && !known->copy &&
-            known->connection_id == c->connection_id && is_copy_of(c, known)) {
+            known->connection_id == c->connection_id &&
+            scan->windows[known->window].bus == scan->windows[c->window].bus &&
+            is_copy_of(c, known)) {
             c->connection = known->connection;
             c->way = known->way;
             c->copy = true;
@@ -215,20 +257,36 @@ static bool try_pair(struct fsn_scan *scan, struct candidate *a, struct candidat
     return true;
 }
 
+static bool shown_enough(const struct candidate *c) {
+    uint32_t frames = 0;
+    for (uint32_t i = 0; i < scan_remembered(c) && frames < LEAST_FRAMES; i++) {
+        frames += fsn_fsoe_connection_id(scan_shown(c, i)->bytes, c->size_bytes) != 0;
+    }
+    return frames >= LEAST_FRAMES;
+}
+
 void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
     struct candidate *c = &scan->candidates[candidate];
-    if (c->connection_id == 0 || c->count < LEAST_FRAMES || c->count < c->next_try) {
+    if (c->connection_id == 0 || c->count < c->next_try || scan->pair_tries == 0 ||
+        !shown_enough(c)) {
         return;
     }
+    scan->pair_tries--;
     if (join_as_copy(scan, c)) {
         return;
     }
     for (uint32_t i = 0; i < scan->candidate_count; i++) {
         struct candidate *other = &scan->candidates[i];
         if (i != candidate && other->used && other->connection == NONE &&
-            other->connection_id == c->connection_id && other->count >= LEAST_FRAMES &&
-            try_pair(scan, c, other)) {
-            return;
+            other->connection_id == c->connection_id && shown_enough(other) &&
+            scan->windows[other->window].bus == scan->windows[c->window].bus) {
+            if (scan->pair_tries == 0) {
+                return; /* in a later packet */
+            }
+            scan->pair_tries--;
+            if (try_pair(scan, c, other)) {
+                return;
+            }
         }
     }
     c->next_try = c->count + 1 + c->count / 4; /* rarely, for what will never fit */
@@ -298,8 +356,8 @@ static struct candidate *partner(struct fsn_scan *scan, uint32_t from, const str
 
 void scan_end_of_packet(struct fsn_scan *scan) {
     for (uint32_t i = 0; i < scan->deferred_count; i++) {
-        if (scan->deferred[i] == NONE) {
-            continue;
+        if (scan->deferred[i] == NONE || scan->candidates[scan->deferred[i]].connection == NONE) {
+            continue; /* followed already, or set free in this very packet */
         }
         const struct candidate *first = &scan->candidates[scan->deferred[i]];
         uint32_t at = 0;

@@ -5,12 +5,16 @@
 #include "fsn/scan.h"
 
 enum {
-    MAX_WINDOWS = 512,      /**< process data areas told apart */
-    MAX_CANDIDATES = 4096,  /**< places that may hold FSoE frames */
+    MAX_WINDOWS = 2048,     /**< process data areas told apart */
+    MAX_CANDIDATES = 8192,  /**< places that may hold FSoE frames */
     MAX_CONNECTIONS = 1024, /**< found */
     MEMORY = 24,            /**< frames a candidate remembers */
-    STRIKES = 3,            /**< other values a place may show before it is given up */
-    SLOTS = 2, /**< candidates per place: of the length its blocks say, and of 6 bytes */
+    STRIKE = 2,             /**< a value that is no command counts this much, a command one back */
+    MOST_STRIKES = 8,
+    GIVEN_UP = 6,    /**< a place with so many is left alone */
+    PATIENCE = 3,    /**< frames in a row that speak against what is believed of a place */
+    PAIR_TRIES = 32, /**< searches for another end per packet, and pairs tried */
+    SLOTS = 2,       /**< candidates per place: of the length its blocks say, and of 6 bytes */
     DEFERRED = 256,
 };
 
@@ -29,21 +33,24 @@ struct candidate {
     uint32_t count;         /**< frames shown; [count % MEMORY] is the next slot */
     uint32_t next_try;      /**< count from which pairing is tried again */
     struct shown shown[MEMORY];
+    uint32_t next_free;  /**< of an unused slot: the next one, plus 1 */
     uint8_t *bytes;      /**< of all slots */
     uint32_t connection; /**< NONE: not known to be an end of any */
     uint8_t way;
-    bool copy; /**< shows what another place of the connection shows */
+    uint8_t against; /**< frames in a row that speak against length, connection or copy */
+    bool copy;       /**< shows what another place of the connection shows */
     bool used;
 };
 
 /** Process data at one address, as seen last. */
 struct window {
+    uint64_t bus; /**< its number and the source address of the MainDevice */
     uint8_t command;
     uint32_t address;
     uint16_t size_bytes;
     bool seen;
     uint8_t *last;
-    uint8_t *strikes;         /**< per byte; STRIKES: given up */
+    uint8_t *strikes;         /**< per byte, up to MOST_STRIKES */
     uint32_t (*slots)[SLOTS]; /**< per byte: its candidates, NONE where there is none */
 };
 
@@ -55,12 +62,16 @@ struct found {
 struct fsn_scan {
     struct fsn_scan_counts counts;
     uint64_t now_ns;
+    uint64_t bus;                /**< of the packet */
+    uint32_t pair_tries;         /**< left for this packet */
     uint32_t deferred[DEFERRED]; /**< candidates whose new frame waits for the end of the packet */
     uint32_t deferred_count;
     struct window windows[MAX_WINDOWS];
     uint32_t window_count;
+    uint32_t next_window; /**< packets repeat: the one behind the last is the most likely */
     struct candidate *candidates;
     uint32_t candidate_count; /**< slots in use or used before */
+    uint32_t free_candidate;  /**< first slot used before, plus 1; 0: none */
     struct found *found;
     uint32_t found_count;
     struct fsn_sighting *queue;
@@ -79,6 +90,16 @@ const struct shown *scan_shown(const struct candidate *candidate, uint32_t back)
 
 /** How many frames a candidate remembers. */
 uint32_t scan_remembered(const struct candidate *candidate);
+
+/** A place shows no longer what its connection shows: it, or with it the connection, is set free to
+ *  be found again. */
+void scan_release(struct fsn_scan *scan, uint32_t candidate);
+
+/** Whether a place has shown a frame, lately. */
+bool scan_has_shown(const struct candidate *candidate, const uint8_t *frame);
+
+/** The place whose frames a copy repeats; NULL: none. */
+const struct candidate *scan_original(const struct fsn_scan *scan, const struct candidate *copy);
 
 /** Follows the last frame of a candidate that belongs to a connection, now or at the end of the
  *  packet. */
