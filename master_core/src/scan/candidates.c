@@ -54,6 +54,8 @@ uint32_t scan_remembered(const struct candidate *candidate) {
 
 static void remember(struct fsn_scan *scan, struct candidate *c, const uint8_t *frame) {
     struct shown *slot = &c->shown[c->count % MEMORY];
+    const size_t number = (size_t)(c - scan->candidates) * MEMORY + c->count % MEMORY;
+    slot->bytes = scan->frames + number * FSN_MAX_FRAME_BYTES;
     slot->time_ns = scan->now_ns;
     slot->packet = scan->counts.packets;
     memcpy(slot->bytes, frame, c->size_bytes);
@@ -62,7 +64,6 @@ static void remember(struct fsn_scan *scan, struct candidate *c, const uint8_t *
 
 static void drop(struct fsn_scan *scan, uint32_t *slot) {
     struct candidate *c = &scan->candidates[*slot];
-    free(c->bytes);
     *c = (struct candidate){.next_free = scan->free_candidate};
     scan->free_candidate = *slot + 1;
     *slot = NONE;
@@ -94,15 +95,6 @@ static void add(struct fsn_scan *scan, struct window *w, uint32_t offset, unsign
         .used = true,
     };
     w->slots[offset][kind] = number;
-    c->bytes = malloc((size_t)MEMORY * size_bytes);
-    if (c->bytes == NULL) {
-        drop(scan, &w->slots[offset][kind]);
-        scan->counts.dropped++;
-        return;
-    }
-    for (uint32_t i = 0; i < MEMORY; i++) {
-        c->shown[i].bytes = c->bytes + (size_t)i * size_bytes;
-    }
 }
 
 /** Whether a frame can be one for what it says alone: ConnID 0 in Reset and Session only, and the

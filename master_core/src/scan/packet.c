@@ -136,7 +136,8 @@ fsn_status fsn_scan_create(struct fsn_scan **scan) {
     }
     (*scan)->candidates = calloc(MAX_CANDIDATES, sizeof *(*scan)->candidates);
     (*scan)->found = calloc(MAX_CONNECTIONS, sizeof *(*scan)->found);
-    if ((*scan)->candidates == NULL || (*scan)->found == NULL) {
+    (*scan)->frames = calloc((size_t)MAX_CANDIDATES * MEMORY, FSN_MAX_FRAME_BYTES);
+    if ((*scan)->candidates == NULL || (*scan)->found == NULL || (*scan)->frames == NULL) {
         fsn_scan_free(*scan);
         *scan = NULL;
         return FSN_E_NOMEM;
@@ -153,10 +154,8 @@ void fsn_scan_free(struct fsn_scan *scan) {
         free(scan->windows[i].strikes);
         free(scan->windows[i].slots);
     }
-    for (uint32_t i = 0; scan->candidates != NULL && i < scan->candidate_count; i++) {
-        free(scan->candidates[i].bytes);
-    }
     free(scan->candidates);
+    free(scan->frames);
     free(scan->found);
     free(scan->queue);
     free(scan);

@@ -34,7 +34,6 @@ struct candidate {
     uint32_t next_try;      /**< count from which pairing is tried again */
     struct shown shown[MEMORY];
     uint32_t next_free;  /**< of an unused slot: the next one, plus 1 */
-    uint8_t *bytes;      /**< of all slots */
     uint32_t connection; /**< NONE: not known to be an end of any */
     uint8_t way;
     uint8_t against; /**< frames in a row that speak against length, connection or copy */
@@ -71,6 +70,7 @@ struct fsn_scan {
     uint32_t next_window; /**< packets repeat: the one behind the last is the most likely */
     struct candidate *candidates;
     uint32_t candidate_count; /**< slots in use or used before */
+    uint8_t *frames;          /**< memory of all candidates; used pages only are real */
     uint32_t free_candidate;  /**< first slot used before, plus 1; 0: none */
     struct found *found;
     uint32_t found_count;
