@@ -1,5 +1,6 @@
 """Broken recordings: each mistake is said with its line, and nothing else is ever raised."""
 
+import hashlib
 import io
 import json
 import tracemalloc
@@ -119,6 +120,27 @@ def test_files(tmp_path):
         replay_file(path)
 
 
+def _numbered(*numbers, **skip_before_last):
+    rows = [ROWS[n] | {"n": number} for n, number in enumerate(numbers)]
+    if skip_before_last:
+        rows.insert(-1, skip_before_last)
+    return [json.dumps(row) for row in (CONFIG, *rows)]
+
+
+@pytest.mark.parametrize(("numbers", "next_one"), [((4, 5, 5), 6), ((4, 5, 3), 6), ((4, 5, 7), 6)])
+def test_steps_are_counted_up(numbers, next_one):
+    lines = _numbered(*numbers)
+    refused(lines, 4, f"step {numbers[-1]} after step 5; {next_one} is the next one")
+    assert replay(_numbered(4, 5, 6)).compared == 6  # the first may have any number
+
+
+def test_steps_after_a_skip_go_on_anywhere_later():
+    skip = {"type": "skip", "cycles": 0, "sha256": hashlib.sha256().hexdigest()}
+    for number in (6, 9000):
+        assert replay(_numbered(4, 5, number, **skip)).compared
+    refused(_numbered(4, 5, 5, **skip), 5, "step 5 after step 5")
+
+
 def test_lines_are_read_when_they_are_needed():
     taken = []
 
@@ -134,10 +156,12 @@ def test_lines_are_read_when_they_are_needed():
 
 
 def test_a_long_recording_that_differs_everywhere_needs_little_memory():
-    bad = json.dumps(ROWS[9] | {"master_state": "Reset", "slave_state": "Reset"})
+    bad = ROWS[9] | {"master_state": "Reset", "slave_state": "Reset"}
     tracemalloc.start()
     result = replay(
-        line for part in ([json.dumps(CONFIG)], (bad for _ in range(3000))) for line in part
+        json.dumps(row)
+        for part in ([CONFIG], (bad | {"n": n} for n in range(3000)))
+        for row in part
     )
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

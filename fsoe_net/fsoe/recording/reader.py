@@ -96,6 +96,8 @@ class _Reader:
         self.foreign = foreign  # they show frames and data, no state
         self.first_ids = first_ids
         self.time_us = 0
+        self.number: int | None = None  # of the step before
+        self.skipped = False  # after a skip the numbers may go on from its end
 
     def lines(self, others: Iterator[Row]) -> Iterator[tuple[int, Step | Skip]]:
         for row in others:
@@ -112,6 +114,7 @@ class _Reader:
         sha256: str = row.get("sha256", str)
         if len(row.unhex(sha256, "sha256")) != 32:
             raise row.error("'sha256' has not the 64 digits of a SHA-256")
+        self.skipped = True
         return Skip(cycles=row.number(key, 0, _MAX_SKIP_CYCLES), sha256=sha256.lower())
 
     def _step(self, row: Row) -> Step:
@@ -120,7 +123,7 @@ class _Reader:
             raise row.error(f"'time_us' goes back from {self.time_us} to {time_us}")
         self.time_us = time_us
         return Step(
-            number=row.number("n"),
+            number=self._number(row),
             time_us=time_us,
             quirk=row.given("quirk"),
             orders=tuple(self._order(row, text) for text in row.get("commands", list)),
@@ -131,6 +134,14 @@ class _Reader:
             },
             sub_frame=row.image("slave_tx"),
         )
+
+    def _number(self, row: Row) -> int:
+        """Return the number of a step: without the lines between, no state could be the same."""
+        number, last = row.number("n"), self.number
+        if last is not None and (number <= last or (number > last + 1 and not self.skipped)):
+            raise row.error(f"step {number} after step {last}; {last + 1} is the next one")
+        self.number, self.skipped = number, False
+        return number
 
     def _order(self, row: Row, text: object) -> Order:
         if not isinstance(text, str):
