@@ -25,6 +25,7 @@ __all__ = ["HexFrame", "Seen", "follow_frames", "parse_frames"]
 
 _MARKS = {"m": 0, "main": 0, "master": 0, ">": 0, "s": 1, "sub": 1, "slave": 1, "<": 1}
 _BYTE = re.compile(r"(?:0x)?[0-9a-f]{1,2}", re.IGNORECASE)
+_LONG = 60  # characters of a word in a message
 _SEPARATORS = str.maketrans("", "", ":-_")
 
 
@@ -75,7 +76,9 @@ def parse_frames(texts: Iterable[tuple[str, str]]) -> Iterator[HexFrame]:
     Raises:
         InputError: A word is no hex, or no FSoE frame has its length.
     """
-    for place, text in texts:
+    for number, (place, text) in enumerate(texts):
+        if number == 0:
+            text = text.removeprefix("\ufeff")  # a byte order mark, as some editors write it
         words = text.partition("#")[0].replace(",", " ").split()
         direction: int | None = None
         single: list[str] = []
@@ -105,13 +108,19 @@ def _frame(word: str, direction: int | None, place: str) -> HexFrame:
         data = bytes.fromhex(digits)
     except ValueError as exc:
         raise InputError(
-            f"{place}: {word!r} is neither hex nor a file; a frame is written as 2a0000c42d0000"
+            f"{place}: {_shown(word)} is neither hex nor a file; a frame is written as "
+            "2a0000c42d0000"
         ) from exc
     if not is_frame_length(len(data)):
         raise InputError(
-            f"{place}: {word!r} has {len(data)} bytes; FSoE frames have 6, 7, 11, 15 … 255"
+            f"{place}: {_shown(word)} has {len(data)} bytes; FSoE frames have 6, 7, 11, 15 … 255"
         )
     return HexFrame(data=data, direction=direction, place=place)
+
+
+def _shown(word: str) -> str:
+    """Return a word for a message: the start of a huge one."""
+    return repr(word) if len(word) <= _LONG else f"{word[:_LONG]!r}..."
 
 
 def follow_frames(frames: Iterable[HexFrame]) -> Iterator[Seen]:

@@ -107,3 +107,17 @@ def test_mistakes_are_located(text, message):
 def test_any_text(text):
     with contextlib.suppress(InputError):
         list(follow_frames(frames(text)))
+
+
+def test_a_byte_order_mark_is_no_part_of_the_first_frame():
+    assert [frame.data.hex() for frame in frames(f"\ufeff{RESET}\n{RESET}")] == [RESET] * 2
+    with pytest.raises(InputError, match="x:2"):
+        frames(f"{RESET}\n\ufeff{RESET}")
+
+
+@pytest.mark.parametrize("word", ["2a" * 100_000, "z" * 100_000])
+def test_a_huge_word_is_shortened(word):
+    with pytest.raises(InputError) as caught:
+        frames(word)
+    assert f"{word[:60]!r}..." in str(caught.value)
+    assert len(str(caught.value)) < 200
