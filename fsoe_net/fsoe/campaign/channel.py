@@ -25,6 +25,7 @@ __all__ = [
     "Way",
     "can_fork",
     "set_sequence",
+    "short_hex",
 ]
 
 
@@ -38,6 +39,7 @@ class Way(enum.IntEnum):
 BACK = (Way.TO_MAIN, Way.TO_SUB)
 _DATA_COMMANDS = frozenset({int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA)})
 _MASK = (1 << 64) - 1
+_SHOWN_BYTES = 31
 
 
 class Peer(Protocol):
@@ -328,6 +330,13 @@ def set_sequence(channel: Channel, way: Way, number: int) -> None:
     if sender.tx_sequence != receiver.rx_sequence:
         raise ConfigError("a frame of this direction is under way")
     sender.tx_sequence = receiver.rx_sequence = number
+
+
+def short_hex(data: bytes) -> str:
+    """Return bytes for a message: all in hex, of many the first and their number."""
+    if len(data) <= _SHOWN_BYTES:
+        return data.hex()
+    return f"{data[:_SHOWN_BYTES].hex()}... ({len(data)} bytes)"
 
 
 def _chain(end: Peer) -> Chain:

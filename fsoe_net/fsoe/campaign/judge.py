@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from fsoe_net.fsoe.campaign.channel import Way
+from fsoe_net.fsoe.campaign.channel import Way, short_hex
 from fsoe_net.fsoe.campaign.fault_classes import Injection
 from fsoe_net.fsoe.campaign.walk import Scene
 from fsoe_net.fsoe.campaign.witness import Collision, Witness, collision
@@ -18,6 +18,7 @@ _PROCESS_DATA = int(Command.PROCESS_DATA)
 _DATA = (int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA))
 _SETTLED = 1  # right frames accepted at each end after a fault
 _MISWIRED_CYCLES = 20_000  # more than the start-up with the longest usual parameters
+_LONG = 120  # characters of a frame in a message
 _ENDS = ("sub", "main")
 
 
@@ -199,12 +200,12 @@ class _Run:
         due = self.channel.newest(way)
         if due is not None and due[0] == _PROCESS_DATA and decode_pdu(due).safe_data == data:
             return None
-        return self._wrong(way, f"valid data {data.hex()} were not sent", shown)
+        return self._wrong(way, f"valid data {short_hex(data)} were not sent", shown)
 
     def _held(self, way: Way, data: bytes, shown: bytes | None) -> Finding | None:
         """Between two answers the valid data stay, and not for longer than the watchdog."""
         if data != self.known[way]:
-            return self._wrong(way, f"took data {data.hex()} without an answer", shown)
+            return self._wrong(way, f"took data {short_hex(data)} without an answer", shown)
         age_ns = self.turn_ns - self.channel.answered_ns[way]
         if age_ns >= self.watchdog_ns + self.channel.cycle_ns:
             return self._wrong(way, f"data still valid after {age_ns / 1e6:g} ms", shown)
@@ -230,7 +231,10 @@ def _exposed(shown: bytes | None, clean: bytes | None, before: bytes | None) -> 
 def _text(frame: bytes | None) -> str:
     if frame is None:
         return "nothing"
-    return describe(decode_pdu(frame)) if is_frame_length(len(frame)) else frame.hex()
+    if not is_frame_length(len(frame)):
+        return short_hex(frame)
+    text = describe(decode_pdu(frame))
+    return text if len(text) <= _LONG else f"{text[:_LONG]}... ({len(frame)} bytes)"
 
 
 def judge(scene: Scene, injection: Injection, watchdog_ns: int) -> Finding:

@@ -16,6 +16,7 @@ from fsoe_net.fsoe.campaign.channel import (
     Way,
     can_fork,
     set_sequence,
+    short_hex,
 )
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.main_instance import MainInstance
@@ -211,7 +212,7 @@ def _spot_here(channel: Channel, *, fork: bool) -> Spot | None:
 
 
 def _frame(frame: bytes | None) -> str:
-    return "none" if frame is None else frame.hex()
+    return "none" if frame is None else short_hex(frame)
 
 
 class Walker:
