@@ -6,14 +6,16 @@ import difflib
 import json
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import click
 
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.errors import FsnError
 from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
 from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
 from fsoe_net.run.campaign import (
@@ -23,7 +25,7 @@ from fsoe_net.run.campaign import (
     run_campaign,
     save_failures,
 )
-from fsoe_net.run.device import device_factory
+from fsoe_net.run.device import device_factory, stdout_to_stderr
 
 __all__ = ["command"]
 
@@ -44,6 +46,7 @@ def _classes(_ctx: click.Context, _param: click.Parameter, value: str) -> tuple[
     if value == "all":
         return tuple(CATALOGUE)
     names = [name.strip() for name in value.split(",")]
+    seen: set[tuple[str, ...]] = set()
     for name in names:
         parts = name.split("+")
         for part in parts:
@@ -51,7 +54,12 @@ def _classes(_ctx: click.Context, _param: click.Parameter, value: str) -> tuple[
                 raise click.BadParameter(_unknown(part))
         if len(parts) > 1 and EXHAUSTIVE in parts:
             raise click.BadParameter(f"{EXHAUSTIVE} are counted through and go with nothing else")
-    return tuple(dict.fromkeys(names))
+        if len(set(parts)) < len(parts):
+            raise click.BadParameter(f"{name!r} names a class twice; it goes with others only")
+        if tuple(sorted(parts)) in seen:
+            raise click.BadParameter(f"{name!r} is named twice; say it once")
+        seen.add(tuple(sorted(parts)))
+    return tuple(names)
 
 
 def _unknown(name: str) -> str:
@@ -118,61 +126,99 @@ def command(
     """
     checked = check_files(files, packages=packages, xacro_args=xacro_args)
     resolution = whole_network(checked, "no fault put in")
+    _try_places(output, save_dir)
     if sub or main:
         sys.path.insert(0, os.getcwd())
-    config = CampaignConfig(
-        links=campaign_links(
-            resolution,
-            connection=connection,
-            main_factory=device_factory(main) if main else None,
-            sub_factory=device_factory(sub) if sub else None,
-        ),
-        seed=seed,
-    )
-    total = sum(trial_count(config, name, cycles) for name in names)
-    start_s = time.monotonic()
-    with _progress(total) as on_progress:
-        result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
-    elapsed_s = time.monotonic() - start_s
-    saved = _save(result, save_dir) if save_dir else {}
+    with stdout_to_stderr() if sub or main else nullcontext():
+        config = CampaignConfig(
+            links=campaign_links(
+                resolution,
+                connection=connection,
+                main_factory=device_factory(main) if main else None,
+                sub_factory=device_factory(sub) if sub else None,
+            ),
+            seed=seed,
+        )
+        total = sum(trial_count(config, name, cycles) for name in names)
+        start_s = time.monotonic()
+        with _progress(total, names[0]) as on_progress:
+            result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
+        elapsed_s = time.monotonic() - start_s
+        saved, broken = _save(result, save_dir)
     text = {"json": _json, "markdown": to_markdown, "text": to_text}[fmt](result, saved)
-    if output:
-        Path(output).write_text(text + "\n", encoding="utf-8")
-    else:
-        click.echo(text)
+    _write(text, output)
     _say(result, elapsed_s, output)
+    if broken is not None:
+        raise broken
     if result.interrupted:
         ctx.exit(130)
     ctx.exit(0 if result.passed else 1)
+
+
+def _try_places(output: str | None, save_dir: str | None) -> None:
+    """Open what is written at the end: hours may lie between."""
+    if output:
+        with open(output, "a", encoding="utf-8"):
+            pass
+    if save_dir:
+        Path(save_dir).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=save_dir):
+            pass
+
+
+def _write(text: str, output: str | None) -> None:
+    if not output:
+        click.echo(text)
+        return
+    try:
+        Path(output).write_text(text + "\n", encoding="utf-8")
+    except OSError:
+        click.echo(text)  # not lost for a full disk
+        raise
 
 
 def _json(result: CampaignResult, saved: Saved) -> str:
     return json.dumps(to_json(result, saved), indent=2, ensure_ascii=False)
 
 
-def _save(result: CampaignResult, folder: str) -> Saved:
-    saved = {}
-    for case, path in save_failures(result, Path(folder)).items():
+def _save(result: CampaignResult, folder: str | None) -> tuple[Saved, Exception | None]:
+    """Return the recordings, and what went wrong: the report is printed all the same."""
+    saved: dict[tuple[str, int], str] = {}
+    if not folder:
+        return saved, None
+    try:
+        found = save_failures(result, Path(folder))
+    except (OSError, FsnError) as exc:
+        return saved, exc
+    for case, path in found.items():
         if path is None:
             click.echo(
                 f"{case[0]}, trial {case[1]}: fails only after a long run, no trace", err=True
             )
         else:
             saved[case] = str(path)
-    return saved
+    return saved, None
 
 
 @contextmanager
-def _progress(total: int) -> Iterator[Progress | None]:
+def _progress(total: int, first: str) -> Iterator[Progress | None]:
     """Show a bar on a terminal, on the error channel, so that it never mixes with the report."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("faults", total=total)
+    # The time goes on by itself, also while a slow device starts up.
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
+        task = bar.add_task(first, total=total)
 
         def show(done: int, _total: int, name: str) -> None:
             bar.update(task, completed=done, description=name)

@@ -6,7 +6,9 @@ import gc
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterable, Sequence
+import sys
+import time
+from collections.abc import Callable, Iterator, MutableSequence, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
@@ -28,12 +30,14 @@ from fsoe_net.fsoe.campaign import (
     trial_count,
 )
 from fsoe_net.model import Resolution
+from fsoe_net.run.device import divert_stdout
 
 __all__ = ["CampaignResult", "campaign_links", "run_campaign", "save_failures"]
 
 _CHUNK = 8192  # the same whatever the number of processes, so that sums are the same too
 _DEFAULT_CYCLE_NS = 1_000_000
 _FEW = 4096  # trials which are not worth starting processes for
+_SHOWN_EVERY_S = 0.25  # progress within a piece of work
 
 Progress = Callable[[int, int, str], None]
 
@@ -146,8 +150,9 @@ def run_campaign(
         config: Connections and seed.
         names: Classes of faults.
         faults: Faults per class.
-        jobs: Processes; default: one per core.
-        on_progress: Called in this process with faults done, faults in all, class last worked on.
+        jobs: Processes; default: one per core, or this one when the faults are few.
+        on_progress: Called in this process several times a second, if a fault takes no longer, with
+            faults done, faults in all, class last worked on.
 
     Returns:
         What was found. After Ctrl-C what had been found until then, marked so.
@@ -162,18 +167,17 @@ def run_campaign(
         for count in [trial_count(config, name, faults)]
         for at in range(0, count, _CHUNK)
     ]
-    jobs = jobs or _cores()
     total = sum(len(trials) for _, trials in work)
     parts: dict[int, ClassResult] = {}
-    alone = jobs == 1 or total <= _FEW
-    steps = _alone(config, work) if alone else _together(config, work, jobs)
-    interrupted, done = False, 0
+    told = _Told(on_progress, total)
+    if jobs is None:
+        jobs = 1 if total <= _FEW else _cores()
+    steps = _alone(config, work, told) if jobs == 1 else _together(config, work, jobs, told)
+    interrupted = False
     try:
         for index, part in steps:
             parts[index] = part
-            done += len(work[index][1])
-            if on_progress is not None:
-                on_progress(done, total, part.name)
+            told.finished(len(work[index][1]), part.name)
     except KeyboardInterrupt:
         interrupted = True
     found = [parts[index] for index in sorted(parts)]
@@ -214,7 +218,29 @@ def save_failures(result: CampaignResult, folder: Path) -> dict[tuple[str, int],
 
 
 _Work = Sequence[tuple[str, range]]
-_Steps = Iterable[tuple[int, ClassResult]]
+_Steps = Iterator[tuple[int, ClassResult]]
+
+
+class _Told:
+    """Tells how far a campaign is; never the same number twice, never a smaller one."""
+
+    def __init__(self, on_progress: Progress | None, total: int) -> None:
+        self.call, self._total = on_progress, total
+        self._done, self._last = 0, 0
+
+    def finished(self, trials: int, name: str) -> None:
+        """A piece of work is done."""
+        self._done += trials
+        self._tell(self._done, name)
+
+    def within(self, trials: int, name: str) -> None:
+        """So many trials of the pieces being worked on are done."""
+        self._tell(min(self._done + trials, self._total - 1), name)
+
+    def _tell(self, done: int, name: str) -> None:
+        if self.call is not None and done > self._last:
+            self._last = done
+            self.call(done, self._total, name)
 
 
 def _cores() -> int:
@@ -223,33 +249,57 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
-def _alone(config: CampaignConfig, work: _Work) -> _Steps:
+def _alone(config: CampaignConfig, work: _Work, told: _Told) -> _Steps:
     for index, (name, trials) in enumerate(work):
-        yield index, run_trials(config, name, trials)
+        on_trial = _now_and_then(told.within, name) if told.call else None
+        yield index, run_trials(config, name, trials, on_trial)
 
 
-def _together(config: CampaignConfig, work: _Work, jobs: int) -> _Steps:
+def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int], None]:
+    due_s = time.monotonic() + _SHOWN_EVERY_S
+
+    def on_trial(done: int) -> None:
+        nonlocal due_s
+        if time.monotonic() >= due_s:
+            tell(done, name)
+            due_s = time.monotonic() + _SHOWN_EVERY_S
+
+    return on_trial
+
+
+def _together(config: CampaignConfig, work: _Work, jobs: int, told: _Told) -> _Steps:
     """Share the work; at most a few pieces are handed out ahead, so that an end comes quickly."""
+    context = multiprocessing.get_context("spawn")
+    # Each piece of work has a place of its own: no lock that a dying process could keep.
+    counts: MutableSequence[int] = context.RawArray("i", len(work))
     pool = ProcessPoolExecutor(
         max_workers=min(jobs, len(work)),
-        mp_context=multiprocessing.get_context("spawn"),
+        mp_context=context,
         initializer=_prepare_process,
+        initargs=(counts,),
     )
     queue = iter(enumerate(work))
     running: dict[Future[ClassResult], int] = {}
     try:
         while True:
             for index, (name, trials) in queue:
-                running[pool.submit(run_trials, config, name, trials)] = index
+                running[pool.submit(_run_piece, config, name, trials, index)] = index
                 if len(running) > 2 * jobs:
                     break
             if not running:
                 return
-            finished, _ = wait(running, return_when=FIRST_COMPLETED)
+            finished, _ = wait(running, timeout=_SHOWN_EVERY_S, return_when=FIRST_COMPLETED)
             for future in finished:
                 yield running.pop(future), future.result()
+            if not finished:
+                at = [index for index in running.values() if counts[index]]
+                if at:
+                    told.within(sum(counts[index] for index in at), work[min(at)][0])
     except BrokenProcessPool as exc:
-        raise EnvironmentFault("a process of the campaign died; try --jobs 1 to see more") from exc
+        raise EnvironmentFault(
+            "a process of the campaign died, as by os._exit() or a crash of the device; "
+            "--jobs 1 shows what a crash prints"
+        ) from exc
     finally:
         _stop(pool)
 
@@ -263,6 +313,21 @@ def _stop(pool: ProcessPoolExecutor) -> None:
         process.join()
 
 
-def _prepare_process() -> None:
+_counts: MutableSequence[int] = []
+"""Trials done per piece of work; shared with the parent of this process."""
+
+
+def _prepare_process(counts: MutableSequence[int]) -> None:
+    global _counts  # the only way from the start of a process to its calls
+    _counts = counts
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
     gc.set_threshold(200_000)  # trials leave no cycles behind; looking for them takes a tenth
+    divert_stdout()  # what a device prints is no part of the report
+    sys.stdout = sys.stderr
+
+
+def _run_piece(config: CampaignConfig, name: str, trials: range, index: int) -> ClassResult:
+    def on_trial(done: int) -> None:
+        _counts[index] = done
+
+    return run_trials(config, name, trials, on_trial)

@@ -62,7 +62,6 @@ def test_as_many_processes_as_wanted_give_one_result(monkeypatch):
     monkeypatch.setattr(campaign_module, "_CHUNK", 100)
     names, seen = ("corruption", "loss", "late_cycle"), []
     alone = run_campaign(_config(), names, 350, jobs=1)
-    monkeypatch.setattr(campaign_module, "_FEW", 0)
     many = run_campaign(_config(), names, 350, jobs=3, on_progress=lambda *row: seen.append(row))
     assert many == alone
     assert [row.name for row in many.classes] == list(names)
@@ -75,6 +74,7 @@ def test_as_many_processes_as_wanted_give_one_result(monkeypatch):
 
 def test_interrupted_campaigns_tell_what_was_done(monkeypatch):
     monkeypatch.setattr(campaign_module, "_CHUNK", 50)
+    monkeypatch.setattr(campaign_module, "_SHOWN_EVERY_S", 0)
 
     def stop(done, _total, _name):
         if done >= 100:
@@ -90,7 +90,7 @@ def test_interrupted_campaigns_tell_what_was_done(monkeypatch):
 
 def test_interruption_leaves_no_process(monkeypatch):
     monkeypatch.setattr(campaign_module, "_CHUNK", 50)
-    monkeypatch.setattr(campaign_module, "_FEW", 0)
+    monkeypatch.setattr(campaign_module, "_SHOWN_EVERY_S", 60)  # stop when a piece is done
 
     def stop(_done, _total, _name):
         raise KeyboardInterrupt
@@ -102,8 +102,7 @@ def test_interruption_leaves_no_process(monkeypatch):
     assert not multiprocessing.active_children()
 
 
-def test_devices_that_raise_are_named_also_from_another_process(monkeypatch):
-    monkeypatch.setattr(campaign_module, "_FEW", 0)
+def test_devices_that_raise_are_named_also_from_another_process():
     config = _config(sub_factory=device_factory("fsoe.devices:raising_sub"))
     with pytest.raises(EnvironmentFault, match="cucumber"):
         run_campaign(config, ("loss",), 20, jobs=2)

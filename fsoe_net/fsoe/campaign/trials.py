@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import random
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from fsoe_net.errors import ConfigError
@@ -351,13 +351,19 @@ def trial_count(config: CampaignConfig, name: str, faults: int) -> int:
     return sum(bit_error_count(link) for link in _different_sizes(config.links))
 
 
-def run_trials(config: CampaignConfig, name: str, trials: range) -> ClassResult:
+def run_trials(
+    config: CampaignConfig,
+    name: str,
+    trials: range,
+    on_trial: Callable[[int], None] | None = None,
+) -> ClassResult:
     """Run some trials of a class.
 
     Args:
         config: Connections and seed.
         name: Class of the catalogue, or several joined by ``+``.
         trials: Which; below `trial_count`.
+        on_trial: Called before each with the number of those done.
 
     Raises:
         ConfigError: No such class, or a connection that never reaches state Data.
@@ -365,6 +371,8 @@ def run_trials(config: CampaignConfig, name: str, trials: range) -> ClassResult:
     work = Trials(config, name)
     result = ClassResult(name=name)
     for trial in work.order(trials):
+        if on_trial is not None:
+            on_trial(result.injected)
         case, finding = work.run(trial)
         result.add(finding, case.link, case.injection.chance)
         if finding.verdict is Outcome.WRONGLY_ACCEPTED:
