@@ -30,7 +30,7 @@ def test_names_that_lead_nowhere(name, text):
 def test_a_factory_that_returns_no_end():
     with pytest.raises(EnvironmentFault, match="lacks step, power_cycle, received_safe_data"):
         device_factory("fsoe.devices:no_end")(CONFIG)
-    with pytest.raises(EnvironmentFault, match="json:loads failed: TypeError"):
+    with pytest.raises(EnvironmentFault, match="json:loads: the factory raised TypeError"):
         device_factory("json:loads")(CONFIG)
 
 
