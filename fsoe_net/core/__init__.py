@@ -6,6 +6,7 @@ Importing this package works without the compiled part; the first use then raise
 from fsoe_net.core.core import Core, CorePlan, EmulatedBus
 from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
 from fsoe_net.core.scan import FoundConnection, Place, ScanCounts, Scanner, Sighting
+from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts
 from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
@@ -15,6 +16,7 @@ from fsoe_net.core.snapshot import (
 )
 
 __all__ = [
+    "AlStatus",
     "ConnectionSnapshot",
     "Core",
     "CoreEvent",
@@ -26,6 +28,8 @@ __all__ = [
     "Place",
     "ScanCounts",
     "Scanner",
+    "Segment",
+    "SegmentCounts",
     "Sighting",
     "Snapshot",
     "Statistics",

@@ -12,7 +12,7 @@ def main(cdef: str, target: str) -> None:
 
     ffi = cffi.FFI()
     ffi.cdef(Path(cdef).read_text("utf-8"))
-    ffi.set_source("fsoe_net.core._core", '#include "fsn/fsn.h"')
+    ffi.set_source("fsoe_net.core._core", '#include "fsn/fsn.h"\n#include "fsn/segment.h"')
     ffi.emit_c_code(target)
 
 

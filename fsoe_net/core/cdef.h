@@ -138,3 +138,24 @@ uint32_t fsn_scan_connection_count(const struct fsn_scan *scan);
 fsn_status fsn_scan_connection(const struct fsn_scan *scan, uint32_t number,
                                struct fsn_scan_connection *connection);
 void fsn_scan_counts(const struct fsn_scan *scan, struct fsn_scan_counts *counts);
+
+struct fsn_segment;
+struct fsn_segment_counts { uint64_t frames, datagrams, lost, foreign, work_ns; ...; };
+fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segment);
+void fsn_segment_free(struct fsn_segment *segment);
+size_t fsn_segment_frame(struct fsn_segment *segment, uint8_t *frame, size_t len_bytes,
+                         uint64_t now_ns);
+void fsn_segment_idle(struct fsn_segment *segment, uint64_t now_ns);
+uint32_t fsn_segment_size(const struct fsn_segment *segment);
+uint32_t fsn_segment_position(const struct fsn_segment *segment, uint32_t subdevice);
+fsn_status fsn_segment_read_outputs(struct fsn_segment *segment, uint32_t sm, uint8_t *buffer,
+                                    size_t len_bytes, bool *fresh);
+fsn_status fsn_segment_write_inputs(struct fsn_segment *segment, uint32_t sm,
+                                    const uint8_t *buffer, size_t len_bytes);
+uint8_t fsn_segment_al_status(struct fsn_segment *segment, uint32_t position, uint16_t *code);
+void fsn_segment_set_present(struct fsn_segment *segment, uint32_t position, bool present);
+void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t position);
+void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);
+void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);
+fsn_status fsn_segment_link(struct fsn_segment *segment, const char *interface, int *sys_errno);
+void fsn_segment_unlink(struct fsn_segment *segment);

@@ -1,0 +1,164 @@
+"""The emulated EtherCAT segment of the C library: SubDevices of a plan that answer frames."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from types import TracebackType
+
+from fsoe_net.core.core import CorePlan
+from fsoe_net.core.module import compiled, raise_status
+from fsoe_net.errors import EnvironmentFault
+
+__all__ = ["AlStatus", "Segment", "SegmentCounts"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlStatus:
+    """AL status of a SubDevice: state word, error flag, AL status code."""
+
+    state: str
+    error: bool
+    code: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentCounts:
+    """What a segment has seen; see ``struct fsn_segment_counts``."""
+
+    frames: int
+    datagrams: int
+    lost: int
+    foreign: int
+    work_ns: int
+
+
+_STATES = {0: "absent", 1: "INIT", 2: "PREOP", 3: "BOOT", 4: "SAFEOP", 8: "OP"}
+
+
+class Segment:
+    """SubDevices of a plan in ring order; a context manager that ends the link.
+
+    Args:
+        plan: The plan; kept alive by the segment.
+
+    Raises:
+        CoreMissing: The compiled part is not there.
+    """
+
+    def __init__(self, plan: CorePlan) -> None:
+        self._ffi, self._lib = compiled()
+        slot = self._ffi.new("struct fsn_segment **")
+        raise_status(self._lib.fsn_segment_create(plan._pointer, slot), "segment")
+        self._pointer = self._ffi.gc(slot[0], self._lib.fsn_segment_free)
+        self._plan = plan
+        self._buffers = [self._ffi.new("uint8_t[]", max(1, n)) for n in plan.sm_sizes]
+
+    def __enter__(self) -> Segment:
+        """Return the segment itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.unlink()
+
+    @property
+    def size(self) -> int:
+        """SubDevices on the ring, couplers for free positions included."""
+        return int(self._lib.fsn_segment_size(self._pointer))
+
+    def position(self, subdevice: str) -> int:
+        """Return the ring position of a SubDevice.
+
+        Raises:
+            ValueError: No such SubDevice.
+        """
+        number = self._plan.subdevice_names.index(subdevice)
+        return int(self._lib.fsn_segment_position(self._pointer, number))
+
+    def frame(self, data: bytes, now_ns: int) -> bytes | None:
+        """Let one Ethernet frame pass; return the answer, ``None`` when there is none."""
+        buffer = self._ffi.new("uint8_t[]", data)
+        size = self._lib.fsn_segment_frame(self._pointer, buffer, len(data), now_ns)
+        return bytes(self._ffi.buffer(buffer, size)) if size else None
+
+    def idle(self, now_ns: int) -> None:
+        """Let watchdogs see the time without a frame."""
+        self._lib.fsn_segment_idle(self._pointer, now_ns)
+
+    def read_outputs(self, sm: int) -> bytes:
+        """Return the newest outputs of a sync manager by its number in the plan.
+
+        Raises:
+            CoreError: It is no output.
+        """
+        size, buffer = self._plan.sm_sizes[sm], self._buffers[sm]
+        status = self._lib.fsn_segment_read_outputs(self._pointer, sm, buffer, size, self._ffi.NULL)
+        raise_status(status, f"outputs of sync manager {sm}")
+        return bytes(self._ffi.buffer(buffer, size))
+
+    def write_inputs(self, sm: int, data: bytes) -> None:
+        """Publish the inputs of a sync manager, whole.
+
+        Raises:
+            CoreError: It is no input, or has another length.
+        """
+        status = self._lib.fsn_segment_write_inputs(self._pointer, sm, data, len(data))
+        raise_status(status, f"inputs of sync manager {sm}")
+
+    def al_status(self, position: int) -> AlStatus:
+        """Return the AL status of the SubDevice at a ring position."""
+        code = self._ffi.new("uint16_t *")
+        status = self._lib.fsn_segment_al_status(self._pointer, position, code)
+        return AlStatus(state=_STATES[status & 15], error=bool(status & 16), code=code[0])
+
+    def set_present(self, position: int, present: bool) -> None:
+        """Unplug the SubDevice at a ring position, with all behind it, or plug it in again."""
+        self._lib.fsn_segment_set_present(self._pointer, position, present)
+
+    def power_cycle(self, position: int) -> None:
+        """Switch the SubDevice at a ring position off and on."""
+        self._lib.fsn_segment_power_cycle(self._pointer, position)
+
+    def lose(self, frames: int) -> None:
+        """Lose the next frames."""
+        self._lib.fsn_segment_lose(self._pointer, frames)
+
+    def counts(self) -> SegmentCounts:
+        """Return what the segment has seen."""
+        c = self._ffi.new("struct fsn_segment_counts *")
+        self._lib.fsn_segment_counts(self._pointer, c)
+        return SegmentCounts(
+            frames=c.frames,
+            datagrams=c.datagrams,
+            lost=c.lost,
+            foreign=c.foreign,
+            work_ns=c.work_ns,
+        )
+
+    def link(self, interface: str) -> None:
+        """Answer on a veth or tap interface, in a thread, until `unlink`.
+
+        Raises:
+            EnvironmentFault: No such interface, not a virtual one, or no permission.
+        """
+        error = self._ffi.new("int *")
+        status = self._lib.fsn_segment_link(self._pointer, interface.encode(), error)
+        if status == self._lib.FSN_E_ARG:
+            raise EnvironmentFault(
+                f"{interface!r} is no veth or tap interface; emulated SubDevices answer on no "
+                "other, lest they meet a real machine: ip link add veth0 type veth peer name veth1"
+            )
+        if status and error[0]:
+            raise EnvironmentFault(
+                f"{interface}: {os.strerror(error[0])}; raw sockets need CAP_NET_RAW"
+            )
+        raise_status(status, f"link to {interface}")
+
+    def unlink(self) -> None:
+        """End the link; may be called at any time."""
+        self._lib.fsn_segment_unlink(self._pointer)

@@ -1,0 +1,110 @@
+/** An emulated EtherCAT segment: SubDevices of a plan that answer frames as real ones do.
+ *
+ *  For development and tests. It contains no FSoE: devices on top of it, such as those of the
+ * Python package, read outputs and write inputs. */
+#ifndef FSN_SEGMENT_H
+#define FSN_SEGMENT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fsn/plan.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct fsn_segment;
+
+/** What a segment has seen; counters only grow. */
+struct fsn_segment_counts {
+    uint64_t frames;    /**< EtherCAT frames answered */
+    uint64_t datagrams; /**< in them */
+    uint64_t lost;      /**< frames that were lost on purpose */
+    uint64_t foreign;   /**< packets that were no whole EtherCAT frame; they get no answer */
+    uint64_t work_ns;   /**< time spent on frames by the link thread */
+};
+
+/** Builds the SubDevices of a plan, in ring order, all switched on and in INIT. Positions that the
+ *  plan leaves free are couplers without process data.
+ *  @param[in]  plan     held until the segment is freed.
+ *  @param[out] segment  to be freed by fsn_segment_free(); NULL on refusal.
+ *  @retval FSN_E_ARG    plan or segment is missing.
+ *  @retval FSN_E_NOMEM  out of memory.
+ *  Context: set-up. Allocates. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_create(struct fsn_plan *plan,
+                                                   struct fsn_segment **segment);
+
+/** Stops a link and lets the segment go; NULL is allowed. Context: set-up. */
+FSN_API void fsn_segment_free(struct fsn_segment *segment);
+
+/** Lets one Ethernet frame pass through the segment, in place.
+ *  @param[in] now_ns  when it came in; any clock, never decreasing.
+ *  @retval 0  no answer: no EtherCAT, malformed, lost, or nothing is plugged in.
+ *  @retval otherwise the length of the answer, the same as of the frame.
+ *  Context: any thread. Locks. Cost: O(datagrams * SubDevices). */
+FSN_API size_t fsn_segment_frame(struct fsn_segment *segment, uint8_t *frame, size_t len_bytes,
+                                 uint64_t now_ns);
+
+/** What happens without a frame: watchdogs. Context: any thread. Locks. */
+FSN_API void fsn_segment_idle(struct fsn_segment *segment, uint64_t now_ns);
+
+/** SubDevices on the ring, couplers for free positions included. Context: any thread. */
+FSN_API uint32_t fsn_segment_size(const struct fsn_segment *segment);
+
+/** Ring position of a SubDevice of the plan; FSN_NONE: there is none. Context: any thread. */
+FSN_API uint32_t fsn_segment_position(const struct fsn_segment *segment, uint32_t subdevice);
+
+/** Newest outputs of a sync manager, as the device reads them: whole, or those of before.
+ *  @param[out] fresh  whether they are new since the last call; may be NULL.
+ *  @retval FSN_E_ARG  no such output, or another length.   Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_read_outputs(struct fsn_segment *segment, uint32_t sm,
+                                                         uint8_t *buffer, size_t len_bytes,
+                                                         bool *fresh);
+
+/** Publishes inputs of a sync manager, whole.
+ *  @retval FSN_E_ARG  no such input, or another length.   Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_write_inputs(struct fsn_segment *segment, uint32_t sm,
+                                                         const uint8_t *buffer, size_t len_bytes);
+
+/** AL status of the SubDevice at a ring position, error bit included, and its AL status code.
+ *  @param[out] code   may be NULL.
+ *  Returns 0 when there is none. Context: any thread. Locks. */
+FSN_API uint8_t fsn_segment_al_status(struct fsn_segment *segment, uint32_t position,
+                                      uint16_t *code);
+
+/** Unplugs the SubDevice at a ring position, with all behind it, or plugs it in again: it then
+ *  starts as after power-on. No effect at a position that does not exist.
+ *  Context: any thread. Locks. */
+FSN_API void fsn_segment_set_present(struct fsn_segment *segment, uint32_t position, bool present);
+
+/** Switches the SubDevice at a ring position off and on. Context: any thread. Locks. */
+FSN_API void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t position);
+
+/** Loses the next frames on purpose. Context: any thread. Locks. */
+FSN_API void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);
+
+/** Context: any thread. Locks. */
+FSN_API void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);
+
+/** Answers on a network interface, in a thread of its own, until fsn_segment_unlink().
+ *  Only veth and tap interfaces are taken: an emulated SubDevice with a valid FSoE address must
+ * never meet a real machine.
+ *  @param[in]  interface  its name.
+ *  @param[out] sys_errno  of the system, when FSN_E_SYS; may be NULL.
+ *  @retval FSN_E_ARG      no such interface, or not a virtual one.
+ *  @retval FSN_E_STATE    linked already.
+ *  @retval FSN_E_SYS      the system refused: mostly a missing CAP_NET_RAW.
+ *  Context: set-up. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_link(struct fsn_segment *segment, const char *interface,
+                                                 int *sys_errno);
+
+/** Ends the link; idempotent. Context: set-up. */
+FSN_API void fsn_segment_unlink(struct fsn_segment *segment);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,65 @@
+/** AL state machine of an emulated SubDevice. */
+#include "esc.h"
+
+#include <string.h>
+
+static void set_state(struct esc *esc, uint8_t state, uint16_t code) {
+    esc_put16(esc->memory + REG_AL_STATUS, state);
+    esc_put16(esc->memory + REG_AL_CODE, code);
+}
+
+void esc_al_error(struct esc *esc, uint8_t state, uint16_t code) {
+    set_state(esc, (uint8_t)(state | AL_ERROR), code);
+}
+
+/** Returns the code with which a request is refused, 0 when it is granted. */
+static uint16_t refusal(const struct esc *esc, uint8_t from, uint8_t to) {
+    if (to == AL_BOOT) {
+        return AL_CODE_NO_BOOT;
+    }
+    if (to != AL_INIT && to != AL_PREOP && to != AL_SAFEOP && to != AL_OP) {
+        return AL_CODE_UNKNOWN_STATE;
+    }
+    if (to <= from) {
+        return 0; /* back is always allowed */
+    }
+    if (to > 2 * from) {
+        return AL_CODE_INVALID_TRANSITION; /* a state was left out: 1, 2, 4, 8 */
+    }
+    if (to == AL_PREOP && esc->has_mailbox && !esc_sm_mailbox_ok(esc)) {
+        return AL_CODE_MAILBOX;
+    }
+    if (to == AL_SAFEOP && !esc_sm_process_data_ok(esc, true)) {
+        return AL_CODE_OUTPUTS;
+    }
+    if (to == AL_SAFEOP && !esc_sm_process_data_ok(esc, false)) {
+        return AL_CODE_INPUTS;
+    }
+    return 0;
+}
+
+void esc_al_control(struct esc *esc) {
+    const uint8_t request = esc->memory[REG_AL_CONTROL];
+    const uint8_t from = esc_state(esc);
+    const uint8_t to = request & 0x0F;
+    const bool error = (esc->memory[REG_AL_STATUS] & AL_ERROR) != 0;
+    if (error && (request & AL_ERROR) == 0 && to != AL_INIT) {
+        return; /* an error must be acknowledged first */
+    }
+    const uint16_t code = refusal(esc, from, to);
+    if (code != 0) {
+        esc_al_error(esc, from, code);
+        return;
+    }
+    if (to == AL_INIT || to == AL_PREOP) {
+        esc->outputs_seen = false;
+    }
+    if (to == AL_INIT) {
+        esc->answer_bytes = 0;
+    }
+    if (to == AL_OP) {
+        esc->outputs_ns = esc->now_ns; /* the watchdog begins here */
+        esc->memory[REG_WD_STATUS] = 1;
+    }
+    set_state(esc, to, 0);
+}

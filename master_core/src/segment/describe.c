@@ -1,0 +1,284 @@
+/** What an emulated SubDevice says of itself: SII and object dictionary, made from the plan. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "segment_internal.h"
+
+enum {
+    MAILBOX_BYTES = 128,
+    MAILBOX_IN = 0x1000,
+    MAILBOX_OUT = 0x1080,
+    PROCESS_DATA = 0x1100,
+    SII_BYTES = 4096, /**< more only for the PDOs of a large device */
+    ENTRY_BYTES = 8,
+    COUPLER_PRODUCT = 0x044C2C52, /**< an EK1100, as the first device of a segment often is */
+    BECKHOFF = 2,
+};
+
+/** A sync manager as the SII lists it. */
+struct sii_sm {
+    uint16_t start, length;
+    uint8_t control, type;
+};
+
+struct writer {
+    uint8_t *bytes;
+    size_t at, room;
+};
+
+static void put8(struct writer *w, uint32_t value) {
+    if (w->at < w->room) {
+        w->bytes[w->at] = (uint8_t)value;
+    }
+    w->at++;
+}
+
+static void put16(struct writer *w, uint32_t value) {
+    put8(w, value);
+    put8(w, value >> 8);
+}
+
+static size_t begin_category(struct writer *w, uint16_t type) {
+    put16(w, type);
+    put16(w, 0);
+    return w->at;
+}
+
+/** Categories have whole words; the padding is 0, never 0xFF, which would look like the end. */
+static void end_category(struct writer *w, size_t start) {
+    if ((w->at - start) % 2 != 0) {
+        put8(w, 0);
+    }
+    if (w->at <= w->room) {
+        esc_put16(w->bytes + start - 2, (uint32_t)(w->at - start) / 2);
+    }
+}
+
+static void put_strings(struct writer *w, const char *name) {
+    const size_t start = begin_category(w, 10);
+    const size_t len = strlen(name) < 200 ? strlen(name) : 200;
+    put8(w, 1);
+    put8(w, (uint32_t)len);
+    for (size_t i = 0; i < len; i++) {
+        put8(w, (uint8_t)name[i]);
+    }
+    end_category(w, start);
+}
+
+static void put_general(struct writer *w, bool has_mailbox) {
+    const size_t start = begin_category(w, 30);
+    for (unsigned i = 0; i < 32; i++) {
+        const bool name = i == 0 || i == 2 || i == 3; /* group, order and name: the one string */
+        const uint8_t coe = has_mailbox ? 0x23 : 0;   /* SDO, SDO information, complete access */
+        put8(w, name ? 1 : i == 5 ? coe : 0);
+    }
+    end_category(w, start);
+}
+
+static void put_sms(struct writer *w, const struct sii_sm *sms, uint32_t count) {
+    size_t start = begin_category(w, 40);
+    put8(w, 1); /* outputs */
+    put8(w, 2); /* inputs */
+    end_category(w, start);
+    start = begin_category(w, 41);
+    for (uint32_t i = 0; i < count; i++) {
+        put16(w, sms[i].start);
+        put16(w, sms[i].length);
+        put8(w, sms[i].control);
+        put8(w, 0);
+        put8(w, sms[i].length > 0);
+        put8(w, sms[i].type);
+    }
+    end_category(w, start);
+}
+
+static void put_pdos(struct writer *w, const struct fsn_plan *plan, uint32_t sm) {
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
+    const bool output = fsn_sm_direction(plan, sm) == FSN_OUTPUT;
+    if (fsn_get32(r + 16) == 0) {
+        return;
+    }
+    const size_t start = begin_category(w, output ? 51 : 50);
+    for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
+        const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
+        const uint32_t entries = fsn_get32(pdo + 8);
+        put16(w, fsn_get16(pdo));
+        put8(w, entries);
+        put8(w, r[4]);
+        put8(w, 0);
+        put8(w, 0);
+        put16(w, 0);
+        for (uint32_t e = 0; e < entries; e++) {
+            const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
+            put16(w, fsn_get16(entry));
+            put8(w, entry[2]);
+            put8(w, 0);
+            put8(w, 0);
+            put8(w, fsn_get16(entry + 4));
+            put16(w, 0);
+        }
+    }
+    end_category(w, start);
+}
+
+static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bool has_mailbox) {
+    esc_put16(w->bytes, 0x0005); /* PDI control */
+    esc_put16(w->bytes + 8, info->position == 0 || info->alias != 0 ? info->alias : 0);
+    esc_put32(w->bytes + 16, info->vendor_id);
+    esc_put32(w->bytes + 20, info->product_code);
+    esc_put32(w->bytes + 24, info->revision_low);
+    if (has_mailbox) {
+        esc_put16(w->bytes + 0x30, MAILBOX_IN);
+        esc_put16(w->bytes + 0x32, MAILBOX_BYTES);
+        esc_put16(w->bytes + 0x34, MAILBOX_OUT);
+        esc_put16(w->bytes + 0x36, MAILBOX_BYTES);
+        esc_put16(w->bytes + 0x38, 0x0004); /* CoE */
+    }
+    esc_put16(w->bytes + 0x7C, (uint32_t)(w->room / 128) - 1); /* KiBit, less one */
+    esc_put16(w->bytes + 0x7E, 1);
+    w->at = 0x80;
+}
+
+/** Start addresses of all sync managers: mailboxes, then process data one behind the other. */
+static uint32_t lay_out(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
+                        bool has_mailbox, struct sii_sm sms[ESC_SMS]) {
+    uint32_t count = 0;
+    if (has_mailbox) {
+        sms[0] = (struct sii_sm){MAILBOX_IN, MAILBOX_BYTES, 0x26, 1};
+        sms[1] = (struct sii_sm){MAILBOX_OUT, MAILBOX_BYTES, 0x22, 2};
+        count = 2;
+    }
+    uint32_t start = PROCESS_DATA;
+    for (uint32_t i = 0; i < info->sm_count; i++) {
+        const uint8_t *r = fsn_record(plan, FSN_SEC_SM, info->first_sm + i);
+        const uint32_t length = fsn_sm_bytes(plan, info->first_sm + i);
+        if (r[4] >= ESC_SMS || (has_mailbox && r[4] < 2)) {
+            continue;
+        }
+        const bool output = r[5] == FSN_OUTPUT;
+        const uint8_t watchdog = output && r[6] != 2 ? 0x40 : 0;
+        sms[r[4]] = (struct sii_sm){(uint16_t)start, (uint16_t)length,
+                                    (uint8_t)(output ? 0x24 | watchdog : 0x20), output ? 3 : 4};
+        count = r[4] + 1u > count ? r[4] + 1u : count;
+        start += (length + 15) / 16 * 16;
+    }
+    return count;
+}
+
+static bool add_mapping(struct objects *o, const struct fsn_plan *plan, uint32_t pdo_number) {
+    const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, pdo_number);
+    const uint16_t index = fsn_get16(pdo);
+    const uint32_t entries = fsn_get32(pdo + 8);
+    bool ok = objects_add_number(o, index, 0, true, entries > 254 ? 254 : entries, 1);
+    for (uint32_t e = 0; e < entries && e < 254; e++) {
+        const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
+        const uint32_t value = ((uint32_t)fsn_get16(entry) << 16) | ((uint32_t)entry[2] << 8) |
+                               (fsn_get16(entry + 4) & 0xFFu);
+        ok = ok && objects_add_number(o, index, (uint8_t)(e + 1), true, value, 4);
+    }
+    return ok;
+}
+
+static bool add_assignment(struct objects *o, const struct fsn_plan *plan, uint32_t sm) {
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
+    const uint16_t index = (uint16_t)(0x1C10 + r[4]);
+    const uint32_t pdos = fsn_get32(r + 16);
+    bool ok = objects_add_number(o, index, 0, true, pdos, 1);
+    for (uint32_t p = 0; p < pdos && p < 254; p++) {
+        const uint32_t number = fsn_get32(r + 12) + p;
+        const uint16_t pdo = fsn_get16(fsn_record(plan, FSN_SEC_PDO, number));
+        ok = ok && objects_add_number(o, index, (uint8_t)(p + 1), true, pdo, 2) &&
+             add_mapping(o, plan, number);
+    }
+    return ok;
+}
+
+static bool add_objects(struct objects *o, const struct fsn_plan *plan,
+                        const struct fsn_subdevice_info *info, const struct sii_sm *sms,
+                        uint32_t count) {
+    bool ok = objects_add_number(o, 0x1000, 0, false, 0x00001389, 4) &&
+              objects_add(o, 0x1008, 0, false, info->name, (uint32_t)strlen(info->name)) &&
+              objects_add_number(o, 0x1018, 0, false, 4, 1) &&
+              objects_add_number(o, 0x1018, 1, false, info->vendor_id, 4) &&
+              objects_add_number(o, 0x1018, 2, false, info->product_code, 4) &&
+              objects_add_number(o, 0x1018, 3, false, info->revision_low, 4) &&
+              objects_add_number(o, 0x1018, 4, false, 0, 4) &&
+              objects_add_number(o, 0x1C00, 0, false, count, 1);
+    for (uint32_t i = 0; i < count; i++) {
+        ok = ok && objects_add_number(o, 0x1C00, (uint8_t)(i + 1), false, sms[i].type, 1);
+    }
+    for (uint32_t i = 0; i < info->sm_count; i++) {
+        const uint8_t number = fsn_record(plan, FSN_SEC_SM, info->first_sm + i)[4];
+        ok = ok && (number < 2 || add_assignment(o, plan, info->first_sm + i));
+    }
+    for (uint32_t i = 0; i < info->sdo_count; i++) {
+        const uint8_t *r = fsn_record(plan, FSN_SEC_SDO, info->first_sdo + i);
+        const uint8_t zeros[8] = {0};
+        ok = ok && objects_add(o, fsn_get16(r), r[2], true, zeros, r[3]);
+    }
+    return ok;
+}
+
+/** FSoE address of a SubInstance where the plan knows it, as its live object shows it. */
+static bool add_address(struct objects *o, const struct fsn_plan *plan, uint32_t subdevice) {
+    bool ok = true;
+    for (uint32_t i = 0; i < fsn_plan_connection_count(plan); i++) {
+        struct fsn_connection_info c;
+        if (fsn_plan_connection(plan, i, &c) == FSN_OK && c.sub_subdevice == subdevice &&
+            (c.known & 2) != 0) {
+            ok = ok && objects_add_number(o, 0xF980, 0, false, 1, 1) &&
+                 objects_add_number(o, 0xF980, 1, false, c.address, 2);
+        }
+    }
+    return ok;
+}
+
+/** A device whose sync managers 0 and 1 carry process data has no mailbox. */
+static bool has_mailbox(const struct fsn_plan *plan, const struct fsn_subdevice_info *info) {
+    for (uint32_t i = 0; i < info->sm_count; i++) {
+        const uint8_t number = fsn_record(plan, FSN_SEC_SM, info->first_sm + i)[4];
+        if (number < 2 && fsn_sm_bits(plan, info->first_sm + i) > 0) {
+            return false;
+        }
+    }
+    return info->sm_count > 0;
+}
+
+bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t position) {
+    const struct fsn_plan *plan = segment->plan;
+    struct esc *esc = &segment->escs[position];
+    struct fsn_subdevice_info info = {
+        .name = "coupler", .vendor_id = BECKHOFF, .product_code = COUPLER_PRODUCT};
+    if (subdevice != FSN_NONE && fsn_plan_subdevice(plan, subdevice, &info) != FSN_OK) {
+        return false;
+    }
+    esc->has_mailbox = has_mailbox(plan, &info);
+    struct sii_sm sms[ESC_SMS] = {{0}};
+    const uint32_t count = lay_out(plan, &info, esc->has_mailbox, sms);
+    struct writer w = {.room = SII_BYTES};
+    for (uint32_t i = 0; i < info.sm_count; i++) {
+        const uint8_t *r = fsn_record(plan, FSN_SEC_SM, info.first_sm + i);
+        for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
+            const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
+            w.room += 8 + (size_t)ENTRY_BYTES * fsn_get32(pdo + 8);
+        }
+    }
+    w.room = (w.room + 127) / 128 * 128;
+    w.bytes = calloc(w.room, 1);
+    if (w.bytes == NULL) {
+        return false;
+    }
+    segment->siis[position] = w.bytes;
+    put_head(&w, &info, esc->has_mailbox);
+    put_strings(&w, info.name);
+    put_general(&w, esc->has_mailbox);
+    put_sms(&w, sms, count);
+    for (uint32_t i = 0; i < info.sm_count; i++) {
+        put_pdos(&w, plan, info.first_sm + i);
+    }
+    put16(&w, 0xFFFF);
+    esc->sii = w.bytes;
+    esc->sii_bytes = w.room;
+    return subdevice == FSN_NONE || (add_objects(&esc->objects, plan, &info, sms, count) &&
+                                     add_address(&esc->objects, plan, subdevice));
+}

@@ -1,0 +1,235 @@
+/** Registers and datagrams of an emulated SubDevice controller. */
+#include "esc.h"
+
+#include <string.h>
+
+enum {
+    CMD_APRD = 1,
+    CMD_APWR,
+    CMD_APRW,
+    CMD_FPRD,
+    CMD_FPWR,
+    CMD_FPRW,
+    CMD_BRD,
+    CMD_BWR,
+    CMD_BRW,
+    CMD_LRD,
+    CMD_LWR,
+    CMD_LRW,
+    CMD_ARMW,
+    CMD_FRMW,
+};
+
+/** Registers that exist, and whether the bus may write them. What is not listed neither reads nor
+ *  writes and does not count: MainDevices take a working counter of 0 for "not there". */
+static const struct {
+    uint16_t from, to; /**< first byte, and the first one behind */
+    bool writable;
+} registers[] = {
+    {0x0000, 0x000A, false}, /* type, FMMUs, SMs, ports, features */
+    {REG_STATION, 0x0012, true},
+    {REG_ALIAS, 0x0014, false},
+    {REG_DL_CONTROL, 0x0104, true},
+    {REG_DL_STATUS, 0x0112, false},
+    {REG_AL_CONTROL, 0x0122, true},
+    {REG_AL_STATUS, 0x0136, false},
+    {0x0140, 0x0142, false}, /* PDI control */
+    {0x0200, 0x0202, true},
+    {0x0210, 0x0212, false},
+    {REG_ERROR_COUNTERS, 0x0314, true},
+    {REG_WD_DIVIDER, 0x0402, true},
+    {0x0410, 0x0412, true},
+    {REG_WD_PROCESS_DATA, 0x0422, true},
+    {REG_WD_STATUS, 0x0442, false},
+    {0x0442, 0x0444, true},
+    {REG_SII_ASSIGN, 0x0510, true},
+    {REG_FMMU, REG_FMMU + 16 * ESC_FMMUS, true},
+    {REG_SM, REG_SM + 8 * ESC_SMS, true},
+    {REG_DC_RECEIVE, REG_DC_END, true},
+    {ESC_PROCESS_DATA, ESC_MEMORY_BYTES, true},
+};
+
+static bool exists(uint16_t address, uint16_t size_bytes, bool write) {
+    /* An access counts when it touches anything that is there, as real controllers do. */
+    for (size_t i = 0; i < sizeof registers / sizeof registers[0]; i++) {
+        const bool overlaps =
+            address < registers[i].to && (uint32_t)address + size_bytes > registers[i].from;
+        if (overlaps && (!write || registers[i].writable)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static bool byte_writable(uint32_t address) {
+    for (size_t i = 0; i < sizeof registers / sizeof registers[0]; i++) {
+        if (address >= registers[i].from && address < registers[i].to) {
+            /* Status of a sync manager and the byte for its device are read only. */
+            const bool sm = registers[i].from == REG_SM;
+            return registers[i].writable && !(sm && (address % 8 == 5 || address % 8 == 7));
+        }
+    }
+    return false;
+}
+
+static uint64_t local_time(const struct esc *esc) {
+    return esc->now_ns + esc->clock_offset_ns;
+}
+
+static bool touches(uint16_t address, uint16_t size_bytes, uint16_t at, uint16_t length) {
+    return address < at + length && (uint32_t)address + size_bytes > at;
+}
+
+bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_bytes, bool or_in) {
+    if (!exists(address, size_bytes, false) || !esc_sm_allows(esc, address, size_bytes, false)) {
+        return false;
+    }
+    if (touches(address, size_bytes, REG_DC_TIME, 8)) {
+        esc_put64(esc->memory + REG_DC_TIME,
+                  local_time(esc) + esc_get64(esc->memory + REG_DC_OFFSET));
+    }
+    esc_sm_before_read(esc, address, size_bytes);
+    for (uint32_t i = 0; i < size_bytes; i++) {
+        const uint32_t at = address + i;
+        const uint8_t byte = at < ESC_MEMORY_BYTES ? esc->memory[at] : 0;
+        data[i] = or_in ? (uint8_t)(data[i] | byte) : byte;
+    }
+    esc_sm_after_read(esc, address, size_bytes);
+    return true;
+}
+
+bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t size_bytes) {
+    if (!exists(address, size_bytes, true) || !esc_sm_allows(esc, address, size_bytes, true)) {
+        return false;
+    }
+    if (touches(address, size_bytes, REG_ERROR_COUNTERS, 0x14)) {
+        memset(esc->memory + REG_ERROR_COUNTERS, 0, 0x14); /* any write clears them */
+        return true;
+    }
+    if (touches(address, size_bytes, REG_DC_RECEIVE, 4) ||
+        touches(address, size_bytes, REG_DC_TIME, 8)) {
+        return true; /* receive times are latched by the segment; the clock follows its offset */
+    }
+    for (uint32_t i = 0; i < size_bytes; i++) {
+        const uint32_t at = address + i;
+        if (at < ESC_MEMORY_BYTES && byte_writable(at)) {
+            esc->memory[at] = data[i];
+        }
+    }
+    if (touches(address, size_bytes, REG_AL_CONTROL, 1)) {
+        esc_al_control(esc);
+    }
+    if (touches(address, size_bytes, REG_SII_CONTROL + 1, 1)) {
+        esc_sii_command(esc);
+    }
+    esc_sm_after_write(esc, address, size_bytes);
+    return true;
+}
+
+/** A command that reads, writes or both at a physical address. */
+static void physical(struct esc *esc, struct datagram *d, bool read, bool write, bool or_in) {
+    uint8_t written[1500];
+    if (read && write) {
+        memcpy(written, d->data, d->size_bytes); /* the incoming bytes are written */
+    }
+    if (read && esc_read(esc, d->offset, d->data, d->size_bytes, or_in)) {
+        d->counter++;
+    }
+    if (write && esc_write(esc, d->offset, read ? written : d->data, d->size_bytes)) {
+        d->counter = (uint16_t)(d->counter + (read ? 2 : 1));
+    }
+}
+
+static bool is_addressed(const struct esc *esc, uint16_t station) {
+    const bool alias_enabled = (esc->memory[REG_DL_CONTROL + 3] & 1) != 0;
+    return station == esc_get16(esc->memory + REG_STATION) ||
+           (alias_enabled && station == esc_get16(esc->memory + REG_ALIAS));
+}
+
+/** Read by one, written by all others: spreads the time of the reference clock. */
+static void read_multiple_write(struct esc *esc, struct datagram *d, bool addressed) {
+    if (addressed ? esc_read(esc, d->offset, d->data, d->size_bytes, false)
+                  : esc_write(esc, d->offset, d->data, d->size_bytes)) {
+        d->counter++;
+    }
+}
+
+void esc_pass(struct esc *esc, struct datagram *d) {
+    const uint8_t c = d->command;
+    const bool auto_increment = (c >= CMD_APRD && c <= CMD_APRW) || c == CMD_ARMW;
+    const bool reads = c == CMD_APRD || c == CMD_APRW || c == CMD_FPRD || c == CMD_FPRW ||
+                       c == CMD_BRD || c == CMD_BRW;
+    const bool writes = c == CMD_APWR || c == CMD_APRW || c == CMD_FPWR || c == CMD_FPRW ||
+                        c == CMD_BWR || c == CMD_BRW;
+    if (c >= CMD_LRD && c <= CMD_LRW) {
+        esc_fmmu_pass(esc, d);
+    } else if (c == CMD_ARMW || c == CMD_FRMW) {
+        read_multiple_write(esc, d,
+                            c == CMD_ARMW ? d->position == 0 : is_addressed(esc, d->position));
+    } else if (c >= CMD_BRD && c <= CMD_BRW) {
+        physical(esc, d, reads, writes, true);
+    } else if (auto_increment ? d->position == 0 : is_addressed(esc, d->position)) {
+        physical(esc, d, reads, writes, false);
+    }
+    if (auto_increment || (c >= CMD_BRD && c <= CMD_BRW)) {
+        d->position++;
+    }
+}
+
+void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns) {
+    const uint64_t arrival = arrival_ns + esc->clock_offset_ns;
+    const uint64_t back = return_ns + esc->clock_offset_ns;
+    esc_put32(esc->memory + REG_DC_RECEIVE, (uint32_t)arrival);
+    esc_put32(esc->memory + REG_DC_RECEIVE + 4, (uint32_t)back);
+    esc_put64(esc->memory + REG_DC_EPU_TIME, arrival);
+}
+
+void esc_idle(struct esc *esc, uint64_t now_ns) {
+    esc->now_ns = now_ns;
+    esc_mailbox_out(esc);
+    const uint32_t divider = esc_get16(esc->memory + REG_WD_DIVIDER) + 2u;
+    const uint64_t limit_ns =
+        (uint64_t)divider * 40u * esc_get16(esc->memory + REG_WD_PROCESS_DATA);
+    if (esc_state(esc) == AL_OP && limit_ns > 0 && esc->outputs_seen && now_ns > esc->outputs_ns &&
+        now_ns - esc->outputs_ns > limit_ns) {
+        esc->memory[REG_WD_STATUS] = 0;
+        esc->memory[0x0442]++;
+        esc_al_error(esc, AL_SAFEOP, AL_CODE_WATCHDOG);
+    }
+}
+
+uint8_t esc_state(const struct esc *esc) {
+    return esc->memory[REG_AL_STATUS] & 0x0F;
+}
+
+void esc_power_on(struct esc *esc) {
+    memset(esc->memory, 0, sizeof esc->memory);
+    uint8_t *m = esc->memory;
+    m[REG_TYPE] = 0x11; /* an ET1100 as devices report it */
+    m[0x0002] = 2;
+    m[0x0004] = ESC_FMMUS;
+    m[0x0005] = ESC_SMS;
+    m[0x0006] = 8;    /* KiB of memory */
+    m[0x0007] = 0x0F; /* ports 0 and 1 are MII */
+    m[0x0008] = 0x0C; /* DC, 64 bits wide */
+    m[REG_AL_STATUS] = AL_INIT;
+    m[REG_WD_STATUS] = 1;
+    esc_put16(m + REG_WD_DIVIDER, 0x09C2); /* 100 us */
+    esc_put16(m + 0x0410, 1000);
+    esc_put16(m + REG_WD_PROCESS_DATA, 1000); /* 100 ms */
+    if (esc->sii_bytes >= 10) {
+        memcpy(m + REG_ALIAS, esc->sii + 8, 2);
+    }
+    m[REG_SII_CONTROL] = 0x40; /* reads give 8 bytes */
+    m[0x0140] = 5;             /* SPI */
+    for (unsigned i = 0; i < ESC_SMS; i++) {
+        esc->buffers[i].fresh = false;
+        if (esc->buffers[i].size_bytes > 0) {
+            memset(esc->buffers[i].device, 0, esc->buffers[i].size_bytes);
+        }
+    }
+    esc->answer_bytes = 0;
+    esc->mailbox_counter = 0;
+    esc->outputs_seen = false;
+    objects_reset(&esc->objects);
+}

@@ -1,0 +1,183 @@
+/** One emulated EtherCAT SubDevice controller: registers, memory, FMMUs, sync managers, AL states,
+ *  SII interface and mailbox. Knows neither plan nor link; time is given with every frame. */
+#ifndef FSN_SEGMENT_ESC_H
+#define FSN_SEGMENT_ESC_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "objects.h"
+
+enum {
+    ESC_MEMORY_BYTES = 0x3000, /**< registers below 0x1000, then 8 KiB of process data memory */
+    ESC_PROCESS_DATA = 0x1000,
+    ESC_FMMUS = 8,
+    ESC_SMS = 8,
+    ESC_PORTS = 4,
+    ESC_MAILBOX_BYTES = 256, /**< longest mailbox offered */
+};
+
+/** Registers; the numbers are those of the SubDevice controller data sheets. */
+enum {
+    REG_TYPE = 0x0000,
+    REG_STATION = 0x0010,
+    REG_ALIAS = 0x0012,
+    REG_DL_CONTROL = 0x0100,
+    REG_DL_STATUS = 0x0110,
+    REG_AL_CONTROL = 0x0120,
+    REG_AL_STATUS = 0x0130,
+    REG_AL_CODE = 0x0134,
+    REG_ERROR_COUNTERS = 0x0300,
+    REG_LOST_LINK = 0x0310,
+    REG_WD_DIVIDER = 0x0400,
+    REG_WD_PROCESS_DATA = 0x0420,
+    REG_WD_STATUS = 0x0440,
+    REG_SII_ASSIGN = 0x0500,
+    REG_SII_CONTROL = 0x0502,
+    REG_SII_ADDRESS = 0x0504,
+    REG_SII_DATA = 0x0508,
+    REG_FMMU = 0x0600,
+    REG_SM = 0x0800,
+    REG_DC_RECEIVE = 0x0900,
+    REG_DC_TIME = 0x0910,
+    REG_DC_EPU_TIME = 0x0918,
+    REG_DC_OFFSET = 0x0920,
+    REG_DC_DELAY = 0x0928,
+    REG_DC_END = 0x09A8,
+};
+
+/** AL states and codes. */
+enum {
+    AL_INIT = 1,
+    AL_PREOP = 2,
+    AL_BOOT = 3,
+    AL_SAFEOP = 4,
+    AL_OP = 8,
+    AL_ERROR = 0x10,
+    AL_CODE_INVALID_TRANSITION = 0x0011,
+    AL_CODE_UNKNOWN_STATE = 0x0012,
+    AL_CODE_NO_BOOT = 0x0013,
+    AL_CODE_MAILBOX = 0x0016,
+    AL_CODE_WATCHDOG = 0x001B,
+    AL_CODE_OUTPUTS = 0x001D,
+    AL_CODE_INPUTS = 0x001E,
+};
+
+/** One sync manager with process data: what the device published, or what it shall read. The
+ *  bytes on the bus side lie in the memory of the controller. */
+struct esc_buffer {
+    uint8_t *device;     /**< newest whole set on the side of the device */
+    uint32_t size_bytes; /**< 0: this sync manager carries no process data */
+    bool fresh;          /**< the other side has not taken it yet */
+};
+
+/** An SDO that takes several messages. */
+struct transfer {
+    bool active, upload, toggle, complete;
+    uint16_t index;
+    uint8_t sub;
+    uint32_t size_bytes, done;
+    uint8_t data[2048];
+};
+
+struct esc {
+    uint8_t memory[ESC_MEMORY_BYTES];
+    struct esc_buffer buffers[ESC_SMS];
+    uint8_t sm_count;
+    const uint8_t *sii; /**< contents of the EEPROM */
+    size_t sii_bytes;
+    struct objects objects;
+    uint8_t answer[ESC_MAILBOX_BYTES]; /**< waits until SM1 is empty */
+    uint16_t answer_bytes;
+    uint8_t mailbox_counter;
+    struct transfer transfer;
+    bool has_mailbox;
+    bool reachable;           /**< frames come here */
+    bool last;                /**< nothing answers behind it */
+    uint64_t now_ns;          /**< of the frame being processed */
+    uint64_t outputs_ns;      /**< when outputs were written last */
+    bool outputs_seen;        /**< since PREOP */
+    uint64_t clock_offset_ns; /**< its free-running clock starts somewhere */
+};
+
+/** One datagram as it passes. */
+struct datagram {
+    uint8_t command;
+    uint16_t position, offset; /**< ADP and ADO; together the logical address */
+    uint8_t *data;
+    uint16_t size_bytes;
+    uint16_t counter; /**< working counter */
+};
+
+/** Brings a controller to the state after power-on; buffers, SII and objects stay. */
+void esc_power_on(struct esc *esc);
+
+/** Lets a datagram pass: data, ADP and working counter change as a real controller changes them. */
+void esc_pass(struct esc *esc, struct datagram *datagram);
+
+/** Latches the receive times of its ports after a frame that wrote 0x0900.
+ *  @param[in] arrival_ns, return_ns  local time of the frame at port 0, and back from port 1. */
+void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns);
+
+/** What happens between frames: watchdogs, mailbox answers. */
+void esc_idle(struct esc *esc, uint64_t now_ns);
+
+/** AL state without the error bit. */
+uint8_t esc_state(const struct esc *esc);
+
+/* Parts of the controller, one file each. */
+
+/** A request in AL control (al.c). */
+void esc_al_control(struct esc *esc);
+/** Falls back to SAFEOP with an error. */
+void esc_al_error(struct esc *esc, uint8_t state, uint16_t code);
+
+/** A command to the SII interface (sii.c). */
+void esc_sii_command(struct esc *esc);
+
+/** Whether physical memory may be read or written now, because of mailbox sync managers (sm.c). */
+bool esc_sm_allows(const struct esc *esc, uint16_t address, uint16_t size_bytes, bool write);
+/** Process data that the bus is about to read: the newest set is put into the memory (sm.c). */
+void esc_sm_before_read(struct esc *esc, uint16_t address, uint16_t size_bytes);
+/** The bus has read or written (sm.c). */
+void esc_sm_after_read(struct esc *esc, uint16_t address, uint16_t size_bytes);
+void esc_sm_after_write(struct esc *esc, uint16_t address, uint16_t size_bytes);
+/** Whether the sync managers are set up as the device needs them. */
+bool esc_sm_mailbox_ok(const struct esc *esc);
+bool esc_sm_process_data_ok(const struct esc *esc, bool outputs);
+
+/** A logical datagram against the FMMUs (fmmu.c). */
+void esc_fmmu_pass(struct esc *esc, struct datagram *datagram);
+
+/** Reads or writes registers and memory; false when nothing is there or access is closed. */
+bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_bytes, bool or_in);
+bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t size_bytes);
+
+/** Mailbox: a message has come in; an answer is to go out (mailbox.c). */
+void esc_mailbox_in(struct esc *esc);
+void esc_mailbox_out(struct esc *esc);
+
+static inline uint16_t esc_get16(const uint8_t *at) {
+    return (uint16_t)(at[0] | (at[1] << 8));
+}
+static inline uint32_t esc_get32(const uint8_t *at) {
+    return (uint32_t)esc_get16(at) | ((uint32_t)esc_get16(at + 2) << 16);
+}
+static inline void esc_put16(uint8_t *at, uint32_t value) {
+    at[0] = (uint8_t)value;
+    at[1] = (uint8_t)(value >> 8);
+}
+static inline void esc_put32(uint8_t *at, uint32_t value) {
+    esc_put16(at, value);
+    esc_put16(at + 2, value >> 16);
+}
+static inline void esc_put64(uint8_t *at, uint64_t value) {
+    esc_put32(at, (uint32_t)value);
+    esc_put32(at + 4, (uint32_t)(value >> 32));
+}
+static inline uint64_t esc_get64(const uint8_t *at) {
+    return (uint64_t)esc_get32(at) | ((uint64_t)esc_get32(at + 4) << 32);
+}
+
+#endif

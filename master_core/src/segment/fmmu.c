@@ -1,0 +1,141 @@
+/** FMMUs: logical addresses to memory, bit by bit. */
+#include "esc.h"
+
+#include <string.h>
+
+enum { CMD_LRD = 10, CMD_LWR = 11, CMD_LRW = 12 };
+
+struct fmmu {
+    uint32_t logical;
+    uint16_t length, physical;
+    uint8_t start_bit, end_bit, physical_bit;
+    bool read, write;
+};
+
+static bool get_fmmu(const struct esc *esc, unsigned number, struct fmmu *fmmu) {
+    const uint8_t *r = esc->memory + REG_FMMU + 16 * number;
+    if ((r[12] & 1) == 0) {
+        return false;
+    }
+    *fmmu = (struct fmmu){
+        .logical = esc_get32(r),
+        .length = esc_get16(r + 4),
+        .start_bit = r[6] & 7,
+        .end_bit = r[7] & 7,
+        .physical = esc_get16(r + 8),
+        .physical_bit = r[10] & 7,
+        .read = (r[11] & 1) != 0,
+        .write = (r[11] & 2) != 0,
+    };
+    return fmmu->length > 0;
+}
+
+static bool is_whole_bytes(const struct fmmu *f) {
+    return f->start_bit == 0 && f->end_bit == 7 && f->physical_bit == 0;
+}
+
+/** The part of a datagram that an FMMU maps: byte in the datagram, in the memory, and length. */
+struct part {
+    uint16_t in_datagram, address, length;
+};
+
+static bool overlap(const struct fmmu *f, uint32_t logical, uint16_t size_bytes,
+                    struct part *part) {
+    const uint64_t begin = f->logical > logical ? f->logical : logical;
+    const uint64_t f_end = (uint64_t)f->logical + f->length;
+    const uint64_t d_end = (uint64_t)logical + size_bytes;
+    const uint64_t end = f_end < d_end ? f_end : d_end;
+    if (begin >= end) {
+        return false;
+    }
+    part->in_datagram = (uint16_t)(begin - logical);
+    part->address = (uint16_t)(f->physical + (begin - f->logical));
+    part->length = (uint16_t)(end - begin);
+    return true;
+}
+
+/** First and last bit of an FMMU that is no multiple of bytes; they lie in one access. */
+static uint32_t bit_count(const struct fmmu *f) {
+    return 8u * f->length - f->start_bit - (7u - f->end_bit);
+}
+
+static bool read_bits(struct esc *esc, const struct fmmu *f, uint32_t logical, uint8_t *data,
+                      uint16_t size_bytes) {
+    uint8_t bytes[64];
+    const uint32_t bits = bit_count(f);
+    const uint16_t needed = (uint16_t)((f->physical_bit + bits + 7) / 8);
+    if (needed > sizeof bytes || !esc_read(esc, f->physical, bytes, needed, false)) {
+        return false;
+    }
+    bool hit = false;
+    for (uint32_t i = 0; i < bits; i++) {
+        const uint64_t to = 8u * (uint64_t)f->logical + f->start_bit + i;
+        const uint32_t from = f->physical_bit + i;
+        if (to < 8u * (uint64_t)logical || to >= 8u * ((uint64_t)logical + size_bytes)) {
+            continue;
+        }
+        const uint32_t at = (uint32_t)(to - 8u * (uint64_t)logical);
+        const uint8_t mask = (uint8_t)(1u << at % 8);
+        const bool on = (bytes[from / 8] >> from % 8 & 1) != 0;
+        data[at / 8] = (uint8_t)(on ? data[at / 8] | mask : data[at / 8] & ~mask);
+        hit = true;
+    }
+    return hit;
+}
+
+static bool write_bits(struct esc *esc, const struct fmmu *f, uint32_t logical, const uint8_t *data,
+                       uint16_t size_bytes) {
+    uint8_t bytes[64];
+    const uint32_t bits = bit_count(f);
+    const uint16_t needed = (uint16_t)((f->physical_bit + bits + 7) / 8);
+    if (needed > sizeof bytes || (uint32_t)f->physical + needed > ESC_MEMORY_BYTES) {
+        return false;
+    }
+    memcpy(bytes, esc->memory + f->physical, needed);
+    bool hit = false;
+    for (uint32_t i = 0; i < bits; i++) {
+        const uint64_t from = 8u * (uint64_t)f->logical + f->start_bit + i;
+        const uint32_t to = f->physical_bit + i;
+        if (from < 8u * (uint64_t)logical || from >= 8u * ((uint64_t)logical + size_bytes)) {
+            continue;
+        }
+        const uint32_t at = (uint32_t)(from - 8u * (uint64_t)logical);
+        const uint8_t mask = (uint8_t)(1u << to % 8);
+        const bool on = (data[at / 8] >> at % 8 & 1) != 0;
+        bytes[to / 8] = (uint8_t)(on ? bytes[to / 8] | mask : bytes[to / 8] & ~mask);
+        hit = true;
+    }
+    return hit && esc_write(esc, f->physical, bytes, needed);
+}
+
+void esc_fmmu_pass(struct esc *esc, struct datagram *d) {
+    const uint32_t logical = d->position | ((uint32_t)d->offset << 16);
+    const bool wants_read = d->command != CMD_LWR;
+    const bool wants_write = d->command != CMD_LRD;
+    bool read = false;
+    bool written = false;
+    /* Writes first: inputs and outputs may lie at the same address, and what comes in is written.
+     */
+    for (unsigned i = 0; i < ESC_FMMUS && wants_write; i++) {
+        struct fmmu f;
+        struct part p;
+        if (!get_fmmu(esc, i, &f) || !f.write || !overlap(&f, logical, d->size_bytes, &p)) {
+            continue;
+        }
+        written |= is_whole_bytes(&f) ? esc_write(esc, p.address, d->data + p.in_datagram, p.length)
+                                      : write_bits(esc, &f, logical, d->data, d->size_bytes);
+    }
+    for (unsigned i = 0; i < ESC_FMMUS && wants_read; i++) {
+        struct fmmu f;
+        struct part p;
+        if (!get_fmmu(esc, i, &f) || !f.read || !overlap(&f, logical, d->size_bytes, &p)) {
+            continue;
+        }
+        read |= is_whole_bytes(&f)
+                    ? esc_read(esc, p.address, d->data + p.in_datagram, p.length, false)
+                    : read_bits(esc, &f, logical, d->data, d->size_bytes);
+    }
+    /* Once per SubDevice and direction, however many FMMUs there are. */
+    const uint16_t for_write = d->command == CMD_LRW ? 2 : 1;
+    d->counter = (uint16_t)(d->counter + read + (written ? for_write : 0));
+}

@@ -1,0 +1,325 @@
+/** Mailbox of an emulated SubDevice: CoE, and an error for what it does not speak. */
+#include "esc.h"
+
+#include <string.h>
+
+enum {
+    HEADER_BYTES = 6,
+    COE_BYTES = 2,
+    SDO_BYTES = 8, /**< command, index, sub, 4 bytes */
+    SM_FULL = 0x08,
+    TYPE_ERROR = 0,
+    TYPE_COE = 3,
+    SERVICE_REQUEST = 2,
+    SERVICE_RESPONSE = 3,
+    SERVICE_INFORMATION = 8,
+    COMPLETE_ACCESS = 0x10,
+};
+
+enum {
+    ABORT_TOGGLE = 0x05030000u,
+    ABORT_COMMAND = 0x05040001u,
+    ABORT_MEMORY = 0x05040005u,
+    ABORT_READ_ONLY = 0x06010002u,
+    ABORT_NO_OBJECT = 0x06020000u,
+    ABORT_LENGTH = 0x06070010u,
+    ABORT_NO_SUB = 0x06090011u,
+};
+
+static uint8_t *sm(struct esc *esc, unsigned number) {
+    return esc->memory + REG_SM + 8 * number;
+}
+
+/** Longest answer that fits into SM1. */
+static uint32_t room(struct esc *esc) {
+    const uint32_t length = esc_get16(sm(esc, 1) + 2);
+    return length < ESC_MAILBOX_BYTES ? length : ESC_MAILBOX_BYTES;
+}
+
+/** Begins an answer; returns where its body goes. */
+static uint8_t *begin(struct esc *esc, uint8_t type, uint32_t body_bytes) {
+    uint8_t *a = esc->answer;
+    memset(a, 0, sizeof esc->answer);
+    esc->mailbox_counter = (uint8_t)(esc->mailbox_counter % 7 + 1);
+    esc_put16(a, body_bytes);
+    a[5] = (uint8_t)(type | (esc->mailbox_counter << 4));
+    esc->answer_bytes = (uint16_t)(HEADER_BYTES + body_bytes);
+    return a + HEADER_BYTES;
+}
+
+static uint8_t *begin_sdo(struct esc *esc, uint8_t command, uint16_t index, uint8_t sub,
+                          uint32_t more_bytes) {
+    uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + SDO_BYTES + more_bytes);
+    esc_put16(body, SERVICE_RESPONSE << 12);
+    body[2] = command;
+    esc_put16(body + 3, index);
+    body[5] = sub;
+    return body + 6;
+}
+
+static void abort_sdo(struct esc *esc, uint16_t index, uint8_t sub, uint32_t code) {
+    uint8_t *data = begin_sdo(esc, 0x80, index, sub, 0);
+    esc->answer[HEADER_BYTES + 1] = SERVICE_REQUEST << 4; /* an abort is a request */
+    esc_put32(data, code);
+    esc->transfer.active = false;
+}
+
+/** Collects what an upload reads: one value, or a whole object with sub-index 0 in 16 bits. */
+static bool collect(struct esc *esc, uint16_t index, uint8_t sub, bool complete) {
+    struct transfer *t = &esc->transfer;
+    t->size_bytes = 0;
+    for (uint32_t s = sub; s <= (complete ? 255u : sub); s++) {
+        const struct object *o = objects_find(&esc->objects, index, (uint8_t)s);
+        if (o == NULL) {
+            break;
+        }
+        const uint32_t padding = complete && s == 0 ? 1 : 0;
+        if (t->size_bytes + o->size_bytes + padding > sizeof t->data) {
+            return false;
+        }
+        memcpy(t->data + t->size_bytes, objects_value(&esc->objects, o), o->size_bytes);
+        t->data[t->size_bytes + o->size_bytes] = 0;
+        t->size_bytes += o->size_bytes + padding;
+    }
+    return true;
+}
+
+static void upload(struct esc *esc, uint8_t command, uint16_t index, uint8_t sub) {
+    const bool complete = (command & COMPLETE_ACCESS) != 0;
+    struct transfer *t = &esc->transfer;
+    if (!objects_has(&esc->objects, index)) {
+        abort_sdo(esc, index, sub, ABORT_NO_OBJECT);
+        return;
+    }
+    if (objects_find(&esc->objects, index, sub) == NULL) {
+        abort_sdo(esc, index, sub, ABORT_NO_SUB);
+        return;
+    }
+    if (!collect(esc, index, sub, complete)) {
+        abort_sdo(esc, index, sub, ABORT_MEMORY);
+        return;
+    }
+    const uint8_t kept = command & COMPLETE_ACCESS;
+    if (t->size_bytes > 0 && t->size_bytes <= 4) {
+        const uint8_t unused = (uint8_t)(4 - t->size_bytes);
+        uint8_t *data = begin_sdo(esc, (uint8_t)(0x43 | kept | (unused << 2)), index, sub, 0);
+        memcpy(data, t->data, t->size_bytes);
+        return;
+    }
+    const uint32_t space = room(esc) - HEADER_BYTES - COE_BYTES - SDO_BYTES;
+    const uint32_t now = t->size_bytes < space ? t->size_bytes : space;
+    uint8_t *data = begin_sdo(esc, (uint8_t)(0x41 | kept), index, sub, now);
+    esc_put32(data, t->size_bytes);
+    memcpy(data + 4, t->data, now);
+    t->done = now;
+    t->active = now < t->size_bytes;
+    t->upload = true;
+    t->toggle = false;
+    t->index = index;
+    t->sub = sub;
+}
+
+static void upload_segment(struct esc *esc, uint8_t command) {
+    struct transfer *t = &esc->transfer;
+    if (!t->active || !t->upload) {
+        abort_sdo(esc, t->index, t->sub, ABORT_COMMAND);
+        return;
+    }
+    if (((command & 0x10) != 0) != t->toggle) {
+        abort_sdo(esc, t->index, t->sub, ABORT_TOGGLE);
+        return;
+    }
+    const uint32_t left = t->size_bytes - t->done;
+    const uint32_t space = room(esc) - HEADER_BYTES - COE_BYTES - 1;
+    const uint32_t now = left < space ? left : space;
+    const uint32_t shown = now < 7 ? 7 : now; /* a segment has at least 7 bytes */
+    uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + 1 + shown);
+    esc_put16(body, SERVICE_RESPONSE << 12);
+    body[2] = (uint8_t)((t->toggle ? 0x10 : 0) | (now == left ? 1 : 0) | ((shown - now) << 1));
+    memcpy(body + 3, t->data + t->done, now);
+    t->done += now;
+    t->toggle = !t->toggle;
+    t->active = t->done < t->size_bytes;
+}
+
+/** Returns the abort code of a finished download, 0 when it is stored. */
+static uint32_t store(struct esc *esc, uint16_t index, uint8_t sub, bool complete,
+                      const uint8_t *data, uint32_t size_bytes) {
+    if (!objects_has(&esc->objects, index)) {
+        return ABORT_NO_OBJECT;
+    }
+    uint32_t at = 0;
+    for (uint32_t s = sub; s <= (complete ? 255u : sub) && (at < size_bytes || s == sub); s++) {
+        const struct object *o = objects_find(&esc->objects, index, (uint8_t)s);
+        if (o == NULL) {
+            return s == sub || !complete ? ABORT_NO_SUB : ABORT_LENGTH;
+        }
+        if (!o->writable) {
+            return ABORT_READ_ONLY;
+        }
+        if (size_bytes - at < o->size_bytes || (!complete && size_bytes != o->size_bytes)) {
+            return ABORT_LENGTH;
+        }
+        memcpy(objects_value(&esc->objects, o), data + at, o->size_bytes);
+        at += o->size_bytes + (complete && s == 0 ? 1 : 0);
+    }
+    return 0;
+}
+
+static void finish_download(struct esc *esc, uint16_t index, uint8_t sub, bool complete,
+                            const uint8_t *data, uint32_t size_bytes) {
+    const uint32_t code = store(esc, index, sub, complete, data, size_bytes);
+    if (code != 0) {
+        abort_sdo(esc, index, sub, code);
+        return;
+    }
+    (void)begin_sdo(esc, (uint8_t)(0x60 | (complete ? COMPLETE_ACCESS : 0)), index, sub, 0);
+}
+
+static void download(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
+    const uint8_t command = sdo[0];
+    const uint16_t index = esc_get16(sdo + 1);
+    const uint8_t sub = sdo[3];
+    const bool complete = (command & COMPLETE_ACCESS) != 0;
+    if ((command & 2) != 0) { /* expedited */
+        const uint32_t size = (command & 1) != 0 ? 4u - (command >> 2 & 3) : 4u;
+        finish_download(esc, index, sub, complete, sdo + 4, size);
+        return;
+    }
+    struct transfer *t = &esc->transfer;
+    const uint32_t size = esc_get32(sdo + 4);
+    const uint32_t given = sdo_bytes - SDO_BYTES;
+    if (size > sizeof t->data) {
+        abort_sdo(esc, index, sub, ABORT_MEMORY);
+        return;
+    }
+    const uint32_t now = given < size ? given : size;
+    memcpy(t->data, sdo + SDO_BYTES, now);
+    if (now == size) {
+        finish_download(esc, index, sub, complete, t->data, size);
+        return;
+    }
+    *t = (struct transfer){.active = true,
+                           .complete = complete,
+                           .index = index,
+                           .sub = sub,
+                           .size_bytes = size,
+                           .done = now};
+    memcpy(t->data, sdo + SDO_BYTES, now);
+    (void)begin_sdo(esc, (uint8_t)(0x60 | (complete ? COMPLETE_ACCESS : 0)), index, sub, 0);
+}
+
+static void download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
+    struct transfer *t = &esc->transfer;
+    const uint8_t command = sdo[0];
+    if (!t->active || t->upload) {
+        abort_sdo(esc, t->index, t->sub, ABORT_COMMAND);
+        return;
+    }
+    if (((command & 0x10) != 0) != t->toggle) {
+        abort_sdo(esc, t->index, t->sub, ABORT_TOGGLE);
+        return;
+    }
+    uint32_t given = sdo_bytes - 1;
+    if (given == 7) {
+        given -= command >> 1 & 7; /* only a segment of 7 bytes says how many are unused */
+    }
+    if (given > t->size_bytes - t->done) {
+        abort_sdo(esc, t->index, t->sub, ABORT_LENGTH);
+        return;
+    }
+    memcpy(t->data + t->done, sdo + 1, given);
+    t->done += given;
+    t->toggle = !t->toggle;
+    if ((command & 1) != 0) {
+        t->active = false;
+        const uint32_t code = t->done == t->size_bytes ? store(esc, t->index, t->sub, t->complete,
+                                                               t->data, t->size_bytes)
+                                                       : ABORT_LENGTH;
+        if (code != 0) {
+            abort_sdo(esc, t->index, t->sub, code);
+            return;
+        }
+    }
+    uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + SDO_BYTES);
+    esc_put16(body, SERVICE_RESPONSE << 12);
+    body[2] = (uint8_t)(0x20 | (command & 0x10));
+}
+
+static void take_sdo(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
+    switch (sdo[0] >> 5) {
+    case 0:
+        download_segment(esc, sdo, sdo_bytes);
+        return;
+    case 1:
+        esc->transfer = (struct transfer){0};
+        download(esc, sdo, sdo_bytes);
+        return;
+    case 2:
+        esc->transfer = (struct transfer){0};
+        upload(esc, sdo[0], esc_get16(sdo + 1), sdo[3]);
+        return;
+    case 3:
+        upload_segment(esc, sdo[0]);
+        return;
+    case 4:
+        esc->transfer = (struct transfer){0}; /* the MainDevice gave up: no answer */
+        return;
+    default:
+        abort_sdo(esc, esc_get16(sdo + 1), sdo[3], ABORT_COMMAND);
+    }
+}
+
+static void refuse(struct esc *esc, uint16_t detail) {
+    uint8_t *body = begin(esc, TYPE_ERROR, 4);
+    esc_put16(body, 1);
+    esc_put16(body + 2, detail);
+}
+
+static void refuse_information(struct esc *esc) {
+    uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + 8);
+    esc_put16(body, SERVICE_INFORMATION << 12);
+    body[2] = 7; /* SDO information error */
+    esc_put32(body + 6, ABORT_COMMAND);
+}
+
+void esc_mailbox_in(struct esc *esc) {
+    const uint16_t start = esc_get16(sm(esc, 0));
+    const uint32_t length = esc_get16(sm(esc, 0) + 2);
+    uint8_t message[ESC_MAILBOX_BYTES + SDO_BYTES] = {0};
+    const uint32_t taken = length < ESC_MAILBOX_BYTES ? length : ESC_MAILBOX_BYTES;
+    if ((uint32_t)start + taken > ESC_MEMORY_BYTES || esc_state(esc) == AL_INIT) {
+        return;
+    }
+    memcpy(message, esc->memory + start, taken);
+    sm(esc, 0)[5] &= (uint8_t)~SM_FULL; /* the device has taken it */
+    const uint32_t body = esc_get16(message);
+    const uint8_t type = message[5] & 0x0F;
+    const uint8_t service = message[HEADER_BYTES + 1] >> 4;
+    if (body + HEADER_BYTES > taken || body < COE_BYTES) {
+        refuse(esc, 0x0005); /* the header says more than the mailbox holds */
+    } else if (type != TYPE_COE) {
+        refuse(esc, 0x0002); /* protocol not supported */
+    } else if (service == SERVICE_REQUEST && body >= COE_BYTES + SDO_BYTES) {
+        take_sdo(esc, message + HEADER_BYTES + COE_BYTES, body - COE_BYTES);
+    } else if (service == SERVICE_INFORMATION) {
+        refuse_information(esc);
+    } else {
+        refuse(esc, 0x0004); /* service not supported */
+    }
+    esc_mailbox_out(esc);
+}
+
+void esc_mailbox_out(struct esc *esc) {
+    uint8_t *registers = sm(esc, 1);
+    const uint16_t start = esc_get16(registers);
+    const uint32_t length = esc_get16(registers + 2);
+    if (esc->answer_bytes == 0 || (registers[5] & SM_FULL) != 0 || (registers[6] & 1) == 0 ||
+        (uint32_t)start + length > ESC_MEMORY_BYTES || esc->answer_bytes > length) {
+        return;
+    }
+    memset(esc->memory + start, 0, length);
+    memcpy(esc->memory + start, esc->answer, esc->answer_bytes);
+    esc->answer_bytes = 0;
+    registers[5] |= SM_FULL;
+}

@@ -1,0 +1,54 @@
+/** Object dictionary of an emulated SubDevice: what CoE reads and writes. */
+#ifndef FSN_SEGMENT_OBJECTS_H
+#define FSN_SEGMENT_OBJECTS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/** One value; numbers are stored low byte first. */
+struct object {
+    uint16_t index;
+    uint8_t sub;
+    bool writable;
+    uint32_t size_bytes;
+    uint32_t at; /**< of its first byte in the values */
+};
+
+struct objects {
+    struct object *rows; /**< in the order added; subs of an index follow each other */
+    uint32_t count, room;
+    uint8_t *values;  /**< now */
+    uint8_t *initial; /**< at power-on */
+    uint32_t value_bytes, value_room;
+};
+
+/** Adds a value; false when out of memory. */
+bool objects_add(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
+                 const void *value, uint32_t size_bytes);
+
+/** Adds a number of 1, 2 or 4 bytes. */
+bool objects_add_number(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
+                        uint32_t value, uint32_t size_bytes);
+
+/** Returns an object, or NULL. */
+const struct object *objects_find(const struct objects *objects, uint16_t index, uint8_t sub);
+
+/** Whether any object has this index. */
+bool objects_has(const struct objects *objects, uint16_t index);
+
+uint8_t *objects_value(const struct objects *objects, const struct object *object);
+
+/** A number of up to 4 bytes; 0 when there is none. */
+uint32_t objects_number(const struct objects *objects, uint16_t index, uint8_t sub);
+
+/** Puts all values back to what they are at power-on. */
+void objects_reset(struct objects *objects);
+
+void objects_free(struct objects *objects);
+
+/** Bits of process data that an assignment object (0x1C12 …) adds up to, by the mapping objects it
+ *  names. */
+uint32_t objects_assigned_bits(const struct objects *objects, uint16_t assignment);
+
+#endif

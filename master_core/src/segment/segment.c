@@ -1,0 +1,359 @@
+/** SubDevices in a row: frames pass through all of them and come back. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "segment_internal.h"
+
+enum {
+    MAC_BYTES = 12,
+    FRAME_HEAD = 16, /**< Ethernet and EtherCAT header */
+    DATAGRAM_HEAD = 10,
+    MAX_POSITIONS = 4096,
+    FORWARD_NS = 300, /**< through one controller */
+    REG_DC_LATCH = 0x0900,
+    CMD_BWR = 8,
+};
+
+/* -- building ------------------------------------------------------------------------------- */
+
+/** Ring positions: a SubDevice without alias has a position of its own; one with an alias stands
+ *  as many places behind the SubDevice that carries it, and that one takes the next free place. */
+static uint32_t place_subdevices(struct fsn_segment *s) {
+    const uint32_t subdevices = fsn_plan_subdevice_count(s->plan);
+    uint8_t taken[MAX_POSITIONS] = {0};
+    uint32_t count = 0;
+    for (unsigned with_alias = 0; with_alias < 2; with_alias++) {
+        for (uint32_t i = 0; i < subdevices; i++) {
+            struct fsn_subdevice_info info;
+            if (fsn_plan_subdevice(s->plan, i, &info) != FSN_OK ||
+                (info.alias != 0) != (with_alias != 0)) {
+                continue;
+            }
+            uint32_t at = with_alias ? 0 : info.position;
+            while (at < MAX_POSITIONS && taken[at] != 0) {
+                at++;
+            }
+            if (at >= MAX_POSITIONS) {
+                continue;
+            }
+            taken[at] = 1;
+            s->positions[i] = at;
+            count = at + 1 > count ? at + 1 : count;
+        }
+    }
+    return count;
+}
+
+static bool allocate(struct fsn_segment *s) {
+    const uint32_t subdevices = fsn_plan_subdevice_count(s->plan);
+    const uint32_t sms = fsn_plan_sm_count(s->plan);
+    s->positions = malloc((subdevices + 1) * sizeof *s->positions);
+    s->places = malloc((sms + 1) * sizeof *s->places);
+    if (s->positions == NULL || s->places == NULL) {
+        return false;
+    }
+    memset(s->positions, 0xFF, (subdevices + 1) * sizeof *s->positions);
+    s->count = place_subdevices(s);
+    s->escs = calloc((size_t)s->count + 1, sizeof *s->escs);
+    s->present = calloc((size_t)s->count + 1, sizeof *s->present);
+    s->siis = calloc((size_t)s->count + 1, sizeof *s->siis);
+    size_t total = 1;
+    for (uint32_t sm = 0; sm < sms; sm++) {
+        total += fsn_sm_bytes(s->plan, sm);
+    }
+    s->storage = calloc(total, 1);
+    return s->escs != NULL && s->present != NULL && s->siis != NULL && s->storage != NULL;
+}
+
+static void give_buffers(struct fsn_segment *s) {
+    uint8_t *next = s->storage;
+    for (uint32_t sm = 0; sm < fsn_plan_sm_count(s->plan); sm++) {
+        const uint8_t *r = fsn_record(s->plan, FSN_SEC_SM, sm);
+        const uint32_t position = s->positions[fsn_get32(r)];
+        const uint32_t size = fsn_sm_bytes(s->plan, sm);
+        s->places[sm] = (struct place){.position = FSN_NONE};
+        if (position == FSN_NONE || r[4] >= ESC_SMS || size == 0) {
+            continue;
+        }
+        s->places[sm] = (struct place){.position = position, .sm = r[4]};
+        s->escs[position].buffers[r[4]].device = next;
+        s->escs[position].buffers[r[4]].size_bytes = size;
+        next += size;
+    }
+}
+
+fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segment) {
+    if (plan == NULL || segment == NULL) {
+        return FSN_E_ARG;
+    }
+    *segment = NULL;
+    struct fsn_segment *s = calloc(1, sizeof *s);
+    if (s == NULL) {
+        return FSN_E_NOMEM;
+    }
+    s->socket = -1;
+    s->plan = plan;
+    atomic_fetch_add(&plan->holders, 1);
+    pthread_mutex_init(&s->lock, NULL);
+    bool ok = allocate(s);
+    if (ok) {
+        give_buffers(s);
+        for (uint32_t i = 0; i < fsn_plan_subdevice_count(plan); i++) {
+            ok = ok && (s->positions[i] == FSN_NONE || segment_describe(s, i, s->positions[i]));
+        }
+    }
+    for (uint32_t p = 0; ok && p < s->count; p++) {
+        if (s->siis[p] == NULL) {
+            ok = segment_describe(s, FSN_NONE, p);
+        }
+        s->present[p] = true;
+        s->escs[p].clock_offset_ns = 1000003u * (uint64_t)p; /* their clocks do not agree */
+        esc_power_on(&s->escs[p]);
+    }
+    if (!ok) {
+        fsn_segment_free(s);
+        return FSN_E_NOMEM;
+    }
+    *segment = s;
+    return FSN_OK;
+}
+
+void fsn_segment_free(struct fsn_segment *s) {
+    if (s == NULL) {
+        return;
+    }
+    fsn_segment_unlink(s);
+    for (uint32_t p = 0; p < s->count; p++) {
+        if (s->escs != NULL) {
+            objects_free(&s->escs[p].objects);
+        }
+        if (s->siis != NULL) {
+            free(s->siis[p]);
+        }
+    }
+    free(s->escs);
+    free(s->present);
+    free(s->siis);
+    free(s->positions);
+    free(s->places);
+    free(s->storage);
+    pthread_mutex_destroy(&s->lock);
+    fsn_plan_free(s->plan);
+    free(s);
+}
+
+/* -- frames --------------------------------------------------------------------------------- */
+
+static uint32_t reachable(const struct fsn_segment *s) {
+    uint32_t n = 0;
+    while (n < s->count && s->present[n]) {
+        n++;
+    }
+    return n;
+}
+
+/** Ports 0 and, when something is plugged in behind, 1. */
+static void show_ports(struct fsn_segment *s, uint32_t reached) {
+    for (uint32_t p = 0; p < reached; p++) {
+        esc_put16(s->escs[p].memory + REG_DL_STATUS, p + 1 < reached ? 0x5A31 : 0x5611);
+    }
+}
+
+static void latch(struct fsn_segment *s, uint32_t reached, uint64_t now_ns) {
+    for (uint32_t p = 0; p < reached; p++) {
+        const uint64_t arrival = now_ns + (uint64_t)FORWARD_NS * p;
+        const uint64_t back = now_ns + (uint64_t)FORWARD_NS * (2 * reached - p);
+        esc_latch_times(&s->escs[p], arrival, back);
+    }
+}
+
+static bool pass_datagram(struct fsn_segment *s, uint32_t reached, uint8_t *at, size_t len,
+                          uint64_t now_ns, bool *more, size_t *used) {
+    if (len < DATAGRAM_HEAD + 2) {
+        return false;
+    }
+    const uint16_t flags = esc_get16(at + 6);
+    const uint16_t size = flags & 0x07FF;
+    *more = (flags & 0x8000) != 0;
+    *used = (size_t)DATAGRAM_HEAD + size + 2;
+    if (*used > len || size > 1500) {
+        return false;
+    }
+    struct datagram d = {
+        .command = at[0],
+        .position = esc_get16(at + 2),
+        .offset = esc_get16(at + 4),
+        .data = at + DATAGRAM_HEAD,
+        .size_bytes = size,
+        .counter = esc_get16(at + DATAGRAM_HEAD + size),
+    };
+    const bool latches = d.offset <= REG_DC_LATCH && d.offset + size > REG_DC_LATCH &&
+                         (d.command == CMD_BWR || d.command == 2 || d.command == 5);
+    for (uint32_t p = 0; p < reached; p++) {
+        s->escs[p].now_ns = now_ns + (uint64_t)FORWARD_NS * p;
+        esc_pass(&s->escs[p], &d);
+    }
+    if (latches) {
+        latch(s, reached, now_ns);
+    }
+    if (d.command != 10 && d.command != 11 && d.command != 12) {
+        esc_put16(at + 2, d.position);
+    }
+    esc_put16(at + DATAGRAM_HEAD + size, d.counter);
+    s->counts.datagrams++;
+    return true;
+}
+
+static size_t pass_frame(struct fsn_segment *s, uint8_t *frame, size_t len, uint64_t now_ns) {
+    const uint32_t reached = reachable(s);
+    const bool ethercat = len >= FRAME_HEAD && frame[MAC_BYTES] == 0x88 &&
+                          frame[MAC_BYTES + 1] == 0xA4 &&
+                          esc_get16(frame + MAC_BYTES + 2) >> 12 == 1;
+    if (!ethercat) {
+        s->counts.foreign++;
+        return 0;
+    }
+    if (s->lose > 0) {
+        s->lose--;
+        s->counts.lost++;
+        return 0;
+    }
+    if (reached == 0) {
+        return 0;
+    }
+    show_ports(s, reached);
+    size_t left = esc_get16(frame + MAC_BYTES + 2) & 0x07FF;
+    if (left > len - FRAME_HEAD) {
+        s->counts.foreign++;
+        return 0;
+    }
+    uint8_t *at = frame + FRAME_HEAD;
+    bool more = true;
+    while (more) {
+        size_t used;
+        if (!pass_datagram(s, reached, at, left, now_ns, &more, &used)) {
+            s->counts.foreign++;
+            return 0;
+        }
+        at += used;
+        left -= used;
+    }
+    for (uint32_t p = 0; p < reached; p++) {
+        esc_idle(&s->escs[p], now_ns);
+    }
+    frame[6] |= 2; /* the first controller marks the source address */
+    s->counts.frames++;
+    return len;
+}
+
+size_t fsn_segment_frame(struct fsn_segment *s, uint8_t *frame, size_t len_bytes, uint64_t now_ns) {
+    pthread_mutex_lock(&s->lock);
+    s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
+    const size_t answer = pass_frame(s, frame, len_bytes, s->last_ns);
+    pthread_mutex_unlock(&s->lock);
+    return answer;
+}
+
+void fsn_segment_idle(struct fsn_segment *s, uint64_t now_ns) {
+    pthread_mutex_lock(&s->lock);
+    s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
+    for (uint32_t p = 0; p < s->count; p++) {
+        if (s->present[p]) {
+            esc_idle(&s->escs[p], s->last_ns);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+}
+
+/* -- the side of the devices ---------------------------------------------------------------- */
+
+uint32_t fsn_segment_size(const struct fsn_segment *s) {
+    return s->count;
+}
+
+uint32_t fsn_segment_position(const struct fsn_segment *s, uint32_t subdevice) {
+    return subdevice < fsn_plan_subdevice_count(s->plan) ? s->positions[subdevice] : FSN_NONE;
+}
+
+static struct esc_buffer *buffer_of(struct fsn_segment *s, uint32_t sm, uint8_t direction,
+                                    size_t len_bytes) {
+    if (sm >= fsn_plan_sm_count(s->plan) || s->places[sm].position == FSN_NONE ||
+        fsn_sm_direction(s->plan, sm) != direction) {
+        return NULL;
+    }
+    struct esc_buffer *b = &s->escs[s->places[sm].position].buffers[s->places[sm].sm];
+    return b->size_bytes == len_bytes ? b : NULL;
+}
+
+fsn_status fsn_segment_read_outputs(struct fsn_segment *s, uint32_t sm, uint8_t *buffer,
+                                    size_t len_bytes, bool *fresh) {
+    pthread_mutex_lock(&s->lock);
+    struct esc_buffer *b = buffer_of(s, sm, FSN_OUTPUT, len_bytes);
+    if (b != NULL) {
+        memcpy(buffer, b->device, len_bytes);
+        if (fresh != NULL) {
+            *fresh = b->fresh;
+        }
+        b->fresh = false;
+    }
+    pthread_mutex_unlock(&s->lock);
+    return b != NULL ? FSN_OK : FSN_E_ARG;
+}
+
+fsn_status fsn_segment_write_inputs(struct fsn_segment *s, uint32_t sm, const uint8_t *buffer,
+                                    size_t len_bytes) {
+    pthread_mutex_lock(&s->lock);
+    struct esc_buffer *b = buffer_of(s, sm, FSN_INPUT, len_bytes);
+    if (b != NULL) {
+        memcpy(b->device, buffer, len_bytes);
+        b->fresh = true;
+    }
+    pthread_mutex_unlock(&s->lock);
+    return b != NULL ? FSN_OK : FSN_E_ARG;
+}
+
+uint8_t fsn_segment_al_status(struct fsn_segment *s, uint32_t position, uint16_t *code) {
+    pthread_mutex_lock(&s->lock);
+    uint8_t status = 0;
+    if (position < s->count && s->present[position]) {
+        status = s->escs[position].memory[REG_AL_STATUS];
+        if (code != NULL) {
+            *code = esc_get16(s->escs[position].memory + REG_AL_CODE);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return status;
+}
+
+void fsn_segment_set_present(struct fsn_segment *s, uint32_t position, bool present) {
+    pthread_mutex_lock(&s->lock);
+    if (position < s->count && s->present[position] != present) {
+        s->present[position] = present;
+        if (present) {
+            esc_power_on(&s->escs[position]);
+        } else if (position > 0) {
+            s->escs[position - 1].memory[REG_LOST_LINK + 1]++;
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+}
+
+void fsn_segment_power_cycle(struct fsn_segment *s, uint32_t position) {
+    pthread_mutex_lock(&s->lock);
+    if (position < s->count) {
+        esc_power_on(&s->escs[position]);
+    }
+    pthread_mutex_unlock(&s->lock);
+}
+
+void fsn_segment_lose(struct fsn_segment *s, uint32_t frames) {
+    pthread_mutex_lock(&s->lock);
+    s->lose = frames;
+    pthread_mutex_unlock(&s->lock);
+}
+
+void fsn_segment_counts(struct fsn_segment *s, struct fsn_segment_counts *counts) {
+    pthread_mutex_lock(&s->lock);
+    *counts = s->counts;
+    pthread_mutex_unlock(&s->lock);
+}

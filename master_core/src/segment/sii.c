@@ -1,0 +1,36 @@
+/** The SII interface: commands at 0x0502 read and write the EEPROM of an emulated SubDevice. */
+#include "esc.h"
+
+#include <string.h>
+
+enum {
+    COMMAND_MASK = 0x07,
+    COMMAND_READ = 1,
+    COMMAND_WRITE = 2,
+    COMMAND_RELOAD = 4,
+    ERROR_COMMAND = 0x20,
+    ERROR_MASK = 0x78
+};
+
+/** One byte of the EEPROM; behind its end it reads as erased, which ends the categories. */
+static uint8_t sii_byte(const struct esc *esc, uint64_t at) {
+    return at < esc->sii_bytes ? esc->sii[at] : 0xFF;
+}
+
+void esc_sii_command(struct esc *esc) {
+    uint8_t *control = esc->memory + REG_SII_CONTROL;
+    const uint8_t command = control[1] & COMMAND_MASK;
+    /* Commands are done at once and clear themselves: MainDevices wait until these bits are 0. */
+    control[1] &= (uint8_t)~(COMMAND_MASK | ERROR_MASK | 0x80);
+    control[0] |= 0x40; /* 8 bytes per read */
+    if (command == COMMAND_READ) {
+        const uint64_t word = esc_get32(esc->memory + REG_SII_ADDRESS);
+        for (unsigned i = 0; i < 8; i++) {
+            esc->memory[REG_SII_DATA + i] = sii_byte(esc, 2 * word + i);
+        }
+    } else if (command == COMMAND_RELOAD) {
+        memcpy(esc->memory + REG_ALIAS, esc->sii + 8, esc->sii_bytes >= 10 ? 2 : 0);
+    } else if (command != 0) {
+        control[1] |= ERROR_COMMAND; /* its EEPROM is made from the network file: not written */
+    }
+}

@@ -1,0 +1,328 @@
+/** The emulated segment in memory: working counters, states, mailboxes, process data, hot plug.
+ *  Real MainDevices on it are tests/segment/test_peers.py. */
+#include <string.h>
+
+#include "builder.h"
+#include "fsn/segment.h"
+
+enum { APRD = 1, APWR, APRW, FPRD, FPWR, FPRW, BRD, BWR, BRW, LRD, LWR, LRW, ARMW, FRMW };
+
+struct rig {
+    uint8_t *bytes;
+    struct fsn_plan *plan;
+    struct fsn_segment *segment;
+    uint64_t now_ns;
+    uint8_t data[256]; /**< of the last answer */
+};
+
+static struct rig set_up(void) {
+    struct rig rig = {0};
+    size_t len;
+    rig.bytes = build_estop(&len);
+    CHECK(fsn_plan_load(rig.bytes, len, &rig.plan, NULL) == FSN_OK);
+    CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+    return rig;
+}
+
+static void tear_down(struct rig *rig) {
+    fsn_plan_free(rig->plan); /* the segment holds it */
+    fsn_segment_free(rig->segment);
+    free(rig->bytes);
+}
+
+/** Sends one datagram; returns its working counter, or -1 without an answer. */
+static int datagram(struct rig *rig, uint8_t command, uint16_t adp, uint16_t ado, const void *data,
+                    uint16_t size) {
+    uint8_t frame[400] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 1, 1, 1, 1, 1, 1, 0x88, 0xA4};
+    const uint16_t length = (uint16_t)(12 + size);
+    frame[14] = (uint8_t)length;
+    frame[15] = (uint8_t)(0x10 | (length >> 8));
+    frame[16] = command;
+    frame[18] = (uint8_t)adp;
+    frame[19] = (uint8_t)(adp >> 8);
+    frame[20] = (uint8_t)ado;
+    frame[21] = (uint8_t)(ado >> 8);
+    frame[22] = (uint8_t)size;
+    frame[23] = (uint8_t)(size >> 8);
+    if (data != NULL) {
+        memcpy(frame + 26, data, size);
+    }
+    rig->now_ns += 1000000;
+    const size_t len = 16u + length;
+    if (fsn_segment_frame(rig->segment, frame, len, rig->now_ns) != len) {
+        return -1;
+    }
+    memcpy(rig->data, frame + 26, size);
+    return frame[26 + size] | (frame[27 + size] << 8);
+}
+
+static int write16(struct rig *rig, uint8_t command, uint16_t adp, uint16_t ado, uint16_t value) {
+    const uint8_t bytes[2] = {(uint8_t)value, (uint8_t)(value >> 8)};
+    return datagram(rig, command, adp, ado, bytes, 2);
+}
+
+static void set_stations(struct rig *rig) {
+    CHECK(write16(rig, APWR, 0, 0x0010, 1001) == 1);
+    CHECK(write16(rig, APWR, 0xFFFF, 0x0010, 1002) == 1);
+}
+
+static void set_sm(struct rig *rig, uint16_t station, uint16_t number, uint16_t start,
+                   uint16_t length, uint8_t control) {
+    const uint8_t sm[8] = {(uint8_t)start,
+                           (uint8_t)(start >> 8),
+                           (uint8_t)length,
+                           (uint8_t)(length >> 8),
+                           control,
+                           0,
+                           1,
+                           0};
+    CHECK(datagram(rig, FPWR, station, (uint16_t)(0x0800 + 8 * number), sm, 8) == 1);
+}
+
+static void set_fmmu(struct rig *rig, uint16_t station, uint16_t number, uint32_t logical,
+                     uint16_t length, uint16_t physical, uint8_t type) {
+    const uint8_t fmmu[16] = {(uint8_t)logical,
+                              (uint8_t)(logical >> 8),
+                              0,
+                              0,
+                              (uint8_t)length,
+                              0,
+                              0,
+                              7,
+                              (uint8_t)physical,
+                              (uint8_t)(physical >> 8),
+                              0,
+                              type,
+                              1};
+    CHECK(datagram(rig, FPWR, station, (uint16_t)(0x0600 + 16 * number), fmmu, 16) == 1);
+}
+
+static uint8_t al(struct rig *rig, uint32_t position) {
+    return fsn_segment_al_status(rig->segment, position, NULL);
+}
+
+static void working_counters(void) {
+    struct rig rig = set_up();
+    CHECK(fsn_segment_size(rig.segment) == 2);
+    CHECK(datagram(&rig, BRD, 0, 0x0000, NULL, 1) == 2);
+    CHECK(rig.data[0] == 0x11);
+    CHECK(datagram(&rig, APRD, 0, 0x0000, NULL, 1) == 1);
+    CHECK(datagram(&rig, APRD, 0xFFFE, 0x0000, NULL, 1) == 0); /* nobody is third */
+    CHECK(datagram(&rig, FPRD, 1001, 0x0000, NULL, 1) == 0);   /* no station address yet */
+    set_stations(&rig);
+    CHECK(datagram(&rig, FPRD, 1002, 0x0010, NULL, 2) == 1);
+    CHECK(rig.data[0] == (1002 & 0xFF));
+    CHECK(datagram(&rig, FPRD, 1001, 0x0A00, NULL, 2) == 0); /* a register that does not exist */
+    CHECK(write16(&rig, FPWR, 1001, 0x0000, 0xFFFF) == 0);   /* one that is read only */
+    CHECK(datagram(&rig, FRMW, 1001, 0x0910, NULL, 8) == 2);
+    CHECK(datagram(&rig, 0, 0, 0, NULL, 4) == 0);
+    tear_down(&rig);
+}
+
+static void hostile_frames_get_no_answer(void) {
+    struct rig rig = set_up();
+    for (size_t len = 0; len < 64; len++) {
+        uint8_t *frame = malloc(len + 1);
+        CHECK(frame != NULL);
+        memset(frame, 0xFF, len + 1);
+        if (len >= 16) {
+            frame[12] = 0x88;
+            frame[13] = 0xA4;
+            frame[15] = 0x17; /* says far more than there is */
+        }
+        CHECK(fsn_segment_frame(rig.segment, frame, len, 1) == 0);
+        free(frame);
+    }
+    tear_down(&rig);
+}
+
+static void states_in_order_only(void) {
+    struct rig rig = set_up();
+    set_stations(&rig);
+    uint16_t code;
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 8) == 1);
+    CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x11 && code == 0x0011);
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 2) == 1);
+    CHECK(al(&rig, 0) == 0x11); /* an error is acknowledged first */
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 0x11) == 1);
+    CHECK(al(&rig, 0) == 1);
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 3) == 1);
+    CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x11 && code == 0x0013);
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 0x17) == 1);
+    CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x11 && code == 0x0012);
+    tear_down(&rig);
+}
+
+/** Sync managers 0 and 1 are the mailbox, 2 and 3 carry process data. */
+static void to_preop(struct rig *rig, uint16_t station) {
+    set_sm(rig, station, 0, 0x1000, 128, 0x26);
+    set_sm(rig, station, 1, 0x1080, 128, 0x22);
+    CHECK(write16(rig, FPWR, station, 0x0120, 0x12) == 1);
+}
+
+static void to_op(struct rig *rig, uint16_t station, uint32_t logical, uint16_t outputs) {
+    to_preop(rig, station);
+    set_sm(rig, station, 2, 0x1100, outputs, 0x64);
+    set_sm(rig, station, 3, 0x1140, 8, 0x20);
+    set_fmmu(rig, station, 0, logical, outputs, 0x1100, 2);
+    set_fmmu(rig, station, 1, logical + outputs, 8, 0x1140, 1);
+    CHECK(write16(rig, FPWR, station, 0x0120, 4) == 1);
+    CHECK(write16(rig, FPWR, station, 0x0120, 8) == 1);
+}
+
+static void process_data_goes_both_ways(void) {
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_op(&rig, 1001, 0, 9);
+    to_op(&rig, 1002, 17, 8);
+    CHECK(al(&rig, 0) == 8 && al(&rig, 1) == 8);
+    uint8_t image[33];
+    for (uint8_t i = 0; i < sizeof image; i++) {
+        image[i] = i;
+    }
+    const uint8_t inputs[8] = {0xA0, 0xA1, 0xA2, 0xA3, 0xA4, 0xA5, 0xA6, 0xA7};
+    CHECK(fsn_segment_write_inputs(rig.segment, 3, inputs, 8) == FSN_OK);
+    CHECK(datagram(&rig, LRW, 0, 0, image, sizeof image) == 6);
+    CHECK(memcmp(rig.data + 25, inputs, 8) == 0); /* of the second SubDevice */
+    CHECK(rig.data[9] == 0);                      /* the first one has published nothing */
+    CHECK(memcmp(rig.data, image, 9) == 0);       /* outputs come back as sent */
+    uint8_t outputs[9];
+    bool fresh = false;
+    CHECK(fsn_segment_read_outputs(rig.segment, 2, outputs, 8, &fresh) == FSN_OK);
+    CHECK(fresh && memcmp(outputs, image + 17, 8) == 0);
+    CHECK(fsn_segment_read_outputs(rig.segment, 2, outputs, 8, &fresh) == FSN_OK && !fresh);
+    CHECK(datagram(&rig, LRD, 0, 0, image, sizeof image) == 2);
+    CHECK(datagram(&rig, LWR, 0, 0, image, sizeof image) == 2);
+    CHECK(datagram(&rig, LRW, 5000, 0, image, 4) == 0);
+    CHECK(fsn_segment_read_outputs(rig.segment, 3, outputs, 8, NULL) == FSN_E_ARG);
+    CHECK(fsn_segment_write_inputs(rig.segment, 2, inputs, 8) == FSN_E_ARG);
+    CHECK(fsn_segment_write_inputs(rig.segment, 3, inputs, 7) == FSN_E_ARG);
+    tear_down(&rig);
+}
+
+static void wrong_lengths_are_refused(void) {
+    struct rig rig = set_up();
+    set_stations(&rig);
+    uint16_t code;
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 2) == 1);
+    CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x11 && code == 0x0016);
+    to_preop(&rig, 1001);
+    CHECK(al(&rig, 0) == 2);
+    set_sm(&rig, 1001, 2, 0x1100, 8, 0x64); /* it needs 9 */
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 4) == 1);
+    CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x12 && code == 0x001D);
+    set_sm(&rig, 1001, 2, 0x1100, 9, 0x64);
+    set_sm(&rig, 1001, 3, 0x1140, 9, 0x20);
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 0x14) == 1);
+    CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x12 && code == 0x001E);
+    tear_down(&rig);
+}
+
+/** Sends an SDO request and reads the answer into rig->data; returns its length. */
+static unsigned sdo(struct rig *rig, const uint8_t *request, uint16_t size) {
+    uint8_t mailbox[128] = {0};
+    mailbox[0] = (uint8_t)(2 + size);
+    mailbox[5] = 0x13; /* CoE, counter 1 */
+    mailbox[7] = 0x20; /* SDO request */
+    memcpy(mailbox + 8, request, size);
+    CHECK(datagram(rig, FPRD, 1001, 0x1080, NULL, 128) == 0); /* nothing to read yet */
+    CHECK(datagram(rig, FPWR, 1001, 0x1000, mailbox, 128) == 1);
+    CHECK(datagram(rig, FPRD, 1001, 0x080D, NULL, 1) == 1 && (rig->data[0] & 8) != 0);
+    CHECK(datagram(rig, FPRD, 1001, 0x1080, NULL, 128) == 1);
+    CHECK(rig->data[5] % 16 == 3 || rig->data[5] % 16 == 0);
+    return rig->data[0];
+}
+
+static void mailbox_speaks_coe(void) {
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_preop(&rig, 1001);
+    const uint8_t vendor[8] = {0x40, 0x18, 0x10, 1};
+    CHECK(sdo(&rig, vendor, 8) == 10);
+    CHECK(rig.data[7] == 0x30 && rig.data[8] == 0x43); /* response, 4 bytes expedited */
+    const uint8_t absent[8] = {0x40, 0x34, 0x12, 0};
+    CHECK(sdo(&rig, absent, 8) == 10);
+    CHECK(rig.data[8] == 0x80 && rig.data[14] == 0x02 && rig.data[15] == 0x06);
+    const uint8_t read_only[8] = {0x23, 0x18, 0x10, 1, 1, 2, 3, 4};
+    CHECK(sdo(&rig, read_only, 8) == 10);
+    CHECK(rig.data[8] == 0x80 && rig.data[12] == 0x02 && rig.data[14] == 0x01);
+    const uint8_t no_sub[8] = {0x40, 0x18, 0x10, 9};
+    CHECK(sdo(&rig, no_sub, 8) == 10);
+    CHECK(rig.data[8] == 0x80 && rig.data[12] == 0x11 && rig.data[14] == 0x09);
+    /* The mailbox is full of a protocol it does not speak. */
+    uint8_t foreign[128] = {4, 0, 0, 0, 0, 0x14};
+    CHECK(datagram(&rig, FPWR, 1001, 0x1000, foreign, 128) == 1);
+    CHECK(datagram(&rig, FPRD, 1001, 0x1080, NULL, 128) == 1 && rig.data[5] % 16 == 0);
+    /* And of nothing but length. */
+    memset(foreign, 0xFF, sizeof foreign);
+    CHECK(datagram(&rig, FPWR, 1001, 0x1000, foreign, 128) == 1);
+    CHECK(datagram(&rig, FPRD, 1001, 0x1080, NULL, 128) == 1 && rig.data[5] % 16 == 0);
+    tear_down(&rig);
+}
+
+static void watchdog_takes_it_out_of_op(void) {
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_op(&rig, 1001, 0, 9);
+    uint16_t code;
+    CHECK(datagram(&rig, LWR, 0, 0, "123456789", 9) == 1);
+    fsn_segment_idle(rig.segment, rig.now_ns + 99000000);
+    CHECK(al(&rig, 0) == 8);
+    fsn_segment_idle(rig.segment, rig.now_ns + 101000000);
+    CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x14 && code == 0x001B);
+    tear_down(&rig);
+}
+
+static void unplugging_cuts_all_behind(void) {
+    struct rig rig = set_up();
+    set_stations(&rig);
+    fsn_segment_set_present(rig.segment, 1, false);
+    CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 1);
+    CHECK(datagram(&rig, FPRD, 1001, 0x0311, NULL, 1) == 1 && rig.data[0] == 1); /* lost link */
+    fsn_segment_set_present(rig.segment, 1, true);
+    CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 2);
+    CHECK(datagram(&rig, FPRD, 1002, 0, NULL, 1) == 0); /* it has forgotten its address */
+    fsn_segment_set_present(rig.segment, 0, false);
+    CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == -1);
+    fsn_segment_set_present(rig.segment, 0, true);
+    fsn_segment_lose(rig.segment, 2);
+    CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == -1);
+    CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == -1);
+    CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 2);
+    tear_down(&rig);
+}
+
+static void eeprom_is_read(void) {
+    struct rig rig = set_up();
+    const uint8_t read_identity[6] = {0, 1, 8, 0, 0, 0};
+    CHECK(datagram(&rig, APWR, 0, 0x0502, read_identity, 6) == 1);
+    CHECK(datagram(&rig, APRD, 0, 0x0502, NULL, 14) == 1);
+    CHECK((rig.data[1] & 0x87) == 0); /* done, command bits cleared */
+    const uint8_t read_behind[6] = {0, 1, 0xFF, 0xFF, 0, 0};
+    CHECK(datagram(&rig, APWR, 0, 0x0502, read_behind, 6) == 1);
+    CHECK(datagram(&rig, APRD, 0, 0x0508, NULL, 4) == 1 && rig.data[0] == 0xFF);
+    tear_down(&rig);
+}
+
+static void no_real_interface_is_taken(void) {
+    struct rig rig = set_up();
+    CHECK(fsn_segment_link(rig.segment, "no-such-if", NULL) == FSN_E_ARG);
+    const fsn_status lo = fsn_segment_link(rig.segment, "lo", NULL);
+    CHECK(lo == FSN_E_ARG || lo == FSN_E_SYS); /* SYS where raw sockets are not allowed */
+    fsn_segment_unlink(rig.segment);
+    tear_down(&rig);
+}
+
+int main(void) {
+    working_counters();
+    hostile_frames_get_no_answer();
+    states_in_order_only();
+    process_data_goes_both_ways();
+    wrong_lengths_are_refused();
+    mailbox_speaks_coe();
+    watchdog_takes_it_out_of_op();
+    unplugging_cuts_all_behind();
+    eeprom_is_read();
+    no_real_interface_is_taken();
+    return 0;
+}
