@@ -19,6 +19,7 @@ _COMMANDS = {
     "plan": "Compile a network to a copy plan, or show a plan.",
     "run": "Run a network on the emulated bus.",
     "campaign": "Put faults into the connections of a network.",
+    "emulate": "Serve a network as emulated EtherCAT SubDevices.",
     "report": "Write a report page for a network.",
     "replay": "Hold recorded FSoE runs against this engine.",
     "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",

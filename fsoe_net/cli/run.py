@@ -34,7 +34,7 @@ from fsoe_net.run import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["command", "prepare"]
+__all__ = ["command", "prepare", "scenario_of"]
 
 _EPILOG = """\b
 Examples:
@@ -130,7 +130,7 @@ def prepare(
         raise InputError("nothing to run: these files hold no FSoE connection of a whole network")
     fresh = compile_plan(resolution).to_bytes()
     data = fresh if plan_file is None else _plan_of(plan_file, fresh)
-    scenario = _scenario(scenario_file) if scenario_file is not None else None
+    scenario = scenario_of(scenario_file) if scenario_file is not None else None
     ids = counted_session_ids() if virtual else random_session_ids()
     session = Session(resolution, data, scenario, session_ids=ids)
     found = session.scenario_findings()
@@ -156,7 +156,12 @@ def _plan_of(plan_file: str, fresh: bytes) -> bytes:
     return data
 
 
-def _scenario(path: str) -> Scenario:
+def scenario_of(path: str) -> Scenario:
+    """Load a scenario.
+
+    Raises:
+        InputError: It has mistakes.
+    """
     scenario, found = load_scenario(path)
     bad = [d for d in found if d.level is not Severity.INFO]
     if scenario is None or bad:

@@ -1,0 +1,94 @@
+"""``fsoe-net emulate``: the devices of a network on an emulated EtherCAT segment."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+
+import click
+
+from fsoe_net import __version__
+from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.output import summary
+from fsoe_net.cli.run import scenario_of
+from fsoe_net.errors import InputError
+from fsoe_net.plan import compile_plan
+from fsoe_net.run import EmulateResult, SegmentSession, random_session_ids, serve, state_text
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  ip link add veth0 type veth peer name veth1; ip link set veth0 up; ip link set veth1 up
+  fsoe-net emulate network.yaml --interface veth1
+  fsoe-net emulate network.yaml --interface veth1 --scenario scenario.yaml --duration 20
+
+Then let any EtherCAT MainDevice work on the other end, veth0. Only veth and tap interfaces are
+taken: an emulated e-stop must never meet a real machine."""
+
+
+@click.command("emulate", epilog=_EPILOG)
+@input_options
+@click.option("--interface", required=True, help="veth or tap interface to answer on.")
+@click.option("--scenario", "scenario_file", type=click.Path(), help="Steps and expectations.")
+@click.option(
+    "--duration", type=click.FloatRange(min=0.001), help="Seconds; default: until interrupted."
+)
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    interface: str,
+    scenario_file: str | None,
+    duration: float | None,
+    fmt: str,
+) -> None:
+    """Serve a network as emulated EtherCAT SubDevices, its FSoE devices alive.
+
+    FILES as for `check`. EMULATION: nothing here is safe, certified or a real device.
+    """
+    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    resolution = whole_network(checked, "nothing started")
+    scenario = scenario_of(scenario_file) if scenario_file is not None else None
+    plan = compile_plan(resolution).to_bytes()
+    session = SegmentSession(resolution, plan, scenario, session_ids=random_session_ids())
+    found = session.scenario_findings()
+    if found:
+        raise InputError(f"the scenario does not fit this network: {summary(found)}", found)
+    if duration is None and scenario is not None and scenario.duration_ns:
+        duration = scenario.duration_ns / 1e9
+    click.echo(
+        f"EMULATION of {session.segment.size} SubDevices on {interface}; Ctrl-C ends it", err=True
+    )
+    result = serve(session, interface, None if duration is None else round(duration * 1e9))
+    if fmt == "json":
+        document = {"tool": "fsoe-net", "version": __version__} | asdict(result)
+        click.echo(json.dumps(document, indent=2, ensure_ascii=False))
+    else:
+        _print(result)
+    ctx.exit(0 if result.passed else 1)
+
+
+def _print(result: EmulateResult) -> None:
+    for event in result.events:
+        click.echo(f"{event.time_ms:10.1f} ms  {event.source}: {event.text}")
+    click.echo()
+    for name, status in result.states.items():
+        error = f", error 0x{status.code:04x}" if status.error else ""
+        click.echo(f"{name:24} {status.state}{error}")
+    for name, word in result.connections.items():
+        click.echo(f"{name:24} {state_text(word)}")
+    c = result.counts
+    if c.frames:
+        own = f", {c.work_ns / c.frames / 1000:.1f} us each"
+    else:
+        own = ": no MainDevice spoke on this interface"
+    click.echo(f"\n{c.frames} frames answered{own}")
+    for verdict in result.verdicts:
+        if not verdict.held:
+            click.echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")

@@ -1,0 +1,168 @@
+"""Other people's MainDevices against our segment, in a network namespace of their own.
+
+Run as a program: ``peers.py soem|kickcat NETWORK``; prints what the MainDevice saw as JSON. The
+relay copies every frame of the plan from inputs to outputs, as any black channel does.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+import time
+
+from fsoe_net.core import Segment
+from fsoe_net.load import load_network
+from fsoe_net.model import resolve
+from fsoe_net.plan import compile_plan, decode_plan
+from fsoe_net.run import SegmentSession, counted_session_ids
+
+DEADLINE_S = 20.0
+
+
+def make_link():
+    for command in (
+        "ip link set lo up",
+        "ip link add near type veth peer name far",
+        "ip link set near up",
+        "ip link set far up",
+    ):
+        subprocess.run(command.split(), check=True)
+
+
+class Devices:
+    """The devices of a network, stepped in a thread."""
+
+    def __init__(self, network):
+        loaded = load_network([network])
+        resolution = resolve(loaded.network)
+        data = compile_plan(resolution).to_bytes()
+        self.plan = decode_plan(data)
+        self.session = SegmentSession(resolution, data, None, session_ids=counted_session_ids())
+        self.segment: Segment = self.session.segment
+        self.segment.link("far")
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self):
+        start = time.monotonic_ns()
+        while not self._stop.wait(0.0005):
+            self.session.step(time.monotonic_ns() - start)
+
+    def end(self):
+        self._stop.set()
+        self._thread.join()
+        self.segment.unlink()
+
+    def position(self, sm):
+        return self.segment.position(
+            self.plan.subdevices[self.plan.sync_managers[sm].subdevice].name
+        )
+
+    def in_data(self):
+        ends = [*self.session.network.mains.values(), *self.session.network.subs.values()]
+        return all(port.instance.data_valid for port in ends)
+
+
+def relay(devices):
+    """Return the copies of the plan: ring position and byte of source and destination, size."""
+    return [
+        (
+            devices.position(c.source_sm),
+            c.source_bit // 8,
+            devices.position(c.destination_sm),
+            c.destination_bit // 8,
+            c.size_bytes,
+        )
+        for c in devices.plan.copies
+    ]
+
+
+def soem(devices):
+    import pysoem
+
+    master = pysoem.Master()
+    master.open("near")
+    seen = {"found": master.config_init()}
+    seen["identities"] = [[s.name, s.man, s.id] for s in master.slaves]
+    master.config_map()
+    seen["sizes"] = [[len(s.output), len(s.input)] for s in master.slaves]
+    seen["safeop"] = master.state_check(pysoem.SAFEOP_STATE, 500_000)
+    seen["vendor"] = int.from_bytes(master.slaves[-1].sdo_read(0x1018, 1), "little")
+    master.send_processdata()
+    master.receive_processdata(2000)
+    master.state = pysoem.OP_STATE
+    master.write_state()
+    copies = relay(devices)
+    outputs = {n: bytearray(len(s.output)) for n, s in enumerate(master.slaves)}
+    end = time.monotonic() + DEADLINE_S
+    cycles = good = 0
+    while time.monotonic() < end and not (devices.in_data() and cycles > 200):
+        for source, at, destination, to, size in copies:
+            outputs[destination][to : to + size] = master.slaves[source].input[at : at + size]
+        for n, data in outputs.items():
+            master.slaves[n].output = bytes(data)
+        master.send_processdata()
+        good += master.receive_processdata(2000) == master.expected_wkc
+        cycles += 1
+        time.sleep(0.0005)
+    master.read_state()
+    seen["states"] = [s.state for s in master.slaves]
+    seen["good"] = good / cycles
+    seen["in_data"] = devices.in_data()
+    master.close()
+    return seen
+
+
+def kickcat(devices):
+    import kickcat as kick
+
+    bus = kick.Bus(kick.create_link("near", ""))
+    bus.init(0.1)
+    slaves = list(bus.slaves())
+    seen = {"found": len(slaves)}
+    bus.create_mapping()
+    seen["sizes"] = [[s.output_size, s.input_size] for s in slaves]
+    bus.request_state(kick.State.SAFE_OP)
+    bus.wait_for_state(kick.State.SAFE_OP, 3.0)
+    outputs = {n: bytearray(s.output_size) for n, s in enumerate(slaves)}
+    copies = relay(devices)
+
+    def cycle():
+        for source, at, destination, to, size in copies:
+            inputs = bytes(slaves[source].input_data)
+            outputs[destination][to : to + size] = inputs[at : at + size]
+        for n, data in outputs.items():
+            if data:
+                slaves[n].set_output_bytes(bytes(data))
+        bus.process_data()
+
+    cycle()
+    bus.request_state(kick.State.OPERATIONAL)
+    bus.wait_for_state(kick.State.OPERATIONAL, 3.0, cycle)
+    end = time.monotonic() + DEADLINE_S
+    while time.monotonic() < end and not devices.in_data():
+        cycle()
+        time.sleep(0.0005)
+    seen["states"] = [devices.segment.al_status(n).state for n in range(devices.segment.size)]
+    seen["in_data"] = devices.in_data()
+    return seen
+
+
+def main() -> None:
+    make_link()
+    devices = Devices(sys.argv[2])
+    try:
+        seen = {"soem": soem, "kickcat": kickcat}[sys.argv[1]](devices)
+        counts = devices.segment.counts()
+        seen["foreign"] = counts.foreign
+        seen["frames"] = counts.frames
+    finally:
+        devices.end()
+    sys.stdout.write(json.dumps(seen) + "\n")
+
+
+if __name__ == "__main__":
+    main()
