@@ -6,30 +6,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fsoe_net.core import AlStatus, CorePlan, Segment, SegmentCounts
-from fsoe_net.diag import Diagnostic
-from fsoe_net.emul import build_network
-from fsoe_net.model import LogicChoice, Resolution, Scenario
-from fsoe_net.plan import decode_plan
-from fsoe_net.run.engine import Engine, state_word
-from fsoe_net.run.fit import Names, check_scenario
+from fsoe_net.core import AlStatus, Segment, SegmentCounts
+from fsoe_net.model import Resolution, Scenario
+from fsoe_net.run.engine import state_word
 from fsoe_net.run.result import RunEvent, Verdict
+from fsoe_net.run.stage import Stage
 
 __all__ = ["EmulateResult", "SegmentSession", "serve"]
-
-
-class _Port:
-    """Process data of one SubDevice on the segment; sync managers by their SM number."""
-
-    def __init__(self, segment: Segment, numbers: dict[int, int]) -> None:
-        self._segment = segment
-        self._numbers = numbers
-
-    def read_outputs(self, sm: int) -> bytes:
-        return self._segment.read_outputs(self._numbers[sm])
-
-    def write_inputs(self, sm: int, data: bytes) -> None:
-        self._segment.write_inputs(self._numbers[sm], data)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,18 +32,8 @@ class EmulateResult:
     passed: bool
 
 
-class SegmentSession:
-    """A network on an emulated segment, ready to be served.
-
-    Args:
-        resolution: A network without errors.
-        plan_bytes: Its plan.
-        scenario: What happens and what must be seen, or ``None``.
-        session_ids: Source of FSoE session ids.
-
-    Raises:
-        CoreMissing: The compiled part is not there.
-    """
+class SegmentSession(Stage):
+    """A network on an emulated segment, ready to be served; see `Stage` for the arguments."""
 
     def __init__(
         self,
@@ -70,64 +43,15 @@ class SegmentSession:
         *,
         session_ids: Callable[[], int],
     ) -> None:
-        self.resolution = resolution
-        self.scenario = scenario
-        self.plan = CorePlan.load(plan_bytes)
-        self.records = decode_plan(plan_bytes)
+        super().__init__(resolution, plan_bytes, scenario, session_ids=session_ids)
         self.segment = Segment(self.plan)
-        self.network = build_network(resolution, session_ids)
-        if scenario is None:
-            self.network.choose_logic(LogicChoice())
-        self._ports = {
-            sub.name: _Port(
-                self.segment,
-                {
-                    self.records.sync_managers[n].index: n
-                    for n in range(sub.first_sm, sub.first_sm + sub.sm_count)
-                },
-            )
-            for sub in self.records.subdevices
-        }
-        self._engine: Engine | None = None
-
-    def scenario_findings(self) -> list[Diagnostic]:
-        """Return what the scenario names that the network does not have."""
-        if self.scenario is None:
-            return []
-        return check_scenario(self.scenario, Names.of(self.network, self.records))
-
-    @property
-    def engine(self) -> Engine:
-        """The engine; made on first use, after the scenario was found good."""
-        if self._engine is None:
-            self._engine = Engine(
-                self.network,
-                self.scenario,
-                set_present=self._set_present,
-                set_output=self._set_output,
-                set_input=self._set_input,
-            )
-        return self._engine
+        self._connect(self.segment)
 
     def _set_present(self, name: str, present: bool) -> None:
         self.segment.set_present(self.segment.position(name), present)
 
     def _set_output(self, name: str, _value: int) -> None:
         self.engine.log(0, "run", f"{name} left alone: standard outputs are the MainDevice's")
-
-    def _set_input(self, name: str, value: int) -> None:
-        symbol = self.records.symbols[self.plan.symbols[name]]
-        sm = self.records.sync_managers[symbol.sm]
-        device = self.network.devices[self.records.subdevices[sm.subdevice].name]
-        device.set_input(sm.index, symbol.bit_offset, symbol.bits, value)
-
-    def step(self, now_ns: int) -> None:
-        """Let the scenario act, every device take one step, and look at what came out."""
-        engine = self.engine
-        engine.act(now_ns)
-        for name, device in self.network.devices.items():
-            device.step(now_ns, self._ports[name])
-        engine.watch(now_ns)
 
     def result(self, duration_ns: int) -> EmulateResult:
         """Return what was seen."""
@@ -179,7 +103,7 @@ def serve(
         now = next_ns = shown = 0
         try:
             while duration_ns is None or now < duration_ns:
-                session.step(now)
+                session.step_devices(now)
                 if on_update is not None and now >= shown:
                     on_update(session, now)
                     shown = now + 100_000_000

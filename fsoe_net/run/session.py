@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import secrets
 import threading
 import time
 from collections.abc import Callable
 
-from fsoe_net.core import ConnectionSnapshot, Core, CorePlan, EmulatedBus, Snapshot
-from fsoe_net.diag import Diagnostic
-from fsoe_net.emul import EmulatedNetwork, Port, build_network
+from fsoe_net.core import ConnectionSnapshot, Core, EmulatedBus, Snapshot
+from fsoe_net.emul import Port
 from fsoe_net.fsoe import State, reset_code_text
-from fsoe_net.model import LogicChoice, Resolution, Scenario
+from fsoe_net.model import Resolution, Scenario
 from fsoe_net.observe import CaptureWriter
-from fsoe_net.plan import decode_plan
 from fsoe_net.run.capture import BusCapture
-from fsoe_net.run.engine import Engine, state_word
-from fsoe_net.run.fit import Names, check_scenario
+from fsoe_net.run.engine import state_word
 from fsoe_net.run.result import ConnectionResult, RunResult
+from fsoe_net.run.stage import Stage
 
 __all__ = ["DEFAULT_CYCLE_NS", "Session", "run_live", "run_virtual"]
 
@@ -28,33 +25,8 @@ DEFAULT_DURATION_NS = 3_000_000_000
 _INTERRUPTED = "interrupted by the user"
 
 
-class _Port:
-    """Process data of one SubDevice on the emulated bus; sync managers by their SM number."""
-
-    def __init__(self, bus: EmulatedBus, plan: CorePlan, name: str, sms: list[int]) -> None:
-        self._bus = bus
-        self._numbers = {sm: plan.sync_manager(name, sm) for sm in sms}
-
-    def read_outputs(self, sm: int) -> bytes:
-        return self._bus.read_outputs(self._numbers[sm])
-
-    def write_inputs(self, sm: int, data: bytes) -> None:
-        self._bus.write_inputs(self._numbers[sm], data)
-
-
-class Session:
-    """A network on the emulated bus, ready to run.
-
-    Args:
-        resolution: A network without errors and with at least one connection.
-        plan_bytes: The plan the core loads.
-        scenario: What happens and what must be seen, or ``None``.
-        session_ids: Source of FSoE session ids.
-
-    Raises:
-        PlanFormatError: The core refuses the plan.
-        CoreMissing: The compiled part is not there.
-    """
+class Session(Stage):
+    """A network on the emulated bus, ready to run; see `Stage` for the arguments."""
 
     def __init__(
         self,
@@ -64,18 +36,10 @@ class Session:
         *,
         session_ids: Callable[[], int],
     ) -> None:
-        self.resolution = resolution
-        self.scenario = scenario
-        self.plan_sha256 = hashlib.sha256(plan_bytes).hexdigest()
-        self.plan = CorePlan.load(plan_bytes)
-        self.records = decode_plan(plan_bytes)
+        super().__init__(resolution, plan_bytes, scenario, session_ids=session_ids)
         self.bus = EmulatedBus(self.plan)
         self.core = Core(self.plan, self.bus)
-        self.network = build_network(resolution, session_ids)
-        if scenario is None:
-            self.network.choose_logic(LogicChoice())
-        self._io = _ports(self.network, self.bus, self.plan, resolution)
-        self._engine: Engine | None = None
+        self._connect(self.bus)
 
     @property
     def cycle_ns(self) -> int:
@@ -88,44 +52,11 @@ class Session:
         stated = self.scenario.duration_ns if self.scenario else None
         return stated or DEFAULT_DURATION_NS
 
-    def scenario_findings(self) -> list[Diagnostic]:
-        """Return what the scenario names that the network does not have."""
-        if self.scenario is None:
-            return []
-        return check_scenario(self.scenario, Names.of(self.network, self.records))
-
-    @property
-    def engine(self) -> Engine:
-        """The engine of this run; made on first use, after the scenario was found good."""
-        if self._engine is None:
-            self._engine = Engine(
-                self.network,
-                self.scenario,
-                set_present=self._set_present,
-                set_output=self._set_output,
-                set_input=self._set_input,
-            )
-        return self._engine
-
     def _set_present(self, name: str, present: bool) -> None:
         self.bus.set_present(self.plan.subdevice_names.index(name), present)
 
     def _set_output(self, name: str, value: int) -> None:
         self.core.set_output(self.plan.symbols[name], value)
-
-    def _set_input(self, name: str, value: int) -> None:
-        symbol = self.records.symbols[self.plan.symbols[name]]
-        sm = self.records.sync_managers[symbol.sm]
-        device = self.network.devices[self.plan.subdevice_names[sm.subdevice]]
-        device.set_input(sm.index, symbol.bit_offset, symbol.bits, value)
-
-    def step_devices(self, now_ns: int) -> None:
-        """Let the scenario act, every device take one step, and look at what came out."""
-        engine = self.engine
-        engine.act(now_ns)
-        for name, device in self.network.devices.items():
-            device.step(now_ns, self._io[name])
-        engine.watch(now_ns)
 
     def connections(self, snapshot: Snapshot) -> tuple[ConnectionResult, ...]:
         """Return every connection as devices and core see it now."""
@@ -200,17 +131,6 @@ def _data_kind(receiver: Port) -> str:
     if receiver.instance.state is not State.DATA:
         return "none"
     return "process" if receiver.instance.data_valid else "failsafe"
-
-
-def _ports(
-    network: EmulatedNetwork, bus: EmulatedBus, plan: CorePlan, resolution: Resolution
-) -> dict[str, _Port]:
-    ports: dict[str, _Port] = {}
-    for sub, layout in zip(resolution.network.subdevices, resolution.layouts, strict=True):
-        if sub.name in network.devices and layout is not None and sub.name not in ports:
-            sms = [sm.sm.index for sm in layout.managers if sm.registered]
-            ports[sub.name] = _Port(bus, plan, sub.name, sms)
-    return ports
 
 
 def counted_session_ids() -> Callable[[], int]:

@@ -49,7 +49,7 @@ class Devices:
     def _run(self):
         start = time.monotonic_ns()
         while not self._stop.wait(0.0005):
-            self.session.step(time.monotonic_ns() - start)
+            self.session.step_devices(time.monotonic_ns() - start)
 
     def end(self):
         self._stop.set()

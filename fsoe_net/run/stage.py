@@ -1,0 +1,124 @@
+"""What every run has: a plan, the devices of its network, a scenario, the engine between them."""
+
+from __future__ import annotations
+
+import abc
+import hashlib
+from collections.abc import Callable
+from typing import Protocol
+
+from fsoe_net.core import CorePlan
+from fsoe_net.diag import Diagnostic
+from fsoe_net.emul import build_network
+from fsoe_net.model import LogicChoice, Resolution, Scenario
+from fsoe_net.plan import decode_plan
+from fsoe_net.run.engine import Engine
+from fsoe_net.run.fit import Names, check_scenario
+
+__all__ = ["DeviceSide", "Stage"]
+
+
+class DeviceSide(Protocol):
+    """A bus as its devices see it; sync managers by their number in the plan."""
+
+    def read_outputs(self, sm: int) -> bytes:
+        """Return the newest outputs, whole."""
+
+    def write_inputs(self, sm: int, data: bytes) -> None:
+        """Publish inputs, whole."""
+
+
+class _Port:
+    """Process data of one SubDevice; sync managers by their SM number."""
+
+    def __init__(self, bus: DeviceSide, numbers: dict[int, int]) -> None:
+        self._bus = bus
+        self._numbers = numbers
+
+    def read_outputs(self, sm: int) -> bytes:
+        return self._bus.read_outputs(self._numbers[sm])
+
+    def write_inputs(self, sm: int, data: bytes) -> None:
+        self._bus.write_inputs(self._numbers[sm], data)
+
+
+class Stage(abc.ABC):
+    """The devices of a network, and a scenario that acts on them.
+
+    Args:
+        resolution: A network without errors and with at least one connection.
+        plan_bytes: Its plan.
+        scenario: What happens and what must be seen, or ``None``.
+        session_ids: Source of FSoE session ids.
+
+    Raises:
+        PlanFormatError: The core refuses the plan.
+        CoreMissing: The compiled part is not there.
+    """
+
+    def __init__(
+        self,
+        resolution: Resolution,
+        plan_bytes: bytes,
+        scenario: Scenario | None,
+        *,
+        session_ids: Callable[[], int],
+    ) -> None:
+        self.resolution = resolution
+        self.scenario = scenario
+        self.plan_sha256 = hashlib.sha256(plan_bytes).hexdigest()
+        self.plan = CorePlan.load(plan_bytes)
+        self.records = decode_plan(plan_bytes)
+        self.network = build_network(resolution, session_ids)
+        if scenario is None:
+            self.network.choose_logic(LogicChoice())
+        self._engine: Engine | None = None
+        self._ports: dict[str, _Port] = {}
+
+    def _connect(self, bus: DeviceSide) -> None:
+        """Give every device its process data on a bus."""
+        for sub in self.records.subdevices:
+            numbers = range(sub.first_sm, sub.first_sm + sub.sm_count)
+            sms = {self.records.sync_managers[n].index: n for n in numbers}
+            self._ports.setdefault(sub.name, _Port(bus, sms))
+
+    def scenario_findings(self) -> list[Diagnostic]:
+        """Return what the scenario names that the network does not have."""
+        if self.scenario is None:
+            return []
+        return check_scenario(self.scenario, Names.of(self.network, self.records))
+
+    @property
+    def engine(self) -> Engine:
+        """The engine of this run; made on first use, after the scenario was found good."""
+        if self._engine is None:
+            self._engine = Engine(
+                self.network,
+                self.scenario,
+                set_present=self._set_present,
+                set_output=self._set_output,
+                set_input=self._set_input,
+            )
+        return self._engine
+
+    @abc.abstractmethod
+    def _set_present(self, name: str, present: bool) -> None:
+        """Unplug a SubDevice or plug it in."""
+
+    @abc.abstractmethod
+    def _set_output(self, name: str, value: int) -> None:
+        """Set a standard output."""
+
+    def _set_input(self, name: str, value: int) -> None:
+        symbol = self.records.symbols[self.plan.symbols[name]]
+        sm = self.records.sync_managers[symbol.sm]
+        device = self.network.devices[self.plan.subdevice_names[sm.subdevice]]
+        device.set_input(sm.index, symbol.bit_offset, symbol.bits, value)
+
+    def step_devices(self, now_ns: int) -> None:
+        """Let the scenario act, every device take one step, and look at what came out."""
+        engine = self.engine
+        engine.act(now_ns)
+        for name, device in self.network.devices.items():
+            device.step(now_ns, self._ports[name])
+        engine.watch(now_ns)
