@@ -100,7 +100,7 @@ def test_capture_with_names(capture):
     assert first.split()[:7] == ["4", "1.030", "el1918-ek1914", "main", ">", "sub", "Reset"]
     assert "sub > main  Reset" in reply
     data = [line for line in lines if "ProcessData" in line]
-    assert data[-1].endswith("0x6001:01=1 0x6001:02=1")
+    assert data[-1].endswith("e-stop channel A=1 e-stop channel B=1")
     assert all(" right" in line for line in lines[1 : lines.index("")])
     tail = lines[lines.index("") + 1 :]
     assert tail[0] == "el1918-ek1914: ConnID 1, now data process"
