@@ -304,6 +304,39 @@ static void eeprom_is_read(void) {
     tear_down(&rig);
 }
 
+/** Any datagram at any register, the mailbox and the FMMUs included: nothing may break, and a frame
+ *  with room for its datagrams gets an answer of the same length. */
+static void any_datagram(void) {
+    struct rig rig = set_up();
+    static const uint16_t places[] = {0x0010, 0x0120, 0x0500, 0x0600, 0x0610, 0x0800,
+                                      0x0808, 0x0810, 0x0900, 0x1000, 0x1080, 0x2FF0};
+    uint64_t seed = 7;
+    for (int round = 0; round < 100000; round++) {
+        uint8_t data[256];
+        const uint16_t size = (uint16_t)(next_random(&seed) % 200);
+        for (uint16_t i = 0; i < size; i++) {
+            data[i] = (uint8_t)(next_random(&seed) % 3 == 0 ? next_random(&seed) : i % 7);
+        }
+        const uint8_t command = (uint8_t)(next_random(&seed) % 16);
+        const uint16_t station = (uint16_t)(1001 + next_random(&seed) % 2);
+        const bool logical = command >= LRD && command <= LRW;
+        const bool increment = command >= APRD && command <= APRW;
+        const uint16_t adp = (uint16_t)(logical     ? next_random(&seed) % 64
+                                        : increment ? 0
+                                                    : station);
+        const uint16_t ado =
+            logical ? 0 : (uint16_t)(places[next_random(&seed) % 12] + next_random(&seed) % 20);
+        CHECK(datagram(&rig, command, adp, ado, data, size) >= 0);
+        if (round % 50 == 0) {
+            set_stations(&rig);
+        }
+        if (round % 500 == 0) {
+            fsn_segment_power_cycle(rig.segment, next_random(&seed) % 3);
+        }
+    }
+    tear_down(&rig);
+}
+
 static void no_real_interface_is_taken(void) {
     struct rig rig = set_up();
     CHECK(fsn_segment_link(rig.segment, "no-such-if", NULL) == FSN_E_ARG);
@@ -323,6 +356,7 @@ int main(void) {
     watchdog_takes_it_out_of_op();
     unplugging_cuts_all_behind();
     eeprom_is_read();
+    any_datagram();
     no_real_interface_is_taken();
     return 0;
 }

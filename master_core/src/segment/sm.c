@@ -17,7 +17,8 @@ static struct sm get_sm(const struct esc *esc, unsigned number) {
         .length = esc_get16(r + 2),
         .mailbox = (r[4] & 3) == 2,
         .from_device = (r[4] & 0x0C) == 0,
-        .enabled = (r[6] & 1) != 0 && esc_get16(r + 2) > 0,
+        /* It guards process data memory only: registers stay reachable whatever is set. */
+        .enabled = (r[6] & 1) != 0 && esc_get16(r + 2) > 0 && esc_get16(r) >= ESC_PROCESS_DATA,
     };
 }
 
