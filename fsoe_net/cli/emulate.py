@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import asdict
 
@@ -10,10 +11,17 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
-from fsoe_net.cli.run import scenario_of
+from fsoe_net.cli.run import interesting, scenario_of
 from fsoe_net.errors import InputError
 from fsoe_net.plan import compile_plan
-from fsoe_net.run import EmulateResult, SegmentSession, random_session_ids, serve, state_text
+from fsoe_net.run import (
+    EmulateResult,
+    RunEvent,
+    SegmentSession,
+    random_session_ids,
+    serve,
+    state_text,
+)
 
 __all__ = ["command"]
 
@@ -74,9 +82,17 @@ def command(
     ctx.exit(0 if result.passed else 1)
 
 
+def _runs(events: list[RunEvent]) -> list[list[RunEvent]]:
+    """Return events of one source that say the same, one after the other, as one."""
+    rows = itertools.groupby(events, key=lambda e: (e.source, e.text))
+    return [list(same) for _, same in rows]
+
+
 def _print(result: EmulateResult) -> None:
-    for event in result.events:
-        click.echo(f"{event.time_ms:10.1f} ms  {event.source}: {event.text}")
+    for same in _runs(interesting(result.events)):
+        first, last = same[0], same[-1]
+        again = f" ({len(same)} times until {last.time_ms:.1f} ms)" if len(same) > 1 else ""
+        click.echo(f"{first.time_ms:10.1f} ms  {first.source}: {first.text}{again}")
     click.echo()
     for name, status in result.states.items():
         error = f", error 0x{status.code:04x}" if status.error else ""
@@ -89,6 +105,10 @@ def _print(result: EmulateResult) -> None:
     else:
         own = ": no MainDevice spoke on this interface"
     click.echo(f"\n{c.frames} frames answered{own}")
+    if not result.verdicts and not result.passed and c.frames:
+        in_op = all(status.state == "OP" for status in result.states.values())
+        missing = "copied the FSoE frames between them" if in_op else "brought all of them to OP"
+        click.echo(f"not every connection is in Data: no MainDevice has {missing}")
     for verdict in result.verdicts:
         if not verdict.held:
             click.echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -34,7 +35,7 @@ from fsoe_net.run import (
 if TYPE_CHECKING:
     from rich.table import Table
 
-__all__ = ["command", "prepare", "scenario_of"]
+__all__ = ["command", "interesting", "prepare", "scenario_of"]
 
 _EPILOG = """\b
 Examples:
@@ -226,7 +227,7 @@ def _print_result(result: RunResult) -> None:
                 resets,
             ]
         )
-    for event in _interesting(result):
+    for event in interesting(result.events):
         click.echo(f"{event.time_ms:10.1f} ms  {event.source}: {event.text}")
     widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
     click.echo()
@@ -242,10 +243,10 @@ def _print_result(result: RunResult) -> None:
     _print_verdicts(result)
 
 
-def _interesting(result: RunResult) -> list[RunEvent]:
+def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
     """Return the events a person wants to read: not every step of a start-up."""
     quiet = ("MainInstance: ", "SubInstance: ")
-    return [e for e in result.events if not e.text.startswith(quiet) or e.text.endswith("Data")]
+    return [e for e in events if not e.text.startswith(quiet) or e.text.endswith("Data")]
 
 
 def _print_verdicts(result: RunResult) -> None:
