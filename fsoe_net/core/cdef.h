@@ -75,7 +75,6 @@ struct fsn_followed { uint16_t sequence; ...; };
 struct fsn_monitor { struct fsn_connection_status status; struct fsn_followed followed[2]; ...; };
 bool fsn_fsoe_check(const uint8_t *frame, size_t len_bytes, uint16_t old_crc, uint16_t sequence);
 uint16_t fsn_fsoe_solve_sequence(const uint8_t *frame, size_t len_bytes, uint16_t old_crc);
-bool fsn_fsoe_is_whole(const uint8_t *frame, size_t len_bytes, unsigned *blocks);
 fsn_status fsn_monitor_init(struct fsn_monitor *monitor, uint32_t to_sub_bytes,
                             uint32_t to_main_bytes);
 int fsn_monitor_frame(struct fsn_monitor *monitor, int way, const uint8_t *frame, uint64_t now_ns);
@@ -105,8 +104,6 @@ fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol, uint64_t 
 fsn_status fsn_core_read_symbol(const struct fsn_core *core, const uint8_t *image, uint32_t symbol,
                                 uint64_t *value);
 
-#define FSN_SCAN_PLACES ...
-#define FSN_MAX_FRAME_BYTES ...
 struct fsn_scan;
 struct fsn_scan_place { uint32_t address; uint8_t command, way; uint16_t size_bytes; ...; };
 struct fsn_scan_connection {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from types import TracebackType
 
 from fsoe_net.core.core import CorePlan
 from fsoe_net.core.module import compiled, raise_status
@@ -58,12 +57,7 @@ class Segment:
         """Return the segment itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.unlink()
 
     @property

@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fsoe_net.emul.setup import ConnectionSetup, choose_setups
+from fsoe_net.emul import ConnectionSetup, choose_setups
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe import MainConfig, SubConfig, safe_data_length
 from fsoe_net.fsoe.campaign import (
@@ -31,11 +31,11 @@ from fsoe_net.fsoe.campaign import (
 )
 from fsoe_net.model import Resolution
 from fsoe_net.run.device import divert_stdout
+from fsoe_net.run.stage import DEFAULT_CYCLE_NS
 
 __all__ = ["CampaignResult", "campaign_links", "run_campaign", "save_failures"]
 
 _CHUNK = 8192  # the same whatever the number of processes, so that sums are the same too
-_DEFAULT_CYCLE_NS = 1_000_000
 _FEW = 4096  # trials which are not worth starting processes for
 _SHOWN_EVERY_S = 0.25  # progress within a piece of work
 
@@ -88,7 +88,7 @@ def campaign_links(
     names = [setup.connection.name for setup in setups]
     if connection is not None and connection not in names:
         raise InputError(f"no connection {connection!r}; there are {', '.join(names)}")
-    cycle_ns = resolution.network.cycle_ns or _DEFAULT_CYCLE_NS
+    cycle_ns = resolution.network.cycle_ns or DEFAULT_CYCLE_NS
     mains = [_main(setup) for setup in setups]
     return tuple(
         Link(

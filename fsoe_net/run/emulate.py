@@ -7,10 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fsoe_net.core import AlStatus, Segment, SegmentCounts
-from fsoe_net.model import Resolution, Scenario
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.result import RunEvent, Verdict
-from fsoe_net.run.stage import Stage
+from fsoe_net.run.stage import DeviceSide, Stage
 
 __all__ = ["EmulateResult", "SegmentSession", "serve"]
 
@@ -35,17 +34,9 @@ class EmulateResult:
 class SegmentSession(Stage):
     """A network on an emulated segment, ready to be served; see `Stage` for the arguments."""
 
-    def __init__(
-        self,
-        resolution: Resolution,
-        plan_bytes: bytes,
-        scenario: Scenario | None,
-        *,
-        session_ids: Callable[[], int],
-    ) -> None:
-        super().__init__(resolution, plan_bytes, scenario, session_ids=session_ids)
+    def _open(self) -> DeviceSide:
         self.segment = Segment(self.plan)
-        self._connect(self.segment)
+        return self.segment
 
     def _set_present(self, name: str, present: bool) -> None:
         self.segment.set_present(self.segment.position(name), present)

@@ -11,16 +11,14 @@ from collections.abc import Callable
 from fsoe_net.core import ConnectionSnapshot, Core, EmulatedBus, Snapshot
 from fsoe_net.emul import Port
 from fsoe_net.fsoe import State, reset_code_text
-from fsoe_net.model import Resolution, Scenario
 from fsoe_net.observe import CaptureWriter
 from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.result import ConnectionResult, RunResult
-from fsoe_net.run.stage import Stage
+from fsoe_net.run.stage import DEFAULT_CYCLE_NS, DeviceSide, Stage
 
-__all__ = ["DEFAULT_CYCLE_NS", "Session", "run_live", "run_virtual"]
+__all__ = ["Session", "run_live", "run_virtual"]
 
-DEFAULT_CYCLE_NS = 1_000_000
 DEFAULT_DURATION_NS = 3_000_000_000
 _INTERRUPTED = "interrupted by the user"
 
@@ -28,18 +26,10 @@ _INTERRUPTED = "interrupted by the user"
 class Session(Stage):
     """A network on the emulated bus, ready to run; see `Stage` for the arguments."""
 
-    def __init__(
-        self,
-        resolution: Resolution,
-        plan_bytes: bytes,
-        scenario: Scenario | None,
-        *,
-        session_ids: Callable[[], int],
-    ) -> None:
-        super().__init__(resolution, plan_bytes, scenario, session_ids=session_ids)
+    def _open(self) -> DeviceSide:
         self.bus = EmulatedBus(self.plan)
         self.core = Core(self.plan, self.bus)
-        self._connect(self.bus)
+        return self.bus
 
     @property
     def cycle_ns(self) -> int:

@@ -15,7 +15,9 @@ from fsoe_net.plan import decode_plan
 from fsoe_net.run.engine import Engine
 from fsoe_net.run.fit import Names, check_scenario
 
-__all__ = ["DeviceSide", "Stage"]
+__all__ = ["DEFAULT_CYCLE_NS", "DeviceSide", "Stage"]
+
+DEFAULT_CYCLE_NS = 1_000_000  # when no file states a bus cycle
 
 
 class DeviceSide(Protocol):
@@ -74,13 +76,15 @@ class Stage(abc.ABC):
             self.network.choose_logic(LogicChoice())
         self._engine: Engine | None = None
         self._ports: dict[str, _Port] = {}
-
-    def _connect(self, bus: DeviceSide) -> None:
-        """Give every device its process data on a bus."""
+        bus = self._open()
         for sub in self.records.subdevices:
             numbers = range(sub.first_sm, sub.first_sm + sub.sm_count)
             sms = {self.records.sync_managers[n].index: n for n in numbers}
             self._ports.setdefault(sub.name, _Port(bus, sms))
+
+    @abc.abstractmethod
+    def _open(self) -> DeviceSide:
+        """Make the bus of the plan and return it as the devices see it."""
 
     def scenario_findings(self) -> list[Diagnostic]:
         """Return what the scenario names that the network does not have."""

@@ -117,7 +117,7 @@ class _Run:
         if sent is None:
             self.quiet += 1
             if end.data_valid:
-                found = self._held(way, end.received_safe_data, shown)
+                found = self._held(way, end.received_safe_data)
                 if found is not None:
                     return found
             if self.quiet > 1 and channel.way is Way.TO_MAIN:
@@ -126,9 +126,9 @@ class _Run:
         self.quiet = 0
         found = self._answered(way, shown, sent)
         if found is None and end.data_valid:
-            found = self._data(way, end.received_safe_data, shown)
+            found = self._data(way, end.received_safe_data)
         elif found is not None and found.verdict is Outcome.DETECTED and end.data_valid:
-            return self._wrong(way, "data valid after the end has left state Data", sent)
+            return self._wrong(way, "data valid after the end has left state Data")
         return found
 
     def _first_turns(self, way: Way) -> tuple[bytes | None, bytes | None]:
@@ -155,7 +155,7 @@ class _Run:
             return self._found(Outcome.DETECTED)
         if shown == due or (sent[0] == _SESSION and (usual_reset or way is Way.TO_SUB)):
             return self._settled(way)
-        return self._accepted(way, shown, due, sent)
+        return self._accepted(way, shown, due)
 
     def _restarts(
         self, way: Way, shown: bytes | None, due: bytes | None, usual_reset: bool
@@ -167,7 +167,7 @@ class _Run:
             return due[0] != _SESSION
         return not usual_reset and shown[0] != _SESSION  # a Reset, or the watchdog in state Reset
 
-    def _accepted(self, way: Way, shown: bytes | None, due: bytes | None, sent: bytes) -> Finding:
+    def _accepted(self, way: Way, shown: bytes | None, due: bytes | None) -> Finding:
         """An end went on after a frame that is not the one due: was it bound to?"""
         channel = self.channel
         witness = Witness(
@@ -181,7 +181,7 @@ class _Run:
                 found = self._found(Outcome.COLLISION)
                 found.proof = proof
                 return found
-        return self._wrong(way, f"accepted {_text(shown)} instead of {_text(due)}", sent)
+        return self._wrong(way, f"accepted {_text(shown)} instead of {_text(due)}")
 
     def _settled(self, way: Way) -> Finding | None:
         if self.channel.cycle <= self.over:
@@ -192,26 +192,26 @@ class _Run:
             return self._found(Outcome.TOLERATED)
         return None
 
-    def _data(self, way: Way, data: bytes, shown: bytes | None) -> Finding | None:
+    def _data(self, way: Way, data: bytes) -> Finding | None:
         """Valid data after a right frame must be those of the frame."""
         if self.miswired:
-            return self._wrong(way, "valid data from an end it does not belong to", shown)
+            return self._wrong(way, "valid data from an end it does not belong to")
         self.known[way] = data
         due = self.channel.newest(way)
         if due is not None and due[0] == _PROCESS_DATA and decode_pdu(due).safe_data == data:
             return None
-        return self._wrong(way, f"valid data {short_hex(data)} were not sent", shown)
+        return self._wrong(way, f"valid data {short_hex(data)} were not sent")
 
-    def _held(self, way: Way, data: bytes, shown: bytes | None) -> Finding | None:
+    def _held(self, way: Way, data: bytes) -> Finding | None:
         """Between two answers the valid data stay, and not for longer than the watchdog."""
         if data != self.known[way]:
-            return self._wrong(way, f"took data {short_hex(data)} without an answer", shown)
+            return self._wrong(way, f"took data {short_hex(data)} without an answer")
         age_ns = self.turn_ns - self.channel.answered_ns[way]
         if age_ns >= self.watchdog_ns + self.channel.cycle_ns:
-            return self._wrong(way, f"data still valid after {age_ns / 1e6:g} ms", shown)
+            return self._wrong(way, f"data still valid after {age_ns / 1e6:g} ms")
         return None
 
-    def _wrong(self, way: Way, text: str, _frame: bytes | None) -> Finding:
+    def _wrong(self, way: Way, text: str) -> Finding:
         return self._found(Outcome.WRONGLY_ACCEPTED, reason=f"the {_ENDS[way]}: {text}")
 
 

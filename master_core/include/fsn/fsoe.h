@@ -27,9 +27,6 @@ enum fsn_command {
     FSN_CMD_FAILSAFE_DATA = 0x08
 };
 
-/** Whether a byte is one of enum fsn_command. Context: any. */
-FSN_API bool fsn_fsoe_is_command(uint8_t command);
-
 /** Whether an FSoE frame can have this length: 6, 7, 11, 15 … 255 bytes (§1). Context: any. */
 FSN_API bool fsn_fsoe_is_frame_length(size_t len_bytes);
 

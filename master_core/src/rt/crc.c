@@ -59,12 +59,6 @@ static inline uint16_t word(const uint8_t *at) {
     return (uint16_t)(at[0] | (at[1] << 8));
 }
 
-bool fsn_fsoe_is_command(uint8_t command) {
-    return command == FSN_CMD_RESET || command == FSN_CMD_SESSION ||
-           command == FSN_CMD_CONNECTION || command == FSN_CMD_PARAMETER ||
-           command == FSN_CMD_PROCESS_DATA || command == FSN_CMD_FAILSAFE_DATA;
-}
-
 bool fsn_fsoe_is_frame_length(size_t len_bytes) {
     return len_bytes == FSN_MIN_FRAME_BYTES ||
            (len_bytes >= 7 && len_bytes <= FSN_MAX_FRAME_BYTES && len_bytes % 4 == 3);
