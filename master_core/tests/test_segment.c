@@ -194,6 +194,7 @@ static void process_data_goes_both_ways(void) {
     CHECK(datagram(&rig, LRD, 0, 0, image, sizeof image) == 2);
     CHECK(datagram(&rig, LWR, 0, 0, image, sizeof image) == 2);
     CHECK(datagram(&rig, LRW, 5000, 0, image, 4) == 0);
+    CHECK(al(&rig, 0) == 8 && al(&rig, 1) == 8); /* no watchdog sees a frame from the future */
     CHECK(fsn_segment_read_outputs(rig.segment, 3, outputs, 8, NULL) == FSN_E_ARG);
     CHECK(fsn_segment_write_inputs(rig.segment, 2, inputs, 8) == FSN_E_ARG);
     CHECK(fsn_segment_write_inputs(rig.segment, 3, inputs, 7) == FSN_E_ARG);

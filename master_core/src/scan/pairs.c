@@ -7,8 +7,7 @@
 enum {
     LEAST_FRAMES = 4, /**< with a ConnID, each place has shown before pairing is tried; one more
                          than LEAST_COPIES, since a copy may be ahead of its original */
-    LEAST_RIGHT =
-        3, /**< frames of each place whose CRCs fit: 2^-96 by chance, a Reset not counted */
+    LEAST_RIGHT = 3,  /**< frames of each place, with a ConnID, whose CRCs fit: 2^-96 by chance */
     LEAST_COPIES = 3, /**< frames equal to those of a known place, to be taken for a copy of it */
 };
 
@@ -58,7 +57,8 @@ static bool is_chain(const struct candidate *main, const struct candidate *sub,
         if (verdict == FSN_VERDICT_WRONG) {
             return false;
         }
-        right[way] += verdict == FSN_VERDICT_RIGHT && s->bytes[0] != FSN_CMD_RESET;
+        right[way] += verdict == FSN_VERDICT_RIGHT &&
+                      fsn_fsoe_connection_id(s->bytes, monitor->followed[way].size_bytes) != 0;
     }
     return right[0] >= LEAST_RIGHT && right[1] >= LEAST_RIGHT;
 }
