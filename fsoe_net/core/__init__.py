@@ -11,6 +11,7 @@ from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
     DirectionSnapshot,
+    Histogram,
     Snapshot,
     Statistics,
 )
@@ -25,6 +26,7 @@ __all__ = [
     "DirectionSnapshot",
     "EmulatedBus",
     "FoundConnection",
+    "Histogram",
     "Place",
     "ScanCounts",
     "Scanner",

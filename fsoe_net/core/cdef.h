@@ -1,7 +1,6 @@
 /* What Python uses of the C core. The compiler checks it against the headers of master_core. */
 #define FSN_NONE ...
 #define FSN_FAULT_NO_RECORD ...
-#define FSN_LATENCY_BUCKETS ...
 #define FSN_E_ARG ...
 #define FSN_E_STATE ...
 #define FSN_E_CLOSED ...
@@ -18,6 +17,8 @@ struct fsn_fault {
     uint32_t byte;
     int sys_errno;
     const char *rule;
+    char detail[...];
+    ...;
 };
 
 struct fsn_plan;
@@ -54,14 +55,16 @@ fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm, cons
 fsn_status fsn_emulated_set_present(struct fsn_emulated *bus, uint32_t subdevice, bool present);
 
 struct fsn_core;
+struct fsn_histogram { uint64_t count, sum_ns, min_ns, max_ns; uint32_t bucket[...]; ...; };
 struct fsn_statistics {
-    uint64_t cycles, overruns, wkc_errors, bytes_copied, now_ns;
-    uint64_t wakeups, latency_min_ns, latency_max_ns, latency_sum_ns;
-    uint64_t cycle_max_ns, copy_max_ns, events_lost;
-    uint32_t expected_wkc, actual_wkc, copies, merged_copies, realtime;
-    uint32_t latency[...];
+    uint64_t cycles, overruns, wkc_errors, lost_frames, old_replies, bytes_copied, now_ns;
+    uint64_t dc_time_ns, events_lost;
+    uint32_t expected_wkc, actual_wkc, copies, merged_copies, realtime, locked;
+    struct fsn_histogram latency, period, work, copy, round_trip, dc_offset;
     ...;
 };
+uint64_t fsn_histogram_floor(uint32_t bucket);
+uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram, uint32_t per_million);
 struct fsn_direction {
     uint64_t frames, process_data, failsafe_data, right, wrong, unchecked, resets, last_new_ns;
     uint64_t interval_last_ns, interval_min_ns, interval_max_ns, interval_sum_ns, intervals;

@@ -10,6 +10,7 @@ from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
     DirectionSnapshot,
+    Histogram,
     Snapshot,
     Statistics,
 )
@@ -253,7 +254,7 @@ class Core:
             "snapshot",
         )
         return Snapshot(
-            statistics=_statistics(statistics),
+            statistics=_statistics(ffi, self._lib, statistics),
             connections=tuple(_connection(connections[n]) for n in range(count)),
         )
 
@@ -340,25 +341,48 @@ class Core:
         return image
 
 
-def _statistics(s: Any) -> Statistics:
+def _statistics(ffi: Any, lib: Any, s: Any) -> Statistics:
+    def histogram(h: Any) -> Histogram:
+        return _histogram(ffi, lib, h)
+
     return Statistics(
         cycles=s.cycles,
         overruns=s.overruns,
         wkc_errors=s.wkc_errors,
+        lost_frames=s.lost_frames,
+        old_replies=s.old_replies,
         bytes_copied=s.bytes_copied,
         now_ns=s.now_ns,
-        latency_max_ns=s.latency_max_ns,
-        latency_mean_ns=s.latency_sum_ns // s.wakeups if s.wakeups else 0,
-        latency_min_ns=s.latency_min_ns,
-        latency_histogram=tuple(s.latency),
-        cycle_max_ns=s.cycle_max_ns,
-        copy_max_ns=s.copy_max_ns,
+        dc_time_ns=s.dc_time_ns,
         events_lost=s.events_lost,
         expected_wkc=s.expected_wkc,
         actual_wkc=s.actual_wkc,
         copies=s.copies,
         merged_copies=s.merged_copies,
         realtime=bool(s.realtime),
+        locked=bool(s.locked),
+        latency=histogram(s.latency),
+        period=histogram(s.period),
+        work=histogram(s.work),
+        copy=histogram(s.copy),
+        round_trip=histogram(s.round_trip),
+        dc_offset=histogram(s.dc_offset),
+    )
+
+
+def _histogram(ffi: Any, lib: Any, h: Any) -> Histogram:
+    def percentile(per_million: int) -> int:
+        return int(lib.fsn_histogram_percentile(ffi.addressof(h), per_million))
+
+    return Histogram(
+        count=h.count,
+        min_ns=h.min_ns,
+        mean_ns=h.sum_ns // h.count if h.count else 0,
+        p50_ns=percentile(500_000),
+        p99_ns=percentile(990_000),
+        p999_ns=percentile(999_000),
+        max_ns=h.max_ns,
+        buckets=tuple((int(lib.fsn_histogram_floor(n)), k) for n, k in enumerate(h.bucket) if k),
     )
 
 

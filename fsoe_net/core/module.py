@@ -47,4 +47,6 @@ def fault_text(fault: Any) -> str:
     if fault.section and fault.copy_index != lib.FSN_FAULT_NO_RECORD:
         place = f"{section} {fault.copy_index}: "
     system = f": {os.strerror(fault.sys_errno)}" if fault.sys_errno else ""
-    return f"{place}{text}{system} ({name})"
+    detail = ffi.string(fault.detail).decode("utf-8", "replace")
+    found = f": {detail}" if detail else ""
+    return f"{place}{text}{found}{system} ({name})"

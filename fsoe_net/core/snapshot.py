@@ -10,36 +10,61 @@ __all__ = [
     "ConnectionSnapshot",
     "CoreEvent",
     "DirectionSnapshot",
+    "Histogram",
     "Snapshot",
     "Statistics",
 ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Statistics:
-    """Counters of the cyclic thread; times in nanoseconds.
+class Histogram:
+    """Times in nanoseconds; see ``struct fsn_histogram``.
 
-    Entry ``n`` of ``latency_histogram`` counts wake-ups that came 2^(n-1) to 2^n ns late, entry 0
-    those in time, the last one all above. Latencies stay 0 in virtual time.
+    ``buckets`` holds, for each bucket that is not empty, its smallest time and how many times fell
+    into it; a bucket is at most a quarter of its smallest time wide (below 4 ns: 1 ns). Percentiles
+    are the upper end of a bucket, never above ``max_ns``.
+    """
+
+    count: int
+    min_ns: int
+    mean_ns: int
+    p50_ns: int
+    p99_ns: int
+    p999_ns: int
+    max_ns: int
+    buckets: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statistics:
+    """Counters of the cyclic thread; the histograms stay empty in virtual time.
+
+    ``latency``: how late wake-ups came; ``period``: from one cycle to the next; ``work``: from the
+    wake-up to the end of sending; ``copy``: the copies alone; ``round_trip``: from sending to the
+    last reply, where the bus knows it; ``dc_offset``: distance from the phase of the DC clock.
     """
 
     cycles: int
     overruns: int
     wkc_errors: int
+    lost_frames: int
+    old_replies: int
     bytes_copied: int
     now_ns: int
-    latency_max_ns: int
-    latency_mean_ns: int
-    latency_min_ns: int
-    latency_histogram: tuple[int, ...]
-    cycle_max_ns: int
-    copy_max_ns: int
+    dc_time_ns: int
     events_lost: int
     expected_wkc: int
     actual_wkc: int
     copies: int
     merged_copies: int
     realtime: bool
+    locked: bool
+    latency: Histogram
+    period: Histogram
+    work: Histogram
+    copy: Histogram
+    round_trip: Histogram
+    dc_offset: Histogram
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,8 +9,10 @@ struct my_bus {
 };
 
 /* Tells the core where each sync manager lies. Here: one after the other. */
-static fsn_status my_open(void *context, const struct fsn_plan *plan, struct fsn_bus_layout *out) {
+static fsn_status my_open(void *context, const struct fsn_plan *plan, struct fsn_bus_layout *out,
+                          struct fsn_fault *fault) {
     struct my_bus *bus = context;
+    (void)fault;
     uint32_t end = 0;
     for (uint32_t n = 0; n < fsn_plan_sm_count(plan); n++) {
         struct fsn_sm_info sm;

@@ -83,6 +83,40 @@ bool fsn_core_event(struct fsn_core *core, struct fsn_event *event) {
     return true;
 }
 
+uint64_t fsn_histogram_floor(uint32_t bucket) {
+    return bucket < 4 ? bucket : (uint64_t)(4 + bucket % 4) << (bucket / 4 - 1);
+}
+
+uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram, uint32_t per_million) {
+    if (histogram == NULL || histogram->count == 0) {
+        return 0;
+    }
+    const double wanted = (double)histogram->count * per_million / 1e6;
+    uint64_t seen = 0;
+    for (uint32_t b = 0; b + 1 < FSN_BUCKETS; b++) {
+        seen += histogram->bucket[b];
+        if (seen > 0 && (double)seen >= wanted) {
+            const uint64_t end = fsn_histogram_floor(b + 1) - 1;
+            return end < histogram->max_ns ? end : histogram->max_ns;
+        }
+    }
+    return histogram->max_ns;
+}
+
+bool fsn_core_tend(struct fsn_core *core, uint8_t al_state, uint64_t now_ns) {
+    return core == NULL || core->rt.ops->tend == NULL ||
+           core->rt.ops->tend(core->rt.bus, al_state, now_ns);
+}
+
+fsn_status fsn_core_subdevice(struct fsn_core *core, uint32_t subdevice,
+                              struct fsn_bus_subdevice *seen) {
+    if (core == NULL || seen == NULL || subdevice >= core->plan->count[FSN_SEC_SUBDEVICE]) {
+        return FSN_E_ARG;
+    }
+    return core->rt.ops->look == NULL ? FSN_E_STATE
+                                      : core->rt.ops->look(core->rt.bus, subdevice, seen);
+}
+
 static bool has_place(const struct fsn_core *core, uint32_t symbol) {
     return symbol < core->plan->count[FSN_SEC_SYMBOL] && core->rt.outputs[symbol].bits > 0;
 }

@@ -372,9 +372,17 @@ static fsn_status activate_snapshot(struct fsn_core *core, struct fsn_fault *fau
 
 fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_bus_layout *layout = &core->layout;
-    fsn_status status = core->rt.ops->open(core->rt.bus, core->plan, layout);
+    struct fsn_fault of_bus;
+    fsn_refuse_all(&of_bus, FSN_OK, NULL);
+    fsn_status status = core->rt.ops->open(core->rt.bus, core->plan, layout, &of_bus);
     if (status != FSN_OK) {
-        return fsn_refuse_all(fault, status, "the bus does not open");
+        if (of_bus.status != status) {
+            return fsn_refuse_all(fault, status, "the bus does not open");
+        }
+        if (fault != NULL) {
+            *fault = of_bus;
+        }
+        return status;
     }
     core->opened = true;
     status = check_layout(core, fault);

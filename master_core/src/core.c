@@ -1,9 +1,12 @@
 #define _GNU_SOURCE
 
 #include <errno.h>
+#include <fcntl.h>
 #include <sched.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/mman.h>
+#include <unistd.h>
 
 #include "core_internal.h"
 
@@ -118,6 +121,29 @@ static bool options_ok(const struct fsn_thread_options *options, uint64_t cycle_
            options->priority <= 99 && options->cpu >= 0 && options->cpu <= CPU_SETSIZE;
 }
 
+static void write_marker(int fd, const char *marker) {
+    /* A marker that does not fit is lost; the cycle goes on. */
+    if (write(fd, marker, strlen(marker)) < 0) {
+        return;
+    }
+}
+
+static int open_trace(struct fsn_core *core) {
+    core->rt.trace_fd = open("/sys/kernel/tracing/trace_marker", O_WRONLY | O_CLOEXEC);
+    if (core->rt.trace_fd < 0) {
+        return errno;
+    }
+    core->rt.trace = write_marker;
+    return 0;
+}
+
+static void close_trace(struct fsn_core *core) {
+    if (core->rt.trace != NULL) {
+        core->rt.trace = NULL;
+        close(core->rt.trace_fd);
+    }
+}
+
 fsn_status fsn_core_start(struct fsn_core *core, const struct fsn_thread_options *options,
                           struct fsn_fault *fault) {
     if (core == NULL || options == NULL) {
@@ -132,18 +158,23 @@ fsn_status fsn_core_start(struct fsn_core *core, const struct fsn_thread_options
                               "the cycle is 1 us to 4 s, the priority 0 to 99, the CPU exists");
     }
     core->rt.cycle_ns = cycle_ns;
+    core->rt.free_run = options->free_run;
+    core->rt.follow_dc = options->follow_dc;
+    core->rt.dc_known = false;
     atomic_store(&core->rt.stop, false);
-    int error = 0;
-    if (options->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
+    int error = options->trace ? open_trace(core) : 0;
+    if (error == 0 && options->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
         error = errno;
     }
     if (error == 0) {
+        core->rt.statistics.locked = options->lock_memory;
         error = create_thread(core, options, options->priority > 0);
         if (error == EPERM && options->priority > 0) {
             error = create_thread(core, options, false);
         }
     }
     if (error != 0) {
+        close_trace(core);
         fsn_refuse_all(fault, FSN_E_SYS, NULL);
         if (fault != NULL) {
             fault->sys_errno = error;
@@ -161,4 +192,5 @@ void fsn_core_stop(struct fsn_core *core) {
     atomic_store(&core->rt.stop, true);
     pthread_join(core->thread, NULL);
     core->running = false;
+    close_trace(core);
 }

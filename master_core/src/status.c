@@ -1,5 +1,7 @@
 #include "fsn/status.h"
 
+#include "fsn/bus.h"
+
 #include "fsn/version.h"
 
 const char *fsn_version(void) {
@@ -26,6 +28,15 @@ const char *fsn_status_text(fsn_status status) {
 #undef FSN_STATUS_TEXT
     }
     return "unknown status";
+}
+
+const char *fsn_found_text(uint8_t found) {
+    static const char *const texts[] = {
+#define FSN_FOUND_TEXT(name, value, text) [value] = (text),
+        FSN_FOUND_TABLE(FSN_FOUND_TEXT)
+#undef FSN_FOUND_TEXT
+    };
+    return found < sizeof texts / sizeof texts[0] ? texts[found] : "?";
 }
 
 const char *fsn_section_name(uint32_t section) {

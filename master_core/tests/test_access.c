@@ -160,7 +160,7 @@ static void datagrams_end_at_their_limit(void) {
         struct fsn_bus_layout layout;
         CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
         CHECK(fsn_emulated_create(plan, &bus) == FSN_OK);
-        CHECK(fsn_emulated_ops()->open(bus, plan, &layout) == FSN_OK);
+        CHECK(fsn_emulated_ops()->open(bus, plan, &layout, NULL) == FSN_OK);
         CHECK(layout.image_bytes == 1486 + excess && layout.datagram_count == 1 + excess);
         CHECK(layout.datagram_begin[0] == 0);
         CHECK(excess == 0 || layout.datagram_begin[1] == 800);
@@ -283,15 +283,16 @@ static void everyone_at_once(void) {
     pthread_join(threads[1], NULL);
     s = statistics(rig);
     uint64_t in_buckets = 0;
-    for (int i = 0; i < FSN_LATENCY_BUCKETS; i++) {
-        in_buckets += s.latency[i];
+    for (int i = 0; i < FSN_BUCKETS; i++) {
+        in_buckets += s.latency.bucket[i];
     }
-    CHECK(s.wakeups == s.cycles && in_buckets == s.wakeups);
-    CHECK(s.latency_min_ns <= s.latency_max_ns && s.latency_sum_ns >= s.latency_max_ns);
-    CHECK(s.cycle_max_ns >= s.copy_max_ns);
+    CHECK(s.latency.count == s.cycles && in_buckets == s.cycles && s.work.count == s.cycles);
+    CHECK(s.period.count + 1 == s.cycles && s.round_trip.count == 0 && s.dc_offset.count == 0);
+    CHECK(s.latency.min_ns <= s.latency.max_ns && s.latency.sum_ns >= s.latency.max_ns);
+    CHECK(s.work.max_ns >= s.copy.max_ns);
     printf("%llu cycles, %llu events, real-time %u, latency %llu to %llu ns\n",
            (unsigned long long)s.cycles, (unsigned long long)events, s.realtime,
-           (unsigned long long)s.latency_min_ns, (unsigned long long)s.latency_max_ns);
+           (unsigned long long)s.latency.min_ns, (unsigned long long)s.latency.max_ns);
     tear_down(rig);
 }
 

@@ -17,8 +17,9 @@ struct own_bus {
 };
 
 static fsn_status bus_open(void *context, const struct fsn_plan *plan,
-                           struct fsn_bus_layout *layout) {
+                           struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct own_bus *bus = context;
+    (void)fault;
     (void)plan;
     *layout = (struct fsn_bus_layout){
         .image = bus->image,

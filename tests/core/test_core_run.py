@@ -119,7 +119,8 @@ def test_cycles_helper_counts_and_dates() -> None:
     rig.core.cycles(10, 5, 4)
     statistics = rig.core.snapshot().statistics
     assert (statistics.cycles, statistics.now_ns, statistics.bytes_copied) == (4, 25, 48)
-    assert statistics.latency_histogram == (0,) * 32
+    assert statistics.latency.count == 0
+    assert statistics.latency.buckets == ()
 
 
 def test_close_is_idempotent_and_later_calls_are_refused() -> None:
@@ -202,9 +203,12 @@ def test_thread_runs_beside_python() -> None:
     rig.core.stop()
     statistics = rig.core.snapshot().statistics
     assert not torn
-    assert sum(statistics.latency_histogram) == statistics.cycles >= 300
-    assert 0 <= statistics.latency_min_ns <= statistics.latency_mean_ns
-    assert statistics.latency_mean_ns <= statistics.latency_max_ns
+    latency = statistics.latency
+    assert sum(times for _, times in latency.buckets) == latency.count == statistics.cycles >= 300
+    assert 0 <= latency.min_ns <= latency.mean_ns <= latency.max_ns
+    assert latency.p50_ns <= latency.p99_ns <= latency.p999_ns <= latency.max_ns
+    assert latency.buckets[0][0] <= latency.min_ns
+    assert statistics.copy.max_ns <= statistics.work.max_ns
     rig.cycle()
 
 

@@ -2,6 +2,7 @@
 #ifndef FSN_BUS_H
 #define FSN_BUS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -29,13 +30,65 @@ struct fsn_wkc {
     uint32_t actual;   /**< what came back; 0 for a lost datagram */
 };
 
-/** What a bus tells the core in every cycle. The arrays belong to the core, which clears them
+/** What a bus tells the core in every cycle. The arrays belong to the core, which clears all of it
  *  before each receive(). */
 struct fsn_bus_input {
     struct fsn_wkc *wkc; /**< one per datagram; to be filled */
     /** One per sync manager: set to 1 where an input holds the bytes of an earlier cycle. Leave it
      *  0 where the mapping does not allow to know; the working counter then tells it alone. */
     uint8_t *sm_stale;
+    uint32_t lost_frames;   /**< frames of the last send() that have not come back */
+    uint32_t old_replies;   /**< replies to earlier frames, thrown away */
+    uint64_t round_trip_ns; /**< from send() to the last reply; 0 when the bus does not know */
+    uint64_t dc_time_ns;    /**< time of the DC reference clock in this reply; 0 without one */
+};
+
+/** AL states of EtherCAT SubDevices; FSN_AL_ERROR is a flag beside one of them. */
+enum {
+    FSN_AL_NONE = 0, /**< nothing answers */
+    FSN_AL_INIT = 1,
+    FSN_AL_PREOP = 2,
+    FSN_AL_BOOT = 3,
+    FSN_AL_SAFEOP = 4,
+    FSN_AL_OP = 8,
+    FSN_AL_ERROR = 0x10,
+};
+
+/** What stands where the plan has a SubDevice: name, value, text. */
+#define FSN_FOUND_TABLE(X)                                                                         \
+    X(UNKNOWN, 0, "not looked at yet")                                                             \
+    X(NOTHING, 1, "does not answer")                                                               \
+    X(RIGHT, 2, "the SubDevice of the plan")                                                       \
+    X(IDENTITY, 3, "another device")                                                               \
+    X(MAPPING, 4, "other process data")                                                            \
+    X(ADDRESS, 5, "another FSoE address")                                                          \
+    X(SDO, 6, "refused a start-up SDO")                                                            \
+    X(STATE, 7, "refused a state")
+
+enum fsn_found {
+#define FSN_FOUND_ENUM(name, value, text) FSN_FOUND_##name = (value),
+    FSN_FOUND_TABLE(FSN_FOUND_ENUM)
+#undef FSN_FOUND_ENUM
+};
+
+/** Returns "another device" and the like for an enum fsn_found. Context: any thread. */
+FSN_API const char *fsn_found_text(uint8_t found);
+
+enum { FSN_PORTS = 4 };
+
+/** What the acyclic side of a bus knows about one SubDevice; as old as its last look. */
+struct fsn_bus_subdevice {
+    uint8_t al_status;       /**< AL status with its error flag; FSN_AL_NONE: nothing answers */
+    uint8_t found;           /**< enum fsn_found */
+    uint16_t al_code;        /**< AL status code of the last error */
+    uint32_t vendor_id;      /**< as read from it; with the next two 0 before it was read */
+    uint32_t product_code;   /**< as read from it */
+    uint32_t revision;       /**< as read from it */
+    uint32_t returns;        /**< times it came back to OP after it was lost or had left OP */
+    uint8_t link[FSN_PORTS]; /**< per port: 1 = something is plugged in and communicates */
+    uint8_t link_lost[FSN_PORTS];  /**< lost links, 0x0310 */
+    uint8_t rx_errors[FSN_PORTS];  /**< broken frames, 0x0300 */
+    char detail[FSN_DETAIL_BYTES]; /**< what differs, for people; may be empty */
 };
 
 /** A backend. `bus` is its own context.
@@ -44,15 +97,25 @@ struct fsn_bus_input {
  *  whole; it never zeroes them, never writes half of them and never writes outputs. */
 struct fsn_bus_ops {
     const char *name;
-    /** Fills the layout. Any status but FSN_OK refuses the activation. Set-up thread; may allocate.
-     */
-    fsn_status (*open)(void *bus, const struct fsn_plan *plan, struct fsn_bus_layout *layout);
+    /** Fills the layout. A live bus has found and checked its SubDevices then, and they are in
+     *  PREOP or higher. Any status but FSN_OK refuses the activation; then `fault`, never NULL, may
+     *  be filled with what is known beyond it. Set-up thread; may allocate and take seconds. */
+    fsn_status (*open)(void *bus, const struct fsn_plan *plan, struct fsn_bus_layout *layout,
+                       struct fsn_fault *fault);
     /** Brings the inputs of this cycle into the image. Cyclic thread; RT-safe. */
     void (*receive)(void *bus, struct fsn_bus_input *input);
     /** Sends the outputs of the image. Cyclic thread; RT-safe. */
     void (*send)(void *bus);
     /** Called once per successful open(), when the core is freed; may be NULL. Set-up thread. */
     void (*close)(void *bus);
+    /** One step of the acyclic work beside the running cycle: leads every SubDevice towards an AL
+     *  state, sees which ones are lost and brings back those that return. To be called again and
+     *  again, from one thread that is not the cyclic one; a step may take as long as an SDO.
+     *  Returns whether every SubDevice that answers is in that state. NULL: a bus without states.
+     */
+    bool (*tend)(void *bus, uint8_t al_state, uint64_t now_ns);
+    /** What is known about a SubDevice of the plan; any thread but the cyclic one. With tend(). */
+    fsn_status (*look)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);
 };
 
 #ifdef __cplusplus

@@ -16,28 +16,40 @@ extern "C" {
 
 struct fsn_core;
 
-enum { FSN_LATENCY_BUCKETS = 32 };
+enum { FSN_BUCKETS = 128 };
+
+/** Times. Bucket n < 4 counts n ns; above, four buckets share an octave: bucket 4 * (e - 1) + s
+ *  counts times from (4 + s) * 2^(e-2) ns on, the last one all above 7.5 s. */
+struct fsn_histogram {
+    uint64_t count, sum_ns;
+    uint64_t min_ns, max_ns; /**< 0 before the first */
+    uint32_t bucket[FSN_BUCKETS];
+};
 
 /** Counters of the cyclic thread; they only grow. */
 struct fsn_statistics {
-    uint64_t cycles;                       /**< bus cycles run */
-    uint64_t overruns;                     /**< wake-ups that came a whole cycle or more late */
-    uint64_t wkc_errors;                   /**< cycles with an incomplete working counter */
-    uint64_t bytes_copied;                 /**< bytes moved by copies */
-    uint64_t now_ns;                       /**< start of the last cycle, monotonic */
-    uint64_t wakeups;                      /**< timed cycles: those of the cyclic thread */
-    uint64_t latency_min_ns;               /**< best wake-up latency; 0 before the first */
-    uint64_t latency_max_ns;               /**< worst wake-up latency */
-    uint64_t latency_sum_ns;               /**< over all wake-ups, for the mean */
-    uint64_t cycle_max_ns;                 /**< longest work inside a cycle */
-    uint64_t copy_max_ns;                  /**< longest copy phase */
-    uint64_t events_lost;                  /**< events that found the ring full */
-    uint32_t expected_wkc;                 /**< of the last cycle */
-    uint32_t actual_wkc;                   /**< of the last cycle */
-    uint32_t copies;                       /**< copies of the plan */
-    uint32_t merged_copies;                /**< copies executed after merging neighbours */
-    uint32_t realtime;                     /**< 1 when the thread got its real-time priority */
-    uint32_t latency[FSN_LATENCY_BUCKETS]; /**< bucket n counts latencies in [2^(n-1), 2^n) ns */
+    uint64_t cycles;        /**< bus cycles run */
+    uint64_t overruns;      /**< cycles left out because a wake-up came that much too late */
+    uint64_t wkc_errors;    /**< cycles with an incomplete working counter */
+    uint64_t lost_frames;   /**< frames that have not come back in their cycle */
+    uint64_t old_replies;   /**< replies to earlier frames, thrown away */
+    uint64_t bytes_copied;  /**< bytes moved by copies */
+    uint64_t now_ns;        /**< start of the last cycle, monotonic */
+    uint64_t dc_time_ns;    /**< DC reference clock as last seen; 0 without one */
+    uint64_t events_lost;   /**< events that found the ring full */
+    uint32_t expected_wkc;  /**< of the last cycle */
+    uint32_t actual_wkc;    /**< of the last cycle */
+    uint32_t copies;        /**< copies of the plan */
+    uint32_t merged_copies; /**< copies executed after merging neighbours */
+    uint32_t realtime;      /**< 1 when the thread got its real-time priority */
+    uint32_t locked;        /**< 1 when the memory of the process is locked */
+    /* Of the cyclic thread only; empty in virtual time. */
+    struct fsn_histogram latency;    /**< how late wake-ups came */
+    struct fsn_histogram period;     /**< from the start of one cycle to the next */
+    struct fsn_histogram work;       /**< from the wake-up to the end of send() */
+    struct fsn_histogram copy;       /**< the copies alone */
+    struct fsn_histogram round_trip; /**< from send() to the last reply, where the bus knows it */
+    struct fsn_histogram dc_offset;  /**< distance from the phase of the DC reference clock */
 };
 
 /** One change of state. */
@@ -55,6 +67,9 @@ struct fsn_thread_options {
     int priority;      /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
     int cpu;           /**< CPU number + 1 to pin the thread; 0 leaves it free */
     bool lock_memory;  /**< mlockall(MCL_CURRENT | MCL_FUTURE) before the first cycle */
+    bool free_run;     /**< no waiting: the next cycle begins when the bus has answered */
+    bool follow_dc;    /**< wake-ups keep their phase to the DC reference clock */
+    bool trace;        /**< writes markers into the kernel's trace buffer; see fsn_core_start() */
 };
 
 /** Activates a plan on a bus: asks the bus for its layout, resolves every copy to absolute bytes,
@@ -96,10 +111,33 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_cycle(struct fsn_core *core, uint64_t n
  *  @retval FSN_E_STATE  it runs already.   @retval FSN_E_ARG  no or an impossible cycle time.
  *  @retval FSN_E_SYS    the thread could not be created or memory not locked; see sys_errno.
  *  A refused real-time priority is no error: fsn_statistics.realtime stays 0.
+ *  With `trace` each cycle writes "fsn: cycle begins" and "fsn: cycle ends", and overruns
+ *  "fsn: overrun", to /sys/kernel/tracing/trace_marker: a system call, for measurements only.
  *  Context: set-up. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_start(struct fsn_core *core,
                                                const struct fsn_thread_options *options,
                                                struct fsn_fault *fault);
+
+/** Smallest time that bucket `bucket` counts, nanoseconds. Context: any thread. */
+FSN_API uint64_t fsn_histogram_floor(uint32_t bucket);
+
+/** Time that a share of all times does not exceed, nanoseconds: the upper end of its bucket, at
+ *  most the greatest time seen; 0 without any.
+ *  @param[in] per_million  the share, e.g. 999000 for 99.9 %.   Context: any thread. */
+FSN_API uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram,
+                                          uint32_t per_million);
+
+/** One step of the acyclic work of a live bus beside the cycle, see `tend` of fsn_bus_ops.
+ *  @param[in] al_state  FSN_AL_INIT … FSN_AL_OP.
+ *  @retval true  every SubDevice that answers is in that state, or the bus has no states.
+ *  Context: one thread that is not the cyclic one. May block. */
+FSN_API bool fsn_core_tend(struct fsn_core *core, uint8_t al_state, uint64_t now_ns);
+
+/** What the bus knows about a SubDevice of the plan.
+ *  @retval FSN_E_ARG    no such SubDevice.
+ *  @retval FSN_E_STATE  a bus without states.   Context: any thread but the cyclic one. */
+FSN_API FSN_MUST_USE fsn_status fsn_core_subdevice(struct fsn_core *core, uint32_t subdevice,
+                                                   struct fsn_bus_subdevice *seen);
 
 /** Stops the cyclic thread after its current cycle; outputs stay as they are. Idempotent.
  *  Context: set-up. */

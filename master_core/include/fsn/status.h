@@ -26,6 +26,7 @@ extern "C" {
     X(E_BUSY, -5, "no stable snapshot could be taken; try again")                                  \
     X(E_SPACE, -6, "the given buffer is too small")                                                \
     X(E_CLOSED, -7, "this output is closed to writes")                                             \
+    X(E_ABSENT, -8, "this build does not contain what was asked for")                              \
     X(E_PLAN_MAGIC, -20, "these bytes are no plan")                                                \
     X(E_PLAN_VERSION, -21, "the plan format has another version")                                  \
     X(E_PLAN_LENGTH, -22, "the length does not fit; the plan is cut off or too long")              \
@@ -44,7 +45,15 @@ extern "C" {
     X(E_COPY_PAIR, -45, "a connection is not a pair of opposite copies")                           \
     X(E_BUS_IMAGE, -60, "the bus gives a sync manager no place inside its image")                  \
     X(E_BUS_OVERLAP, -61, "the bus lays inputs over outputs")                                      \
-    X(E_BUS_STRADDLE, -62, "a copy would be split over two datagrams")
+    X(E_BUS_STRADDLE, -62, "a copy would be split over two datagrams")                             \
+    X(E_BUS_BUSY, -63, "another MainDevice is talking on this interface")                          \
+    X(E_BUS_SILENT, -64, "no SubDevice answers on this interface")                                 \
+    X(E_BUS_MISSING, -65, "a SubDevice of the plan is missing")                                    \
+    X(E_BUS_IDENTITY, -66, "a SubDevice is another one than the plan says")                        \
+    X(E_BUS_MAPPING, -67, "a SubDevice maps other process data than the plan says")                \
+    X(E_BUS_ADDRESS, -68, "a SubDevice has another FSoE address than the plan says")               \
+    X(E_BUS_SDO, -69, "a SubDevice refuses a start-up SDO")                                        \
+    X(E_BUS_STATE, -70, "a SubDevice does not reach the state it was asked for")
 
 /** Result of every call that can fail. */
 typedef enum fsn_status {
@@ -55,6 +64,7 @@ typedef enum fsn_status {
 
 /** A fault that speaks about no single record. */
 #define FSN_FAULT_NO_RECORD 0xFFFFFFFFu
+enum { FSN_DETAIL_BYTES = 160 };
 
 /** Where and why something was refused. Owned by the caller, written by each refusal. */
 struct fsn_fault {
@@ -64,6 +74,7 @@ struct fsn_fault {
     uint32_t byte;    /**< offset in the plan file, bytes; 0 when the bus, not the file, is wrong */
     int sys_errno;    /**< errno of the failed system call, else 0 */
     const char *rule; /**< the rule that is broken, in words; static, never NULL after a refusal */
+    char detail[FSN_DETAIL_BYTES]; /**< what was found instead; often empty */
 };
 
 /** Returns the version of the library that runs, e.g. "0.1.0"; FSN_VERSION_STRING is that of the

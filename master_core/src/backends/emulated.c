@@ -209,8 +209,9 @@ void fsn_emulated_free(struct fsn_emulated *bus) {
 }
 
 static fsn_status emulated_open(void *context, const struct fsn_plan *plan,
-                                struct fsn_bus_layout *layout) {
+                                struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_emulated *bus = context;
+    (void)fault;
     if (bus == NULL || bus->plan != plan) {
         return FSN_E_ARG;
     }

@@ -45,6 +45,10 @@ static void write_outputs(struct fsn_rt *rt) {
 static void clear_input(struct fsn_rt *rt) {
     memset(rt->input.wkc, 0, rt->datagram_count * sizeof *rt->input.wkc);
     memset(rt->input.sm_stale, 0, rt->sm_count);
+    rt->input.lost_frames = 0;
+    rt->input.old_replies = 0;
+    rt->input.round_trip_ns = 0;
+    rt->input.dc_time_ns = 0;
 }
 
 /** Working counter verdict per datagram, and age of the inputs. Nothing is done about either: an
@@ -60,6 +64,11 @@ static void judge_input(struct fsn_rt *rt) {
         bad += rt->input.wkc[d].expected != rt->input.wkc[d].actual;
     }
     s->wkc_errors += bad > 0;
+    s->lost_frames += rt->input.lost_frames;
+    s->old_replies += rt->input.old_replies;
+    if (rt->input.dc_time_ns != 0) {
+        s->dc_time_ns = rt->input.dc_time_ns;
+    }
     for (uint32_t sm = 0; sm < rt->sm_count; sm++) {
         if (rt->input.sm_stale[sm] != 0) {
             atomic_fetch_add_explicit(&rt->stale[sm], 1, memory_order_relaxed);
@@ -67,9 +76,14 @@ static void judge_input(struct fsn_rt *rt) {
     }
 }
 
+static void mark(const struct fsn_rt *rt, const char *marker) {
+    if (rt->trace != NULL) {
+        rt->trace(rt->trace_fd, marker);
+    }
+}
+
 void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     struct fsn_statistics *s = &rt->statistics;
-    const uint64_t start = timed ? clock_ns() : 0;
     clear_input(rt);
     rt->ops->receive(rt->bus, &rt->input);
     judge_input(rt);
@@ -83,42 +97,76 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     s->bytes_copied += rt->bytes_per_cycle;
     s->now_ns = now_ns;
     if (timed) {
-        const uint64_t copy = after_copy - before_copy;
-        const uint64_t whole = clock_ns() - start;
-        s->copy_max_ns = copy > s->copy_max_ns ? copy : s->copy_max_ns;
-        s->cycle_max_ns = whole > s->cycle_max_ns ? whole : s->cycle_max_ns;
+        fsn_rt_count(&s->copy, after_copy - before_copy);
+        fsn_rt_count(&s->work, clock_ns() - now_ns);
+        if (rt->input.round_trip_ns != 0) {
+            fsn_rt_count(&s->round_trip, rt->input.round_trip_ns);
+        }
     }
     fsn_rt_publish(rt);
 }
 
-static void count_latency(struct fsn_statistics *s, uint64_t latency_ns) {
-    uint32_t bucket = 0;
-    for (uint64_t rest = latency_ns; rest > 0 && bucket < FSN_LATENCY_BUCKETS - 1; rest >>= 1) {
-        bucket++;
+/** Distance of this cycle from the phase it had to the reference clock at first, half a cycle at
+ *  most to either side: positive when we are late. */
+static int64_t dc_offset(struct fsn_rt *rt, uint64_t now_ns) {
+    const int64_t cycle = (int64_t)rt->cycle_ns;
+    const int64_t apart = (int64_t)(now_ns - rt->input.dc_time_ns);
+    if (!rt->dc_known) {
+        rt->dc_known = true;
+        rt->dc_phase_ns = apart;
     }
-    s->latency[bucket]++;
-    s->latency_sum_ns += latency_ns;
-    s->latency_max_ns = latency_ns > s->latency_max_ns ? latency_ns : s->latency_max_ns;
-    s->latency_min_ns =
-        s->wakeups == 0 || latency_ns < s->latency_min_ns ? latency_ns : s->latency_min_ns;
-    s->wakeups++;
+    const int64_t offset = (apart - rt->dc_phase_ns) % cycle;
+    if (offset > cycle / 2) {
+        return offset - cycle;
+    }
+    return offset < -cycle / 2 ? offset + cycle : offset;
+}
+
+/** Steers the wake-ups after the reference clock: a sixteenth of the distance per cycle, never
+ *  more than a hundredth of a cycle, so that one odd reading moves next to nothing. */
+static uint64_t steer(struct fsn_rt *rt, uint64_t planned_ns, uint64_t next_ns) {
+    if (rt->input.dc_time_ns == 0) {
+        return next_ns;
+    }
+    const int64_t offset = dc_offset(rt, planned_ns);
+    fsn_rt_count(&rt->statistics.dc_offset, (uint64_t)(offset < 0 ? -offset : offset));
+    const int64_t most = (int64_t)rt->cycle_ns / 100;
+    int64_t step = offset / 16;
+    step = step > most ? most : step < -most ? -most : step;
+    return rt->follow_dc ? (uint64_t)((int64_t)next_ns - step) : next_ns;
 }
 
 void fsn_rt_loop(struct fsn_rt *rt) {
+    struct fsn_statistics *s = &rt->statistics;
     uint64_t next = clock_ns() + rt->cycle_ns;
+    uint64_t before = 0;
     while (!atomic_load_explicit(&rt->stop, memory_order_relaxed)) {
-        sleep_until(next);
+        if (!rt->free_run) {
+            sleep_until(next);
+        }
         const uint64_t now = clock_ns();
         const uint64_t late = now > next ? now - next : 0;
-        count_latency(&rt->statistics, late);
+        if (before != 0) {
+            fsn_rt_count(&s->period, now - before);
+        }
+        if (!rt->free_run) {
+            fsn_rt_count(&s->latency, late);
+        }
+        before = now;
+        mark(rt, "fsn: cycle begins");
         fsn_rt_cycle(rt, now, true);
-        next += rt->cycle_ns;
+        mark(rt, "fsn: cycle ends");
+        if (rt->free_run) {
+            continue;
+        }
+        next = steer(rt, next, next) + rt->cycle_ns;
         if (late >= rt->cycle_ns) {
             /* Missed wake-ups are counted and dropped, not caught up: a burst of cycles would put
              * several frames of one device into one of its own cycles. */
             const uint64_t missed = late / rt->cycle_ns;
-            rt->statistics.overruns += missed;
+            s->overruns += missed;
             next += missed * rt->cycle_ns;
+            mark(rt, "fsn: overrun");
         }
     }
 }

@@ -49,6 +49,9 @@ struct fsn_rt_snapshot {
     _Atomic uint64_t *words; /**< statistics, connections, image, each padded to 8 bytes */
 };
 
+/** Writes a marker into the trace buffer of the kernel; not part of the cyclic object files. */
+typedef void (*fsn_rt_trace_fn)(int fd, const char *marker);
+
 struct fsn_rt {
     const struct fsn_bus_ops *ops;
     void *bus;
@@ -77,8 +80,16 @@ struct fsn_rt {
 
     /* The thread's own part. */
     uint64_t cycle_ns;
+    bool free_run, follow_dc;
+    int64_t dc_phase_ns;   /**< what the reference clock showed at our first DC cycle */
+    bool dc_known;         /**< dc_phase_ns is set */
+    fsn_rt_trace_fn trace; /**< NULL: no markers */
+    int trace_fd;          /**< for it */
     atomic_bool stop;
 };
+
+/** Counts a time. */
+void fsn_rt_count(struct fsn_histogram *histogram, uint64_t time_ns);
 
 /** Executes every copy of the plan. Cost: O(copies); nothing depends on the data. */
 void fsn_rt_copy_all(uint8_t *image, const struct fsn_rt_copy *copies,
