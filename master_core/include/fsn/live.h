@@ -1,0 +1,52 @@
+/** Backends that drive real EtherCAT: how they are asked for, whichever stack is below.
+ *
+ *  Each is a library of its own (fsn_soem, fsn_igh), present where its stack was found when this
+ *  was built. Their licences differ from that of libfsn: see `about`. */
+#ifndef FSN_LIVE_H
+#define FSN_LIVE_H
+
+#include "fsn/bus.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/** What a live bus is told before it is opened. Zero is a good value but for the interface. */
+struct fsn_live_options {
+    const char *interface;    /**< network interface (soem) or number of the master (igh) */
+    const char *redundant;    /**< second interface at the other end of the ring; NULL: none */
+    uint64_t cycle_ns;        /**< bus cycle, for SYNC0 and timeouts; 0 takes the plan's */
+    uint64_t receive_wait_ns; /**< how long receive() waits for the replies; 0 takes those that are
+                                   there, which is right when the cycle is timed */
+    uint32_t dc_every;        /**< DC reference time is distributed every n cycles; 0: never */
+    bool keep_unknown;        /**< SubDevices on the bus that the plan does not know are left
+                                   alone instead of refused */
+};
+
+/** One backend. */
+struct fsn_backend {
+    const char *name;
+    const char *about; /**< stack, version, licence and trademark terms, for people; lines */
+    const struct fsn_bus_ops *ops;
+    /** Makes the context for `ops`; nothing is sent before ops->open().
+     *  @param[in]  options  not needed after the call, nor are its strings.
+     *  @param[out] bus      to be given to `free`; NULL on refusal.
+     *  @retval FSN_E_ARG    no interface, or a value that is not allowed.
+     *  @retval FSN_E_NOMEM  out of memory.   Context: set-up. Allocates. */
+    fsn_status (*create)(const struct fsn_live_options *options, void **bus,
+                         struct fsn_fault *fault);
+    /** Frees the context, after the core that uses it; NULL is allowed. Context: set-up. */
+    void (*free)(void *bus);
+};
+
+/** SOEM, with a cyclic wire of its own. In library fsn_soem. Context: any thread. */
+FSN_API const struct fsn_backend *fsn_backend_soem(void);
+
+/** IgH EtherCAT Master through ecrt.h. In library fsn_igh. Context: any thread. */
+FSN_API const struct fsn_backend *fsn_backend_igh(void);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
