@@ -4,13 +4,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "plan_internal.h"
+#include "image.h"
 
 /** Three buffers of one sync manager: one with the writer, one with the reader, one in between.
  *  `middle` holds the number of the buffer in between, and FRESH while nobody has read it. */
 struct mailbox {
     uint8_t *buffer[3];
-    uint32_t size_bytes, subdevice, base;
+    uint32_t size_bytes, subdevice;
     uint8_t direction;
     uint8_t writer, reader; /**< each touched by its own side only */
     _Atomic uint8_t middle;
@@ -29,13 +29,8 @@ struct fsn_emulated {
     uint32_t subdevice_count;
     uint8_t *storage;
     uint8_t *image;
-    uint32_t image_bytes;
-    uint32_t *sm_base, *sm_datagram;
-    uint32_t *datagram_begin;
-    uint32_t datagram_count;
-    uint32_t *expected;   /**< working counter per datagram when all are present */
-    uint32_t *outputs_in; /**< last datagram that counted this SubDevice's outputs, plus one */
-    uint32_t *inputs_in;
+    struct fsn_image layout;
+    uint8_t *wkc; /**< per sync manager: what it adds to the working counter of its datagram */
 };
 
 static void publish(struct mailbox *box, const uint8_t *bytes) {
@@ -57,62 +52,11 @@ static const uint8_t *newest(struct mailbox *box, bool *fresh) {
     return box->buffer[box->reader];
 }
 
-/** IgH's order: SubDevices as added, per SubDevice first outputs, then inputs; a datagram ends
- *  where the next sync manager would not fit. */
-static void lay_out(struct fsn_emulated *bus) {
-    uint32_t end = 0;
-    uint32_t datagram_start = 0;
-    uint32_t datagram = 0;
-    for (uint32_t sub = 0; sub < bus->subdevice_count; sub++) {
-        struct fsn_subdevice_info info;
-        if (fsn_plan_subdevice(bus->plan, sub, &info) != FSN_OK) {
-            continue;
-        }
-        for (uint8_t direction = FSN_OUTPUT; direction <= FSN_INPUT; direction++) {
-            for (uint32_t sm = info.first_sm; sm < info.first_sm + info.sm_count; sm++) {
-                struct mailbox *box = &bus->boxes[sm];
-                if (box->size_bytes == 0 || box->direction != direction) {
-                    continue;
-                }
-                if (end > datagram_start &&
-                    end - datagram_start + box->size_bytes > FSN_MAX_DATAGRAM_BYTES) {
-                    datagram++;
-                    datagram_start = bus->datagram_begin[datagram] = end;
-                }
-                box->base = bus->sm_base[sm] = end;
-                bus->sm_datagram[sm] = datagram;
-                end += box->size_bytes;
-            }
-        }
-    }
-    bus->image_bytes = end;
-    bus->datagram_count = datagram + 1;
-}
-
-/** What one sync manager adds to the working counter of its datagram: each SubDevice counts once
- * per direction and datagram, 2 for outputs and 1 for inputs, as LRW does. */
-static uint32_t wkc_of(struct fsn_emulated *bus, uint32_t sm) {
-    const struct mailbox *box = &bus->boxes[sm];
-    const uint32_t datagram = bus->sm_datagram[sm];
-    uint32_t *seen = box->direction == FSN_OUTPUT ? bus->outputs_in : bus->inputs_in;
-    if (seen[box->subdevice] == datagram + 1) {
-        return 0;
-    }
-    seen[box->subdevice] = datagram + 1;
-    return box->direction == FSN_OUTPUT ? 2 : 1;
-}
-
-static void clear_seen(struct fsn_emulated *bus) {
-    memset(bus->outputs_in, 0, bus->subdevice_count * sizeof *bus->outputs_in);
-    memset(bus->inputs_in, 0, bus->subdevice_count * sizeof *bus->inputs_in);
-}
-
 /** Reads the sync managers that get a place, and how many bytes their buffers need. */
 static size_t read_plan(struct fsn_emulated *bus) {
     size_t total = 0;
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         struct fsn_sm_info info;
-        bus->sm_base[sm] = FSN_NONE;
         if (fsn_plan_sm(bus->plan, sm, &info) == FSN_OK && info.registered) {
             bus->boxes[sm].size_bytes = info.size_bytes;
             bus->boxes[sm].subdevice = info.subdevice;
@@ -127,16 +71,10 @@ static bool allocate(struct fsn_emulated *bus) {
     const size_t sms = (size_t)bus->box_count + 1;
     const size_t subs = (size_t)bus->subdevice_count + 1;
     bus->boxes = calloc(sms, sizeof *bus->boxes);
-    bus->sm_base = calloc(sms, sizeof *bus->sm_base);
-    bus->sm_datagram = calloc(sms, sizeof *bus->sm_datagram);
-    bus->expected = calloc(sms, sizeof *bus->expected);
-    bus->datagram_begin = calloc(sms, sizeof *bus->datagram_begin);
+    bus->wkc = calloc(sms, sizeof *bus->wkc);
     bus->present = calloc(subs, sizeof *bus->present);
-    bus->outputs_in = calloc(subs, sizeof *bus->outputs_in);
-    bus->inputs_in = calloc(subs, sizeof *bus->inputs_in);
-    if (bus->boxes == NULL || bus->sm_base == NULL || bus->sm_datagram == NULL ||
-        bus->expected == NULL || bus->datagram_begin == NULL || bus->present == NULL ||
-        bus->outputs_in == NULL || bus->inputs_in == NULL) {
+    if (bus->boxes == NULL || bus->wkc == NULL || bus->present == NULL ||
+        fsn_image_create(bus->plan, FSN_MAX_DATAGRAM_BYTES, &bus->layout) != FSN_OK) {
         return false;
     }
     const size_t total = read_plan(bus);
@@ -159,11 +97,8 @@ static void fill(struct fsn_emulated *bus) {
     for (uint32_t sub = 0; sub < bus->subdevice_count; sub++) {
         atomic_init(&bus->present[sub], true);
     }
-    lay_out(bus);
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
-        if (bus->boxes[sm].size_bytes > 0) {
-            bus->expected[bus->sm_datagram[sm]] += wkc_of(bus, sm);
-        }
+        bus->wkc[sm] = (uint8_t)fsn_image_wkc(bus->plan, &bus->layout, sm);
     }
 }
 
@@ -195,13 +130,9 @@ void fsn_emulated_free(struct fsn_emulated *bus) {
         return;
     }
     free(bus->boxes);
-    free(bus->sm_base);
-    free(bus->sm_datagram);
-    free(bus->expected);
-    free(bus->datagram_begin);
+    free(bus->wkc);
+    fsn_image_free(&bus->layout);
     free((void *)bus->present);
-    free(bus->outputs_in);
-    free(bus->inputs_in);
     free(bus->storage);
     free(bus->image);
     fsn_plan_free((struct fsn_plan *)bus->plan);
@@ -221,10 +152,10 @@ static fsn_status emulated_open(void *context, const struct fsn_plan *plan,
     atomic_fetch_add_explicit(&bus->holders, 1, memory_order_relaxed);
     *layout = (struct fsn_bus_layout){
         .image = bus->image,
-        .image_bytes = bus->image_bytes,
-        .sm_base = bus->sm_base,
-        .datagram_begin = bus->datagram_begin,
-        .datagram_count = bus->datagram_count,
+        .image_bytes = bus->layout.bytes,
+        .sm_base = bus->layout.sm_base,
+        .datagram_begin = bus->layout.datagram_begin,
+        .datagram_count = bus->layout.datagram_count,
     };
     return FSN_OK;
 }
@@ -241,9 +172,8 @@ static bool is_present(struct fsn_emulated *bus, const struct mailbox *box) {
 
 static void emulated_receive(void *context, struct fsn_bus_input *input) {
     struct fsn_emulated *bus = context;
-    clear_seen(bus);
-    for (uint32_t d = 0; d < bus->datagram_count; d++) {
-        input->wkc[d].expected = bus->expected[d];
+    for (uint32_t d = 0; d < bus->layout.datagram_count; d++) {
+        input->wkc[d].expected = bus->layout.expected[d];
     }
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         struct mailbox *box = &bus->boxes[sm];
@@ -255,10 +185,10 @@ static void emulated_receive(void *context, struct fsn_bus_input *input) {
             input->sm_stale[sm] = box->direction == FSN_INPUT;
             continue;
         }
-        input->wkc[bus->sm_datagram[sm]].actual += wkc_of(bus, sm);
+        input->wkc[bus->layout.sm_datagram[sm]].actual += bus->wkc[sm];
         if (box->direction == FSN_INPUT) {
             bool fresh;
-            memcpy(bus->image + box->base, newest(box, &fresh), box->size_bytes);
+            memcpy(bus->image + bus->layout.sm_base[sm], newest(box, &fresh), box->size_bytes);
         }
     }
 }
@@ -268,7 +198,7 @@ static void emulated_send(void *context) {
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         struct mailbox *box = &bus->boxes[sm];
         if (box->size_bytes > 0 && box->direction == FSN_OUTPUT && is_present(bus, box)) {
-            publish(box, bus->image + box->base);
+            publish(box, bus->image + bus->layout.sm_base[sm]);
         }
     }
 }

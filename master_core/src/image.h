@@ -1,0 +1,33 @@
+/** Where the sync managers of a plan lie in a process image that we lay out ourselves. */
+#ifndef FSN_IMAGE_H
+#define FSN_IMAGE_H
+
+#include "fsn/bus.h"
+#include "plan_internal.h"
+
+/** Arrays are as long as the plan has sync managers, and one. */
+struct fsn_image {
+    uint32_t *sm_base;        /**< FSN_NONE without a place */
+    uint32_t *sm_datagram;    /**< datagram that carries it */
+    uint32_t *datagram_begin; /**< first byte of each datagram */
+    uint32_t *expected;       /**< working counter of each datagram when all answer */
+    uint32_t datagram_count, bytes;
+};
+
+/** Lays out in IgH's order: SubDevices as added, per SubDevice first outputs, then inputs. A
+ *  datagram ends where the next sync manager would not fit.
+ *  @retval FSN_E_NOMEM      out of memory.
+ *  @retval FSN_E_BUS_IMAGE  a sync manager alone is longer than `datagram_bytes`.
+ *  After a refusal everything is free again. */
+fsn_status fsn_image_create(const struct fsn_plan *plan, uint32_t datagram_bytes,
+                            struct fsn_image *image);
+
+/** Frees the arrays; also of an image that is all zeros. */
+void fsn_image_free(struct fsn_image *image);
+
+/** What a sync manager adds to the working counter of its datagram: each SubDevice counts once per
+ *  direction and datagram, 2 for outputs and 1 for inputs, as LRW does. The SMs of one SubDevice
+ *  are asked one after the other. Returns 0 when another one before it counted already. */
+uint32_t fsn_image_wkc(const struct fsn_plan *plan, const struct fsn_image *image, uint32_t sm);
+
+#endif

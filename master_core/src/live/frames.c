@@ -1,0 +1,166 @@
+#include "frames.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    CMD_LRW = 12,
+    DATAGRAM_HEAD = 10,
+    DATAGRAM_TAIL = 2,
+    DC_TIME = 0x0910,
+    DC_BYTES = 8,
+    DC_DATAGRAM = DATAGRAM_HEAD + DC_BYTES + DATAGRAM_TAIL,
+    MORE = 0x8000,
+};
+
+static void put16(uint8_t *at, uint32_t value) {
+    at[0] = (uint8_t)value;
+    at[1] = (uint8_t)(value >> 8);
+}
+
+static void put32(uint8_t *at, uint32_t value) {
+    put16(at, value);
+    put16(at + 2, value >> 16);
+}
+
+static void write_head(struct fsn_wire_frame *frame) {
+    /* Everybody, from a locally administered address; EtherCAT looks at neither. */
+    static const uint8_t ethernet[] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x02,
+                                       0x46, 0x53, 0x4E, 0x00, 0x01, 0x88, 0xA4};
+    memcpy(frame->sent, ethernet, sizeof ethernet);
+    put16(frame->sent + 14, (frame->len_bytes - 16) | 0x1000);
+    put16(frame->sent + FSN_WIRE_NOP + 6, FSN_WIRE_MARK_BYTES | MORE);
+}
+
+/** Fills one frame: where it lies in the image is known already. */
+static bool build(struct fsn_wire_frame *frame, uint32_t logical, uint16_t dc_station) {
+    const uint32_t lrw_end = FSN_WIRE_DATA + frame->size_bytes + DATAGRAM_TAIL;
+    const bool with_dc = dc_station != 0;
+    frame->len_bytes = lrw_end + (with_dc ? DC_DATAGRAM : 0);
+    frame->sent = calloc(FSN_WIRE_MOST, 1);
+    frame->reply[0] = calloc(FSN_WIRE_MOST, 1);
+    frame->reply[1] = calloc(FSN_WIRE_MOST, 1);
+    if (frame->sent == NULL || frame->reply[0] == NULL || frame->reply[1] == NULL) {
+        return false;
+    }
+    write_head(frame);
+    uint8_t *lrw = frame->sent + FSN_WIRE_LRW;
+    lrw[0] = CMD_LRW;
+    put32(lrw + 2, logical);
+    put16(lrw + 6, frame->size_bytes | (with_dc ? MORE : 0));
+    if (with_dc) {
+        frame->dc = lrw_end;
+        put16(frame->sent + lrw_end + 2, dc_station);
+        put16(frame->sent + lrw_end + 4, DC_TIME);
+        put16(frame->sent + lrw_end + 6, DC_BYTES);
+    }
+    return true;
+}
+
+/** Inputs of the plan in the order of the image. */
+static bool list_inputs(const struct fsn_plan *plan, struct fsn_frames *frames) {
+    struct fsn_wire *wire = &frames->wire;
+    const uint32_t sms = plan->count[FSN_SEC_SM];
+    wire->inputs = calloc((size_t)sms + 1, sizeof *wire->inputs);
+    if (wire->inputs == NULL) {
+        return false;
+    }
+    uint32_t count = 0;
+    for (uint32_t d = 0; d < frames->image.datagram_count; d++) {
+        struct fsn_wire_frame *frame = &wire->frames[d];
+        frame->first_input = count;
+        for (uint32_t sm = 0; sm < sms; sm++) {
+            struct fsn_sm_info info;
+            if (frames->image.sm_base[sm] == FSN_NONE || frames->image.sm_datagram[sm] != d ||
+                fsn_plan_sm(plan, sm, &info) != FSN_OK || info.direction != FSN_INPUT) {
+                continue;
+            }
+            wire->inputs[count++] = (struct fsn_wire_input){
+                .sm = sm,
+                .subdevice = info.subdevice,
+                .image_byte = frames->image.sm_base[sm],
+                .frame_byte = FSN_WIRE_DATA + frames->image.sm_base[sm] - frame->image_byte,
+                .size_bytes = info.size_bytes,
+            };
+        }
+        frame->input_count = count - frame->first_input;
+    }
+    return true;
+}
+
+/** Places the datagrams of the image, and which frame carries the DC time: the last one with room,
+ *  else a further one. Returns its number, or the number of frames without DC. */
+static uint32_t place(struct fsn_frames *frames, bool with_dc) {
+    struct fsn_wire *wire = &frames->wire;
+    const struct fsn_image *image = &frames->image;
+    uint32_t dc_frame = FSN_NONE;
+    for (uint32_t d = 0; d < image->datagram_count; d++) {
+        const uint32_t begin = image->datagram_begin[d];
+        const uint32_t end =
+            d + 1 < image->datagram_count ? image->datagram_begin[d + 1] : image->bytes;
+        struct fsn_wire_frame *frame = &wire->frames[d];
+        frame->image_byte = begin;
+        /* An LRW without any data is no datagram a SubDevice controller knows. */
+        frame->size_bytes = end > begin ? end - begin : 1;
+        frame->expected = image->expected[d];
+        if (frame->size_bytes + DC_DATAGRAM <= FSN_WIRE_LRW_BYTES) {
+            dc_frame = d;
+        }
+    }
+    wire->frame_count = image->datagram_count;
+    if (with_dc && dc_frame == FSN_NONE) {
+        dc_frame = wire->frame_count++;
+        wire->frames[dc_frame].size_bytes = 1;
+    }
+    return with_dc ? dc_frame : FSN_NONE;
+}
+
+fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
+                             struct fsn_frames *frames) {
+    *frames = (struct fsn_frames){.wire.sockets = {-1, -1}};
+    const fsn_status status = fsn_image_create(plan, FSN_WIRE_LRW_BYTES, &frames->image);
+    if (status != FSN_OK) {
+        return status;
+    }
+    struct fsn_wire *wire = &frames->wire;
+    const uint32_t datagrams = frames->image.datagram_count;
+    frames->bytes = calloc((size_t)frames->image.bytes + 1, 1);
+    wire->frames = calloc((size_t)datagrams + 1, sizeof *wire->frames);
+    wire->answers = calloc((size_t)plan->count[FSN_SEC_SUBDEVICE] + 1, sizeof *wire->answers);
+    if (frames->bytes == NULL || wire->frames == NULL || wire->answers == NULL) {
+        return FSN_E_NOMEM;
+    }
+    wire->image = frames->bytes;
+    wire->datagram_count = datagrams;
+    const uint32_t dc_frame = place(frames, dc_station != 0);
+    if (wire->frame_count > FSN_WIRE_FRAMES) {
+        return FSN_E_BUS_IMAGE;
+    }
+    if (!list_inputs(plan, frames)) {
+        return FSN_E_NOMEM;
+    }
+    for (uint32_t f = 0; f < wire->frame_count; f++) {
+        /* What carries no process data asks for an address that nobody maps. */
+        const uint32_t logical =
+            f < datagrams ? wire->frames[f].image_byte : frames->image.bytes + 1;
+        if (!build(&wire->frames[f], logical, f == dc_frame ? dc_station : 0)) {
+            return FSN_E_NOMEM;
+        }
+    }
+    return FSN_OK;
+}
+
+void fsn_frames_free(struct fsn_frames *frames) {
+    struct fsn_wire *wire = &frames->wire;
+    for (uint32_t f = 0; wire->frames != NULL && f < wire->frame_count; f++) {
+        free(wire->frames[f].sent);
+        free(wire->frames[f].reply[0]);
+        free(wire->frames[f].reply[1]);
+    }
+    free(wire->frames);
+    free(wire->inputs);
+    free((void *)wire->answers);
+    free(frames->bytes);
+    fsn_image_free(&frames->image);
+    *frames = (struct fsn_frames){.wire.sockets = {-1, -1}};
+}

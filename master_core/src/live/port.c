@@ -1,0 +1,223 @@
+#define _GNU_SOURCE
+
+#include "port.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <linux/filter.h>
+#include <linux/if_ether.h>
+#include <linux/if_packet.h>
+#include <net/if.h>
+#include <poll.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "plan_internal.h"
+#include "rt/wire.h"
+
+#ifndef PACKET_IGNORE_OUTGOING
+#define PACKET_IGNORE_OUTGOING 23
+#endif
+
+enum { INDEX_BYTE = 17, ETHERCAT = 0x88A4, CYCLIC_BUFFER_BYTES = 4 << 20 };
+
+static fsn_status refuse_system(struct fsn_fault *fault, const char *interface, const char *rule) {
+    const int error = errno;
+    fsn_refuse_all(fault, FSN_E_SYS, rule);
+    if (fault != NULL) {
+        fault->sys_errno = error;
+        snprintf(fault->detail, sizeof fault->detail, "%s%s", interface,
+                 error == EPERM ? "; raw sockets need CAP_NET_RAW" : "");
+    }
+    return FSN_E_SYS;
+}
+
+static fsn_status refuse_detail(struct fsn_fault *fault, fsn_status status, const char *interface,
+                                const char *text) {
+    fsn_refuse_all(fault, status, NULL);
+    if (fault != NULL) {
+        snprintf(fault->detail, sizeof fault->detail, "%s%s", interface, text);
+    }
+    return status;
+}
+
+/** Packets with an index on one side of the border. The acyclic side takes whole packets only,
+ *  since SOEM believes the length a frame states: the header, 16 bytes, and that many more. */
+static int attach_filter(int socket, bool cyclic) {
+    struct sock_filter acyclic_code[] = {
+        BPF_STMT(BPF_LD | BPF_B | BPF_ABS, INDEX_BYTE),
+        BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, FSN_WIRE_FIRST_INDEX, 11, 0),
+        BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 15),
+        BPF_STMT(BPF_ALU | BPF_AND | BPF_K, 0x07),
+        BPF_STMT(BPF_ALU | BPF_LSH | BPF_K, 8),
+        BPF_STMT(BPF_MISC | BPF_TAX, 0),
+        BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 14),
+        BPF_STMT(BPF_ALU | BPF_ADD | BPF_X, 0),
+        BPF_STMT(BPF_ALU | BPF_ADD | BPF_K, 16),
+        BPF_STMT(BPF_MISC | BPF_TAX, 0),
+        BPF_STMT(BPF_LD | BPF_W | BPF_LEN, 0),
+        BPF_JUMP(BPF_JMP | BPF_JGE | BPF_X, 0, 0, 1),
+        BPF_STMT(BPF_RET | BPF_K, 0xFFFF),
+        BPF_STMT(BPF_RET | BPF_K, 0),
+    };
+    struct sock_filter cyclic_code[] = {
+        BPF_STMT(BPF_LD | BPF_B | BPF_ABS, INDEX_BYTE),
+        BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, FSN_WIRE_FIRST_INDEX, 0, 1),
+        BPF_STMT(BPF_RET | BPF_K, 0xFFFF),
+        BPF_STMT(BPF_RET | BPF_K, 0),
+    };
+    const struct sock_fprog program = {
+        .len = cyclic ? sizeof cyclic_code / sizeof cyclic_code[0]
+                      : sizeof acyclic_code / sizeof acyclic_code[0],
+        .filter = cyclic ? cyclic_code : acyclic_code,
+    };
+    const int yes = 1;
+    /* Older kernels cannot leave out what this host sends; then our own frames come back as
+     * foreign ones and are dropped later. */
+    (void)setsockopt(socket, SOL_PACKET, PACKET_IGNORE_OUTGOING, &yes, sizeof yes);
+    return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program);
+}
+
+fsn_status fsn_port_filter_acyclic(int socket) {
+    return attach_filter(socket, false) == 0 ? FSN_OK : FSN_E_SYS;
+}
+
+static int bind_to(int fd, unsigned number, uint16_t protocol) {
+    const struct sockaddr_ll at = {
+        .sll_family = AF_PACKET, .sll_protocol = htons(protocol), .sll_ifindex = (int)number};
+    return bind(fd, (const struct sockaddr *)&at, sizeof at);
+}
+
+/** Opens a raw EtherCAT socket that hears nothing yet. */
+static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
+                           struct fsn_fault *fault) {
+    *fd = -1;
+    *number = if_nametoindex(interface);
+    if (*number == 0) {
+        return refuse_detail(fault, FSN_E_ARG, interface, ": there is no such interface");
+    }
+    *fd = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0);
+    return *fd < 0 ? refuse_system(fault, interface, "no raw socket could be opened") : FSN_OK;
+}
+
+fsn_status fsn_port_open(const char *interface, bool stamp, int *out, struct fsn_fault *fault) {
+    unsigned number;
+    int fd;
+    *out = -1;
+    const fsn_status status = open_raw(interface, &fd, &number, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    const int yes = 1;
+    const int bytes = CYCLIC_BUFFER_BYTES;
+    (void)setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof bytes);
+    /* Without these it still works, a little later or less well known. */
+    (void)setsockopt(fd, SOL_PACKET, PACKET_QDISC_BYPASS, &yes, sizeof yes);
+    if (stamp) {
+        (void)setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &yes, sizeof yes);
+    }
+    struct packet_mreq all = {.mr_ifindex = (int)number, .mr_type = PACKET_MR_PROMISC};
+    (void)setsockopt(fd, SOL_PACKET, PACKET_ADD_MEMBERSHIP, &all, sizeof all);
+    if (attach_filter(fd, true) != 0 || bind_to(fd, number, ETHERCAT) != 0) {
+        const fsn_status refused = refuse_system(fault, interface, "the raw socket is of no use");
+        close(fd);
+        return refused;
+    }
+    *out = fd;
+    return FSN_OK;
+}
+
+fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fault) {
+    /* An abstract name: it belongs to the network namespace, as the interface does, and is gone
+     * with its process however that ends. */
+    struct sockaddr_un name = {.sun_family = AF_UNIX};
+    const int length =
+        snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "fsn-maindevice:%s", interface);
+    *lock = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (*lock < 0) {
+        return refuse_system(fault, interface, "the interface could not be locked");
+    }
+    const socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
+    if (bind(*lock, (const struct sockaddr *)&name, size) == 0) {
+        return FSN_OK;
+    }
+    const bool taken = errno == EADDRINUSE;
+    close(*lock);
+    *lock = -1;
+    return taken ? refuse_detail(fault, FSN_E_BUS_BUSY, interface,
+                                 ": another process of fsoe-net drives this interface")
+                 : refuse_system(fault, interface, "the interface could not be locked");
+}
+
+static uint64_t clock_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+/** Counts EtherCAT packets, whoever sent them, until the time is over. */
+static unsigned hear(int fd, uint64_t listen_ns) {
+    const uint64_t end_ns = clock_ns() + listen_ns;
+    unsigned heard = 0;
+    for (uint64_t now = clock_ns(); now < end_ns && heard < 1000; now = clock_ns()) {
+        struct pollfd polled = {.fd = fd, .events = POLLIN};
+        if (poll(&polled, 1, (int)((end_ns - now) / 1000000u) + 1) <= 0) {
+            continue;
+        }
+        uint8_t packet[FSN_WIRE_MOST + 4];
+        heard += recv(fd, packet, sizeof packet, MSG_DONTWAIT) > 0;
+    }
+    return heard;
+}
+
+fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn_fault *fault) {
+    unsigned number;
+    int fd;
+    const fsn_status status = open_raw(interface, &fd, &number, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    /* All protocols, or what this host sends would stay unseen. */
+    struct sock_filter ethercat[] = {
+        BPF_STMT(BPF_LD | BPF_H | BPF_ABS, 12),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, ETHERCAT, 0, 1),
+        BPF_STMT(BPF_RET | BPF_K, 0xFFFF),
+        BPF_STMT(BPF_RET | BPF_K, 0),
+    };
+    const struct sock_fprog program = {.len = sizeof ethercat / sizeof ethercat[0],
+                                       .filter = ethercat};
+    if (setsockopt(fd, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program) != 0 ||
+        bind_to(fd, number, ETH_P_ALL) != 0) {
+        const fsn_status refused = refuse_system(fault, interface, "the raw socket is of no use");
+        close(fd);
+        return refused;
+    }
+    const unsigned heard = hear(fd, listen_ns);
+    close(fd);
+    if (heard == 0) {
+        return FSN_OK;
+    }
+    char text[96];
+    snprintf(text, sizeof text, ": %u EtherCAT packets within %u ms that are not ours", heard,
+             (unsigned)(listen_ns / 1000000u));
+    return refuse_detail(fault, FSN_E_BUS_BUSY, interface, text);
+}
+
+bool fsn_port_has_link(const char *interface) {
+    struct ifreq request = {0};
+    const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (fd < 0) {
+        return false;
+    }
+    snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
+    const bool ok = ioctl(fd, SIOCGIFFLAGS, &request) == 0;
+    close(fd);
+    const unsigned flags = (unsigned short)request.ifr_flags;
+    return ok && (flags & IFF_UP) != 0 && (flags & IFF_RUNNING) != 0;
+}

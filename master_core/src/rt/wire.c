@@ -1,0 +1,286 @@
+#define _GNU_SOURCE
+
+#include "wire.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+
+enum {
+    /* One cycle reads at most this many packets per port, so that a flood cannot hold it up; enough
+     * to throw away what a second of standing still has left behind. */
+    MOST_PACKETS = 1024,
+    CMD_NOP = 0,
+    CMD_FRMW = 14,
+    DATAGRAM_HEAD = 10,
+};
+
+static uint32_t get32(const uint8_t *p) {
+    return (uint32_t)p[0] | ((uint32_t)p[1] << 8) | ((uint32_t)p[2] << 16) | ((uint32_t)p[3] << 24);
+}
+
+static void put32(uint8_t *p, uint32_t value) {
+    for (unsigned i = 0; i < 4; i++) {
+        p[i] = (uint8_t)(value >> (8 * i));
+    }
+}
+
+static uint32_t counter_at(const uint8_t *p) {
+    return (uint32_t)p[0] | ((uint32_t)p[1] << 8);
+}
+
+static uint64_t clock_ns(clockid_t clock) {
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+/* -- sending -------------------------------------------------------------------------------- */
+
+/** Writes port and frame number into every datagram; they tell replies apart. */
+static void set_index(struct fsn_wire_frame *frame, uint8_t index) {
+    frame->sent[FSN_WIRE_NOP + 1] = index;
+    frame->sent[FSN_WIRE_LRW + 1] = index;
+    if (frame->dc != 0) {
+        frame->sent[frame->dc + 1] = index;
+    }
+}
+
+static uint8_t index_of(uint32_t frame, uint32_t port) {
+    return (uint8_t)(FSN_WIRE_FIRST_INDEX + port * FSN_WIRE_FRAMES + frame);
+}
+
+void fsn_wire_send(struct fsn_wire *wire) {
+    wire->cycle = wire->cycle == UINT32_MAX ? 1 : wire->cycle + 1;
+    const bool with_dc = wire->dc_every > 0 && wire->dc_left == 0;
+    wire->dc_left = with_dc ? wire->dc_every - 1 : wire->dc_left - (wire->dc_left > 0);
+    for (uint32_t f = 0; f < wire->frame_count; f++) {
+        struct fsn_wire_frame *frame = &wire->frames[f];
+        put32(frame->sent + FSN_WIRE_MARK, wire->run);
+        put32(frame->sent + FSN_WIRE_MARK + 4, wire->cycle);
+        if (f < wire->datagram_count) {
+            memcpy(frame->sent + FSN_WIRE_DATA, wire->image + frame->image_byte, frame->size_bytes);
+        }
+        if (frame->dc != 0) {
+            /* In between it is a NOP of the same length. */
+            frame->sent[frame->dc] = with_dc ? CMD_FRMW : CMD_NOP;
+        }
+    }
+    wire->sent_ns = clock_ns(CLOCK_REALTIME);
+    /* The second port last: on a closed ring its frames only pass through. */
+    for (uint32_t port = 0; port < FSN_WIRE_PORTS && wire->sockets[port] >= 0; port++) {
+        for (uint32_t f = 0; f < wire->frame_count; f++) {
+            struct fsn_wire_frame *frame = &wire->frames[f];
+            set_index(frame, index_of(f, port));
+            frame->back[port] = false;
+            /* A frame that cannot be sent is one that does not come back. */
+            (void)!send(wire->sockets[port], frame->sent, frame->len_bytes, MSG_DONTWAIT);
+        }
+    }
+}
+
+/* -- receiving ------------------------------------------------------------------------------ */
+
+/** Whether a datagram came back as it was sent: command, index, address and length. The data, the
+ *  working counter, the interrupt word and the flag of a circulating frame may differ. */
+static bool same_head(const uint8_t *sent, const uint8_t *reply, uint8_t index) {
+    return sent[0] == reply[0] && reply[1] == index && memcmp(sent + 2, reply + 2, 4) == 0 &&
+           sent[6] == reply[6] && ((sent[7] ^ reply[7]) & 0xBFu) == 0;
+}
+
+enum taken { TAKEN, OLD, FOREIGN };
+
+/** Keeps a packet when it is a reply to a frame of this cycle. */
+static enum taken take(struct fsn_wire *wire, const uint8_t *packet, uint32_t len_bytes) {
+    if (len_bytes < FSN_WIRE_DATA + 2 || packet[FSN_WIRE_NOP + 1] < FSN_WIRE_FIRST_INDEX) {
+        return FOREIGN;
+    }
+    const uint8_t index = packet[FSN_WIRE_NOP + 1];
+    const uint32_t number = (uint32_t)(index - FSN_WIRE_FIRST_INDEX) % FSN_WIRE_FRAMES;
+    const uint32_t port = (uint32_t)(index - FSN_WIRE_FIRST_INDEX) / FSN_WIRE_FRAMES;
+    if (number >= wire->frame_count || wire->sockets[port] < 0 ||
+        get32(packet + FSN_WIRE_MARK) != wire->run) {
+        return FOREIGN;
+    }
+    struct fsn_wire_frame *frame = &wire->frames[number];
+    /* Ethernet may have padded a short frame. */
+    if (len_bytes < frame->len_bytes || memcmp(packet + 12, frame->sent + 12, 4) != 0 ||
+        !same_head(frame->sent + FSN_WIRE_NOP, packet + FSN_WIRE_NOP, index) ||
+        !same_head(frame->sent + FSN_WIRE_LRW, packet + FSN_WIRE_LRW, index)) {
+        return FOREIGN;
+    }
+    if (get32(packet + FSN_WIRE_MARK + 4) != wire->cycle || frame->back[port]) {
+        return OLD;
+    }
+    if (frame->dc != 0 && !same_head(frame->sent + frame->dc, packet + frame->dc, index)) {
+        return FOREIGN;
+    }
+    memcpy(frame->reply[port], packet, frame->len_bytes);
+    frame->back[port] = true;
+    return TAKEN;
+}
+
+/** When the kernel got the packet, CLOCK_REALTIME; 0 when it did not say. */
+static uint64_t arrival_ns(struct msghdr *message) {
+    for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c != NULL; c = CMSG_NXTHDR(message, c)) {
+        if (c->cmsg_level == SOL_SOCKET && c->cmsg_type == SCM_TIMESTAMPNS) {
+            struct timespec at;
+            memcpy(&at, CMSG_DATA(c), sizeof at);
+            return (uint64_t)at.tv_sec * 1000000000u + (uint64_t)at.tv_nsec;
+        }
+    }
+    return 0;
+}
+
+/** Reads everything that waits on a port; returns when the last reply of this cycle came in. */
+static uint64_t drain(struct fsn_wire *wire, uint32_t port, struct fsn_bus_input *input) {
+    uint64_t last_ns = 0;
+    for (int i = 0; i < MOST_PACKETS; i++) {
+        uint8_t packet[FSN_WIRE_MOST + 4];
+        union {
+            struct cmsghdr align;
+            uint8_t bytes[64];
+        } control;
+        struct iovec part = {.iov_base = packet, .iov_len = sizeof packet};
+        struct msghdr message = {.msg_iov = &part,
+                                 .msg_iovlen = 1,
+                                 .msg_control = control.bytes,
+                                 .msg_controllen = sizeof control.bytes};
+        const ssize_t got = recvmsg(wire->sockets[port], &message, MSG_DONTWAIT);
+        if (got < 0 && errno == EINTR) {
+            continue;
+        }
+        if (got <= 0) {
+            break;
+        }
+        const enum taken taken = take(wire, packet, (uint32_t)got);
+        if (taken == TAKEN) {
+            const bool from_second =
+                packet[FSN_WIRE_NOP + 1] >= FSN_WIRE_FIRST_INDEX + FSN_WIRE_FRAMES;
+            atomic_store_explicit(&wire->crossed, from_second != (port == 1), memory_order_relaxed);
+            last_ns = arrival_ns(&message);
+        } else if (taken == OLD) {
+            input->old_replies++;
+        } else {
+            atomic_fetch_add_explicit(&wire->foreign, 1, memory_order_relaxed);
+        }
+    }
+    return last_ns;
+}
+
+static uint32_t counter_of(const struct fsn_wire_frame *frame) {
+    uint32_t sum = 0;
+    for (uint32_t port = 0; port < FSN_WIRE_PORTS; port++) {
+        if (frame->back[port]) {
+            sum += counter_at(frame->reply[port] + FSN_WIRE_DATA + frame->size_bytes);
+        }
+    }
+    return sum;
+}
+
+/** Whether nothing more can come: every frame is back, or has visited everybody. */
+static bool complete(const struct fsn_wire *wire) {
+    for (uint32_t f = 0; f < wire->frame_count; f++) {
+        const struct fsn_wire_frame *frame = &wire->frames[f];
+        const bool all = frame->back[0] && (wire->sockets[1] < 0 || frame->back[1]);
+        if (!all && (!(frame->back[0] || frame->back[1]) || frame->expected == 0 ||
+                     counter_of(frame) < frame->expected)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static uint64_t drain_all(struct fsn_wire *wire, struct fsn_bus_input *input) {
+    const uint64_t first = drain(wire, 0, input);
+    const uint64_t second = wire->sockets[1] >= 0 ? drain(wire, 1, input) : 0;
+    return first > second ? first : second;
+}
+
+/** Waits for packets until the time is over; false when it is. */
+static bool wait_until(const struct fsn_wire *wire, uint64_t end_ns) {
+    const uint64_t now = clock_ns(CLOCK_MONOTONIC);
+    if (now >= end_ns) {
+        return false;
+    }
+    struct pollfd polled[FSN_WIRE_PORTS] = {{.fd = wire->sockets[0], .events = POLLIN},
+                                            {.fd = wire->sockets[1], .events = POLLIN}};
+    const struct timespec left = {.tv_sec = (time_t)((end_ns - now) / 1000000000u),
+                                  .tv_nsec = (long)((end_ns - now) % 1000000000u)};
+    return ppoll(polled, wire->sockets[1] >= 0 ? 2 : 1, &left, NULL) > 0;
+}
+
+static uint64_t collect(struct fsn_wire *wire, struct fsn_bus_input *input) {
+    uint64_t last_ns = drain_all(wire, input);
+    if (wire->wait_ns == 0 || complete(wire)) {
+        return last_ns;
+    }
+    const uint64_t end_ns = clock_ns(CLOCK_MONOTONIC) + wire->wait_ns;
+    while (!complete(wire) && wait_until(wire, end_ns)) {
+        const uint64_t newer = drain_all(wire, input);
+        last_ns = newer > last_ns ? newer : last_ns;
+    }
+    return last_ns;
+}
+
+/** Moves one input into the image, whole: from the reply in which it differs from what was sent,
+ *  since that one has visited its SubDevice. Where both are as sent there is nothing to move. */
+static void move_input(struct fsn_wire *wire, const struct fsn_wire_frame *frame,
+                       const struct fsn_wire_input *in) {
+    for (uint32_t port = 0; port < FSN_WIRE_PORTS; port++) {
+        const uint8_t *reply = frame->reply[port] + in->frame_byte;
+        if (frame->back[port] && memcmp(reply, frame->sent + in->frame_byte, in->size_bytes) != 0) {
+            memcpy(wire->image + in->image_byte, reply, in->size_bytes);
+            return;
+        }
+    }
+}
+
+static void read_dc(const struct fsn_wire_frame *frame, struct fsn_bus_input *input) {
+    if (frame->dc == 0 || frame->sent[frame->dc] != CMD_FRMW) {
+        return;
+    }
+    for (uint32_t port = 0; port < FSN_WIRE_PORTS; port++) {
+        const uint8_t *at = frame->reply[port] + frame->dc + DATAGRAM_HEAD;
+        if (frame->back[port] && counter_at(at + 8) > 0) {
+            input->dc_time_ns = get32(at) | ((uint64_t)get32(at + 4) << 32);
+            return;
+        }
+    }
+}
+
+static void judge(struct fsn_wire *wire, uint32_t number, struct fsn_bus_input *input) {
+    struct fsn_wire_frame *frame = &wire->frames[number];
+    const bool back = frame->back[0] || frame->back[1];
+    const uint32_t counter = counter_of(frame);
+    input->lost_frames += !back;
+    if (number < wire->datagram_count) {
+        input->wkc[number].expected = frame->expected;
+        input->wkc[number].actual = counter;
+    }
+    for (uint32_t i = frame->first_input; i < frame->first_input + frame->input_count; i++) {
+        const struct fsn_wire_input *in = &wire->inputs[i];
+        move_input(wire, frame, in);
+        /* Nobody answered: all are old. Somebody is missing: the acyclic side knows who. */
+        input->sm_stale[in->sm] =
+            counter == 0 ||
+            (counter < frame->expected &&
+             atomic_load_explicit(&wire->answers[in->subdevice], memory_order_relaxed) == 0);
+    }
+    read_dc(frame, input);
+}
+
+void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input) {
+    if (wire->cycle == 0) {
+        return; /* nothing was sent yet */
+    }
+    const uint64_t last_ns = collect(wire, input);
+    if (last_ns > wire->sent_ns) {
+        input->round_trip_ns = last_ns - wire->sent_ns;
+    }
+    for (uint32_t f = 0; f < wire->frame_count; f++) {
+        judge(wire, f, input);
+    }
+}

@@ -1,0 +1,75 @@
+/** The cyclic frames of a live bus on raw sockets of its own.
+ *
+ *  Each frame carries a NOP datagram that no SubDevice touches, with the number of its cycle: a
+ *  reply is taken only in the cycle it belongs to, however long the segment or this process stood
+ *  still. Then one LRW datagram, whose input bytes go out as they are in the image: those of a
+ *  SubDevice that does not answer come back unchanged. One frame may carry the DC time as well.
+ *
+ *  With two sockets the same frame enters the ring at both ends. On a closed ring only the first is
+ *  processed; on a broken one each visits the SubDevices on its side.
+ *
+ *  Built by fsn_frames_create(); then only the cyclic thread touches it, `answers` excepted. */
+#ifndef FSN_WIRE_H
+#define FSN_WIRE_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fsn/bus.h"
+
+enum {
+    FSN_WIRE_PORTS = 2,
+    FSN_WIRE_FIRST_INDEX = 0x80, /**< below: frames of the acyclic side */
+    FSN_WIRE_FRAMES = 0x40,      /**< most frames: their numbers share the index with the port */
+    FSN_WIRE_MARK_BYTES = 8,     /**< data of the NOP datagram: this run, the cycle */
+    /* Where things lie in a frame. */
+    FSN_WIRE_NOP = 16,
+    FSN_WIRE_MARK = FSN_WIRE_NOP + 10,
+    FSN_WIRE_LRW = FSN_WIRE_MARK + FSN_WIRE_MARK_BYTES + 2,
+    FSN_WIRE_DATA = FSN_WIRE_LRW + 10,
+    FSN_WIRE_MOST = 1514,      /**< longest Ethernet frame, without its check sequence */
+    FSN_WIRE_LRW_BYTES = 1466, /**< longest process data of one frame */
+};
+
+/** An input sync manager inside a frame. */
+struct fsn_wire_input {
+    uint32_t sm, subdevice;
+    uint32_t image_byte, frame_byte, size_bytes;
+};
+
+struct fsn_wire_frame {
+    uint8_t *sent;                  /**< as it goes out on the first port */
+    uint8_t *reply[FSN_WIRE_PORTS]; /**< by the port where the frame was sent */
+    bool back[FSN_WIRE_PORTS];      /**< `reply` is of this cycle */
+    uint32_t len_bytes;
+    uint32_t image_byte, size_bytes; /**< data of its LRW; of the image where it carries some */
+    uint32_t expected;               /**< working counter of the LRW */
+    uint32_t dc;                     /**< where the DC datagram begins; 0: none in this frame */
+    uint32_t first_input, input_count;
+};
+
+struct fsn_wire {
+    int sockets[FSN_WIRE_PORTS]; /**< non-blocking use; the second is -1 without redundancy */
+    uint8_t *image;
+    struct fsn_wire_frame *frames;
+    uint32_t frame_count, datagram_count; /**< frames beyond the datagrams carry no process data */
+    struct fsn_wire_input *inputs;
+    /** Per SubDevice: 1 while the acyclic side sees it exchange process data. */
+    _Atomic uint8_t *answers;
+    uint32_t run;   /**< marks the frames of this run */
+    uint32_t cycle; /**< number of the last frames sent; 0: none yet */
+    uint32_t dc_every, dc_left;
+    uint64_t wait_ns;         /**< how long to wait for replies */
+    uint64_t sent_ns;         /**< CLOCK_REALTIME, of the last send */
+    _Atomic uint64_t foreign; /**< packets that were no reply to us */
+    _Atomic uint8_t crossed;  /**< with two ports: 1 while the ring is closed */
+};
+
+/** Takes the replies to the last frames, drops older ones, and moves inputs into the image. */
+void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input);
+
+/** Sends the image in the frames of the next cycle. */
+void fsn_wire_send(struct fsn_wire *wire);
+
+#endif
