@@ -19,8 +19,6 @@ struct fsn_live_options {
     uint64_t receive_wait_ns; /**< how long receive() waits for the replies; 0 takes those that are
                                    there, which is right when the cycle is timed */
     uint32_t dc_every;        /**< DC reference time is distributed every n cycles; 0: never */
-    bool keep_unknown;        /**< SubDevices on the bus that the plan does not know are left
-                                   alone instead of refused */
 };
 
 /** One backend. */

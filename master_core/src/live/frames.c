@@ -33,9 +33,8 @@ static void write_head(struct fsn_wire_frame *frame) {
 }
 
 /** Fills one frame: where it lies in the image is known already. */
-static bool build(struct fsn_wire_frame *frame, uint32_t logical, uint16_t dc_station) {
+static bool build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc) {
     const uint32_t lrw_end = FSN_WIRE_DATA + frame->size_bytes + DATAGRAM_TAIL;
-    const bool with_dc = dc_station != 0;
     frame->len_bytes = lrw_end + (with_dc ? DC_DATAGRAM : 0);
     frame->sent = calloc(FSN_WIRE_MOST, 1);
     frame->reply[0] = calloc(FSN_WIRE_MOST, 1);
@@ -50,7 +49,6 @@ static bool build(struct fsn_wire_frame *frame, uint32_t logical, uint16_t dc_st
     put16(lrw + 6, frame->size_bytes | (with_dc ? MORE : 0));
     if (with_dc) {
         frame->dc = lrw_end;
-        put16(frame->sent + lrw_end + 2, dc_station);
         put16(frame->sent + lrw_end + 4, DC_TIME);
         put16(frame->sent + lrw_end + 6, DC_BYTES);
     }
@@ -132,6 +130,7 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
     }
     wire->image = frames->bytes;
     wire->datagram_count = datagrams;
+    atomic_init(&wire->dc_station, dc_station);
     const uint32_t dc_frame = place(frames, dc_station != 0);
     if (wire->frame_count > FSN_WIRE_FRAMES) {
         return FSN_E_BUS_IMAGE;
@@ -143,7 +142,7 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
         /* What carries no process data asks for an address that nobody maps. */
         const uint32_t logical =
             f < datagrams ? wire->frames[f].image_byte : frames->image.bytes + 1;
-        if (!build(&wire->frames[f], logical, f == dc_frame ? dc_station : 0)) {
+        if (!build(&wire->frames[f], logical, f == dc_frame)) {
             return FSN_E_NOMEM;
         }
     }

@@ -56,6 +56,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
     wire->cycle = wire->cycle == UINT32_MAX ? 1 : wire->cycle + 1;
     const bool with_dc = wire->dc_every > 0 && wire->dc_left == 0;
     wire->dc_left = with_dc ? wire->dc_every - 1 : wire->dc_left - (wire->dc_left > 0);
+    const uint16_t station = atomic_load_explicit(&wire->dc_station, memory_order_relaxed);
     for (uint32_t f = 0; f < wire->frame_count; f++) {
         struct fsn_wire_frame *frame = &wire->frames[f];
         put32(frame->sent + FSN_WIRE_MARK, wire->run);
@@ -66,6 +67,8 @@ void fsn_wire_send(struct fsn_wire *wire) {
         if (frame->dc != 0) {
             /* In between it is a NOP of the same length. */
             frame->sent[frame->dc] = with_dc ? CMD_FRMW : CMD_NOP;
+            frame->sent[frame->dc + 2] = (uint8_t)station;
+            frame->sent[frame->dc + 3] = (uint8_t)(station >> 8);
         }
     }
     wire->sent_ns = clock_ns(CLOCK_REALTIME);

@@ -60,6 +60,7 @@ struct fsn_wire {
     uint32_t run;   /**< marks the frames of this run */
     uint32_t cycle; /**< number of the last frames sent; 0: none yet */
     uint32_t dc_every, dc_left;
+    _Atomic uint16_t dc_station; /**< station address of the DC reference clock */
     uint64_t wait_ns;         /**< how long to wait for replies */
     uint64_t sent_ns;         /**< CLOCK_REALTIME, of the last send */
     _Atomic uint64_t foreign; /**< packets that were no reply to us */

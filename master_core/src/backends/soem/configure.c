@@ -1,0 +1,204 @@
+/** From PREOP to where SAFEOP can be asked for. */
+#include "soem.h"
+
+#include <string.h>
+
+enum {
+    REG_FMMU_COUNT = 0x0004,
+    FMMU_BYTES = 16,
+    MOST_FMMUS = 16,
+    SM_BYTES = 8,
+    SM_WATCHDOG = 0x40,
+    SM_OUTPUT = 0x24,
+    SM_INPUT = 0x20,
+    FSOE_ADDRESS = 0xF980,
+    KNOWN_ADDRESS = 2, /**< bit of fsn_connection_info.known */
+};
+
+static void put16(uint8_t *at, uint32_t value) {
+    at[0] = (uint8_t)value;
+    at[1] = (uint8_t)(value >> 8);
+}
+
+/* -- objects -------------------------------------------------------------------------------- */
+
+static fsn_status write_sdos(struct fsn_soem *bus, struct node *node) {
+    for (uint32_t i = 0; i < node->info.sdo_count; i++) {
+        const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SDO, node->info.first_sdo + i);
+        uint32_t code = 0;
+        if (!soem_has_coe(bus, node->slave)) {
+            soem_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x is to be written, but it has no CoE",
+                      fsn_get16(r), r[2]);
+            return FSN_E_BUS_SDO;
+        }
+        if (!soem_download(bus, node->slave, fsn_get16(r), r[2], r + 8, r[3], &code)) {
+            soem_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x: %s 0x%08x", fsn_get16(r), r[2],
+                      code != 0 ? "abort code" : "no answer", code);
+            return FSN_E_BUS_SDO;
+        }
+    }
+    return FSN_OK;
+}
+
+/** The FSoE address of a SubInstance, where plan and device both tell it. */
+static fsn_status check_address(struct fsn_soem *bus, struct node *node) {
+    for (uint32_t i = 0; i < fsn_plan_connection_count(bus->plan); i++) {
+        struct fsn_connection_info c;
+        if (fsn_plan_connection(bus->plan, i, &c) != FSN_OK || c.sub_subdevice != node->number ||
+            (c.known & KNOWN_ADDRESS) == 0 || !soem_has_coe(bus, node->slave)) {
+            continue;
+        }
+        uint8_t bytes[8] = {0};
+        int size = sizeof bytes;
+        uint32_t code;
+        if (soem_upload(bus, node->slave, FSOE_ADDRESS, 1, bytes, &size, &code) &&
+            fsn_get16(bytes) != c.address) {
+            soem_note(bus, node, FSN_FOUND_ADDRESS, "it has FSoE address %u, the plan says %u",
+                      fsn_get16(bytes), c.address);
+            return FSN_E_BUS_ADDRESS;
+        }
+    }
+    return FSN_OK;
+}
+
+/* -- registers ------------------------------------------------------------------------------ */
+
+static bool write_register(struct fsn_soem *bus, const struct node *node, uint16_t address,
+                           const uint8_t *data, uint16_t size) {
+    return ecx_FPWR(bus->context.port, bus->slaves[node->slave].configadr, address, size,
+                    (void *)(uintptr_t)data, EC_TIMEOUTRET3) == 1;
+}
+
+/** Start address by the SII, length by the plan. */
+static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
+                           uint16_t *physical) {
+    const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
+    const uint8_t number = r[4];
+    const ec_slavet *s = &bus->slaves[node->slave];
+    *physical = number < EC_MAXSM ? etohs(s->SM[number].StartAddr) : 0;
+    if (*physical == 0) {
+        soem_note(bus, node, FSN_FOUND_MAPPING, "its SII has no address for SM%u", number);
+        return FSN_E_BUS_MAPPING;
+    }
+    const bool output = r[5] == FSN_OUTPUT;
+    uint8_t control = (uint8_t)etohl(s->SM[number].SMflags);
+    /* Buffered, in the right direction, whatever the SII says; the watchdog as the plan says. */
+    control = (uint8_t)((control & ~0x0Fu) | ((output ? SM_OUTPUT : SM_INPUT) & 0x0Fu));
+    if (r[6] == 1) {
+        control |= SM_WATCHDOG;
+    } else if (r[6] == 2) {
+        control &= (uint8_t)(0xFF - SM_WATCHDOG);
+    }
+    uint8_t bytes[SM_BYTES] = {0};
+    put16(bytes, *physical);
+    put16(bytes + 2, fsn_sm_bytes(bus->plan, sm));
+    bytes[4] = control;
+    bytes[6] = fsn_sm_bytes(bus->plan, sm) > 0;
+    return write_register(bus, node, (uint16_t)(ECT_REG_SM0 + SM_BYTES * number), bytes, SM_BYTES)
+               ? FSN_OK
+               : FSN_E_BUS_STATE;
+}
+
+static void fill_fmmu(uint8_t *bytes, uint32_t logical, uint32_t size, uint16_t physical,
+                      bool output) {
+    put16(bytes, logical);
+    put16(bytes + 2, logical >> 16);
+    put16(bytes + 4, size);
+    bytes[7] = 7; /* from bit 0 to bit 7 */
+    put16(bytes + 8, physical);
+    bytes[11] = output ? 2 : 1;
+    bytes[12] = 1;
+}
+
+/** Sync managers and one FMMU for each that has a place in the image. */
+static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
+    uint8_t fmmus[MOST_FMMUS * FMMU_BYTES] = {0};
+    uint8_t available = 0;
+    unsigned used = 0;
+    (void)ecx_FPRD(bus->context.port, bus->slaves[node->slave].configadr, REG_FMMU_COUNT, 1,
+                   &available, EC_TIMEOUTRET3);
+    available = available > MOST_FMMUS ? MOST_FMMUS : available;
+    for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
+        const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
+        const uint32_t base = bus->frames.image.sm_base[sm];
+        uint16_t physical;
+        if (fsn_sm_bytes(bus->plan, sm) == 0) {
+            continue;
+        }
+        const fsn_status status = write_sm(bus, node, sm, &physical);
+        if (status != FSN_OK) {
+            return status;
+        }
+        if (base == FSN_NONE) {
+            continue;
+        }
+        if (used >= available) {
+            soem_note(bus, node, FSN_FOUND_MAPPING, "it has %u FMMUs, the plan needs more",
+                      available);
+            return FSN_E_BUS_MAPPING;
+        }
+        fill_fmmu(fmmus + FMMU_BYTES * used++, base, fsn_sm_bytes(bus->plan, sm), physical,
+                  r[5] == FSN_OUTPUT);
+    }
+    return available == 0 || write_register(bus, node, ECT_REG_FMMU0, fmmus,
+                                            (uint16_t)(FMMU_BYTES * available))
+               ? FSN_OK
+               : FSN_E_BUS_STATE;
+}
+
+/** A SubDevice that came back has a clock of its own again: its offset is set after the reference
+ *  clock; its delay is that of before. */
+static void set_clock(struct fsn_soem *bus, const struct node *node) {
+    const ec_slavet *s = &bus->slaves[node->slave];
+    const uint16_t reference = atomic_load(&bus->frames.wire.dc_station);
+    uint8_t local[8] = {0};
+    uint8_t common[8] = {0};
+    if (!s->hasdc || reference == 0 || reference == s->configadr ||
+        ecx_FPRD(bus->context.port, s->configadr, ECT_REG_DCSYSTIME, 8, local, EC_TIMEOUTRET) !=
+            1 ||
+        ecx_FPRD(bus->context.port, reference, ECT_REG_DCSYSTIME, 8, common, EC_TIMEOUTRET) != 1) {
+        return;
+    }
+    uint64_t before, target;
+    memcpy(&before, local, 8);
+    memcpy(&target, common, 8);
+    int64 offset = 0;
+    (void)ecx_FPRD(bus->context.port, s->configadr, ECT_REG_DCSYSOFFSET, 8, &offset, EC_TIMEOUTRET);
+    offset = htoell((int64)((uint64_t)etohll(offset) + target - before));
+    const int32 delay = htoel(s->pdelay);
+    (void)ecx_FPWR(bus->context.port, s->configadr, ECT_REG_DCSYSOFFSET, 8, &offset, EC_TIMEOUTRET);
+    (void)ecx_FPWR(bus->context.port, s->configadr, ECT_REG_DCSYSDELAY, 4,
+                   (void *)(uintptr_t)&delay, EC_TIMEOUTRET);
+}
+
+static void start_sync(struct fsn_soem *bus, const struct node *node) {
+    const uint32 cycle = (uint32)bus->cycle_ns;
+    if (node->info.assign_activate == 0 || !bus->slaves[node->slave].hasdc) {
+        return;
+    }
+    if ((node->info.assign_activate & 0x0400) != 0) {
+        ecx_dcsync01(&bus->context, node->slave, TRUE, cycle, 0, 0);
+    } else {
+        ecx_dcsync0(&bus->context, node->slave, TRUE, cycle, 0);
+    }
+}
+
+fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
+    typedef fsn_status (*step)(struct fsn_soem *, struct node *);
+    static const step steps[] = {write_sdos, soem_check_pdos, check_address, write_layout};
+    for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
+        const fsn_status status = steps[i](bus, node);
+        if (status == FSN_E_BUS_STATE) {
+            soem_note(bus, node, FSN_FOUND_STATE, "it does not take its sync managers or FMMUs");
+        }
+        if (status != FSN_OK) {
+            return status;
+        }
+    }
+    ecx_eeprom2pdi(&bus->context, node->slave);
+    set_clock(bus, node);
+    start_sync(bus, node);
+    node->configured = true;
+    soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    return FSN_OK;
+}

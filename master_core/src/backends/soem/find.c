@@ -1,0 +1,202 @@
+/** Who stands where. */
+#include "soem.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "live/port.h"
+
+enum { PREOP_MS = 3000 };
+
+/** SOEM's number of the SubDevice that the plan means; 0: nothing stands there. */
+static uint16_t slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_info *info) {
+    uint32_t at = info->position;
+    if (info->alias != 0) {
+        uint32_t first = 1;
+        while (first <= (uint32_t)bus->slave_count && bus->slaves[first].aliasadr != info->alias) {
+            first++;
+        }
+        at += first - 1;
+    }
+    return at < (uint32_t)bus->slave_count ? (uint16_t)(at + 1) : 0;
+}
+
+static bool is_expected(const struct fsn_subdevice_info *info, uint32_t vendor, uint32_t product,
+                        uint32_t revision) {
+    return vendor == info->vendor_id && product == info->product_code &&
+           revision >= info->revision_low && revision <= info->revision_high;
+}
+
+static void note_identity(struct fsn_soem *bus, struct node *node, uint32_t vendor,
+                          uint32_t product, uint32_t revision) {
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.vendor_id = vendor;
+    node->seen.product_code = product;
+    node->seen.revision = revision;
+    pthread_mutex_unlock(&bus->seen_lock);
+    const struct fsn_subdevice_info *info = &node->info;
+    if (is_expected(info, vendor, product, revision)) {
+        soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    } else {
+        soem_note(bus, node, FSN_FOUND_IDENTITY,
+                  "found vendor 0x%08x product 0x%08x revision 0x%08x, the plan says 0x%08x 0x%08x "
+                  "0x%08x to 0x%08x",
+                  vendor, product, revision, info->vendor_id, info->product_code,
+                  info->revision_low, info->revision_high);
+    }
+}
+
+static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
+    fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
+    if (fault != NULL) {
+        snprintf(fault->detail, sizeof fault->detail, "%s %s", bus->interface,
+                 fsn_port_has_link(bus->interface)
+                     ? "has a link, but no EtherCAT SubDevice behind it answers"
+                     : "has no link: cable, power of the SubDevices, `ip link set ... up`");
+    }
+    return FSN_E_BUS_SILENT;
+}
+
+/** Gives each node the device at its place. */
+static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
+    fsn_status first = FSN_OK;
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        struct node *node = &bus->nodes[n];
+        node->slave = slave_of(bus, &node->info);
+        fsn_status status = FSN_OK;
+        if (node->slave == 0) {
+            soem_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %d SubDevices answer",
+                      node->info.alias, node->info.position, bus->slave_count);
+            status = FSN_E_BUS_MISSING;
+        } else {
+            const ec_slavet *s = &bus->slaves[node->slave];
+            bus->places[node->slave].node = (int)n;
+            note_identity(bus, node, s->eep_man, s->eep_id, s->eep_rev);
+            status = node->seen.found == FSN_FOUND_RIGHT ? FSN_OK : FSN_E_BUS_IDENTITY;
+        }
+        if (status != FSN_OK && first == FSN_OK) {
+            first = soem_refuse(fault, status, node);
+        }
+    }
+    return first;
+}
+
+fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
+    const int found = ecx_config_init(&bus->context, FALSE);
+    if (found == EC_SLAVECOUNTEXCEEDED) {
+        return fsn_refuse_all(fault, FSN_E_BUS_IMAGE, "more than 512 SubDevices are on the bus");
+    }
+    if (found <= 0) {
+        return nobody(bus, fault);
+    }
+    for (int s = 0; s <= bus->slave_count; s++) {
+        bus->places[s] = (struct place){.node = SOEM_NO_NODE};
+    }
+    const fsn_status status = match(bus, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        struct node *node = &bus->nodes[n];
+        if (!soem_reach(bus, node->slave, FSN_AL_PREOP, PREOP_MS)) {
+            const ec_slavet *s = &bus->slaves[node->slave];
+            node->seen.al_status = (uint8_t)s->state;
+            node->seen.al_code = s->ALstatuscode;
+            soem_note(bus, node, FSN_FOUND_STATE, "PREOP refused: AL status 0x%02x, code 0x%04x",
+                      s->state, s->ALstatuscode);
+            return soem_refuse(fault, FSN_E_BUS_STATE, node);
+        }
+    }
+    return FSN_OK;
+}
+
+/* -- coming back ---------------------------------------------------------------------------- */
+
+static uint16_t position_address(uint16_t slave) {
+    return (uint16_t)(1 - slave);
+}
+
+/** Station address of what stands at a position; false when nothing answers there. */
+static bool station_at(struct fsn_soem *bus, uint16_t slave, uint16_t *station) {
+    uint16_t raw = 0;
+    const int counter = ecx_APRD(bus->context.port, position_address(slave), ECT_REG_STADR,
+                                 sizeof raw, &raw, EC_TIMEOUTRET);
+    *station = etohs(raw);
+    return counter == 1;
+}
+
+static bool is_known(const struct fsn_soem *bus, uint16_t station) {
+    for (int s = 1; s <= bus->slave_count; s++) {
+        if (bus->slaves[s].configadr == station) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static uint32_t read_sii(struct fsn_soem *bus, uint16_t slave, uint16_t word) {
+    return etohl(
+        (uint32_t)ecx_readeepromAP(&bus->context, position_address(slave), word, EC_TIMEOUTEEP));
+}
+
+/** Whether the device at a position, which has no station address, is the one that was there; what
+ *  else stands there is noted and left alone. */
+static bool is_same_device(struct fsn_soem *bus, uint16_t slave) {
+    const uint8 to_master = 2;
+    const uint8 given = 0;
+    const uint16_t at = position_address(slave);
+    (void)ecx_APWR(bus->context.port, at, ECT_REG_EEPCFG, 1, (void *)(uintptr_t)&to_master,
+                   EC_TIMEOUTRET);
+    (void)ecx_APWR(bus->context.port, at, ECT_REG_EEPCFG, 1, (void *)(uintptr_t)&given,
+                   EC_TIMEOUTRET);
+    const uint32_t vendor = read_sii(bus, slave, ECT_SII_MANUF);
+    const uint32_t product = read_sii(bus, slave, ECT_SII_ID);
+    const uint32_t revision = read_sii(bus, slave, ECT_SII_REV);
+    const int node = bus->places[slave].node;
+    if (node != SOEM_NO_NODE) {
+        note_identity(bus, &bus->nodes[node], vendor, product, revision);
+        return bus->nodes[node].seen.found == FSN_FOUND_RIGHT;
+    }
+    const ec_slavet *s = &bus->slaves[slave];
+    return vendor == s->eep_man && product == s->eep_id;
+}
+
+static void take_back(struct fsn_soem *bus, uint16_t slave) {
+    ec_slavet *s = &bus->slaves[slave];
+    ecx_APWRw(bus->context.port, position_address(slave), ECT_REG_STADR, htoes(s->configadr),
+              EC_TIMEOUTRET3);
+    s->eep_pdi = 0;
+    s->mbx_cnt = 0;
+    bus->places[slave].quiet = 0;
+    if (bus->places[slave].node == SOEM_NO_NODE) {
+        return;
+    }
+    struct node *node = &bus->nodes[bus->places[slave].node];
+    node->configured = false;
+    node->asked = 0;
+    node->retry_ns = 0;
+}
+
+void soem_search(struct fsn_soem *bus) {
+    /* A position is believed only behind one that is as it was: on a line that was plugged together
+     * otherwise, or seen from both ends of a broken ring, positions mean something else. */
+    bool before_is_right = true;
+    for (uint16_t slave = 1; slave <= bus->slave_count; slave++) {
+        uint16_t station;
+        if (bus->places[slave].al_status != 0) {
+            before_is_right = true;
+            continue;
+        }
+        if (!before_is_right || !station_at(bus, slave, &station)) {
+            before_is_right = false;
+            continue;
+        }
+        if (station == bus->slaves[slave].configadr) {
+            continue;
+        }
+        before_is_right = !is_known(bus, station) && is_same_device(bus, slave);
+        if (before_is_right) {
+            take_back(bus, slave);
+        }
+    }
+}

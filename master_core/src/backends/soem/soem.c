@@ -1,0 +1,332 @@
+#define _GNU_SOURCE
+
+#include "soem.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "live/port.h"
+
+enum { LISTEN_NS = 60000000, MBX_COE = 0x04 };
+
+/* -- helpers -------------------------------------------------------------------------------- */
+
+void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const char *format, ...) {
+    char text[FSN_DETAIL_BYTES];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.found = found;
+    memcpy(node->seen.detail, text, sizeof text);
+    pthread_mutex_unlock(&bus->seen_lock);
+}
+
+/** Takes the errors SOEM has noted; returns the last abort code, 0 without any. */
+static uint32_t take_abort(struct fsn_soem *bus) {
+    uint32_t abort_code = 0;
+    ec_errort error;
+    while (ecx_poperror(&bus->context, &error)) {
+        if (error.Etype == EC_ERR_TYPE_SDO_ERROR) {
+            abort_code = (uint32_t)error.AbortCode;
+        }
+    }
+    return abort_code;
+}
+
+bool soem_upload(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub, void *data,
+                 int *size, uint32_t *abort_code) {
+    take_abort(bus);
+    const int counter =
+        ecx_SDOread(&bus->context, slave, index, sub, FALSE, size, data, EC_TIMEOUTRXM);
+    *abort_code = take_abort(bus);
+    return counter > 0 && *abort_code == 0;
+}
+
+bool soem_download(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub,
+                   const void *data, int size, uint32_t *abort_code) {
+    take_abort(bus);
+    const int counter =
+        ecx_SDOwrite(&bus->context, slave, index, sub, FALSE, size, data, EC_TIMEOUTRXM);
+    *abort_code = take_abort(bus);
+    return counter > 0 && *abort_code == 0;
+}
+
+bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave) {
+    return bus->slaves[slave].mbx_l > 0 && (bus->slaves[slave].mbx_proto & MBX_COE) != 0;
+}
+
+bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned most_ms) {
+    ec_slavet *s = &bus->slaves[slave];
+    s->state = (uint16)(al_state | EC_STATE_ACK);
+    ecx_writestate(&bus->context, slave);
+    return ecx_statecheck(&bus->context, slave, al_state, (int)(1000 * most_ms)) == al_state;
+}
+
+/* -- life ----------------------------------------------------------------------------------- */
+
+static bool copy_name(char *to, const char *from) {
+    return from == NULL || snprintf(to, SOEM_NAME_BYTES, "%s", from) < SOEM_NAME_BYTES;
+}
+
+static fsn_status soem_create(const struct fsn_live_options *options, void **out,
+                              struct fsn_fault *fault) {
+    if (options == NULL || out == NULL || options->interface == NULL ||
+        options->interface[0] == '\0') {
+        return fsn_refuse_all(fault, FSN_E_ARG, "the SOEM backend needs a network interface");
+    }
+    *out = NULL;
+    struct fsn_soem *bus = calloc(1, sizeof *bus);
+    if (bus == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    if (!copy_name(bus->interface, options->interface) ||
+        !copy_name(bus->redundant, options->redundant) ||
+        strcmp(bus->interface, bus->redundant) == 0) {
+        free(bus);
+        return fsn_refuse_all(fault, FSN_E_ARG,
+                              "interfaces have at most 15 characters and are not the same");
+    }
+    bus->cycle_ns = options->cycle_ns;
+    bus->wait_ns = options->receive_wait_ns;
+    bus->dc_every = options->dc_every;
+    bus->lock = -1;
+    pthread_mutex_init(&bus->seen_lock, NULL);
+    *out = bus;
+    return FSN_OK;
+}
+
+static void let_go(struct fsn_soem *bus) {
+    for (unsigned port = 0; port < FSN_WIRE_PORTS; port++) {
+        if (bus->frames.wire.sockets[port] > 0) {
+            close(bus->frames.wire.sockets[port]);
+        }
+    }
+    fsn_frames_free(&bus->frames);
+    if (bus->nic_open) {
+        ecx_close(&bus->context);
+        bus->nic_open = false;
+    }
+    if (bus->lock >= 0) {
+        close(bus->lock);
+        bus->lock = -1;
+    }
+}
+
+static void soem_free(void *context) {
+    struct fsn_soem *bus = context;
+    if (bus == NULL) {
+        return;
+    }
+    let_go(bus);
+    free(bus->nodes);
+    pthread_mutex_destroy(&bus->seen_lock);
+    free(bus);
+}
+
+static void set_up_context(struct fsn_soem *bus) {
+    bus->context = (ecx_contextt){
+        .port = &bus->port,
+        .slavelist = bus->slaves,
+        .slavecount = &bus->slave_count,
+        .maxslave = SOEM_MOST_SLAVES,
+        .grouplist = bus->groups,
+        .maxgroup = 1,
+        .esibuf = bus->esi_buffer,
+        .esimap = bus->esi_map,
+        .elist = &bus->errors,
+        .idxstack = &bus->stack,
+        .ecaterror = &bus->ecat_error,
+        .DCtime = &bus->dc_time,
+        .SMcommtype = &bus->comm_type,
+        .PDOassign = &bus->assign,
+        .PDOdesc = &bus->desc,
+        .eepSM = &bus->eeprom_sm,
+        .eepFMMU = &bus->eeprom_fmmu,
+    };
+}
+
+static fsn_status open_nic(struct fsn_soem *bus, struct fsn_fault *fault) {
+    set_up_context(bus);
+    const bool redundant = bus->redundant[0] != '\0';
+    const int ok = redundant ? ecx_init_redundant(&bus->context, &bus->redundant_port,
+                                                  bus->interface, bus->redundant)
+                             : ecx_init(&bus->context, bus->interface);
+    bus->nic_open = bus->port.sockhandle > 0;
+    if (ok <= 0 || fsn_port_filter_acyclic(bus->port.sockhandle) != FSN_OK ||
+        (redundant && fsn_port_filter_acyclic(bus->redundant_port.sockhandle) != FSN_OK)) {
+        return fsn_refuse_all(fault, FSN_E_SYS, "SOEM cannot use the interface");
+    }
+    return FSN_OK;
+}
+
+/** Interface by interface: exists, is ours alone, nobody else talks on it. */
+static fsn_status take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault) {
+    fsn_status status = fsn_port_listen(bus->interface, LISTEN_NS, fault);
+    if (status == FSN_OK && bus->redundant[0] != '\0') {
+        status = fsn_port_listen(bus->redundant, LISTEN_NS, fault);
+    }
+    return status == FSN_OK ? fsn_port_lock(bus->interface, &bus->lock, fault) : status;
+}
+
+static fsn_status make_nodes(struct fsn_soem *bus, const struct fsn_plan *plan) {
+    free(bus->nodes);
+    bus->plan = plan;
+    bus->node_count = fsn_plan_subdevice_count(plan);
+    bus->nodes = calloc((size_t)bus->node_count + 1, sizeof *bus->nodes);
+    if (bus->nodes == NULL) {
+        return FSN_E_NOMEM;
+    }
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        bus->nodes[n].number = n;
+        if (fsn_plan_subdevice(plan, n, &bus->nodes[n].info) != FSN_OK) {
+            return FSN_E_ARG;
+        }
+    }
+    return FSN_OK;
+}
+
+/** Distributed clocks: delays and offsets; returns the station of the reference clock, 0 without.*/
+static uint16_t start_clocks(struct fsn_soem *bus) {
+    if (bus->dc_every == 0 || !ecx_configdc(&bus->context)) {
+        return 0;
+    }
+    return bus->slaves[bus->slaves[0].DCnext].configadr;
+}
+
+static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
+    fsn_status status = fsn_frames_create(bus->plan, start_clocks(bus), &bus->frames);
+    if (status != FSN_OK) {
+        return fsn_refuse_all(fault, status,
+                              "the process data does not fit the frames: at most 1466 bytes per "
+                              "sync manager, at most 64 frames");
+    }
+    struct fsn_wire *wire = &bus->frames.wire;
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    wire->run = (uint32_t)now.tv_nsec ^ ((uint32_t)now.tv_sec << 16) ^ (uint32_t)getpid();
+    wire->wait_ns = bus->wait_ns;
+    wire->dc_every = bus->dc_every;
+    const bool stamp = bus->wait_ns == 0;
+    status = fsn_port_open(bus->interface, stamp, &wire->sockets[0], fault);
+    if (status == FSN_OK && bus->redundant[0] != '\0') {
+        status = fsn_port_open(bus->redundant, stamp, &wire->sockets[1], fault);
+    }
+    return status;
+}
+
+fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node) {
+    fsn_refuse(fault, status, FSN_SEC_SUBDEVICE, node->number, 0, NULL);
+    if (fault != NULL) {
+        /* Two texts of up to FSN_DETAIL_BYTES: what does not fit is cut. */
+        snprintf(fault->detail, sizeof fault->detail, "%.40s: %.110s", node->info.name,
+                 node->seen.detail);
+    }
+    return status;
+}
+
+static fsn_status configure_all(struct fsn_soem *bus, struct fsn_fault *fault) {
+    fsn_status first = FSN_OK;
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        struct node *node = &bus->nodes[n];
+        const fsn_status status = soem_configure(bus, node);
+        /* All are looked at: look() then tells about each. */
+        if (status != FSN_OK && first == FSN_OK) {
+            first = soem_refuse(fault, status, node);
+        }
+    }
+    return first;
+}
+
+static fsn_status soem_open(void *context, const struct fsn_plan *plan,
+                            struct fsn_bus_layout *layout, struct fsn_fault *fault) {
+    struct fsn_soem *bus = context;
+    if (bus->cycle_ns == 0) {
+        bus->cycle_ns = fsn_plan_cycle_ns(plan) != 0 ? fsn_plan_cycle_ns(plan) : 1000000;
+    }
+    bus->frames.wire.sockets[0] = bus->frames.wire.sockets[1] = -1;
+    fsn_status status = make_nodes(bus, plan);
+    if (status != FSN_OK) {
+        return fsn_refuse_all(fault, status, NULL);
+    }
+    status = take_interfaces(bus, fault);
+    status = status != FSN_OK ? status : open_nic(bus, fault);
+    status = status != FSN_OK ? status : soem_find(bus, fault);
+    status = status != FSN_OK ? status : make_wire(bus, fault);
+    status = status != FSN_OK ? status : configure_all(bus, fault);
+    if (status != FSN_OK) {
+        let_go(bus);
+        return status;
+    }
+    *layout = (struct fsn_bus_layout){
+        .image = bus->frames.bytes,
+        .image_bytes = bus->frames.image.bytes,
+        .sm_base = bus->frames.image.sm_base,
+        .datagram_begin = bus->frames.image.datagram_begin,
+        .datagram_count = bus->frames.image.datagram_count,
+    };
+    return FSN_OK;
+}
+
+static void soem_close(void *context) {
+    struct fsn_soem *bus = context;
+    /* Whoever is still higher goes back step by step; nobody waits for it to answer. */
+    static const uint8_t states[] = {FSN_AL_SAFEOP, FSN_AL_PREOP, FSN_AL_INIT};
+    for (size_t i = 0; i < sizeof states; i++) {
+        bus->slaves[0].state = states[i];
+        ecx_writestate(&bus->context, 0);
+        ecx_statecheck(&bus->context, 0, states[i], 20000);
+    }
+    let_go(bus);
+}
+
+static void soem_receive(void *context, struct fsn_bus_input *input) {
+    struct fsn_soem *bus = context;
+    fsn_wire_receive(&bus->frames.wire, input);
+}
+
+static void soem_send(void *context) {
+    struct fsn_soem *bus = context;
+    fsn_wire_send(&bus->frames.wire);
+}
+
+static fsn_status soem_look(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+    struct fsn_soem *bus = context;
+    if (subdevice >= bus->node_count) {
+        return FSN_E_ARG;
+    }
+    pthread_mutex_lock(&bus->seen_lock);
+    *seen = bus->nodes[subdevice].seen;
+    pthread_mutex_unlock(&bus->seen_lock);
+    return FSN_OK;
+}
+
+const struct fsn_backend *fsn_backend_soem(void) {
+    static const struct fsn_bus_ops ops = {
+        .name = "soem",
+        .open = soem_open,
+        .receive = soem_receive,
+        .send = soem_send,
+        .close = soem_close,
+        .tend = soem_tend,
+        .look = soem_look,
+    };
+    static const struct fsn_backend backend = {
+        .name = "soem",
+        .about = "SOEM 1.4, Simple Open EtherCAT Master, Copyright (C) Speciaal Machinefabriek "
+                 "Ketels v.o.f. and rt-labs AB: GNU General Public License version 2 with an "
+                 "exception for linking.\n"
+                 "EtherCAT is a registered trademark and patented technology, licensed by Beckhoff "
+                 "Automation GmbH, Germany; to use a MainDevice you need the free licence of the "
+                 "EtherCAT Technology Group.",
+        .ops = &ops,
+        .create = soem_create,
+        .free = soem_free,
+    };
+    return &backend;
+}

@@ -1,0 +1,115 @@
+/** SOEM as the acyclic side of a bus: scan, mailbox, states. The cycle has its own wire. */
+#ifndef FSN_SOEM_INTERNAL_H
+#define FSN_SOEM_INTERNAL_H
+
+#include <pthread.h>
+
+#include "fsn/live.h"
+#include "live/frames.h"
+
+#include <ethercat.h>
+
+enum {
+    SOEM_NAME_BYTES = 16,   /**< IFNAMSIZ */
+    SOEM_MOST_SLAVES = 513, /**< entry 0 is the MainDevice itself */
+    SOEM_NO_NODE = -1,
+};
+
+/** A SubDevice of the plan. */
+struct node {
+    struct fsn_subdevice_info info;
+    uint32_t number; /**< in the plan */
+    uint16_t slave;  /**< in SOEM's list, from 1; 0: nothing stands at its place */
+    bool configured; /**< since it was found last: SDOs, PDOs, SMs and FMMUs are written */
+    bool was_in_op;  /**< has been there before */
+    uint8_t asked;   /**< AL state asked for; 0: none */
+    uint64_t asked_ns;
+    uint64_t retry_ns; /**< nothing is tried before */
+    struct fsn_bus_subdevice seen;
+};
+
+/** Anything on the ring, in SOEM's order. */
+struct place {
+    int node;           /**< number of its node, or SOEM_NO_NODE */
+    uint16_t al_status; /**< as read last; 0: does not answer */
+    uint16_t al_code;
+    uint8_t quiet; /**< looks in a row without an answer */
+};
+
+struct fsn_soem {
+    char interface[SOEM_NAME_BYTES], redundant[SOEM_NAME_BYTES];
+    uint64_t cycle_ns, wait_ns;
+    uint32_t dc_every;
+
+    ecx_contextt context;
+    ecx_portt port;
+    ecx_redportt redundant_port;
+    ec_slavet slaves[SOEM_MOST_SLAVES];
+    int slave_count;
+    ec_groupt groups[1];
+    uint8 esi_buffer[EC_MAXEEPBUF];
+    uint32 esi_map[EC_MAXEEPBITMAP];
+    ec_eringt errors;
+    ec_idxstackT stack;
+    boolean ecat_error;
+    int64 dc_time;
+    ec_SMcommtypet comm_type;
+    ec_PDOassignt assign;
+    ec_PDOdesct desc;
+    ec_eepromSMt eeprom_sm;
+    ec_eepromFMMUt eeprom_fmmu;
+    ec_eepromPDOt eeprom_pdo;
+    bool nic_open;
+    int lock;
+
+    const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
+    struct fsn_frames frames;
+    struct node *nodes;
+    uint32_t node_count;
+    struct place places[SOEM_MOST_SLAVES];
+    pthread_mutex_t seen_lock; /**< guards `seen` of the nodes; never taken by the cycle */
+    uint64_t states_ns, links_ns, search_ns; /**< when these are due again */
+    uint8_t goal;                            /**< AL state of the last tend() */
+    bool all_there;                          /**< what it returned */
+    uint16_t next_link;                      /**< whose counters are read next */
+};
+
+/* Finding (find.c). */
+
+/** Scans the bus and finds every SubDevice of the plan at its place; refuses on any difference. */
+fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault);
+/** Looks for places that do not answer: gives them back their station address when the device
+ *  that stands there now is the one that was there. */
+void soem_search(struct fsn_soem *bus);
+
+/* Configuring (configure.c). */
+
+/** Leads a SubDevice, which must be in PREOP, to where SAFEOP can be asked for: start-up SDOs,
+ *  PDO assignment and mapping, FSoE address, sync managers, FMMUs, SYNC0.
+ *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS  `seen` of the node says more. */
+fsn_status soem_configure(struct fsn_soem *bus, struct node *node);
+
+/* Process data of one SubDevice against the plan (pdo.c). */
+fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);
+
+/* Supervision (tend.c). */
+bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns);
+
+/* Shared (soem.c). */
+
+/** Writes what was found about a node, for look(); printf-like. */
+void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+/** Refuses because of a node; the detail is what was noted about it. */
+fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node);
+/** Reads an object; false with an abort code, 0 for no answer. `size` goes in and out. */
+bool soem_upload(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub, void *data,
+                 int *size, uint32_t *abort_code);
+/** Writes an object; false with an abort code, 0 for no answer. */
+bool soem_download(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub,
+                   const void *data, int size, uint32_t *abort_code);
+/** Asks for an AL state and waits for it, milliseconds. */
+bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned most_ms);
+bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave);
+
+#endif

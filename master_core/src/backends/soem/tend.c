@@ -1,0 +1,321 @@
+/** States, losses and returns, beside the running cycle. */
+#include "soem.h"
+
+#include <string.h>
+
+enum {
+    STATES_NS = 5000000,   /**< between two looks at all states */
+    SEARCH_NS = 50000000,  /**< between two searches for lost SubDevices */
+    LINKS_NS = 20000000,   /**< between two SubDevices whose link counters are read */
+    RETRY_NS = 1000000000, /**< after something was refused */
+    QUIET_LOOKS = 2,       /**< looks without an answer until a SubDevice counts as lost */
+    LINK_BYTES = 20,       /**< 0x0300 … 0x0313 */
+    REG_LINK_LOST = 0x10,  /**< from 0x0300 on */
+    STATE_BITS = 0x0F,
+    AT_ONCE = 32, /**< AL states read with one frame */
+};
+
+/** For a state that was asked for: most take milliseconds, some drives 3 s. */
+static const uint64_t patience_ns = 4000000000u;
+
+/* -- looking -------------------------------------------------------------------------------- */
+
+static void note_state(struct fsn_soem *bus, struct node *node, uint16_t status, uint16_t code) {
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.al_status = (uint8_t)status;
+    if ((status & EC_STATE_ERROR) != 0) {
+        node->seen.al_code = code;
+    }
+    pthread_mutex_unlock(&bus->seen_lock);
+}
+
+/** Which link is down: that of the nearest SubDevice before it that still answers. */
+static void note_loss(struct fsn_soem *bus, struct node *node) {
+    uint16_t before = bus->slaves[node->slave].parent;
+    while (before != 0 && bus->places[before].al_status == 0) {
+        before = bus->slaves[before].parent;
+    }
+    if (before == 0) {
+        soem_note(bus, node, FSN_FOUND_NOTHING,
+                  "no answer, and none of any SubDevice before it: "
+                  "look at the cable at %s",
+                  bus->interface);
+        return;
+    }
+    const int named = bus->places[before].node;
+    uint16_t links = 0;
+    (void)ecx_FPRD(bus->context.port, bus->slaves[before].configadr, ECT_REG_DLSTAT, sizeof links,
+                   &links, EC_TIMEOUTRET);
+    links = etohs(links);
+    unsigned port = 0;
+    while (port < FSN_PORTS && ((bus->slaves[before].activeports & (1u << port)) == 0 ||
+                                (links & (0x10u << port)) != 0)) {
+        port++;
+    }
+    const char *name =
+        named == SOEM_NO_NODE ? bus->slaves[before].name : bus->nodes[named].info.name;
+    if (port < FSN_PORTS) {
+        soem_note(bus, node, FSN_FOUND_NOTHING,
+                  "no answer; the link behind %.40s (ring position %u, port %u) is down", name,
+                  before - 1u, port);
+    } else {
+        soem_note(bus, node, FSN_FOUND_NOTHING,
+                  "no answer; the last one before it that answers is %.40s, whose links are up",
+                  name);
+    }
+}
+
+static void lose(struct fsn_soem *bus, uint16_t slave) {
+    struct place *place = &bus->places[slave];
+    place->al_status = 0;
+    if (place->node == SOEM_NO_NODE) {
+        return;
+    }
+    struct node *node = &bus->nodes[place->node];
+    node->asked = 0;
+    note_state(bus, node, 0, 0);
+    if (node->seen.found != FSN_FOUND_NOTHING && node->seen.found != FSN_FOUND_IDENTITY) {
+        note_loss(bus, node);
+    }
+}
+
+static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t code) {
+    struct place *place = &bus->places[slave];
+    const bool answers = (status & STATE_BITS) != 0;
+    if (place->node != SOEM_NO_NODE) {
+        const struct node *node = &bus->nodes[place->node];
+        atomic_store_explicit(&bus->frames.wire.answers[node->number],
+                              answers && (status & STATE_BITS) >= EC_STATE_SAFE_OP,
+                              memory_order_relaxed);
+    }
+    if (!answers) {
+        place->quiet = (uint8_t)(place->quiet < QUIET_LOOKS ? place->quiet + 1 : QUIET_LOOKS);
+        if (place->quiet >= QUIET_LOOKS) {
+            lose(bus, slave);
+        }
+        return;
+    }
+    place->quiet = 0;
+    place->al_status = status;
+    place->al_code = code;
+    if (place->node != SOEM_NO_NODE) {
+        struct node *node = &bus->nodes[place->node];
+        note_state(bus, node, status, code);
+        if (node->seen.found == FSN_FOUND_NOTHING) {
+            soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+        }
+    }
+}
+
+/** Reads the AL status of some SubDevices with one frame; who does not answer has status 0. A
+ *  frame that does not come back at all leaves everybody as silent. */
+static void read_states(struct fsn_soem *bus, uint16_t first, uint16_t count,
+                        ec_alstatust states[AT_ONCE]) {
+    ecx_portt *port = bus->context.port;
+    uint16 places[AT_ONCE] = {EC_HEADERSIZE};
+    memset(states, 0, AT_ONCE * sizeof *states);
+    const uint8 index = ecx_getindex(port);
+    ecx_setupdatagram(port, &port->txbuf[index], EC_CMD_FPRD, index, bus->slaves[first].configadr,
+                      ECT_REG_ALSTAT, sizeof *states, states);
+    for (uint16_t i = 1; i < count; i++) {
+        places[i] = ecx_adddatagram(port, &port->txbuf[index], EC_CMD_FPRD, index, i + 1 < count,
+                                    bus->slaves[first + i].configadr, ECT_REG_ALSTAT,
+                                    sizeof *states, states + i);
+    }
+    if (ecx_srconfirm(port, index, EC_TIMEOUTRET3) >= 0) {
+        for (uint16_t i = 0; i < count; i++) {
+            const uint8 *data = port->rxbuf[index] + places[i];
+            if (data[sizeof *states] == 1) { /* its working counter */
+                memcpy(states + i, data, sizeof *states);
+            }
+        }
+    }
+    ecx_setbufstat(port, index, EC_BUF_EMPTY);
+}
+
+static void look_at_states(struct fsn_soem *bus) {
+    const uint16_t all = (uint16_t)bus->slave_count;
+    for (uint16_t first = 1; first <= all; first = (uint16_t)(first + AT_ONCE)) {
+        ec_alstatust states[AT_ONCE];
+        const int left = all - first + 1;
+        const uint16_t count = (uint16_t)(left < AT_ONCE ? left : AT_ONCE);
+        read_states(bus, first, count, states);
+        for (uint16_t i = 0; i < count; i++) {
+            see(bus, (uint16_t)(first + i), etohs(states[i].alstatus),
+                etohs(states[i].alstatuscode));
+        }
+    }
+}
+
+/** Links and counters of one SubDevice after the other. */
+static void look_at_links(struct fsn_soem *bus) {
+    bus->next_link = (uint16_t)(bus->next_link >= bus->slave_count ? 1 : bus->next_link + 1);
+    const struct place *place = &bus->places[bus->next_link];
+    if (place->node == SOEM_NO_NODE || place->al_status == 0) {
+        return;
+    }
+    const uint16_t station = bus->slaves[bus->next_link].configadr;
+    uint8_t counters[LINK_BYTES] = {0};
+    uint16_t links = 0;
+    if (ecx_FPRD(bus->context.port, station, ECT_REG_DLSTAT, sizeof links, &links, EC_TIMEOUTRET) !=
+            1 ||
+        ecx_FPRD(bus->context.port, station, ECT_REG_RXERR, sizeof counters, counters,
+                 EC_TIMEOUTRET) != 1) {
+        return;
+    }
+    struct fsn_bus_subdevice *seen = &bus->nodes[place->node].seen;
+    pthread_mutex_lock(&bus->seen_lock);
+    for (unsigned port = 0; port < FSN_PORTS; port++) {
+        seen->link[port] = (etohs(links) >> (4 + port)) & 1u;
+        seen->rx_errors[port] = counters[2 * port];
+        seen->link_lost[port] = counters[REG_LINK_LOST + port];
+    }
+    pthread_mutex_unlock(&bus->seen_lock);
+}
+
+/** The first SubDevice with a clock that answers is the reference, should the present one be lost.
+ */
+static void keep_reference(struct fsn_soem *bus) {
+    if (atomic_load(&bus->frames.wire.dc_station) == 0) {
+        return;
+    }
+    for (int s = 1; s <= bus->slave_count; s++) {
+        if (bus->slaves[s].hasdc && bus->places[s].al_status != 0) {
+            atomic_store(&bus->frames.wire.dc_station, bus->slaves[s].configadr);
+            return;
+        }
+    }
+}
+
+/* -- leading -------------------------------------------------------------------------------- */
+
+static void ask(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t now_ns) {
+    ec_slavet *s = &bus->slaves[node->slave];
+    s->state = (uint16)(state | EC_STATE_ACK);
+    ecx_writestate(&bus->context, node->slave);
+    node->asked = state;
+    node->asked_ns = now_ns;
+}
+
+static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
+    const struct place *place = &bus->places[node->slave];
+    soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x",
+              node->asked == FSN_AL_OP       ? "OP"
+              : node->asked == FSN_AL_SAFEOP ? "SAFEOP"
+              : node->asked == FSN_AL_PREOP  ? "PREOP"
+                                             : "INIT",
+              place->al_status, place->al_code);
+    node->asked = 0;
+    node->retry_ns = now_ns + RETRY_NS;
+}
+
+static uint8_t above(uint8_t state) {
+    return state == FSN_AL_INIT ? FSN_AL_PREOP : (uint8_t)(2 * state);
+}
+
+/** From INIT to PREOP the mailbox must be there. */
+static void prepare_mailbox(struct fsn_soem *bus, const struct node *node) {
+    ec_slavet *s = &bus->slaves[node->slave];
+    if (s->mbx_l > 0) {
+        (void)ecx_FPWR(bus->context.port, s->configadr, ECT_REG_SM0, sizeof(ec_smt) * 2, s->SM,
+                       EC_TIMEOUTRET3);
+    }
+    ecx_eeprom2pdi(&bus->context, node->slave);
+}
+
+/** One step of one SubDevice upwards. */
+static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t now_ns) {
+    if (state == FSN_AL_INIT || state == FSN_AL_BOOT) {
+        node->configured = false;
+        if (state == FSN_AL_BOOT) {
+            ask(bus, node, FSN_AL_INIT, now_ns);
+            return;
+        }
+        prepare_mailbox(bus, node);
+    }
+    if (state == FSN_AL_PREOP && !node->configured && soem_configure(bus, node) != FSN_OK) {
+        node->retry_ns = now_ns + RETRY_NS;
+        return;
+    }
+    if (state == FSN_AL_SAFEOP && !node->configured) {
+        ask(bus, node, FSN_AL_PREOP, now_ns); /* it came back without losing power: all anew */
+        return;
+    }
+    ask(bus, node, above(state), now_ns);
+}
+
+/** Returns whether the SubDevice is where it shall be. */
+static bool lead(struct fsn_soem *bus, struct node *node, uint8_t goal, uint64_t now_ns) {
+    const struct place *place = &bus->places[node->slave];
+    const uint8_t state = place->al_status & STATE_BITS;
+    const bool error = (place->al_status & EC_STATE_ERROR) != 0;
+    if (state == goal && !error) {
+        if (goal == FSN_AL_OP && node->asked != 0) {
+            node->seen.returns += node->was_in_op;
+            node->was_in_op = true;
+        }
+        if (node->asked != 0) {
+            soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+        }
+        node->asked = 0;
+        return true;
+    }
+    if (node->asked != 0 && state != node->asked && !error) {
+        if (now_ns - node->asked_ns > patience_ns) {
+            give_up(bus, node, now_ns);
+        }
+        return false;
+    }
+    if (node->asked != 0 && error && state != node->asked) {
+        give_up(bus, node, now_ns);
+        return false;
+    }
+    if (now_ns < node->retry_ns) {
+        return false;
+    }
+    if (state > goal) {
+        ask(bus, node, goal, now_ns);
+    } else if (error) {
+        ask(bus, node, state, now_ns); /* acknowledges the error */
+    } else {
+        lift(bus, node, state, now_ns);
+    }
+    return false;
+}
+
+static bool is_anybody_lost(const struct fsn_soem *bus) {
+    for (int s = 1; s <= bus->slave_count; s++) {
+        if (bus->places[s].al_status == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns) {
+    struct fsn_soem *bus = context;
+    if (now_ns < bus->states_ns && al_state == bus->goal) {
+        return bus->all_there;
+    }
+    bus->goal = al_state;
+    look_at_states(bus);
+    keep_reference(bus);
+    bool all = true;
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        struct node *node = &bus->nodes[n];
+        if (bus->places[node->slave].al_status != 0) {
+            all = lead(bus, node, al_state, now_ns) && all;
+        }
+    }
+    if (is_anybody_lost(bus) && now_ns >= bus->search_ns) {
+        soem_search(bus);
+        bus->search_ns = now_ns + SEARCH_NS;
+    }
+    if (now_ns >= bus->links_ns) {
+        look_at_links(bus);
+        bus->links_ns = now_ns + LINKS_NS;
+    }
+    bus->states_ns = all ? now_ns + STATES_NS : 0;
+    bus->all_there = all;
+    return all;
+}
