@@ -21,8 +21,9 @@ struct node {
     uint32_t number; /**< in the plan */
     uint16_t slave;  /**< in SOEM's list, from 1; 0: nothing stands at its place */
     bool configured; /**< since it was found last: SDOs, PDOs, SMs and FMMUs are written */
-    bool was_in_op;  /**< has been there before */
-    uint8_t asked;   /**< AL state asked for; 0: none */
+    bool was_in_op;
+    bool away;     /**< it was in OP once, and is not any more */
+    uint8_t asked; /**< AL state asked for; 0: none */
     uint64_t asked_ns;
     uint64_t retry_ns; /**< nothing is tried before */
     struct fsn_bus_subdevice seen;

@@ -73,6 +73,7 @@ static void lose(struct fsn_soem *bus, uint16_t slave) {
     }
     struct node *node = &bus->nodes[place->node];
     node->asked = 0;
+    node->away = node->was_in_op;
     note_state(bus, node, 0, 0);
     if (node->seen.found != FSN_FOUND_NOTHING && node->seen.found != FSN_FOUND_IDENTITY) {
         note_loss(bus, node);
@@ -101,6 +102,7 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
     if (place->node != SOEM_NO_NODE) {
         struct node *node = &bus->nodes[place->node];
         note_state(bus, node, status, code);
+        node->away = node->was_in_op && (node->away || status != FSN_AL_OP);
         if (node->seen.found == FSN_FOUND_NOTHING) {
             soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         }
@@ -166,7 +168,7 @@ static void look_at_links(struct fsn_soem *bus) {
     struct fsn_bus_subdevice *seen = &bus->nodes[place->node].seen;
     pthread_mutex_lock(&bus->seen_lock);
     for (unsigned port = 0; port < FSN_PORTS; port++) {
-        seen->link[port] = (etohs(links) >> (4 + port)) & 1u;
+        seen->link[port] = (uint8_t)((uint32_t)etohs(links) >> (4 + port)) & 1u;
         seen->rx_errors[port] = counters[2 * port];
         seen->link_lost[port] = counters[REG_LINK_LOST + port];
     }
@@ -244,15 +246,23 @@ static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_
     ask(bus, node, above(state), now_ns);
 }
 
+/** In OP: counts it when it was away since it had been here last. */
+static void note_return(struct fsn_soem *bus, struct node *node) {
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.returns += node->away;
+    pthread_mutex_unlock(&bus->seen_lock);
+    node->away = false;
+    node->was_in_op = true;
+}
+
 /** Returns whether the SubDevice is where it shall be. */
 static bool lead(struct fsn_soem *bus, struct node *node, uint8_t goal, uint64_t now_ns) {
     const struct place *place = &bus->places[node->slave];
     const uint8_t state = place->al_status & STATE_BITS;
     const bool error = (place->al_status & EC_STATE_ERROR) != 0;
     if (state == goal && !error) {
-        if (goal == FSN_AL_OP && node->asked != 0) {
-            node->seen.returns += node->was_in_op;
-            node->was_in_op = true;
+        if (goal == FSN_AL_OP) {
+            note_return(bus, node);
         }
         if (node->asked != 0) {
             soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");

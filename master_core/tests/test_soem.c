@@ -1,0 +1,283 @@
+/** The SOEM backend against the emulated segment, over a veth pair in a network namespace of its
+ *  own; skipped (77) where that cannot be made. */
+#define _GNU_SOURCE
+
+#include <sched.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "builder.h"
+#include "fsn/fsn.h"
+#include "fsn/live.h"
+#include "fsn/segment.h"
+
+enum { SKIPPED = 77, SUBDEVICES = 4, FRAME = 6, PATIENCE_MS = 20000 };
+
+struct rig {
+    uint8_t *bytes;
+    struct fsn_plan *plan, *plan_of_segment;
+    struct fsn_segment *segment;
+    void *bus;
+    struct fsn_core *core;
+    struct fsn_fault fault;
+    uint8_t beat; /**< what the SubDevices deliver, changed by each check */
+};
+
+static uint64_t now_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+static void pause_ms(long ms) {
+    const struct timespec pause = {.tv_sec = ms / 1000, .tv_nsec = ms % 1000 * 1000000};
+    nanosleep(&pause, NULL);
+}
+
+/** A main at position 0 and three subs behind it. */
+static uint8_t *build(size_t *len) {
+    static const struct build_sm sms[SUBDEVICES][2] = {{{FSN_OUTPUT, 18}, {FSN_INPUT, 18}},
+                                                       {{FSN_OUTPUT, 6}, {FSN_INPUT, 7}},
+                                                       {{FSN_OUTPUT, 6}, {FSN_INPUT, 6}},
+                                                       {{FSN_OUTPUT, 8}, {FSN_INPUT, 6}}};
+    static const struct build_copy copies[] = {{0, 0, 1, 0, FRAME},  {1, 0, 0, 0, FRAME},
+                                               {0, 6, 2, 0, FRAME},  {2, 0, 0, 6, FRAME},
+                                               {0, 12, 3, 0, FRAME}, {3, 0, 0, 12, FRAME}};
+    const struct build b = {.subdevices = SUBDEVICES,
+                            .sm = sms,
+                            .copies = copies,
+                            .pairs = SUBDEVICES - 1,
+                            .cycle_ns = 1000000};
+    return build_plan(&b, len);
+}
+
+static struct rig *set_up(void) {
+    struct rig *rig = calloc(1, sizeof *rig);
+    CHECK(rig != NULL);
+    size_t len;
+    rig->bytes = build(&len);
+    CHECK(fsn_plan_load(rig->bytes, len, &rig->plan, NULL) == FSN_OK);
+    CHECK(fsn_plan_load(rig->bytes, len, &rig->plan_of_segment, NULL) == FSN_OK);
+    CHECK(fsn_segment_create(rig->plan_of_segment, &rig->segment) == FSN_OK);
+    CHECK(fsn_segment_link(rig->segment, "far", NULL) == FSN_OK);
+    return rig;
+}
+
+static fsn_status open_bus(struct rig *rig) {
+    const struct fsn_live_options options = {.interface = "near", .dc_every = 5};
+    CHECK(fsn_backend_soem()->create(&options, &rig->bus, &rig->fault) == FSN_OK);
+    const fsn_status status =
+        fsn_core_create(rig->plan, fsn_backend_soem()->ops, rig->bus, &rig->core, &rig->fault);
+    CHECK(status == FSN_OK || (rig->core == NULL && rig->fault.status == status));
+    return status;
+}
+
+static void tear_down(struct rig *rig) {
+    fsn_core_free(rig->core);
+    fsn_backend_soem()->free(rig->bus);
+    fsn_segment_free(rig->segment);
+    fsn_plan_free(rig->plan);
+    fsn_plan_free(rig->plan_of_segment);
+    free(rig->bytes);
+    free(rig);
+}
+
+static struct fsn_bus_subdevice look(struct rig *rig, uint32_t n) {
+    struct fsn_bus_subdevice seen;
+    CHECK(fsn_core_subdevice(rig->core, n, &seen) == FSN_OK);
+    return seen;
+}
+
+/** Tends the bus until a SubDevice has an AL state, or none (0); fails after long. */
+static void tend_until(struct rig *rig, uint32_t n, uint8_t al_state) {
+    for (int i = 0; i < PATIENCE_MS / 2; i++) {
+        fsn_core_tend(rig->core, FSN_AL_OP, now_ns());
+        if (look(rig, n).al_status == al_state) {
+            return;
+        }
+        pause_ms(2);
+    }
+    fprintf(stderr, "SubDevice %u: AL 0x%02x code 0x%04x, %s\n", n, look(rig, n).al_status,
+            look(rig, n).al_code, look(rig, n).detail);
+    exit(1);
+}
+
+static struct rig *bring_up(void) {
+    struct rig *rig = set_up();
+    if (open_bus(rig) != FSN_OK) {
+        fprintf(stderr, "%s: %s\n", rig->fault.rule, rig->fault.detail);
+        exit(1);
+    }
+    const struct fsn_thread_options thread = {.cycle_ns = 1000000};
+    CHECK(fsn_core_start(rig->core, &thread, NULL) == FSN_OK);
+    for (uint32_t n = 0; n < SUBDEVICES; n++) {
+        tend_until(rig, n, FSN_AL_OP);
+    }
+    return rig;
+}
+
+/** Whether a frame goes from sub `k` to its place in the main, and one from there to the sub. */
+static bool flows(struct rig *rig, uint32_t k) {
+    uint8_t inputs[18], outputs[18];
+    const uint32_t sizes[] = {18, 7, 6, 6};
+    const uint32_t out_sizes[] = {18, 6, 6, 8};
+    rig->beat++;
+    memset(inputs, rig->beat, sizeof inputs);
+    CHECK(fsn_segment_write_inputs(rig->segment, 2 * k + 1, inputs, sizes[k]) == FSN_OK);
+    CHECK(fsn_segment_write_inputs(rig->segment, 1, inputs, sizes[0]) == FSN_OK);
+    for (int i = 0; i < 100; i++) {
+        fsn_core_tend(rig->core, FSN_AL_OP, now_ns());
+        pause_ms(2);
+        bool there = true;
+        CHECK(fsn_segment_read_outputs(rig->segment, 0, outputs, out_sizes[0], NULL) == FSN_OK);
+        there = there && memcmp(outputs + FRAME * (k - 1), inputs, FRAME) == 0;
+        CHECK(fsn_segment_read_outputs(rig->segment, 2 * k, outputs, out_sizes[k], NULL) == FSN_OK);
+        if (there && memcmp(outputs, inputs, FRAME) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void frames_flow(void) {
+    struct rig *rig = bring_up();
+    for (uint32_t k = 1; k < SUBDEVICES; k++) {
+        CHECK(flows(rig, k));
+        CHECK(look(rig, k).found == FSN_FOUND_RIGHT && look(rig, k).returns == 0);
+    }
+    struct fsn_statistics s;
+    CHECK(fsn_core_snapshot(rig->core, &s, NULL, NULL) == FSN_OK);
+    CHECK(s.expected_wkc == 3 * SUBDEVICES && s.dc_time_ns != 0 && s.round_trip.count > 0);
+    tear_down(rig);
+}
+
+/** Whoever is cut off is named; all others go on; whoever returns is led to OP again. */
+static void each_is_unplugged_and_returns(void) {
+    struct rig *rig = bring_up();
+    for (uint32_t p = 0; p < SUBDEVICES; p++) {
+        fsn_segment_set_present(rig->segment, p, false);
+        tend_until(rig, p, 0);
+        CHECK(look(rig, p).found == FSN_FOUND_NOTHING);
+        CHECK(strstr(look(rig, p).detail, p == 0 ? "near" : "is down") != NULL);
+        for (uint32_t k = 1; k < SUBDEVICES; k++) {
+            CHECK(flows(rig, k) == (k < p));
+        }
+        fsn_segment_set_present(rig->segment, p, true);
+        for (uint32_t k = 0; k < SUBDEVICES; k++) {
+            tend_until(rig, k, FSN_AL_OP);
+        }
+        for (uint32_t k = 1; k < SUBDEVICES; k++) {
+            CHECK(flows(rig, k));
+        }
+        CHECK(look(rig, p).returns >= p + 1 && look(rig, p).found == FSN_FOUND_RIGHT);
+    }
+    tear_down(rig);
+}
+
+static void power_cycles_and_lost_frames(void) {
+    struct rig *rig = bring_up();
+    for (uint32_t p = 0; p < SUBDEVICES; p++) {
+        fsn_segment_power_cycle(rig->segment, p);
+        tend_until(rig, p, FSN_AL_OP);
+        fsn_segment_lose(rig->segment, 7);
+        for (uint32_t k = 1; k < SUBDEVICES; k++) {
+            tend_until(rig, k, FSN_AL_OP);
+            CHECK(flows(rig, k));
+        }
+    }
+    struct fsn_statistics s;
+    CHECK(fsn_core_snapshot(rig->core, &s, NULL, NULL) == FSN_OK);
+    CHECK(s.lost_frames > 0 && s.wkc_errors >= s.lost_frames);
+    tear_down(rig);
+}
+
+static void stops_step_by_step(void) {
+    struct rig *rig = bring_up();
+    for (int i = 0; i < 1000 && !fsn_core_tend(rig->core, FSN_AL_SAFEOP, now_ns()); i++) {
+        pause_ms(2);
+    }
+    for (uint32_t n = 0; n < SUBDEVICES; n++) {
+        CHECK(fsn_segment_al_status(rig->segment, n, NULL) == FSN_AL_SAFEOP);
+    }
+    fsn_core_free(rig->core);
+    rig->core = NULL;
+    for (uint32_t n = 0; n < SUBDEVICES; n++) {
+        CHECK(fsn_segment_al_status(rig->segment, n, NULL) == FSN_AL_INIT);
+    }
+    tear_down(rig);
+}
+
+static void refuses(fsn_status status, const char *detail, struct rig *rig) {
+    const fsn_status got = open_bus(rig);
+    if (got != status || strstr(rig->fault.detail, detail) == NULL) {
+        fprintf(stderr, "%s: %s\n", fsn_status_name(got), rig->fault.detail);
+        exit(1);
+    }
+    tear_down(rig);
+}
+
+static void refusals(void) {
+    struct rig *rig = set_up();
+    fsn_segment_set_present(rig->segment, 0, false);
+    refuses(FSN_E_BUS_SILENT, "near has a link", rig);
+
+    rig = set_up();
+    fsn_segment_set_present(rig->segment, 2, false);
+    refuses(FSN_E_BUS_MISSING, "2 SubDevices answer", rig);
+
+    rig = set_up(); /* another product on the bus than in the plan */
+    size_t len;
+    fsn_plan_free(rig->plan);
+    uint8_t *other = build(&len);
+    other[192 + 48 + 12] ^= 1;
+    build_fix_crc(other, len);
+    CHECK(fsn_plan_load(other, len, &rig->plan, NULL) == FSN_OK);
+    free(other);
+    refuses(FSN_E_BUS_IDENTITY, "found vendor", rig);
+
+    rig = bring_up();
+    void *second;
+    struct fsn_core *none;
+    struct fsn_fault fault;
+    const struct fsn_live_options options = {.interface = "near"};
+    CHECK(fsn_backend_soem()->create(&options, &second, NULL) == FSN_OK);
+    CHECK(fsn_core_create(rig->plan, fsn_backend_soem()->ops, second, &none, &fault) ==
+          FSN_E_BUS_BUSY);
+    CHECK(strstr(fault.detail, "not ours") != NULL);
+    fsn_backend_soem()->free(second);
+    CHECK(flows(rig, 1)); /* nobody noticed */
+    tear_down(rig);
+
+    const struct fsn_live_options absent = {.interface = "absent"};
+    const struct fsn_live_options too_long = {.interface = "an-interface-too-long"};
+    CHECK(fsn_backend_soem()->create(&too_long, &second, NULL) == FSN_E_ARG);
+    CHECK(fsn_backend_soem()->create(&absent, &second, NULL) == FSN_OK);
+    rig = set_up();
+    CHECK(fsn_core_create(rig->plan, fsn_backend_soem()->ops, second, &none, &fault) == FSN_E_ARG);
+    CHECK(strstr(fault.detail, "no such interface") != NULL);
+    fsn_backend_soem()->free(second);
+    tear_down(rig);
+}
+
+/** A network namespace with a veth pair; false where this user may not make one. */
+static bool make_network(void) {
+    if (unshare(CLONE_NEWNET) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
+        return false;
+    }
+    return system("ip link set lo up && ip link add near type veth peer name far && "
+                  "ip link set near up && ip link set far up") == 0;
+}
+
+int main(void) {
+    if (!make_network()) {
+        fprintf(stderr, "skipped: no network namespace with a veth pair can be made here\n");
+        return SKIPPED;
+    }
+    frames_flow();
+    each_is_unplugged_and_returns();
+    power_cycles_and_lost_frames();
+    stops_step_by_step();
+    refusals();
+    return 0;
+}
