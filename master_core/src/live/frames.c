@@ -33,15 +33,9 @@ static void write_head(struct fsn_wire_frame *frame) {
 }
 
 /** Fills one frame: where it lies in the image is known already. */
-static bool build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc) {
+static void build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc) {
     const uint32_t lrw_end = FSN_WIRE_DATA + frame->size_bytes + DATAGRAM_TAIL;
     frame->len_bytes = lrw_end + (with_dc ? DC_DATAGRAM : 0);
-    frame->sent = calloc(FSN_WIRE_MOST, 1);
-    frame->reply[0] = calloc(FSN_WIRE_MOST, 1);
-    frame->reply[1] = calloc(FSN_WIRE_MOST, 1);
-    if (frame->sent == NULL || frame->reply[0] == NULL || frame->reply[1] == NULL) {
-        return false;
-    }
     write_head(frame);
     uint8_t *lrw = frame->sent + FSN_WIRE_LRW;
     lrw[0] = CMD_LRW;
@@ -52,7 +46,6 @@ static bool build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc) 
         put16(frame->sent + lrw_end + 4, DC_TIME);
         put16(frame->sent + lrw_end + 6, DC_BYTES);
     }
-    return true;
 }
 
 /** Inputs of the plan in the order of the image. */
@@ -135,27 +128,26 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
     if (wire->frame_count > FSN_WIRE_FRAMES) {
         return FSN_E_BUS_IMAGE;
     }
-    if (!list_inputs(plan, frames)) {
+    frames->storage = calloc(wire->frame_count, (size_t)3 * FSN_WIRE_MOST);
+    if (frames->storage == NULL || !list_inputs(plan, frames)) {
         return FSN_E_NOMEM;
     }
     for (uint32_t f = 0; f < wire->frame_count; f++) {
         /* What carries no process data asks for an address that nobody maps. */
         const uint32_t logical =
             f < datagrams ? wire->frames[f].image_byte : frames->image.bytes + 1;
-        if (!build(&wire->frames[f], logical, f == dc_frame)) {
-            return FSN_E_NOMEM;
-        }
+        struct fsn_wire_frame *frame = &wire->frames[f];
+        frame->sent = frames->storage + (size_t)3 * FSN_WIRE_MOST * f;
+        frame->reply[0] = frame->sent + FSN_WIRE_MOST;
+        frame->reply[1] = frame->reply[0] + FSN_WIRE_MOST;
+        build(frame, logical, f == dc_frame);
     }
     return FSN_OK;
 }
 
 void fsn_frames_free(struct fsn_frames *frames) {
     struct fsn_wire *wire = &frames->wire;
-    for (uint32_t f = 0; wire->frames != NULL && f < wire->frame_count; f++) {
-        free(wire->frames[f].sent);
-        free(wire->frames[f].reply[0]);
-        free(wire->frames[f].reply[1]);
-    }
+    free(frames->storage);
     free(wire->frames);
     free(wire->inputs);
     free((void *)wire->answers);
