@@ -155,6 +155,9 @@ fsn_status fsn_segment_write_inputs(struct fsn_segment *segment, uint32_t sm,
 uint8_t fsn_segment_al_status(struct fsn_segment *segment, uint32_t position, uint16_t *code);
 void fsn_segment_set_present(struct fsn_segment *segment, uint32_t position, bool present);
 void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t position);
+fsn_status fsn_segment_set_link(struct fsn_segment *segment, uint32_t position, bool up);
+fsn_status fsn_segment_rx_errors(struct fsn_segment *segment, uint32_t position, uint32_t port,
+                                 uint32_t errors);
 void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);
 void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);
 fsn_status fsn_segment_link(struct fsn_segment *segment, const char *interface, int *sys_errno);

@@ -118,6 +118,24 @@ class Segment:
         """Switch the SubDevice at a ring position off and on."""
         self._lib.fsn_segment_power_cycle(self._pointer, position)
 
+    def set_link(self, position: int | None, up: bool) -> None:
+        """Cut or mend the cable behind a SubDevice; ``None``: the one from the MainDevice.
+
+        Raises:
+            CoreError: No such cable.
+        """
+        number = self._lib.FSN_NONE if position is None else position
+        raise_status(self._lib.fsn_segment_set_link(self._pointer, number, up), "cable")
+
+    def rx_errors(self, position: int, port: int, errors: int) -> None:
+        """Count receive errors at port 0 (towards the MainDevice) or 1.
+
+        Raises:
+            CoreError: No such SubDevice or port.
+        """
+        status = self._lib.fsn_segment_rx_errors(self._pointer, position, port, errors)
+        raise_status(status, f"receive errors at port {port}")
+
     def lose(self, frames: int) -> None:
         """Lose the next frames."""
         self._lib.fsn_segment_lose(self._pointer, frames)

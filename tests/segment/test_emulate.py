@@ -2,15 +2,19 @@
 
 import json
 import os
+import struct
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from cli.tool import fsn
+from networks import example
 from segment.test_peers import NAMESPACE, missing
 
 from fsoe_net.core import Segment
+from fsoe_net.errors import CoreError
+from fsoe_net.plan import compile_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 
 ROOT = Path(__file__).parents[2]
@@ -56,19 +60,52 @@ def test_nobody_speaks():
     assert document["passed"] is False
 
 
-def test_frames_in_memory():
-    """A broadcast read counts both SubDevices; unplugging the second leaves one."""
-    from networks import example
-
-    from fsoe_net.plan import compile_plan
-
+def estop_segment() -> Segment:
     resolution = example("estop")
     session = SegmentSession(
         resolution, compile_plan(resolution).to_bytes(), None, session_ids=counted_session_ids()
     )
-    segment: Segment = session.segment
-    head = bytes.fromhex("ffffffffffff 010101010101 88a4 0d10")
-    read = head + bytes.fromhex("07 00 0000 0000 0100 0000 00 0000")
+    return session.segment
+
+
+def read_frame(command: int, position: int, address: int, size: int) -> bytes:
+    """Return a frame with one datagram that reads."""
+    head = bytes.fromhex("ffffffffffff 010101010101 88a4") + struct.pack("<H", 0x1000 | 12 + size)
+    body = struct.pack("<BBHHHH", command, 0, position, address, size, 0)
+    return head + body + bytes(size + 2)
+
+
+def register(segment: Segment, place: int, address: int, size: int) -> bytes:
+    """Return bytes of a register of the SubDevice at a place."""
+    answer = segment.frame(read_frame(1, -place & 0xFFFF, address, size), 1)
+    assert answer is not None
+    assert answer[-2:] == b"\1\0"
+    return answer[-2 - size : -2]
+
+
+def test_a_cut_cable_and_its_counters():
+    segment = estop_segment()
+    assert register(segment, 0, 0x0110, 2) == b"\x31\x5a"
+    segment.set_link(0, False)
+    assert segment.frame(read_frame(7, 0, 0, 1), 1)[-2:] == b"\1\0"
+    assert register(segment, 0, 0x0110, 2) == b"\x11\x56"
+    assert register(segment, 0, 0x0310, 4) == b"\0\1\0\0"
+    segment.set_link(0, True)
+    assert register(segment, 1, 0x0310, 4) == b"\1\0\0\0"
+    segment.rx_errors(0, 1, 7)
+    assert register(segment, 0, 0x0300, 4) == b"\0\0\7\7"
+    segment.set_link(None, False)
+    assert segment.frame(read_frame(7, 0, 0, 1), 1) is None
+    with pytest.raises(CoreError):
+        segment.set_link(2, False)
+    with pytest.raises(CoreError):
+        segment.rx_errors(0, 4, 1)
+
+
+def test_frames_in_memory():
+    """A broadcast read counts both SubDevices; unplugging the second leaves one."""
+    segment = estop_segment()
+    read = read_frame(7, 0, 0, 1)
     assert segment.frame(read, 1)[-2:] == b"\2\0"
     assert segment.position("el1918") == 1
     segment.set_present(1, False)

@@ -79,8 +79,27 @@ FSN_API uint8_t fsn_segment_al_status(struct fsn_segment *segment, uint32_t posi
  *  Context: any thread. Locks. */
 FSN_API void fsn_segment_set_present(struct fsn_segment *segment, uint32_t position, bool present);
 
-/** Switches the SubDevice at a ring position off and on. Context: any thread. Locks. */
+/** Switches the SubDevice at a ring position off and on: its neighbours lose the link to it and
+ *  find it again. No effect when it is unplugged. Context: any thread. Locks. */
 FSN_API void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t position);
+
+/** Cuts a cable, or mends it; SubDevices on both sides keep their power and their state, and count
+ *  a lost link.
+ *  @param[in] position  of the SubDevice in front of the cable; FSN_NONE: the cable from the
+ *                       MainDevice to the first SubDevice.
+ *  @retval FSN_E_ARG    no such cable.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_set_link(struct fsn_segment *segment, uint32_t position,
+                                                     bool up);
+
+/** Counts receive errors at a port, and forwarded errors in all SubDevices behind. The frames
+ *  themselves are not touched: lose some with fsn_segment_lose().
+ *  @param[in] port      0: towards the MainDevice, 1: away from it.
+ *  @retval FSN_E_ARG    no such SubDevice or port.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_rx_errors(struct fsn_segment *segment,
+                                                      uint32_t position, uint32_t port,
+                                                      uint32_t errors);
 
 /** Loses the next frames on purpose. Context: any thread. Locks. */
 FSN_API void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);

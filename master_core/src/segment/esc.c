@@ -36,12 +36,12 @@ static const struct {
     {0x0140, 0x0142, false}, /* PDI control */
     {0x0200, 0x0202, true},
     {0x0210, 0x0212, false},
-    {REG_ERROR_COUNTERS, 0x0314, true},
+    {REG_RX_ERRORS, 0x0314, true},
     {REG_WD_DIVIDER, 0x0402, true},
     {0x0410, 0x0412, true},
     {REG_WD_PROCESS_DATA, 0x0422, true},
     {REG_WD_STATUS, 0x0442, false},
-    {0x0442, 0x0444, true},
+    {REG_WD_COUNT, 0x0444, true},
     {REG_SII_ASSIGN, 0x0510, true},
     {REG_FMMU, REG_FMMU + 16 * ESC_FMMUS, true},
     {REG_SM, REG_SM + 8 * ESC_SMS, true},
@@ -98,12 +98,30 @@ bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_by
     return true;
 }
 
+/** A write to any counter clears the group it belongs to, whatever is written. */
+static bool clear_counters(struct esc *esc, uint16_t address, uint16_t size_bytes) {
+    static const struct {
+        uint16_t from, bytes;
+    } groups[] = {{REG_RX_ERRORS, 12},
+                  {REG_UNIT_ERRORS, 1},
+                  {REG_PDI_ERRORS, 1},
+                  {REG_LOST_LINK, 4},
+                  {REG_WD_COUNT, 2}};
+    bool hit = false;
+    for (size_t i = 0; i < sizeof groups / sizeof groups[0]; i++) {
+        if (touches(address, size_bytes, groups[i].from, groups[i].bytes)) {
+            memset(esc->memory + groups[i].from, 0, groups[i].bytes);
+            hit = true;
+        }
+    }
+    return hit;
+}
+
 bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t size_bytes) {
     if (!exists(address, size_bytes, true) || !esc_sm_allows(esc, address, size_bytes, true)) {
         return false;
     }
-    if (touches(address, size_bytes, REG_ERROR_COUNTERS, 0x14)) {
-        memset(esc->memory + REG_ERROR_COUNTERS, 0, 0x14); /* any write clears them */
+    if (clear_counters(esc, address, size_bytes)) {
         return true;
     }
     if (touches(address, size_bytes, REG_DC_RECEIVE, 4) ||
@@ -193,7 +211,7 @@ void esc_idle(struct esc *esc, uint64_t now_ns) {
     if (esc_state(esc) == AL_OP && limit_ns > 0 && esc->outputs_seen && now_ns > esc->outputs_ns &&
         now_ns - esc->outputs_ns > limit_ns) {
         esc->memory[REG_WD_STATUS] = 0;
-        esc->memory[0x0442]++;
+        esc_count(esc->memory + REG_WD_COUNT, 1);
         esc_al_error(esc, AL_SAFEOP, AL_CODE_WATCHDOG);
     }
 }

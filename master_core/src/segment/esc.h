@@ -28,11 +28,15 @@ enum {
     REG_AL_CONTROL = 0x0120,
     REG_AL_STATUS = 0x0130,
     REG_AL_CODE = 0x0134,
-    REG_ERROR_COUNTERS = 0x0300,
+    REG_RX_ERRORS = 0x0300,
+    REG_FORWARDED_ERRORS = 0x0308,
+    REG_UNIT_ERRORS = 0x030C,
+    REG_PDI_ERRORS = 0x030D,
     REG_LOST_LINK = 0x0310,
     REG_WD_DIVIDER = 0x0400,
     REG_WD_PROCESS_DATA = 0x0420,
     REG_WD_STATUS = 0x0440,
+    REG_WD_COUNT = 0x0442,
     REG_SII_ASSIGN = 0x0500,
     REG_SII_CONTROL = 0x0502,
     REG_SII_ADDRESS = 0x0504,
@@ -93,8 +97,7 @@ struct esc {
     uint8_t mailbox_counter;
     struct transfer transfer;
     bool has_mailbox;
-    bool reachable;           /**< frames come here */
-    bool last;                /**< nothing answers behind it */
+    uint8_t ports;            /**< bit n: port n has a link */
     uint64_t now_ns;          /**< of the frame being processed */
     uint64_t outputs_ns;      /**< when outputs were written last */
     bool outputs_seen;        /**< since PREOP */
@@ -122,6 +125,9 @@ void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns);
 
 /** What happens between frames: watchdogs, mailbox answers. */
 void esc_idle(struct esc *esc, uint64_t now_ns);
+
+/** Adds to an error counter; it stays at 255. */
+void esc_count(uint8_t *counter, uint32_t more);
 
 /** AL state without the error bit. */
 uint8_t esc_state(const struct esc *esc);

@@ -1,18 +1,10 @@
-/** SubDevices in a row: frames pass through all of them and come back. */
+/** Building a segment from a plan, and what its devices see of it. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "segment_internal.h"
 
-enum {
-    MAC_BYTES = 12,
-    FRAME_HEAD = 16, /**< Ethernet and EtherCAT header */
-    DATAGRAM_HEAD = 10,
-    MAX_POSITIONS = 4096,
-    FORWARD_NS = 300, /**< through one controller */
-    REG_DC_LATCH = 0x0900,
-    CMD_BWR = 8,
-};
+enum { MAX_POSITIONS = 4096 };
 
 /* -- building ------------------------------------------------------------------------------- */
 
@@ -56,13 +48,16 @@ static bool allocate(struct fsn_segment *s) {
     s->count = place_subdevices(s);
     s->escs = calloc((size_t)s->count + 1, sizeof *s->escs);
     s->present = calloc((size_t)s->count + 1, sizeof *s->present);
+    s->order = calloc((size_t)s->count + 1, sizeof *s->order);
+    s->cut = calloc((size_t)s->count + 1, sizeof *s->cut);
     s->siis = calloc((size_t)s->count + 1, sizeof *s->siis);
     size_t total = 1;
     for (uint32_t sm = 0; sm < sms; sm++) {
         total += fsn_sm_bytes(s->plan, sm);
     }
     s->storage = calloc(total, 1);
-    return s->escs != NULL && s->present != NULL && s->siis != NULL && s->storage != NULL;
+    return s->escs != NULL && s->present != NULL && s->order != NULL && s->cut != NULL &&
+           s->siis != NULL && s->storage != NULL;
 }
 
 static void give_buffers(struct fsn_segment *s) {
@@ -107,6 +102,7 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
             ok = segment_describe(s, FSN_NONE, p);
         }
         s->present[p] = true;
+        s->order[p] = p;
         s->escs[p].clock_offset_ns = 1000003u * (uint64_t)p; /* their clocks do not agree */
         esc_power_on(&s->escs[p]);
     }
@@ -114,6 +110,7 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
         fsn_segment_free(s);
         return FSN_E_NOMEM;
     }
+    segment_rewire(s);
     *segment = s;
     return FSN_OK;
 }
@@ -133,6 +130,8 @@ void fsn_segment_free(struct fsn_segment *s) {
     }
     free(s->escs);
     free(s->present);
+    free(s->order);
+    free(s->cut);
     free(s->siis);
     free(s->positions);
     free(s->places);
@@ -140,129 +139,6 @@ void fsn_segment_free(struct fsn_segment *s) {
     pthread_mutex_destroy(&s->lock);
     fsn_plan_free(s->plan);
     free(s);
-}
-
-/* -- frames --------------------------------------------------------------------------------- */
-
-static uint32_t reachable(const struct fsn_segment *s) {
-    uint32_t n = 0;
-    while (n < s->count && s->present[n]) {
-        n++;
-    }
-    return n;
-}
-
-/** Ports 0 and, when something is plugged in behind, 1. */
-static void show_ports(struct fsn_segment *s, uint32_t reached) {
-    for (uint32_t p = 0; p < reached; p++) {
-        esc_put16(s->escs[p].memory + REG_DL_STATUS, p + 1 < reached ? 0x5A31 : 0x5611);
-    }
-}
-
-static void latch(struct fsn_segment *s, uint32_t reached, uint64_t now_ns) {
-    for (uint32_t p = 0; p < reached; p++) {
-        const uint64_t arrival = now_ns + (uint64_t)FORWARD_NS * p;
-        const uint64_t back = now_ns + (uint64_t)FORWARD_NS * (2 * reached - p);
-        esc_latch_times(&s->escs[p], arrival, back);
-    }
-}
-
-static bool pass_datagram(struct fsn_segment *s, uint32_t reached, uint8_t *at, size_t len,
-                          uint64_t now_ns, bool *more, size_t *used) {
-    if (len < DATAGRAM_HEAD + 2) {
-        return false;
-    }
-    const uint16_t flags = esc_get16(at + 6);
-    const uint16_t size = flags & 0x07FF;
-    *more = (flags & 0x8000) != 0;
-    *used = (size_t)DATAGRAM_HEAD + size + 2;
-    if (*used > len || size > 1500) {
-        return false;
-    }
-    struct datagram d = {
-        .command = at[0],
-        .position = esc_get16(at + 2),
-        .offset = esc_get16(at + 4),
-        .data = at + DATAGRAM_HEAD,
-        .size_bytes = size,
-        .counter = esc_get16(at + DATAGRAM_HEAD + size),
-    };
-    const bool latches = d.offset <= REG_DC_LATCH && d.offset + size > REG_DC_LATCH &&
-                         (d.command == CMD_BWR || d.command == 2 || d.command == 5);
-    for (uint32_t p = 0; p < reached; p++) {
-        s->escs[p].now_ns = now_ns + (uint64_t)FORWARD_NS * p;
-        esc_pass(&s->escs[p], &d);
-    }
-    if (latches) {
-        latch(s, reached, now_ns);
-    }
-    if (d.command != 10 && d.command != 11 && d.command != 12) {
-        esc_put16(at + 2, d.position);
-    }
-    esc_put16(at + DATAGRAM_HEAD + size, d.counter);
-    s->counts.datagrams++;
-    return true;
-}
-
-static size_t pass_frame(struct fsn_segment *s, uint8_t *frame, size_t len, uint64_t now_ns) {
-    const uint32_t reached = reachable(s);
-    const bool ethercat = len >= FRAME_HEAD && frame[MAC_BYTES] == 0x88 &&
-                          frame[MAC_BYTES + 1] == 0xA4 &&
-                          esc_get16(frame + MAC_BYTES + 2) >> 12 == 1;
-    if (!ethercat) {
-        s->counts.foreign++;
-        return 0;
-    }
-    if (s->lose > 0) {
-        s->lose--;
-        s->counts.lost++;
-        return 0;
-    }
-    if (reached == 0) {
-        return 0;
-    }
-    show_ports(s, reached);
-    size_t left = esc_get16(frame + MAC_BYTES + 2) & 0x07FF;
-    if (left > len - FRAME_HEAD) {
-        s->counts.foreign++;
-        return 0;
-    }
-    uint8_t *at = frame + FRAME_HEAD;
-    bool more = true;
-    while (more) {
-        size_t used;
-        if (!pass_datagram(s, reached, at, left, now_ns, &more, &used)) {
-            s->counts.foreign++;
-            return 0;
-        }
-        at += used;
-        left -= used;
-    }
-    for (uint32_t p = 0; p < reached; p++) {
-        esc_idle(&s->escs[p], now_ns);
-    }
-    frame[6] |= 2; /* the first controller marks the source address */
-    s->counts.frames++;
-    return len;
-}
-
-size_t fsn_segment_frame(struct fsn_segment *s, uint8_t *frame, size_t len_bytes, uint64_t now_ns) {
-    pthread_mutex_lock(&s->lock);
-    s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
-    const size_t answer = pass_frame(s, frame, len_bytes, s->last_ns);
-    pthread_mutex_unlock(&s->lock);
-    return answer;
-}
-
-void fsn_segment_idle(struct fsn_segment *s, uint64_t now_ns) {
-    pthread_mutex_lock(&s->lock);
-    s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
-    for (uint32_t p = 0; p < s->count; p++) {
-        if (s->present[p]) {
-            esc_idle(&s->escs[p], s->last_ns);
-        }
-    }
-    pthread_mutex_unlock(&s->lock);
 }
 
 /* -- the side of the devices ---------------------------------------------------------------- */
@@ -323,27 +199,6 @@ uint8_t fsn_segment_al_status(struct fsn_segment *s, uint32_t position, uint16_t
     }
     pthread_mutex_unlock(&s->lock);
     return status;
-}
-
-void fsn_segment_set_present(struct fsn_segment *s, uint32_t position, bool present) {
-    pthread_mutex_lock(&s->lock);
-    if (position < s->count && s->present[position] != present) {
-        s->present[position] = present;
-        if (present) {
-            esc_power_on(&s->escs[position]);
-        } else if (position > 0) {
-            s->escs[position - 1].memory[REG_LOST_LINK + 1]++;
-        }
-    }
-    pthread_mutex_unlock(&s->lock);
-}
-
-void fsn_segment_power_cycle(struct fsn_segment *s, uint32_t position) {
-    pthread_mutex_lock(&s->lock);
-    if (position < s->count) {
-        esc_power_on(&s->escs[position]);
-    }
-    pthread_mutex_unlock(&s->lock);
 }
 
 void fsn_segment_lose(struct fsn_segment *s, uint32_t frames) {

@@ -17,9 +17,15 @@ struct place {
 
 struct fsn_segment {
     struct fsn_plan *plan;
-    struct esc *escs; /**< in ring order */
-    bool *present;
+    struct esc *escs; /**< by position as planned */
+    bool *present;    /**< likewise */
+    uint32_t *order;  /**< place on the ring to position; the same unless devices were swapped */
+    bool *cut;        /**< cable in front of a place; one more behind the last */
     uint32_t count;
+    bool ring;            /**< the last SubDevice is cabled to the second port of the MainDevice */
+    uint32_t from_first;  /**< places a frame at the first port reaches */
+    uint32_t from_last;   /**< places, counted from the end, a frame at the second port reaches */
+    bool closed;          /**< the ring has no gap */
     uint32_t *positions;  /**< per SubDevice of the plan */
     struct place *places; /**< per sync manager of the plan */
     uint8_t *storage;     /**< device side of all process data */
@@ -36,5 +42,8 @@ struct fsn_segment {
 /** Makes SII contents and object dictionary of one SubDevice of the plan, or of a free position
  *  (subdevice FSN_NONE); false when out of memory (describe.c). */
 bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t position);
+
+/** After any change of cables or power: who is reached, DL status, lost links (topology.c). */
+void segment_rewire(struct fsn_segment *segment);
 
 #endif

@@ -1,0 +1,140 @@
+/** SubDevices in a row: frames pass through all that are reached, and come back. */
+#include "segment_internal.h"
+
+enum {
+    MAC_BYTES = 12,
+    FRAME_HEAD = 16, /**< Ethernet and EtherCAT header */
+    DATAGRAM_HEAD = 10,
+    MAX_DATA = 1500,
+    FORWARD_NS = 300, /**< through one controller */
+};
+
+enum { CMD_APWR = 2, CMD_FPWR = 5, CMD_BWR = 8, CMD_LRD = 10, CMD_LRW = 12 };
+
+/** Places that process a frame, from first to the one before end, and when it reaches the first. */
+struct span {
+    uint32_t first, end;
+    uint64_t now_ns;
+};
+
+static struct esc *esc_at(struct fsn_segment *s, uint32_t place) {
+    return &s->escs[s->order[place]];
+}
+
+static void latch(struct fsn_segment *s, const struct span *span) {
+    const uint32_t length = span->end - span->first;
+    for (uint32_t n = 0; n < length; n++) {
+        const uint64_t arrival = span->now_ns + (uint64_t)FORWARD_NS * n;
+        const uint64_t back = span->now_ns + (uint64_t)FORWARD_NS * (2 * length - n);
+        esc_latch_times(esc_at(s, span->first + n), arrival, back);
+    }
+}
+
+static bool latches_times(const struct datagram *d) {
+    return d->offset <= REG_DC_RECEIVE && d->offset + d->size_bytes > REG_DC_RECEIVE &&
+           (d->command == CMD_BWR || d->command == CMD_APWR || d->command == CMD_FPWR);
+}
+
+static bool pass_datagram(struct fsn_segment *s, const struct span *span, uint8_t *at, size_t len,
+                          bool *more, size_t *used) {
+    if (len < DATAGRAM_HEAD + 2) {
+        return false;
+    }
+    const uint16_t flags = esc_get16(at + 6);
+    const uint16_t size = flags & 0x07FF;
+    *more = (flags & 0x8000) != 0;
+    *used = (size_t)DATAGRAM_HEAD + size + 2;
+    if (*used > len || size > MAX_DATA) {
+        return false;
+    }
+    struct datagram d = {
+        .command = at[0],
+        .position = esc_get16(at + 2),
+        .offset = esc_get16(at + 4),
+        .data = at + DATAGRAM_HEAD,
+        .size_bytes = size,
+        .counter = esc_get16(at + DATAGRAM_HEAD + size),
+    };
+    for (uint32_t place = span->first; place < span->end; place++) {
+        struct esc *esc = esc_at(s, place);
+        esc->now_ns = span->now_ns + (uint64_t)FORWARD_NS * (place - span->first);
+        esc_pass(esc, &d);
+    }
+    if (latches_times(&d)) {
+        latch(s, span);
+    }
+    if (d.command < CMD_LRD || d.command > CMD_LRW) {
+        esc_put16(at + 2, d.position);
+    }
+    esc_put16(at + DATAGRAM_HEAD + size, d.counter);
+    s->counts.datagrams++;
+    return true;
+}
+
+static bool pass_datagrams(struct fsn_segment *s, const struct span *span, uint8_t *frame,
+                           size_t len) {
+    size_t left = esc_get16(frame + MAC_BYTES + 2) & 0x07FF;
+    if (left > len - FRAME_HEAD) {
+        return false;
+    }
+    uint8_t *at = frame + FRAME_HEAD;
+    for (bool more = true; more;) {
+        size_t used;
+        if (!pass_datagram(s, span, at, left, &more, &used)) {
+            return false;
+        }
+        at += used;
+        left -= used;
+    }
+    for (uint32_t place = span->first; place < span->end; place++) {
+        esc_idle(esc_at(s, place), span->now_ns);
+    }
+    frame[6] |= 2; /* the first controller marks the source address */
+    return true;
+}
+
+static bool is_ethercat(const uint8_t *frame, size_t len) {
+    return len >= FRAME_HEAD && frame[MAC_BYTES] == 0x88 && frame[MAC_BYTES + 1] == 0xA4 &&
+           esc_get16(frame + MAC_BYTES + 2) >> 12 == 1;
+}
+
+static size_t pass_frame(struct fsn_segment *s, uint8_t *frame, size_t len, uint64_t now_ns) {
+    if (!is_ethercat(frame, len)) {
+        s->counts.foreign++;
+        return 0;
+    }
+    if (s->lose > 0) {
+        s->lose--;
+        s->counts.lost++;
+        return 0;
+    }
+    if (s->from_first == 0) {
+        return 0;
+    }
+    const struct span span = {.end = s->from_first, .now_ns = now_ns};
+    if (!pass_datagrams(s, &span, frame, len)) {
+        s->counts.foreign++;
+        return 0;
+    }
+    s->counts.frames++;
+    return len;
+}
+
+size_t fsn_segment_frame(struct fsn_segment *s, uint8_t *frame, size_t len_bytes, uint64_t now_ns) {
+    pthread_mutex_lock(&s->lock);
+    s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
+    const size_t answer = pass_frame(s, frame, len_bytes, s->last_ns);
+    pthread_mutex_unlock(&s->lock);
+    return answer;
+}
+
+void fsn_segment_idle(struct fsn_segment *s, uint64_t now_ns) {
+    pthread_mutex_lock(&s->lock);
+    s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
+    for (uint32_t p = 0; p < s->count; p++) {
+        if (s->present[p]) {
+            esc_idle(&s->escs[p], s->last_ns);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+}
