@@ -12,6 +12,7 @@ from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.run import interesting, scenario_of
+from fsoe_net.core import SegmentLink
 from fsoe_net.errors import InputError
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import (
@@ -30,6 +31,7 @@ Examples:
   ip link add veth0 type veth peer name veth1; ip link set veth0 up; ip link set veth1 up
   fsoe-net emulate network.yaml --interface veth1
   fsoe-net emulate network.yaml --interface veth1 --scenario scenario.yaml --duration 20
+  fsoe-net emulate network.yaml --interface veth1 --interface2 veth3 --priority 81 --cpu 1
 
 Then let any EtherCAT MainDevice work on the other end, veth0. Only veth and tap interfaces are
 taken: an emulated e-stop must never meet a real machine."""
@@ -38,6 +40,11 @@ taken: an emulated e-stop must never meet a real machine."""
 @click.command("emulate", epilog=_EPILOG)
 @input_options
 @click.option("--interface", required=True, help="veth or tap interface to answer on.")
+@click.option("--interface2", help="Second interface: the far end of a ring.")
+@click.option(
+    "--priority", type=click.IntRange(0, 99), default=0, help="SCHED_FIFO priority of the answers."
+)
+@click.option("--cpu", type=click.IntRange(0, 1023), help="CPU that answers.")
 @click.option("--scenario", "scenario_file", type=click.Path(), help="Steps and expectations.")
 @click.option(
     "--duration", type=click.FloatRange(min=0.001), help="Seconds; default: until interrupted."
@@ -52,6 +59,9 @@ def command(
     packages: dict[str, str],
     xacro_args: dict[str, str],
     interface: str,
+    interface2: str | None,
+    priority: int,
+    cpu: int | None,
     scenario_file: str | None,
     duration: float | None,
     fmt: str,
@@ -70,10 +80,12 @@ def command(
         raise InputError(f"the scenario does not fit this network: {summary(found)}", found)
     if duration is None and scenario is not None and scenario.duration_ns:
         duration = scenario.duration_ns / 1e9
+    link = SegmentLink(interface=interface, interface2=interface2, priority=priority, cpu=cpu)
+    where = interface if interface2 is None else f"{interface} and {interface2}, a ring"
     click.echo(
-        f"EMULATION of {session.segment.size} SubDevices on {interface}; Ctrl-C ends it", err=True
+        f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it", err=True
     )
-    result = serve(session, interface, None if duration is None else round(duration * 1e9))
+    result = serve(session, link, None if duration is None else round(duration * 1e9))
     if fmt == "json":
         document = {"tool": "fsoe-net", "version": __version__} | asdict(result)
         click.echo(json.dumps(document, indent=2, ensure_ascii=False))

@@ -145,6 +145,9 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
 void fsn_segment_free(struct fsn_segment *segment);
 size_t fsn_segment_frame(struct fsn_segment *segment, uint8_t *frame, size_t len_bytes,
                          uint64_t now_ns);
+void fsn_segment_set_ring(struct fsn_segment *segment, bool ring);
+size_t fsn_segment_frame_from(struct fsn_segment *segment, uint32_t port, uint8_t *frame,
+                              size_t len_bytes, uint64_t now_ns, uint32_t *out_port);
 void fsn_segment_idle(struct fsn_segment *segment, uint64_t now_ns);
 uint32_t fsn_segment_size(const struct fsn_segment *segment);
 uint32_t fsn_segment_position(const struct fsn_segment *segment, uint32_t subdevice);
@@ -160,5 +163,13 @@ fsn_status fsn_segment_rx_errors(struct fsn_segment *segment, uint32_t position,
                                  uint32_t errors);
 void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);
 void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);
-fsn_status fsn_segment_link(struct fsn_segment *segment, const char *interface, int *sys_errno);
+struct fsn_segment_link_options {
+    const char *interface;
+    const char *interface2;
+    int priority;
+    int cpu;
+    ...;
+};
+fsn_status fsn_segment_link(struct fsn_segment *segment,
+                            const struct fsn_segment_link_options *options, int *sys_errno);
 void fsn_segment_unlink(struct fsn_segment *segment);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ from fsoe_net.core.core import CorePlan
 from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.errors import EnvironmentFault
 
-__all__ = ["AlStatus", "Segment", "SegmentCounts"]
+__all__ = ["AlStatus", "Segment", "SegmentCounts", "SegmentLink"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +31,20 @@ class SegmentCounts:
     lost: int
     foreign: int
     work_ns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentLink:
+    """Where and how a segment answers.
+
+    ``interface2``, if any, is the second port of the MainDevice and closes a ring. ``priority`` is
+    one of SCHED_FIFO, 0 for the normal scheduler; ``cpu`` is counted from 0, ``None``: any.
+    """
+
+    interface: str
+    interface2: str | None = None
+    priority: int = 0
+    cpu: int | None = None
 
 
 _STATES = {0: "absent", 1: "INIT", 2: "PREOP", 3: "BOOT", 4: "SAFEOP", 8: "OP"}
@@ -79,6 +94,17 @@ class Segment:
         buffer = self._ffi.new("uint8_t[]", data)
         size = self._lib.fsn_segment_frame(self._pointer, buffer, len(data), now_ns)
         return bytes(self._ffi.buffer(buffer, size)) if size else None
+
+    def set_ring(self, ring: bool) -> None:
+        """Cable the last SubDevice to a second port of the MainDevice, or take the cable away."""
+        self._lib.fsn_segment_set_ring(self._pointer, ring)
+
+    def frame_from(self, port: int, data: bytes, now_ns: int) -> tuple[bytes, int] | None:
+        """Let a frame in at port 0 or 1; return the answer and the port where it comes out."""
+        buffer = self._ffi.new("uint8_t[]", data)
+        out = self._ffi.new("uint32_t *")
+        size = self._lib.fsn_segment_frame_from(self._pointer, port, buffer, len(data), now_ns, out)
+        return (bytes(self._ffi.buffer(buffer, size)), int(out[0])) if size else None
 
     def idle(self, now_ns: int) -> None:
         """Let watchdogs see the time without a frame."""
@@ -152,24 +178,37 @@ class Segment:
             work_ns=c.work_ns,
         )
 
-    def link(self, interface: str) -> None:
-        """Answer on a veth or tap interface, in a thread, until `unlink`.
+    def link(self, link: SegmentLink) -> None:
+        """Answer on one or two veth or tap interfaces, in a thread, until `unlink`.
 
         Raises:
             EnvironmentFault: No such interface, not a virtual one, or no permission.
         """
+        # The structure holds addresses only: the names must stay alive as long as it does.
+        first = self._ffi.new("char[]", link.interface.encode())
+        second = self._ffi.NULL
+        if link.interface2 is not None:
+            second = self._ffi.new("char[]", link.interface2.encode())
+        options = self._ffi.new("struct fsn_segment_link_options *")
+        options.interface, options.interface2 = first, second
+        options.priority = link.priority
+        options.cpu = 0 if link.cpu is None else link.cpu + 1
         error = self._ffi.new("int *")
-        status = self._lib.fsn_segment_link(self._pointer, interface.encode(), error)
+        status = self._lib.fsn_segment_link(self._pointer, options, error)
+        names = " and ".join(repr(n) for n in (link.interface, link.interface2) if n is not None)
         if status == self._lib.FSN_E_ARG:
             raise EnvironmentFault(
-                f"{interface!r} is no veth or tap interface; emulated SubDevices answer on no "
-                "other, lest they meet a real machine: ip link add veth0 type veth peer name veth1"
+                f"{names} {'is no' if link.interface2 is None else 'are no two'} veth or tap "
+                f"interface{'' if link.interface2 is None else 's'}; emulated SubDevices answer on "
+                "no other, lest they meet a real machine: "
+                "ip link add veth0 type veth peer name veth1"
             )
         if status and error[0]:
-            raise EnvironmentFault(
-                f"{interface}: {os.strerror(error[0])}; raw sockets need CAP_NET_RAW"
-            )
-        raise_status(status, f"link to {interface}")
+            wanted = "raw sockets need CAP_NET_RAW, a priority CAP_SYS_NICE"
+            if error[0] == errno.EINVAL:
+                wanted = "priorities are 1 … 99, and the CPU must exist"
+            raise EnvironmentFault(f"{names}: {os.strerror(error[0])}; {wanted}")
+        raise_status(status, f"link to {names}")
 
     def unlink(self) -> None:
         """End the link; may be called at any time."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fsoe_net.core import AlStatus, Segment, SegmentCounts
+from fsoe_net.core import AlStatus, Segment, SegmentCounts, SegmentLink
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.result import RunEvent, Verdict
 from fsoe_net.run.stage import DeviceSide, Stage
@@ -70,7 +70,7 @@ class SegmentSession(Stage):
 
 def serve(
     session: SegmentSession,
-    interface: str,
+    link: SegmentLink,
     duration_ns: int | None,
     *,
     period_ns: int = 1_000_000,
@@ -80,7 +80,7 @@ def serve(
 
     Args:
         session: A fresh session.
-        interface: A veth or tap interface.
+        link: Where to answer.
         duration_ns: How long; ``None`` until interrupted.
         period_ns: Time between two steps of the devices; late steps are not caught up.
         on_update: Called about ten times a second with the time since the start.
@@ -89,7 +89,7 @@ def serve(
         EnvironmentFault: The interface cannot be used.
     """
     with session.segment as segment:
-        segment.link(interface)
+        segment.link(link)
         start = time.monotonic_ns()
         now = next_ns = shown = 0
         try:

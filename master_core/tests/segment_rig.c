@@ -54,7 +54,8 @@ int datagram(struct rig *rig, uint8_t command, uint16_t adp, uint16_t ado, const
     }
     rig->now_ns += 1000000;
     const size_t len = 16u + length;
-    if (fsn_segment_frame(rig->segment, frame, len, rig->now_ns) != len) {
+    if (fsn_segment_frame_from(rig->segment, rig->port, frame, len, rig->now_ns, &rig->out_port) !=
+        len) {
         return -1;
     }
     memcpy(rig->data, frame + 26, size);

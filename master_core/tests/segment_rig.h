@@ -13,6 +13,8 @@ struct rig {
     struct fsn_plan *plan;
     struct fsn_segment *segment;
     uint64_t now_ns;
+    uint32_t port;     /**< of the MainDevice that sends */
+    uint32_t out_port; /**< where the last answer came out */
     uint8_t data[256]; /**< of the last answer */
 };
 

@@ -211,8 +211,11 @@ static void any_datagram(void) {
 
 static void no_real_interface_is_taken(void) {
     struct rig rig = set_up();
-    CHECK(fsn_segment_link(rig.segment, "no-such-if", NULL) == FSN_E_ARG);
-    const fsn_status lo = fsn_segment_link(rig.segment, "lo", NULL);
+    const struct fsn_segment_link_options absent = {.interface = "no-such-if"};
+    const struct fsn_segment_link_options real = {.interface = "lo"};
+    CHECK(fsn_segment_link(rig.segment, &(struct fsn_segment_link_options){0}, NULL) == FSN_E_ARG);
+    CHECK(fsn_segment_link(rig.segment, &absent, NULL) == FSN_E_ARG);
+    const fsn_status lo = fsn_segment_link(rig.segment, &real, NULL);
     CHECK(lo == FSN_E_ARG || lo == FSN_E_SYS); /* SYS where raw sockets are not allowed */
     fsn_segment_unlink(rig.segment);
     tear_down(&rig);

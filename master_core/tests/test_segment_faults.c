@@ -99,7 +99,71 @@ static void watchdogs_are_counted(void) {
     tear_down(&rig);
 }
 
+static int broadcast(struct rig *rig, uint32_t port) {
+    rig->port = port;
+    const int counter = datagram(rig, BRD, 0, 0, NULL, 1);
+    rig->port = 0;
+    return counter;
+}
+
+static void a_closed_ring_crosses_over(void) {
+    struct rig rig = set_up_line(4);
+    CHECK(broadcast(&rig, 1) == -1); /* no second cable yet */
+    fsn_segment_set_ring(rig.segment, true);
+    CHECK(broadcast(&rig, 0) == 4 && rig.out_port == 1);
+    CHECK(broadcast(&rig, 1) == 0 && rig.out_port == 0); /* passed, not processed */
+    CHECK(broadcast(&rig, 2) == -1);
+    CHECK(shows(&rig, 3, 0x0110, 0x5A31));
+    fsn_segment_set_ring(rig.segment, false);
+    CHECK(broadcast(&rig, 0) == 4 && rig.out_port == 0);
+    CHECK(shows(&rig, 3, 0x0110, 0x5611));
+    tear_down(&rig);
+}
+
+static void at_a_gap_each_half_answers(void) {
+    struct rig rig = set_up_line(4);
+    fsn_segment_set_ring(rig.segment, true);
+    for (uint32_t behind = 0; behind < 3; behind++) {
+        CHECK(fsn_segment_set_link(rig.segment, behind, false) == FSN_OK);
+        CHECK(broadcast(&rig, 0) == (int)behind + 1 && rig.out_port == 0);
+        CHECK(broadcast(&rig, 1) == 3 - (int)behind && rig.out_port == 1);
+        /* From the second port the one at the gap is the first that processes. */
+        rig.port = 1;
+        CHECK(write16(&rig, APWR, 0, 0x0010, 0x0777) == 1);
+        rig.port = 0;
+        CHECK(fsn_segment_set_link(rig.segment, behind, true) == FSN_OK);
+        CHECK(shows(&rig, (uint16_t)(behind + 1), 0x0010, 0x0777));
+        CHECK(broadcast(&rig, 0) == 4 && rig.out_port == 1);
+    }
+    CHECK(fsn_segment_set_link(rig.segment, FSN_NONE, false) == FSN_OK);
+    CHECK(broadcast(&rig, 0) == -1);
+    CHECK(broadcast(&rig, 1) == 4 && rig.out_port == 1);
+    CHECK(fsn_segment_set_link(rig.segment, FSN_NONE, true) == FSN_OK);
+    CHECK(fsn_segment_set_link(rig.segment, 3, false) == FSN_OK);
+    CHECK(broadcast(&rig, 0) == 4 && rig.out_port == 0);
+    CHECK(broadcast(&rig, 1) == -1);
+    tear_down(&rig);
+}
+
+static void a_ring_survives_one_device(void) {
+    struct rig rig = set_up_line(4);
+    fsn_segment_set_ring(rig.segment, true);
+    fsn_segment_set_present(rig.segment, 1, false);
+    CHECK(broadcast(&rig, 0) == 1 && broadcast(&rig, 1) == 2);
+    CHECK(peek(&rig, 0, 0x0311, 1)[0] == 1);
+    fsn_segment_set_present(rig.segment, 3, false); /* two gaps: the one between is out of reach */
+    CHECK(broadcast(&rig, 0) == 1 && broadcast(&rig, 1) == -1);
+    fsn_segment_set_present(rig.segment, 1, true);
+    fsn_segment_set_present(rig.segment, 3, true);
+    CHECK(broadcast(&rig, 0) == 4 && rig.out_port == 1);
+    CHECK(memcmp(peek(&rig, 2, 0x0310, 2), "\1\1", 2) == 0);
+    tear_down(&rig);
+}
+
 int main(void) {
+    a_closed_ring_crosses_over();
+    at_a_gap_each_half_answers();
+    a_ring_survives_one_device();
     ports_tell_of_neighbours();
     a_cut_cable_keeps_the_device_alive();
     lost_links_count_to_255();

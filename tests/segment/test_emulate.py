@@ -2,7 +2,6 @@
 
 import json
 import os
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ import pytest
 from cli.tool import fsn
 from networks import example
 from segment.test_peers import NAMESPACE, missing
+from segment.wire import read_frame
 
 from fsoe_net.core import Segment
 from fsoe_net.errors import CoreError
@@ -68,13 +68,6 @@ def estop_segment() -> Segment:
     return session.segment
 
 
-def read_frame(command: int, position: int, address: int, size: int) -> bytes:
-    """Return a frame with one datagram that reads."""
-    head = bytes.fromhex("ffffffffffff 010101010101 88a4") + struct.pack("<H", 0x1000 | 12 + size)
-    body = struct.pack("<BBHHHH", command, 0, position, address, size, 0)
-    return head + body + bytes(size + 2)
-
-
 def register(segment: Segment, place: int, address: int, size: int) -> bytes:
     """Return bytes of a register of the SubDevice at a place."""
     answer = segment.frame(read_frame(1, -place & 0xFFFF, address, size), 1)
@@ -100,6 +93,17 @@ def test_a_cut_cable_and_its_counters():
         segment.set_link(2, False)
     with pytest.raises(CoreError):
         segment.rx_errors(0, 4, 1)
+
+
+def test_a_ring_in_memory():
+    segment = estop_segment()
+    read = read_frame(7, 0, 0, 1)
+    assert segment.frame_from(1, read, 1) is None
+    segment.set_ring(True)
+    answer, port = segment.frame_from(0, read, 2)
+    assert (answer[-2:], port) == (b"\2\0", 1)
+    answer, port = segment.frame_from(1, read, 3)
+    assert (answer[-2:], port) == (b"\0\0", 0)
 
 
 def test_frames_in_memory():

@@ -50,6 +50,16 @@ def run(peer, package, network):
     pytest.fail(f"{ATTEMPTS} times: {done.stderr}")
 
 
+@pytest.mark.parametrize(("peer", "package"), [("soem", "pysoem"), ("kickcat", "kickcat")])
+@pytest.mark.parametrize("cabling", ["ring", "gap"])
+def test_redundancy(peer, package, cabling):
+    """Two cables to the segment: as a closed ring, and with a gap behind the first SubDevice."""
+    seen = run(f"{peer}-{cabling}", package, str(EXAMPLES / "estop" / "network.yaml"))
+    assert seen["found"] == 2
+    assert set(seen["states"]) <= {8, "OP"}
+    assert seen["in_data"]
+
+
 @pytest.mark.parametrize(
     ("network", "sizes"),
     [

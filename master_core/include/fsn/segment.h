@@ -47,6 +47,19 @@ FSN_API void fsn_segment_free(struct fsn_segment *segment);
 FSN_API size_t fsn_segment_frame(struct fsn_segment *segment, uint8_t *frame, size_t len_bytes,
                                  uint64_t now_ns);
 
+/** Cables the last SubDevice to a second port of the MainDevice, or takes that cable away. While
+ * the ring is closed, a frame that enters at one end leaves at the other; only those from the first
+ *  port are processed. At a gap frames turn round, and each half is processed by its own.
+ *  Context: any thread. Locks. */
+FSN_API void fsn_segment_set_ring(struct fsn_segment *segment, bool ring);
+
+/** fsn_segment_frame() for either port of the MainDevice.
+ *  @param[in]  port      0, or 1 in a ring; there is no answer at any other.
+ *  @param[out] out_port  where the answer comes out; may be NULL.
+ *  Context: any thread. Locks. */
+FSN_API size_t fsn_segment_frame_from(struct fsn_segment *segment, uint32_t port, uint8_t *frame,
+                                      size_t len_bytes, uint64_t now_ns, uint32_t *out_port);
+
 /** What happens without a frame: watchdogs. Context: any thread. Locks. */
 FSN_API void fsn_segment_idle(struct fsn_segment *segment, uint64_t now_ns);
 
@@ -107,16 +120,26 @@ FSN_API void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);
 /** Context: any thread. Locks. */
 FSN_API void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);
 
-/** Answers on a network interface, in a thread of its own, until fsn_segment_unlink().
+/** How the link answers. Zero is a good value for every field but interface. */
+struct fsn_segment_link_options {
+    const char *interface;  /**< of the first port */
+    const char *interface2; /**< of the second port, which makes it a ring; NULL: none */
+    int priority;           /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
+    int cpu;                /**< CPU number + 1 to pin the thread; 0 leaves it free */
+};
+
+/** Answers on one or two network interfaces, in a thread of its own, until fsn_segment_unlink().
  *  Only veth and tap interfaces are taken: an emulated SubDevice with a valid FSoE address must
- * never meet a real machine.
- *  @param[in]  interface  its name.
+ *  never meet a real machine.
+ *  @param[in]  options    copied.
  *  @param[out] sys_errno  of the system, when FSN_E_SYS; may be NULL.
  *  @retval FSN_E_ARG      no such interface, or not a virtual one.
  *  @retval FSN_E_STATE    linked already.
- *  @retval FSN_E_SYS      the system refused: mostly a missing CAP_NET_RAW.
+ *  @retval FSN_E_SYS      the system refused: EPERM for a missing CAP_NET_RAW, or CAP_SYS_NICE for
+ *                         the priority; EINVAL for a priority or CPU that does not exist.
  *  Context: set-up. */
-FSN_API FSN_MUST_USE fsn_status fsn_segment_link(struct fsn_segment *segment, const char *interface,
+FSN_API FSN_MUST_USE fsn_status fsn_segment_link(struct fsn_segment *segment,
+                                                 const struct fsn_segment_link_options *options,
                                                  int *sys_errno);
 
 /** Ends the link; idempotent. Context: set-up. */

@@ -98,34 +98,68 @@ static bool is_ethercat(const uint8_t *frame, size_t len) {
            esc_get16(frame + MAC_BYTES + 2) >> 12 == 1;
 }
 
-static size_t pass_frame(struct fsn_segment *s, uint8_t *frame, size_t len, uint64_t now_ns) {
+/** Whether a frame gets through at all; what does not is counted. */
+static bool is_taken(struct fsn_segment *s, uint32_t port, const uint8_t *frame, size_t len) {
     if (!is_ethercat(frame, len)) {
         s->counts.foreign++;
-        return 0;
+        return false;
     }
     if (s->lose > 0) {
         s->lose--;
         s->counts.lost++;
+        return false;
+    }
+    return (port == 0 ? s->from_first : s->from_last) > 0;
+}
+
+/** Controllers process what comes from port 0, wherever it came in. In a closed ring only the first
+ *  port of the MainDevice is one; behind a gap the last half sends a frame back at the gap, which
+ * so passes it twice and is processed on the way out. */
+static struct span span_of(const struct fsn_segment *s, uint32_t port, uint64_t now_ns) {
+    if (port == 0) {
+        return (struct span){.end = s->from_first, .now_ns = now_ns};
+    }
+    const uint64_t way_ns = (uint64_t)FORWARD_NS * s->from_last;
+    return (struct span){
+        .first = s->closed ? s->count : s->count - s->from_last,
+        .end = s->count,
+        .now_ns = now_ns + way_ns,
+    };
+}
+
+static size_t pass_frame(struct fsn_segment *s, uint32_t port, uint8_t *frame, size_t len,
+                         uint64_t now_ns, uint32_t *out_port) {
+    if (!is_taken(s, port, frame, len)) {
         return 0;
     }
-    if (s->from_first == 0) {
-        return 0;
-    }
-    const struct span span = {.end = s->from_first, .now_ns = now_ns};
-    if (!pass_datagrams(s, &span, frame, len)) {
+    const struct span span = span_of(s, port, now_ns);
+    if (span.first < span.end && !pass_datagrams(s, &span, frame, len)) {
         s->counts.foreign++;
         return 0;
     }
+    *out_port = s->closed ? 1 - port : port;
     s->counts.frames++;
     return len;
 }
 
-size_t fsn_segment_frame(struct fsn_segment *s, uint8_t *frame, size_t len_bytes, uint64_t now_ns) {
+size_t fsn_segment_frame_from(struct fsn_segment *s, uint32_t port, uint8_t *frame,
+                              size_t len_bytes, uint64_t now_ns, uint32_t *out_port) {
+    uint32_t out = port;
+    size_t answer = 0;
     pthread_mutex_lock(&s->lock);
     s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
-    const size_t answer = pass_frame(s, frame, len_bytes, s->last_ns);
+    if (port == 0 || (port == 1 && s->ring)) {
+        answer = pass_frame(s, port, frame, len_bytes, s->last_ns, &out);
+    }
     pthread_mutex_unlock(&s->lock);
+    if (out_port != NULL) {
+        *out_port = out;
+    }
     return answer;
+}
+
+size_t fsn_segment_frame(struct fsn_segment *s, uint8_t *frame, size_t len_bytes, uint64_t now_ns) {
+    return fsn_segment_frame_from(s, 0, frame, len_bytes, now_ns, NULL);
 }
 
 void fsn_segment_idle(struct fsn_segment *s, uint64_t now_ns) {

@@ -1,4 +1,4 @@
-/** The segment on a virtual network interface: a packet socket and a thread that answers. */
+/** The segment on virtual network interfaces: packet sockets and a thread that answers. */
 #define _GNU_SOURCE
 
 #include <arpa/inet.h>
@@ -8,6 +8,7 @@
 #include <linux/sockios.h>
 #include <net/if.h>
 #include <poll.h>
+#include <sched.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/ioctl.h>
@@ -17,7 +18,7 @@
 
 #include "segment_internal.h"
 
-enum { ETHERTYPE = 0x88A4, WAIT_MS = 5, MAX_FRAME = 2048 };
+enum { ETHERTYPE = 0x88A4, WAIT_MS = 5, MAX_FRAME = 2048, PORTS = 2 };
 
 #ifndef PACKET_IGNORE_OUTGOING
 #define PACKET_IGNORE_OUTGOING 23
@@ -41,86 +42,138 @@ static bool is_virtual(int socket_fd, const char *interface) {
     return strcmp(info.driver, "veth") == 0 || strcmp(info.driver, "tun") == 0;
 }
 
+static void answer(struct fsn_segment *s, uint32_t port) {
+    static _Thread_local uint8_t frame[MAX_FRAME];
+    const ssize_t got = recv(s->sockets[port], frame, sizeof frame, MSG_DONTWAIT);
+    if (got <= 0) {
+        return;
+    }
+    uint32_t out;
+    const uint64_t start = clock_ns();
+    const size_t len = fsn_segment_frame_from(s, port, frame, (size_t)got, start, &out);
+    const uint64_t end = clock_ns();
+    if (len > 0) {
+        (void)!send(s->sockets[out], frame, len, 0);
+    }
+    pthread_mutex_lock(&s->lock);
+    s->counts.work_ns += end - start;
+    pthread_mutex_unlock(&s->lock);
+}
+
 static void *serve(void *context) {
     struct fsn_segment *s = context;
-    static _Thread_local uint8_t frame[MAX_FRAME];
     while (!atomic_load(&s->stop)) {
-        struct pollfd ready = {.fd = s->socket, .events = POLLIN};
-        if (poll(&ready, 1, WAIT_MS) <= 0) {
+        struct pollfd ready[PORTS];
+        for (uint32_t port = 0; port < PORTS; port++) { /* poll() skips what is negative */
+            ready[port] = (struct pollfd){.fd = s->sockets[port], .events = POLLIN};
+        }
+        if (poll(ready, PORTS, WAIT_MS) <= 0) {
             fsn_segment_idle(s, clock_ns());
             continue;
         }
-        const ssize_t got = recv(s->socket, frame, sizeof frame, MSG_DONTWAIT);
-        if (got <= 0) {
-            continue;
+        for (uint32_t port = 0; port < PORTS; port++) {
+            if (ready[port].revents != 0) {
+                answer(s, port);
+            }
         }
-        const uint64_t start = clock_ns();
-        const size_t len = fsn_segment_frame(s, frame, (size_t)got, start);
-        const uint64_t end = clock_ns();
-        if (len > 0) {
-            (void)!send(s->socket, frame, len, 0);
-        }
-        pthread_mutex_lock(&s->lock);
-        s->counts.work_ns += end - start;
-        pthread_mutex_unlock(&s->lock);
     }
     return NULL;
 }
 
-static fsn_status open_socket(struct fsn_segment *s, const char *interface) {
+static fsn_status open_socket(int *socket_fd, const char *interface) {
     const unsigned index = if_nametoindex(interface);
     if (index == 0) {
         return FSN_E_ARG;
     }
-    s->socket = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, htons(ETHERTYPE));
-    if (s->socket < 0) {
+    *socket_fd = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, htons(ETHERTYPE));
+    if (*socket_fd < 0) {
         return FSN_E_SYS;
     }
-    if (!is_virtual(s->socket, interface)) {
+    if (!is_virtual(*socket_fd, interface)) {
         return FSN_E_ARG;
     }
     const struct sockaddr_ll address = {
         .sll_family = AF_PACKET, .sll_protocol = htons(ETHERTYPE), .sll_ifindex = (int)index};
     const int on = 1; /* its own answers are no frames to answer */
-    if (setsockopt(s->socket, SOL_PACKET, PACKET_IGNORE_OUTGOING, &on, sizeof on) != 0 ||
-        bind(s->socket, (const struct sockaddr *)&address, sizeof address) != 0) {
+    if (setsockopt(*socket_fd, SOL_PACKET, PACKET_IGNORE_OUTGOING, &on, sizeof on) != 0 ||
+        bind(*socket_fd, (const struct sockaddr *)&address, sizeof address) != 0) {
         return FSN_E_SYS;
     }
     return FSN_OK;
 }
 
-fsn_status fsn_segment_link(struct fsn_segment *s, const char *interface, int *sys_errno) {
-    if (s == NULL || interface == NULL) {
+static void close_sockets(struct fsn_segment *s) {
+    for (uint32_t port = 0; port < PORTS; port++) {
+        if (s->sockets[port] >= 0) {
+            close(s->sockets[port]);
+        }
+        s->sockets[port] = -1;
+    }
+}
+
+static int set_up_thread(pthread_attr_t *attributes, const struct fsn_segment_link_options *o) {
+    int error = 0;
+    if (o->priority != 0) {
+        const struct sched_param parameter = {.sched_priority = o->priority};
+        error = pthread_attr_setinheritsched(attributes, PTHREAD_EXPLICIT_SCHED);
+        error = error != 0 ? error : pthread_attr_setschedpolicy(attributes, SCHED_FIFO);
+        error = error != 0 ? error : pthread_attr_setschedparam(attributes, &parameter);
+    }
+    if (error == 0 && o->cpu != 0) {
+        if (o->cpu < 0 || o->cpu > CPU_SETSIZE) {
+            return EINVAL;
+        }
+        cpu_set_t set;
+        CPU_ZERO(&set);
+        CPU_SET((size_t)o->cpu - 1, &set);
+        error = pthread_attr_setaffinity_np(attributes, sizeof set, &set);
+    }
+    return error;
+}
+
+static int start_thread(struct fsn_segment *s, const struct fsn_segment_link_options *options) {
+    pthread_attr_t attributes;
+    pthread_attr_init(&attributes);
+    int error = set_up_thread(&attributes, options);
+    error = error != 0 ? error : pthread_create(&s->thread, &attributes, serve, s);
+    pthread_attr_destroy(&attributes);
+    return error;
+}
+
+fsn_status fsn_segment_link(struct fsn_segment *s, const struct fsn_segment_link_options *options,
+                            int *sys_errno) {
+    if (s == NULL || options == NULL || options->interface == NULL ||
+        (options->interface2 != NULL && strcmp(options->interface, options->interface2) == 0)) {
         return FSN_E_ARG;
     }
-    if (s->socket >= 0) {
+    if (s->sockets[0] >= 0) {
         return FSN_E_STATE;
     }
-    fsn_status status = open_socket(s, interface);
+    fsn_status status = open_socket(&s->sockets[0], options->interface);
+    if (status == FSN_OK && options->interface2 != NULL) {
+        status = open_socket(&s->sockets[1], options->interface2);
+    }
     int error = errno;
-    atomic_store(&s->stop, false);
     if (status == FSN_OK) {
-        error = pthread_create(&s->thread, NULL, serve, s);
+        fsn_segment_set_ring(s, options->interface2 != NULL);
+        atomic_store(&s->stop, false);
+        error = start_thread(s, options);
         status = error == 0 ? FSN_OK : FSN_E_SYS;
     }
     if (status != FSN_OK) {
-        if (s->socket >= 0) {
-            close(s->socket);
-        }
-        s->socket = -1;
-        if (sys_errno != NULL) {
-            *sys_errno = status == FSN_E_SYS ? error : 0;
-        }
+        close_sockets(s);
+    }
+    if (sys_errno != NULL) {
+        *sys_errno = status == FSN_E_SYS ? error : 0;
     }
     return status;
 }
 
 void fsn_segment_unlink(struct fsn_segment *s) {
-    if (s == NULL || s->socket < 0) {
+    if (s == NULL || s->sockets[0] < 0) {
         return;
     }
     atomic_store(&s->stop, true);
     pthread_join(s->thread, NULL);
-    close(s->socket);
-    s->socket = -1;
+    close_sockets(s);
 }

@@ -1,4 +1,6 @@
 /** Building a segment from a plan, and what its devices see of it. */
+#define _GNU_SOURCE
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -77,6 +79,15 @@ static void give_buffers(struct fsn_segment *s) {
     }
 }
 
+/** Who holds it inherits the priority of who waits: the link may be a real-time thread. */
+static void init_lock(pthread_mutex_t *lock) {
+    pthread_mutexattr_t attributes;
+    pthread_mutexattr_init(&attributes);
+    pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
+    pthread_mutex_init(lock, &attributes);
+    pthread_mutexattr_destroy(&attributes);
+}
+
 fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segment) {
     if (plan == NULL || segment == NULL) {
         return FSN_E_ARG;
@@ -86,10 +97,10 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
     if (s == NULL) {
         return FSN_E_NOMEM;
     }
-    s->socket = -1;
+    s->sockets[0] = s->sockets[1] = -1;
     s->plan = plan;
     atomic_fetch_add(&plan->holders, 1);
-    pthread_mutex_init(&s->lock, NULL);
+    init_lock(&s->lock);
     bool ok = allocate(s);
     if (ok) {
         give_buffers(s);

@@ -34,7 +34,7 @@ struct fsn_segment {
     struct fsn_segment_counts counts;
     uint32_t lose;
     uint64_t last_ns;
-    int socket; /**< -1: not linked */
+    int sockets[2]; /**< per port of the MainDevice; -1: not linked */
     pthread_t thread;
     atomic_bool stop;
 };

@@ -100,6 +100,13 @@ fsn_status fsn_segment_set_link(struct fsn_segment *s, uint32_t position, bool u
     return exists ? FSN_OK : FSN_E_ARG;
 }
 
+void fsn_segment_set_ring(struct fsn_segment *s, bool ring) {
+    pthread_mutex_lock(&s->lock);
+    s->ring = ring;
+    segment_rewire(s);
+    pthread_mutex_unlock(&s->lock);
+}
+
 fsn_status fsn_segment_rx_errors(struct fsn_segment *s, uint32_t position, uint32_t port,
                                  uint32_t errors) {
     pthread_mutex_lock(&s->lock);

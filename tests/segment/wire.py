@@ -1,0 +1,113 @@
+"""Raw frames against a segment on veth pairs, in a network namespace of its own.
+
+Run as a program: ``wire.py CHECK NETWORK``; a check that fails ends with a traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import struct
+import subprocess
+import sys
+
+import pytest
+
+from fsoe_net.core import Segment, SegmentLink
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.load import load_network
+from fsoe_net.model import resolve
+from fsoe_net.plan import compile_plan
+from fsoe_net.run import SegmentSession, counted_session_ids
+
+ETHERTYPE = 0x88A4
+IGNORE_OUTGOING = 23
+PATIENCE_S = 5.0
+
+
+def read_frame(command: int, position: int, address: int, size: int, index: int = 0) -> bytes:
+    """Return a frame with one datagram that reads."""
+    head = bytes.fromhex("ffffffffffff 010101010101 88a4") + struct.pack("<H", 0x1000 | 12 + size)
+    body = struct.pack("<BBHHHH", command, index, position, address, size, 0)
+    return head + body + bytes(size + 2)
+
+
+BROADCAST = read_frame(7, 0, 0, 1)
+
+
+def make_pair(near, far):
+    for command in (
+        f"ip link add {near} type veth peer name {far}",
+        f"ip link set {near} up",
+        f"ip link set {far} up",
+    ):
+        subprocess.run(command.split(), check=True)
+
+
+class Port:
+    """One port of a MainDevice."""
+
+    def __init__(self, name):
+        self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
+        self._socket.setsockopt(263, IGNORE_OUTGOING, 1)
+        self._socket.bind((name, ETHERTYPE))
+
+    def send(self, frame=BROADCAST):
+        self._socket.send(frame)
+
+    def receive(self, patience_s=PATIENCE_S):
+        """Return the next frame, ``None`` when there is none for so long."""
+        ready, _, _ = select.select([self._socket], [], [], patience_s)
+        return self._socket.recv(2048) if ready else None
+
+
+def counter(frame):
+    return int.from_bytes(frame[-2:], "little")
+
+
+def ring(segment: Segment) -> None:
+    make_pair("near2", "far2")
+    segment.link(SegmentLink(interface="far", interface2="far2"))
+    first, second = Port("near"), Port("near2")
+    first.send()
+    assert counter(second.receive()) == 2
+    second.send()
+    assert counter(first.receive()) == 0
+    segment.set_link(0, False)
+    for port in (first, second):
+        port.send()
+        assert counter(port.receive()) == 1
+    segment.set_link(0, True)
+    first.send()
+    assert counter(second.receive()) == 2
+
+
+def realtime(segment: Segment) -> None:
+    try:
+        segment.link(SegmentLink(interface="far", priority=10, cpu=0))
+    except EnvironmentFault as fault:
+        if "CAP_SYS_NICE" not in str(fault):
+            raise
+        return
+    kinds = {os.sched_getscheduler(int(t)) for t in os.listdir("/proc/self/task")}
+    assert os.SCHED_FIFO in kinds
+    port = Port("near")
+    port.send()
+    assert counter(port.receive()) == 2
+    segment.unlink()
+    with pytest.raises(EnvironmentFault, match="1 … 99"):
+        segment.link(SegmentLink(interface="far", priority=1000))
+
+
+def main() -> None:
+    make_pair("near", "far")
+    resolution = resolve(load_network([sys.argv[2]]).network)
+    plan = compile_plan(resolution).to_bytes()
+    session = SegmentSession(resolution, plan, None, session_ids=counted_session_ids())
+    with session.segment as segment:
+        {"ring": ring, "realtime": realtime}[sys.argv[1]](segment)
+
+
+if __name__ == "__main__":
+    main()
