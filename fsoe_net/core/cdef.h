@@ -161,6 +161,22 @@ void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t position);
 fsn_status fsn_segment_set_link(struct fsn_segment *segment, uint32_t position, bool up);
 fsn_status fsn_segment_rx_errors(struct fsn_segment *segment, uint32_t position, uint32_t port,
                                  uint32_t errors);
+fsn_status fsn_segment_swap(struct fsn_segment *segment, uint32_t one, uint32_t other);
+struct fsn_segment_identity { uint32_t vendor_id, product_code, revision; ...; };
+fsn_status fsn_segment_set_identity(struct fsn_segment *segment, uint32_t position,
+                                    const struct fsn_segment_identity *identity);
+fsn_status fsn_segment_set_sdo_abort(struct fsn_segment *segment, uint32_t position,
+                                     uint16_t index, uint32_t sub, uint32_t code);
+fsn_status fsn_segment_set_object(struct fsn_segment *segment, uint32_t position, uint16_t index,
+                                  uint8_t sub, const void *bytes, size_t len_bytes);
+fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment, uint32_t position,
+                                         uint64_t delay_ns);
+fsn_status fsn_segment_set_al_delay(struct fsn_segment *segment, uint32_t position,
+                                    uint64_t delay_ns);
+void fsn_segment_lose_every(struct fsn_segment *segment, uint32_t frames);
+void fsn_segment_set_delay(struct fsn_segment *segment, uint64_t delay_ns);
+void fsn_segment_stall(struct fsn_segment *segment, uint64_t duration_ns);
+void fsn_segment_repeat(struct fsn_segment *segment, uint32_t frames);
 void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);
 void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);
 struct fsn_segment_link_options {

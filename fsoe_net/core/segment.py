@@ -162,9 +162,85 @@ class Segment:
         status = self._lib.fsn_segment_rx_errors(self._pointer, position, port, errors)
         raise_status(status, f"receive errors at port {port}")
 
+    def swap(self, one: int, other: int) -> None:
+        """Exchange two SubDevices; both keep their position in all other calls.
+
+        Raises:
+            CoreError: No such two SubDevices.
+        """
+        raise_status(self._lib.fsn_segment_swap(self._pointer, one, other), "swap")
+
+    def set_identity(self, position: int, identity: tuple[int, int, int] | None) -> None:
+        """Say another vendor, product code and revision from the next power-on; ``None``: its own.
+
+        Raises:
+            CoreError: No such SubDevice.
+        """
+        told = self._ffi.NULL
+        if identity is not None:
+            told = self._ffi.new("struct fsn_segment_identity *")
+            told.vendor_id, told.product_code, told.revision = identity
+        status = self._lib.fsn_segment_set_identity(self._pointer, position, told)
+        raise_status(status, "identity")
+
+    def set_sdo_abort(self, position: int, index: int, sub: int | None, code: int) -> None:
+        """Abort SDO transfers of an object, of all its entries for ``None``; code 0: no longer.
+
+        Raises:
+            CoreError: No such SubDevice, or 16 objects of it are aborted already.
+        """
+        number = self._lib.FSN_NONE if sub is None else sub
+        status = self._lib.fsn_segment_set_sdo_abort(self._pointer, position, index, number, code)
+        raise_status(status, f"abort of 0x{index:04x}")
+
+    def set_object(self, position: int, index: int, sub: int, data: bytes) -> None:
+        """Set an object as CoE reads it, now and after every power-on.
+
+        Raises:
+            CoreError: No such SubDevice, or another length than before.
+        """
+        status = self._lib.fsn_segment_set_object(
+            self._pointer, position, index, sub, data, len(data)
+        )
+        raise_status(status, f"object 0x{index:04x}:{sub:02x}")
+
+    def set_mailbox_delay(self, position: int, delay_ns: int) -> None:
+        """Let mailbox answers wait.
+
+        Raises:
+            CoreError: No such SubDevice.
+        """
+        status = self._lib.fsn_segment_set_mailbox_delay(self._pointer, position, delay_ns)
+        raise_status(status, "mailbox delay")
+
+    def set_al_delay(self, position: int, delay_ns: int) -> None:
+        """Let AL state transitions wait.
+
+        Raises:
+            CoreError: No such SubDevice.
+        """
+        status = self._lib.fsn_segment_set_al_delay(self._pointer, position, delay_ns)
+        raise_status(status, "delay of AL states")
+
     def lose(self, frames: int) -> None:
         """Lose the next frames."""
         self._lib.fsn_segment_lose(self._pointer, frames)
+
+    def lose_every(self, frames: int) -> None:
+        """Lose every n-th frame; 0: none."""
+        self._lib.fsn_segment_lose_every(self._pointer, frames)
+
+    def set_delay(self, delay_ns: int) -> None:
+        """Let frames on the interface take longer; 0: no longer."""
+        self._lib.fsn_segment_set_delay(self._pointer, delay_ns)
+
+    def stall(self, duration_ns: int) -> None:
+        """Hold all frames on the interface for a while; they come afterwards."""
+        self._lib.fsn_segment_stall(self._pointer, duration_ns)
+
+    def repeat(self, frames: int) -> None:
+        """Keep the next answer and send it once more after each of so many further ones."""
+        self._lib.fsn_segment_repeat(self._pointer, frames)
 
     def counts(self) -> SegmentCounts:
         """Return what the segment has seen."""

@@ -124,15 +124,19 @@ void to_op(struct rig *rig, uint16_t station, uint32_t logical, uint16_t outputs
     CHECK(write16(rig, FPWR, station, 0x0120, 8) == 1);
 }
 
-/** Sends an SDO request and reads the answer into rig->data; returns its length. */
-unsigned sdo(struct rig *rig, const uint8_t *request, uint16_t size) {
+void post(struct rig *rig, const uint8_t *request, uint16_t size) {
     uint8_t mailbox[128] = {0};
     mailbox[0] = (uint8_t)(2 + size);
     mailbox[5] = 0x13; /* CoE, counter 1 */
     mailbox[7] = 0x20; /* SDO request */
     memcpy(mailbox + 8, request, size);
-    CHECK(datagram(rig, FPRD, 1001, 0x1080, NULL, 128) == 0); /* nothing to read yet */
     CHECK(datagram(rig, FPWR, 1001, 0x1000, mailbox, 128) == 1);
+}
+
+/** Sends an SDO request and reads the answer into rig->data; returns its length. */
+unsigned sdo(struct rig *rig, const uint8_t *request, uint16_t size) {
+    CHECK(datagram(rig, FPRD, 1001, 0x1080, NULL, 128) == 0); /* nothing to read yet */
+    post(rig, request, size);
     CHECK(datagram(rig, FPRD, 1001, 0x080D, NULL, 1) == 1 && (rig->data[0] & 8) != 0);
     CHECK(datagram(rig, FPRD, 1001, 0x1080, NULL, 128) == 1);
     CHECK(rig->data[5] % 16 == 3 || rig->data[5] % 16 == 0);

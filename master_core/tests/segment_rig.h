@@ -39,6 +39,9 @@ uint8_t al(struct rig *rig, uint32_t position);
 void to_preop(struct rig *rig, uint16_t station);
 void to_op(struct rig *rig, uint16_t station, uint32_t logical, uint16_t outputs);
 
+/** Writes an SDO request to station 1001; each datagram takes 1 ms. */
+void post(struct rig *rig, const uint8_t *request, uint16_t size);
+
 /** Sends an SDO request to station 1001 and reads the answer into rig->data; returns its length. */
 unsigned sdo(struct rig *rig, const uint8_t *request, uint16_t size);
 

@@ -7,7 +7,7 @@ import pytest
 from segment.test_peers import EXAMPLES, NAMESPACE, ROOT, missing
 
 
-@pytest.mark.parametrize("check", ["ring", "realtime"])
+@pytest.mark.parametrize("check", ["ring", "realtime", "faults"])
 def test_on_the_wire(check):
     why = missing("json")
     if why:

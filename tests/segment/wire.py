@@ -11,6 +11,7 @@ import socket
 import struct
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -100,13 +101,48 @@ def realtime(segment: Segment) -> None:
         segment.link(SegmentLink(interface="far", priority=1000))
 
 
+def faults(segment: Segment) -> None:
+    """Answers that are late, held up, old or missing, as a MainDevice gets them."""
+    segment.link(SegmentLink(interface="far"))
+    port = Port("near")
+
+    def send(index):
+        port.send(read_frame(7, 0, 0, 1, index))
+
+    def index():
+        return port.receive()[17]
+
+    segment.set_delay(20_000_000)
+    start = time.monotonic_ns()
+    send(1)
+    send(2)
+    assert index() == 1
+    assert time.monotonic_ns() - start >= 20_000_000
+    assert index() == 2
+    segment.set_delay(0)
+    segment.stall(30_000_000)
+    start = time.monotonic_ns()
+    send(3)
+    assert index() == 3
+    assert time.monotonic_ns() - start >= 25_000_000  # it begins within 5 ms of the call
+    segment.repeat(1)
+    for number in (4, 5):
+        send(number)
+    assert [index(), index(), index()] == [4, 5, 4]
+    segment.lose(1)
+    send(6)
+    send(7)
+    assert index() == 7
+    assert segment.counts().lost == 1
+
+
 def main() -> None:
     make_pair("near", "far")
     resolution = resolve(load_network([sys.argv[2]]).network)
     plan = compile_plan(resolution).to_bytes()
     session = SegmentSession(resolution, plan, None, session_ids=counted_session_ids())
     with session.segment as segment:
-        {"ring": ring, "realtime": realtime}[sys.argv[1]](segment)
+        {"ring": ring, "realtime": realtime, "faults": faults}[sys.argv[1]](segment)
 
 
 if __name__ == "__main__":

@@ -114,8 +114,90 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_rx_errors(struct fsn_segment *segmen
                                                       uint32_t position, uint32_t port,
                                                       uint32_t errors);
 
+/** Exchanges two SubDevices, process data and all, as after a mistake at the cabinet; both start as
+ *  after power-on. They keep the position they had in the plan for all other functions; swapping
+ *  them again puts them back.
+ *  @retval FSN_E_ARG    no such SubDevices, or the same twice.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_swap(struct fsn_segment *segment, uint32_t one,
+                                                 uint32_t other);
+
+/** What a SubDevice says it is. */
+struct fsn_segment_identity {
+    uint32_t vendor_id, product_code, revision;
+};
+
+/** Lets a SubDevice say that it is another one, from the next time it is switched on.
+ *  @param[in] identity  NULL: its own again.
+ *  @retval FSN_E_ARG    no such SubDevice.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_set_identity(
+    struct fsn_segment *segment, uint32_t position, const struct fsn_segment_identity *identity);
+
+/** Answers SDO transfers of an object with an abort code until told otherwise.
+ *  @param[in] sub       0 … 255; FSN_NONE: all of the object.
+ *  @param[in] code      0: no longer.
+ *  @retval FSN_E_ARG    no such SubDevice, or no such subindex.
+ *  @retval FSN_E_NOMEM  16 objects of it are aborted already.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_set_sdo_abort(struct fsn_segment *segment,
+                                                          uint32_t position, uint16_t index,
+                                                          uint32_t sub, uint32_t code);
+
+/** Sets an object as CoE reads it, now and after every power-on; one that does not exist is added,
+ *  read only.
+ *  @retval FSN_E_ARG    no such SubDevice, more than 1024 bytes, or another length than before.
+ *  Context: any thread. Locks; allocates when it adds. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_set_object(struct fsn_segment *segment,
+                                                       uint32_t position, uint16_t index,
+                                                       uint8_t sub, const void *bytes,
+                                                       size_t len_bytes);
+
+/** Lets mailbox answers wait; 0: no longer. At most an hour, as all delays here.
+ *  @retval FSN_E_ARG    no such SubDevice.   Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment,
+                                                              uint32_t position, uint64_t delay_ns);
+
+/** Lets AL state transitions wait; 0: no longer.
+ *  @retval FSN_E_ARG    no such SubDevice.   Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_set_al_delay(struct fsn_segment *segment,
+                                                         uint32_t position, uint64_t delay_ns);
+
 /** Loses the next frames on purpose. Context: any thread. Locks. */
 FSN_API void fsn_segment_lose(struct fsn_segment *segment, uint32_t frames);
+
+/** Loses every n-th frame from now on; 0: none. Context: any thread. Locks. */
+FSN_API void fsn_segment_lose_every(struct fsn_segment *segment, uint32_t frames);
+
+/** Puts a frame on the wire to the segment, where delay, stall and repetition apply. 1024 frames
+ *  have room on it; more are lost, and counted.
+ *  @param[in] port  of the MainDevice: 0, or 1 in a ring.
+ *  Context: any thread. Locks. */
+FSN_API void fsn_segment_send(struct fsn_segment *segment, uint32_t port, const uint8_t *frame,
+                              size_t len_bytes, uint64_t now_ns);
+
+/** Takes the next answer that has come back by now.
+ *  @param[out] frame  at least 1536 bytes.
+ *  @param[out] port   where it came out; may be NULL.
+ *  @retval 0  there is none, or too little room.
+ *  Context: any thread. Locks. */
+FSN_API size_t fsn_segment_receive(struct fsn_segment *segment, uint8_t *frame, size_t room_bytes,
+                                   uint64_t now_ns, uint32_t *port);
+
+/** Time until the next frame on the wire is due; UINT64_MAX: there is none.
+ *  Context: any thread. Locks. */
+FSN_API uint64_t fsn_segment_wait(struct fsn_segment *segment, uint64_t now_ns);
+
+/** Frames on the wire take so much longer; their order stays. Context: any thread. Locks. */
+FSN_API void fsn_segment_set_delay(struct fsn_segment *segment, uint64_t delay_ns);
+
+/** Lets no frame through for a while; those on the wire come afterwards, all at once.
+ *  Context: any thread. Locks. */
+FSN_API void fsn_segment_stall(struct fsn_segment *segment, uint64_t duration_ns);
+
+/** Keeps the next answer on the wire, and brings it once more after each of so many further ones: a
+ *  frame from the past. Context: any thread. Locks. */
+FSN_API void fsn_segment_repeat(struct fsn_segment *segment, uint32_t frames);
 
 /** Context: any thread. Locks. */
 FSN_API void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);

@@ -39,6 +39,16 @@ static uint16_t refusal(const struct esc *esc, uint8_t from, uint8_t to) {
 }
 
 void esc_al_control(struct esc *esc) {
+    if (esc->faults.al_delay_ns > 0) {
+        esc->al_pending = true;
+        esc->al_due_ns = esc->now_ns + esc->faults.al_delay_ns;
+        return;
+    }
+    esc_al_decide(esc);
+}
+
+void esc_al_decide(struct esc *esc) {
+    esc->al_pending = false;
     const uint8_t request = esc->memory[REG_AL_CONTROL];
     const uint8_t from = esc_state(esc);
     const uint8_t to = request & 0x0F;

@@ -278,6 +278,7 @@ bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t 
     }
     put16(&w, 0xFFFF);
     esc->sii = w.bytes;
+    esc->identity = (struct esc_identity){{info.vendor_id, info.product_code, info.revision_low}};
     esc->sii_bytes = w.room;
     return subdevice == FSN_NONE || (add_objects(&esc->objects, plan, &info, sms, count) &&
                                      add_address(&esc->objects, plan, subdevice));

@@ -204,6 +204,9 @@ void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns) {
 
 void esc_idle(struct esc *esc, uint64_t now_ns) {
     esc->now_ns = now_ns;
+    if (esc->al_pending && now_ns >= esc->al_due_ns) {
+        esc_al_decide(esc);
+    }
     esc_mailbox_out(esc);
     const uint32_t divider = esc_get16(esc->memory + REG_WD_DIVIDER) + 2u;
     const uint64_t limit_ns =
@@ -218,6 +221,17 @@ void esc_idle(struct esc *esc, uint64_t now_ns) {
 
 uint8_t esc_state(const struct esc *esc) {
     return esc->memory[REG_AL_STATUS] & 0x0F;
+}
+
+/** In EEPROM and object dictionary, where MainDevices compare it. */
+static void show_identity(struct esc *esc, const struct esc_identity *identity) {
+    for (uint8_t i = 0; i < 3; i++) {
+        esc_put32(esc->sii + 16 + 4 * (size_t)i, identity->numbers[i]);
+        const struct object *object = objects_find(&esc->objects, 0x1018, (uint8_t)(i + 1));
+        if (object != NULL) {
+            esc_put32(objects_value(&esc->objects, object), identity->numbers[i]);
+        }
+    }
 }
 
 void esc_power_on(struct esc *esc) {
@@ -249,5 +263,8 @@ void esc_power_on(struct esc *esc) {
     esc->answer_bytes = 0;
     esc->mailbox_counter = 0;
     esc->outputs_seen = false;
+    esc->al_pending = false;
+    esc->answer_due_ns = 0;
     objects_reset(&esc->objects);
+    show_identity(esc, esc->faults.is_other ? &esc->faults.other : &esc->identity);
 }

@@ -16,6 +16,7 @@ enum {
     ESC_SMS = 8,
     ESC_PORTS = 4,
     ESC_MAILBOX_BYTES = 256, /**< longest mailbox offered */
+    ESC_ABORTS = 16,
 };
 
 /** Registers; the numbers are those of the SubDevice controller data sheets. */
@@ -85,18 +86,44 @@ struct transfer {
     uint8_t data[2048];
 };
 
+/** An object that answers with an abort code. */
+struct esc_abort {
+    uint16_t index;
+    uint32_t sub; /**< above 255: all of them */
+    uint32_t code;
+};
+
+/** Vendor, product code, revision. */
+struct esc_identity {
+    uint32_t numbers[3];
+};
+
+/** What a test asks a SubDevice to do wrong; it outlives the power. */
+struct esc_faults {
+    uint64_t al_delay_ns, mailbox_delay_ns;
+    bool is_other; /**< from the next power-on it says that it is the other one */
+    struct esc_identity other;
+    struct esc_abort aborts[ESC_ABORTS];
+    uint32_t abort_count;
+};
+
 struct esc {
     uint8_t memory[ESC_MEMORY_BYTES];
     struct esc_buffer buffers[ESC_SMS];
     uint8_t sm_count;
-    const uint8_t *sii; /**< contents of the EEPROM */
+    uint8_t *sii; /**< contents of the EEPROM */
     size_t sii_bytes;
     struct objects objects;
     uint8_t answer[ESC_MAILBOX_BYTES]; /**< waits until SM1 is empty */
     uint16_t answer_bytes;
+    uint64_t answer_due_ns;
     uint8_t mailbox_counter;
     struct transfer transfer;
     bool has_mailbox;
+    bool al_pending; /**< a request waits until al_due_ns */
+    uint64_t al_due_ns;
+    struct esc_identity identity; /**< its own */
+    struct esc_faults faults;
     uint8_t ports;            /**< bit n: port n has a link */
     uint64_t now_ns;          /**< of the frame being processed */
     uint64_t outputs_ns;      /**< when outputs were written last */
@@ -134,8 +161,9 @@ uint8_t esc_state(const struct esc *esc);
 
 /* Parts of the controller, one file each. */
 
-/** A request in AL control (al.c). */
+/** A request in AL control; what was requested and is due (al.c). */
 void esc_al_control(struct esc *esc);
+void esc_al_decide(struct esc *esc);
 /** Falls back to SAFEOP with an error. */
 void esc_al_error(struct esc *esc, uint8_t state, uint16_t code);
 

@@ -98,14 +98,25 @@ static bool is_ethercat(const uint8_t *frame, size_t len) {
            esc_get16(frame + MAC_BYTES + 2) >> 12 == 1;
 }
 
+static bool is_lost(struct fsn_segment *s) {
+    if (s->lose > 0) {
+        s->lose--;
+        return true;
+    }
+    if (s->lose_every > 0 && --s->until_lost == 0) {
+        s->until_lost = s->lose_every;
+        return true;
+    }
+    return false;
+}
+
 /** Whether a frame gets through at all; what does not is counted. */
 static bool is_taken(struct fsn_segment *s, uint32_t port, const uint8_t *frame, size_t len) {
     if (!is_ethercat(frame, len)) {
         s->counts.foreign++;
         return false;
     }
-    if (s->lose > 0) {
-        s->lose--;
+    if (is_lost(s)) {
         s->counts.lost++;
         return false;
     }
@@ -142,15 +153,19 @@ static size_t pass_frame(struct fsn_segment *s, uint32_t port, uint8_t *frame, s
     return len;
 }
 
+size_t segment_pass(struct fsn_segment *s, uint32_t port, uint8_t *frame, size_t len,
+                    uint64_t now_ns, uint32_t *out_port) {
+    s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
+    *out_port = port;
+    const bool is_cabled = port == 0 || (port == 1 && s->ring);
+    return is_cabled ? pass_frame(s, port, frame, len, s->last_ns, out_port) : 0;
+}
+
 size_t fsn_segment_frame_from(struct fsn_segment *s, uint32_t port, uint8_t *frame,
                               size_t len_bytes, uint64_t now_ns, uint32_t *out_port) {
-    uint32_t out = port;
-    size_t answer = 0;
+    uint32_t out;
     pthread_mutex_lock(&s->lock);
-    s->last_ns = now_ns > s->last_ns ? now_ns : s->last_ns;
-    if (port == 0 || (port == 1 && s->ring)) {
-        answer = pass_frame(s, port, frame, len_bytes, s->last_ns, &out);
-    }
+    const size_t answer = segment_pass(s, port, frame, len_bytes, now_ns, &out);
     pthread_mutex_unlock(&s->lock);
     if (out_port != NULL) {
         *out_port = out;

@@ -18,7 +18,7 @@
 
 #include "segment_internal.h"
 
-enum { ETHERTYPE = 0x88A4, WAIT_MS = 5, MAX_FRAME = 2048, PORTS = 2 };
+enum { ETHERTYPE = 0x88A4, WAIT_NS = 5000000, MAX_FRAME = 2048, PORTS = 2 };
 
 #ifndef PACKET_IGNORE_OUTGOING
 #define PACKET_IGNORE_OUTGOING 23
@@ -42,40 +42,56 @@ static bool is_virtual(int socket_fd, const char *interface) {
     return strcmp(info.driver, "veth") == 0 || strcmp(info.driver, "tun") == 0;
 }
 
-static void answer(struct fsn_segment *s, uint32_t port) {
+static void take(struct fsn_segment *s, uint32_t port) {
     static _Thread_local uint8_t frame[MAX_FRAME];
     const ssize_t got = recv(s->sockets[port], frame, sizeof frame, MSG_DONTWAIT);
-    if (got <= 0) {
-        return;
+    if (got > 0) {
+        fsn_segment_send(s, port, frame, (size_t)got, clock_ns());
     }
-    uint32_t out;
-    const uint64_t start = clock_ns();
-    const size_t len = fsn_segment_frame_from(s, port, frame, (size_t)got, start, &out);
-    const uint64_t end = clock_ns();
-    if (len > 0) {
-        (void)!send(s->sockets[out], frame, len, 0);
+}
+
+/** Sends all answers that are due. */
+static void answer(struct fsn_segment *s) {
+    static _Thread_local uint8_t frame[MAX_FRAME];
+    for (;;) {
+        uint32_t port;
+        const uint64_t start = clock_ns();
+        const size_t len = fsn_segment_receive(s, frame, sizeof frame, start, &port);
+        if (len == 0) {
+            return;
+        }
+        const uint64_t end = clock_ns();
+        (void)!send(s->sockets[port], frame, len, 0);
+        pthread_mutex_lock(&s->lock);
+        s->counts.work_ns += end - start;
+        pthread_mutex_unlock(&s->lock);
     }
-    pthread_mutex_lock(&s->lock);
-    s->counts.work_ns += end - start;
-    pthread_mutex_unlock(&s->lock);
+}
+
+/** Until a frame comes in or a held one is due; returns how many ports have one. */
+static int wait(struct fsn_segment *s, struct pollfd ready[PORTS]) {
+    for (uint32_t port = 0; port < PORTS; port++) { /* poll() skips what is negative */
+        ready[port] = (struct pollfd){.fd = s->sockets[port], .events = POLLIN};
+    }
+    const uint64_t until_due = fsn_segment_wait(s, clock_ns());
+    const uint64_t wait_ns = until_due < WAIT_NS ? until_due : WAIT_NS;
+    const struct timespec timeout = {.tv_nsec = (long)wait_ns};
+    return ppoll(ready, PORTS, &timeout, NULL);
 }
 
 static void *serve(void *context) {
     struct fsn_segment *s = context;
     while (!atomic_load(&s->stop)) {
         struct pollfd ready[PORTS];
-        for (uint32_t port = 0; port < PORTS; port++) { /* poll() skips what is negative */
-            ready[port] = (struct pollfd){.fd = s->sockets[port], .events = POLLIN};
-        }
-        if (poll(ready, PORTS, WAIT_MS) <= 0) {
+        if (wait(s, ready) <= 0) {
             fsn_segment_idle(s, clock_ns());
-            continue;
         }
         for (uint32_t port = 0; port < PORTS; port++) {
-            if (ready[port].revents != 0) {
-                answer(s, port);
+            if ((ready[port].revents & POLLIN) != 0) {
+                take(s, port);
             }
         }
+        answer(s);
     }
     return NULL;
 }

@@ -246,8 +246,24 @@ static void download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_b
     body[2] = (uint8_t)(0x20 | (command & 0x10));
 }
 
+/** Aborts what a test wants aborted. */
+static bool aborts_on_demand(struct esc *esc, uint16_t index, uint8_t sub) {
+    for (uint32_t i = 0; i < esc->faults.abort_count; i++) {
+        const struct esc_abort *a = &esc->faults.aborts[i];
+        if (a->index == index && (a->sub > 255 || a->sub == sub)) {
+            abort_sdo(esc, index, sub, a->code);
+            return true;
+        }
+    }
+    return false;
+}
+
 static void take_sdo(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
-    switch (sdo[0] >> 5) {
+    const uint8_t command = sdo[0] >> 5;
+    if ((command == 1 || command == 2) && aborts_on_demand(esc, esc_get16(sdo + 1), sdo[3])) {
+        return;
+    }
+    switch (command) {
     case 0:
         download_segment(esc, sdo, sdo_bytes);
         return;
@@ -292,6 +308,7 @@ void esc_mailbox_in(struct esc *esc) {
         return;
     }
     memcpy(message, esc->memory + start, taken);
+    esc->answer_due_ns = esc->now_ns + esc->faults.mailbox_delay_ns;
     sm(esc, 0)[5] &= (uint8_t)~SM_FULL; /* the device has taken it */
     const uint32_t body = esc_get16(message);
     const uint8_t type = message[5] & 0x0F;
@@ -314,7 +331,8 @@ void esc_mailbox_out(struct esc *esc) {
     uint8_t *registers = sm(esc, 1);
     const uint16_t start = esc_get16(registers);
     const uint32_t length = esc_get16(registers + 2);
-    if (esc->answer_bytes == 0 || (registers[5] & SM_FULL) != 0 || (registers[6] & 1) == 0 ||
+    if (esc->answer_bytes == 0 || esc->now_ns < esc->answer_due_ns ||
+        (registers[5] & SM_FULL) != 0 || (registers[6] & 1) == 0 ||
         (uint32_t)start + length > ESC_MEMORY_BYTES || esc->answer_bytes > length) {
         return;
     }

@@ -73,6 +73,20 @@ uint8_t *objects_value(const struct objects *o, const struct object *object) {
     return o->values + object->at;
 }
 
+bool objects_put(struct objects *o, uint16_t index, uint8_t sub, const void *value,
+                 uint32_t size_bytes) {
+    const struct object *object = objects_find(o, index, sub);
+    if (object == NULL) {
+        return objects_add(o, index, sub, false, value, size_bytes);
+    }
+    if (object->size_bytes != size_bytes) {
+        return false;
+    }
+    memcpy(o->values + object->at, value, size_bytes);
+    memcpy(o->initial + object->at, value, size_bytes);
+    return true;
+}
+
 uint32_t objects_number(const struct objects *o, uint16_t index, uint8_t sub) {
     const struct object *object = objects_find(o, index, sub);
     uint32_t value = 0;

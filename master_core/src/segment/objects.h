@@ -27,6 +27,11 @@ struct objects {
 bool objects_add(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
                  const void *value, uint32_t size_bytes);
 
+/** Sets a value now and for every power-on; adds it when there is none.
+ *  False when it has another length, or memory ran out. */
+bool objects_put(struct objects *objects, uint16_t index, uint8_t sub, const void *value,
+                 uint32_t size_bytes);
+
 /** Adds a number of 1, 2 or 4 bytes. */
 bool objects_add_number(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
                         uint32_t value, uint32_t size_bytes);

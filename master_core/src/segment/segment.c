@@ -52,6 +52,7 @@ static bool allocate(struct fsn_segment *s) {
     s->present = calloc((size_t)s->count + 1, sizeof *s->present);
     s->order = calloc((size_t)s->count + 1, sizeof *s->order);
     s->cut = calloc((size_t)s->count + 1, sizeof *s->cut);
+    s->wire = calloc(1, sizeof *s->wire);
     s->siis = calloc((size_t)s->count + 1, sizeof *s->siis);
     size_t total = 1;
     for (uint32_t sm = 0; sm < sms; sm++) {
@@ -59,7 +60,7 @@ static bool allocate(struct fsn_segment *s) {
     }
     s->storage = calloc(total, 1);
     return s->escs != NULL && s->present != NULL && s->order != NULL && s->cut != NULL &&
-           s->siis != NULL && s->storage != NULL;
+           s->wire != NULL && s->siis != NULL && s->storage != NULL;
 }
 
 static void give_buffers(struct fsn_segment *s) {
@@ -143,6 +144,7 @@ void fsn_segment_free(struct fsn_segment *s) {
     free(s->present);
     free(s->order);
     free(s->cut);
+    free(s->wire);
     free(s->siis);
     free(s->positions);
     free(s->places);
@@ -210,12 +212,6 @@ uint8_t fsn_segment_al_status(struct fsn_segment *s, uint32_t position, uint16_t
     }
     pthread_mutex_unlock(&s->lock);
     return status;
-}
-
-void fsn_segment_lose(struct fsn_segment *s, uint32_t frames) {
-    pthread_mutex_lock(&s->lock);
-    s->lose = frames;
-    pthread_mutex_unlock(&s->lock);
 }
 
 void fsn_segment_counts(struct fsn_segment *s, struct fsn_segment_counts *counts) {

@@ -15,6 +15,30 @@ struct place {
     uint8_t sm;
 };
 
+enum { WIRE_FRAMES = 1024, WIRE_BYTES = 1536 };
+
+/** A frame on its way in. */
+struct held {
+    uint64_t due_ns;
+    uint32_t port;
+    uint16_t size_bytes;
+    uint8_t bytes[WIRE_BYTES];
+};
+
+/** Frames between MainDevice and segment, in order. */
+struct wire {
+    struct held held[WIRE_FRAMES];
+    uint32_t first, count;
+    uint64_t delay_ns;
+    uint64_t stall_ns; /**< asked for; begins when time is known */
+    uint64_t stalled_until_ns;
+    uint32_t repeat; /**< answers after which the old one comes again */
+    bool again;      /**< now */
+    uint32_t old_port;
+    size_t old_bytes;
+    uint8_t old[WIRE_BYTES];
+};
+
 struct fsn_segment {
     struct fsn_plan *plan;
     struct esc *escs; /**< by position as planned */
@@ -32,7 +56,9 @@ struct fsn_segment {
     uint8_t **siis;
     pthread_mutex_t lock;
     struct fsn_segment_counts counts;
+    struct wire *wire;
     uint32_t lose;
+    uint32_t lose_every, until_lost;
     uint64_t last_ns;
     int sockets[2]; /**< per port of the MainDevice; -1: not linked */
     pthread_t thread;
@@ -42,6 +68,10 @@ struct fsn_segment {
 /** Makes SII contents and object dictionary of one SubDevice of the plan, or of a free position
  *  (subdevice FSN_NONE); false when out of memory (describe.c). */
 bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t position);
+
+/** Lets a frame pass now; the lock is held (frames.c). */
+size_t segment_pass(struct fsn_segment *segment, uint32_t port, uint8_t *frame, size_t len_bytes,
+                    uint64_t now_ns, uint32_t *out_port);
 
 /** After any change of cables or power: who is reached, DL status, lost links (topology.c). */
 void segment_rewire(struct fsn_segment *segment);

@@ -89,6 +89,38 @@ void fsn_segment_power_cycle(struct fsn_segment *s, uint32_t position) {
     pthread_mutex_unlock(&s->lock);
 }
 
+static uint32_t place_of(const struct fsn_segment *s, uint32_t position) {
+    uint32_t place = 0;
+    while (s->order[place] != position) {
+        place++;
+    }
+    return place;
+}
+
+fsn_status fsn_segment_swap(struct fsn_segment *s, uint32_t one, uint32_t other) {
+    if (one >= s->count || other >= s->count || one == other) {
+        return FSN_E_ARG;
+    }
+    pthread_mutex_lock(&s->lock);
+    const uint32_t pair[2] = {one, other};
+    bool was_on[2];
+    for (int i = 0; i < 2; i++) {
+        was_on[i] = s->present[pair[i]];
+        s->present[pair[i]] = false;
+    }
+    segment_rewire(s);
+    const uint32_t place = place_of(s, one);
+    s->order[place_of(s, other)] = one;
+    s->order[place] = other;
+    for (int i = 0; i < 2; i++) {
+        if (was_on[i]) {
+            switch_device(s, pair[i], true);
+        }
+    }
+    pthread_mutex_unlock(&s->lock);
+    return FSN_OK;
+}
+
 fsn_status fsn_segment_set_link(struct fsn_segment *s, uint32_t position, bool up) {
     pthread_mutex_lock(&s->lock);
     const bool exists = position == FSN_NONE || position < s->count;

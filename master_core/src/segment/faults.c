@@ -1,0 +1,129 @@
+/** What a test asks a segment to do wrong, until it takes that back. */
+#include <string.h>
+
+#include "segment_internal.h"
+
+enum { MAX_OBJECT_BYTES = 1024 };
+static const uint64_t MAX_DELAY_NS = 3600000000000u;
+
+static uint64_t bounded(uint64_t delay_ns) {
+    return delay_ns < MAX_DELAY_NS ? delay_ns : MAX_DELAY_NS;
+}
+
+/** Locks, and returns the SubDevice at a position; NULL, unlocked, when there is none. */
+static struct esc *hold(struct fsn_segment *s, uint32_t position) {
+    if (position >= s->count) {
+        return NULL;
+    }
+    pthread_mutex_lock(&s->lock);
+    return &s->escs[position];
+}
+
+fsn_status fsn_segment_set_identity(struct fsn_segment *s, uint32_t position,
+                                    const struct fsn_segment_identity *identity) {
+    struct esc *esc = hold(s, position);
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    esc->faults.is_other = identity != NULL;
+    if (identity != NULL) {
+        esc->faults.other = (struct esc_identity){
+            {identity->vendor_id, identity->product_code, identity->revision}};
+    }
+    pthread_mutex_unlock(&s->lock);
+    return FSN_OK;
+}
+
+static bool set_abort(struct esc_faults *f, uint16_t index, uint32_t sub, uint32_t code) {
+    uint32_t at = 0;
+    while (at < f->abort_count && (f->aborts[at].index != index || f->aborts[at].sub != sub)) {
+        at++;
+    }
+    if (code == 0) {
+        if (at < f->abort_count) {
+            f->aborts[at] = f->aborts[--f->abort_count];
+        }
+        return true;
+    }
+    if (at == ESC_ABORTS) {
+        return false;
+    }
+    f->abort_count += at == f->abort_count;
+    f->aborts[at] = (struct esc_abort){.index = index, .sub = sub, .code = code};
+    return true;
+}
+
+fsn_status fsn_segment_set_sdo_abort(struct fsn_segment *s, uint32_t position, uint16_t index,
+                                     uint32_t sub, uint32_t code) {
+    struct esc *esc = sub <= 255 || sub == FSN_NONE ? hold(s, position) : NULL;
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    const bool ok = set_abort(&esc->faults, index, sub, code);
+    pthread_mutex_unlock(&s->lock);
+    return ok ? FSN_OK : FSN_E_NOMEM;
+}
+
+fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *s, uint32_t position,
+                                         uint64_t delay_ns) {
+    struct esc *esc = hold(s, position);
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    esc->faults.mailbox_delay_ns = bounded(delay_ns);
+    pthread_mutex_unlock(&s->lock);
+    return FSN_OK;
+}
+
+fsn_status fsn_segment_set_al_delay(struct fsn_segment *s, uint32_t position, uint64_t delay_ns) {
+    struct esc *esc = hold(s, position);
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    esc->faults.al_delay_ns = bounded(delay_ns);
+    pthread_mutex_unlock(&s->lock);
+    return FSN_OK;
+}
+
+fsn_status fsn_segment_set_object(struct fsn_segment *s, uint32_t position, uint16_t index,
+                                  uint8_t sub, const void *bytes, size_t len_bytes) {
+    struct esc *esc = len_bytes <= MAX_OBJECT_BYTES && bytes != NULL ? hold(s, position) : NULL;
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    const bool ok = objects_put(&esc->objects, index, sub, bytes, (uint32_t)len_bytes);
+    pthread_mutex_unlock(&s->lock);
+    return ok ? FSN_OK : FSN_E_ARG;
+}
+
+void fsn_segment_lose(struct fsn_segment *s, uint32_t frames) {
+    pthread_mutex_lock(&s->lock);
+    s->lose = frames;
+    pthread_mutex_unlock(&s->lock);
+}
+
+void fsn_segment_lose_every(struct fsn_segment *s, uint32_t frames) {
+    pthread_mutex_lock(&s->lock);
+    s->lose_every = frames;
+    s->until_lost = frames;
+    pthread_mutex_unlock(&s->lock);
+}
+
+void fsn_segment_set_delay(struct fsn_segment *s, uint64_t delay_ns) {
+    pthread_mutex_lock(&s->lock);
+    s->wire->delay_ns = bounded(delay_ns);
+    pthread_mutex_unlock(&s->lock);
+}
+
+void fsn_segment_stall(struct fsn_segment *s, uint64_t duration_ns) {
+    pthread_mutex_lock(&s->lock);
+    s->wire->stall_ns = bounded(duration_ns);
+    pthread_mutex_unlock(&s->lock);
+}
+
+void fsn_segment_repeat(struct fsn_segment *s, uint32_t frames) {
+    pthread_mutex_lock(&s->lock);
+    s->wire->repeat = frames;
+    s->wire->old_bytes = 0;
+    pthread_mutex_unlock(&s->lock);
+}
