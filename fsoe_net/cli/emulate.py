@@ -9,6 +9,7 @@ from dataclasses import asdict
 import click
 
 from fsoe_net import __version__
+from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.run import interesting, scenario_of
@@ -26,12 +27,14 @@ from fsoe_net.run import (
 
 __all__ = ["command"]
 
+_STDIN = 0
 _EPILOG = """\b
 Examples:
   ip link add veth0 type veth peer name veth1; ip link set veth0 up; ip link set veth1 up
   fsoe-net emulate network.yaml --interface veth1
   fsoe-net emulate network.yaml --interface veth1 --scenario scenario.yaml --duration 20
   fsoe-net emulate network.yaml --interface veth1 --interface2 veth3 --priority 81 --cpu 1
+  (sleep 5; echo break ek1914) | fsoe-net emulate network.yaml --interface veth1 --commands
 
 Then let any EtherCAT MainDevice work on the other end, veth0. Only veth and tap interfaces are
 taken: an emulated e-stop must never meet a real machine."""
@@ -46,6 +49,7 @@ taken: an emulated e-stop must never meet a real machine."""
 )
 @click.option("--cpu", type=click.IntRange(0, 1023), help="CPU that answers.")
 @click.option("--scenario", "scenario_file", type=click.Path(), help="Steps and expectations.")
+@click.option("--commands", is_flag=True, help="Take commands from standard input.")
 @click.option(
     "--duration", type=click.FloatRange(min=0.001), help="Seconds; default: until interrupted."
 )
@@ -63,6 +67,7 @@ def command(
     priority: int,
     cpu: int | None,
     scenario_file: str | None,
+    commands: bool,
     duration: float | None,
     fmt: str,
 ) -> None:
@@ -85,7 +90,12 @@ def command(
     click.echo(
         f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it", err=True
     )
-    result = serve(session, link, None if duration is None else round(duration * 1e9))
+    result = serve(
+        session,
+        link,
+        None if duration is None else round(duration * 1e9),
+        on_step=CommandLines(_STDIN) if commands else None,
+    )
     if fmt == "json":
         document = {"tool": "fsoe-net", "version": __version__} | asdict(result)
         click.echo(json.dumps(document, indent=2, ensure_ascii=False))

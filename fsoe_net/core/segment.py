@@ -80,6 +80,11 @@ class Segment:
         """SubDevices on the ring, couplers for free positions included."""
         return int(self._lib.fsn_segment_size(self._pointer))
 
+    @property
+    def names(self) -> frozenset[str]:
+        """SubDevices of the plan."""
+        return frozenset(self._plan.subdevice_names)
+
     def position(self, subdevice: str) -> int:
         """Return the ring position of a SubDevice.
 

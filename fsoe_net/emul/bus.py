@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from fsoe_net.emul.device import EmulatedDevice, Port, main_port, sub_port
 from fsoe_net.emul.setup import ConnectionSetup, choose_setups
+from fsoe_net.fsoe import SubInstance
 from fsoe_net.model import Direction, LogicChoice, Resolution, split_name
 
 __all__ = ["EmulatedNetwork", "build_network", "normal_name"]
@@ -81,6 +83,17 @@ class EmulatedNetwork:
         name = normal_name(name)
         if name not in self.safe_inputs[name].mirrored:
             self.set_safe_input(name, 1)
+
+    def set_address(self, subdevice: str, address: int) -> None:
+        """Give the SubInstances of a SubDevice another address; it counts in the next Connection.
+
+        Raises:
+            ValueError: Not in 1 … 65535.
+        """
+        for port in self.subs.values():
+            instance = port.instance
+            if port.setup.connection.sub.name == subdevice and isinstance(instance, SubInstance):
+                instance.config = replace(instance.config, address=address)
 
     def safe_output(self, name: str) -> int:
         """Return what a SubInstance hands to its outputs; 0 while not valid.

@@ -9,6 +9,7 @@ from dataclasses import replace
 from fsoe_net.diag import Diagnostic, Related, Severity, Span, sort_diagnostics
 from fsoe_net.load.files import Collector
 from fsoe_net.load.numbers import Reader, read_float, read_int
+from fsoe_net.load.scenario_steps import step_arguments
 from fsoe_net.load.schema import check_structure
 from fsoe_net.load.yaml_tree import MapNode, Node, ScalarNode, SeqNode, load_yaml
 from fsoe_net.model import Action, Expectation, LogicChoice, Scenario, Step
@@ -125,16 +126,19 @@ def _steps(node: MapNode, out: Collector) -> list[Step]:
             "this step does nothing",
             hint=f"add one of: {', '.join(a.value for a in Action)}",
         )
+    rows = [(a, step_arguments(node, a, _values(node, a.value, out), out)) for a in actions]
     return [
         Step(
             span=node.span,
             fields=_deep_places(node, action.value),
             at_ns=round(at_ms * 1e6),
             action=action,
-            target=node.text(action.value) or "",
-            values=_values(node, action.value, out),
+            target=given.target,
+            other=given.other,
+            number=given.number,
+            values=given.values,
         )
-        for action in actions
+        for action, given in rows
     ]
 
 

@@ -22,15 +22,56 @@ class Action(enum.Enum):
     POWER_CYCLE = "power_cycle"
     LOCAL_RESET = "local_reset"
     OUTPUT = "output"
+    FSOE_ADDRESS = "fsoe_address"
+    # On an emulated segment only:
+    CUT = "cut"
+    SPLICE = "splice"
+    SWAP = "swap"
+    WRONG = "wrong"
+    RIGHT = "right"
+    SDO_ABORT = "sdo_abort"
+    MAILBOX_DELAY = "mailbox_delay_ms"
+    AL_DELAY = "al_delay_ms"
+    RX_ERRORS = "rx_errors"
+    LOSE = "lose"
+    LOSE_EVERY = "lose_every"
+    REPEAT = "repeat"
+    DELAY = "delay_us"
+    STALL = "stall_ms"
+
+    @property
+    def needs_segment(self) -> bool:
+        """Whether only an emulated EtherCAT segment can do it."""
+        return self in _ON_SEGMENT
+
+
+_ON_SEGMENT = frozenset(Action) - {
+    Action.SET,
+    Action.PRESS,
+    Action.RELEASE,
+    Action.BREAK,
+    Action.HEAL,
+    Action.POWER_CYCLE,
+    Action.LOCAL_RESET,
+    Action.OUTPUT,
+    Action.FSOE_ADDRESS,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step(Located):
-    """Something done at a time; ``values`` for ``set`` and ``output``, else ``target``."""
+    """Something done at a time.
+
+    ``target`` is the SubDevice, connection or button, ``other`` the one it is swapped with.
+    ``values`` are values by name: of signals, by SubDevice, or the fields of ``wrong`` and
+    ``sdo_abort``. ``number`` is a count or a time in the unit of the action.
+    """
 
     at_ns: int
     action: Action
     target: str = ""
+    other: str = ""
+    number: int = 0
     values: Mapping[str, int] = field(default_factory=dict)
 
 

@@ -7,7 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fsoe_net.core import AlStatus, Segment, SegmentCounts, SegmentLink
+from fsoe_net.errors import CoreError
+from fsoe_net.model import Step
+from fsoe_net.run.commands import CommandError, parse_command
 from fsoe_net.run.engine import state_word
+from fsoe_net.run.faults import apply_step
+from fsoe_net.run.fit import check_step
 from fsoe_net.run.result import RunEvent, Verdict
 from fsoe_net.run.stage import DeviceSide, Stage
 
@@ -34,6 +39,8 @@ class EmulateResult:
 class SegmentSession(Stage):
     """A network on an emulated segment, ready to be served; see `Stage` for the arguments."""
 
+    has_segment = True
+
     def _open(self) -> DeviceSide:
         self.segment = Segment(self.plan)
         return self.segment
@@ -41,25 +48,61 @@ class SegmentSession(Stage):
     def _set_present(self, name: str, present: bool) -> None:
         self.segment.set_present(self.segment.position(name), present)
 
+    def _on_bus(self, step: Step) -> None:
+        apply_step(self.segment, step)
+
     def _set_output(self, name: str, _value: int) -> None:
         self.engine.log(0, "run", f"{name} left alone: standard outputs are the MainDevice's")
+
+    def states(self) -> dict[str, AlStatus]:
+        """Return the AL state of every SubDevice."""
+        segment = self.segment
+        return {n: segment.al_status(segment.position(n)) for n in self.plan.subdevice_names}
+
+    def connections(self) -> dict[str, str]:
+        """Return the state word of every connection."""
+        network = self.network
+        return {n: state_word(main, network.subs[n]) for n, main in network.mains.items()}
+
+    def command(self, line: str, number: int, now_ns: int) -> str:
+        """Do what a line says, as a step of a scenario at this moment.
+
+        Returns:
+            The answer: empty when there is nothing to do, else ``ok``, a status or what is wrong.
+        """
+        try:
+            command = parse_command(line, number)
+            if command is None:
+                return ""
+            if command.step is None:
+                return self._status()
+            found = check_step(command.step, self.names())
+            if found:
+                return f"refused: {found[0].message}; {found[0].hint}"
+            self.engine.do(command.step, now_ns, "command")
+        except (CommandError, CoreError) as fault:
+            return f"refused: {fault}"
+        return "ok"
+
+    def _status(self) -> str:
+        rows = [
+            f"{name} {status.state}{f' error 0x{status.code:04x}' if status.error else ''}"
+            for name, status in self.states().items()
+        ]
+        rows += [f"{name} {word}" for name, word in self.connections().items()]
+        counts = self.segment.counts()
+        return "\n".join([*rows, f"{counts.frames} frames, {counts.lost} lost"])
 
     def result(self, duration_ns: int) -> EmulateResult:
         """Return what was seen."""
         engine = self.engine
         engine.finish(duration_ns)
         verdicts = engine.verdicts()
-        connections = {
-            name: state_word(main, self.network.subs[name])
-            for name, main in self.network.mains.items()
-        }
+        connections = self.connections()
         in_data = all(word.startswith("data") for word in connections.values())
         return EmulateResult(
             duration_ms=duration_ns / 1e6,
-            states={
-                name: self.segment.al_status(self.segment.position(name))
-                for name in self.plan.subdevice_names
-            },
+            states=self.states(),
             connections=connections,
             counts=self.segment.counts(),
             events=tuple(engine.events),
@@ -75,6 +118,7 @@ def serve(
     *,
     period_ns: int = 1_000_000,
     on_update: Callable[[SegmentSession, int], None] | None = None,
+    on_step: Callable[[SegmentSession, int], None] | None = None,
 ) -> EmulateResult:
     """Answer on an interface until the time is over or the user interrupts.
 
@@ -83,6 +127,7 @@ def serve(
         link: Where to answer.
         duration_ns: How long; ``None`` until interrupted.
         period_ns: Time between two steps of the devices; late steps are not caught up.
+        on_step: Called before every step of the devices with the time since the start.
         on_update: Called about ten times a second with the time since the start.
 
     Raises:
@@ -94,6 +139,8 @@ def serve(
         now = next_ns = shown = 0
         try:
             while duration_ns is None or now < duration_ns:
+                if on_step is not None:
+                    on_step(session, now)
                 session.step_devices(now)
                 if on_update is not None and now >= shown:
                     on_update(session, now)

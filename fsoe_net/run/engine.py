@@ -35,6 +35,7 @@ class Engine:
         set_present: Unplugs a SubDevice by name or plugs it in.
         set_output: Sets a standard output by symbol name.
         set_input: Sets a standard input by symbol name.
+        on_bus: Does what a step means for the bus itself.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class Engine:
         set_present: Callable[[str, bool], None],
         set_output: Callable[[str, int], None],
         set_input: Callable[[str, int], None],
+        on_bus: Callable[[Step], None],
     ) -> None:
         self.network = network
         self.events: list[RunEvent] = []
@@ -56,6 +58,7 @@ class Engine:
         self._set_present = set_present
         self._set_output = set_output
         self._set_input = set_input
+        self._on_bus = on_bus
         self._steps = list(scenario.steps) if scenario else []
         self._next_step = 0
         self._open = list(scenario.expectations) if scenario else []
@@ -80,12 +83,13 @@ class Engine:
         while self._next_step < len(self._steps) and self._steps[self._next_step].at_ns <= now_ns:
             step = self._steps[self._next_step]
             self._next_step += 1
-            self._do(step, now_ns)
+            self.do(step, now_ns)
         if self._scenario is None:
             self._press_once(now_ns)
 
-    def _do(self, step: Step, now_ns: int) -> None:
-        self.log(now_ns, "scenario", _step_text(step))
+    def do(self, step: Step, now_ns: int, source: str = "scenario") -> None:
+        """Do one step that fits the network."""
+        self.log(now_ns, source, _step_text(step))
         if step.action is Action.SET:
             for name, value in step.values.items():
                 if self.network.has_safe_input(name):
@@ -98,11 +102,17 @@ class Engine:
             self._set_present(step.target, step.action is Action.HEAL)
         elif step.action is Action.POWER_CYCLE:
             self.network.devices[step.target].power_cycle()
+            self._on_bus(step)
         elif step.action is Action.LOCAL_RESET:
             self.network.mains[step.target].instance.request_reset()
-        else:
+        elif step.action is Action.OUTPUT:
             for name, value in step.values.items():
                 self._set_output(name, value)
+        else:
+            if step.action is Action.FSOE_ADDRESS:
+                for name, value in step.values.items():
+                    self.network.set_address(name, value)
+            self._on_bus(step)
 
     def _press(self, pressed: bool) -> None:
         for device in self.network.masters:
@@ -226,9 +236,12 @@ def _values_text(values: object) -> str:
 
 
 def _step_text(step: Step) -> str:
+    word = step.action.value
+    if step.other:
+        return f"{word} {step.target} and {step.other}"
     if step.values:
-        return f"{step.action.value} {_values_text(step.values)}"
-    return f"{step.action.value.replace('_', ' ')} {step.target}"
+        return f"{word} {f'{step.target}: ' * bool(step.target)}{_values_text(step.values)}"
+    return f"{word.replace('_', ' ')} {step.target or step.number}"
 
 
 def _expectation_text(e: Expectation) -> str:

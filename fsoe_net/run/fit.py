@@ -11,9 +11,15 @@ from fsoe_net.emul import EmulatedNetwork, normal_name
 from fsoe_net.model import Action, Located, Scenario, Step
 from fsoe_net.plan import Plan, PlanSymbol
 
-__all__ = ["Names", "check_scenario"]
+__all__ = ["Names", "check_scenario", "check_step"]
 
 _SIGNED = 2
+_HOUR_MS = 3_600_000
+_PER_SUBDEVICE = {
+    Action.MAILBOX_DELAY: _HOUR_MS,
+    Action.AL_DELAY: _HOUR_MS,
+    Action.RX_ERRORS: 255,
+}
 _Range = tuple[int, int]
 
 
@@ -28,9 +34,12 @@ class Names:
     subdevices: frozenset[str]
     devices: frozenset[str]
     connections: frozenset[str]
+    subs: frozenset[str]
+    segment: bool
+    """Whether the bus is an emulated segment, with cables and mailboxes."""
 
     @classmethod
-    def of(cls, network: EmulatedNetwork, plan: Plan) -> Names:
+    def of(cls, network: EmulatedNetwork, plan: Plan, *, segment: bool = False) -> Names:
         """Collect the names of a network and of the plan its core has loaded."""
         return cls(
             safe_inputs={n: _bits(p.sends[n].bits) for n, p in network.safe_inputs.items()},
@@ -40,6 +49,8 @@ class Names:
             subdevices=frozenset(s.name for s in plan.subdevices),
             devices=frozenset(network.devices),
             connections=frozenset(network.mains),
+            subs=frozenset(p.setup.connection.sub.name for p in network.subs.values()),
+            segment=segment,
         )
 
 
@@ -81,12 +92,22 @@ def check_scenario(scenario: Scenario, names: Names) -> list[Diagnostic]:
     return sort_diagnostics(check.found)
 
 
+def check_step(step: Step, names: Names) -> list[Diagnostic]:
+    """Return what does not fit in one step."""
+    check = _Check(names)
+    check.step(step)
+    return check.found
+
+
 @dataclass(slots=True)
 class _Check:
     names: Names
     found: list[Diagnostic] = field(default_factory=list)
 
     def step(self, step: Step) -> None:
+        if step.action.needs_segment:
+            self._segment_step(step)
+            return
         names, span = self.names, step.at(step.action.value)
         if step.action is Action.SET:
             both = {**names.inputs, **names.safe_inputs}
@@ -99,6 +120,24 @@ class _Check:
             self.known(step.target, names.devices, "SubDevice with process data", span)
         elif step.action is Action.LOCAL_RESET:
             self.known(step.target, names.connections, "connection", span)
+        elif step.action is Action.FSOE_ADDRESS:
+            self.values(step.values, dict.fromkeys(names.subs, (1, 0xFFFF)), "SubInstance", step)
+
+    def _segment_step(self, step: Step) -> None:
+        names, span = self.names, step.at(step.action.value)
+        if not names.segment:
+            message = f"{step.action.value} needs cables, mailboxes and frames; a run has none"
+            self._add("FSN116", span, message, "use this scenario with fsoe-net emulate")
+        elif step.action in _PER_SUBDEVICE:
+            known = dict.fromkeys(names.subdevices, (0, _PER_SUBDEVICE[step.action]))
+            self.values(step.values, known, "SubDevice", step)
+        elif step.action in (Action.CUT, Action.SPLICE):
+            self.known(step.target, names.subdevices | {"main"}, "SubDevice", span)
+        elif step.action is Action.SWAP:
+            self.known(step.target, names.subdevices, "SubDevice", span)
+            self.known(step.other, names.subdevices, "SubDevice", span)
+        elif step.action in (Action.WRONG, Action.RIGHT, Action.SDO_ABORT):
+            self.known(step.target, names.subdevices, "SubDevice", span)
 
     def values(
         self,

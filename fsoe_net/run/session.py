@@ -11,6 +11,7 @@ from collections.abc import Callable
 from fsoe_net.core import ConnectionSnapshot, Core, EmulatedBus, Snapshot
 from fsoe_net.emul import Port
 from fsoe_net.fsoe import State, reset_code_text
+from fsoe_net.model import Step
 from fsoe_net.observe import CaptureWriter
 from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
@@ -47,6 +48,9 @@ class Session(Stage):
 
     def _set_output(self, name: str, value: int) -> None:
         self.core.set_output(self.plan.symbols[name], value)
+
+    def _on_bus(self, _step: Step) -> None:
+        """The emulated bus carries process data only: nothing to do."""
 
     def connections(self, snapshot: Snapshot) -> tuple[ConnectionResult, ...]:
         """Return every connection as devices and core see it now."""

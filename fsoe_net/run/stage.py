@@ -10,7 +10,7 @@ from typing import Protocol
 from fsoe_net.core import CorePlan
 from fsoe_net.diag import Diagnostic
 from fsoe_net.emul import build_network
-from fsoe_net.model import LogicChoice, Resolution, Scenario
+from fsoe_net.model import LogicChoice, Resolution, Scenario, Step
 from fsoe_net.plan import decode_plan
 from fsoe_net.run.engine import Engine
 from fsoe_net.run.fit import Names, check_scenario
@@ -58,6 +58,8 @@ class Stage(abc.ABC):
         CoreMissing: The compiled part is not there.
     """
 
+    has_segment = False
+
     def __init__(
         self,
         resolution: Resolution,
@@ -90,7 +92,11 @@ class Stage(abc.ABC):
         """Return what the scenario names that the network does not have."""
         if self.scenario is None:
             return []
-        return check_scenario(self.scenario, Names.of(self.network, self.records))
+        return check_scenario(self.scenario, self.names())
+
+    def names(self) -> Names:
+        """Return what a scenario may name here."""
+        return Names.of(self.network, self.records, segment=self.has_segment)
 
     @property
     def engine(self) -> Engine:
@@ -102,6 +108,7 @@ class Stage(abc.ABC):
                 set_present=self._set_present,
                 set_output=self._set_output,
                 set_input=self._set_input,
+                on_bus=self._on_bus,
             )
         return self._engine
 
@@ -112,6 +119,10 @@ class Stage(abc.ABC):
     @abc.abstractmethod
     def _set_output(self, name: str, value: int) -> None:
         """Set a standard output."""
+
+    @abc.abstractmethod
+    def _on_bus(self, step: Step) -> None:
+        """Do what a step means for the bus itself."""
 
     def _set_input(self, name: str, value: int) -> None:
         symbol = self.records.symbols[self.plan.symbols[name]]

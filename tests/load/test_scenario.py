@@ -62,6 +62,36 @@ expect:
     assert second.min_resets == 2
 
 
+def test_steps_on_a_segment(tmp_path: Path):
+    path = write(
+        tmp_path,
+        """\
+version: 1
+steps:
+  - {at_ms: 1, swap: [a, b]}
+  - {at_ms: 2, wrong: {subdevice: a, vendor: 2, product: 0x1234}}
+  - {at_ms: 3, sdo_abort: {subdevice: a, index: 0x1C12, sub: 1, code: 0x06090011}}
+  - {at_ms: 4, mailbox_delay_ms: {a: 20, b: 30}}
+  - {at_ms: 5, lose: 10, delay_us: 500}
+  - {at_ms: 6, cut: main}
+  - {at_ms: 7, fsoe_address: {a: 5}}
+""",
+    )
+    scenario, found = load_scenario(path)
+    assert found == []
+    steps = {s.action: s for s in scenario.steps}
+    assert (steps[Action.SWAP].target, steps[Action.SWAP].other) == ("a", "b")
+    assert steps[Action.WRONG].target == "a"
+    assert steps[Action.WRONG].values == {"vendor": 2, "product": 0x1234}
+    assert steps[Action.SDO_ABORT].values == {"index": 0x1C12, "sub": 1, "code": 0x06090011}
+    assert steps[Action.MAILBOX_DELAY].values == {"a": 20, "b": 30}
+    assert (steps[Action.LOSE].number, steps[Action.DELAY].number) == (10, 500)
+    assert steps[Action.CUT].target == "main"
+    assert steps[Action.FSOE_ADDRESS].values == {"a": 5}
+    needs = {a for a in steps if a.needs_segment}
+    assert needs == set(steps) - {Action.FSOE_ADDRESS}
+
+
 @pytest.mark.parametrize(
     ("spelling", "on"), [('"on"', True), ("on", True), ("off", False), ("true", True)]
 )
@@ -112,6 +142,17 @@ MISTAKES = {
     ),
     "window nan": ("version: 1\nexpect: [{during_ms: [.nan, 1], state: data}]\n", ["2:23 FSN113"]),
     "window too short": ("version: 1\nexpect: [{during_ms: [1], state: data}]\n", ["2:22 FSN111"]),
+    "swap one": ("version: 1\nsteps: [{at_ms: 1, swap: [a]}]\n", ["2:26 FSN111"]),
+    "swap with itself": ("version: 1\nsteps: [{at_ms: 1, swap: [a, a]}]\n", ["2:26 FSN113"]),
+    "wrong without product": (
+        "version: 1\nsteps: [{at_ms: 1, wrong: {subdevice: a, vendor: 2}}]\n",
+        ["2:27 FSN110"],
+    ),
+    "abort of no index": (
+        "version: 1\nsteps: [{at_ms: 1, sdo_abort: {subdevice: a, index: 0x10000, code: 1}}]\n",
+        ["2:53 FSN113"],
+    ),
+    "lose fewer than none": ("version: 1\nsteps: [{at_ms: 1, lose: -1}]\n", ["2:26 FSN113"]),
     "value is a word": ("version: 1\ninitial: {io.0x1:01: maybe}\n", ["2:22 FSN111"]),
     "value is a fraction": (
         "version: 1\nsteps: [{at_ms: 1, set: {a: 0.5}}]\n",

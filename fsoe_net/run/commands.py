@@ -1,0 +1,174 @@
+"""Commands to a running emulation: the steps of a scenario, one per line, done at once."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from fsoe_net.diag import Span
+from fsoe_net.model import Action, Step
+
+__all__ = ["Command", "CommandError", "parse_command"]
+
+_WORD = 0xFFFFFFFF
+_TIME = re.compile(r"([0-9]+)(us|ms|s)\Z")
+_UNIT_US = {"us": 1, "ms": 1000, "s": 1_000_000}
+_HOUR_US = 3_600_000_000
+
+
+class CommandError(ValueError):
+    """A line that is no command; the text says what would be."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """What a line asks for: a step, or with ``None`` what is seen now."""
+
+    step: Step | None
+
+
+def parse_command(line: str, number: int) -> Command | None:
+    """Read one line; ``None`` for an empty one or a comment.
+
+    Args:
+        line: The words, as in a scenario with ``-`` for ``_`` and without units in the action.
+        number: Of the line, for messages.
+
+    Raises:
+        CommandError: It is no command.
+    """
+    words = line.partition("#")[0].split()
+    if not words:
+        return None
+    if words == ["status"]:
+        return Command(step=None)
+    form = _FORMS.get(words[0])
+    if form is None:
+        near = difflib.get_close_matches(words[0], _KNOWN, n=1)
+        meant = f"did you mean {near[0]}? " if near else ""
+        raise CommandError(f"unknown command {words[0]!r}; {meant}known: {', '.join(_KNOWN)}")
+    low, high = form.count
+    if not low <= len(words) - 1 <= high:
+        raise CommandError(f"write: {words[0]} {form.usage}".rstrip())
+    return Command(step=form.make(words[1:], Span("command", number, 1)))
+
+
+def _number(text: str, high: int) -> int:
+    try:
+        value = int(text, 0) if len(text) <= 24 else -1
+    except ValueError:
+        raise CommandError(f"{text!r} is no number; write 12 or 0x0c") from None
+    if not 0 <= value <= high:
+        raise CommandError(f"{text[:24]} is not in 0 … {high}")
+    return value
+
+
+def _time(text: str, unit: str) -> int:
+    """Return a time in a unit; only 0 needs none."""
+    match = _TIME.match(text) if len(text) <= 24 else None
+    if text == "0":
+        return 0
+    if match is None:
+        raise CommandError(f"{text[:24]!r} is no time; write 500us, 20ms or 1s")
+    us = int(match[1]) * _UNIT_US[match[2]]
+    if us > _HOUR_US:
+        raise CommandError(f"{text} is more than an hour")
+    if us % _UNIT_US[unit]:
+        raise CommandError(f"{text} is no whole number of {unit}")
+    return us // _UNIT_US[unit]
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    usage: str
+    make: Callable[[Sequence[str], Span], Step]
+
+    @property
+    def count(self) -> tuple[int, int]:
+        words = self.usage.split()
+        return sum(not w.startswith("[") for w in words), len(words)
+
+
+def _target(action: Action) -> Callable[[Sequence[str], Span], Step]:
+    return lambda words, span: Step(span=span, at_ns=0, action=action, target=words[0])
+
+
+def _button(action: Action) -> Callable[[Sequence[str], Span], Step]:
+    return lambda _, span: Step(span=span, at_ns=0, action=action, target="reset")
+
+
+def _values(action: Action, high: int) -> Callable[[Sequence[str], Span], Step]:
+    def make(words: Sequence[str], span: Span) -> Step:
+        return Step(span=span, at_ns=0, action=action, values={words[0]: _number(words[1], high)})
+
+    return make
+
+
+def _times(action: Action) -> Callable[[Sequence[str], Span], Step]:
+    def make(words: Sequence[str], span: Span) -> Step:
+        return Step(span=span, at_ns=0, action=action, values={words[0]: _time(words[1], "ms")})
+
+    return make
+
+
+def _count(action: Action) -> Callable[[Sequence[str], Span], Step]:
+    def make(words: Sequence[str], span: Span) -> Step:
+        return Step(span=span, at_ns=0, action=action, number=_number(words[0], 1_000_000))
+
+    return make
+
+
+def _duration(action: Action, unit: str) -> Callable[[Sequence[str], Span], Step]:
+    def make(words: Sequence[str], span: Span) -> Step:
+        return Step(span=span, at_ns=0, action=action, number=_time(words[0], unit))
+
+    return make
+
+
+def _swap(words: Sequence[str], span: Span) -> Step:
+    if words[0] == words[1]:
+        raise CommandError(f"{words[0]} is swapped with itself; name two")
+    return Step(span=span, at_ns=0, action=Action.SWAP, target=words[0], other=words[1])
+
+
+def _wrong(words: Sequence[str], span: Span) -> Step:
+    names = ("vendor", "product", "revision")
+    values = {n: _number(w, _WORD) for n, w in zip(names, words[1:], strict=False)}
+    return Step(span=span, at_ns=0, action=Action.WRONG, target=words[0], values=values)
+
+
+def _sdo_abort(words: Sequence[str], span: Span) -> Step:
+    index, colon, sub = words[1].partition(":")
+    values = {"index": _number(index, 0xFFFF), "code": _number(words[2], _WORD)}
+    if colon:
+        values["sub"] = _number(sub, 0xFF)
+    return Step(span=span, at_ns=0, action=Action.SDO_ABORT, target=words[0], values=values)
+
+
+_FORMS = {
+    "break": _Form("SUBDEVICE", _target(Action.BREAK)),
+    "heal": _Form("SUBDEVICE", _target(Action.HEAL)),
+    "power-cycle": _Form("SUBDEVICE", _target(Action.POWER_CYCLE)),
+    "local-reset": _Form("CONNECTION", _target(Action.LOCAL_RESET)),
+    "press": _Form("", _button(Action.PRESS)),
+    "release": _Form("", _button(Action.RELEASE)),
+    "set": _Form("SIGNAL VALUE", _values(Action.SET, 2**64 - 1)),
+    "fsoe-address": _Form("SUBDEVICE ADDRESS", _values(Action.FSOE_ADDRESS, 0xFFFF)),
+    "cut": _Form("SUBDEVICE|main", _target(Action.CUT)),
+    "splice": _Form("SUBDEVICE|main", _target(Action.SPLICE)),
+    "swap": _Form("SUBDEVICE SUBDEVICE", _swap),
+    "wrong": _Form("SUBDEVICE VENDOR PRODUCT [REVISION]", _wrong),
+    "right": _Form("SUBDEVICE", _target(Action.RIGHT)),
+    "sdo-abort": _Form("SUBDEVICE INDEX[:SUB] CODE", _sdo_abort),
+    "mailbox-delay": _Form("SUBDEVICE TIME", _times(Action.MAILBOX_DELAY)),
+    "al-delay": _Form("SUBDEVICE TIME", _times(Action.AL_DELAY)),
+    "rx-errors": _Form("SUBDEVICE ERRORS", _values(Action.RX_ERRORS, 255)),
+    "lose": _Form("FRAMES", _count(Action.LOSE)),
+    "lose-every": _Form("FRAMES", _count(Action.LOSE_EVERY)),
+    "repeat": _Form("FRAMES", _count(Action.REPEAT)),
+    "delay": _Form("TIME", _duration(Action.DELAY, "us")),
+    "stall": _Form("TIME", _duration(Action.STALL, "ms")),
+}
+_KNOWN = [*_FORMS, "status"]

@@ -1,0 +1,77 @@
+"""What steps do to an emulated segment: cables, identities, mailboxes, frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fsoe_net.core import Segment
+from fsoe_net.model import Action, Step
+
+__all__ = ["apply_step"]
+
+_MS = 1_000_000
+_FSOE_ADDRESS = 0xF980
+
+
+def apply_step(segment: Segment, step: Step) -> None:
+    """Do what a step means for the segment; steps that mean nothing to it do nothing.
+
+    Raises:
+        CoreError: More SDO aborts than a SubDevice can keep.
+    """
+    if step.action in _FRAMES:
+        _FRAMES[step.action](segment, step.number)
+    elif step.action in _EACH:
+        for name, value in step.values.items():
+            _EACH[step.action](segment, segment.position(name), value)
+    elif step.action in _ONE:
+        _ONE[step.action](segment, step)
+
+
+def _swap(segment: Segment, step: Step) -> None:
+    segment.swap(segment.position(step.target), segment.position(step.other))
+
+
+def _wrong(segment: Segment, step: Step) -> None:
+    v = step.values
+    told = v.get("vendor", 0), v.get("product", 0), v.get("revision", 0)
+    segment.set_identity(segment.position(step.target), told)
+
+
+def _sdo_abort(segment: Segment, step: Step) -> None:
+    v, position = step.values, segment.position(step.target)
+    segment.set_sdo_abort(position, v.get("index", 0), v.get("sub"), v.get("code", 0))
+
+
+def _cable(segment: Segment, step: Step) -> None:
+    by_name = step.target in segment.names
+    position = segment.position(step.target) if by_name else None  # "main"
+    segment.set_link(position, step.action is Action.SPLICE)
+
+
+def _address(segment: Segment, position: int, address: int) -> None:
+    segment.set_object(position, _FSOE_ADDRESS, 1, address.to_bytes(2, "little"))
+
+
+_FRAMES: dict[Action, Callable[[Segment, int], None]] = {
+    Action.LOSE: Segment.lose,
+    Action.LOSE_EVERY: Segment.lose_every,
+    Action.REPEAT: Segment.repeat,
+    Action.DELAY: lambda segment, us: segment.set_delay(us * 1000),
+    Action.STALL: lambda segment, ms: segment.stall(ms * _MS),
+}
+_EACH: dict[Action, Callable[[Segment, int, int], None]] = {
+    Action.MAILBOX_DELAY: lambda segment, at, ms: segment.set_mailbox_delay(at, ms * _MS),
+    Action.AL_DELAY: lambda segment, at, ms: segment.set_al_delay(at, ms * _MS),
+    Action.RX_ERRORS: lambda segment, at, errors: segment.rx_errors(at, 0, errors),
+    Action.FSOE_ADDRESS: _address,
+}
+_ONE: dict[Action, Callable[[Segment, Step], None]] = {
+    Action.CUT: _cable,
+    Action.SPLICE: _cable,
+    Action.SWAP: _swap,
+    Action.WRONG: _wrong,
+    Action.RIGHT: lambda segment, step: segment.set_identity(segment.position(step.target), None),
+    Action.SDO_ABORT: _sdo_abort,
+    Action.POWER_CYCLE: lambda segment, step: segment.power_cycle(segment.position(step.target)),
+}

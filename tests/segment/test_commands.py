@@ -1,0 +1,179 @@
+"""Commands and scenario steps on an emulated segment, in memory."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from networks import example
+from segment.test_emulate import ESTOP
+from segment.test_peers import NAMESPACE, ROOT, missing
+from segment.wire import read_frame
+
+from fsoe_net.load import load_scenario
+from fsoe_net.model import Action
+from fsoe_net.plan import compile_plan
+from fsoe_net.run import SegmentSession, Session, counted_session_ids
+from fsoe_net.run.commands import CommandError, parse_command
+
+
+def estop(kind=SegmentSession, scenario=None):
+    resolution = example("estop")
+    return kind(
+        resolution, compile_plan(resolution).to_bytes(), scenario, session_ids=counted_session_ids()
+    )
+
+
+def found_by_scan(session, now_ns):
+    answer = session.segment.frame(read_frame(7, 0, 0, 1), now_ns)
+    return None if answer is None else answer[-2]
+
+
+@pytest.mark.parametrize(
+    ("line", "action", "target", "number", "values"),
+    [
+        ("break el1904", Action.BREAK, "el1904", 0, {}),
+        ("wrong a 0x2 0x1234", Action.WRONG, "a", 0, {"vendor": 2, "product": 0x1234}),
+        ("sdo-abort a 0x1c12 7", Action.SDO_ABORT, "a", 0, {"index": 0x1C12, "code": 7}),
+        (
+            "sdo-abort a 0x1c12:3 7",
+            Action.SDO_ABORT,
+            "a",
+            0,
+            {"index": 0x1C12, "sub": 3, "code": 7},
+        ),
+        ("lose 10  # frames", Action.LOSE, "", 10, {}),
+        ("delay 500us", Action.DELAY, "", 500, {}),
+        ("delay 2ms", Action.DELAY, "", 2000, {}),
+        ("delay 0", Action.DELAY, "", 0, {}),
+        ("stall 1s", Action.STALL, "", 1000, {}),
+        ("mailbox-delay a 20ms", Action.MAILBOX_DELAY, "", 0, {"a": 20}),
+        ("press", Action.PRESS, "reset", 0, {}),
+    ],
+)
+def test_what_a_line_says(line, action, target, number, values):
+    step = parse_command(line, 1).step
+    assert (step.action, step.target, step.number, step.values) == (action, target, number, values)
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("brake el1904", "did you mean break"),
+        ("xyz", "known: break, heal"),
+        ("xyz", "status"),
+        ("break", "write: break SUBDEVICE"),
+        ("press it", "write: press"),
+        ("wrong a 1", "write: wrong SUBDEVICE VENDOR PRODUCT [REVISION]"),
+        ("lose many", "no number"),
+        ("lose -1", "not in 0"),
+        ("lose " + "9" * 5000, "not in 0"),
+        ("delay 5", "no time"),
+        ("delay \u0665ms", "no time"),
+        ("stall 500us", "no whole number of ms"),
+        ("stall 5000s", "more than an hour"),
+        ("swap a a", "itself"),
+        ("sdo-abort a 0x1c12: 7", "no number"),
+    ],
+)
+def test_what_is_no_command(line, says):
+    with pytest.raises(CommandError) as fault:
+        parse_command(line, 1)
+    assert says in str(fault.value)
+
+
+def test_nothing_is_no_command():
+    assert parse_command("  # remark", 1) is None
+    assert parse_command("", 1) is None
+
+
+def test_commands_reach_the_segment():
+    session = estop()
+    assert found_by_scan(session, 1) == 2
+    for line, wanted in (
+        ("break el1918", 1),
+        ("heal el1918", 2),
+        ("cut ek1914", 1),
+        ("splice ek1914", 2),
+        ("cut main", None),
+        ("splice main", 2),
+        ("lose 1", None),
+        ("swap ek1914 el1918", 2),
+        ("wrong el1918 7 8", 2),
+        ("power-cycle el1918", 2),
+        ("lose-every 1", None),
+        ("lose-every 0", 2),
+    ):
+        assert session.command(line, 1, 5) == "ok", line
+        assert found_by_scan(session, 10) == wanted, line
+    sii = bytes.fromhex("ffffffffffff 010101010101 88a4 1210")
+    sii += bytes.fromhex("02 00 0000 0205 0600 0000 000108000000 0000")
+    assert session.segment.frame(sii, 20)[-2] == 1
+    answer = session.segment.frame(read_frame(1, 0, 0x0508, 8), 21)
+    assert answer[26:34] == b"\7\0\0\0\x08\0\0\0"  # the swapped one is first, and another
+    assert "ek1914 INIT" in session.command("status", 1, 30)
+    assert "2 lost" in session.command("status", 1, 30)
+    texts = [e.text for e in session.engine.events if e.source == "command"]
+    assert "swap ek1914 and el1918" in texts
+    assert "wrong el1918: vendor = 7, product = 8" in texts
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("break ek1915", "write ek1914"),
+        ("swap ek1914 nobody", "no SubDevice 'nobody'"),
+        ("fsoe-address el1918 3", "no SubInstance"),
+        ("fsoe-address ek1914 0", "it holds 1"),
+        ("set nobody 1", "no input"),
+        ("nonsense", "known: break"),
+    ],
+)
+def test_refused(line, says):
+    answer = estop().command(line, 1, 0)
+    assert answer.startswith("refused: ")
+    assert says in answer
+
+
+def test_another_address_is_told_and_refused():
+    """Turned address switches: the object says so, and FSoE ends with code 6 in Connection."""
+    session = estop()
+    assert session.command("fsoe-address ek1914 77", 1, 0) == "ok"
+    assert session.network.subs["el1918-ek1914"].instance.config.address == 77
+
+
+def test_a_run_without_a_segment_says_so(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text("version: 1\nsteps:\n  - {at_ms: 1, lose: 3}\n", "utf-8")
+    scenario, found = load_scenario(path)
+    assert found == []
+    (finding,) = estop(Session, scenario).scenario_findings()
+    assert "fsoe-net emulate" in finding.hint
+    assert str(finding.span).endswith("s.yaml:3:22")
+    assert estop(SegmentSession, scenario).scenario_findings() == []
+
+
+def test_lines_on_standard_input():
+    """Answers come for good and bad lines, and the end of input does not end the emulation."""
+    why = missing("json")
+    if why:
+        pytest.skip(why)
+    script = (
+        "ip link add near type veth peer name far; ip link set near up; ip link set far up;"
+        f"exec {sys.executable} -m fsoe_net.cli emulate {ESTOP} --interface far --commands"
+        " --duration 0.5"
+    )
+    done = subprocess.run(
+        [*NAMESPACE, "sh", "-c", script],
+        input="cut ek1914\nbroke it\n\nstatus",
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[1] == "ok"
+    assert "refused: unknown command 'broke'" in done.stderr
+    assert "0 frames, 0 lost" in done.stderr
+    assert "command: cut ek1914" in done.stdout
