@@ -21,7 +21,8 @@ struct rig {
     void *bus;
     struct fsn_core *core;
     struct fsn_fault fault;
-    uint8_t beat; /**< what the SubDevices deliver, changed by each check */
+    const char *second; /**< interface at the other end of the ring */
+    uint8_t beat;       /**< what the SubDevices deliver, changed by each check */
 };
 
 static uint64_t now_ns(void) {
@@ -48,11 +49,12 @@ static uint8_t *build(size_t *len) {
                             .sm = sms,
                             .copies = copies,
                             .pairs = SUBDEVICES - 1,
-                            .cycle_ns = 1000000};
+                            .cycle_ns = 1000000,
+                            .sdo_count = 1};
     return build_plan(&b, len);
 }
 
-static struct rig *set_up(void) {
+static struct rig *set_up_with(const char *second) {
     struct rig *rig = calloc(1, sizeof *rig);
     CHECK(rig != NULL);
     size_t len;
@@ -60,12 +62,19 @@ static struct rig *set_up(void) {
     CHECK(fsn_plan_load(rig->bytes, len, &rig->plan, NULL) == FSN_OK);
     CHECK(fsn_plan_load(rig->bytes, len, &rig->plan_of_segment, NULL) == FSN_OK);
     CHECK(fsn_segment_create(rig->plan_of_segment, &rig->segment) == FSN_OK);
-    CHECK(fsn_segment_link(rig->segment, "far", NULL) == FSN_OK);
+    const struct fsn_segment_link_options options = {.interface = "far", .interface2 = second};
+    CHECK(fsn_segment_link(rig->segment, &options, NULL) == FSN_OK);
+    rig->second = second != NULL ? "near2" : NULL;
     return rig;
 }
 
+static struct rig *set_up(void) {
+    return set_up_with(NULL);
+}
+
 static fsn_status open_bus(struct rig *rig) {
-    const struct fsn_live_options options = {.interface = "near", .dc_every = 5};
+    const struct fsn_live_options options = {
+        .interface = "near", .redundant = rig->second, .dc_every = 5};
     CHECK(fsn_backend_soem()->create(&options, &rig->bus, &rig->fault) == FSN_OK);
     const fsn_status status =
         fsn_core_create(rig->plan, fsn_backend_soem()->ops, rig->bus, &rig->core, &rig->fault);
@@ -103,8 +112,7 @@ static void tend_until(struct rig *rig, uint32_t n, uint8_t al_state) {
     exit(1);
 }
 
-static struct rig *bring_up(void) {
-    struct rig *rig = set_up();
+static struct rig *bring_up_from(struct rig *rig) {
     if (open_bus(rig) != FSN_OK) {
         fprintf(stderr, "%s: %s\n", rig->fault.rule, rig->fault.detail);
         exit(1);
@@ -115,6 +123,10 @@ static struct rig *bring_up(void) {
         tend_until(rig, n, FSN_AL_OP);
     }
     return rig;
+}
+
+static struct rig *bring_up(void) {
+    return bring_up_from(set_up());
 }
 
 /** Whether a frame goes from sub `k` to its place in the main, and one from there to the sub. */
@@ -192,6 +204,99 @@ static void power_cycles_and_lost_frames(void) {
     tear_down(rig);
 }
 
+static struct fsn_statistics statistics(struct rig *rig) {
+    struct fsn_statistics s;
+    CHECK(fsn_core_snapshot(rig->core, &s, NULL, NULL) == FSN_OK);
+    return s;
+}
+
+/** The segment holds everything back for a while and then gives it out at once; then it brings one
+ *  answer again and again. Nothing old is ever taken for new. */
+static void stalls_and_repetitions(void) {
+    struct rig *rig = bring_up();
+    for (uint64_t ms = 30; ms <= 200; ms += 34) {
+        const uint64_t old = statistics(rig).old_replies;
+        fsn_segment_stall(rig->segment, ms * 1000000);
+        while (statistics(rig).old_replies - old < ms / 4) {
+            pause_ms(1);
+        }
+        for (uint32_t k = 1; k < SUBDEVICES; k++) {
+            tend_until(rig, k, FSN_AL_OP);
+            CHECK(flows(rig, k)); /* the newest bytes, not those of before the stall */
+        }
+        pause_ms(20);
+        const struct fsn_statistics before = statistics(rig);
+        pause_ms(50);
+        const struct fsn_statistics after = statistics(rig);
+        /* On a busy machine a reply may come after the next frame was sent; not each time. */
+        CHECK(2 * (after.old_replies - before.old_replies) < after.cycles - before.cycles);
+    }
+    const uint64_t old = statistics(rig).old_replies;
+    fsn_segment_repeat(rig->segment, 100);
+    while (statistics(rig).old_replies < old + 50) {
+        pause_ms(1);
+    }
+    CHECK(flows(rig, 1) && flows(rig, 2) && flows(rig, 3));
+    tear_down(rig);
+}
+
+/** Another device, and the right ones in each other's place, are not led anywhere. */
+static void wrong_devices_stay_out(void) {
+    struct rig *rig = bring_up();
+    const struct fsn_segment_identity other = {.vendor_id = 2, .product_code = 3, .revision = 4};
+    fsn_segment_set_present(rig->segment, 3, false);
+    tend_until(rig, 3, 0);
+    CHECK(fsn_segment_set_identity(rig->segment, 3, &other) == FSN_OK);
+    fsn_segment_set_present(rig->segment, 3, true);
+    while (look(rig, 3).found != FSN_FOUND_IDENTITY) {
+        CHECK(flows(rig, 1) && flows(rig, 2));
+    }
+    CHECK(look(rig, 3).vendor_id == 2 && look(rig, 3).product_code == 3);
+    CHECK(strstr(look(rig, 3).detail, "found vendor 0x00000002") != NULL);
+    CHECK(look(rig, 3).al_status == 0 && !flows(rig, 3));
+    CHECK(fsn_segment_set_identity(rig->segment, 3, NULL) == FSN_OK);
+    fsn_segment_power_cycle(rig->segment, 3);
+    tend_until(rig, 3, FSN_AL_OP);
+    CHECK(flows(rig, 3));
+    fsn_segment_set_present(rig->segment, 2, false);
+    tend_until(rig, 2, 0);
+    CHECK(fsn_segment_swap(rig->segment, 2, 3) == FSN_OK);
+    fsn_segment_set_present(rig->segment, 2, true);
+    while (look(rig, 2).found != FSN_FOUND_IDENTITY) {
+        CHECK(flows(rig, 1));
+    }
+    CHECK(!flows(rig, 2) && !flows(rig, 3));
+    tear_down(rig);
+}
+
+/** A cut cable between any two SubDevices of a ring disturbs nobody, and is named. */
+static void a_ring_survives_each_cable(void) {
+    struct rig *rig = bring_up_from(set_up_with("far2"));
+    for (uint32_t cable = 0; cable < SUBDEVICES; cable++) {
+        const uint32_t front = cable == 0 ? FSN_NONE : cable - 1;
+        for (uint32_t k = 1; k < SUBDEVICES; k++) {
+            CHECK(flows(rig, k));
+        }
+        CHECK(fsn_segment_set_link(rig->segment, front, false) == FSN_OK);
+        for (int i = 0; i < 5; i++) {
+            for (uint32_t k = 1; k < SUBDEVICES; k++) {
+                CHECK(flows(rig, k));
+            }
+        }
+        for (uint32_t n = 0; n < SUBDEVICES; n++) {
+            CHECK(look(rig, n).al_status == FSN_AL_OP && look(rig, n).returns == 0);
+        }
+        if (front != FSN_NONE) {
+            while (look(rig, front).link[1] != 0 || look(rig, cable).link[0] != 0) {
+                CHECK(flows(rig, 1)); /* one SubDevice after the other is asked for its links */
+            }
+            CHECK(look(rig, front).link_lost[1] > 0 && look(rig, cable).link_lost[0] > 0);
+        }
+        CHECK(fsn_segment_set_link(rig->segment, front, true) == FSN_OK);
+    }
+    tear_down(rig);
+}
+
 static void stops_step_by_step(void) {
     struct rig *rig = bring_up();
     for (int i = 0; i < 1000 && !fsn_core_tend(rig->core, FSN_AL_SAFEOP, now_ns()); i++) {
@@ -236,6 +341,10 @@ static void refusals(void) {
     free(other);
     refuses(FSN_E_BUS_IDENTITY, "found vendor", rig);
 
+    rig = set_up();
+    CHECK(fsn_segment_set_sdo_abort(rig->segment, 3, 0x8000, 1, 0x06090011) == FSN_OK);
+    refuses(FSN_E_BUS_SDO, "0x8000:01: abort code 0x06090011", rig);
+
     rig = bring_up();
     void *second;
     struct fsn_core *none;
@@ -266,7 +375,9 @@ static bool make_network(void) {
         return false;
     }
     return system("ip link set lo up && ip link add near type veth peer name far && "
-                  "ip link set near up && ip link set far up") == 0;
+                  "ip link set near up && ip link set far up && "
+                  "ip link add near2 type veth peer name far2 && "
+                  "ip link set near2 up && ip link set far2 up") == 0;
 }
 
 int main(void) {
@@ -277,6 +388,9 @@ int main(void) {
     frames_flow();
     each_is_unplugged_and_returns();
     power_cycles_and_lost_frames();
+    stalls_and_repetitions();
+    wrong_devices_stay_out();
+    a_ring_survives_each_cable();
     stops_step_by_step();
     refusals();
     return 0;
