@@ -13,6 +13,7 @@ from fsoe_net.run.commands import CommandError, parse_command
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.faults import apply_step
 from fsoe_net.run.fit import check_step
+from fsoe_net.run.live_objects import LiveObjects
 from fsoe_net.run.result import RunEvent, Verdict
 from fsoe_net.run.stage import DeviceSide, Stage
 
@@ -43,6 +44,8 @@ class SegmentSession(Stage):
 
     def _open(self) -> DeviceSide:
         self.segment = Segment(self.plan)
+        self._objects = LiveObjects(self.segment, self.network)
+        self._objects.update()
         return self.segment
 
     def _set_present(self, name: str, present: bool) -> None:
@@ -53,6 +56,11 @@ class SegmentSession(Stage):
 
     def _set_output(self, name: str, _value: int) -> None:
         self.engine.log(0, "run", f"{name} left alone: standard outputs are the MainDevice's")
+
+    def step_devices(self, now_ns: int) -> None:
+        """Let everything take one step, and the devices tell what has become of it."""
+        super().step_devices(now_ns)
+        self._objects.update()
 
     def states(self) -> dict[str, AlStatus]:
         """Return the AL state of every SubDevice."""

@@ -10,7 +10,6 @@ from fsoe_net.model import Action, Step
 __all__ = ["apply_step"]
 
 _MS = 1_000_000
-_FSOE_ADDRESS = 0xF980
 
 
 def apply_step(segment: Segment, step: Step) -> None:
@@ -49,10 +48,6 @@ def _cable(segment: Segment, step: Step) -> None:
     segment.set_link(position, step.action is Action.SPLICE)
 
 
-def _address(segment: Segment, position: int, address: int) -> None:
-    segment.set_object(position, _FSOE_ADDRESS, 1, address.to_bytes(2, "little"))
-
-
 _FRAMES: dict[Action, Callable[[Segment, int], None]] = {
     Action.LOSE: Segment.lose,
     Action.LOSE_EVERY: Segment.lose_every,
@@ -64,7 +59,6 @@ _EACH: dict[Action, Callable[[Segment, int, int], None]] = {
     Action.MAILBOX_DELAY: lambda segment, at, ms: segment.set_mailbox_delay(at, ms * _MS),
     Action.AL_DELAY: lambda segment, at, ms: segment.set_al_delay(at, ms * _MS),
     Action.RX_ERRORS: lambda segment, at, errors: segment.rx_errors(at, 0, errors),
-    Action.FSOE_ADDRESS: _address,
 }
 _ONE: dict[Action, Callable[[Segment, Step], None]] = {
     Action.CUT: _cable,

@@ -1,6 +1,7 @@
 """Commands and scenario steps on an emulated segment, in memory."""
 
 import os
+import struct
 import subprocess
 import sys
 
@@ -10,10 +11,11 @@ from segment.test_emulate import ESTOP
 from segment.test_peers import NAMESPACE, ROOT, missing
 from segment.wire import read_frame
 
+from fsoe_net.fsoe import State
 from fsoe_net.load import load_scenario
-from fsoe_net.model import Action
+from fsoe_net.model import Action, Step
 from fsoe_net.plan import compile_plan
-from fsoe_net.run import SegmentSession, Session, counted_session_ids
+from fsoe_net.run import SegmentSession, Session, counted_session_ids, run_virtual
 from fsoe_net.run.commands import CommandError, parse_command
 
 
@@ -135,11 +137,72 @@ def test_refused(line, says):
     assert says in answer
 
 
-def test_another_address_is_told_and_refused():
-    """Turned address switches: the object says so, and FSoE ends with code 6 in Connection."""
+class Sdo:
+    """Reads objects of a SubDevice by its place, as a MainDevice does."""
+
+    def __init__(self, segment, place):
+        self._segment, self._place = segment, -place & 0xFFFF
+        for number, (start, control) in enumerate([(0x1000, 0x26), (0x1080, 0x22)]):
+            self._write(0x0800 + 8 * number, struct.pack("<HHBBBB", start, 128, control, 0, 1, 0))
+        self._write(0x0120, b"\x12\0")
+
+    def _write(self, address, data):
+        head = bytes.fromhex("ffffffffffff 010101010101 88a4")
+        body = struct.pack(
+            "<HBBHHHH", 0x1000 | 12 + len(data), 2, 0, self._place, address, len(data), 0
+        )
+        answer = self._segment.frame(head + body + data + b"\0\0", 1)
+        assert answer[-2:] == b"\1\0"
+
+    def read(self, index, sub):
+        request = struct.pack("<HHBBHBHB4x", 10, 0, 0, 0x13, 0x2000, 0x40, index, sub)
+        self._write(0x1000, request.ljust(128, b"\0"))
+        answer = self._segment.frame(read_frame(1, self._place, 0x1080, 128), 1)
+        size = 4 - (answer[34] >> 2 & 3)
+        assert answer[34] & 0xE3 == 0x43, answer.hex()
+        return int.from_bytes(answer[38 : 38 + size], "little")
+
+
+def test_devices_tell_what_they_are():
+    """FSoE address, connection ID and state, as SDOs show them."""
     session = estop()
+    main, sub = Sdo(session.segment, 1), Sdo(session.segment, 0)
+    setup = session.network.setups[0]
+    assert sub.read(0xF980, 0) == 1
+    assert sub.read(0xF980, 1) == setup.address
+    assert main.read(0xE901, 0) == 4
+    told = [main.read(0xE901, n) for n in (1, 2, 3, 4)]
+    assert told == [100, setup.address, setup.connection_id, setup.watchdog_ms]
+    session.step_devices(0)
+    instance = session.network.mains["el1918-ek1914"].instance
+    for state, number in zip(State, range(100, 104), strict=False):
+        instance.state = state
+        session._objects.update()
+        assert main.read(0xE901, 1) == number
+    instance.state = State.DATA
+    session._objects.update()
+    assert main.read(0xE901, 1) == 105  # nothing valid has come in
+
+
+def test_another_address_is_told():
+    """Turned address switches: the object says so at once, the end from its next Connection."""
+    session = estop()
+    sub = Sdo(session.segment, 0)
     assert session.command("fsoe-address ek1914 77", 1, 0) == "ok"
     assert session.network.subs["el1918-ek1914"].instance.config.address == 77
+    session.step_devices(0)
+    assert sub.read(0xF980, 1) == 77
+    assert session.command("power-cycle ek1914", 1, 0) == "ok"
+    assert Sdo(session.segment, 0).read(0xF980, 1) == 77
+
+
+def test_another_address_ends_with_code_6():
+    """In a run as well: the SubInstance refuses the address it was not given."""
+    session = estop(Session)
+    session.engine.do(Step(at_ns=0, action=Action.FSOE_ADDRESS, values={"ek1914": 77}), 0)
+    result = run_virtual(session, 100_000_000)
+    assert result.connections[0].last_reset_code == 6
+    assert result.connections[0].state != "data_process"
 
 
 def test_a_run_without_a_segment_says_so(tmp_path):
