@@ -96,6 +96,9 @@ static void watchdogs_are_counted(void) {
     CHECK(shows(&rig, 0, 0x0442, 2));
     CHECK(datagram(&rig, APWR, 0, 0x0443, "", 1) == 1);
     CHECK(shows(&rig, 0, 0x0442, 0));
+    const uint8_t times[0x44] = {0xC2, 0x09, [0x20] = 0x88, [0x42] = 7};
+    CHECK(datagram(&rig, APWR, 0, 0x0400, times, sizeof times) == 1);
+    CHECK(shows(&rig, 0, 0x0442, 0) && shows(&rig, 0, 0x0420, 0x0088));
     tear_down(&rig);
 }
 

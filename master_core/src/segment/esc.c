@@ -26,6 +26,8 @@ static const struct {
     uint16_t from, to; /**< first byte, and the first one behind */
     bool writable;
 } registers[] = {
+    {ESC_PROCESS_DATA, ESC_MEMORY_BYTES, true}, /* what every frame touches comes first */
+    {REG_DC_RECEIVE, REG_DC_END, true},
     {0x0000, 0x000A, false}, /* type, FMMUs, SMs, ports, features */
     {REG_STATION, 0x0012, true},
     {REG_ALIAS, 0x0014, false},
@@ -45,8 +47,6 @@ static const struct {
     {REG_SII_ASSIGN, 0x0510, true},
     {REG_FMMU, REG_FMMU + 16 * ESC_FMMUS, true},
     {REG_SM, REG_SM + 8 * ESC_SMS, true},
-    {REG_DC_RECEIVE, REG_DC_END, true},
-    {ESC_PROCESS_DATA, ESC_MEMORY_BYTES, true},
 };
 
 static bool exists(uint16_t address, uint16_t size_bytes, bool write) {
@@ -80,6 +80,18 @@ static bool touches(uint16_t address, uint16_t size_bytes, uint16_t at, uint16_t
     return address < at + length && (uint32_t)address + size_bytes > at;
 }
 
+static void read_bytes(const struct esc *esc, uint32_t address, uint8_t *data, uint32_t size,
+                       bool or_in) {
+    if (!or_in && address + size <= ESC_MEMORY_BYTES) {
+        memcpy(data, esc->memory + address, size);
+        return;
+    }
+    for (uint32_t i = 0; i < size; i++) {
+        const uint8_t byte = address + i < ESC_MEMORY_BYTES ? esc->memory[address + i] : 0;
+        data[i] = or_in ? (uint8_t)(data[i] | byte) : byte;
+    }
+}
+
 bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_bytes, bool or_in) {
     if (!exists(address, size_bytes, false) || !esc_sm_allows(esc, address, size_bytes, false)) {
         return false;
@@ -89,17 +101,13 @@ bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_by
                   local_time(esc) + esc_get64(esc->memory + REG_DC_OFFSET));
     }
     esc_sm_before_read(esc, address, size_bytes);
-    for (uint32_t i = 0; i < size_bytes; i++) {
-        const uint32_t at = address + i;
-        const uint8_t byte = at < ESC_MEMORY_BYTES ? esc->memory[at] : 0;
-        data[i] = or_in ? (uint8_t)(data[i] | byte) : byte;
-    }
+    read_bytes(esc, address, data, size_bytes, or_in);
     esc_sm_after_read(esc, address, size_bytes);
     return true;
 }
 
 /** A write to any counter clears the group it belongs to, whatever is written. */
-static bool clear_counters(struct esc *esc, uint16_t address, uint16_t size_bytes) {
+static void clear_counters(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     static const struct {
         uint16_t from, bytes;
     } groups[] = {{REG_RX_ERRORS, 12},
@@ -107,38 +115,63 @@ static bool clear_counters(struct esc *esc, uint16_t address, uint16_t size_byte
                   {REG_PDI_ERRORS, 1},
                   {REG_LOST_LINK, 4},
                   {REG_WD_COUNT, 2}};
-    bool hit = false;
     for (size_t i = 0; i < sizeof groups / sizeof groups[0]; i++) {
         if (touches(address, size_bytes, groups[i].from, groups[i].bytes)) {
             memset(esc->memory + groups[i].from, 0, groups[i].bytes);
-            hit = true;
         }
     }
-    return hit;
 }
 
-bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t size_bytes) {
-    if (!exists(address, size_bytes, true) || !esc_sm_allows(esc, address, size_bytes, true)) {
-        return false;
+/** Time after which outputs are missed, from the divider and the limit in the registers. */
+static void load_watchdog(struct esc *esc) {
+    const uint64_t divider = esc_get16(esc->memory + REG_WD_DIVIDER) + 2u;
+    esc->watchdog_ns = divider * 40u * esc_get16(esc->memory + REG_WD_PROCESS_DATA);
+}
+
+/** Registers do something when they are written. */
+static void act(struct esc *esc, uint16_t address, uint16_t size_bytes) {
+    clear_counters(esc, address, size_bytes);
+    if (touches(address, size_bytes, REG_FMMU, 16 * ESC_FMMUS)) {
+        esc_fmmu_load(esc);
     }
-    if (clear_counters(esc, address, size_bytes)) {
-        return true;
+    if (touches(address, size_bytes, REG_SM, 8 * ESC_SMS)) {
+        esc_sm_load(esc);
     }
-    if (touches(address, size_bytes, REG_DC_RECEIVE, 4) ||
-        touches(address, size_bytes, REG_DC_TIME, 8)) {
-        return true; /* receive times are latched by the segment; the clock follows its offset */
-    }
-    for (uint32_t i = 0; i < size_bytes; i++) {
-        const uint32_t at = address + i;
-        if (at < ESC_MEMORY_BYTES && byte_writable(at)) {
-            esc->memory[at] = data[i];
-        }
+    if (touches(address, size_bytes, REG_WD_DIVIDER, REG_WD_STATUS - REG_WD_DIVIDER)) {
+        load_watchdog(esc);
     }
     if (touches(address, size_bytes, REG_AL_CONTROL, 1)) {
         esc_al_control(esc);
     }
     if (touches(address, size_bytes, REG_SII_CONTROL + 1, 1)) {
         esc_sii_command(esc);
+    }
+}
+
+static void write_registers(struct esc *esc, uint16_t address, const uint8_t *data,
+                            uint16_t size_bytes) {
+    for (uint32_t i = 0; i < size_bytes; i++) {
+        const uint32_t at = address + i;
+        if (at < ESC_MEMORY_BYTES && byte_writable(at)) {
+            esc->memory[at] = data[i];
+        }
+    }
+    act(esc, address, size_bytes);
+}
+
+bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t size_bytes) {
+    if (!exists(address, size_bytes, true) || !esc_sm_allows(esc, address, size_bytes, true)) {
+        return false;
+    }
+    if (touches(address, size_bytes, REG_DC_RECEIVE, 4) ||
+        touches(address, size_bytes, REG_DC_TIME, 8)) {
+        return true; /* receive times are latched by the segment; the clock follows its offset */
+    }
+    if (address >= ESC_PROCESS_DATA) {
+        const uint32_t room = (uint32_t)ESC_MEMORY_BYTES - address;
+        memcpy(esc->memory + address, data, size_bytes < room ? size_bytes : room);
+    } else {
+        write_registers(esc, address, data, size_bytes);
     }
     esc_sm_after_write(esc, address, size_bytes);
     return true;
@@ -207,12 +240,11 @@ void esc_idle(struct esc *esc, uint64_t now_ns) {
     if (esc->al_pending && now_ns >= esc->al_due_ns) {
         esc_al_decide(esc);
     }
-    esc_mailbox_out(esc);
-    const uint32_t divider = esc_get16(esc->memory + REG_WD_DIVIDER) + 2u;
-    const uint64_t limit_ns =
-        (uint64_t)divider * 40u * esc_get16(esc->memory + REG_WD_PROCESS_DATA);
-    if (esc_state(esc) == AL_OP && limit_ns > 0 && esc->outputs_seen && now_ns > esc->outputs_ns &&
-        now_ns - esc->outputs_ns > limit_ns) {
+    if (esc->answer_bytes > 0) {
+        esc_mailbox_out(esc);
+    }
+    if (esc->watchdog_ns > 0 && esc->outputs_seen && now_ns > esc->outputs_ns &&
+        now_ns - esc->outputs_ns > esc->watchdog_ns && esc_state(esc) == AL_OP) {
         esc->memory[REG_WD_STATUS] = 0;
         esc_count(esc->memory + REG_WD_COUNT, 1);
         esc_al_error(esc, AL_SAFEOP, AL_CODE_WATCHDOG);
@@ -265,6 +297,9 @@ void esc_power_on(struct esc *esc) {
     esc->outputs_seen = false;
     esc->al_pending = false;
     esc->answer_due_ns = 0;
+    load_watchdog(esc);
+    esc_sm_load(esc);
+    esc_fmmu_load(esc);
     objects_reset(&esc->objects);
     show_identity(esc, esc->faults.is_other ? &esc->faults.other : &esc->identity);
 }

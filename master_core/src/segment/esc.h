@@ -107,28 +107,49 @@ struct esc_faults {
     uint32_t abort_count;
 };
 
+/** A sync manager as its registers say; number counts from 0. */
+struct esc_sm {
+    uint16_t start, length;
+    uint8_t number;
+    bool mailbox, from_device; /**< from_device: the bus reads it */
+};
+
+/** An FMMU as its registers say. */
+struct esc_fmmu {
+    uint32_t logical;
+    uint16_t length, physical;
+    uint8_t start_bit, end_bit, physical_bit;
+    bool read, write, whole_bytes;
+};
+
+/** What frames touch comes first, the memory last. The tables repeat registers, and hold only what
+ *  is switched on: they are made anew whenever those registers are written. */
 struct esc {
-    uint8_t memory[ESC_MEMORY_BYTES];
+    uint64_t now_ns;               /**< of the frame being processed */
+    uint64_t outputs_ns;           /**< when outputs were written last */
+    uint64_t watchdog_ns;          /**< 0: off */
+    uint32_t fmmu_begin, fmmu_end; /**< logical addresses of all of them */
+    uint8_t fmmu_count, sm_count;
+    bool has_mailbox;
+    bool outputs_seen; /**< since PREOP */
+    bool al_pending;   /**< a request waits until al_due_ns */
+    uint16_t answer_bytes;
+    struct esc_fmmu fmmus[ESC_FMMUS];
+    struct esc_sm sms[ESC_SMS];
     struct esc_buffer buffers[ESC_SMS];
-    uint8_t sm_count;
     uint8_t *sii; /**< contents of the EEPROM */
     size_t sii_bytes;
     struct objects objects;
     uint8_t answer[ESC_MAILBOX_BYTES]; /**< waits until SM1 is empty */
-    uint16_t answer_bytes;
     uint64_t answer_due_ns;
     uint8_t mailbox_counter;
     struct transfer transfer;
-    bool has_mailbox;
-    bool al_pending; /**< a request waits until al_due_ns */
     uint64_t al_due_ns;
     struct esc_identity identity; /**< its own */
     struct esc_faults faults;
     uint8_t ports;            /**< bit n: port n has a link */
-    uint64_t now_ns;          /**< of the frame being processed */
-    uint64_t outputs_ns;      /**< when outputs were written last */
-    bool outputs_seen;        /**< since PREOP */
     uint64_t clock_offset_ns; /**< its free-running clock starts somewhere */
+    uint8_t memory[ESC_MEMORY_BYTES];
 };
 
 /** One datagram as it passes. */
@@ -150,7 +171,7 @@ void esc_pass(struct esc *esc, struct datagram *datagram);
  *  @param[in] arrival_ns, return_ns  local time of the frame at port 0, and back from port 1. */
 void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns);
 
-/** What happens between frames: watchdogs, mailbox answers. */
+/** What happens between frames: watchdogs, mailbox answers, state transitions. */
 void esc_idle(struct esc *esc, uint64_t now_ns);
 
 /** Adds to an error counter; it stays at 255. */
@@ -169,6 +190,10 @@ void esc_al_error(struct esc *esc, uint8_t state, uint16_t code);
 
 /** A command to the SII interface (sii.c). */
 void esc_sii_command(struct esc *esc);
+
+/** Reads the registers of all sync managers, of all FMMUs anew (sm.c, fmmu.c). */
+void esc_sm_load(struct esc *esc);
+void esc_fmmu_load(struct esc *esc);
 
 /** Whether physical memory may be read or written now, because of mailbox sync managers (sm.c). */
 bool esc_sm_allows(const struct esc *esc, uint16_t address, uint16_t size_bytes, bool write);

@@ -5,19 +5,9 @@
 
 enum { CMD_LRD = 10, CMD_LWR = 11, CMD_LRW = 12 };
 
-struct fmmu {
-    uint32_t logical;
-    uint16_t length, physical;
-    uint8_t start_bit, end_bit, physical_bit;
-    bool read, write;
-};
-
-static bool get_fmmu(const struct esc *esc, unsigned number, struct fmmu *fmmu) {
+static bool get_fmmu(const struct esc *esc, unsigned number, struct esc_fmmu *fmmu) {
     const uint8_t *r = esc->memory + REG_FMMU + 16 * number;
-    if ((r[12] & 1) == 0) {
-        return false;
-    }
-    *fmmu = (struct fmmu){
+    *fmmu = (struct esc_fmmu){
         .logical = esc_get32(r),
         .length = esc_get16(r + 4),
         .start_bit = r[6] & 7,
@@ -27,11 +17,24 @@ static bool get_fmmu(const struct esc *esc, unsigned number, struct fmmu *fmmu) 
         .read = (r[11] & 1) != 0,
         .write = (r[11] & 2) != 0,
     };
-    return fmmu->length > 0;
+    fmmu->whole_bytes = fmmu->start_bit == 0 && fmmu->end_bit == 7 && fmmu->physical_bit == 0;
+    return (r[12] & 1) != 0 && fmmu->length > 0;
 }
 
-static bool is_whole_bytes(const struct fmmu *f) {
-    return f->start_bit == 0 && f->end_bit == 7 && f->physical_bit == 0;
+void esc_fmmu_load(struct esc *esc) {
+    esc->fmmu_count = 0;
+    esc->fmmu_begin = UINT32_MAX;
+    esc->fmmu_end = 0;
+    for (unsigned n = 0; n < ESC_FMMUS; n++) {
+        struct esc_fmmu *f = &esc->fmmus[esc->fmmu_count];
+        if (get_fmmu(esc, n, f)) {
+            const uint64_t end = (uint64_t)f->logical + f->length;
+            const uint32_t bounded = end < UINT32_MAX ? (uint32_t)end : UINT32_MAX;
+            esc->fmmu_begin = f->logical < esc->fmmu_begin ? f->logical : esc->fmmu_begin;
+            esc->fmmu_end = bounded > esc->fmmu_end ? bounded : esc->fmmu_end;
+            esc->fmmu_count++;
+        }
+    }
 }
 
 /** The part of a datagram that an FMMU maps: byte in the datagram, in the memory, and length. */
@@ -39,7 +42,7 @@ struct part {
     uint16_t in_datagram, address, length;
 };
 
-static bool overlap(const struct fmmu *f, uint32_t logical, uint16_t size_bytes,
+static bool overlap(const struct esc_fmmu *f, uint32_t logical, uint16_t size_bytes,
                     struct part *part) {
     const uint64_t begin = f->logical > logical ? f->logical : logical;
     const uint64_t f_end = (uint64_t)f->logical + f->length;
@@ -55,11 +58,11 @@ static bool overlap(const struct fmmu *f, uint32_t logical, uint16_t size_bytes,
 }
 
 /** First and last bit of an FMMU that is no multiple of bytes; they lie in one access. */
-static uint32_t bit_count(const struct fmmu *f) {
+static uint32_t bit_count(const struct esc_fmmu *f) {
     return 8u * f->length - f->start_bit - (7u - f->end_bit);
 }
 
-static bool read_bits(struct esc *esc, const struct fmmu *f, uint32_t logical, uint8_t *data,
+static bool read_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logical, uint8_t *data,
                       uint16_t size_bytes) {
     uint8_t bytes[64];
     const uint32_t bits = bit_count(f);
@@ -83,8 +86,8 @@ static bool read_bits(struct esc *esc, const struct fmmu *f, uint32_t logical, u
     return hit;
 }
 
-static bool write_bits(struct esc *esc, const struct fmmu *f, uint32_t logical, const uint8_t *data,
-                       uint16_t size_bytes) {
+static bool write_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logical,
+                       const uint8_t *data, uint16_t size_bytes) {
     uint8_t bytes[64];
     const uint32_t bits = bit_count(f);
     const uint16_t needed = (uint16_t)((f->physical_bit + bits + 7) / 8);
@@ -114,26 +117,26 @@ void esc_fmmu_pass(struct esc *esc, struct datagram *d) {
     const bool wants_write = d->command != CMD_LRD;
     bool read = false;
     bool written = false;
+    struct part p;
+    if (logical > esc->fmmu_end || (uint64_t)logical + d->size_bytes <= esc->fmmu_begin) {
+        return; /* nothing of it is mapped here */
+    }
     /* Writes first: inputs and outputs may lie at the same address, and what comes in is written.
      */
-    for (unsigned i = 0; i < ESC_FMMUS && wants_write; i++) {
-        struct fmmu f;
-        struct part p;
-        if (!get_fmmu(esc, i, &f) || !f.write || !overlap(&f, logical, d->size_bytes, &p)) {
-            continue;
+    for (unsigned i = 0; i < esc->fmmu_count && wants_write; i++) {
+        const struct esc_fmmu *f = &esc->fmmus[i];
+        if (f->write && overlap(f, logical, d->size_bytes, &p)) {
+            written |= f->whole_bytes ? esc_write(esc, p.address, d->data + p.in_datagram, p.length)
+                                      : write_bits(esc, f, logical, d->data, d->size_bytes);
         }
-        written |= is_whole_bytes(&f) ? esc_write(esc, p.address, d->data + p.in_datagram, p.length)
-                                      : write_bits(esc, &f, logical, d->data, d->size_bytes);
     }
-    for (unsigned i = 0; i < ESC_FMMUS && wants_read; i++) {
-        struct fmmu f;
-        struct part p;
-        if (!get_fmmu(esc, i, &f) || !f.read || !overlap(&f, logical, d->size_bytes, &p)) {
-            continue;
+    for (unsigned i = 0; i < esc->fmmu_count && wants_read; i++) {
+        const struct esc_fmmu *f = &esc->fmmus[i];
+        if (f->read && overlap(f, logical, d->size_bytes, &p)) {
+            read |= f->whole_bytes
+                        ? esc_read(esc, p.address, d->data + p.in_datagram, p.length, false)
+                        : read_bits(esc, f, logical, d->data, d->size_bytes);
         }
-        read |= is_whole_bytes(&f)
-                    ? esc_read(esc, p.address, d->data + p.in_datagram, p.length, false)
-                    : read_bits(esc, &f, logical, d->data, d->size_bytes);
     }
     /* Once per SubDevice and direction, however many FMMUs there are. */
     const uint16_t for_write = d->command == CMD_LRW ? 2 : 1;
