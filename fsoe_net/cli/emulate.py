@@ -13,8 +13,8 @@ from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.run import interesting, scenario_of
-from fsoe_net.core import SegmentLink
-from fsoe_net.errors import InputError
+from fsoe_net.core import SegmentLink, is_test_rig
+from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import (
     EmulateResult,
@@ -28,6 +28,13 @@ from fsoe_net.run import (
 __all__ = ["command"]
 
 _STDIN = 0
+_BANNER = """\
+############################################################################
+#  TEST RIG: this build answers on REAL network interfaces.                #
+#  Emulated e-stops, safety logic and drives with valid FSoE addresses.    #
+#  On a machine they would stand in for devices that protect people.       #
+#  Never connect it to one.                                                #
+############################################################################"""
 _EPILOG = """\b
 Examples:
   ip link add veth0 type veth peer name veth1; ip link set veth0 up; ip link set veth1 up
@@ -49,6 +56,12 @@ taken: an emulated e-stop must never meet a real machine."""
 )
 @click.option("--cpu", type=click.IntRange(0, 1023), help="CPU that answers.")
 @click.option("--scenario", "scenario_file", type=click.Path(), help="Steps and expectations.")
+@click.option(
+    "--no-machine-on-this-wire",
+    "vouched",
+    is_flag=True,
+    help="Test rigs only: you vouch that no machine hangs on this interface.",
+)
 @click.option("--commands", is_flag=True, help="Take commands from standard input.")
 @click.option(
     "--duration", type=click.FloatRange(min=0.001), help="Seconds; default: until interrupted."
@@ -67,6 +80,7 @@ def command(
     priority: int,
     cpu: int | None,
     scenario_file: str | None,
+    vouched: bool,
     commands: bool,
     duration: float | None,
     fmt: str,
@@ -85,7 +99,14 @@ def command(
         raise InputError(f"the scenario does not fit this network: {summary(found)}", found)
     if duration is None and scenario is not None and scenario.duration_ns:
         duration = scenario.duration_ns / 1e9
-    link = SegmentLink(interface=interface, interface2=interface2, priority=priority, cpu=cpu)
+    _check_rig(vouched)
+    link = SegmentLink(
+        interface=interface,
+        interface2=interface2,
+        priority=priority,
+        cpu=cpu,
+        no_machine_on_this_wire=vouched,
+    )
     where = interface if interface2 is None else f"{interface} and {interface2}, a ring"
     click.echo(
         f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it", err=True
@@ -102,6 +123,27 @@ def command(
     else:
         _print(result)
     ctx.exit(0 if result.passed else 1)
+
+
+def _check_rig(vouched: bool) -> None:
+    """Say loudly what a test rig is; it takes a word of the user, and nothing else takes it.
+
+    Raises:
+        EnvironmentFault: This is no test rig, or one for which nobody has vouched.
+    """
+    if not is_test_rig():
+        if vouched:
+            raise EnvironmentFault(
+                "--no-machine-on-this-wire: this is no test rig and answers on veth and tap only; "
+                "a test rig is built with -DFSN_TEST_RIG=ON"
+            )
+        return
+    click.echo(_BANNER, err=True)
+    if not vouched:
+        raise EnvironmentFault(
+            "a test rig may answer on a real interface; look at the cable, then repeat with "
+            "--no-machine-on-this-wire"
+        )
 
 
 def _runs(events: list[RunEvent]) -> list[list[RunEvent]]:

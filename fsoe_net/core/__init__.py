@@ -6,7 +6,7 @@ Importing this package works without the compiled part; the first use then raise
 from fsoe_net.core.core import Core, CorePlan, EmulatedBus
 from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
 from fsoe_net.core.scan import FoundConnection, Place, ScanCounts, Scanner, Sighting
-from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink
+from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink, is_test_rig
 from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
@@ -38,4 +38,5 @@ __all__ = [
     "Statistics",
     "frame_fits",
     "frame_sequence",
+    "is_test_rig",
 ]

@@ -184,8 +184,10 @@ struct fsn_segment_link_options {
     const char *interface2;
     int priority;
     int cpu;
+    bool no_machine_on_this_wire;
     ...;
 };
+bool fsn_segment_test_rig(void);
 fsn_status fsn_segment_link(struct fsn_segment *segment,
                             const struct fsn_segment_link_options *options, int *sys_errno);
 void fsn_segment_unlink(struct fsn_segment *segment);

@@ -10,7 +10,7 @@ from fsoe_net.core.core import CorePlan
 from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.errors import EnvironmentFault
 
-__all__ = ["AlStatus", "Segment", "SegmentCounts", "SegmentLink"]
+__all__ = ["AlStatus", "Segment", "SegmentCounts", "SegmentLink", "is_test_rig"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,12 +39,24 @@ class SegmentLink:
 
     ``interface2``, if any, is the second port of the MainDevice and closes a ring. ``priority`` is
     one of SCHED_FIFO, 0 for the normal scheduler; ``cpu`` is counted from 0, ``None``: any.
+    ``no_machine_on_this_wire`` vouches for real interfaces; only a test rig takes them.
     """
 
     interface: str
     interface2: str | None = None
     priority: int = 0
     cpu: int | None = None
+    no_machine_on_this_wire: bool = False
+
+
+def is_test_rig() -> bool:
+    """Return whether the compiled part may answer on real network interfaces.
+
+    Raises:
+        CoreMissing: The compiled part is not there.
+    """
+    _, lib = compiled()
+    return bool(lib.fsn_segment_test_rig())
 
 
 _STATES = {0: "absent", 1: "INIT", 2: "PREOP", 3: "BOOT", 4: "SAFEOP", 8: "OP"}
@@ -274,6 +286,7 @@ class Segment:
         options.interface, options.interface2 = first, second
         options.priority = link.priority
         options.cpu = 0 if link.cpu is None else link.cpu + 1
+        options.no_machine_on_this_wire = link.no_machine_on_this_wire
         error = self._ffi.new("int *")
         status = self._lib.fsn_segment_link(self._pointer, options, error)
         names = " and ".join(repr(n) for n in (link.interface, link.interface2) if n is not None)

@@ -13,7 +13,7 @@ from segment.test_peers import NAMESPACE, missing
 from segment.wire import read_frame
 
 from fsoe_net.core import Segment
-from fsoe_net.errors import CoreError
+from fsoe_net.errors import CoreError, EnvironmentFault
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 
@@ -28,6 +28,7 @@ ESTOP = str(ROOT / "examples" / "estop" / "network.yaml")
         ([ESTOP, "--interface", "lo"], 3, "lo"),
         ([ESTOP, "--interface", "no-such-interface"], 3, "is no veth or tap interface"),
         ([ESTOP, "--interface", "x" * 300], 3, "is no veth or tap interface"),
+        ([ESTOP, "--interface", "lo", "--no-machine-on-this-wire"], 3, "this is no test rig"),
         (["absent.yaml", "--interface", "lo"], 1, "nothing started"),
     ],
 )
@@ -58,6 +59,17 @@ def test_nobody_speaks():
     assert document["states"]["ek1914"] == {"state": "INIT", "error": False, "code": 0}
     assert document["connections"] == {"el1918-ek1914": "reset"}
     assert document["passed"] is False
+
+
+def test_a_rig_is_loud_and_wants_a_word(monkeypatch, capsys):
+    from fsoe_net.cli import emulate
+
+    monkeypatch.setattr(emulate, "is_test_rig", lambda: True)
+    with pytest.raises(EnvironmentFault, match="look at the cable"):
+        emulate._check_rig(False)
+    assert "TEST RIG" in capsys.readouterr().err
+    emulate._check_rig(True)
+    assert "REAL network interfaces" in capsys.readouterr().err
 
 
 def estop_segment() -> Segment:

@@ -208,11 +208,18 @@ struct fsn_segment_link_options {
     const char *interface2; /**< of the second port, which makes it a ring; NULL: none */
     int priority;           /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
     int cpu;                /**< CPU number + 1 to pin the thread; 0 leaves it free */
+    /** Takes interfaces that are no veth or tap, too: somebody vouches that no machine hangs on
+     *  them. Without effect unless fsn_segment_test_rig(). */
+    bool no_machine_on_this_wire;
 };
+
+/** Whether this library was built with FSN_TEST_RIG, for test rigs: only then may it answer on a
+ *  real network interface. Context: any thread. */
+FSN_API bool fsn_segment_test_rig(void);
 
 /** Answers on one or two network interfaces, in a thread of its own, until fsn_segment_unlink().
  *  Only veth and tap interfaces are taken: an emulated SubDevice with a valid FSoE address must
- *  never meet a real machine.
+ *  never meet a real machine. fsn_segment_test_rig() is the one exception.
  *  @param[in]  options    copied.
  *  @param[out] sys_errno  of the system, when FSN_E_SYS; may be NULL.
  *  @retval FSN_E_ARG      no such interface, or not a virtual one.

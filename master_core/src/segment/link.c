@@ -30,6 +30,16 @@ static uint64_t clock_ns(void) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
+#ifdef FSN_TEST_RIG
+enum { TEST_RIG = 1 };
+#else
+enum { TEST_RIG = 0 };
+#endif
+
+bool fsn_segment_test_rig(void) {
+    return TEST_RIG != 0;
+}
+
 /** Whether an interface is a pair in software or a tap: then no real machine hangs on it. */
 static bool is_virtual(int socket_fd, const char *interface) {
     struct ethtool_drvinfo info = {.cmd = ETHTOOL_GDRVINFO};
@@ -96,7 +106,7 @@ static void *serve(void *context) {
     return NULL;
 }
 
-static fsn_status open_socket(int *socket_fd, const char *interface) {
+static fsn_status open_socket(int *socket_fd, const char *interface, bool takes_real) {
     const unsigned index = if_nametoindex(interface);
     if (index == 0) {
         return FSN_E_ARG;
@@ -105,7 +115,7 @@ static fsn_status open_socket(int *socket_fd, const char *interface) {
     if (*socket_fd < 0) {
         return FSN_E_SYS;
     }
-    if (!is_virtual(*socket_fd, interface)) {
+    if (!is_virtual(*socket_fd, interface) && !takes_real) {
         return FSN_E_ARG;
     }
     const struct sockaddr_ll address = {
@@ -165,9 +175,10 @@ fsn_status fsn_segment_link(struct fsn_segment *s, const struct fsn_segment_link
     if (s->sockets[0] >= 0) {
         return FSN_E_STATE;
     }
-    fsn_status status = open_socket(&s->sockets[0], options->interface);
+    const bool takes_real = TEST_RIG != 0 && options->no_machine_on_this_wire;
+    fsn_status status = open_socket(&s->sockets[0], options->interface, takes_real);
     if (status == FSN_OK && options->interface2 != NULL) {
-        status = open_socket(&s->sockets[1], options->interface2);
+        status = open_socket(&s->sockets[1], options->interface2, takes_real);
     }
     int error = errno;
     if (status == FSN_OK) {
@@ -192,4 +203,8 @@ void fsn_segment_unlink(struct fsn_segment *s) {
     atomic_store(&s->stop, true);
     pthread_join(s->thread, NULL);
     close_sockets(s);
+    pthread_mutex_lock(&s->lock);
+    s->wire->count = 0; /* nobody waits for these any longer */
+    s->wire->again = false;
+    pthread_mutex_unlock(&s->lock);
 }
