@@ -36,8 +36,10 @@ static void look(struct fsn_rt_watch *watch, const uint8_t *image, uint64_t now_
         fsn_monitor_sub_first(&watch->monitor, frames[FSN_TO_SUB], frames[FSN_TO_MAIN]);
     const enum fsn_way first = sub_first ? FSN_TO_MAIN : FSN_TO_SUB;
     const enum fsn_way second = sub_first ? FSN_TO_SUB : FSN_TO_MAIN;
-    (void)fsn_monitor_frame(&watch->monitor, first, frames[first], now_ns);
-    (void)fsn_monitor_frame(&watch->monitor, second, frames[second], now_ns);
+    const enum fsn_verdict one = fsn_monitor_frame(&watch->monitor, first, frames[first], now_ns);
+    const enum fsn_verdict other =
+        fsn_monitor_frame(&watch->monitor, second, frames[second], now_ns);
+    watch->changed = watch->changed || one != FSN_VERDICT_SAME || other != FSN_VERDICT_SAME;
 }
 
 void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {

@@ -26,6 +26,7 @@ struct fsn_rt_group {
 /** One observed connection. */
 struct fsn_rt_watch {
     uint32_t offset[2]; /**< where its frames lie after the copy, enum fsn_way */
+    bool changed;       /**< it has seen a new frame since it was published */
     struct fsn_monitor monitor;
 };
 

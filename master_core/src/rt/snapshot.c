@@ -26,7 +26,12 @@ void fsn_rt_publish(struct fsn_rt *rt) {
     atomic_thread_fence(memory_order_release);
     _Atomic uint64_t *words = put(s->words, &rt->statistics, sizeof rt->statistics);
     for (uint32_t c = 0; c < rt->connection_count; c++) {
-        words = put(words, &rt->watches[c].monitor.status, sizeof rt->watches->monitor.status);
+        struct fsn_rt_watch *watch = &rt->watches[c];
+        if (watch->changed) {
+            put(words, &watch->monitor.status, sizeof watch->monitor.status);
+            watch->changed = false;
+        }
+        words += (sizeof watch->monitor.status + 7) / 8;
     }
     put(words, rt->image, rt->image_bytes);
     atomic_store_explicit(&s->sequence, sequence + 2, memory_order_release);

@@ -71,7 +71,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
             frame->sent[frame->dc + 3] = (uint8_t)(station >> 8);
         }
     }
-    wire->sent_ns = clock_ns(CLOCK_REALTIME);
+    wire->sent_ns = clock_ns(wire->wait_ns != 0 ? CLOCK_MONOTONIC : CLOCK_REALTIME);
     /* The second port last: on a closed ring its frames only pass through. */
     for (uint32_t port = 0; port < FSN_WIRE_PORTS && wire->sockets[port] >= 0; port++) {
         for (uint32_t f = 0; f < wire->frame_count; f++) {
@@ -137,40 +137,25 @@ static uint64_t arrival_ns(struct msghdr *message) {
     return 0;
 }
 
-/** Reads everything that waits on a port; returns when the last reply of this cycle came in. */
-static uint64_t drain(struct fsn_wire *wire, uint32_t port, struct fsn_bus_input *input) {
-    uint64_t last_ns = 0;
-    for (int i = 0; i < MOST_PACKETS; i++) {
-        uint8_t packet[FSN_WIRE_MOST + 4];
-        union {
-            struct cmsghdr align;
-            uint8_t bytes[64];
-        } control;
-        struct iovec part = {.iov_base = packet, .iov_len = sizeof packet};
-        struct msghdr message = {.msg_iov = &part,
-                                 .msg_iovlen = 1,
-                                 .msg_control = control.bytes,
-                                 .msg_controllen = sizeof control.bytes};
-        const ssize_t got = recvmsg(wire->sockets[port], &message, MSG_DONTWAIT);
-        if (got < 0 && errno == EINTR) {
-            continue;
-        }
-        if (got <= 0) {
-            break;
-        }
-        const enum taken taken = take(wire, packet, (uint32_t)got);
-        if (taken == TAKEN) {
-            const bool from_second =
-                packet[FSN_WIRE_NOP + 1] >= FSN_WIRE_FIRST_INDEX + FSN_WIRE_FRAMES;
-            atomic_store_explicit(&wire->crossed, from_second != (port == 1), memory_order_relaxed);
-            last_ns = arrival_ns(&message);
-        } else if (taken == OLD) {
-            input->old_replies++;
-        } else {
-            atomic_fetch_add_explicit(&wire->foreign, 1, memory_order_relaxed);
-        }
+/** Reads one packet and when it came in. Whoever waits for replies sees that by the clock. */
+static ssize_t read_packet(const struct fsn_wire *wire, uint32_t port, uint8_t *packet,
+                           size_t room_bytes, uint64_t *at_ns) {
+    if (wire->wait_ns != 0) {
+        *at_ns = 0;
+        return recv(wire->sockets[port], packet, room_bytes, MSG_DONTWAIT);
     }
-    return last_ns;
+    union {
+        struct cmsghdr align;
+        uint8_t bytes[64];
+    } control;
+    struct iovec part = {.iov_base = packet, .iov_len = room_bytes};
+    struct msghdr message = {.msg_iov = &part,
+                             .msg_iovlen = 1,
+                             .msg_control = control.bytes,
+                             .msg_controllen = sizeof control.bytes};
+    const ssize_t got = recvmsg(wire->sockets[port], &message, MSG_DONTWAIT);
+    *at_ns = got > 0 ? arrival_ns(&message) : 0;
+    return got;
 }
 
 static uint32_t counter_of(const struct fsn_wire_frame *frame) {
@@ -196,6 +181,35 @@ static bool complete(const struct fsn_wire *wire) {
     return true;
 }
 
+/** Reads what waits on a port until the frames of this cycle are back: what comes behind them is
+ * old in the next one. Returns when the last of them came in. */
+static uint64_t drain(struct fsn_wire *wire, uint32_t port, struct fsn_bus_input *input) {
+    uint64_t last_ns = 0;
+    for (int i = 0; i < MOST_PACKETS && !complete(wire); i++) {
+        uint8_t packet[FSN_WIRE_MOST + 4];
+        uint64_t at_ns;
+        const ssize_t got = read_packet(wire, port, packet, sizeof packet, &at_ns);
+        if (got < 0 && errno == EINTR) {
+            continue;
+        }
+        if (got <= 0) {
+            break;
+        }
+        const enum taken taken = take(wire, packet, (uint32_t)got);
+        if (taken == TAKEN) {
+            const bool from_second =
+                packet[FSN_WIRE_NOP + 1] >= FSN_WIRE_FIRST_INDEX + FSN_WIRE_FRAMES;
+            atomic_store_explicit(&wire->crossed, from_second != (port == 1), memory_order_relaxed);
+            last_ns = at_ns;
+        } else if (taken == OLD) {
+            input->old_replies++;
+        } else {
+            atomic_fetch_add_explicit(&wire->foreign, 1, memory_order_relaxed);
+        }
+    }
+    return last_ns;
+}
+
 static uint64_t drain_all(struct fsn_wire *wire, struct fsn_bus_input *input) {
     const uint64_t first = drain(wire, 0, input);
     const uint64_t second = wire->sockets[1] >= 0 ? drain(wire, 1, input) : 0;
@@ -215,17 +229,17 @@ static bool wait_until(const struct fsn_wire *wire, uint64_t end_ns) {
     return ppoll(polled, wire->sockets[1] >= 0 ? 2 : 1, &left, NULL) > 0;
 }
 
+/** Returns when the last reply came in, on the clock of `sent_ns`; 0 when that is not known. */
 static uint64_t collect(struct fsn_wire *wire, struct fsn_bus_input *input) {
-    uint64_t last_ns = drain_all(wire, input);
-    if (wire->wait_ns == 0 || complete(wire)) {
+    const uint64_t last_ns = drain_all(wire, input);
+    if (wire->wait_ns == 0) {
         return last_ns;
     }
-    const uint64_t end_ns = clock_ns(CLOCK_MONOTONIC) + wire->wait_ns;
+    const uint64_t end_ns = wire->sent_ns + wire->wait_ns;
     while (!complete(wire) && wait_until(wire, end_ns)) {
-        const uint64_t newer = drain_all(wire, input);
-        last_ns = newer > last_ns ? newer : last_ns;
+        drain_all(wire, input);
     }
-    return last_ns;
+    return complete(wire) ? clock_ns(CLOCK_MONOTONIC) : 0;
 }
 
 /** Moves one input into the image, whole: from the reply in which it differs from what was sent,

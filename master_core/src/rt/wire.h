@@ -62,9 +62,11 @@ struct fsn_wire {
     uint32_t dc_every, dc_left;
     _Atomic uint16_t dc_station; /**< station address of the DC reference clock */
     uint64_t wait_ns;            /**< how long to wait for replies */
-    uint64_t sent_ns;            /**< CLOCK_REALTIME, of the last send */
-    _Atomic uint64_t foreign;    /**< packets that were no reply to us */
-    _Atomic uint8_t crossed;     /**< with two ports: 1 while the ring is closed */
+    /** Of the last send: CLOCK_MONOTONIC when replies are waited for, else CLOCK_REALTIME, the
+     * clock on which the kernel stamps packets. */
+    uint64_t sent_ns;
+    _Atomic uint64_t foreign; /**< packets that were no reply to us */
+    _Atomic uint8_t crossed;  /**< with two ports: 1 while the ring is closed */
 };
 
 /** Takes the replies to the last frames, drops older ones, and moves inputs into the image. */

@@ -95,7 +95,7 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
     bus->cycle_ns = options->cycle_ns;
     bus->wait_ns = options->receive_wait_ns;
     bus->dc_every = options->dc_every;
-    bus->lock = -1;
+    bus->sockets[0] = bus->sockets[1] = bus->lock = -1;
     pthread_mutex_init(&bus->seen_lock, NULL);
     *out = bus;
     return FSN_OK;
@@ -103,9 +103,10 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
 
 static void let_go(struct fsn_soem *bus) {
     for (unsigned port = 0; port < FSN_WIRE_PORTS; port++) {
-        if (bus->frames.wire.sockets[port] > 0) {
-            close(bus->frames.wire.sockets[port]);
+        if (bus->sockets[port] >= 0) {
+            close(bus->sockets[port]);
         }
+        bus->sockets[port] = -1;
     }
     fsn_frames_free(&bus->frames);
     if (bus->nic_open) {
@@ -199,8 +200,18 @@ static uint16_t start_clocks(struct fsn_soem *bus) {
     return bus->slaves[bus->slaves[0].DCnext].configadr;
 }
 
+/** Sockets of the cycle. Before those of SOEM: the kernel gives a packet to the socket that came
+ *  first last, and that one needs no copy of it. */
+static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
+    const bool stamp = bus->wait_ns == 0;
+    const fsn_status status = fsn_port_open(bus->interface, stamp, &bus->sockets[0], fault);
+    return status != FSN_OK || bus->redundant[0] == '\0'
+               ? status
+               : fsn_port_open(bus->redundant, stamp, &bus->sockets[1], fault);
+}
+
 static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
-    fsn_status status = fsn_frames_create(bus->plan, start_clocks(bus), &bus->frames);
+    const fsn_status status = fsn_frames_create(bus->plan, start_clocks(bus), &bus->frames);
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status,
                               "the process data does not fit the frames: at most 1466 bytes per "
@@ -212,12 +223,8 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
     wire->run = (uint32_t)now.tv_nsec ^ ((uint32_t)now.tv_sec << 16) ^ (uint32_t)getpid();
     wire->wait_ns = bus->wait_ns;
     wire->dc_every = bus->dc_every;
-    const bool stamp = bus->wait_ns == 0;
-    status = fsn_port_open(bus->interface, stamp, &wire->sockets[0], fault);
-    if (status == FSN_OK && bus->redundant[0] != '\0') {
-        status = fsn_port_open(bus->redundant, stamp, &wire->sockets[1], fault);
-    }
-    return status;
+    memcpy(wire->sockets, bus->sockets, sizeof wire->sockets);
+    return FSN_OK;
 }
 
 fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node) {
@@ -249,12 +256,12 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
     if (bus->cycle_ns == 0) {
         bus->cycle_ns = fsn_plan_cycle_ns(plan) != 0 ? fsn_plan_cycle_ns(plan) : 1000000;
     }
-    bus->frames.wire.sockets[0] = bus->frames.wire.sockets[1] = -1;
     fsn_status status = make_nodes(bus, plan);
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status, NULL);
     }
     status = take_interfaces(bus, fault);
+    status = status != FSN_OK ? status : open_ports(bus, fault);
     status = status != FSN_OK ? status : open_nic(bus, fault);
     status = status != FSN_OK ? status : soem_find(bus, fault);
     status = status != FSN_OK ? status : make_wire(bus, fault);

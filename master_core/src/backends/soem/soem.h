@@ -61,7 +61,8 @@ struct fsn_soem {
     ec_eepromFMMUt eeprom_fmmu;
     ec_eepromPDOt eeprom_pdo;
     bool nic_open;
-    int lock;
+    int lock;                    /**< -1, or what keeps others off the interface */
+    int sockets[FSN_WIRE_PORTS]; /**< of the cycle */
 
     const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
     struct fsn_frames frames;
