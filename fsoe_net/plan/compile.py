@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import struct
 from dataclasses import dataclass, field
 
 from fsoe_net.errors import InputError
@@ -33,11 +35,13 @@ from fsoe_net.plan.model import (
     PlanSyncManager,
 )
 
-__all__ = ["compile_plan"]
+__all__ = ["compile_plan", "entry_kind", "stop_value"]
 
 _WATCHDOG = {Watchdog.DEFAULT: 0, Watchdog.ENABLE: 1, Watchdog.DISABLE: 2}
 _ANY_REVISION = (0, 0xFFFFFFFF)
 _MAX_SYMBOL_BITS = 64
+_SIGNED, _REAL = 2, 4
+_REAL_FORMAT = {32: "<f", 64: "<d"}
 
 
 def compile_plan(resolution: Resolution) -> Plan:
@@ -211,6 +215,7 @@ class _Compiler:
                     kind=entry_kind(entry),
                     output=sm.sm.direction is Direction.OUTPUT,
                     restart_relevant=entry.restart_relevant,
+                    stop_value=stop_value(entry) if sm.sm.direction is Direction.OUTPUT else 0,
                 )
             )
 
@@ -298,3 +303,26 @@ def entry_kind(entry: Entry) -> int:
     if word.startswith("uint"):
         return 3
     return 4 if word in ("float", "double", "real32", "real64") else 0
+
+
+def stop_value(entry: Entry) -> int:
+    """Return the raw bits of an output's ``default``, 0 without one; see the plan format."""
+    value = entry.default
+    if value is None or math.isnan(value) or entry.restart_relevant:
+        return 0
+    kind = entry_kind(entry)
+    if kind == _REAL and entry.bits in _REAL_FORMAT:
+        return _real_bits(value, entry.bits)
+    signed = kind == _SIGNED
+    low = -(1 << (entry.bits - 1)) if signed else 0
+    high = (1 << (entry.bits - signed)) - 1
+    whole = low if value <= low else high if value >= high else int(value)
+    return whole & ((1 << entry.bits) - 1)
+
+
+def _real_bits(value: float, bits: int) -> int:
+    try:
+        packed = struct.pack(_REAL_FORMAT[bits], value)
+    except OverflowError:  # a 32-bit float has no such value
+        packed = struct.pack(_REAL_FORMAT[bits], math.copysign(math.inf, value))
+    return int.from_bytes(packed, "little")

@@ -98,7 +98,10 @@ class PlanSdo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanSymbol:
-    """One named entry of ordinary process data."""
+    """One named entry of ordinary process data.
+
+    ``stop_value`` is what an output takes when nobody writes it: raw bits, 0 for inputs.
+    """
 
     name: str
     sm: int
@@ -107,6 +110,7 @@ class PlanSymbol:
     kind: int
     output: bool
     restart_relevant: bool
+    stop_value: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

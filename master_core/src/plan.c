@@ -5,7 +5,7 @@
 
 static const uint8_t magic[8] = {'F', 'S', 'N', 'P', 'L', 'A', 'N', 0};
 
-const uint32_t fsn_record_bytes[FSN_SECTIONS + 1] = {0, 48, 24, 16, 12, 16, 20, 16, 32, 40, 1};
+const uint32_t fsn_record_bytes[FSN_SECTIONS + 1] = {0, 48, 24, 16, 12, 16, 28, 16, 32, 40, 1};
 
 fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t section, uint32_t record,
                       uint32_t byte, const char *rule) {
@@ -241,6 +241,7 @@ fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
         .kind = r[14],
         .output = r[15] & 1u,
         .restart_relevant = (r[15] >> 1) & 1u,
+        .stop_value = fsn_get64(r + 20),
     };
     return FSN_OK;
 }

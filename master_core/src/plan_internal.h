@@ -48,6 +48,10 @@ static inline uint32_t fsn_get32(const uint8_t *p) {
     return (uint32_t)p[0] | ((uint32_t)p[1] << 8) | ((uint32_t)p[2] << 16) | ((uint32_t)p[3] << 24);
 }
 
+static inline uint64_t fsn_get64(const uint8_t *p) {
+    return (uint64_t)fsn_get32(p) | ((uint64_t)fsn_get32(p + 4) << 32);
+}
+
 /** First byte of a record; the caller has checked the number. */
 static inline const uint8_t *fsn_record(const struct fsn_plan *plan, uint32_t section,
                                         uint32_t number) {
@@ -88,6 +92,9 @@ fsn_status fsn_prove_copies(const struct fsn_plan *plan, struct fsn_fault *fault
 /** How a range of bytes meets the FSoE blocks of its sync manager. */
 enum fsn_touch { FSN_TOUCH_NONE, FSN_TOUCH_EXACT, FSN_TOUCH_PART };
 enum fsn_touch fsn_touch_of(const struct fsn_plan *plan, uint32_t sm, uint32_t byte, uint32_t size);
+
+/** SHA-256 of any bytes. */
+void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_BYTES]);
 
 /** Takes a further hold of a plan; fsn_plan_free() lets go. */
 void fsn_plan_hold(const struct fsn_plan *plan);

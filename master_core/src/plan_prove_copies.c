@@ -71,6 +71,13 @@ enum fsn_touch fsn_touch_of(const struct fsn_plan *plan, uint32_t sm, uint32_t b
     return fsn_get32(r + 4) == byte && fsn_get16(r + 8) == size ? FSN_TOUCH_EXACT : FSN_TOUCH_PART;
 }
 
+/** What a symbol says about the stop: an output's own bits, and none that could start a machine. */
+static bool is_stop_value_ok(const uint8_t *symbol, uint32_t bits) {
+    const uint64_t value = fsn_get64(symbol + 20);
+    const bool closed = (symbol[15] & 1u) == 0 || (symbol[15] & 2u) != 0;
+    return value == 0 || (!closed && (bits == 64 || value >> bits == 0));
+}
+
 static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *fault) {
     struct fsn_at at = {plan, fault, FSN_SEC_SYMBOL, 0};
     for (; at.number < plan->count[FSN_SEC_SYMBOL]; at.number++) {
@@ -96,6 +103,11 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
         }
         if (bit > fsn_sm_bits(plan, sm) || bits > fsn_sm_bits(plan, sm) - bit) {
             return fsn_no(&at, FSN_E_COPY_RANGE, 8, "the symbol ends behind its sync manager");
+        }
+        if (!is_stop_value_ok(r, bits)) {
+            return fsn_no(&at, FSN_E_PLAN_VALUE, 20,
+                          "a stop value has the bits of its output, and is 0 for an input and for "
+                          "what is restart relevant");
         }
         const uint32_t first = bit / 8;
         const uint32_t last = (bit + bits - 1) / 8;

@@ -4,7 +4,7 @@
 
 enum { SECTIONS = 10 };
 
-static const uint32_t record_bytes[SECTIONS] = {48, 24, 16, 12, 16, 20, 16, 32, 40, 1};
+static const uint32_t record_bytes[SECTIONS] = {48, 24, 16, 12, 16, 28, 16, 32, 40, 1};
 
 struct buffer {
     uint8_t *bytes;
@@ -118,9 +118,10 @@ static void symbols(struct buffer *b, const struct build *n) {
         put(b, symbol->sm, 4);
         put(b, symbol->bit_offset, 4);
         put(b, symbol->bits, 2);
-        put(b, 3, 1);
-        put(b, symbol->sm % 2 == 0, 1);
+        put(b, symbol->kind != 0 ? symbol->kind : 3, 1);
+        put(b, (symbol->sm % 2 == 0) | (symbol->restart_relevant ? 2 : 0), 1);
         put(b, 0, 4);
+        put(b, symbol->stop_value, 8);
     }
 }
 
@@ -282,7 +283,9 @@ uint8_t *build_estop(size_t *len_bytes) {
 uint8_t *build_full(size_t *len_bytes) {
     static const struct build_sm sm[2][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}};
     static const struct build_copy pair[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}};
-    static const struct build_symbol symbols[] = {{0, 52, 8}, {1, 48, 16}};
+    static const struct build_symbol symbols[] = {
+        {.sm = 0, .bit_offset = 52, .bits = 8, .stop_value = 0x5A},
+        {.sm = 1, .bit_offset = 48, .bits = 16}};
     static const struct build_block blocks[] = {{0, 0, 6}, {1, 0, 6}, {2, 0, 6}, {3, 0, 6}};
     const struct build build = {.subdevices = 2,
                                 .sm = sm,

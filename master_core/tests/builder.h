@@ -30,6 +30,9 @@ struct build_copy {
 /** A named entry: `sm` is the record number, 2 * SubDevice + 1 for its inputs. */
 struct build_symbol {
     uint32_t sm, bit_offset, bits;
+    uint8_t kind; /**< 0: unsigned */
+    uint8_t restart_relevant;
+    uint64_t stop_value;
 };
 
 /** A recognised FSoE frame. */

@@ -90,7 +90,10 @@ static void outputs_touch_their_bits_only(void) {
 static void copied_outputs_are_closed(void) {
     static const struct build_sm sm[2][2] = {{{1, 4}, {2, 4}}, {{1, 4}, {2, 4}}};
     static const struct build_copy copies[] = {{0, 0, 1, 1, 2}};
-    static const struct build_symbol symbols[] = {{2, 0, 8}, {2, 7, 2}, {2, 16, 8}, {2, 24, 8}};
+    static const struct build_symbol symbols[] = {{.sm = 2, .bit_offset = 0, .bits = 8},
+                                                  {.sm = 2, .bit_offset = 7, .bits = 2},
+                                                  {.sm = 2, .bit_offset = 16, .bits = 8},
+                                                  {.sm = 2, .bit_offset = 24, .bits = 8}};
     const struct build build = {.subdevices = 2,
                                 .sm = sm,
                                 .copies = copies,

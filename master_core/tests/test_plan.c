@@ -102,26 +102,75 @@ static const struct broken broken_rules[] = {
     {10, 3, 0, 1, 1, FSN_E_PLAN_STRING},
 };
 
+static fsn_status break_rule(uint8_t *bytes, size_t len, const struct broken *rule) {
+    uint8_t *field = bytes + section_at(bytes, rule->section) +
+                     rule->record * fsn_record_bytes[rule->section] + rule->field;
+    for (uint32_t b = 0; b < rule->bytes; b++) {
+        field[b] = (uint8_t)(rule->value >> (8 * b));
+    }
+    build_fix_crc(bytes, len);
+    struct fsn_fault fault;
+    const fsn_status status = load(bytes, len, &fault);
+    CHECK(status == FSN_OK || fault.status == status);
+    return status;
+}
+
 static void each_broken_rule_is_named(void) {
     for (size_t i = 0; i < sizeof broken_rules / sizeof broken_rules[0]; i++) {
         const struct broken *rule = &broken_rules[i];
         size_t len;
         uint8_t *bytes = build_estop(&len);
-        uint8_t *field = bytes + section_at(bytes, rule->section) +
-                         rule->record * fsn_record_bytes[rule->section] + rule->field;
-        for (uint32_t b = 0; b < rule->bytes; b++) {
-            field[b] = (uint8_t)(rule->value >> (8 * b));
-        }
-        build_fix_crc(bytes, len);
-        struct fsn_fault fault;
-        const fsn_status status = load(bytes, len, &fault);
+        const fsn_status status = break_rule(bytes, len, rule);
         if (status != rule->status) {
             fprintf(stderr, "rule %zu (section %u field %u): %s\n", i, rule->section, rule->field,
                     fsn_status_name(status));
         }
         CHECK(status == rule->status);
-        CHECK(status == FSN_OK || fault.status == status);
         free(bytes);
+    }
+}
+
+/** Symbol 0 is an output with bits 52 to 59, symbol 1 an input. */
+static void stop_values_are_proved(void) {
+    static const struct broken rules[] = {
+        {6, 0, 20, 4, 0xFF, FSN_OK},
+        {6, 0, 20, 4, 0x100, FSN_E_PLAN_VALUE},
+        {6, 0, 24, 4, 1, FSN_E_PLAN_VALUE},
+        {6, 0, 15, 1, 3, FSN_E_PLAN_VALUE}, /* restart relevant, and a stop value */
+        {6, 1, 20, 4, 1, FSN_E_PLAN_VALUE},
+        {6, 0, 16, 4, 1, FSN_E_PLAN_RESERVED},
+    };
+    for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
+        size_t len;
+        uint8_t *bytes = build_full(&len);
+        CHECK(break_rule(bytes, len, &rules[i]) == rules[i].status);
+        free(bytes);
+    }
+    size_t len;
+    uint8_t *bytes = build_full(&len);
+    struct fsn_plan *plan;
+    struct fsn_symbol_info symbol;
+    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    CHECK(fsn_plan_symbol(plan, 0, &symbol) == FSN_OK && symbol.stop_value == 0x5A);
+    fsn_plan_free(plan);
+    free(bytes);
+}
+
+/** The examples of FIPS 180-4, and a length on each side of the padding's border. */
+static void sha256_is_right(void) {
+    static const struct {
+        const char *text;
+        const char *digest; /* its first four bytes */
+    } known[] = {
+        {"", "\xe3\xb0\xc4\x42"},
+        {"abc", "\xba\x78\x16\xbf"},
+        {"abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq", "\x24\x8d\x6a\x61"},
+        {"0123456789012345678901234567890123456789012345678901234", "\xf3\x4d\x5a\x0f"},
+    };
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
+        uint8_t digest[FSN_SHA256_BYTES];
+        fsn_sha256(known[i].text, strlen(known[i].text), digest);
+        CHECK(memcmp(digest, known[i].digest, 4) == 0);
     }
 }
 
@@ -181,6 +230,8 @@ static void every_truncation_is_refused(void) {
 int main(void) {
     good_plan_is_decoded();
     each_broken_rule_is_named();
+    stop_values_are_proved();
+    sha256_is_right();
     fault_names_the_copy();
     header_rules();
     every_truncation_is_refused();

@@ -39,7 +39,7 @@ def poke(raw: bytes, kind: int, offset: int, layout: str, value: int) -> bytes:
         ((8, 4, "<I", 24), r"copy 0: .*ends behind its sync manager"),
         ((8, 4, "<I", 8), r"copy 0: .*whole FSoE block"),
         ((2, 24 + 8, "<I", 72), r"sync manager 1: the entries do not add up"),
-        ((6, 20, "<I", 0xFFFF), r"symbol 1: the name lies outside"),
+        ((6, 28, "<I", 0xFFFF), r"symbol 1: the name lies outside"),
         ((7, 16 + 8, "<H", 8), r"FSoE block 1: an FSoE frame has"),
         ((9, 8, "<I", 1), r"connection 0: main and sub are the same"),
         ((1, 48 + 44, "<I", 1), r"SubDevice 1: .*reserved"),

@@ -6,19 +6,23 @@ import hashlib
 import random
 import struct
 import zlib
+from dataclasses import replace
 
 import pytest
 from networks import example, write_big_network
 
 from fsoe_net.cli.inputs import check_files
 from fsoe_net.core import Core, CorePlan, EmulatedBus
+from fsoe_net.diag import Span
 from fsoe_net.errors import CoreMissing, PlanFormatError
+from fsoe_net.model import Entry
 from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_image, plan_json, plan_text
+from fsoe_net.plan.compile import stop_value
 
 # Changes of these are changes of the file format or of the examples: both belong in the changelog.
 GOLDEN = {
-    "estop": "fb62ed25a060c763d10683b6fa2dc700af26fd0af9f1ea0d5dac6a4145c6d47e",
-    "el6910": "87869923029bec72723ac60885589208d51a36073670383d48bf6bba42faad9f",
+    "estop": "c5197d754ba7e93dc725c0afa882eccb4cb3dbc980834e6aa3eb3c86075ed244",
+    "el6910": "94ad248413bcd8b7d0883357a657c4d0faa8c2dbbc0e3a082b865f72e9c2a654",
 }
 
 
@@ -33,6 +37,40 @@ def test_golden_bytes(name: str):
 def test_decode_is_the_inverse(name: str):
     plan = compile_plan(example(name))
     assert decode_plan(plan.to_bytes()) == plan
+
+
+@pytest.mark.parametrize(
+    ("type_name", "bits", "default", "raw"),
+    [
+        ("bool", 1, 1.0, 1),
+        ("bit4", 4, 16.0, 15),
+        ("int8", 8, -1.0, 0xFF),
+        ("int8", 8, -200.0, 0x80),
+        ("uint16", 16, -3.0, 0),
+        ("uint16", 16, 1e9, 0xFFFF),
+        ("int64", 64, 1e30, (1 << 63) - 1),
+        ("uint32", 32, 2.9, 2),
+        ("float", 32, 1.0, 0x3F800000),
+        ("float", 32, 1e300, 0x7F800000),
+        ("double", 64, -2.0, 0xC000000000000000),
+        ("int8", 8, float("nan"), 0),
+        ("int8", 8, None, 0),
+    ],
+)
+def test_the_stop_value_is_the_default_as_raw_bits(
+    type_name: str, bits: int, default: float | None, raw: int
+) -> None:
+    entry = Entry(
+        span=Span("x"), index=0x7000, subindex=1, bits=bits, type_name=type_name, default=default
+    )
+    assert stop_value(entry) == raw
+    assert stop_value(replace(entry, restart_relevant=True)) == 0
+
+
+def test_an_output_with_a_default_has_it_as_stop_value():
+    symbols = {s.name: s for s in compile_plan(example("el6910")).symbols}
+    assert symbols["drive_1.0x6060:00"].stop_value == 8
+    assert {s.stop_value for s in symbols.values() if not s.output} == {0}
 
 
 def test_header_is_as_documented():

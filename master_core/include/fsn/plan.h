@@ -17,6 +17,16 @@ extern "C" {
 enum { FSN_OUTPUT = 1, FSN_INPUT = 2 };
 enum { FSN_COPY_FSOE = 1, FSN_COPY_STANDARD = 2 };
 enum { FSN_MAX_SM_BITS = 11888, FSN_MAX_DATAGRAM_BYTES = 1486 };
+enum { FSN_SHA256_BYTES = 32 };
+
+/** How the bits of an entry are read. */
+enum fsn_kind {
+    FSN_KIND_BITS = 0,
+    FSN_KIND_BOOL = 1,
+    FSN_KIND_SIGNED = 2,
+    FSN_KIND_UNSIGNED = 3,
+    FSN_KIND_REAL = 4 /**< IEEE 754, 32 or 64 bits */
+};
 
 struct fsn_plan;
 
@@ -40,7 +50,9 @@ struct fsn_symbol_info {
     const char *name;
     uint32_t sm, bit_offset;
     uint16_t bits;
-    uint8_t kind, output, restart_relevant;
+    uint8_t kind; /**< enum fsn_kind */
+    uint8_t output, restart_relevant;
+    uint64_t stop_value; /**< raw bits an output takes when nobody writes it; 0 for inputs */
 };
 
 /** A recognised FSoE frame. */
@@ -79,6 +91,10 @@ FSN_API FSN_MUST_USE fsn_status fsn_plan_load(const void *bytes, size_t len_byte
 /** Lets go of a plan; NULL is allowed. Buses and cores made from it hold it for themselves, so all
  *  of them may be freed in any order. Context: set-up. */
 FSN_API void fsn_plan_free(struct fsn_plan *plan);
+
+/** SHA-256 of the plan as it was loaded, from the very bytes its records are read from: equal to
+ *  that of the file unless memory and file differ by now. Context: any thread. Cost: O(length). */
+FSN_API void fsn_plan_sha256(const struct fsn_plan *plan, uint8_t digest[FSN_SHA256_BYTES]);
 
 /** Bus cycle in nanoseconds, 0 when the plan does not state it. Context: any thread. */
 FSN_API uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
