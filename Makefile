@@ -3,7 +3,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 FSN := $(VENV)/bin/fsoe-net
 
-.PHONY: demo test clean
+.PHONY: demo test master clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/.ready
@@ -17,7 +17,10 @@ demo: $(VENV)/.ready
 	@echo; echo '== report'
 	$(FSN) report examples/estop/network.yaml --scenario examples/estop/scenario.yaml -o report.html
 
-test: $(VENV)/.ready-test
+# The real-time executable, beside the tool in the virtual environment.
+master: $(VENV)/bin/fsn-master
+
+test: $(VENV)/.ready-test master
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" scripts/test
 	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" scripts/test-c
 
@@ -36,6 +39,12 @@ $(VENV)/.ready: $(VENV)/bin/python $(SOURCES)
 $(VENV)/.ready-test: $(VENV)/.ready
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[test]' cmake
 	@touch $@
+
+# CMake decides what is to be built again.
+$(VENV)/bin/fsn-master: $(VENV)/.ready-test $(SOURCES) $(shell find master_core/app -type f)
+	$(VENV)/bin/cmake -S master_core -B build/master -DFSN_BUILD_TESTS=OFF -DFSN_INSTALL=OFF >/dev/null
+	$(VENV)/bin/cmake --build build/master -j2 --target fsn-master >/dev/null
+	install -m 755 build/master/fsn-master $@
 
 clean:
 	rm -rf $(VENV) build dist report.html estop.fsnplan

@@ -1,0 +1,71 @@
+#include "explain.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "fsn/bus.h"
+
+const char explain_permission[] =
+    "it takes CAP_NET_RAW (interface), CAP_SYS_NICE (real-time) and CAP_IPC_LOCK (memory): setcap "
+    "cap_net_raw,cap_sys_nice,cap_ipc_lock=ep fsn-master, or run it as a service, see "
+    "fsn-master.service";
+
+static const char *next_step(const struct fsn_fault *fault) {
+    if (fault->sys_errno == EPERM || fault->sys_errno == EACCES) {
+        return explain_permission;
+    }
+    if (fault->sys_errno == ENODEV || fault->sys_errno == ENXIO) {
+        return "ip link lists the interfaces";
+    }
+    if (fault->sys_errno == EBUSY) {
+        return "the kernel's admission control has no room for it; take a longer cycle or fifo";
+    }
+    switch (fault->status) {
+    case FSN_E_BUS_BUSY:
+        return "stop the other MainDevice first";
+    case FSN_E_BUS_SILENT:
+        return "check cable, power and --interface; --wait 30s tries again";
+    case FSN_E_BUS_MISSING:
+        return "check cable and power behind the last SubDevice found; --wait 30s tries again";
+    case FSN_E_BUS_IDENTITY:
+    case FSN_E_BUS_MAPPING:
+    case FSN_E_BUS_ADDRESS:
+        return "compare the bus with the network file; fsoe-net plan makes a new plan";
+    case FSN_E_BUS_SDO:
+        return "compare the start-up SDOs of this device with its manual";
+    case FSN_E_BUS_STATE:
+        return "its AL status code says why";
+    case FSN_E_NOMEM:
+        return "free memory, or allow the process more";
+    case FSN_E_SYS:
+        return "see the system's own message";
+    default:
+        return "fsoe-net plan NETWORK -o PLAN makes the plan anew";
+    }
+}
+
+static void put_record(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
+                       size_t room_bytes) {
+    struct fsn_subdevice_info info;
+    room[0] = 0;
+    if (fault->section == 0 || fault->copy_index == FSN_FAULT_NO_RECORD) {
+        return;
+    }
+    const bool device = fault->section == 1 && plan != NULL &&
+                        fsn_plan_subdevice(plan, fault->copy_index, &info) == FSN_OK;
+    snprintf(room, room_bytes, "%s %u%s%.80s%s: ", fsn_section_name(fault->section),
+             (unsigned)fault->copy_index, device ? " (" : "", device ? info.name : "",
+             device ? ")" : "");
+}
+
+void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
+                   size_t room_bytes) {
+    char record[128];
+    put_record(fault, plan, record, sizeof record);
+    const char *rule = fault->rule != NULL ? fault->rule : fsn_status_text(fault->status);
+    snprintf(room, room_bytes, "%s: %s%s%s%.160s%s%s; %s", fsn_status_name(fault->status), record,
+             rule, fault->detail[0] != 0 ? ": " : "", fault->detail,
+             fault->sys_errno != 0 ? ": " : "",
+             fault->sys_errno != 0 ? strerror(fault->sys_errno) : "", next_step(fault));
+}

@@ -1,0 +1,16 @@
+/** Faults in one line for people, with the next step. */
+#ifndef FSN_APP_EXPLAIN_H
+#define FSN_APP_EXPLAIN_H
+
+#include <stddef.h>
+
+#include "fsn/plan.h"
+
+/** Writes "FSN_E_…: record: rule: what was found; what to do". `plan` may be NULL. */
+void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
+                   size_t room_bytes);
+
+/** What to do when the system does not permit something. */
+extern const char explain_permission[];
+
+#endif

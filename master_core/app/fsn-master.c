@@ -1,0 +1,164 @@
+/** fsn-master: loads a plan, drives a bus, serves a local control socket. Runs without Python and
+ *  survives its clients. Part of the black channel: it makes no FSoE frame and changes none. */
+#define _GNU_SOURCE
+
+#include <errno.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include "explain.h"
+#include "log.h"
+#include "master.h"
+#include "notify.h"
+
+enum { MAX_PLAN_BYTES = 64 << 20 };
+
+/** Reads a whole file.   @return NULL with errno set. */
+static uint8_t *read_file(const char *path, size_t *len) {
+    FILE *file = fopen(path, "rbe");
+    size_t room = 1 << 16;
+    uint8_t *bytes = malloc(room);
+    *len = 0;
+    while (file != NULL && bytes != NULL) {
+        errno = 0;
+        *len += fread(bytes + *len, 1, room - *len, file);
+        if (*len < room) {
+            break;
+        }
+        uint8_t *more = room < MAX_PLAN_BYTES ? realloc(bytes, 2 * room) : NULL;
+        if (more == NULL) {
+            free(bytes);
+            errno = EFBIG;
+        }
+        bytes = more;
+        room *= 2;
+    }
+    const bool bad = file == NULL || ferror(file) != 0;
+    const int error = errno != 0 ? errno : EIO;
+    if (file != NULL) {
+        fclose(file);
+    }
+    if (bad) {
+        free(bytes);
+        bytes = NULL;
+    }
+    errno = error;
+    return bytes;
+}
+
+/** Loads the plan.   @return -1, else the exit code; then it has said why. */
+static int load(const char *path, struct fsn_plan **plan) {
+    size_t len;
+    char text[640];
+    struct fsn_fault fault;
+    uint8_t *bytes = read_file(path, &len);
+    if (bytes == NULL) {
+        log_line(FSN_LOG_ERROR, "%s: %s; fsoe-net plan NETWORK -o PLAN makes a plan", path,
+                 strerror(errno));
+        return EXIT_USAGE;
+    }
+    const fsn_status status = fsn_plan_load(bytes, len, plan, &fault);
+    free(bytes);
+    if (status != FSN_OK) {
+        explain_fault(&fault, NULL, text, sizeof text);
+        log_line(FSN_LOG_ERROR, "%s: %s", path, text);
+        return EXIT_REFUSED;
+    }
+    return -1;
+}
+
+/** Compares the plan with the accepted hash, and its cycle time with the options. */
+static int check_plan(const struct fsn_plan *plan, struct options *o) {
+    uint8_t digest[FSN_SHA256_BYTES];
+    char hash[2 * FSN_SHA256_BYTES + 1];
+    fsn_plan_sha256(plan, digest);
+    for (size_t i = 0; i < sizeof digest; i++) {
+        snprintf(hash + 2 * i, 3, "%02x", (unsigned)digest[i]);
+    }
+    log_line(FSN_LOG_INFO, "plan %s, SHA-256 %s", o->plan_file, hash);
+    if (o->accepted != NULL && strcasecmp(o->accepted, hash) != 0) {
+        log_line(FSN_LOG_ERROR,
+                 "this is not the accepted plan, which has SHA-256 %s; accept it after looking at "
+                 "what changed, or load the other one",
+                 o->accepted);
+        return EXIT_REFUSED;
+    }
+    if (o->cycle_ns == 0) {
+        o->cycle_ns = fsn_plan_cycle_ns(plan);
+    }
+    if (o->cycle_ns < 1000) {
+        log_line(FSN_LOG_ERROR, "the plan states no cycle time; --cycle 1ms does");
+        return EXIT_USAGE;
+    }
+    return -1;
+}
+
+static void socket_path(const struct options *o, char *room, size_t room_bytes) {
+    const char *run = getenv("RUNTIME_DIRECTORY");
+    const char *user = getenv("XDG_RUNTIME_DIR");
+    const char *directory = run != NULL && *run != 0     ? run
+                            : user != NULL && *user != 0 ? user
+                                                         : "/run";
+    const char *name = o->interface != NULL ? o->interface : o->bus;
+    if (o->socket != NULL) {
+        snprintf(room, room_bytes, "%s", o->socket);
+        return;
+    }
+    /* A service manager may name several directories; the first is the one. */
+    const int len =
+        snprintf(room, room_bytes, "%.*s/fsn-master-", (int)strcspn(directory, ":"), directory);
+    size_t at = (size_t)len < room_bytes ? (size_t)len : room_bytes - 1;
+    for (; *name != 0 && at + 1 < room_bytes; name++) {
+        room[at++] = *name == '/' ? '_' : *name;
+    }
+    snprintf(room + at, room_bytes - at, ".sock");
+}
+
+static int block_signals(void) {
+    sigset_t set;
+    sigemptyset(&set);
+    sigaddset(&set, SIGTERM);
+    sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGHUP);
+    /* Before any thread is there, so that all of them inherit it. */
+    sigprocmask(SIG_BLOCK, &set, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
+}
+
+int main(int argc, char **argv) {
+    static struct options options;
+    int code = options_read(argc, argv, &options);
+    if (code != -1) {
+        return code;
+    }
+    log_as_json(options.log_json);
+    const struct fsn_backend *backend = backend_find(options.bus);
+    if (backend == NULL) {
+        log_line(FSN_LOG_ERROR,
+                 "FSN_E_ABSENT: this build has no bus %s; fsn-master --version "
+                 "lists those it has",
+                 options.bus);
+        return EXIT_REFUSED;
+    }
+    struct fsn_plan *plan = NULL;
+    code = load(options.plan_file, &plan);
+    if (code == -1) {
+        code = check_plan(plan, &options);
+    }
+    if (code == -1) {
+        char path[512];
+        socket_path(&options, path, sizeof path);
+        notify_begin();
+        const int signal_fd = block_signals();
+        code = master_run(&options, plan, backend, path, signal_fd);
+        close(signal_fd);
+    }
+    fsn_plan_free(plan);
+    return code;
+}

@@ -1,0 +1,311 @@
+#define _GNU_SOURCE
+
+#include "master.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include "control/internal.h"
+#include "explain.h"
+#include "log.h"
+#include "notify.h"
+#include "runner.h"
+
+enum { END_MS = 10000 }; /**< how long the end may take when the bus does not even open */
+
+enum state { STOPPED, OPENING, RUNNING, LEAVING, CLOSING, FAILED };
+static const char *const state_name[] = {"stopped",  "opening",  "running",
+                                         "stopping", "stopping", "failed"};
+
+struct master {
+    const struct options *options;
+    const struct fsn_plan *plan;
+    const struct fsn_backend *backend;
+    struct fsn_control *control;
+    struct runner *runner;
+    int signal_fd;
+    enum state state;
+    bool wanted;      /**< the bus is to run */
+    bool again;       /**< it is to be stopped before it runs again */
+    bool ending;      /**< the program is to end */
+    bool opened_once; /**< the cycle has run */
+    bool ready;       /**< every SubDevice has reached OP since the bus was opened */
+    bool was_ready;   /**< since the program began: the manager was told */
+    int code;         /**< exit code */
+    char fault[640];
+    struct fsn_core *core;
+    enum policy policy;
+    bool locked;
+    uint64_t started_ns, run_until_ns, end_until_ns;
+    uint64_t watchdog_ns, watched_cycles;
+};
+
+static const char *const policy_name[] = {"fifo", "deadline", "other"};
+
+static void set_state(struct master *m, enum state state, enum fsn_log_level level,
+                      const char *text) {
+    char lines[256];
+    m->state = state;
+    snprintf(lines, sizeof lines, "STATUS=%s: %.200s", state_name[state], text);
+    notify(lines);
+    fsn_control_state_changed(m->control, level, text);
+}
+
+static void host_status(void *self, struct fsn_control_status *status) {
+    const struct master *m = self;
+    const struct options *o = m->options;
+    *status = (struct fsn_control_status){
+        .state = m->state == RUNNING && !m->ready ? "starting" : state_name[m->state],
+        .fault = m->fault[0] != 0 ? m->fault : NULL,
+        .backend = m->backend->name,
+        .interface = o->interface,
+        .redundant = o->redundant,
+        .plan_file = o->plan_file,
+        .accepted = o->accepted,
+        .policy = policy_name[m->policy],
+        .started_ns = m->started_ns,
+        .cycle_ns = o->cycle_ns,
+        .cpu = o->cpu,
+        .priority = m->policy != POLICY_FIFO ? 0
+                    : o->priority > 0        ? o->priority
+                                             : 80,
+        .free_run = o->free_run,
+    };
+}
+
+static void begin_end(struct master *m, const char *why) {
+    if (m->ending) {
+        return;
+    }
+    m->ending = true;
+    m->wanted = false;
+    m->end_until_ns = fsn_now_ns() + END_MS * UINT64_C(1000000);
+    notify("STOPPING=1");
+    fsn_control_state_changed(m->control, FSN_LOG_INFO, why);
+}
+
+static fsn_status host_wish(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+    struct master *m = self;
+    const bool stopped = m->state == STOPPED || m->state == FAILED;
+    if (m->ending) {
+        return fsn_refusal_set(refusal, FSN_E_STATE, NULL, "the program is ending");
+    }
+    switch (wish) {
+    case FSN_WISH_START:
+        if (m->wanted) {
+            return fsn_refusal_set(refusal, FSN_E_STATE, "restart stops it before", "the bus is %s",
+                                   state_name[m->state]);
+        }
+        m->wanted = true;
+        return FSN_OK;
+    case FSN_WISH_STOP:
+        if (stopped && !m->wanted) {
+            return fsn_refusal_set(refusal, FSN_E_STATE, NULL, "the bus is stopped");
+        }
+        m->wanted = false;
+        m->again = false;
+        return FSN_OK;
+    case FSN_WISH_RESTART:
+        m->wanted = true;
+        m->again = !stopped;
+        return FSN_OK;
+    default:
+        begin_end(m, "a client asks for the end");
+        return FSN_OK;
+    }
+}
+
+static void host_log(void *self, enum fsn_log_level level, const char *text, const char *json,
+                     size_t json_bytes) {
+    (void)self;
+    log_event(level, text, json, json_bytes);
+}
+
+/** Takes the next step towards what is wanted, when nothing is under way. */
+static void advance(struct master *m) {
+    const bool leave = !m->wanted || m->again;
+    if (m->state == RUNNING && leave) {
+        m->again = false;
+        fsn_control_close_outputs(m->control);
+        set_state(m, LEAVING, FSN_LOG_INFO, "stops: SubDevices leave OP, copying goes on");
+        runner_ask(m->runner, RUNNER_LEAVE);
+    } else if (m->state == OPENING && leave) {
+        runner_give_up(m->runner);
+    } else if ((m->state == STOPPED || m->state == FAILED) && m->wanted) {
+        m->again = false;
+        m->fault[0] = 0;
+        m->ready = false;
+        set_state(m, OPENING, FSN_LOG_INFO, "opens the bus");
+        runner_ask(m->runner, RUNNER_OPEN);
+    }
+}
+
+static bool lacks_permission(const struct runner_result *result) {
+    return result->fault.sys_errno == EPERM || result->fault.sys_errno == EACCES;
+}
+
+static void failed(struct master *m, const struct runner_result *result) {
+    char text[720];
+    explain_fault(&result->fault, m->plan, m->fault, sizeof m->fault);
+    const bool given_up = !m->wanted;
+    m->wanted = false;
+    snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
+    set_state(m, FAILED, FSN_LOG_ERROR, text);
+    if (!m->opened_once && !given_up) {
+        /* At the start nobody is there who could mend it and try again. */
+        m->code = result->environment || lacks_permission(result) ? EXIT_ENVIRONMENT : EXIT_REFUSED;
+        begin_end(m, "ends: the bus does not open");
+    }
+}
+
+static void opened(struct master *m, const struct runner_result *result) {
+    char text[256];
+    if (result->status != FSN_OK) {
+        failed(m, result);
+        return;
+    }
+    m->opened_once = true;
+    m->core = result->core;
+    m->policy = result->policy;
+    m->locked = result->locked;
+    fsn_control_attach(m->control, m->core);
+    snprintf(text, sizeof text, "the cycle runs: %.3f ms, scheduling %s, memory %s",
+             (double)m->options->cycle_ns / 1e6, policy_name[m->policy],
+             m->locked ? "locked" : "not locked");
+    set_state(m, RUNNING, FSN_LOG_INFO, text);
+    if (m->policy != m->options->policy) {
+        log_line(FSN_LOG_WARNING, "no real-time scheduling: %s", explain_permission);
+    }
+    if (m->options->run_ns > 0 && m->run_until_ns == 0) {
+        m->run_until_ns = fsn_now_ns() + m->options->run_ns;
+    }
+}
+
+static void take_result(struct master *m) {
+    struct runner_result result;
+    runner_take(m->runner, &result);
+    if (result.done == RUNNER_OPEN) {
+        opened(m, &result);
+    } else if (result.done == RUNNER_LEAVE) {
+        fsn_control_attach(m->control, NULL);
+        m->core = NULL;
+        m->state = CLOSING;
+        runner_ask(m->runner, RUNNER_CLOSE);
+    } else if (result.done == RUNNER_CLOSE) {
+        set_state(m, STOPPED, FSN_LOG_INFO, "the bus is closed");
+    }
+    if (m->state == RUNNING && !m->ready && runner_in_op(m->runner)) {
+        m->ready = true;
+        set_state(m, RUNNING, FSN_LOG_INFO,
+                  m->backend->ops->tend != NULL ? "ready: every SubDevice is in OP"
+                                                : "ready: this bus has no states");
+        if (!m->was_ready) {
+            m->was_ready = true;
+            notify("READY=1");
+        }
+    }
+}
+
+static void take_signal(struct master *m) {
+    struct signalfd_siginfo info;
+    if (read(m->signal_fd, &info, sizeof info) != (ssize_t)sizeof info) {
+        return;
+    }
+    if (m->ending) {
+        log_line(FSN_LOG_ERROR, "a second signal: ends at once");
+        _exit(EXIT_REFUSED);
+    }
+    char text[64];
+    snprintf(text, sizeof text, "ends: %s", strsignal((int)info.ssi_signo));
+    begin_end(m, text);
+}
+
+static void watch_time(struct master *m, uint64_t now_ns) {
+    if (m->run_until_ns != 0 && now_ns >= m->run_until_ns) {
+        begin_end(m, "ends: the run time is over");
+    }
+    if (m->ending && now_ns >= m->end_until_ns) {
+        log_line(FSN_LOG_ERROR, "the bus neither opens nor closes; ends without it");
+        _exit(EXIT_REFUSED);
+    }
+    if (notify_watchdog_ns() == 0 || now_ns < m->watchdog_ns) {
+        return;
+    }
+    struct fsn_statistics statistics = {0};
+    if (m->core != NULL && fsn_core_snapshot(m->core, &statistics, NULL, NULL) != FSN_OK) {
+        return;
+    }
+    if (m->core == NULL || statistics.cycles != m->watched_cycles) {
+        m->watched_cycles = statistics.cycles;
+        m->watchdog_ns = now_ns + notify_watchdog_ns() / 2;
+        notify("WATCHDOG=1");
+    }
+}
+
+static void turn(struct master *m) {
+    enum { SIGNALS = FSN_CONTROL_FDS, RUNNER, ALL };
+    struct pollfd fds[ALL];
+    int timeout_ms;
+    fsn_control_prepare(m->control, fds, &timeout_ms);
+    fds[SIGNALS] = (struct pollfd){.fd = m->signal_fd, .events = POLLIN};
+    fds[RUNNER] = (struct pollfd){.fd = runner_fd(m->runner), .events = POLLIN};
+    if (poll(fds, ALL, timeout_ms) < 0) {
+        return; /* interrupted */
+    }
+    if (fds[SIGNALS].revents != 0) {
+        take_signal(m);
+    }
+    if (fds[RUNNER].revents != 0) {
+        take_result(m);
+    }
+    fsn_control_serve(m->control, fds, FSN_CONTROL_FDS);
+    watch_time(m, fsn_now_ns());
+    advance(m);
+}
+
+static int listen_on(struct master *m, const char *path) {
+    struct fsn_refusal refusal;
+    if (fsn_control_listen(m->control, path, &refusal) == FSN_OK) {
+        return -1;
+    }
+    log_line(FSN_LOG_ERROR, "%s; %s", refusal.text, refusal.hint);
+    return refusal.status == FSN_E_STATE ? EXIT_REFUSED : EXIT_ENVIRONMENT;
+}
+
+int master_run(const struct options *options, const struct fsn_plan *plan,
+               const struct fsn_backend *backend, const char *socket_path, int signal_fd) {
+    struct master m = {.options = options,
+                       .plan = plan,
+                       .backend = backend,
+                       .signal_fd = signal_fd,
+                       .started_ns = fsn_now_ns(),
+                       .wanted = true,
+                       .policy = options->policy};
+    const struct fsn_control_host host = {&m, host_status, host_wish, host_log};
+    m.control = fsn_control_create(plan, &host, &options->access);
+    if (m.control == NULL) {
+        log_line(FSN_LOG_ERROR, "out of memory");
+        return EXIT_ENVIRONMENT;
+    }
+    m.code = listen_on(&m, socket_path);
+    if (m.code == -1) {
+        m.code = EXIT_FINE;
+        m.runner = runner_create(options, plan, backend);
+        if (m.runner == NULL) {
+            log_line(FSN_LOG_ERROR, "the thread for the bus cannot be started: %s",
+                     strerror(errno));
+            m.code = EXIT_ENVIRONMENT;
+        }
+    }
+    while (m.runner != NULL && !(m.ending && (m.state == STOPPED || m.state == FAILED))) {
+        advance(&m);
+        turn(&m);
+    }
+    fsn_control_flush(m.control, 200);
+    runner_free(m.runner);
+    fsn_control_free(m.control);
+    return m.code;
+}

@@ -1,0 +1,305 @@
+#include "options.h"
+
+#include <ctype.h>
+#include <getopt.h>
+#include <grp.h>
+#include <pwd.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "backends.h"
+
+static const char usage_text[] =
+    "usage: fsn-master PLAN --bus soem|igh|emulated --interface IF [options]\n"
+    "\n"
+    "Drives the EtherCAT bus of a compiled plan and moves its FSoE frames in every cycle.\n"
+    "\n"
+    "  --bus NAME         soem, igh, or emulated: an image in memory, nobody answers\n"
+    "  --interface IF     network interface (soem) or number of the master (igh)\n"
+    "  --redundant IF2    second interface, at the other end of the ring\n"
+    "  --cycle TIME       bus cycle, e.g. 1ms or 250us; default: the plan's\n"
+    "  --policy P         fifo, deadline or other; default: fifo where it is permitted\n"
+    "  --priority N       of fifo, 1 to 99; default 80\n"
+    "  --cpu N            runs the cycle on this CPU only\n"
+    "  --free-run         no waiting: a cycle begins when the bus has answered\n"
+    "  --dc-every N       distributes the DC reference time every N cycles; default 0: never\n"
+    "  --keep-unknown     leaves SubDevices alone that the plan does not know\n"
+    "  --run-time TIME    stops by itself, e.g. 10s\n"
+    "  --wait TIME        tries again for so long while SubDevices are missing\n"
+    "  --accepted HASH    refuses any plan but the one with this SHA-256\n"
+    "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
+    "                     $XDG_RUNTIME_DIR or /run\n"
+    "  --allow-user NAME  may use the socket, beside root and the user this runs as\n"
+    "  --allow-group NAME the same for a group; both may be given several times\n"
+    "  --log text|json    lines on stderr; default text\n"
+    "  --trace            writes markers into the kernel's trace buffer\n"
+    "  --version          version, buses and their terms\n"
+    "  --help             this text\n"
+    "\n"
+    "example: fsn-master estop.fsnplan --bus soem --interface eth1 --cycle 1ms\n"
+    "Part of the black channel; no safety function, no certificate. Stop is no emergency stop.\n";
+
+static int wrong(const char *option, const char *value, const char *text) {
+    fprintf(stderr, "fsn-master: %s%s%s: %s; fsn-master --help lists the options\n", option,
+            value != NULL ? " " : "", value != NULL ? value : "", text);
+    return EXIT_USAGE;
+}
+
+/** Reads a time with its unit; a bare number is `bare_ns` each, 0 refuses it. */
+static bool read_time(const char *text, uint64_t bare_ns, uint64_t *time_ns) {
+    static const struct {
+        const char *unit;
+        double ns;
+    } units[] = {{"ns", 1}, {"us", 1e3}, {"ms", 1e6}, {"s", 1e9}, {"min", 6e10}, {"h", 3.6e12}};
+    char *end = NULL;
+    if (!isdigit((unsigned char)*text)) {
+        return false;
+    }
+    const double number = strtod(text, &end);
+    double unit = (double)bare_ns;
+    for (size_t i = 0; *end != 0 && i < sizeof units / sizeof units[0]; i++) {
+        if (strcmp(end, units[i].unit) == 0) {
+            unit = units[i].ns;
+            end += strlen(end);
+        }
+    }
+    if (*end != 0 || !(unit > 0) || !(number * unit < 1e18)) {
+        return false;
+    }
+    *time_ns = (uint64_t)(number * unit + 0.5);
+    return true;
+}
+
+static bool read_number(const char *text, long least, long most, long *number) {
+    char *end = NULL;
+    if (!isdigit((unsigned char)*text)) {
+        return false;
+    }
+    *number = strtol(text, &end, 10);
+    return *end == 0 && *number >= least && *number <= most;
+}
+
+static int read_policy(const char *text, struct options *o) {
+    static const char *const name[] = {"fifo", "deadline", "other"};
+    for (int i = 0; i < 3; i++) {
+        if (strcmp(text, name[i]) == 0) {
+            o->policy = (enum policy)i;
+            o->policy_given = true;
+            return -1;
+        }
+    }
+    return wrong("--policy", text, "fifo, deadline or other");
+}
+
+static int read_hash(const char *text, struct options *o) {
+    const size_t hex = strspn(text, "0123456789abcdefABCDEF");
+    if (hex != 2 * FSN_SHA256_BYTES || text[hex] != 0) {
+        return wrong("--accepted", text, "a SHA-256 has 64 hexadecimal digits");
+    }
+    o->accepted = text;
+    return -1;
+}
+
+static int allow_user(const char *name, struct options *o) {
+    const struct passwd *entry = getpwnam(name);
+    if (entry == NULL) {
+        return wrong("--allow-user", name, "there is no such user here");
+    }
+    if (o->access.users == FSN_CONTROL_ALLOWED) {
+        return wrong("--allow-user", name, "too many; a group is better");
+    }
+    o->access.user[o->access.users++] = entry->pw_uid;
+    return -1;
+}
+
+static int allow_group(const char *name, struct options *o) {
+    const struct group *entry = getgrnam(name);
+    if (entry == NULL) {
+        return wrong("--allow-group", name, "there is no such group here");
+    }
+    if (o->access.groups == FSN_CONTROL_ALLOWED) {
+        return wrong("--allow-group", name, "too many groups");
+    }
+    o->access.group[o->access.groups++] = entry->gr_gid;
+    return -1;
+}
+
+static int read_log(const char *text, struct options *o) {
+    if (strcmp(text, "text") != 0 && strcmp(text, "json") != 0) {
+        return wrong("--log", text, "text or json");
+    }
+    o->log_json = strcmp(text, "json") == 0;
+    return -1;
+}
+
+static int read_integer(const char *option, const char *text, long least, long most,
+                        const char *rule, long *number) {
+    return read_number(text, least, most, number) ? -1 : wrong(option, text, rule);
+}
+
+enum option_id {
+    BUS = 256,
+    INTERFACE,
+    REDUNDANT,
+    CYCLE,
+    POLICY,
+    PRIORITY,
+    CPU,
+    FREE_RUN,
+    DC_EVERY,
+    KEEP_UNKNOWN,
+    RUN_TIME,
+    WAIT,
+    ACCEPTED,
+    SOCKET,
+    ALLOW_USER,
+    ALLOW_GROUP,
+    LOG,
+    TRACE,
+    VERSION,
+    HELP,
+};
+
+static int take_numeric(int id, const char *text, struct options *o) {
+    long number = 0;
+    int code;
+    switch (id) {
+    case PRIORITY:
+        code = read_integer("--priority", text, 1, 99, "1 to 99", &number);
+        o->priority = (int)number;
+        return code;
+    case CPU:
+        code = read_integer("--cpu", text, 0, 1023, "a CPU number from 0 on", &number);
+        o->cpu = (int)number + 1;
+        return code;
+    case DC_EVERY:
+        code = read_integer("--dc-every", text, 0, 1000000, "0 to 1000000 cycles", &number);
+        o->dc_every = (uint32_t)number;
+        return code;
+    case CYCLE:
+        return read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 1000 &&
+                       o->cycle_ns <= UINT64_C(4000000000)
+                   ? -1
+                   : wrong("--cycle", text, "a time from 1us to 4s with its unit, e.g. 1ms");
+    case RUN_TIME:
+        return read_time(text, 1000000000, &o->run_ns) && o->run_ns > 0
+                   ? -1
+                   : wrong("--run-time", text, "a time above 0, e.g. 10s");
+    default:
+        return read_time(text, 1000000000, &o->wait_ns) ? -1
+                                                        : wrong("--wait", text, "a time, e.g. 30s");
+    }
+}
+
+static int take(int id, const char *text, struct options *o) {
+    switch (id) {
+    case BUS:
+        o->bus = text;
+        return backend_is_known(text) ? -1 : wrong("--bus", text, "soem, igh or emulated");
+    case INTERFACE:
+        o->interface = text;
+        return -1;
+    case REDUNDANT:
+        o->redundant = text;
+        return -1;
+    case POLICY:
+        return read_policy(text, o);
+    case FREE_RUN:
+        o->free_run = true;
+        return -1;
+    case KEEP_UNKNOWN:
+        o->keep_unknown = true;
+        return -1;
+    case ACCEPTED:
+        return read_hash(text, o);
+    case SOCKET:
+        o->socket = text;
+        return -1;
+    case ALLOW_USER:
+        return allow_user(text, o);
+    case ALLOW_GROUP:
+        return allow_group(text, o);
+    case LOG:
+        return read_log(text, o);
+    case TRACE:
+        o->trace = true;
+        return -1;
+    default:
+        return take_numeric(id, text, o);
+    }
+}
+
+static int check_together(const struct options *o) {
+    if (o->plan_file == NULL) {
+        return wrong("PLAN", NULL, "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
+    }
+    if (o->bus == NULL) {
+        return wrong("--bus", NULL, "is missing: soem, igh or emulated");
+    }
+    if (o->interface == NULL && strcmp(o->bus, "emulated") != 0) {
+        return wrong("--interface", NULL, "is missing");
+    }
+    if (o->redundant != NULL && strcmp(o->bus, "soem") != 0) {
+        return wrong("--redundant", o->redundant, "only soem takes a second interface here");
+    }
+    if (o->redundant != NULL && strcmp(o->redundant, o->interface) == 0) {
+        return wrong("--redundant", o->redundant, "the same interface twice");
+    }
+    if (o->priority != 0 && o->policy != POLICY_FIFO) {
+        return wrong("--priority", NULL, "only with --policy fifo");
+    }
+    if (o->cpu != 0 && o->policy == POLICY_DEADLINE) {
+        return wrong("--cpu", NULL, "a deadline thread cannot be pinned; isolate the CPU instead");
+    }
+    if (o->free_run && o->policy == POLICY_DEADLINE) {
+        return wrong("--free-run", NULL, "a deadline thread has a period; use --policy fifo");
+    }
+    return -1;
+}
+
+int options_read(int argc, char **argv, struct options *o) {
+    static const struct option table[] = {
+        {"bus", required_argument, NULL, BUS},
+        {"interface", required_argument, NULL, INTERFACE},
+        {"redundant", required_argument, NULL, REDUNDANT},
+        {"cycle", required_argument, NULL, CYCLE},
+        {"policy", required_argument, NULL, POLICY},
+        {"priority", required_argument, NULL, PRIORITY},
+        {"cpu", required_argument, NULL, CPU},
+        {"free-run", no_argument, NULL, FREE_RUN},
+        {"dc-every", required_argument, NULL, DC_EVERY},
+        {"keep-unknown", no_argument, NULL, KEEP_UNKNOWN},
+        {"run-time", required_argument, NULL, RUN_TIME},
+        {"wait", required_argument, NULL, WAIT},
+        {"accepted", required_argument, NULL, ACCEPTED},
+        {"socket", required_argument, NULL, SOCKET},
+        {"allow-user", required_argument, NULL, ALLOW_USER},
+        {"allow-group", required_argument, NULL, ALLOW_GROUP},
+        {"log", required_argument, NULL, LOG},
+        {"trace", no_argument, NULL, TRACE},
+        {"version", no_argument, NULL, VERSION},
+        {"help", no_argument, NULL, HELP},
+        {NULL, 0, NULL, 0},
+    };
+    int id;
+    while ((id = getopt_long(argc, argv, "", table, NULL)) != -1) {
+        if (id == HELP) {
+            fputs(usage_text, stdout);
+            return EXIT_FINE;
+        }
+        if (id == VERSION) {
+            backends_print(stdout);
+            return EXIT_FINE;
+        }
+        const int code = id == '?' ? EXIT_USAGE : take(id, optarg, o);
+        if (code != -1) {
+            return code;
+        }
+    }
+    if (optind + 1 < argc) {
+        return wrong(argv[optind + 1], NULL, "one plan only");
+    }
+    o->plan_file = optind < argc ? argv[optind] : NULL;
+    return check_together(o);
+}

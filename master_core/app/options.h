@@ -1,0 +1,32 @@
+/** The command line of fsn-master. */
+#ifndef FSN_APP_OPTIONS_H
+#define FSN_APP_OPTIONS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "control/control.h"
+
+enum { EXIT_FINE = 0, EXIT_REFUSED = 1, EXIT_USAGE = 2, EXIT_ENVIRONMENT = 3 };
+
+enum policy { POLICY_FIFO, POLICY_DEADLINE, POLICY_OTHER };
+
+struct options {
+    const char *plan_file, *bus, *interface, *redundant, *socket, *accepted;
+    uint64_t cycle_ns; /**< 0: the plan's */
+    uint64_t run_ns;   /**< 0: until it is stopped */
+    uint64_t wait_ns;  /**< how long to try again while SubDevices are missing */
+    enum policy policy;
+    bool policy_given; /**< then it is no good to go on without it */
+    int priority;      /**< 1 … 99, of fifo */
+    int cpu;           /**< CPU number + 1; 0: any */
+    uint32_t dc_every; /**< 0: no distributed clocks */
+    bool free_run, trace, log_json, keep_unknown;
+    struct fsn_control_access access;
+};
+
+/** Reads the command line.
+ *  @return -1 to go on, else the exit code; then it has said why. */
+int options_read(int argc, char **argv, struct options *options);
+
+#endif

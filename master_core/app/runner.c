@@ -1,0 +1,343 @@
+#define _GNU_SOURCE
+
+#include "runner.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "control/internal.h"
+#include "log.h"
+#include "schedule.h"
+
+enum {
+    TEND_NS = 2000000,    /**< between two steps of the acyclic work */
+    LEAVE_MS = 2000,      /**< how long SubDevices have to leave OP */
+    RETRY_MS = 200,       /**< between two tries to open */
+    DEFAULT_PRIORITY = 80 /**< of fifo */
+};
+
+struct runner {
+    const struct options *options;
+    const struct fsn_plan *plan;
+    const struct fsn_backend *backend;
+    pthread_t thread;
+    int wake; /**< eventfd: the control thread has something to take */
+    pthread_mutex_t lock;
+    pthread_cond_t asked;
+    enum runner_job job;         /**< asked for, guarded by lock */
+    bool ending;                 /**< guarded by lock */
+    struct runner_result result; /**< guarded by lock */
+    atomic_bool give_up, in_op;
+    /* The thread's own. */
+    void *bus;
+    struct fsn_core *core;
+};
+
+static void wake(struct runner *runner) {
+    const uint64_t one = 1;
+    if (write(runner->wake, &one, sizeof one) < 0) {
+        return; /* it counts already */
+    }
+}
+
+static void sleep_ns(uint64_t ns) {
+    const struct timespec time = {.tv_sec = (time_t)(ns / 1000000000u),
+                                  .tv_nsec = (long)(ns % 1000000000u)};
+    clock_nanosleep(CLOCK_MONOTONIC, 0, &time, NULL);
+}
+
+/** Whether it may help to try again: nobody there yet, or not all. */
+static bool may_come(fsn_status status) {
+    return status == FSN_E_BUS_MISSING || status == FSN_E_BUS_SILENT || status == FSN_E_BUS_STATE;
+}
+
+static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
+    const struct options *o = runner->options;
+    const uint64_t cycle_ns = o->cycle_ns != 0 ? o->cycle_ns : fsn_plan_cycle_ns(runner->plan);
+    const struct fsn_live_options live = {
+        .interface = o->interface,
+        .redundant = o->redundant,
+        .cycle_ns = cycle_ns,
+        .receive_wait_ns = o->free_run ? 2 * cycle_ns : 0,
+        .dc_every = o->dc_every,
+        .keep_unknown = o->keep_unknown,
+    };
+    fsn_status status = runner->backend->create(&live, &runner->bus, fault);
+    if (status == FSN_OK) {
+        status =
+            fsn_core_create(runner->plan, runner->backend->ops, runner->bus, &runner->core, fault);
+    }
+    if (status != FSN_OK) {
+        runner->backend->free(runner->bus);
+        runner->bus = NULL;
+    }
+    return status;
+}
+
+static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
+    const uint64_t until = fsn_now_ns() + runner->options->wait_ns;
+    for (int tries = 0;; tries++) {
+        *fault = (struct fsn_fault){.copy_index = FSN_FAULT_NO_RECORD};
+        const fsn_status status = open_once(runner, fault);
+        if (status == FSN_OK || !may_come(status) || fsn_now_ns() >= until ||
+            atomic_load(&runner->give_up)) {
+            return status;
+        }
+        if (tries == 0) {
+            log_line(FSN_LOG_INFO, "%s%s%s; tries again", fsn_status_text(status),
+                     fault->detail[0] != 0 ? ": " : "", fault->detail);
+        }
+        sleep_ns(RETRY_MS * UINT64_C(1000000));
+    }
+}
+
+static uint64_t cycle_of(const struct runner *runner) {
+    const uint64_t given = runner->options->cycle_ns;
+    return given != 0 ? given : fsn_plan_cycle_ns(runner->plan);
+}
+
+/** Starts the cycle as well as the system permits; strictly as asked when it was asked for. */
+static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
+                              struct runner_result *result) {
+    const struct options *o = runner->options;
+    pid_t before[SCHEDULE_THREADS];
+    pid_t after[SCHEDULE_THREADS];
+    struct fsn_thread_options thread = {
+        .cycle_ns = cycle_of(runner),
+        .cpu = o->cpu,
+        .priority = o->policy != POLICY_FIFO ? 0
+                    : o->priority > 0        ? o->priority
+                                             : DEFAULT_PRIORITY,
+        .lock_memory = o->policy != POLICY_OTHER,
+        .free_run = o->free_run,
+        .follow_dc = o->dc_every > 0,
+        .trace = o->trace,
+    };
+    const size_t known = schedule_threads(before);
+    fsn_status status = fsn_core_start(runner->core, &thread, fault);
+    if (status == FSN_E_SYS && thread.lock_memory && !o->policy_given &&
+        (fault->sys_errno == EPERM || fault->sys_errno == ENOMEM)) {
+        thread.lock_memory = false;
+        status = fsn_core_start(runner->core, &thread, fault);
+    }
+    if (status != FSN_OK) {
+        return status;
+    }
+    result->locked = thread.lock_memory;
+    int error = 0;
+    if (o->policy == POLICY_DEADLINE) {
+        const pid_t cyclic = schedule_new_thread(before, known, after, schedule_threads(after));
+        error = cyclic != 0 ? schedule_deadline(cyclic, thread.cycle_ns) : ESRCH;
+    } else if (o->policy == POLICY_FIFO) {
+        struct fsn_statistics statistics = {0};
+        const bool got = fsn_core_snapshot(runner->core, &statistics, NULL, NULL) == FSN_OK;
+        /* Before the first cycle the snapshot is that of the activation. */
+        for (int i = 0; got && i < 5000 && statistics.cycles == 0; i++) {
+            sleep_ns(1000000);
+            if (fsn_core_snapshot(runner->core, &statistics, NULL, NULL) != FSN_OK) {
+                break;
+            }
+        }
+        error = statistics.realtime != 0 ? 0 : EPERM;
+    }
+    result->policy = error == 0 ? o->policy : POLICY_OTHER;
+    if (error != 0 && o->policy_given) {
+        *fault = (struct fsn_fault){.status = FSN_E_SYS,
+                                    .copy_index = FSN_FAULT_NO_RECORD,
+                                    .sys_errno = error,
+                                    .rule = "the cyclic thread gets no real-time scheduling"};
+        return FSN_E_SYS;
+    }
+    return FSN_OK;
+}
+
+static void close_bus(struct runner *runner) {
+    fsn_core_free(runner->core);
+    runner->core = NULL;
+    runner->backend->free(runner->bus);
+    runner->bus = NULL;
+}
+
+static void job_open(struct runner *runner, struct runner_result *result) {
+    struct fsn_fault *fault = &result->fault;
+    result->status = open_bus(runner, fault);
+    if (result->status == FSN_OK) {
+        result->status = start_cycle(runner, fault, result);
+        if (result->status != FSN_OK) {
+            close_bus(runner);
+        }
+    }
+    result->environment = result->status == FSN_E_SYS || result->status == FSN_E_NOMEM;
+    result->core = runner->core;
+    if (result->status != FSN_OK && fault->rule == NULL) {
+        fault->rule = fsn_status_text(result->status);
+    }
+}
+
+static uint64_t cycles_of(struct runner *runner) {
+    struct fsn_statistics statistics = {0};
+    const fsn_status status = fsn_core_snapshot(runner->core, &statistics, NULL, NULL);
+    return status == FSN_OK ? statistics.cycles : 0;
+}
+
+/** The stop values were set before this was asked for: they go out in a few more cycles, and
+ *  copying goes on until the SubDevices have left OP. */
+static void job_leave(struct runner *runner) {
+    enum { CYCLES = 3 };
+    const uint64_t bound = LEAVE_MS * UINT64_C(1000000) + CYCLES * cycle_of(runner);
+    const uint64_t until = fsn_now_ns() + bound;
+    const uint64_t sent = cycles_of(runner) + CYCLES;
+    atomic_store(&runner->in_op, false);
+    for (;;) {
+        const uint64_t now = fsn_now_ns();
+        const bool left = fsn_core_tend(runner->core, FSN_AL_SAFEOP, now);
+        if (left && cycles_of(runner) >= sent) {
+            return;
+        }
+        if (now >= until) {
+            log_line(FSN_LOG_WARNING, left ? "the cycle stands still"
+                                           : "not every SubDevice has left OP within 2 s");
+            return;
+        }
+        sleep_ns(TEND_NS);
+    }
+}
+
+static void work(struct runner *runner, enum runner_job job) {
+    struct runner_result result = {.done = job, .core = runner->core};
+    if (job == RUNNER_OPEN) {
+        job_open(runner, &result);
+    } else if (job == RUNNER_LEAVE) {
+        job_leave(runner);
+    } else {
+        close_bus(runner);
+        result.core = NULL;
+    }
+    pthread_mutex_lock(&runner->lock);
+    runner->result = result;
+    pthread_mutex_unlock(&runner->lock);
+    wake(runner);
+}
+
+static void tend(struct runner *runner) {
+    const bool in_op = fsn_core_tend(runner->core, FSN_AL_OP, fsn_now_ns());
+    if (in_op != atomic_exchange(&runner->in_op, in_op)) {
+        wake(runner);
+    }
+}
+
+/** Waits for a job; while a bus is tended, a little only. */
+static enum runner_job next_job(struct runner *runner, bool tending, bool *ending) {
+    pthread_mutex_lock(&runner->lock);
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    until.tv_nsec += TEND_NS;
+    if (until.tv_nsec >= 1000000000) {
+        until.tv_nsec -= 1000000000;
+        until.tv_sec++;
+    }
+    int waited = 0;
+    while (runner->job == RUNNER_IDLE && !runner->ending && waited == 0) {
+        waited = tending ? pthread_cond_timedwait(&runner->asked, &runner->lock, &until)
+                         : pthread_cond_wait(&runner->asked, &runner->lock);
+    }
+    const enum runner_job job = runner->job;
+    runner->job = RUNNER_IDLE;
+    *ending = runner->ending;
+    pthread_mutex_unlock(&runner->lock);
+    return job;
+}
+
+static void *run(void *argument) {
+    struct runner *runner = argument;
+    bool tending = false;
+    bool ending = false;
+    while (!ending) {
+        const enum runner_job job = next_job(runner, tending, &ending);
+        if (job != RUNNER_IDLE) {
+            work(runner, job);
+            tending = job == RUNNER_OPEN && runner->core != NULL;
+        }
+        if (tending && !ending) {
+            tend(runner);
+        }
+    }
+    return NULL;
+}
+
+struct runner *runner_create(const struct options *options, const struct fsn_plan *plan,
+                             const struct fsn_backend *backend) {
+    struct runner *runner = calloc(1, sizeof *runner);
+    if (runner == NULL) {
+        return NULL;
+    }
+    runner->options = options;
+    runner->plan = plan;
+    runner->backend = backend;
+    runner->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    pthread_condattr_t attributes;
+    pthread_mutex_init(&runner->lock, NULL);
+    pthread_condattr_init(&attributes);
+    pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
+    pthread_cond_init(&runner->asked, &attributes);
+    pthread_condattr_destroy(&attributes);
+    if (runner->wake < 0 || pthread_create(&runner->thread, NULL, run, runner) != 0) {
+        free(runner);
+        return NULL;
+    }
+    return runner;
+}
+
+void runner_free(struct runner *runner) {
+    if (runner == NULL) {
+        return;
+    }
+    pthread_mutex_lock(&runner->lock);
+    runner->ending = true;
+    pthread_cond_signal(&runner->asked);
+    pthread_mutex_unlock(&runner->lock);
+    pthread_join(runner->thread, NULL);
+    close(runner->wake);
+    pthread_mutex_destroy(&runner->lock);
+    pthread_cond_destroy(&runner->asked);
+    free(runner);
+}
+
+void runner_ask(struct runner *runner, enum runner_job job) {
+    pthread_mutex_lock(&runner->lock);
+    if (job == RUNNER_OPEN) {
+        atomic_store(&runner->give_up, false);
+    }
+    runner->job = job;
+    pthread_cond_signal(&runner->asked);
+    pthread_mutex_unlock(&runner->lock);
+}
+
+void runner_give_up(struct runner *runner) {
+    atomic_store(&runner->give_up, true);
+}
+
+int runner_fd(const struct runner *runner) {
+    return runner->wake;
+}
+
+void runner_take(struct runner *runner, struct runner_result *result) {
+    uint64_t count;
+    if (read(runner->wake, &count, sizeof count) < 0) {
+        count = 0; /* nothing was there; the result says so */
+    }
+    pthread_mutex_lock(&runner->lock);
+    *result = runner->result;
+    runner->result = (struct runner_result){.done = RUNNER_IDLE};
+    pthread_mutex_unlock(&runner->lock);
+}
+
+bool runner_in_op(const struct runner *runner) {
+    return atomic_load(&((struct runner *)runner)->in_op);
+}

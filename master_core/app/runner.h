@@ -1,0 +1,52 @@
+/** The thread that opens the bus, tends it beside the cycle and closes it again. All it does may
+ *  take seconds; the control thread asks, goes on, and is woken when it is done. */
+#ifndef FSN_APP_RUNNER_H
+#define FSN_APP_RUNNER_H
+
+#include "backends.h"
+#include "fsn/core.h"
+#include "options.h"
+
+struct runner;
+
+enum runner_job {
+    RUNNER_IDLE,
+    RUNNER_OPEN,  /**< opens the bus, starts the cycle, leads it towards OP until told otherwise */
+    RUNNER_LEAVE, /**< leads it to SAFEOP while the cycle goes on, at most 2 s */
+    RUNNER_CLOSE  /**< stops the cycle, closes the bus; the core is gone then */
+};
+
+/** What came of the last job. */
+struct runner_result {
+    enum runner_job done;   /**< RUNNER_IDLE: none since the last call */
+    fsn_status status;      /**< of RUNNER_OPEN */
+    struct fsn_fault fault; /**< why it was refused */
+    struct fsn_core *core;  /**< there until RUNNER_CLOSE is asked for */
+    enum policy policy;     /**< as it came to be */
+    bool locked;            /**< the memory is locked */
+    bool environment;       /**< it was the system that refused, not plan or bus */
+};
+
+/** Starts the thread.   @retval NULL  the system refused. */
+struct runner *runner_create(const struct options *options, const struct fsn_plan *plan,
+                             const struct fsn_backend *backend);
+
+/** Ends the thread; the bus must be closed. NULL is allowed. */
+void runner_free(struct runner *runner);
+
+/** Asks for a job; the one before must have been taken. */
+void runner_ask(struct runner *runner, enum runner_job job);
+
+/** Gives up trying to open again. */
+void runner_give_up(struct runner *runner);
+
+/** Readable when a result is there, or all SubDevices have reached OP. */
+int runner_fd(const struct runner *runner);
+
+/** Takes the result. */
+void runner_take(struct runner *runner, struct runner_result *result);
+
+/** Whether every SubDevice is in OP; of a bus without states at once. */
+bool runner_in_op(const struct runner *runner);
+
+#endif

@@ -1,0 +1,123 @@
+/** Fuzz target: any bytes as lines of the control socket; each gets one reply that is whole. Fits
+ *  libFuzzer and driver.c. */
+#include "fuzz.h"
+
+#include <string.h>
+
+#include "control/internal.h"
+
+uint64_t fuzz_reached;
+
+static struct {
+    struct fsn_plan *plan;
+    struct fsn_emulated *bus;
+    struct fsn_core *core;
+    struct fsn_control *control;
+} rig;
+
+static void tell_status(void *self, struct fsn_control_status *status) {
+    (void)self;
+    *status = (struct fsn_control_status){
+        .state = "running", .backend = "emulated", .plan_file = "plan", .policy = "other"};
+}
+
+static fsn_status grant(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+    (void)self;
+    return wish == FSN_WISH_START ? fsn_refusal_set(refusal, FSN_E_STATE, NULL, "it runs") : FSN_OK;
+}
+
+static void swallow(void *self, enum fsn_log_level level, const char *text, const char *json,
+                    size_t json_bytes) {
+    (void)self;
+    (void)level;
+    CHECK(fsn_is_utf8(text, strlen(text)) && fsn_is_utf8(json, json_bytes));
+}
+
+static const struct fsn_control_host host = {NULL, tell_status, grant, swallow};
+static const struct fsn_control_access nobody;
+
+static void set_up(void) {
+    size_t len;
+    uint8_t *bytes = build_full(&len);
+    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
+    free(bytes);
+    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
+    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
+    rig.control = fsn_control_create(rig.plan, &host, &nobody);
+    CHECK(rig.control != NULL);
+    fsn_control_attach(rig.control, rig.core);
+}
+
+static void tear_down(void) {
+    fsn_control_free(rig.control);
+    fsn_core_free(rig.core);
+    fsn_emulated_free(rig.bus);
+    fsn_plan_free(rig.plan);
+}
+
+/** A line of JSON: brackets pair outside of strings, no control character, UTF-8. */
+static void check_line(const char *line, size_t len) {
+    char stack[32];
+    size_t depth = 0;
+    bool text = false;
+    CHECK(fsn_is_utf8(line, len) && len > 0 && line[0] == '{');
+    for (size_t i = 0; i < len; i++) {
+        CHECK((unsigned char)line[i] >= 0x20);
+        if (text) {
+            i += line[i] == '\\';
+            text = i >= len || line[i] != '"' || line[i - 1] == '\\';
+        } else if (line[i] == '"') {
+            text = true;
+        } else if (line[i] == '{' || line[i] == '[') {
+            CHECK(depth < sizeof stack);
+            stack[depth++] = line[i] == '{' ? '}' : ']';
+        } else if (line[i] == '}' || line[i] == ']') {
+            CHECK(depth > 0 && stack[--depth] == line[i]);
+        }
+    }
+    CHECK(!text && depth == 0);
+}
+
+static void ask(struct fsn_client *client, const uint8_t *bytes, size_t len) {
+    char *line = malloc(len + 1); /* exactly the room it may use */
+    CHECK(line != NULL);
+    memcpy(line, bytes, len);
+    fsn_request(rig.control, client, line, len);
+    free(line);
+    CHECK(client->doom == NULL && client->out.len_bytes > 0);
+    unsigned replies = 0;
+    for (size_t at = 0; at < client->out.len_bytes;) {
+        const char *from = client->out.bytes + at;
+        const char *end = memchr(from, '\n', client->out.len_bytes - at);
+        CHECK(end != NULL);
+        check_line(from, (size_t)(end - from));
+        replies += strncmp(from, "{\"ok\":", 6) == 0;
+        fuzz_reached += strncmp(from, "{\"ok\":true", 10) == 0;
+        at += (size_t)(end - from) + 1;
+    }
+    CHECK(replies == 1); /* the rest are events */
+    fsn_json_free(&client->out);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    set_up();
+    struct fsn_client *client = &rig.control->client[0];
+    *client = (struct fsn_client){.fd = 1 << 20, /* no descriptor: nothing is sent here */
+                                  .number = 1,
+                                  .lease_ms = FSN_LEASE_MS,
+                                  .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+    uint64_t now = 0;
+    while (size > 0) {
+        const uint8_t *end = memchr(data, '\n', size);
+        const size_t line = end != NULL ? (size_t)(end - data) : size;
+        if (line <= FSN_LINE_BYTES) {
+            ask(client, data, line);
+        }
+        CHECK(fsn_core_cycle(rig.core, ++now) == FSN_OK);
+        data += line + (end != NULL);
+        size -= line + (end != NULL);
+    }
+    client->fd = -1;
+    tear_down();
+    return 0;
+}

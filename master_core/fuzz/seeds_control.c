@@ -1,0 +1,20 @@
+#include <string.h>
+
+#include "fuzz.h"
+
+/** The symbol of build_full() is called "t". */
+uint8_t *fuzz_seed(size_t number, size_t *len) {
+    static const char *const seeds[] = {
+        "hello\nstatus\nsubdevices\nsymbols\nsnapshot\nhelp\n",
+        "events on\nlease 500\nset t=1\nget t t\narm t\nset t=0x5a\nevents off\nget t\n",
+        "#7 set \"t\"=255\n#a stop\nrestart\nstart\nlease 0\nshutdown\nset t=1 t=2\nset t=256\n",
+    };
+    if (number >= sizeof seeds / sizeof seeds[0]) {
+        return NULL;
+    }
+    *len = strlen(seeds[number]);
+    uint8_t *bytes = malloc(*len);
+    CHECK(bytes != NULL);
+    memcpy(bytes, seeds[number], *len);
+    return bytes;
+}

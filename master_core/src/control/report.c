@@ -1,0 +1,180 @@
+/** The documents of the control socket. */
+#include "fsn/version.h"
+#include "internal.h"
+#include "value.h"
+
+void fsn_report_hello(struct fsn_control *control, const struct fsn_client *client,
+                      struct fsn_json *json) {
+    (void)control;
+    fsn_json_put_text(json, "program", "fsn-master");
+    fsn_json_put_u64(json, "protocol", FSN_CONTROL_PROTOCOL);
+    fsn_json_put_text(json, "version", fsn_version());
+    fsn_json_put_u64(json, "client", client->number);
+    fsn_json_put_u64(json, "lease_ms", client->lease_ms);
+    fsn_json_put_text(json, "role",
+                      "part of the black channel: moves FSoE frames whole and unchanged; no safety "
+                      "function, not certified; stop is no emergency stop");
+}
+
+static void put_optional(struct fsn_json *json, const char *key, const char *text) {
+    fsn_json_key(json, key);
+    if (text == NULL) {
+        fsn_json_null(json);
+    } else {
+        fsn_json_text(json, text);
+    }
+}
+
+static void short_subdevices(struct fsn_control *control, struct fsn_json *json) {
+    uint32_t in_op = 0;
+    uint32_t missing = 0;
+    const uint32_t count = fsn_plan_subdevice_count(control->plan);
+    for (uint32_t i = 0; control->core != NULL && i < count; i++) {
+        struct fsn_bus_subdevice seen = {0};
+        if (fsn_core_subdevice(control->core, i, &seen) != FSN_OK) {
+            continue;
+        }
+        in_op += seen.al_status == FSN_AL_OP;
+        missing += seen.al_status == FSN_AL_NONE;
+    }
+    fsn_json_key(json, "subdevices");
+    fsn_json_open(json, '{');
+    fsn_json_put_u64(json, "planned", count);
+    fsn_json_put_u64(json, "in_op", in_op);
+    fsn_json_put_u64(json, "missing", missing);
+    fsn_json_close(json, '}');
+}
+
+static void put_cycle(struct fsn_control *control, struct fsn_json *json) {
+    struct fsn_statistics *s = &control->statistics;
+    *s = (struct fsn_statistics){0};
+    if (control->core != NULL && fsn_core_snapshot(control->core, s, NULL, NULL) != FSN_OK) {
+        *s = (struct fsn_statistics){0};
+    }
+    fsn_json_put_u64(json, "cycles", s->cycles);
+    fsn_json_put_u64(json, "overruns", s->overruns);
+    fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
+    fsn_json_put_u64(json, "expected_wkc", s->expected_wkc);
+    fsn_json_put_u64(json, "actual_wkc", s->actual_wkc);
+    fsn_json_put_bool(json, "realtime", s->realtime != 0);
+    fsn_json_put_bool(json, "locked", s->locked != 0);
+}
+
+void fsn_report_status(struct fsn_control *control, struct fsn_json *json) {
+    struct fsn_control_status status = {0};
+    control->host->status(control->host->self, &status);
+    fsn_json_put_text(json, "state", status.state);
+    put_optional(json, "fault", status.fault);
+    fsn_json_put_text(json, "backend", status.backend);
+    put_optional(json, "interface", status.interface);
+    put_optional(json, "redundant", status.redundant);
+    fsn_json_put_text(json, "plan", status.plan_file);
+    fsn_json_put_text(json, "plan_sha256", control->sha256);
+    fsn_json_put_bool(json, "accepted", status.accepted != NULL);
+    fsn_json_put_u64(json, "uptime_ns", fsn_now_ns() - status.started_ns);
+    fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
+    fsn_json_put_bool(json, "free_run", status.free_run);
+    fsn_json_put_text(json, "policy", status.policy);
+    fsn_json_put_u64(json, "priority", (uint64_t)status.priority);
+    fsn_json_key(json, "cpu");
+    if (status.cpu > 0) {
+        fsn_json_u64(json, (uint64_t)status.cpu - 1);
+    } else {
+        fsn_json_null(json);
+    }
+    put_cycle(control, json);
+    short_subdevices(control, json);
+    uint32_t clients = 0;
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        clients += control->client[i].fd >= 0;
+    }
+    fsn_json_put_u64(json, "clients", clients);
+}
+
+static void numbers(struct fsn_json *json, const char *key, const uint8_t *number, size_t count) {
+    fsn_json_key(json, key);
+    fsn_json_open(json, '[');
+    for (size_t i = 0; i < count; i++) {
+        fsn_json_u64(json, number[i]);
+    }
+    fsn_json_close(json, ']');
+}
+
+static void one_subdevice(struct fsn_control *control, uint32_t number, struct fsn_json *json) {
+    struct fsn_subdevice_info info;
+    struct fsn_bus_subdevice seen = {0};
+    char al[24];
+    if (fsn_plan_subdevice(control->plan, number, &info) != FSN_OK) {
+        return;
+    }
+    fsn_json_open(json, '{');
+    fsn_json_put_u64(json, "number", number);
+    fsn_json_put_text(json, "name", info.name);
+    fsn_json_put_u64(json, "alias", info.alias);
+    fsn_json_put_u64(json, "position", info.position);
+    const bool known =
+        control->core != NULL && fsn_core_subdevice(control->core, number, &seen) == FSN_OK;
+    fsn_json_put_bool(json, "known", known);
+    if (known) {
+        seen.detail[FSN_DETAIL_BYTES - 1] = 0;
+        fsn_json_put_text(json, "al", fsn_al_text(seen.al_status, al));
+        fsn_json_put_u64(json, "al_status", seen.al_status);
+        fsn_json_put_u64(json, "al_code", seen.al_code);
+        fsn_json_put_u64(json, "found", seen.found);
+        fsn_json_put_text(json, "found_text", fsn_found_text(seen.found));
+        fsn_json_put_text(json, "detail", seen.detail);
+        fsn_json_put_u64(json, "vendor_id", seen.vendor_id);
+        fsn_json_put_u64(json, "product_code", seen.product_code);
+        fsn_json_put_u64(json, "revision", seen.revision);
+        fsn_json_put_u64(json, "returns", seen.returns);
+        numbers(json, "link", seen.link, FSN_PORTS);
+        numbers(json, "link_lost", seen.link_lost, FSN_PORTS);
+        numbers(json, "rx_errors", seen.rx_errors, FSN_PORTS);
+    }
+    uint64_t stale = 0;
+    for (uint32_t sm = 0; control->core != NULL && sm < info.sm_count; sm++) {
+        stale += fsn_core_stale_cycles(control->core, info.first_sm + sm);
+    }
+    fsn_json_put_u64(json, "stale_cycles", stale);
+    fsn_json_close(json, '}');
+}
+
+void fsn_report_subdevices(struct fsn_control *control, struct fsn_json *json) {
+    fsn_json_key(json, "subdevices");
+    fsn_json_open(json, '[');
+    for (uint32_t i = 0; i < fsn_plan_subdevice_count(control->plan); i++) {
+        one_subdevice(control, i, json);
+    }
+    fsn_json_close(json, ']');
+}
+
+void fsn_report_symbols(struct fsn_control *control, struct fsn_json *json) {
+    fsn_json_key(json, "symbols");
+    fsn_json_open(json, '[');
+    for (uint32_t i = 0; i < fsn_plan_symbol_count(control->plan); i++) {
+        struct fsn_symbol_info info;
+        if (fsn_plan_symbol(control->plan, i, &info) != FSN_OK) {
+            continue;
+        }
+        const struct fsn_output_state state = fsn_outputs_state(control->outputs, i);
+        fsn_json_open(json, '{');
+        fsn_json_put_text(json, "name", info.name);
+        fsn_json_put_text(json, "direction", info.output != 0 ? "output" : "input");
+        fsn_json_put_text(json, "type", fsn_value_type(&info));
+        fsn_json_put_u64(json, "bits", info.bits);
+        fsn_json_put_bool(json, "open", state.open);
+        if (info.output != 0) {
+            fsn_json_put_bool(json, "restart_relevant", info.restart_relevant != 0);
+            fsn_json_key(json, "stop_value");
+            fsn_value_write(&info, info.stop_value, json);
+            fsn_json_key(json, "client");
+            if (state.owner == FSN_NOBODY) {
+                fsn_json_null(json);
+            } else {
+                fsn_json_u64(json, state.owner);
+            }
+        }
+        fsn_json_close(json, '}');
+    }
+    fsn_json_close(json, ']');
+}

@@ -1,0 +1,279 @@
+#define _GNU_SOURCE
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "internal.h"
+
+uint64_t fsn_now_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+void fsn_client_drop(struct fsn_control *control, struct fsn_client *client, const char *why) {
+    if (client->fd < 0) {
+        return;
+    }
+    close(client->fd);
+    client->fd = -1;
+    client->events = false;
+    fsn_json_free(&client->out);
+    client->sent = 0;
+    /* After it is gone, so that it cannot be told about its own end. */
+    fsn_watch_take_back(control, client, why);
+}
+
+/** Writes what a client takes without waiting. */
+static void send_some(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
+    while (client->fd >= 0 && client->sent < client->out.len_bytes) {
+        const ssize_t sent =
+            send(client->fd, client->out.bytes + client->sent, client->out.len_bytes - client->sent,
+                 MSG_NOSIGNAL | MSG_DONTWAIT);
+        if (sent < 0 && errno == EINTR) {
+            continue;
+        }
+        if (sent < 0 && errno != EAGAIN && errno != EWOULDBLOCK) {
+            fsn_client_drop(control, client, "disconnected");
+            return;
+        }
+        if (sent < 0) {
+            break;
+        }
+        client->sent += (size_t)sent;
+        client->moved_ns = now_ns;
+    }
+    if (client->fd >= 0 && client->sent == client->out.len_bytes) {
+        fsn_json_free(&client->out);
+        client->sent = 0;
+        client->moved_ns = now_ns;
+    }
+}
+
+void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes) {
+    struct fsn_json *out = &client->out;
+    if (client->fd < 0 || client->doom != NULL) {
+        return;
+    }
+    if (client->sent > 0) { /* what is gone needs no room */
+        memmove(out->bytes, out->bytes + client->sent, out->len_bytes - client->sent);
+        out->len_bytes -= client->sent;
+        client->sent = 0;
+    }
+    char *room = out->bytes;
+    if (len_bytes > FSN_CONTROL_OUT_BYTES - out->len_bytes) {
+        client->doom = "does not read";
+        return;
+    }
+    if (len_bytes > out->room_bytes - out->len_bytes) {
+        const size_t wanted = 2 * (out->len_bytes + len_bytes);
+        room = realloc(out->bytes, wanted);
+        if (room == NULL) {
+            client->doom = "no memory for it";
+            return;
+        }
+        out->bytes = room;
+        out->room_bytes = wanted;
+    }
+    memcpy(out->bytes + out->len_bytes, bytes, len_bytes);
+    out->len_bytes += len_bytes;
+}
+
+/** Answers the whole lines in the buffer, a few at a time. */
+static void answer_lines(struct fsn_control *control, struct fsn_client *client) {
+    size_t at = 0;
+    client->more = false;
+    for (int lines = 0; client->doom == NULL; lines++) {
+        char *line = client->in + at;
+        const char *end = memchr(line, '\n', client->in_bytes - at);
+        if (end == NULL) {
+            break;
+        }
+        if (lines == FSN_TURN_LINES) {
+            client->more = true;
+            break;
+        }
+        size_t len = (size_t)(end - line);
+        at += len + 1;
+        len -= len > 0 && line[len - 1] == '\r';
+        if (client->skipping) {
+            client->skipping = false;
+            continue;
+        }
+        client->heard_ns = fsn_now_ns();
+        fsn_request(control, client, line, len);
+    }
+    client->in_bytes -= at;
+    memmove(client->in, client->in + at, client->in_bytes);
+    if (client->in_bytes > FSN_LINE_BYTES && !client->more) {
+        if (!client->skipping) {
+            struct fsn_refusal refusal;
+            fsn_refusal_set(&refusal, FSN_E_SPACE, "split it into several requests",
+                            "a request has at most %d bytes", FSN_LINE_BYTES);
+            fsn_reply_refusal(control, client, NULL, &refusal);
+        }
+        client->skipping = true;
+        client->in_bytes = 0;
+    }
+}
+
+static void read_some(struct fsn_control *control, struct fsn_client *client) {
+    const size_t room = FSN_LINE_BYTES + 1 - client->in_bytes;
+    if (room == 0) {
+        return;
+    }
+    const ssize_t got = recv(client->fd, client->in + client->in_bytes, room, MSG_DONTWAIT);
+    if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) {
+        return;
+    }
+    if (got <= 0) {
+        fsn_client_drop(control, client, "disconnected");
+        return;
+    }
+    client->in_bytes += (size_t)got;
+}
+
+static struct fsn_client *free_slot(struct fsn_control *control) {
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        if (control->client[i].fd < 0) {
+            return &control->client[i];
+        }
+    }
+    return NULL;
+}
+
+static void turn_away(int fd, const char *text) {
+    /* Best effort: it is one short line into an empty socket. */
+    if (send(fd, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT) < 0) {
+        errno = 0;
+    }
+    close(fd);
+}
+
+static void accept_one(struct fsn_control *control) {
+    const int fd = accept4(control->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    if (fd < 0) {
+        return;
+    }
+    struct ucred peer;
+    socklen_t size = sizeof peer;
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 ||
+        !fsn_control_may(control->access, peer.uid, peer.gid)) {
+        turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_CLOSED\",\"text\":\"this user may not "
+                      "connect\",\"hint\":\"start fsn-master with --allow-user or "
+                      "--allow-group\"}\n");
+        return;
+    }
+    struct fsn_client *client = free_slot(control);
+    if (client == NULL) {
+        turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"too many clients\","
+                      "\"hint\":\"close one of them\"}\n");
+        return;
+    }
+    const uint64_t now = fsn_now_ns();
+    *client = (struct fsn_client){.fd = fd,
+                                  .number = ++control->last_number,
+                                  .pid = peer.pid,
+                                  .uid = peer.uid,
+                                  .lease_ms = FSN_LEASE_MS,
+                                  .heard_ns = now,
+                                  .moved_ns = now,
+                                  .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+}
+
+size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, int *timeout_ms) {
+    /* Events of the core are polled for: it has no way to wake this thread. */
+    *timeout_ms = control->core != NULL ? 5 : 100;
+    fds[0] = (struct pollfd){.fd = control->listener, .events = POLLIN};
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        const struct fsn_client *client = &control->client[i];
+        short wanted = client->in_bytes <= FSN_LINE_BYTES ? POLLIN : 0;
+        if (client->sent < client->out.len_bytes) {
+            wanted = (short)(wanted | POLLOUT);
+        }
+        fds[i + 1] = (struct pollfd){.fd = client->fd, .events = wanted};
+        *timeout_ms = client->fd >= 0 && client->more ? 0 : *timeout_ms;
+    }
+    return FSN_CONTROL_FDS;
+}
+
+static void serve_client(struct fsn_control *control, struct fsn_client *client, short found) {
+    if ((found & (POLLERR | POLLNVAL)) != 0) {
+        fsn_client_drop(control, client, "disconnected");
+        return;
+    }
+    if ((found & (POLLIN | POLLHUP)) != 0) {
+        read_some(control, client);
+    }
+    if (client->fd >= 0) {
+        answer_lines(control, client);
+    }
+}
+
+static void check_silence(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
+    const uint64_t lease_ns = client->lease_ms * UINT64_C(1000000);
+    if (client->lease_ms != 0 && !client->more && now_ns - client->heard_ns > lease_ns) {
+        client->heard_ns = now_ns;
+        fsn_watch_take_back(control, client, "silent");
+    }
+    if (client->sent < client->out.len_bytes &&
+        now_ns - client->moved_ns > FSN_STALL_MS * UINT64_C(1000000)) {
+        fsn_client_drop(control, client, "does not read");
+    }
+}
+
+void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count) {
+    int fd[FSN_CONTROL_CLIENTS]; /* a slot may change hands while this runs */
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        fd[i] = control->client[i].fd;
+    }
+    for (size_t i = 1; i < count && i <= FSN_CONTROL_CLIENTS; i++) {
+        struct fsn_client *client = &control->client[i - 1];
+        if (fds[i].fd >= 0 && fds[i].fd == fd[i - 1] && client->fd == fd[i - 1]) {
+            serve_client(control, client, fds[i].revents);
+        }
+    }
+    if (count > 0 && (fds[0].revents & POLLIN) != 0) {
+        accept_one(control);
+    }
+    fsn_watch(control, fsn_now_ns());
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        struct fsn_client *client = &control->client[i];
+        const uint64_t now = fsn_now_ns();
+        if (client->fd >= 0 && client->doom != NULL) {
+            fsn_client_drop(control, client, client->doom);
+        }
+        if (client->fd >= 0) {
+            send_some(control, client, now);
+        }
+        if (client->fd >= 0) {
+            check_silence(control, client, now);
+        }
+    }
+}
+
+void fsn_control_flush(struct fsn_control *control, int wait_ms) {
+    const uint64_t until = fsn_now_ns() + (uint64_t)wait_ms * 1000000u;
+    for (;;) {
+        struct pollfd fds[FSN_CONTROL_CLIENTS];
+        nfds_t count = 0;
+        for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+            struct fsn_client *client = &control->client[i];
+            if (client->fd >= 0) {
+                send_some(control, client, fsn_now_ns());
+            }
+            if (client->fd >= 0 && client->sent < client->out.len_bytes) {
+                fds[count++] = (struct pollfd){.fd = client->fd, .events = POLLOUT};
+            }
+        }
+        const uint64_t now = fsn_now_ns();
+        if (count == 0 || now >= until ||
+            poll(fds, count, (int)((until - now) / 1000000) + 1) < 0) {
+            return;
+        }
+    }
+}

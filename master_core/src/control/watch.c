@@ -1,0 +1,233 @@
+/** Turns what changes on the bus into events for subscribers and the log. */
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "internal.h"
+
+enum {
+    LOOK_MS = 20,  /**< between two looks at the SubDevices */
+    WKC_MS = 1000, /**< between two reports of single incomplete cycles */
+    DRAIN = 256,   /**< events of the core taken at once */
+};
+
+struct fsn_json *fsn_event_begin(struct fsn_control *control, const char *name, uint64_t at_ns) {
+    struct fsn_json *json = &control->event;
+    char utc[32];
+    fsn_json_free(json);
+    fsn_utc_text(at_ns, utc);
+    fsn_json_open(json, '{');
+    fsn_json_put_text(json, "event", name);
+    fsn_json_put_text(json, "utc", utc);
+    fsn_json_put_u64(json, "now_ns", at_ns);
+    return json;
+}
+
+void fsn_event_tell(struct fsn_control *control, enum fsn_log_level level, const char *format,
+                    ...) {
+    char text[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    struct fsn_json *json = &control->event;
+    static const char *const level_name[] = {"info", "warning", "error"};
+    fsn_json_put_text(json, "level", level_name[level]);
+    fsn_json_put_text(json, "text", text);
+    fsn_json_close(json, '}');
+    if (json->failed) {
+        control->host->log(control->host->self, level, text, "{}", 2);
+        return;
+    }
+    control->host->log(control->host->self, level, text, json->bytes, json->len_bytes);
+    fsn_json_end(json);
+    for (size_t i = 0; !json->failed && i < FSN_CONTROL_CLIENTS; i++) {
+        if (control->client[i].events) {
+            fsn_client_put(&control->client[i], json->bytes, json->len_bytes);
+        }
+    }
+}
+
+static void connection_event(struct fsn_control *control, const struct fsn_event *event) {
+    struct fsn_connection_info info;
+    if (fsn_plan_connection(control->plan, event->connection, &info) != FSN_OK) {
+        return;
+    }
+    const bool reset = event->after == FSN_OUTSIDE_RESET && event->by != 0;
+    const char *by = event->by == FSN_TO_SUB + 1 ? "main" : "sub";
+    struct fsn_json *json = fsn_event_begin(control, "connection", event->now_ns);
+    fsn_json_put_text(json, "connection", info.name);
+    fsn_json_put_text(json, "before", fsn_outside_text(event->before));
+    fsn_json_put_text(json, "after", fsn_outside_text(event->after));
+    if (reset) {
+        fsn_json_put_text(json, "reset_by", by);
+        fsn_json_put_u64(json, "reset_code", event->reset_code);
+        fsn_json_put_text(json, "reset_text", fsn_reset_text(event->reset_code));
+    }
+    const bool left =
+        event->before == FSN_OUTSIDE_DATA_PROCESS || event->before == FSN_OUTSIDE_DATA_FAILSAFE;
+    const bool data =
+        event->after == FSN_OUTSIDE_DATA_PROCESS || event->after == FSN_OUTSIDE_DATA_FAILSAFE;
+    fsn_event_tell(control, left && !data ? FSN_LOG_WARNING : FSN_LOG_INFO,
+                   "connection %.120s: %s -> %s%s%s%s%s", info.name,
+                   fsn_outside_text(event->before), fsn_outside_text(event->after),
+                   reset ? ", by the " : "", reset ? by : "", reset ? ": " : "",
+                   reset ? fsn_reset_text(event->reset_code) : "");
+}
+
+static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_bus_subdevice *b) {
+    return a->al_status == b->al_status && a->found == b->found && a->al_code == b->al_code &&
+           a->returns == b->returns && memcmp(a->link, b->link, sizeof a->link) == 0;
+}
+
+static void subdevice_event(struct fsn_control *control, uint32_t number,
+                            const struct fsn_bus_subdevice *before,
+                            const struct fsn_bus_subdevice *after, uint64_t now_ns) {
+    struct fsn_subdevice_info info;
+    char from[24];
+    char to[24];
+    if (fsn_plan_subdevice(control->plan, number, &info) != FSN_OK) {
+        return;
+    }
+    struct fsn_json *json = fsn_event_begin(control, "subdevice", now_ns);
+    fsn_json_put_text(json, "subdevice", info.name);
+    fsn_json_put_text(json, "before", fsn_al_text(before->al_status, from));
+    fsn_json_put_text(json, "after", fsn_al_text(after->al_status, to));
+    fsn_json_put_u64(json, "al_code", after->al_code);
+    fsn_json_put_text(json, "found", fsn_found_text(after->found));
+    fsn_json_put_text(json, "detail", after->detail);
+    fsn_json_put_u64(json, "returns", after->returns);
+    fsn_json_key(json, "link");
+    fsn_json_open(json, '[');
+    for (size_t i = 0; i < FSN_PORTS; i++) {
+        fsn_json_u64(json, after->link[i]);
+    }
+    fsn_json_close(json, ']');
+    const bool bad = (after->al_status & FSN_AL_ERROR) != 0 || after->al_status == FSN_AL_NONE;
+    fsn_event_tell(control, bad ? FSN_LOG_WARNING : FSN_LOG_INFO,
+                   "SubDevice %.120s: %s -> %s, AL status code 0x%04x, %s%s%.150s", info.name, from,
+                   to, (unsigned)after->al_code, fsn_found_text(after->found),
+                   after->detail[0] != 0 ? ": " : "", after->detail);
+}
+
+static void look_at_subdevices(struct fsn_control *control, uint64_t now_ns) {
+    struct fsn_seen *seen = &control->seen;
+    if (now_ns - seen->looked_ns < LOOK_MS * UINT64_C(1000000)) {
+        return;
+    }
+    seen->looked_ns = now_ns;
+    for (uint32_t i = 0; i < fsn_plan_subdevice_count(control->plan); i++) {
+        struct fsn_bus_subdevice after = {0};
+        if (fsn_core_subdevice(control->core, i, &after) != FSN_OK) {
+            return; /* a bus without states */
+        }
+        after.detail[FSN_DETAIL_BYTES - 1] = 0;
+        const struct fsn_bus_subdevice before = seen->subdevice[i];
+        seen->subdevice[i] = after;
+        if (!seen->known || !same_subdevice(&before, &after)) {
+            subdevice_event(control, i, &before, &after, now_ns);
+        }
+    }
+    seen->known = true;
+}
+
+static void look_at_wkc(struct fsn_control *control, uint64_t now_ns) {
+    struct fsn_seen *seen = &control->seen;
+    const struct fsn_statistics *s = &control->statistics;
+    const bool incomplete = s->cycles > 0 && s->expected_wkc != s->actual_wkc;
+    const bool turned = incomplete != seen->incomplete;
+    const bool more = s->wkc_errors != seen->wkc_errors || s->lost_frames != seen->lost_frames;
+    if (!turned && (!more || now_ns - seen->wkc_told_ns < WKC_MS * UINT64_C(1000000))) {
+        return;
+    }
+    struct fsn_json *json = fsn_event_begin(control, "wkc", now_ns);
+    fsn_json_put_bool(json, "complete", !incomplete);
+    fsn_json_put_u64(json, "expected", s->expected_wkc);
+    fsn_json_put_u64(json, "actual", s->actual_wkc);
+    fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
+    fsn_json_put_u64(json, "lost_frames", s->lost_frames);
+    fsn_event_tell(control, incomplete ? FSN_LOG_WARNING : FSN_LOG_INFO,
+                   "working counter %s: %u of %u, %" PRIu64 " incomplete cycles and %" PRIu64
+                   " lost frames more",
+                   incomplete ? "incomplete" : "complete", (unsigned)s->actual_wkc,
+                   (unsigned)s->expected_wkc, s->wkc_errors - seen->wkc_errors,
+                   s->lost_frames - seen->lost_frames);
+    seen->incomplete = incomplete;
+    seen->wkc_errors = s->wkc_errors;
+    seen->lost_frames = s->lost_frames;
+    seen->wkc_told_ns = now_ns;
+}
+
+void fsn_watch_reset(struct fsn_control *control) {
+    struct fsn_bus_subdevice *subdevice = control->seen.subdevice;
+    memset(subdevice, 0, fsn_plan_subdevice_count(control->plan) * sizeof *subdevice);
+    control->seen = (struct fsn_seen){.subdevice = subdevice};
+}
+
+void fsn_watch(struct fsn_control *control, uint64_t now_ns) {
+    if (control->core == NULL) {
+        return;
+    }
+    struct fsn_event event;
+    for (int i = 0; i < DRAIN && fsn_core_event(control->core, &event); i++) {
+        connection_event(control, &event);
+    }
+    if (fsn_core_snapshot(control->core, &control->statistics, NULL, NULL) != FSN_OK) {
+        return;
+    }
+    if (control->statistics.events_lost != control->seen.events_lost) {
+        fsn_event_begin(control, "lost", now_ns);
+        fsn_json_put_u64(&control->event, "events", control->statistics.events_lost);
+        fsn_event_tell(control, FSN_LOG_WARNING, "%" PRIu64 " events were lost so far",
+                       control->statistics.events_lost);
+        control->seen.events_lost = control->statistics.events_lost;
+    }
+    look_at_wkc(control, now_ns);
+    look_at_subdevices(control, now_ns);
+}
+
+/** Adds the name of an output that fell back to the event being written. */
+static void add_output(void *self, uint32_t symbol) {
+    struct fsn_control *control = self;
+    struct fsn_symbol_info info;
+    if (fsn_plan_symbol(control->plan, symbol, &info) == FSN_OK) {
+        fsn_json_text(&control->event, info.name);
+    }
+}
+
+void fsn_watch_take_back(struct fsn_control *control, const struct fsn_client *client,
+                         const char *why) {
+    struct fsn_json *json = fsn_event_begin(control, "fallback", fsn_now_ns());
+    fsn_json_put_u64(json, "client", client->number);
+    fsn_json_put_u64(json, "pid", (uint64_t)client->pid);
+    fsn_json_put_text(json, "why", why);
+    fsn_json_key(json, "outputs");
+    fsn_json_open(json, '[');
+    const size_t taken =
+        fsn_outputs_take_back(control->outputs, client->number, add_output, control);
+    fsn_json_close(json, ']');
+    if (taken > 0) {
+        fsn_event_tell(control, FSN_LOG_WARNING,
+                       "client %u (pid %ld) %s: %zu outputs take their stop values",
+                       (unsigned)client->number, (long)client->pid, why, taken);
+    }
+}
+
+void fsn_control_close_outputs(struct fsn_control *control) {
+    struct fsn_json *json = fsn_event_begin(control, "fallback", fsn_now_ns());
+    fsn_json_put_text(json, "why", "stop");
+    fsn_json_key(json, "outputs");
+    fsn_json_open(json, '[');
+    fsn_outputs_close(control->outputs, add_output, control);
+    fsn_json_close(json, ']');
+    fsn_event_tell(control, FSN_LOG_INFO, "outputs have their stop values");
+}
+
+void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,
+                               const char *text) {
+    struct fsn_control_status status = {0};
+    control->host->status(control->host->self, &status);
+    fsn_json_put_text(fsn_event_begin(control, "state", fsn_now_ns()), "state", status.state);
+    fsn_event_tell(control, level, "%.500s", text);
+}

@@ -1,0 +1,295 @@
+/** Requests, values, JSON and leases of the control socket, without a socket. */
+#include <string.h>
+
+#include "builder.h"
+#include "control/json.h"
+#include "control/outputs.h"
+#include "control/value.h"
+#include "control/words.h"
+#include "fsn/fsn.h"
+
+/** The line gets exactly the room it may use, so that ASan sees a reach beyond it. */
+static const char *split(const char *text, size_t len, struct fsn_words *words, char **room) {
+    *room = malloc(len + 1);
+    CHECK(*room != NULL);
+    memcpy(*room, text, len);
+    return fsn_words_split(*room, len, words);
+}
+
+static void lines_are_split(void) {
+    static const struct {
+        const char *line;
+        const char *word[4]; /* NULL: refused */
+    } good[] = {
+        {"status", {"status"}},
+        {"  get  a\tb ", {"get", "a", "b"}},
+        {"set \"a b\"=1", {"set", "a b=1"}},
+        {"set a=\"x \\\" \\\\ \\n\"", {"set", "a=x \" \\ \\n"}},
+        {"\"\" x", {"", "x"}},
+        {"a\"\"b", {"ab"}},
+        {"\xc3\xa9t\xc3\xa9", {"\xc3\xa9t\xc3\xa9"}},
+    };
+    static const char *const bad[] = {"",
+                                      "   ",
+                                      "\"",
+                                      "a \"b",
+                                      "a\x01",
+                                      "\x7f",
+                                      "\xff",
+                                      "a \xc3",
+                                      "\xc0\x80",
+                                      "\xed\xa0\x80",
+                                      "\xf4\x90\x80\x80",
+                                      "a\rb"};
+    struct fsn_words words;
+    char *room;
+    for (size_t i = 0; i < sizeof good / sizeof good[0]; i++) {
+        CHECK(split(good[i].line, strlen(good[i].line), &words, &room) == NULL);
+        for (size_t w = 0; w < 4; w++) {
+            const char *expected = good[i].word[w];
+            CHECK((w < words.count) == (expected != NULL));
+            CHECK(expected == NULL || strcmp(words.word[w], expected) == 0);
+        }
+        free(room);
+    }
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        CHECK(split(bad[i], strlen(bad[i]), &words, &room) != NULL);
+        free(room);
+    }
+    CHECK(split("a\0b", 3, &words, &room) != NULL);
+    free(room);
+    char many[2 * FSN_WORDS + 2];
+    for (size_t i = 0; i < sizeof many; i++) {
+        many[i] = i % 2 == 0 ? 'a' : ' ';
+    }
+    CHECK(split(many, 2 * FSN_WORDS, &words, &room) == NULL && words.count == FSN_WORDS);
+    free(room);
+    CHECK(split(many, sizeof many, &words, &room) != NULL);
+    free(room);
+}
+
+static void json_is_escaped_and_bounded(void) {
+    struct fsn_json json = {.limit_bytes = 200};
+    fsn_json_open(&json, '{');
+    fsn_json_put_text(&json, "a", "\"\\\n\x7f\xff\xc3\xa9");
+    fsn_json_key(&json, "b");
+    fsn_json_open(&json, '[');
+    fsn_json_i64(&json, INT64_MIN);
+    fsn_json_u64(&json, UINT64_MAX);
+    fsn_json_real(&json, 0.5);
+    const double zero = 0;
+    fsn_json_real(&json, 1 / zero);
+    fsn_json_bool(&json, true);
+    fsn_json_close(&json, ']');
+    fsn_json_close(&json, '}');
+    static const char expected[] =
+        "{\"a\":\"\\\"\\\\\\u000a\\u007f\\ufffd\xc3\xa9\",\"b\":[-9223372036854775808,"
+        "18446744073709551615,0.5,null,true]}";
+    CHECK(!json.failed && json.len_bytes == sizeof expected - 1);
+    CHECK(memcmp(json.bytes, expected, json.len_bytes) == 0);
+    for (int i = 0; i < 100; i++) {
+        fsn_json_u64(&json, 1000000);
+    }
+    CHECK(json.failed && json.len_bytes <= 200 && json.room_bytes <= 200);
+    fsn_json_free(&json);
+    CHECK(json.bytes == NULL && json.limit_bytes == 200);
+}
+
+struct row {
+    uint8_t kind;
+    uint16_t bits;
+    const char *text;
+    bool ok;
+    uint64_t raw;
+    const char *written; /* NULL: not looked at */
+};
+
+static const struct row rows[] = {
+    {FSN_KIND_BOOL, 1, "true", true, 1, "true"},
+    {FSN_KIND_BOOL, 1, "off", true, 0, "false"},
+    {FSN_KIND_BOOL, 1, "2", false, 0, NULL},
+    {FSN_KIND_BITS, 1, "1", true, 1, "1"},
+    {FSN_KIND_BITS, 4, "0xF", true, 15, "15"},
+    {FSN_KIND_BITS, 4, "16", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 8, "0b1010", true, 10, "10"},
+    {FSN_KIND_UNSIGNED, 8, "0o17", true, 15, "15"},
+    {FSN_KIND_UNSIGNED, 8, "-1", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 8, "-0", true, 0, "0"},
+    {FSN_KIND_UNSIGNED, 8, "256", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 64, "18446744073709551615", true, UINT64_MAX, "18446744073709551615"},
+    {FSN_KIND_UNSIGNED, 64, "18446744073709551616", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 16, "", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 16, "- 1", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 16, "+-1", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 16, "0x", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 16, "0x0x1", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 16, "1 ", false, 0, NULL},
+    {FSN_KIND_UNSIGNED, 16, "1.0", false, 0, NULL},
+    {FSN_KIND_SIGNED, 8, "-128", true, 0x80, "-128"},
+    {FSN_KIND_SIGNED, 8, "-129", false, 0, NULL},
+    {FSN_KIND_SIGNED, 8, "127", true, 0x7F, "127"},
+    {FSN_KIND_SIGNED, 8, "128", false, 0, NULL},
+    {FSN_KIND_SIGNED, 8, "-0x10", true, 0xF0, "-16"},
+    {FSN_KIND_SIGNED, 64, "-9223372036854775808", true, UINT64_C(1) << 63, "-9223372036854775808"},
+    {FSN_KIND_SIGNED, 64, "9223372036854775808", false, 0, NULL},
+    {FSN_KIND_REAL, 32, "-1.5", true, 0xBFC00000, "-1.5"},
+    {FSN_KIND_REAL, 32, "1e39", false, 0, NULL},
+    {FSN_KIND_REAL, 64, "1e39", true, 0x48078287F49C4A1D, NULL},
+    {FSN_KIND_REAL, 64, "nan", false, 0, NULL},
+    {FSN_KIND_REAL, 64, "inf", false, 0, NULL},
+    {FSN_KIND_REAL, 64, "1e999", false, 0, NULL},
+    {FSN_KIND_REAL, 64, " 1", false, 0, NULL},
+    {FSN_KIND_REAL, 64, ".", false, 0, NULL},
+    {FSN_KIND_REAL, 16, "3", true, 3, "3"}, /* no such float: bits */
+};
+
+static void values_are_typed(void) {
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        const struct row *row = &rows[i];
+        const struct fsn_symbol_info symbol = {.kind = row->kind, .bits = row->bits};
+        uint64_t raw = 0;
+        const char *wrong = fsn_value_parse(&symbol, row->text, &raw);
+        if ((wrong == NULL) != row->ok || raw != row->raw) {
+            fprintf(stderr, "row %zu: %s\n", i, row->text);
+        }
+        CHECK((wrong == NULL) == row->ok && (!row->ok || raw == row->raw));
+        if (row->written != NULL) {
+            struct fsn_json json = {.limit_bytes = 64};
+            fsn_value_write(&symbol, raw, &json);
+            CHECK(json.len_bytes == strlen(row->written));
+            CHECK(memcmp(json.bytes, row->written, json.len_bytes) == 0);
+            fsn_json_free(&json);
+        }
+    }
+}
+
+enum { OUTPUT, INPUT, COPIED, START, SYMBOLS };
+
+struct rig {
+    struct fsn_plan *plan;
+    struct fsn_emulated *bus;
+    struct fsn_core *core;
+    struct fsn_outputs *outputs;
+    uint64_t now_ns;
+    unsigned fell;
+    struct fsn_refusal refusal;
+};
+
+static struct rig set_up(void) {
+    static const struct build_sm sm[2][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}};
+    static const struct build_copy copies[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}, {0, 6, 1, 6, 1}};
+    static const struct build_symbol symbols[SYMBOLS] = {
+        [OUTPUT] = {.sm = 0, .bit_offset = 48, .bits = 8, .stop_value = 0x5A},
+        [INPUT] = {.sm = 1, .bit_offset = 48, .bits = 8},
+        [COPIED] = {.sm = 2, .bit_offset = 48, .bits = 8},
+        [START] = {.sm = 0, .bit_offset = 56, .bits = 8, .restart_relevant = 1},
+    };
+    const struct build build = {.subdevices = 2,
+                                .sm = sm,
+                                .copies = copies,
+                                .pairs = 1,
+                                .standard = 1,
+                                .symbols = symbols,
+                                .symbol_count = SYMBOLS};
+    struct rig rig = {0};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
+    free(bytes);
+    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
+    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
+    rig.outputs = fsn_outputs_create(rig.plan);
+    CHECK(rig.outputs != NULL);
+    return rig;
+}
+
+static void tear_down(struct rig *rig) {
+    fsn_outputs_free(rig->outputs);
+    fsn_core_free(rig->core);
+    fsn_emulated_free(rig->bus);
+    fsn_plan_free(rig->plan);
+}
+
+static uint8_t sent(struct rig *rig, size_t byte) {
+    uint8_t out[9];
+    rig->now_ns += 1000000;
+    CHECK(fsn_core_cycle(rig->core, rig->now_ns) == FSN_OK);
+    CHECK(fsn_emulated_read_outputs(rig->bus, 0, out, sizeof out, NULL) == FSN_OK);
+    return out[byte];
+}
+
+static fsn_status write_one(struct rig *rig, uint32_t symbol, uint32_t client, uint64_t raw) {
+    const fsn_status status =
+        fsn_outputs_check(rig->outputs, symbol, client, raw, rig->now_ns, &rig->refusal);
+    if (status == FSN_OK) {
+        fsn_outputs_write(rig->outputs, symbol, client, raw);
+    }
+    return status;
+}
+
+static void count(void *self, uint32_t symbol) {
+    struct rig *rig = self;
+    (void)symbol;
+    rig->fell++;
+}
+
+static void an_output_belongs_to_one_client(void) {
+    struct rig rig = set_up();
+    CHECK(write_one(&rig, OUTPUT, 1, 1) == FSN_E_STATE); /* no core yet */
+    fsn_outputs_attach(rig.outputs, rig.core);
+    CHECK(sent(&rig, 6) == 0x5A); /* nobody writes it: its stop value */
+    CHECK(write_one(&rig, OUTPUT, 1, 7) == FSN_OK && sent(&rig, 6) == 7);
+    CHECK(write_one(&rig, OUTPUT, 2, 8) == FSN_E_CLOSED);
+    CHECK(strstr(rig.refusal.text, "client 1") != NULL);
+    CHECK(write_one(&rig, INPUT, 1, 1) == FSN_E_CLOSED);
+    CHECK(write_one(&rig, COPIED, 1, 1) == FSN_E_CLOSED);
+    CHECK(fsn_outputs_take_back(rig.outputs, 2, count, &rig) == 0 && sent(&rig, 6) == 7);
+    CHECK(fsn_outputs_take_back(rig.outputs, 1, count, &rig) == 1 && rig.fell == 1);
+    CHECK(sent(&rig, 6) == 0x5A);
+    CHECK(fsn_outputs_take_back(rig.outputs, 1, count, &rig) == 0);
+    CHECK(write_one(&rig, OUTPUT, 2, 8) == FSN_OK && sent(&rig, 6) == 8);
+    fsn_outputs_close(rig.outputs, count, &rig);
+    CHECK(rig.fell == 2 && sent(&rig, 6) == 0x5A);
+    CHECK(write_one(&rig, OUTPUT, 2, 8) == FSN_E_STATE);
+    fsn_outputs_attach(rig.outputs, NULL);
+    CHECK(write_one(&rig, OUTPUT, 2, 8) == FSN_E_STATE);
+    CHECK(!fsn_outputs_state(rig.outputs, OUTPUT).open);
+    tear_down(&rig);
+}
+
+static fsn_status arm(struct rig *rig, uint32_t symbol, uint32_t client) {
+    return fsn_outputs_arm(rig->outputs, symbol, client, rig->now_ns, &rig->refusal);
+}
+
+static void arming_allows_one_edge(void) {
+    struct rig rig = set_up();
+    fsn_outputs_attach(rig.outputs, rig.core);
+    CHECK(write_one(&rig, START, 1, 1) == FSN_E_CLOSED);
+    CHECK(write_one(&rig, START, 1, 0) == FSN_OK); /* no edge */
+    CHECK(arm(&rig, OUTPUT, 1) == FSN_E_ARG && arm(&rig, INPUT, 1) == FSN_E_CLOSED);
+    CHECK(arm(&rig, START, 2) == FSN_E_CLOSED); /* client 1 has it */
+    CHECK(arm(&rig, START, 1) == FSN_OK);
+    CHECK(write_one(&rig, START, 1, 1) == FSN_OK && sent(&rig, 7) == 1);
+    CHECK(write_one(&rig, START, 1, 1) == FSN_OK);       /* no edge */
+    CHECK(write_one(&rig, START, 1, 3) == FSN_E_CLOSED); /* a second one */
+    CHECK(write_one(&rig, START, 1, 0) == FSN_OK && sent(&rig, 7) == 0);
+    CHECK(write_one(&rig, START, 1, 1) == FSN_E_CLOSED);
+    CHECK(arm(&rig, START, 1) == FSN_OK);
+    rig.now_ns += (uint64_t)FSN_ARM_MS * 1000000;
+    CHECK(write_one(&rig, START, 1, 1) == FSN_E_CLOSED); /* too late */
+    CHECK(arm(&rig, START, 1) == FSN_OK);
+    CHECK(fsn_outputs_take_back(rig.outputs, 1, count, &rig) == 1);
+    CHECK(write_one(&rig, START, 1, 1) == FSN_E_CLOSED); /* taken back with the rest */
+    CHECK(arm(&rig, START, 1) == FSN_OK && arm(&rig, START, 2) == FSN_E_CLOSED);
+    CHECK(write_one(&rig, START, 2, 1) == FSN_E_CLOSED);
+    tear_down(&rig);
+}
+
+int main(void) {
+    lines_are_split();
+    json_is_escaped_and_bounded();
+    values_are_typed();
+    an_output_belongs_to_one_client();
+    arming_allows_one_edge();
+    return 0;
+}
