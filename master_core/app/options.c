@@ -24,7 +24,6 @@ static const char usage_text[] =
     "  --cpu N            runs the cycle on this CPU only\n"
     "  --free-run         no waiting: a cycle begins when the bus has answered\n"
     "  --dc-every N       distributes the DC reference time every N cycles; default 0: never\n"
-    "  --keep-unknown     leaves SubDevices alone that the plan does not know\n"
     "  --run-time TIME    stops by itself, e.g. 10s\n"
     "  --wait TIME        tries again for so long while SubDevices are missing\n"
     "  --accepted HASH    refuses any plan but the one with this SHA-256\n"
@@ -148,7 +147,6 @@ enum option_id {
     CPU,
     FREE_RUN,
     DC_EVERY,
-    KEEP_UNKNOWN,
     RUN_TIME,
     WAIT,
     ACCEPTED,
@@ -208,9 +206,6 @@ static int take(int id, const char *text, struct options *o) {
     case FREE_RUN:
         o->free_run = true;
         return -1;
-    case KEEP_UNKNOWN:
-        o->keep_unknown = true;
-        return -1;
     case ACCEPTED:
         return read_hash(text, o);
     case SOCKET:
@@ -269,7 +264,6 @@ int options_read(int argc, char **argv, struct options *o) {
         {"cpu", required_argument, NULL, CPU},
         {"free-run", no_argument, NULL, FREE_RUN},
         {"dc-every", required_argument, NULL, DC_EVERY},
-        {"keep-unknown", no_argument, NULL, KEEP_UNKNOWN},
         {"run-time", required_argument, NULL, RUN_TIME},
         {"wait", required_argument, NULL, WAIT},
         {"accepted", required_argument, NULL, ACCEPTED},

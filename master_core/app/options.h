@@ -21,7 +21,7 @@ struct options {
     int priority;      /**< 1 … 99, of fifo */
     int cpu;           /**< CPU number + 1; 0: any */
     uint32_t dc_every; /**< 0: no distributed clocks */
-    bool free_run, trace, log_json, keep_unknown;
+    bool free_run, trace, log_json;
     struct fsn_control_access access;
 };
 

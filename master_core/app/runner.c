@@ -66,7 +66,6 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
         .cycle_ns = cycle_ns,
         .receive_wait_ns = o->free_run ? 2 * cycle_ns : 0,
         .dc_every = o->dc_every,
-        .keep_unknown = o->keep_unknown,
     };
     fsn_status status = runner->backend->create(&live, &runner->bus, fault);
     if (status == FSN_OK) {
