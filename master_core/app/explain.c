@@ -12,7 +12,8 @@ const char explain_permission[] =
     "fsn-master.service";
 
 static const char *next_step(const struct fsn_fault *fault) {
-    if (fault->sys_errno == EPERM || fault->sys_errno == EACCES) {
+    if (fault->sys_errno == EPERM || fault->sys_errno == EACCES ||
+        (fault->status == FSN_E_SYS && fault->sys_errno == ENOMEM)) { /* locked memory */
         return explain_permission;
     }
     if (fault->sys_errno == ENODEV || fault->sys_errno == ENXIO) {

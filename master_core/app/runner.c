@@ -101,6 +101,31 @@ static uint64_t cycle_of(const struct runner *runner) {
     return given != 0 ? given : fsn_plan_cycle_ns(runner->plan);
 }
 
+/** From its first cycle on an output holds its stop value until a client writes it. The control
+ *  thread, the one writer of outputs later, does not know this core yet. */
+static void set_stop_values(struct runner *runner) {
+    struct fsn_symbol_info symbol;
+    for (uint32_t i = 0; fsn_plan_symbol(runner->plan, i, &symbol) == FSN_OK; i++) {
+        if (symbol.stop_value != 0 &&
+            fsn_core_set_output(runner->core, i, symbol.stop_value) != FSN_OK) {
+            continue; /* a copy owns it */
+        }
+    }
+}
+
+/** Waits for the first cycle: before it a snapshot says nothing. Returns whether the thread is a
+ *  real-time thread. */
+static bool first_cycle(struct runner *runner) {
+    struct fsn_statistics statistics = {0};
+    for (int ms = 0; ms < 5000 && statistics.cycles == 0; ms++) {
+        sleep_ns(1000000);
+        if (fsn_core_snapshot(runner->core, &statistics, NULL, NULL) != FSN_OK) {
+            statistics.cycles = 0;
+        }
+    }
+    return statistics.realtime != 0;
+}
+
 /** Starts the cycle as well as the system permits; strictly as asked when it was asked for. */
 static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
                               struct runner_result *result) {
@@ -130,20 +155,12 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
     }
     result->locked = thread.lock_memory;
     int error = 0;
+    const bool realtime = first_cycle(runner);
     if (o->policy == POLICY_DEADLINE) {
         const pid_t cyclic = schedule_new_thread(before, known, after, schedule_threads(after));
         error = cyclic != 0 ? schedule_deadline(cyclic, thread.cycle_ns) : ESRCH;
-    } else if (o->policy == POLICY_FIFO) {
-        struct fsn_statistics statistics = {0};
-        const bool got = fsn_core_snapshot(runner->core, &statistics, NULL, NULL) == FSN_OK;
-        /* Before the first cycle the snapshot is that of the activation. */
-        for (int i = 0; got && i < 5000 && statistics.cycles == 0; i++) {
-            sleep_ns(1000000);
-            if (fsn_core_snapshot(runner->core, &statistics, NULL, NULL) != FSN_OK) {
-                break;
-            }
-        }
-        error = statistics.realtime != 0 ? 0 : EPERM;
+    } else if (o->policy == POLICY_FIFO && !realtime) {
+        error = EPERM;
     }
     result->policy = error == 0 ? o->policy : POLICY_OTHER;
     if (error != 0 && o->policy_given) {
@@ -167,6 +184,7 @@ static void job_open(struct runner *runner, struct runner_result *result) {
     struct fsn_fault *fault = &result->fault;
     result->status = open_bus(runner, fault);
     if (result->status == FSN_OK) {
+        set_stop_values(runner);
         result->status = start_cycle(runner, fault, result);
         if (result->status != FSN_OK) {
             close_bus(runner);

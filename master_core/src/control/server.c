@@ -25,6 +25,14 @@ void fsn_client_drop(struct fsn_control *control, struct fsn_client *client, con
     fsn_json_free(&client->out);
     client->sent = 0;
     /* After it is gone, so that it cannot be told about its own end. */
+    if (strcmp(why, "disconnected") != 0) {
+        struct fsn_json *json = fsn_event_begin(control, "dropped", fsn_now_ns());
+        fsn_json_put_u64(json, "client", client->number);
+        fsn_json_put_u64(json, "pid", (uint64_t)client->pid);
+        fsn_json_put_text(json, "why", why);
+        fsn_event_tell(control, FSN_LOG_WARNING, "client %u (pid %ld) dropped: %s",
+                       (unsigned)client->number, (long)client->pid, why);
+    }
     fsn_watch_take_back(control, client, why);
 }
 

@@ -1,0 +1,135 @@
+"""Start and end of the process: signals, service manager, sockets of the dead."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from master.rig import WAIT_S, notifications, notify_socket, program, run_to_end, running
+
+MODE = "drive_1.0x6060:00"
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_stops_in_order(number: signal.Signals) -> None:
+    with running() as master, master.client() as client:
+        client.good("lease 0")
+        client.good(f"set {MODE}=1")
+        client.good("events on")
+        master.process.send_signal(number)
+        seen = []
+        with contextlib.suppress(EOFError):
+            while True:
+                seen.append(client.line())
+        assert master.wait() == 0
+        assert [(e["event"], e["state"] if "state" in e else e["outputs"]) for e in seen] == [
+            ("state", "running"),  # it ends
+            ("fallback", [MODE]),
+            ("state", "stopping"),
+            ("state", "stopped"),
+        ]
+        assert not master.path.exists()
+        assert [line["text"] for line in master.log][-1] == "the bus is closed"
+
+
+def test_copying_goes_on_while_it_stops() -> None:
+    """The stop values are sent: at least three more cycles run."""
+    with running("--cycle", "50ms") as master, master.client() as client:
+        client.good("events on")
+        before = client.good("status")["cycles"]
+        client.good("stop")
+        client.event("fallback")
+        after = before
+        while (reply := client.ask("snapshot"))["ok"]:
+            after = reply["statistics"]["cycles"]
+        assert after >= before + 2
+
+
+def test_a_second_signal_ends_at_once() -> None:
+    with running("--cycle", "1s") as master, master.client() as client:
+        client.good("events on")
+        master.process.terminate()
+        while client.event("state")["state"] != "stopping":
+            pass
+        master.process.terminate()
+        assert master.wait() == 1
+        assert "a second signal" in master.log[-1]["text"]
+
+
+def test_the_run_time_ends_it(tmp_path: Path) -> None:
+    with running("--run-time", "100ms") as master:
+        assert master.wait() == 0
+        assert any("run time is over" in line["text"] for line in master.log)
+
+
+def test_a_dead_masters_socket_is_replaced_and_a_living_ones_is_not() -> None:
+    with running() as master:
+        plan = master.directory / "el6910.fsnplan"
+        common = [plan, "--bus", "emulated", "--policy", "other", "--socket", master.path]
+        done = run_to_end(*common)
+        assert done.returncode == 1
+        assert "another process answers on" in done.stderr
+        with master.client() as client:
+            client.good("hello")
+        master.process.kill()
+        master.wait()
+        assert master.path.exists()
+        done = run_to_end(*common, "--run-time", "10ms")
+        assert done.returncode == 0, done.stderr
+        assert not master.path.exists()
+
+
+def test_a_socket_that_another_has_taken_is_left_alone() -> None:
+    with running() as master:
+        master.path.unlink()
+        master.path.write_text("another's")
+        master.process.terminate()
+        assert master.wait() == 0
+        assert master.path.read_text() == "another's"
+
+
+def test_the_service_manager_is_told(tmp_path: Path) -> None:
+    with running() as other:  # for its plan
+        plan = other.directory / "el6910.fsnplan"
+        directory = other.directory / "n"
+        directory.mkdir()
+        with notify_socket(directory) as listener:
+            env = {"NOTIFY_SOCKET": str(directory / "notify"), "WATCHDOG_USEC": "20000"}
+            command = [program(), str(plan), "--bus", "emulated", "--policy", "other"]
+            with subprocess.Popen(
+                [*command, "--socket", str(directory / "s")],
+                env=os.environ | env,
+                stderr=subprocess.DEVNULL,
+            ) as process:
+                assert "STATUS=opening: opens the bus" in notifications(listener, "READY=1")
+                notifications(listener, "WATCHDOG=1")
+                notifications(listener, "WATCHDOG=1")
+                process.terminate()
+                notifications(listener, "STOPPING=1")
+                assert process.wait(WAIT_S) == 0
+
+
+def test_a_log_nobody_reads_stops_nothing(tmp_path: Path) -> None:
+    with running() as other:
+        plan = other.directory / "el6910.fsnplan"
+        path = other.directory / "s2"
+        with subprocess.Popen(
+            [program(), str(plan), "--bus", "emulated", "--policy", "other", "--socket", str(path)],
+            stderr=subprocess.PIPE,  # and nobody reads it
+        ) as process:
+            from master.rig import Client
+
+            while not path.exists():
+                pass
+            with Client(path) as client:
+                client.good("lease 0")
+                while client.good("status")["state"] != "running":
+                    pass
+                for _ in range(2000):
+                    client.good("arm el6910.logic_control")
+            process.terminate()
+            assert process.wait(WAIT_S) == 0
