@@ -54,7 +54,7 @@ static int attach_filter(int socket, bool cyclic) {
         BPF_STMT(BPF_LD | BPF_B | BPF_ABS, INDEX_BYTE),
         BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, FSN_WIRE_FIRST_INDEX, 11, 0),
         BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 15),
-        BPF_STMT(BPF_ALU | BPF_AND | BPF_K, 0x07),
+        BPF_STMT(BPF_ALU | BPF_AND | BPF_K, 0x0F),
         BPF_STMT(BPF_ALU | BPF_LSH | BPF_K, 8),
         BPF_STMT(BPF_MISC | BPF_TAX, 0),
         BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 14),

@@ -1,0 +1,150 @@
+/** SubDevices that answer nonsense: the SOEM backend against a segment whose answers are damaged on
+ *  their way back. Nothing is expected but that the MainDevice lives, ends and copies whole frames.
+ *
+ *  hostile_soem ROUNDS [SEED]; run it under ASan. Skipped (77) without a network namespace. */
+#define _GNU_SOURCE
+
+#include <arpa/inet.h>
+#include <linux/if_packet.h>
+#include <net/if.h>
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "builder.h"
+#include "fsn/fsn.h"
+#include "fsn/live.h"
+#include "fsn/segment.h"
+
+enum { SKIPPED = 77, ETHERCAT = 0x88A4, HEAD = 16, ROUND_MS = 400 };
+
+struct wire {
+    struct fsn_segment *segment;
+    int socket;
+    uint64_t random;
+    atomic_uint one_in; /**< of so many answers one is damaged; 0: none */
+    atomic_bool stop;
+};
+
+static uint64_t now_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+static uint32_t pick(struct wire *w, uint32_t below) {
+    return next_random(&w->random) % below;
+}
+
+/** Data, working counters, lengths, heads: anything behind the Ethernet head may change, and the
+ *  packet may be cut off or be longer. */
+static size_t damage(struct wire *w, uint8_t *frame, size_t len) {
+    static const uint8_t liked[] = {0, 1, 0x7F, 0x80, 0xFF, 0xFE};
+    for (uint32_t n = 1 + pick(w, 4); n > 0 && len > HEAD; n--) {
+        const size_t at = 14 + pick(w, (uint32_t)(len - 14));
+        frame[at] = pick(w, 2) ? liked[pick(w, sizeof liked)] : (uint8_t)pick(w, 256);
+    }
+    if (pick(w, 8) == 0) {
+        len = 14 + pick(w, (uint32_t)(len - 14));
+    } else if (pick(w, 8) == 0) {
+        const size_t longer = len + pick(w, 200);
+        len = longer > 1514 ? 1514 : longer;
+    }
+    return len;
+}
+
+static void *answer(void *argument) {
+    struct wire *w = argument;
+    while (!atomic_load(&w->stop)) {
+        uint8_t frame[1600] = {0};
+        const ssize_t got = recv(w->socket, frame, sizeof frame, 0);
+        if (got <= 0) {
+            continue;
+        }
+        size_t len = fsn_segment_frame(w->segment, frame, (size_t)got, now_ns());
+        const unsigned one_in = atomic_load(&w->one_in);
+        if (len > 0 && one_in > 0 && pick(w, one_in) == 0) {
+            len = damage(w, frame, len);
+        }
+        if (len > 0) {
+            (void)!send(w->socket, frame, len, 0);
+        }
+    }
+    return NULL;
+}
+
+static int open_far(void) {
+    const int fd = socket(AF_PACKET, SOCK_RAW, htons(ETHERCAT));
+    const struct sockaddr_ll at = {.sll_family = AF_PACKET,
+                                   .sll_protocol = htons(ETHERCAT),
+                                   .sll_ifindex = (int)if_nametoindex("far")};
+    const struct timeval patience = {.tv_usec = 20000};
+    CHECK(fd >= 0 && bind(fd, (const struct sockaddr *)&at, sizeof at) == 0);
+    CHECK(setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) == 0);
+    return fd;
+}
+
+/** Opens the bus, with damage from the beginning or after it is open, and lets it run for a while.
+ */
+static bool play(struct wire *w, struct fsn_plan *plan, bool from_the_beginning, unsigned one_in) {
+    const struct fsn_live_options options = {.interface = "near", .dc_every = 3};
+    struct fsn_core *core;
+    struct fsn_fault fault;
+    void *bus;
+    atomic_store(&w->one_in, from_the_beginning ? one_in : 0);
+    CHECK(fsn_backend_soem()->create(&options, &bus, NULL) == FSN_OK);
+    const bool open = fsn_core_create(plan, fsn_backend_soem()->ops, bus, &core, &fault) == FSN_OK;
+    if (open) {
+        const struct fsn_thread_options thread = {.cycle_ns = 1000000};
+        CHECK(fsn_core_start(core, &thread, NULL) == FSN_OK);
+        atomic_store(&w->one_in, one_in);
+        const uint64_t end = now_ns() + ROUND_MS * UINT64_C(1000000);
+        while (now_ns() < end) {
+            fsn_core_tend(core, FSN_AL_OP, now_ns());
+            if (pick(w, 100) == 0) {
+                fsn_segment_power_cycle(w->segment, pick(w, 2));
+            }
+            usleep(1000);
+        }
+        fsn_core_free(core);
+    }
+    fsn_backend_soem()->free(bus);
+    atomic_store(&w->one_in, 0);
+    usleep(50000);
+    return open;
+}
+
+int main(int argc, char **argv) {
+    const unsigned rounds = argc > 1 ? (unsigned)atoi(argv[1]) : 4;
+    if ((unshare(CLONE_NEWNET) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) ||
+        system("ip link set lo up && ip link add near type veth peer name far && "
+               "ip link set near up && ip link set far up") != 0) {
+        fprintf(stderr, "skipped: no network namespace with a veth pair can be made here\n");
+        return SKIPPED;
+    }
+    size_t len;
+    uint8_t *bytes = build_full(&len);
+    struct fsn_plan *plan;
+    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    free(bytes);
+    struct wire w = {.random = argc > 2 ? strtoull(argv[2], NULL, 10) : 1, .socket = open_far()};
+    CHECK(fsn_segment_create(plan, &w.segment) == FSN_OK);
+    pthread_t thread;
+    CHECK(pthread_create(&thread, NULL, answer, &w) == 0);
+    unsigned opened = 0;
+    for (unsigned i = 0; i < rounds; i++) {
+        opened += play(&w, plan, i % 2 == 0, 2 + pick(&w, 60));
+    }
+    CHECK(rounds < 2 || opened > 0); /* a healthy bus opens */
+    atomic_store(&w.stop, true);
+    pthread_join(thread, NULL);
+    close(w.socket);
+    fsn_segment_free(w.segment);
+    fsn_plan_free(plan);
+    printf("%u rounds of damaged answers, the bus opened in %u\n", rounds, opened);
+    return 0;
+}
