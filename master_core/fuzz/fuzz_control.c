@@ -63,9 +63,10 @@ static void check_line(const char *line, size_t len) {
     CHECK(fsn_is_utf8(line, len) && len > 0 && line[0] == '{');
     for (size_t i = 0; i < len; i++) {
         CHECK((unsigned char)line[i] >= 0x20);
-        if (text) {
-            i += line[i] == '\\';
-            text = i >= len || line[i] != '"' || line[i - 1] == '\\';
+        if (text && line[i] == '\\') {
+            i++; /* whatever it is, it does not end the text */
+        } else if (text) {
+            text = line[i] != '"';
         } else if (line[i] == '"') {
             text = true;
         } else if (line[i] == '{' || line[i] == '[') {

@@ -114,7 +114,7 @@ static void sdos(struct buffer *b, const struct build *n) {
 static void symbols(struct buffer *b, const struct build *n) {
     for (uint32_t i = 0; i < n->symbol_count; i++) {
         const struct build_symbol *symbol = &n->symbols[i];
-        put(b, 1, 4);
+        put(b, i == 0 ? 1 : 2, 4); /* names are unique as far as there are names */
         put(b, symbol->sm, 4);
         put(b, symbol->bit_offset, 4);
         put(b, symbol->bits, 2);
@@ -251,8 +251,8 @@ uint8_t *build_plan(const struct build *n, size_t *len_bytes) {
             connections(&b, n, order);
             break;
         case 9:
-            put(&b, 0x00740000u, 4);
-            break; /* "", "" + "t" */
+            put(&b, 0x00007400u, 4);
+            break; /* "", "t", "" */
         default:
             break;
         }
