@@ -82,7 +82,7 @@ static void begin_end(struct master *m, const char *why) {
     }
     m->ending = true;
     m->wanted = false;
-    m->end_until_ns = fsn_now_ns() + END_MS * UINT64_C(1000000);
+    m->end_until_ns = fsn_now_ns() + END_MS * UINT64_C(1000000) + 4 * m->options->cycle_ns;
     notify("STOPPING=1");
     fsn_control_state_changed(m->control, FSN_LOG_INFO, why);
 }
