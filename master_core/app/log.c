@@ -13,7 +13,8 @@
 static bool as_json; /* set once, before there are threads */
 
 static const char *level_name(enum fsn_log_level level) {
-    return level == FSN_LOG_ERROR ? "error" : level == FSN_LOG_WARNING ? "warning" : "info";
+    static const char *const names[] = {"detail", "info", "warning", "error"};
+    return names[level];
 }
 
 void log_as_json(bool json) {
@@ -82,7 +83,7 @@ void log_line(enum fsn_log_level level, const char *format, ...) {
 void log_event(enum fsn_log_level level, const char *text, const char *json, size_t json_bytes) {
     if (as_json) {
         put_json(json, json_bytes);
-    } else {
+    } else if (level > FSN_LOG_DETAIL) {
         put_text(level, text);
     }
 }

@@ -11,11 +11,11 @@
 #include "backends.h"
 
 static const char usage_text[] =
-    "usage: fsn-master PLAN --bus soem|igh|emulated --interface IF [options]\n"
+    "usage: fsn-master PLAN --interface IF [options]\n"
     "\n"
     "Drives the EtherCAT bus of a compiled plan and moves its FSoE frames in every cycle.\n"
     "\n"
-    "  --bus NAME         soem, igh, or emulated: an image in memory, nobody answers\n"
+    "  --bus NAME         soem (default), igh, or emulated: an image in memory\n"
     "  --interface IF     network interface (soem) or number of the master (igh)\n"
     "  --redundant IF2    second interface, at the other end of the ring\n"
     "  --cycle TIME       bus cycle, e.g. 1ms or 250us; default: the plan's\n"
@@ -229,9 +229,6 @@ static int check_together(const struct options *o) {
     if (o->plan_file == NULL) {
         return wrong("PLAN", NULL, "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
     }
-    if (o->bus == NULL) {
-        return wrong("--bus", NULL, "is missing: soem, igh or emulated");
-    }
     if (o->interface == NULL && strcmp(o->bus, "emulated") != 0) {
         return wrong("--interface", NULL, "is missing");
     }
@@ -277,6 +274,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {NULL, 0, NULL, 0},
     };
     int id;
+    o->bus = "soem"; /* the one that needs no kernel module */
     while ((id = getopt_long(argc, argv, "", table, NULL)) != -1) {
         if (id == HELP) {
             fputs(usage_text, stdout);

@@ -57,6 +57,22 @@ static bool may_come(fsn_status status) {
     return status == FSN_E_BUS_MISSING || status == FSN_E_BUS_SILENT || status == FSN_E_BUS_STATE;
 }
 
+/** The refusal names the first SubDevice that is not as planned; here are all of them. */
+static void tell_findings(const struct runner *runner) {
+    const struct fsn_bus_ops *ops = runner->backend->ops;
+    for (uint32_t n = 0;
+         runner->bus != NULL && ops->look != NULL && n < fsn_plan_subdevice_count(runner->plan);
+         n++) {
+        struct fsn_subdevice_info info;
+        struct fsn_bus_subdevice seen;
+        if (fsn_plan_subdevice(runner->plan, n, &info) == FSN_OK &&
+            ops->look(runner->bus, n, &seen) == FSN_OK && seen.found > FSN_FOUND_RIGHT) {
+            log_line(FSN_LOG_WARNING, "SubDevice %.80s: %s: %s", info.name,
+                     fsn_found_text(seen.found), seen.detail);
+        }
+    }
+}
+
 static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
     const struct options *o = runner->options;
     const uint64_t cycle_ns = o->cycle_ns != 0 ? o->cycle_ns : fsn_plan_cycle_ns(runner->plan);
@@ -73,6 +89,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
             fsn_core_create(runner->plan, runner->backend->ops, runner->bus, &runner->core, fault);
     }
     if (status != FSN_OK) {
+        tell_findings(runner);
         runner->backend->free(runner->bus);
         runner->bus = NULL;
     }

@@ -14,9 +14,8 @@ from master.rig import NOBODY, program, run_to_end, running, write_plan
 
 USAGE = [
     (["--bus", "emulated"], "PLAN: the plan is missing"),
-    (["PLAN"], "--bus: is missing"),
+    (["PLAN"], "--interface: is missing"),
     (["PLAN", "--bus", "ethercat"], "--bus ethercat: soem, igh or emulated"),
-    (["PLAN", "--bus", "soem"], "--interface: is missing"),
     (["PLAN", "PLAN", "--bus", "emulated"], "one plan only"),
     (["PLAN", "--bus", "emulated", "--cycle", "1"], "--cycle 1: a time from 1us to 4s"),
     (["PLAN", "--bus", "emulated", "--cycle", "5s"], "--cycle 5s: a time"),

@@ -111,8 +111,8 @@ struct fsn_bus_ops {
     /** One step of the acyclic work beside the running cycle: leads every SubDevice towards an AL
      *  state, sees which ones are lost and brings back those that return. To be called again and
      *  again, from one thread that is not the cyclic one; a step may take as long as an SDO.
-     *  Returns whether every SubDevice that answers is in that state. NULL: a bus without states.
-     */
+     *  Returns whether every SubDevice of the plan is in that state; one that does not answer is
+     *  not in OP, and has left it. NULL: a bus without states. */
     bool (*tend)(void *bus, uint8_t al_state, uint64_t now_ns);
     /** What is known about a SubDevice of the plan; any thread but the cyclic one. With tend(). */
     fsn_status (*look)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);

@@ -129,7 +129,8 @@ FSN_API uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram,
 
 /** One step of the acyclic work of a live bus beside the cycle, see `tend` of fsn_bus_ops.
  *  @param[in] al_state  FSN_AL_INIT … FSN_AL_OP.
- *  @retval true  every SubDevice that answers is in that state, or the bus has no states.
+ *  @retval true  every SubDevice is in that state (one that does not answer is not in OP, and has
+ *                left it), or the bus has no states.
  *  Context: one thread that is not the cyclic one. May block. */
 FSN_API bool fsn_core_tend(struct fsn_core *core, uint8_t al_state, uint64_t now_ns);
 

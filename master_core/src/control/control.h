@@ -28,7 +28,8 @@ enum {
 /** What a client asks of the program around the socket. */
 enum fsn_wish { FSN_WISH_START, FSN_WISH_STOP, FSN_WISH_RESTART, FSN_WISH_SHUTDOWN };
 
-enum fsn_log_level { FSN_LOG_INFO, FSN_LOG_WARNING, FSN_LOG_ERROR };
+/** FSN_LOG_DETAIL: for subscribers and a log of records; too much for lines that people read. */
+enum fsn_log_level { FSN_LOG_DETAIL, FSN_LOG_INFO, FSN_LOG_WARNING, FSN_LOG_ERROR };
 
 /** What the program says about itself. Strings live until the next call. */
 struct fsn_control_status {

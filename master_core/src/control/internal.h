@@ -37,6 +37,7 @@ struct fsn_client {
 /** What the bus looked like at the last look. */
 struct fsn_seen {
     struct fsn_bus_subdevice *subdevice; /**< one per SubDevice of the plan */
+    uint64_t *reset_told_ns;             /**< per connection: last line on a reset; 0: none */
     bool known;                          /**< the above were read once */
     bool incomplete;                     /**< working counter of the last look */
     uint64_t wkc_errors, lost_frames;    /**< as last told */

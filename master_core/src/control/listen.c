@@ -38,8 +38,10 @@ struct fsn_control *fsn_control_create(const struct fsn_plan *plan,
         calloc((size_t)fsn_plan_connection_count(plan) + 1, sizeof *control->connections);
     control->seen.subdevice =
         calloc((size_t)fsn_plan_subdevice_count(plan) + 1, sizeof *control->seen.subdevice);
+    control->seen.reset_told_ns =
+        calloc((size_t)fsn_plan_connection_count(plan) + 1, sizeof *control->seen.reset_told_ns);
     if (control->outputs == NULL || control->connections == NULL ||
-        control->seen.subdevice == NULL) {
+        control->seen.subdevice == NULL || control->seen.reset_told_ns == NULL) {
         fsn_control_free(control);
         return NULL;
     }
@@ -73,6 +75,7 @@ void fsn_control_free(struct fsn_control *control) {
     fsn_outputs_free(control->outputs);
     free(control->connections);
     free(control->seen.subdevice);
+    free(control->seen.reset_told_ns);
     free(control->image);
     free(control);
 }

@@ -7,9 +7,10 @@
 #include "internal.h"
 
 enum {
-    LOOK_MS = 20,  /**< between two looks at the SubDevices */
-    WKC_MS = 1000, /**< between two reports of single incomplete cycles */
-    DRAIN = 256,   /**< events of the core taken at once */
+    LOOK_MS = 20,    /**< between two looks at the SubDevices */
+    WKC_MS = 1000,   /**< between two reports of single incomplete cycles */
+    AGAIN_MS = 5000, /**< between two lines on a connection that resets again and again */
+    DRAIN = 256,     /**< events of the core taken at once */
 };
 
 struct fsn_json *fsn_event_begin(struct fsn_control *control, const char *name, uint64_t at_ns) {
@@ -32,7 +33,7 @@ void fsn_event_tell(struct fsn_control *control, enum fsn_log_level level, const
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     struct fsn_json *json = &control->event;
-    static const char *const level_name[] = {"info", "warning", "error"};
+    static const char *const level_name[] = {"detail", "info", "warning", "error"};
     fsn_json_put_text(json, "level", level_name[level]);
     fsn_json_put_text(json, "text", text);
     fsn_json_close(json, '}');
@@ -47,6 +48,27 @@ void fsn_event_tell(struct fsn_control *control, enum fsn_log_level level, const
             fsn_client_put(&control->client[i], json->bytes, json->len_bytes);
         }
     }
+}
+
+/** Into Data and out of it, and the first reset of several: that is what people look for. */
+static enum fsn_log_level connection_level(struct fsn_control *control,
+                                           const struct fsn_event *event, bool left, bool data) {
+    uint64_t *told_ns = &control->seen.reset_told_ns[event->connection];
+    if (left && !data) {
+        *told_ns = event->now_ns;
+        return FSN_LOG_WARNING;
+    }
+    if (data) {
+        *told_ns = 0;
+        return FSN_LOG_INFO;
+    }
+    if (event->after != FSN_OUTSIDE_RESET ||
+        (*told_ns != 0 && event->now_ns - *told_ns < AGAIN_MS * UINT64_C(1000000))) {
+        return FSN_LOG_DETAIL;
+    }
+    const bool again = *told_ns != 0;
+    *told_ns = event->now_ns;
+    return again ? FSN_LOG_WARNING : FSN_LOG_INFO;
 }
 
 static void connection_event(struct fsn_control *control, const struct fsn_event *event) {
@@ -69,7 +91,7 @@ static void connection_event(struct fsn_control *control, const struct fsn_event
         event->before == FSN_OUTSIDE_DATA_PROCESS || event->before == FSN_OUTSIDE_DATA_FAILSAFE;
     const bool data =
         event->after == FSN_OUTSIDE_DATA_PROCESS || event->after == FSN_OUTSIDE_DATA_FAILSAFE;
-    fsn_event_tell(control, left && !data ? FSN_LOG_WARNING : FSN_LOG_INFO,
+    fsn_event_tell(control, connection_level(control, event, left, data),
                    "connection %.120s: %s -> %s%s%s%s%s", info.name,
                    fsn_outside_text(event->before), fsn_outside_text(event->after),
                    reset ? ", by the " : "", reset ? by : "", reset ? ": " : "",
@@ -79,6 +101,18 @@ static void connection_event(struct fsn_control *control, const struct fsn_event
 static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_bus_subdevice *b) {
     return a->al_status == b->al_status && a->found == b->found && a->al_code == b->al_code &&
            a->returns == b->returns && memcmp(a->link, b->link, sizeof a->link) == 0;
+}
+
+/** Lost, refused, wrong or in error; back in OP. What lies between, and links that are read one
+ *  after the other, are details. */
+static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before,
+                                          const struct fsn_bus_subdevice *after) {
+    const bool wrong = after->found != FSN_FOUND_RIGHT && after->found != FSN_FOUND_UNKNOWN;
+    if ((after->al_status & FSN_AL_ERROR) != 0 || after->al_status == FSN_AL_NONE || wrong) {
+        return FSN_LOG_WARNING;
+    }
+    return after->al_status == FSN_AL_OP && before->al_status != FSN_AL_OP ? FSN_LOG_INFO
+                                                                           : FSN_LOG_DETAIL;
 }
 
 static void subdevice_event(struct fsn_control *control, uint32_t number,
@@ -104,11 +138,16 @@ static void subdevice_event(struct fsn_control *control, uint32_t number,
         fsn_json_u64(json, after->link[i]);
     }
     fsn_json_close(json, ']');
-    const bool bad = (after->al_status & FSN_AL_ERROR) != 0 || after->al_status == FSN_AL_NONE;
-    fsn_event_tell(control, bad ? FSN_LOG_WARNING : FSN_LOG_INFO,
-                   "SubDevice %.120s: %s -> %s, AL status code 0x%04x, %s%s%.150s", info.name, from,
-                   to, (unsigned)after->al_code, fsn_found_text(after->found),
-                   after->detail[0] != 0 ? ": " : "", after->detail);
+    char code[40] = "";
+    if ((after->al_status & FSN_AL_ERROR) != 0) {
+        snprintf(code, sizeof code, ", AL status code 0x%04x", (unsigned)after->al_code);
+    }
+    const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN;
+    fsn_event_tell(
+        control, subdevice_level(before, after), "SubDevice %.120s: %s%s%s%s%s%s%s%.150s",
+        info.name, from, before->al_status != after->al_status ? " -> " : "",
+        before->al_status != after->al_status ? to : "", code, fine ? "" : ", ",
+        fine ? "" : fsn_found_text(after->found), after->detail[0] != 0 ? ": " : "", after->detail);
 }
 
 static void look_at_subdevices(struct fsn_control *control, uint64_t now_ns) {
@@ -147,7 +186,11 @@ static void look_at_wkc(struct fsn_control *control, uint64_t now_ns) {
     fsn_json_put_u64(json, "actual", s->actual_wkc);
     fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
     fsn_json_put_u64(json, "lost_frames", s->lost_frames);
-    fsn_event_tell(control, incomplete ? FSN_LOG_WARNING : FSN_LOG_INFO,
+    const bool told = now_ns - seen->wkc_told_ns >= WKC_MS * UINT64_C(1000000);
+    fsn_event_tell(control,
+                   !told        ? FSN_LOG_DETAIL
+                   : incomplete ? FSN_LOG_WARNING
+                                : FSN_LOG_INFO,
                    "working counter %s: %u of %u, %" PRIu64 " incomplete cycles and %" PRIu64
                    " lost frames more",
                    incomplete ? "incomplete" : "complete", (unsigned)s->actual_wkc,
@@ -156,19 +199,22 @@ static void look_at_wkc(struct fsn_control *control, uint64_t now_ns) {
     seen->incomplete = incomplete;
     seen->wkc_errors = s->wkc_errors;
     seen->lost_frames = s->lost_frames;
-    seen->wkc_told_ns = now_ns;
+    seen->wkc_told_ns = told ? now_ns : seen->wkc_told_ns;
 }
 
 void fsn_watch_reset(struct fsn_control *control) {
-    struct fsn_bus_subdevice *subdevice = control->seen.subdevice;
-    memset(subdevice, 0, fsn_plan_subdevice_count(control->plan) * sizeof *subdevice);
-    control->seen = (struct fsn_seen){.subdevice = subdevice};
+    struct fsn_seen *seen = &control->seen;
+    memset(seen->subdevice, 0, fsn_plan_subdevice_count(control->plan) * sizeof *seen->subdevice);
+    memset(seen->reset_told_ns, 0,
+           fsn_plan_connection_count(control->plan) * sizeof *seen->reset_told_ns);
+    *seen = (struct fsn_seen){.subdevice = seen->subdevice, .reset_told_ns = seen->reset_told_ns};
 }
 
 void fsn_watch(struct fsn_control *control, uint64_t now_ns) {
     if (control->core == NULL) {
         return;
     }
+    look_at_subdevices(control, now_ns);
     struct fsn_event event;
     for (int i = 0; i < DRAIN && fsn_core_event(control->core, &event); i++) {
         connection_event(control, &event);
@@ -184,7 +230,6 @@ void fsn_watch(struct fsn_control *control, uint64_t now_ns) {
         control->seen.events_lost = control->statistics.events_lost;
     }
     look_at_wkc(control, now_ns);
-    look_at_subdevices(control, now_ns);
 }
 
 /** Adds the name of an output that fell back to the event being written. */

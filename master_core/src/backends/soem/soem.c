@@ -230,9 +230,7 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
 fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node) {
     fsn_refuse(fault, status, FSN_SEC_SUBDEVICE, node->number, 0, NULL);
     if (fault != NULL) {
-        /* Two texts of up to FSN_DETAIL_BYTES: what does not fit is cut. */
-        snprintf(fault->detail, sizeof fault->detail, "%.40s: %.110s", node->info.name,
-                 node->seen.detail);
+        memcpy(fault->detail, node->seen.detail, sizeof fault->detail);
     }
     return status;
 }

@@ -37,7 +37,7 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
     }
     if (before == 0) {
         soem_note(bus, node, FSN_FOUND_NOTHING,
-                  "no answer, and none of any SubDevice before it: "
+                  "nor does any SubDevice before it: "
                   "look at the cable at %s",
                   bus->interface);
         return;
@@ -56,12 +56,11 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
         named == SOEM_NO_NODE ? bus->slaves[before].name : bus->nodes[named].info.name;
     if (port < FSN_PORTS) {
         soem_note(bus, node, FSN_FOUND_NOTHING,
-                  "no answer; the link behind %.40s (ring position %u, port %u) is down", name,
-                  before - 1u, port);
+                  "the link behind %.40s (ring position %u, port %u) is down", name, before - 1u,
+                  port);
     } else {
         soem_note(bus, node, FSN_FOUND_NOTHING,
-                  "no answer; the last one before it that answers is %.40s, whose links are up",
-                  name);
+                  "the last one before it that answers is %.40s, whose links are up", name);
     }
 }
 
@@ -310,11 +309,13 @@ bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns) {
     bus->goal = al_state;
     look_at_states(bus);
     keep_reference(bus);
-    bool all = true;
+    bool all = true; /* who is missing has left OP as well */
     for (uint32_t n = 0; n < bus->node_count; n++) {
         struct node *node = &bus->nodes[n];
         if (bus->places[node->slave].al_status != 0) {
             all = lead(bus, node, al_state, now_ns) && all;
+        } else {
+            all = all && al_state != FSN_AL_OP;
         }
     }
     if (is_anybody_lost(bus) && now_ns >= bus->search_ns) {
