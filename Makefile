@@ -42,6 +42,8 @@ $(VENV)/.ready-test: $(VENV)/.ready
 
 # CMake decides what is to be built again.
 $(VENV)/bin/fsn-master: $(VENV)/.ready-test $(SOURCES) $(shell find master_core/app -type f)
+	@PATH="$(CURDIR)/$(VENV)/bin:$$PATH" scripts/get-soem >/dev/null || \
+		echo "make: no source of SOEM; fsn-master is built without its backend" >&2
 	$(VENV)/bin/cmake -S master_core -B build/master -DFSN_BUILD_TESTS=OFF -DFSN_INSTALL=OFF >/dev/null
 	$(VENV)/bin/cmake --build build/master -j2 --target fsn-master >/dev/null
 	install -m 755 build/master/fsn-master $@

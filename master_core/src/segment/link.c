@@ -52,12 +52,14 @@ static bool is_virtual(int socket_fd, const char *interface) {
     return strcmp(info.driver, "veth") == 0 || strcmp(info.driver, "tun") == 0;
 }
 
-static void take(struct fsn_segment *s, uint32_t port) {
+/** Puts the next packet of a port on the wire; false when there is none. */
+static bool take(struct fsn_segment *s, uint32_t port, int flags) {
     static _Thread_local uint8_t frame[MAX_FRAME];
-    const ssize_t got = recv(s->sockets[port], frame, sizeof frame, MSG_DONTWAIT);
+    const ssize_t got = recv(s->sockets[port], frame, sizeof frame, flags);
     if (got > 0) {
         fsn_segment_send(s, port, frame, (size_t)got, clock_ns());
     }
+    return got > 0;
 }
 
 /** Sends all answers that are due. */
@@ -78,28 +80,34 @@ static void answer(struct fsn_segment *s) {
     }
 }
 
-/** Until a frame comes in or a held one is due; returns how many ports have one. */
-static int wait(struct fsn_segment *s, struct pollfd ready[PORTS]) {
+/** Takes what comes in until a held frame is due; false when nothing came for a while. */
+static bool take_next(struct fsn_segment *s) {
+    const uint64_t until_due = fsn_segment_wait(s, clock_ns());
+    if (until_due >= WAIT_NS && s->sockets[1] < 0) {
+        return take(s, 0, 0); /* one system call instead of two; the socket has a time-out */
+    }
+    struct pollfd ready[PORTS];
     for (uint32_t port = 0; port < PORTS; port++) { /* poll() skips what is negative */
         ready[port] = (struct pollfd){.fd = s->sockets[port], .events = POLLIN};
     }
-    const uint64_t until_due = fsn_segment_wait(s, clock_ns());
     const uint64_t wait_ns = until_due < WAIT_NS ? until_due : WAIT_NS;
     const struct timespec timeout = {.tv_nsec = (long)wait_ns};
-    return ppoll(ready, PORTS, &timeout, NULL);
+    if (ppoll(ready, PORTS, &timeout, NULL) <= 0) {
+        return false;
+    }
+    for (uint32_t port = 0; port < PORTS; port++) {
+        if ((ready[port].revents & POLLIN) != 0) {
+            take(s, port, MSG_DONTWAIT);
+        }
+    }
+    return true;
 }
 
 static void *serve(void *context) {
     struct fsn_segment *s = context;
     while (!atomic_load(&s->stop)) {
-        struct pollfd ready[PORTS];
-        if (wait(s, ready) <= 0) {
+        if (!take_next(s)) {
             fsn_segment_idle(s, clock_ns());
-        }
-        for (uint32_t port = 0; port < PORTS; port++) {
-            if ((ready[port].revents & POLLIN) != 0) {
-                take(s, port);
-            }
         }
         answer(s);
     }
@@ -121,7 +129,9 @@ static fsn_status open_socket(int *socket_fd, const char *interface, bool takes_
     const struct sockaddr_ll address = {
         .sll_family = AF_PACKET, .sll_protocol = htons(ETHERTYPE), .sll_ifindex = (int)index};
     const int on = 1; /* its own answers are no frames to answer */
-    if (setsockopt(*socket_fd, SOL_PACKET, PACKET_IGNORE_OUTGOING, &on, sizeof on) != 0 ||
+    const struct timeval patience = {.tv_usec = WAIT_NS / 1000};
+    if (setsockopt(*socket_fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) != 0 ||
+        setsockopt(*socket_fd, SOL_PACKET, PACKET_IGNORE_OUTGOING, &on, sizeof on) != 0 ||
         bind(*socket_fd, (const struct sockaddr *)&address, sizeof address) != 0) {
         return FSN_E_SYS;
     }
