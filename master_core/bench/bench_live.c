@@ -194,6 +194,7 @@ static struct figures run_bare(uint64_t cycle_ns, double seconds, int cpu) {
     ecx_writestate(&b->context, 0);
     ecx_close(&b->context);
     be_cyclic(cpu, false);
+    usleep(100000); /* or its last frames would look like another MainDevice */
     free(b);
     return f;
 }

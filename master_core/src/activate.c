@@ -247,23 +247,26 @@ static fsn_status activate_copies(struct fsn_core *core, struct fsn_fault *fault
     return status;
 }
 
-static fsn_status watch(const struct fsn_core *core, uint32_t number, struct fsn_rt_watch *out,
+static fsn_status watch(struct fsn_core *core, uint32_t number, uint32_t *seen_bytes,
                         struct fsn_fault *fault) {
+    struct fsn_rt_watch *watch = &core->rt.watches[number];
     struct fsn_connection_info info;
     fsn_status status = fsn_plan_connection(core->plan, number, &info);
     const uint32_t copies[] = {info.copy_to_sub, info.copy_to_main};
-    uint32_t size_bytes[2];
+    watch->seen = *seen_bytes;
     for (unsigned way = 0; way < 2 && status == FSN_OK; way++) {
         struct fsn_copy_info copy;
         status = fsn_plan_copy(core->plan, copies[way], &copy);
         if (status != FSN_OK) {
             break;
         }
-        out->offset[way] = core->layout.sm_base[copy.destination_sm] + copy.destination_byte;
-        size_bytes[way] = copy.size_bytes;
+        watch->offset[way] = core->layout.sm_base[copy.destination_sm] + copy.destination_byte;
+        watch->size_bytes[way] = copy.size_bytes;
+        *seen_bytes += copy.size_bytes;
     }
     if (status == FSN_OK) {
-        status = fsn_monitor_init(&out->monitor, size_bytes[FSN_TO_SUB], size_bytes[FSN_TO_MAIN]);
+        status = fsn_monitor_init(&core->rt.monitors[number], watch->size_bytes[FSN_TO_SUB],
+                                  watch->size_bytes[FSN_TO_MAIN]);
     }
     return status == FSN_OK ? FSN_OK : refuse_copy(fault, FSN_E_COPY_FRAME, copies[0], NULL);
 }
@@ -272,15 +275,20 @@ static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *faul
     struct fsn_rt *rt = &core->rt;
     const uint32_t count = core->plan->count[FSN_SEC_CONNECTION];
     rt->watches = calloc((size_t)count + 1, sizeof *rt->watches);
-    if (rt->watches == NULL) {
+    rt->monitors = calloc((size_t)count + 1, sizeof *rt->monitors);
+    if (rt->watches == NULL || rt->monitors == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
     rt->connection_count = count;
-    fsn_status status = FSN_OK;
-    for (uint32_t i = 0; i < count && status == FSN_OK; i++) {
-        status = watch(core, i, &rt->watches[i], fault);
+    uint32_t seen_bytes = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const fsn_status status = watch(core, i, &seen_bytes, fault);
+        if (status != FSN_OK) {
+            return status;
+        }
     }
-    return status;
+    rt->seen = calloc((size_t)seen_bytes + 1, 1);
+    return rt->seen != NULL ? FSN_OK : fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
 }
 
 /** Whether a copy writes a byte of this symbol; copies are sorted by destination. */

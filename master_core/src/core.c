@@ -48,6 +48,8 @@ void fsn_core_free(struct fsn_core *core) {
     free(core->copies);
     free(core->groups);
     free(core->rt.watches);
+    free(core->rt.monitors);
+    free(core->rt.seen);
     free(core->rt.outputs);
     free(core->active);
     free(core->is_active);

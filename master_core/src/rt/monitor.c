@@ -1,6 +1,8 @@
 /** Looks at the image for the monitors of all connections, and reports changes of state. */
 #include "rt.h"
 
+#include <string.h>
+
 /** Who began the reset that is seen now. An end acknowledges with code 0, so when both show a Reset
  *  in one cycle, it is the one that gives a reason; else the main. */
 static unsigned reset_by(const struct fsn_connection_status *status) {
@@ -14,7 +16,7 @@ static unsigned reset_by(const struct fsn_connection_status *status) {
 }
 
 static void report(struct fsn_rt *rt, uint32_t connection, uint32_t before, uint64_t now_ns) {
-    const struct fsn_connection_status *status = &rt->watches[connection].monitor.status;
+    const struct fsn_connection_status *status = &rt->monitors[connection].status;
     struct fsn_event event = {
         .now_ns = now_ns,
         .connection = connection,
@@ -29,24 +31,31 @@ static void report(struct fsn_rt *rt, uint32_t connection, uint32_t before, uint
     fsn_rt_push_event(rt, &event);
 }
 
-static void look(struct fsn_rt_watch *watch, const uint8_t *image, uint64_t now_ns) {
-    const uint8_t *const frames[2] = {image + watch->offset[FSN_TO_SUB],
-                                      image + watch->offset[FSN_TO_MAIN]};
-    const bool sub_first =
-        fsn_monitor_sub_first(&watch->monitor, frames[FSN_TO_SUB], frames[FSN_TO_MAIN]);
+static void look(struct fsn_monitor *monitor, const uint8_t *const frames[2], uint64_t now_ns) {
+    const bool sub_first = fsn_monitor_sub_first(monitor, frames[FSN_TO_SUB], frames[FSN_TO_MAIN]);
     const enum fsn_way first = sub_first ? FSN_TO_MAIN : FSN_TO_SUB;
     const enum fsn_way second = sub_first ? FSN_TO_SUB : FSN_TO_MAIN;
-    const enum fsn_verdict one = fsn_monitor_frame(&watch->monitor, first, frames[first], now_ns);
-    const enum fsn_verdict other =
-        fsn_monitor_frame(&watch->monitor, second, frames[second], now_ns);
-    watch->changed = watch->changed || one != FSN_VERDICT_SAME || other != FSN_VERDICT_SAME;
+    (void)fsn_monitor_frame(monitor, first, frames[first], now_ns);
+    (void)fsn_monitor_frame(monitor, second, frames[second], now_ns);
 }
 
 void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {
     for (uint32_t c = 0; c < rt->connection_count; c++) {
-        const uint32_t before = rt->watches[c].monitor.status.outside;
-        look(&rt->watches[c], rt->image, now_ns);
-        if (rt->watches[c].monitor.status.outside != before) {
+        struct fsn_rt_watch *watch = &rt->watches[c];
+        const uint8_t *const frames[2] = {rt->image + watch->offset[FSN_TO_SUB],
+                                          rt->image + watch->offset[FSN_TO_MAIN]};
+        uint8_t *seen[2] = {rt->seen + watch->seen,
+                            rt->seen + watch->seen + watch->size_bytes[FSN_TO_SUB]};
+        if (memcmp(seen[0], frames[0], watch->size_bytes[0]) == 0 &&
+            memcmp(seen[1], frames[1], watch->size_bytes[1]) == 0) {
+            continue;
+        }
+        memcpy(seen[0], frames[0], watch->size_bytes[0]);
+        memcpy(seen[1], frames[1], watch->size_bytes[1]);
+        watch->changed = true;
+        const uint32_t before = rt->monitors[c].status.outside;
+        look(&rt->monitors[c], frames, now_ns);
+        if (rt->monitors[c].status.outside != before) {
             report(rt, c, before, now_ns);
         }
     }

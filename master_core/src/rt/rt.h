@@ -23,11 +23,13 @@ struct fsn_rt_group {
     uint32_t size_bytes, first, count;
 };
 
-/** One observed connection. */
+/** Where an observed connection lies. What every cycle looks at is kept small and close together;
+ *  its monitor is touched only when one of its frames is new. */
 struct fsn_rt_watch {
-    uint32_t offset[2]; /**< where its frames lie after the copy, enum fsn_way */
-    bool changed;       /**< it has seen a new frame since it was published */
-    struct fsn_monitor monitor;
+    uint32_t offset[2];     /**< where its frames lie after the copy, enum fsn_way */
+    uint32_t size_bytes[2]; /**< of these frames */
+    uint32_t seen;          /**< where they lie, one behind the other, in fsn_rt.seen */
+    bool changed;           /**< it has seen a new frame since it was published */
 };
 
 /** Bits of the image that a symbol names. */
@@ -69,6 +71,8 @@ struct fsn_rt {
     uint64_t bytes_per_cycle;
 
     struct fsn_rt_watch *watches; /**< one per connection */
+    struct fsn_monitor *monitors; /**< one per connection */
+    uint8_t *seen;                /**< frames of the last cycle */
     uint32_t connection_count;
 
     struct fsn_rt_output *outputs; /**< one per symbol */

@@ -28,10 +28,10 @@ void fsn_rt_publish(struct fsn_rt *rt) {
     for (uint32_t c = 0; c < rt->connection_count; c++) {
         struct fsn_rt_watch *watch = &rt->watches[c];
         if (watch->changed) {
-            put(words, &watch->monitor.status, sizeof watch->monitor.status);
+            put(words, &rt->monitors[c].status, sizeof rt->monitors[c].status);
             watch->changed = false;
         }
-        words += (sizeof watch->monitor.status + 7) / 8;
+        words += (sizeof rt->monitors[c].status + 7) / 8;
     }
     put(words, rt->image, rt->image_bytes);
     atomic_store_explicit(&s->sequence, sequence + 2, memory_order_release);
