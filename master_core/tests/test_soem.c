@@ -269,6 +269,24 @@ static void wrong_devices_stay_out(void) {
     tear_down(rig);
 }
 
+/** A SubDevice that comes back and refuses a start-up SDO stays in PREOP, named, until it takes it;
+ *  one that is slow is waited for. */
+static void who_refuses_is_asked_again(void) {
+    struct rig *rig = bring_up();
+    CHECK(fsn_segment_set_sdo_abort(rig->segment, 3, 0x8000, 1, 0x06090030) == FSN_OK);
+    fsn_segment_power_cycle(rig->segment, 3);
+    while (look(rig, 3).found != FSN_FOUND_SDO) {
+        CHECK(flows(rig, 1) && flows(rig, 2));
+    }
+    CHECK(strstr(look(rig, 3).detail, "0x8000:01: abort code 0x06090030 Value range") != NULL);
+    CHECK(look(rig, 3).al_status == FSN_AL_PREOP);
+    CHECK(fsn_segment_set_sdo_abort(rig->segment, 3, 0x8000, 1, 0) == FSN_OK);
+    CHECK(fsn_segment_set_al_delay(rig->segment, 3, 300000000) == FSN_OK);
+    tend_until(rig, 3, FSN_AL_OP);
+    CHECK(look(rig, 3).found == FSN_FOUND_RIGHT && look(rig, 3).returns >= 1 && flows(rig, 3));
+    tear_down(rig);
+}
+
 /** A cut cable between any two SubDevices of a ring disturbs nobody, and is named. */
 static void a_ring_survives_each_cable(void) {
     struct rig *rig = bring_up_from(set_up_with("far2"));
@@ -390,6 +408,7 @@ int main(void) {
     power_cycles_and_lost_frames();
     stalls_and_repetitions();
     wrong_devices_stay_out();
+    who_refuses_is_asked_again();
     a_ring_survives_each_cable();
     stops_step_by_step();
     refusals();

@@ -32,8 +32,9 @@ static fsn_status write_sdos(struct fsn_soem *bus, struct node *node) {
             return FSN_E_BUS_SDO;
         }
         if (!soem_download(bus, node->slave, fsn_get16(r), r[2], r + 8, r[3], &code)) {
-            soem_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x: %s 0x%08x", fsn_get16(r), r[2],
-                      code != 0 ? "abort code" : "no answer", code);
+            soem_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x: %s 0x%08x %s", fsn_get16(r), r[2],
+                      code != 0 ? "abort code" : "no answer", code,
+                      code != 0 ? ec_sdoerror2string(code) : "");
             return FSN_E_BUS_SDO;
         }
     }
@@ -196,7 +197,9 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
         }
     }
     ecx_eeprom2pdi(&bus->context, node->slave);
-    set_clock(bus, node);
+    if (bus->goal != 0) {
+        set_clock(bus, node); /* at the start all clocks were set together */
+    }
     start_sync(bus, node);
     node->configured = true;
     soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");

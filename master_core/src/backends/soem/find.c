@@ -102,8 +102,9 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
             const ec_slavet *s = &bus->slaves[node->slave];
             node->seen.al_status = (uint8_t)s->state;
             node->seen.al_code = s->ALstatuscode;
-            soem_note(bus, node, FSN_FOUND_STATE, "PREOP refused: AL status 0x%02x, code 0x%04x",
-                      s->state, s->ALstatuscode);
+            soem_note(bus, node, FSN_FOUND_STATE,
+                      "PREOP refused: AL status 0x%02x, code 0x%04x: %s", s->state, s->ALstatuscode,
+                      ec_ALstatuscode2string(s->ALstatuscode));
             return soem_refuse(fault, FSN_E_BUS_STATE, node);
         }
     }

@@ -200,12 +200,12 @@ static void ask(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t
 
 static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
     const struct place *place = &bus->places[node->slave];
-    soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x",
+    soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x: %s",
               node->asked == FSN_AL_OP       ? "OP"
               : node->asked == FSN_AL_SAFEOP ? "SAFEOP"
               : node->asked == FSN_AL_PREOP  ? "PREOP"
                                              : "INIT",
-              place->al_status, place->al_code);
+              place->al_status, place->al_code, ec_ALstatuscode2string(place->al_code));
     node->asked = 0;
     node->retry_ns = now_ns + RETRY_NS;
 }
