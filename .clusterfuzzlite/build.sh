@@ -8,7 +8,7 @@ core=$(sed -n '/^set(FSN_RT_SOURCES/,/)/p; /^set(FSN_SETUP_SOURCES/,/)/p' CMakeL
     grep -o 'src/[a-z_/]*\.c' | sort -u)
 corpus=$(mktemp -d)
 trap 'rm -rf "$corpus"' EXIT
-for name in plan monitor scan; do
+for name in plan monitor scan wire; do
     objects=()
     for source in $core tests/builder.c fuzz/chain.c "fuzz/fuzz_$name.c"; do
         object="${WORK:-$corpus}/fuzz_$name-$(echo "$source" | tr / -).o"
