@@ -6,6 +6,7 @@ are for the outside world and for programming mistakes:
     FsnError                      anything this package raises on purpose
     +-- EnvironmentFault          a tool, permission or compiled part is missing      (exit 3)
     |   +-- CoreMissing           the compiled module could not be loaded
+    |   +-- ControlRefused        fsn-master refused a request; carries the name of its status
     +-- InputError                a file was refused as a whole; carries diagnostics  (exit 1)
     |   +-- PlanFormatError       bytes that are no valid .fsnplan
     |   +-- RecordingError        a line that is no part of a recorded run
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ConfigError",
+    "ControlRefused",
     "CoreError",
     "CoreMissing",
     "EnvironmentFault",
@@ -53,6 +55,19 @@ class CoreMissing(EnvironmentFault):
 
     Scenarios: a source tree that was never built; a wheel of another platform.
     """
+
+
+class ControlRefused(EnvironmentFault):
+    """A running ``fsn-master`` refused a request on its control socket.
+
+    Args:
+        message: What was refused, why, and the next step.
+        status: Name of its ``fsn_status``, e.g. ``FSN_E_STATE``.
+    """
+
+    def __init__(self, message: str, status: str) -> None:
+        super().__init__(message)
+        self.status = status
 
 
 class InputError(FsnError):

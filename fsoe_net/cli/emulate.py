@@ -12,7 +12,8 @@ from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
-from fsoe_net.cli.run import interesting, scenario_of
+from fsoe_net.cli.run import scenario_of
+from fsoe_net.cli.run_output import interesting
 from fsoe_net.core import SegmentLink, is_test_rig
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.plan import compile_plan

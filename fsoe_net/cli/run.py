@@ -1,18 +1,22 @@
-"""``fsoe-net run``: bring a network up on the emulated bus, copied by the C core."""
+"""``fsoe-net run``: a network on the emulated bus, or on a live one driven by ``fsn-master``."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
+import signal
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
+from fsoe_net.cli.run_output import check_target, live_view, print_result, write_timing
 from fsoe_net.core import Snapshot
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
@@ -21,29 +25,30 @@ from fsoe_net.model import Resolution, Scenario
 from fsoe_net.observe import CaptureWriter
 from fsoe_net.plan import compile_plan, decode_plan
 from fsoe_net.run import (
+    BusOptions,
     ConnectionResult,
-    RunEvent,
+    LiveUpdate,
+    Master,
     RunResult,
     Session,
     counted_session_ids,
     random_session_ids,
     run_live,
+    run_on_bus,
     run_virtual,
-    state_text,
 )
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-__all__ = ["command", "interesting", "prepare", "scenario_of"]
+__all__ = ["command", "prepare", "scenario_of"]
 
 _EPILOG = """\b
 Examples:
   fsoe-net run network.yaml
   fsoe-net run network.yaml --scenario scenario.yaml --virtual-time
   fsoe-net run network.yaml --duration 10 --format json > run.json
+  fsoe-net run network.yaml --interface eth1
 
-The devices are emulated; nothing is sent to a real bus."""
+Without --interface the devices are emulated and nothing is sent to a bus. With it, fsn-master
+drives the real one: machines may move."""
 
 
 class _Finite(click.FloatRange):
@@ -61,11 +66,67 @@ class _Finite(click.FloatRange):
 _WEEK_S = 7 * 24 * 3600
 
 
+_UNITS_NS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
+
+
+def _time(_ctx: click.Context, _param: click.Parameter, text: str | None) -> int | None:
+    """Return a time with its unit in nanoseconds."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(ns|us|ms|s)", text, re.ASCII)
+    if found is None:
+        raise click.BadParameter(f"{text!r} is no time; write 250us or 1ms")
+    ns = round(float(found[1]) * _UNITS_NS[found[2]])
+    if not 1_000 <= ns <= 4_000_000_000:
+        raise click.BadParameter(f"{text} is not between 1us and 4s")
+    return ns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Files:
+    """What a run is made of and what it writes."""
+
+    plan: str | None
+    scenario: str | None
+    capture: str | None
+    stats: str | None
+    plot: str | None
+    fmt: str
+
+
+def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of a live bus."""
+    for decorate in (
+        click.option("--interface", metavar="IF", help="Live bus: its interface or IgH master."),
+        click.option("--redundant", metavar="IF2", help="Live bus: interface of the ring's end."),
+        click.option("--bus", type=click.Choice(["soem", "igh"]), help="Live bus: default soem."),
+        click.option(
+            "--cycle",
+            "cycle_ns",
+            metavar="TIME",
+            callback=_time,
+            help="Live bus: its cycle; default: the plan's.",
+        ),
+        click.option("--priority", type=click.IntRange(1, 99), help="Live bus: of SCHED_FIFO."),
+        click.option("--cpu", type=click.IntRange(0, 1023), help="Live bus: CPU of the cycle."),
+        click.option(
+            "--wait",
+            "wait_s",
+            type=_Finite(min=0.001, max=_WEEK_S),
+            help="Live bus: seconds to try again while SubDevices are missing.",
+        ),
+    )[::-1]:
+        function = decorate(function)
+    return function
+
+
 @click.command("run", epilog=_EPILOG)
 @input_options
 @click.option("--plan", "plan_file", type=click.Path(), help="Plan the core loads.")
 @click.option(
-    "--duration", type=_Finite(min=0.001, max=_WEEK_S), help="Seconds; default: scenario, else 3."
+    "--duration",
+    type=_Finite(min=0.001, max=_WEEK_S),
+    help="Seconds; default: scenario, else 3; on a live bus until interrupted.",
 )
 @click.option("--scenario", "scenario_file", type=click.Path(), help="Steps and expectations.")
 @click.option("--virtual-time", is_flag=True, help="As fast as the machine goes, repeatable.")
@@ -73,10 +134,11 @@ _WEEK_S = 7 * 24 * 3600
 @click.option(
     "--device-period-ms",
     type=_Finite(min=0.1, max=1000),
-    default=1.0,
-    show_default=True,
-    help="Pace of the emulated devices in a live run.",
+    help="Pace of the emulated devices in real time; default 1.",
 )
+@_bus_options
+@click.option("--stats", type=click.Path(), help="Write timing histograms (CSV).")
+@click.option("--plot", type=click.Path(), help="Draw timing histograms (SVG).")
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )
@@ -91,32 +153,152 @@ def command(
     scenario_file: str | None,
     virtual_time: bool,
     capture: str | None,
-    device_period_ms: float,
+    device_period_ms: float | None,
+    interface: str | None,
+    redundant: str | None,
+    bus: str | None,
+    cycle_ns: int | None,
+    priority: int | None,
+    cpu: int | None,
+    wait_s: float | None,
+    stats: str | None,
+    plot: str | None,
     fmt: str,
 ) -> None:
-    """Run a network on the emulated bus.
+    """Run a network on the emulated bus, or with --interface on a live one.
 
-    The C core copies the frames in its own thread; emulated devices (MainInstances in the safety
-    masters, SubInstances elsewhere) live on the bus at their own pace. FILES as for `check`.
+    Emulated: the C core copies the frames in its own thread; emulated devices (MainInstances in the
+    safety masters, SubInstances elsewhere) live on the bus at their own pace. Live: fsn-master
+    drives the bus until Ctrl-C; killing this program leaves it running. FILES as for `check`.
     """
-    if capture is not None and not virtual_time:
-        raise click.UsageError("--capture needs --virtual-time: a live run carries no frames")
+    wanted = _Files(
+        plan=plan_file, scenario=scenario_file, capture=capture, stats=stats, plot=plot, fmt=fmt
+    )
+    live = {
+        "--redundant": redundant,
+        "--bus": bus,
+        "--cycle": cycle_ns,
+        "--priority": priority,
+        "--cpu": cpu,
+        "--wait": wait_s,
+    }
+    emulated = {
+        "--virtual-time": virtual_time or None,
+        "--capture": capture,
+        "--device-period-ms": device_period_ms,
+    }
+    _check_options(interface, live, emulated, wanted)
+    check_target(stats, "--stats")
+    check_target(plot, "--plot")
     checked = check_files(files, packages=packages, xacro_args=xacro_args)
     resolution = whole_network(checked, "nothing started")
-    session = prepare(resolution, plan_file, scenario_file, virtual=virtual_time)
-    duration_ns = round(duration * 1e9) if duration else session.duration_ns
-    if capture is not None:
-        with CaptureWriter(capture) as writer:
-            result = run_virtual(session, duration_ns, capture=writer)
-    elif virtual_time:
-        result = run_virtual(session, duration_ns)
+    duration_ns = round(duration * 1e9) if duration else None
+    if interface is not None:
+        options = BusOptions(
+            backend=bus or "soem",
+            interface=interface,
+            redundant=redundant,
+            cycle_ns=cycle_ns,
+            priority=priority,
+            cpu=cpu,
+            wait_s=wait_s or 0.0,
+        )
+        result = _on_bus(resolution, options, duration_ns, wanted)
     else:
-        result = _live(session, duration_ns, round(device_period_ms * 1e6), fmt)
+        period_ns = round((device_period_ms or 1.0) * 1e6)
+        result = _emulated(resolution, duration_ns, wanted, period_ns, virtual=virtual_time)
     if fmt == "json":
         click.echo(json.dumps(result.to_json(__version__), indent=2, ensure_ascii=False))
     else:
-        _print_result(result)
+        print_result(result)
+    write_timing(result, stats, plot, text=fmt == "text")
     ctx.exit(0 if result.passed else 1)
+
+
+def _check_options(
+    interface: str | None,
+    live: Mapping[str, object],
+    emulated: Mapping[str, object],
+    wanted: _Files,
+) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        click.UsageError: Some do not.
+    """
+    if interface is None:
+        given = [name for name, value in live.items() if value is not None]
+        if given:
+            raise click.UsageError(f"{given[0]} is for a live bus: name its --interface too")
+        virtual = emulated["--virtual-time"] is not None
+        if wanted.capture is not None and not virtual:
+            raise click.UsageError("--capture needs --virtual-time: a live run carries no frames")
+        if virtual and (wanted.stats is not None or wanted.plot is not None):
+            raise click.UsageError("--stats and --plot need real time: leave out --virtual-time")
+        return
+    if wanted.scenario is not None:
+        raise click.UsageError(
+            "--scenario acts on emulated devices, and those of a live bus are not ours to press; "
+            "with an emulated segment at the other end give it to that: fsoe-net emulate FILES "
+            "--interface OTHER_END --scenario FILE"
+        )
+    given = [name for name, value in emulated.items() if value is not None]
+    if given == ["--capture"]:
+        raise click.UsageError(
+            f"--capture is for virtual runs; `tcpdump -i {interface} -w FILE` records a live bus"
+        )
+    if given:
+        raise click.UsageError(f"{given[0]} is for emulated devices: leave it or --interface out")
+    if live["--bus"] == "igh" and live["--redundant"] is not None:
+        raise click.UsageError("--redundant: with igh, the second interface is a setting of IgH")
+    if live["--redundant"] == interface:
+        raise click.UsageError("--redundant: the same interface twice")
+
+
+def _emulated(
+    resolution: Resolution, duration: int | None, wanted: _Files, period_ns: int, *, virtual: bool
+) -> RunResult:
+    session = prepare(resolution, wanted.plan, wanted.scenario, virtual=virtual)
+    duration_ns = duration or session.duration_ns
+    if wanted.capture is not None:
+        with CaptureWriter(wanted.capture) as writer:
+            return run_virtual(session, duration_ns, capture=writer)
+    if virtual:
+        return run_virtual(session, duration_ns)
+    return _live(session, duration_ns, period_ns, wanted.fmt)
+
+
+def _on_bus(
+    resolution: Resolution, options: BusOptions, duration_ns: int | None, wanted: _Files
+) -> RunResult:
+    plan = _plan_bytes(resolution, wanted.plan)
+    name = resolution.network.name
+    stop = threading.Event()
+    # Not as an exception: in the middle of a request it would leave half a reply behind.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+
+    def started(master: Master) -> None:
+        click.echo(
+            f"fsn-master (process {master.pid}) starts on {options.interface}; Ctrl-C stops it; "
+            f"control socket {master.socket}",
+            err=True,
+        )
+
+    if wanted.fmt == "json" or not sys.stdout.isatty():
+        return run_on_bus(resolution, plan, options, duration_ns, on_start=started, stop=stop)
+    from rich.live import Live
+
+    with Live(refresh_per_second=10, transient=True) as display:
+
+        def show(seen: LiveUpdate) -> None:
+            snapshot = seen.snapshot
+            statistics = snapshot.cycle.statistics
+            display.update(
+                live_view(name, seen.connections, statistics, seen.now_s, snapshot.subdevices)
+            )
+
+        return run_on_bus(resolution, plan, options, duration_ns, on_start=started, on_update=show)
 
 
 def prepare(
@@ -127,10 +309,7 @@ def prepare(
     Raises:
         InputError: No connection, a plan of another network, or a scenario with mistakes.
     """
-    if resolution.network.partial or not resolution.connections:
-        raise InputError("nothing to run: these files hold no FSoE connection of a whole network")
-    fresh = compile_plan(resolution).to_bytes()
-    data = fresh if plan_file is None else _plan_of(plan_file, fresh)
+    data = _plan_bytes(resolution, plan_file)
     scenario = scenario_of(scenario_file) if scenario_file is not None else None
     ids = counted_session_ids() if virtual else random_session_ids()
     session = Session(resolution, data, scenario, session_ids=ids)
@@ -138,6 +317,13 @@ def prepare(
     if found:
         raise InputError(f"the scenario does not fit this network: {summary(found)}", found)
     return session
+
+
+def _plan_bytes(resolution: Resolution, plan_file: str | None) -> bytes:
+    if resolution.network.partial or not resolution.connections:
+        raise InputError("nothing to run: these files hold no FSoE connection of a whole network")
+    fresh = compile_plan(resolution).to_bytes()
+    return fresh if plan_file is None else _plan_of(plan_file, fresh)
 
 
 def _plan_of(plan_file: str, fresh: bytes) -> bytes:
@@ -178,83 +364,7 @@ def _live(session: Session, duration_ns: int, period_ns: int, fmt: str) -> RunRe
     with Live(refresh_per_second=10, transient=True) as display:
 
         def show(rows: tuple[ConnectionResult, ...], snapshot: Snapshot, now_s: float) -> None:
-            display.update(_live_table(session, rows, snapshot, now_s))
+            name = session.resolution.network.name
+            display.update(live_view(name, rows, snapshot.statistics, now_s))
 
         return run_live(session, duration_ns, device_period_ns=period_ns, on_update=show)
-
-
-_STATE_STYLE = {"data_process": "bold green", "data_failsafe": "yellow"}
-
-
-def _live_table(
-    session: Session, rows: tuple[ConnectionResult, ...], snapshot: Snapshot, now_s: float
-) -> Table:
-    from rich.markup import escape
-    from rich.table import Table
-
-    s = snapshot.statistics
-    name = session.resolution.network.name
-    wkc = "" if s.expected_wkc == s.actual_wkc else f" · WKC {s.actual_wkc}/{s.expected_wkc}"
-    table = Table(title=f"{escape(name)} · {now_s:.1f} s · cycle {s.cycles}{wkc}")
-    for column in ("connection", "state", "ConnID", "FSoE cycle", "resets", "last reason"):
-        table.add_column(column, no_wrap=column != "last reason")
-    for c in rows:
-        style = _STATE_STYLE.get(c.state, "red")
-        table.add_row(
-            escape(c.name),
-            f"[{style}]{state_text(c.state)}[/]",
-            str(c.connection_id),
-            f"{c.fsoe_cycle_ms['last']:.1f} ms",
-            str(c.resets),
-            c.last_reset_text,
-        )
-    return table
-
-
-def _print_result(result: RunResult) -> None:
-    rows = [["connection", "state", "ConnID", "address", "FSoE cycle", "to Data", "resets"]]
-    for c in result.connections:
-        to_data = "-" if c.time_to_data_ms is None else f"{c.time_to_data_ms:.0f} ms"
-        resets = str(c.resets) if not c.resets else f"{c.resets} ({c.last_reset_text})"
-        rows.append(
-            [
-                c.name,
-                state_text(c.state),
-                str(c.connection_id) + ("*" if "connection_id" in c.chosen else ""),
-                str(c.address) + ("*" if "address" in c.chosen else ""),
-                f"{c.fsoe_cycle_ms['mean']:.2f} ms",
-                to_data,
-                resets,
-            ]
-        )
-    for event in interesting(result.events):
-        click.echo(f"{event.time_ms:10.1f} ms  {event.source}: {event.text}")
-    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
-    click.echo()
-    for row in rows:
-        click.echo("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip())
-    if any(c.chosen for c in result.connections):
-        click.echo("* chosen here; no file states it")
-    s = result.statistics
-    click.echo(
-        f"\n{s.cycles} bus cycles in {result.duration_ms / 1000:.1f} s ({result.mode}), "
-        f"{s.wkc_errors} with incomplete working counter, {s.overruns} overruns"
-    )
-    _print_verdicts(result)
-
-
-def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
-    """Return the events a person wants to read: not every step of a start-up."""
-    quiet = ("MainInstance: ", "SubInstance: ")
-    return [e for e in events if not e.text.startswith(quiet) or e.text.endswith("Data")]
-
-
-def _print_verdicts(result: RunResult) -> None:
-    for verdict in result.verdicts:
-        if not verdict.held:
-            click.echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")
-    if result.verdicts:
-        held = sum(v.held for v in result.verdicts)
-        click.echo(f"{held} of {len(result.verdicts)} expectations held")
-    if not result.passed and not result.verdicts:
-        click.echo("not every connection is in Data")

@@ -1,7 +1,18 @@
 """Live sessions: emulated devices, the C core and a scenario, in virtual or real time."""
 
+from fsoe_net.run.client import Client
 from fsoe_net.run.emulate import EmulateResult, SegmentSession, serve
-from fsoe_net.run.result import ConnectionResult, RunEvent, RunResult, Verdict, state_text
+from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
+from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
+from fsoe_net.run.master import Master, find_master
+from fsoe_net.run.result import (
+    BusResult,
+    ConnectionResult,
+    RunEvent,
+    RunResult,
+    Verdict,
+    state_text,
+)
 from fsoe_net.run.session import (
     Session,
     counted_session_ids,
@@ -11,16 +22,25 @@ from fsoe_net.run.session import (
 )
 
 __all__ = [
+    "BusOptions",
+    "BusResult",
+    "Client",
     "ConnectionResult",
     "EmulateResult",
+    "LiveSnapshot",
+    "LiveUpdate",
+    "Master",
     "RunEvent",
     "RunResult",
     "SegmentSession",
     "Session",
+    "SubDeviceSnapshot",
     "Verdict",
     "counted_session_ids",
+    "find_master",
     "random_session_ids",
     "run_live",
+    "run_on_bus",
     "run_virtual",
     "serve",
     "state_text",

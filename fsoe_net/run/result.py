@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from fsoe_net.core import Statistics
+from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 
-__all__ = ["ConnectionResult", "RunEvent", "RunResult", "Verdict", "state_text"]
+__all__ = ["BusResult", "ConnectionResult", "RunEvent", "RunResult", "Verdict", "state_text"]
 
 _STATE_TEXT = {"data_process": "Data · ProcessData", "data_failsafe": "Data · FailSafeData"}
 
@@ -36,6 +37,9 @@ class ConnectionResult:
     the core saw in the copied frames, and ``wrong_…`` the frames in them with a wrong CRC; ``gaps``
     counts when it missed some. ``chosen`` names facts that no file states. ``data_to_sub``
     and ``data_to_main`` are what each end receives: ``process``, ``failsafe`` or ``none``.
+
+    On a live bus all of it is what the wire shows: ``state`` is ``wire_state``, and ``None`` stands
+    for what neither the wire nor a file says.
     """
 
     name: str
@@ -44,9 +48,9 @@ class ConnectionResult:
     sub: str
     state: str
     wire_state: str
-    connection_id: int
-    address: int
-    watchdog_ms: int
+    connection_id: int | None
+    address: int | None
+    watchdog_ms: int | None
     chosen: tuple[str, ...]
     time_to_data_ms: float | None
     fsoe_cycle_ms: Mapping[str, float]
@@ -60,8 +64,8 @@ class ConnectionResult:
     last_reset_text: str
     data_to_sub: str
     data_to_main: str
-    safe_to_sub: str
-    safe_to_main: str
+    safe_to_sub: str | None
+    safe_to_main: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,8 +79,19 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BusResult:
+    """The bus of a run: ``emulated`` without an interface, or a backend of ``fsn-master``."""
+
+    backend: str = "emulated"
+    interface: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
-    """A whole run. ``passed``: every expectation held, or, without any, all reached Data."""
+    """A whole run. ``passed``: every expectation held, or, without any, all reached Data.
+
+    ``subdevices`` are known on a live bus only.
+    """
 
     mode: str
     network: str
@@ -88,6 +103,8 @@ class RunResult:
     events_lost: int
     verdicts: tuple[Verdict, ...]
     passed: bool
+    bus: BusResult = BusResult()
+    subdevices: tuple[SubDeviceSnapshot, ...] = ()
 
     def to_json(self, version: str) -> dict[str, object]:
         """Return the stable JSON document (``docs/reference/run-output.md``)."""
@@ -97,9 +114,11 @@ class RunResult:
             "network": self.network,
             "plan_sha256": self.plan_sha256,
             "mode": self.mode,
+            "bus": asdict(self.bus),
             "duration_ms": self.duration_ms,
             "result": "pass" if self.passed else "fail",
             "connections": [asdict(c) for c in self.connections],
+            "subdevices": [asdict(s) for s in self.subdevices],
             "statistics": asdict(self.statistics),
             "expectations": [asdict(v) for v in self.verdicts],
             "events": [asdict(e) for e in self.events],

@@ -26,6 +26,7 @@ def test_keys_of_the_document():
     """Readers of the JSON rely on these; a change is a change of the documented format."""
     found = document(run(ESTOP, ESTOP / "scenario.yaml"))
     assert sorted(found) == [
+        "bus",
         "connections",
         "duration_ms",
         "events",
@@ -36,6 +37,7 @@ def test_keys_of_the_document():
         "plan_sha256",
         "result",
         "statistics",
+        "subdevices",
         "tool",
         "version",
     ]

@@ -1,0 +1,165 @@
+"""How a run is shown: the live table, the text at the end, files of its timing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from fsoe_net.core import Statistics
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.report.timing import timing_csv, timing_picture, timing_text
+from fsoe_net.run import ConnectionResult, RunEvent, RunResult, SubDeviceSnapshot, state_text
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+__all__ = ["check_target", "interesting", "live_view", "print_result", "write_timing"]
+
+_STATE_STYLE = {"data_process": "bold green", "data_failsafe": "yellow"}
+
+
+def live_view(
+    name: str,
+    rows: Sequence[ConnectionResult],
+    statistics: Statistics,
+    now_s: float,
+    subdevices: Sequence[SubDeviceSnapshot] = (),
+) -> Group:
+    """Return what a terminal shows during a run: connections, and SubDevices not in OP."""
+    from rich.console import Group
+    from rich.markup import escape
+    from rich.table import Table
+    from rich.text import Text
+
+    s = statistics
+    wkc = "" if s.expected_wkc == s.actual_wkc else f" · WKC {s.actual_wkc}/{s.expected_wkc}"
+    table = Table(title=f"{escape(name)} · {now_s:.1f} s · cycle {s.cycles}{wkc}")
+    for column in ("connection", "state", "ConnID", "FSoE cycle", "resets", "last reason"):
+        table.add_column(column, no_wrap=column != "last reason")
+    for c in rows:
+        style = _STATE_STYLE.get(c.state, "red")
+        table.add_row(
+            escape(c.name),
+            f"[{style}]{state_text(c.state)}[/]",
+            _number(c.connection_id),
+            f"{c.fsoe_cycle_ms['last']:.1f} ms",
+            str(c.resets),
+            c.last_reset_text,
+        )
+    return Group(table, *(Text(line, style="red") for line in not_in_op(subdevices)))
+
+
+def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[str]:
+    """Return a line for every SubDevice that is not in OP, with what is known about it."""
+    lines = []
+    for s in subdevices:
+        if s.in_op:
+            continue
+        code = f", AL status code 0x{s.al_code:04x}" if s.al_code else ""
+        text = s.detail or s.found or "nothing is known about it"
+        lines.append(f"{s.name}: {'no answer' if s.al == 'none' else s.al}{code}: {text}")
+    return lines
+
+
+def _number(value: int | None) -> str:
+    return "-" if value is None else str(value)
+
+
+def print_result(result: RunResult) -> None:
+    """Print events, connections, SubDevices not in OP, totals and verdicts."""
+    rows = [["connection", "state", "ConnID", "address", "FSoE cycle", "to Data", "resets"]]
+    for c in result.connections:
+        to_data = "-" if c.time_to_data_ms is None else f"{c.time_to_data_ms:.0f} ms"
+        resets = str(c.resets) if not c.resets else f"{c.resets} ({c.last_reset_text})"
+        rows.append(
+            [
+                c.name,
+                state_text(c.state),
+                _number(c.connection_id) + ("*" if "connection_id" in c.chosen else ""),
+                _number(c.address) + ("*" if "address" in c.chosen else ""),
+                f"{c.fsoe_cycle_ms['mean']:.2f} ms",
+                to_data,
+                resets,
+            ]
+        )
+    for event in interesting(result.events):
+        click.echo(f"{event.time_ms:10.1f} ms  {event.source}: {event.text}")
+    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
+    click.echo()
+    for row in rows:
+        click.echo("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip())
+    if any(c.chosen for c in result.connections):
+        click.echo("* chosen here; no file states it")
+    for line in not_in_op(result.subdevices):
+        click.echo(line)
+    s = result.statistics
+    click.echo(
+        f"\n{s.cycles} bus cycles in {result.duration_ms / 1000:.1f} s ({_mode(result)}), "
+        f"{s.wkc_errors} with incomplete working counter, {s.overruns} overruns"
+    )
+    _print_verdicts(result)
+
+
+def _mode(result: RunResult) -> str:
+    if result.bus.interface is None:
+        return result.mode
+    return f"{result.bus.backend} on {result.bus.interface}"
+
+
+def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
+    """Return the events a person wants to read: not every step of a start-up."""
+    quiet = ("MainInstance: ", "SubInstance: ", "wire: ", "working counter ", "ports: ")
+    return [e for e in events if not e.text.startswith(quiet) or e.text.endswith("Data")]
+
+
+def _print_verdicts(result: RunResult) -> None:
+    for verdict in result.verdicts:
+        if not verdict.held:
+            click.echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")
+    if result.verdicts:
+        held = sum(v.held for v in result.verdicts)
+        click.echo(f"{held} of {len(result.verdicts)} expectations held")
+    if not result.passed and not result.verdicts:
+        click.echo("not every connection is in Data")
+
+
+def check_target(path: str | None, option: str) -> None:
+    """Refuse a file that could not be written, before the run and not after it.
+
+    Raises:
+        EnvironmentFault: Its folder is missing or closed, or it is a folder itself.
+    """
+    if path is None:
+        return
+    target = Path(path)
+    if target.is_dir():
+        raise EnvironmentFault(f"{option} {path}: this is a folder; name a file")
+    if not target.parent.is_dir():
+        raise EnvironmentFault(f"{option} {path}: there is no folder {target.parent}")
+    if not os.access(target if target.exists() else target.parent, os.W_OK):
+        raise EnvironmentFault(f"{option} {path}: it may not be written")
+
+
+def write_timing(result: RunResult, stats: str | None, plot: str | None, *, text: bool) -> None:
+    """Write the files that were asked for, and print percentiles when ``text`` is wanted.
+
+    Raises:
+        EnvironmentFault: A file cannot be written.
+    """
+    title = f"{result.network}: {result.statistics.cycles} cycles, {_mode(result)}"
+    for path, content in (
+        (stats, timing_csv(result.statistics)),
+        (plot, timing_picture(result.statistics, title)),
+    ):
+        if path is None:
+            continue
+        try:
+            Path(path).write_text(content, encoding="utf-8")
+        except OSError as exc:
+            raise EnvironmentFault(f"cannot write {path}: {exc.strerror}") from exc
+    if text and (stats is not None or plot is not None):
+        click.echo(timing_text(result.statistics))

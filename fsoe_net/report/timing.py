@@ -1,0 +1,155 @@
+"""Timing of a run: histograms as CSV, percentiles as text, a picture."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from html import escape
+
+from fsoe_net.core import Histogram, Statistics
+
+__all__ = ["timing_csv", "timing_picture", "timing_text"]
+
+_NAMES = {
+    "latency": "wake-up latency",
+    "period": "period",
+    "work": "execution time",
+    "copy": "copies alone",
+    "round_trip": "round trip",
+    "dc_offset": "DC offset",
+}
+_WIDTH, _PANEL, _LEFT, _RIGHT, _PLOT = 760, 150, 20, 20, 84
+_STYLE = (
+    "text{font:12px system-ui,sans-serif;fill:#1f2328}.small{font-size:11px;fill:#57606a}"
+    ".bar{fill:#1f6feb}.axis{stroke:#57606a}.mark{stroke:#b35900;stroke-dasharray:3 2}"
+    ".back{fill:#fff}"
+    "@media(prefers-color-scheme:dark){text{fill:#e6edf3}.small{fill:#9198a1}"
+    ".bar{fill:#4493f8}.axis{stroke:#9198a1}.mark{stroke:#f0883e}.back{fill:#0d1117}}"
+)
+
+
+def _histograms(statistics: Statistics) -> list[tuple[str, Histogram]]:
+    """Return the histograms by name, in a fixed order."""
+    return [(name, getattr(statistics, name)) for name in _NAMES]
+
+
+def timing_csv(statistics: Statistics) -> str:
+    """Return a row for every bucket that is not empty.
+
+    Columns: ``histogram``, ``floor_ns`` (smallest time of the bucket), ``count``,
+    ``cumulative_share`` (of all times, those in this bucket or below).
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["histogram", "floor_ns", "count", "cumulative_share"])
+    for name, histogram in _histograms(statistics):
+        total = sum(count for _, count in histogram.buckets)
+        below = 0
+        for floor_ns, count in histogram.buckets:
+            below += count
+            writer.writerow([name, floor_ns, count, f"{below / total:.9f}"])
+    return out.getvalue()
+
+
+def timing_text(statistics: Statistics) -> str:
+    """Return percentiles in microseconds, a line per histogram that has any time."""
+    rows = [["", "mean", "50 %", "99 %", "99.9 %", "most", "times"]]
+    for name, h in _histograms(statistics):
+        if h.count:
+            times = (h.mean_ns, h.p50_ns, h.p99_ns, h.p999_ns, h.max_ns)
+            rows.append([_NAMES[name], *(f"{ns / 1000:.1f}" for ns in times), str(h.count)])
+    if len(rows) == 1:
+        return "no times were measured"
+    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
+    lines = [
+        row[0].ljust(widths[0])
+        + "".join(f"  {cell.rjust(w)}" for cell, w in zip(row[1:], widths[1:], strict=True))
+        for row in rows
+    ]
+    return "\n".join(["times in us", *lines])
+
+
+def timing_picture(statistics: Statistics, title: str) -> str:
+    """Draw the histograms that are not empty over logarithmic time; light and dark, no script."""
+    shown = [(name, h) for name, h in _histograms(statistics) if h.buckets]
+    height = 44 + _PANEL * max(1, len(shown))
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" role="img" '
+        f'aria-label="{escape(title)}"><title>{escape(title)}</title><style>{_STYLE}</style>'
+        f'<rect class="back" width="{_WIDTH}" height="{height}"/>',
+        _text(_LEFT, 24, title, "start"),
+    ]
+    if not shown:
+        parts.append(_text(_LEFT, 80, "no times were measured", "start"))
+    for number, (name, histogram) in enumerate(shown):
+        parts.append(_panel(_NAMES[name], histogram, 40 + number * _PANEL))
+    return "".join([*parts, "</svg>\n"])
+
+
+def _text(x: float, y: float, text: str, anchor: str, cls: str = "") -> str:
+    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{cls}">{escape(text)}</text>'
+
+
+def _ceiling(floor_ns: int) -> int:
+    """Return the end of a bucket: a quarter of the power of two below it wide."""
+    if floor_ns < 4:
+        return floor_ns + 1
+    return floor_ns + max(1, (1 << (floor_ns.bit_length() - 1)) // 4)
+
+
+class _Axis:
+    """Logarithmic time to places in the picture, whole decades."""
+
+    def __init__(self, histogram: Histogram) -> None:
+        least = max(1, histogram.buckets[0][0])
+        most = _ceiling(histogram.buckets[-1][0])
+        self.first = math.floor(math.log10(least))
+        self.last = max(self.first + 1, math.ceil(math.log10(most)))
+
+    def x(self, ns: float) -> float:
+        share = (math.log10(max(1.0, ns)) - self.first) / (self.last - self.first)
+        return _LEFT + min(1.0, max(0.0, share)) * (_WIDTH - _LEFT - _RIGHT)
+
+
+def _panel(name: str, histogram: Histogram, top: float) -> str:
+    axis = _Axis(histogram)
+    total = sum(count for _, count in histogram.buckets)
+    most = max(count for _, count in histogram.buckets)
+    base = top + 24 + _PLOT
+    parts = [
+        _text(_LEFT, top + 14, name, "start"),
+        _text(
+            _WIDTH - _RIGHT,
+            top + 14,
+            f"50 % {_time(histogram.p50_ns)} · 99 % {_time(histogram.p99_ns)} · 99.9 % "
+            f"{_time(histogram.p999_ns)} · most {_time(histogram.max_ns)}",
+            "end",
+            "small",
+        ),
+        f'<line class="axis" x1="{_LEFT}" y1="{base}" x2="{_WIDTH - _RIGHT}" y2="{base}"/>',
+    ]
+    for floor_ns, count in histogram.buckets:
+        left, right = axis.x(floor_ns), axis.x(_ceiling(floor_ns))
+        # A single time among millions must be seen: bars are logarithmic too.
+        tall = _PLOT * math.log1p(count) / math.log1p(most)
+        parts.append(
+            f'<rect class="bar" x="{left:.1f}" y="{base - tall:.1f}" width="{right - left:.1f}" '
+            f'height="{tall:.1f}"><title>{_time(floor_ns)} … {_time(_ceiling(floor_ns))}: {count} '
+            f"of {total}</title></rect>"
+        )
+    for ns in (histogram.p50_ns, histogram.p99_ns, histogram.p999_ns):
+        x = axis.x(ns)
+        parts.append(f'<line class="mark" x1="{x:.1f}" y1="{top + 22}" x2="{x:.1f}" y2="{base}"/>')
+    for decade in range(axis.first, axis.last + 1):
+        x = axis.x(10.0**decade)
+        anchor = "start" if decade == axis.first else "end" if decade == axis.last else "middle"
+        parts.append(_text(x, base + 14, _time(10**decade), anchor, "small"))
+    return "<g>" + "".join(parts) + "</g>"
+
+
+def _time(ns: int) -> str:
+    for unit, size in (("s", 10**9), ("ms", 10**6), ("us", 10**3)):
+        if ns >= size:
+            return f"{ns / size:.4g} {unit}"
+    return f"{ns} ns"

@@ -1,0 +1,342 @@
+"""Runs a network on a live bus, driven by ``fsn-master``; what is seen is what the wire shows."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from fsoe_net.core import ConnectionSnapshot, DirectionSnapshot
+from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
+from fsoe_net.fsoe import Command, reset_code_text
+from fsoe_net.model import Connection, Resolution
+from fsoe_net.run.client import Client
+from fsoe_net.run.live_snapshot import LiveSnapshot
+from fsoe_net.run.master import Master
+from fsoe_net.run.result import BusResult, ConnectionResult, RunEvent, RunResult, state_text
+
+__all__ = ["BusOptions", "LiveUpdate", "run_on_bus"]
+
+_MAX_EVENTS = 20_000
+_UPDATE_S = 0.1
+_GRACE_S = 10  # fsn-master outlives the stated duration by this much when nobody stops it
+_BACK_S = 5.0
+_DATA = {"failsafe data": "data_failsafe", "process data": "data_process"}
+_ENDS = {"main": "MainInstance", "sub": "SubInstance"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusOptions:
+    """How ``fsn-master`` is to drive the bus; ``None``: as it does by itself.
+
+    ``wait_s``: how long to try again while SubDevices are missing.
+    """
+
+    backend: str
+    interface: str
+    redundant: str | None = None
+    cycle_ns: int | None = None
+    priority: int | None = None
+    cpu: int | None = None
+    wait_s: float = 0.0
+
+    def arguments(self, duration_ns: int | None) -> list[str]:
+        """Return the options of ``fsn-master``."""
+        words = ["--bus", self.backend, "--interface", self.interface]
+        if self.redundant is not None:
+            words += ["--redundant", self.redundant]
+        if self.cycle_ns is not None:
+            words += ["--cycle", f"{self.cycle_ns}ns"]
+        if self.priority is not None:
+            words += ["--policy", "fifo", "--priority", str(self.priority)]
+        if self.cpu is not None:
+            words += ["--cpu", str(self.cpu)]
+        if self.wait_s > 0:
+            words += ["--wait", f"{round(self.wait_s * 1000)}ms"]
+        if duration_ns is not None:
+            words += ["--run-time", f"{duration_ns // 1_000_000 + _GRACE_S * 1000}ms"]
+        return words
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveUpdate:
+    """What is seen now; ``now_s`` counts from the start of ``fsn-master``."""
+
+    connections: tuple[ConnectionResult, ...]
+    snapshot: LiveSnapshot
+    now_s: float
+
+
+@dataclass(slots=True)
+class _Story:
+    """What the events have told so far, by connection. Times from the start in nanoseconds."""
+
+    start_ns: int
+    events: list[RunEvent] = field(default_factory=list)
+    events_lost: int = 0
+    to_data_ns: dict[str, int] = field(default_factory=dict)
+    resets: Counter[str] = field(default_factory=Counter)
+    last_reset: dict[str, int] = field(default_factory=dict)
+
+    def log(
+        self, source: str, text: str, *, at_ns: int | None = None, code: int | None = None
+    ) -> None:
+        """Add an event; beyond a bound only counted."""
+        if len(self.events) >= _MAX_EVENTS:
+            self.events_lost += 1
+            return
+        now_ns = (time.monotonic_ns() if at_ns is None else at_ns) - self.start_ns
+        self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, code=code))
+
+    def take(self, event: Mapping[str, Any]) -> None:
+        """Add what ``fsn-master`` tells."""
+        kind, at_ns = event.get("event"), int(event.get("now_ns", 0))
+        if kind == "connection":
+            self._connection(event, at_ns)
+        elif kind == "subdevice":
+            self.log(str(event["subdevice"]), _subdevice_text(event), at_ns=at_ns)
+        elif kind == "lost":
+            self.events_lost += 1
+            self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
+        else:
+            source = "bus" if kind == "wkc" else "fsn-master"
+            self.log(source, str(event.get("text", "")), at_ns=at_ns)
+
+    def _connection(self, event: Mapping[str, Any], at_ns: int) -> None:
+        name, after = str(event["connection"]), str(event["after"])
+        if "reset_by" not in event:
+            if after in _DATA:
+                self.to_data_ns.setdefault(name, at_ns - self.start_ns)
+            self.log(name, f"wire: {state_text(_DATA.get(after, after))}", at_ns=at_ns)
+            return
+        code = int(event["reset_code"])
+        if event["before"] != "silent":  # else what was on the wire before this run
+            self.resets[name] += 1
+            self.last_reset[name] = code
+        end = _ENDS.get(str(event["reset_by"]), "one end")
+        self.log(name, f"{end} resets: {reset_code_text(code)}", at_ns=at_ns, code=code)
+
+
+def _subdevice_text(event: Mapping[str, Any]) -> str:
+    before, after = event["before"], event["after"]
+    links = ", ".join("open" if not up else "up" for up in event.get("link", ()))
+    text = f"{before} -> {after}" if before != after else f"ports: {links}"
+    if event.get("al_code"):
+        text += f", AL status code 0x{int(event['al_code']):04x}"
+    if event.get("detail"):
+        text += f": {event['detail']}"
+    return text
+
+
+class _LiveRun:
+    """One run; see `run_on_bus`."""
+
+    def __init__(
+        self, resolution: Resolution, plan: bytes, options: BusOptions, master: Master
+    ) -> None:
+        self._resolution = resolution
+        self._plan = plan
+        self._options = options
+        self._master = master
+        self._story = _Story(start_ns=time.monotonic_ns())
+        self._client: Client | None = None
+        self._last: LiveSnapshot | None = None
+        self._begin_ns: int | None = None
+        self._end_ns: int | None = None
+
+    def watch(
+        self,
+        duration_ns: int | None,
+        on_update: Callable[[LiveUpdate], None] | None,
+        stop: threading.Event,
+    ) -> RunResult:
+        """Watch until the time is over or the user has had enough; then return what was seen."""
+        self._connect()
+        while not self._over(duration_ns) and not stop.is_set():
+            self._look(_UPDATE_S)
+            if on_update is not None and self._last is not None:
+                on_update(self._update(self._last))
+        if stop.is_set():
+            self._story.log("run", "interrupted by the user")
+        self._end_ns = time.monotonic_ns()
+        current = self._look(0.0)
+        if self._last is None:
+            raise KeyboardInterrupt  # the bus was not open yet: there is nothing to tell
+        return self._result(self._last, current)
+
+    def _over(self, duration_ns: int | None) -> bool:
+        return (
+            duration_ns is not None
+            and self._begin_ns is not None
+            and time.monotonic_ns() - self._begin_ns >= duration_ns
+        )
+
+    def _connect(self) -> None:
+        self._client = self._master.connect()
+        self._client.subscribe()
+
+    def _look(self, wait_s: float) -> bool:
+        """Take events and a snapshot; return whether the bus runs."""
+        try:
+            return self._ask(wait_s)
+        except ControlRefused:
+            raise
+        except EnvironmentFault as fault:
+            if self._master.ended(2.0):
+                self._master.explain()
+            # It lives: it drops a client that did not read for a while.
+            self._story.log("run", f"{fault}; connected again, events may be missing")
+            self._story.events_lost += 1
+            self._connect()
+            return False
+
+    def _ask(self, wait_s: float) -> bool:
+        if self._client is None:
+            self._connect()
+        client = self._client
+        if client is None:
+            return False
+        until = time.monotonic() + wait_s
+        while True:
+            for event in client.events(max(0.0, until - time.monotonic())):
+                self._story.take(event)
+            if time.monotonic() >= until:
+                break
+        try:
+            self._last = client.snapshot()
+        except ControlRefused as refused:
+            if refused.status not in ("FSN_E_STATE", "FSN_E_BUSY"):
+                raise
+            return refused.status == "FSN_E_BUSY" and self._last is not None
+        if self._begin_ns is None:
+            self._begin_ns = time.monotonic_ns()
+        return True
+
+    def _update(self, snapshot: LiveSnapshot) -> LiveUpdate:
+        return LiveUpdate(
+            connections=self._connections(snapshot),
+            snapshot=snapshot,
+            now_s=(time.monotonic_ns() - self._story.start_ns) / 1e9,
+        )
+
+    def _connections(self, snapshot: LiveSnapshot) -> tuple[ConnectionResult, ...]:
+        rows = zip(self._resolution.connections, snapshot.cycle.connections, strict=True)
+        return tuple(self._connection(connection, wire) for connection, wire in rows)
+
+    def _connection(self, connection: Connection, wire: ConnectionSnapshot) -> ConnectionResult:
+        name, facts, story = connection.name, connection.facts, self._story
+        down, up = wire.to_sub, wire.to_main
+        stated = facts.connection_id if facts else None
+        code = story.last_reset.get(name)
+        to_data = story.to_data_ns.get(name)
+        word = wire.state.word
+        in_data = word.startswith("data")
+        return ConnectionResult(
+            name=name,
+            net=connection.net.name,
+            main=connection.main.name,
+            sub=connection.sub.name,
+            state=word,
+            wire_state=word,
+            connection_id=down.connection_id or up.connection_id or stated,
+            address=facts.address if facts else None,
+            watchdog_ms=facts.watchdog_ms if facts else None,
+            chosen=(),
+            time_to_data_ms=None if to_data is None else to_data / 1e6,
+            fsoe_cycle_ms={
+                "last": down.cycle_last_ns / 1e6,
+                "min": down.cycle_min_ns / 1e6,
+                "mean": down.cycle_mean_ns / 1e6,
+                "max": down.cycle_max_ns / 1e6,
+            },
+            frames_to_sub=down.frames,
+            frames_to_main=up.frames,
+            wrong_to_sub=down.wrong,
+            wrong_to_main=up.wrong,
+            gaps=wire.gaps,
+            resets=story.resets[name],
+            last_reset_code=code,
+            last_reset_text="" if code is None else reset_code_text(code),
+            data_to_sub=_data_kind(down) if in_data else "none",
+            data_to_main=_data_kind(up) if in_data else "none",
+            safe_to_sub=None,
+            safe_to_main=None,
+        )
+
+    def _result(self, snapshot: LiveSnapshot, current: bool) -> RunResult:
+        story, end_ns = self._story, self._end_ns or time.monotonic_ns()
+        if not current:
+            story.log("run", "the bus was not running at the end; what is shown was seen last")
+        connections = self._connections(snapshot)
+        lost = self._client.events_lost if self._client is not None else 0
+        return RunResult(
+            mode="live",
+            network=self._resolution.network.name,
+            plan_sha256=hashlib.sha256(self._plan).hexdigest(),
+            duration_ms=(end_ns - (self._begin_ns or end_ns)) / 1e6,
+            connections=connections,
+            statistics=snapshot.cycle.statistics,
+            events=tuple(sorted(story.events, key=lambda e: e.time_ms)),
+            events_lost=story.events_lost + lost,
+            verdicts=(),
+            passed=current and all(c.state.startswith("data") for c in connections),
+            bus=BusResult(backend=self._options.backend, interface=self._options.interface),
+            subdevices=snapshot.subdevices,
+        )
+
+
+def _data_kind(direction: DirectionSnapshot) -> str:
+    kinds = {int(Command.PROCESS_DATA): "process", int(Command.FAIL_SAFE_DATA): "failsafe"}
+    return kinds.get(direction.command, "none")
+
+
+def run_on_bus(
+    resolution: Resolution,
+    plan: bytes,
+    options: BusOptions,
+    duration_ns: int | None,
+    *,
+    on_start: Callable[[Master], None] | None = None,
+    on_update: Callable[[LiveUpdate], None] | None = None,
+    stop: threading.Event | None = None,
+) -> RunResult:
+    """Start ``fsn-master``, watch it, stop it orderly.
+
+    Args:
+        resolution: The network the plan was compiled from.
+        plan: Its plan.
+        options: Which bus, and how.
+        duration_ns: How long from the first cycle on; ``None``: until ``stop`` is set.
+        on_start: Called once ``fsn-master`` has been started.
+        on_update: Called about ten times a second.
+        stop: Set, it ends the run; its result is still returned.
+
+    When this process is killed, ``fsn-master`` goes on; with a duration it ends by itself some
+    seconds after that.
+
+    Raises:
+        InputError: Plan or bus was refused: nobody answers, or others than the plan says.
+        EnvironmentFault: ``fsn-master`` is missing, lacks a permission or was ended from outside.
+        KeyboardInterrupt: ``stop`` was set before the bus was open.
+    """
+    words = [*options.arguments(duration_ns), "--accepted", hashlib.sha256(plan).hexdigest()]
+    with Master(plan, words) as master:
+        if on_start is not None:
+            on_start(master)
+        try:
+            run = _LiveRun(resolution, plan, options, master)
+            return run.watch(duration_ns, on_update, stop or threading.Event())
+        except InputError as refused:
+            raise InputError(_located(str(refused), resolution)) from refused
+
+
+def _located(text: str, resolution: Resolution) -> str:
+    """Add where the SubDevices a message names stand in the user's files."""
+    rows = resolution.network.subdevices
+    named = [s for s in rows if f"({s.name})" in text or f" {s.name}:" in text]
+    places = "".join(f"\n  {s.name} stands at {s.span}" for s in named[:3])
+    return text + places

@@ -1,0 +1,200 @@
+"""Free-running cycles over veth against one emulated segment: fsn-master, pysoem, KickCAT in turn.
+
+Call: ``bench_live.py [SECONDS] [CPU]``, as root in a network namespace of its own
+(``scripts/bench live`` makes it). Emulator and MainDevice share a CPU, the emulator has the higher
+priority; devices stand still, so only the cycle is measured. pysoem and KickCAT are called from
+Python, as their users do: the loop of SOEM itself in C is in ``bench_live.c``.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import yaml
+
+from fsoe_net.core import SegmentLink
+from fsoe_net.errors import FsnError
+from fsoe_net.load import load_network
+from fsoe_net.model import resolve
+from fsoe_net.plan import compile_plan
+from fsoe_net.run import Client, SegmentSession, counted_session_ids, find_master
+
+PAIRS, PRIORITY, TURNS = 5, 60, 3
+DEVICES = Path(__file__).parents[2] / "examples" / "estop" / "devices"
+
+
+def network(folder: Path) -> Path:
+    """Write the e-stop cell five times over: ten SubDevices, five connections."""
+    subdevices, transfers, connections = [], [], []
+    for n in range(PAIRS):
+        for place, name in enumerate(("ek1914", "el1918")):
+            config = str(DEVICES / f"{name}.yaml")
+            subdevices.append({"name": f"{name}_{n}", "position": 2 * n + place, "config": config})
+        logic, coupler = f"el1918_{n}", f"ek1914_{n}"
+        for here, there, outputs in ((coupler, logic, 0x7080), (logic, coupler, 0x7000)):
+            inputs = 0x6000 if here == coupler else 0x6080
+            transfers.append(
+                [
+                    {"ec_module": here, "index": inputs, "subindex": 1},
+                    {"ec_module": there, "index": outputs, "subindex": 1},
+                ]
+            )
+        facts = {"address": 14 + n, "connection_id": 1 + n, "watchdog_ms": 100}
+        connections.append({"main": logic, "sub": coupler, **facts})
+    nets = [
+        {
+            "name": f"net_{n}",
+            "safety_master": f"el1918_{n}",
+            "transfers": [{"size": 6, "in": a, "out": b} for a, b in transfers[2 * n : 2 * n + 2]],
+            "connections": [connections[n]],
+        }
+        for n in range(PAIRS)
+    ]
+    path = folder / "network.yaml"
+    text = {"version": 1, "name": "ten", "cycle_us": 1000, "subdevices": subdevices, "nets": nets}
+    path.write_text(yaml.safe_dump(text), "utf-8")
+    return path
+
+
+def be_cyclic(cpu: int | None) -> None:
+    """Put this thread where the cycle runs, or back among all others."""
+    os.sched_setaffinity(0, range(os.cpu_count() or 1) if cpu is None else {cpu})
+    policy = os.SCHED_OTHER if cpu is None else os.SCHED_FIFO
+    os.sched_setscheduler(0, policy, os.sched_param(0 if cpu is None else PRIORITY))
+
+
+def counted(cycle: Callable[[], bool], seconds: float, cpu: int) -> tuple[float, int]:
+    """Return cycles per second and how many of them were incomplete."""
+    be_cyclic(cpu)
+    try:
+        begin = time.perf_counter()
+        cycles = bad = 0
+        while (now := time.perf_counter()) < begin + seconds:
+            for _ in range(50):
+                bad += not cycle()
+            cycles += 50
+        return cycles / (now - begin), bad
+    finally:
+        be_cyclic(None)
+
+
+def with_pysoem(seconds: float, cpu: int) -> tuple[float, int]:
+    import pysoem
+
+    master = pysoem.Master()
+    master.open("near")
+    master.config_init()
+    master.config_map()
+    master.state_check(pysoem.SAFEOP_STATE, 500_000)
+    master.state = pysoem.OP_STATE
+    master.send_processdata()
+    master.receive_processdata(2000)
+    master.write_state()
+    master.state_check(pysoem.OP_STATE, 500_000)
+    send, receive, expected = master.send_processdata, master.receive_processdata, None
+
+    def cycle() -> bool:
+        send()
+        return receive(2000) == expected
+
+    expected = master.expected_wkc
+    rate = counted(cycle, seconds, cpu)
+    master.close()
+    return rate
+
+
+def with_kickcat(seconds: float, cpu: int) -> tuple[float, int]:
+    import kickcat as kick
+
+    bus = kick.Bus(kick.create_link("near", ""))
+    bus.init(0.1)
+    bus.create_mapping()
+    bus.request_state(kick.State.SAFE_OP)
+    bus.wait_for_state(kick.State.SAFE_OP, 3.0)
+
+    def cycle() -> bool:
+        try:
+            bus.process_data()
+        except Exception:  # it raises where a frame was lost
+            return False
+        return True
+
+    cycle()
+    bus.request_state(kick.State.OPERATIONAL)
+    bus.wait_for_state(kick.State.OPERATIONAL, 3.0, bus.process_data)
+    return counted(cycle, seconds, cpu)
+
+
+def with_fsn(plan: Path, seconds: float, cpu: int) -> tuple[float, int]:
+    path = plan.with_name("control.sock")
+    words = ["--bus", "soem", "--interface", "near", "--free-run", "--cpu", str(cpu)]
+    words += ["--policy", "fifo", "--priority", str(PRIORITY), "--socket", str(path)]
+    with subprocess.Popen(
+        [find_master(), str(plan), *words], stderr=subprocess.PIPE, text=True
+    ) as process:
+        client = None
+        while client is None:
+            if process.poll() is not None:
+                sys.exit(f"fsn-master has ended: {process.stderr.read()}")
+            try:
+                client = Client(path)
+            except FsnError:
+                time.sleep(0.02)
+        while client.request("status")["state"] != "running":
+            time.sleep(0.02)
+        begin, first = time.perf_counter(), client.snapshot().cycle.statistics
+        time.sleep(seconds)
+        end, last = time.perf_counter(), client.snapshot().cycle.statistics
+        client.request("shutdown")
+        process.communicate()
+    return (last.cycles - first.cycles) / (end - begin), last.wkc_errors - first.wkc_errors
+
+
+def main() -> None:
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
+    cpu = int(sys.argv[2]) if len(sys.argv) > 2 else max(os.sched_getaffinity(0))
+    for command in (
+        "ip link set lo up",
+        "ip link add near type veth peer name far",
+        "ip link set near up",
+        "ip link set far up",
+    ):
+        subprocess.run(command.split(), check=True)
+    with tempfile.TemporaryDirectory() as folder:
+        loaded = load_network([network(Path(folder))])
+        resolution = resolve(loaded.network)
+        data = compile_plan(resolution).to_bytes()
+        plan = Path(folder) / "ten.fsnplan"
+        plan.write_bytes(data)
+        session = SegmentSession(resolution, data, None, session_ids=counted_session_ids())
+        with session.segment as segment:
+            segment.link(SegmentLink(interface="far", priority=PRIORITY + 1, cpu=cpu))
+            compare(plan, seconds, cpu)
+            counts = segment.counts()
+    print(f"emulator: {counts.work_ns / counts.frames / 1000:.2f} us per frame")
+
+
+def compare(plan: Path, seconds: float, cpu: int) -> None:
+    """Parts in turn, so that a slow second of the machine falls on all."""
+    best = {"fsn-master": 0.0, "pysoem": 0.0, "kickcat": 0.0}
+    for _ in range(TURNS):
+        for name in best:
+            if name == "fsn-master":
+                rate, bad = with_fsn(plan, seconds / TURNS, cpu)
+            else:
+                peer = with_pysoem if name == "pysoem" else with_kickcat
+                rate, bad = peer(seconds / TURNS, cpu)
+            print(f"  {name:<12}{rate / 1000:8.1f} kHz, {bad} incomplete")
+            best[name] = max(best[name], rate)
+    for name in ("pysoem", "kickcat"):
+        print(f"=> rate of fsn-master {best['fsn-master'] / best[name]:.2f} of that of {name}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,224 @@
+"""A wire in a network namespace of its own: the emulated segment at one end, `run` at the other.
+
+Run as a program: ``live_rig.py CASE NETWORK [OTHER_NETWORK]`` inside a namespace; prints what was
+seen as JSON. Waiting is always for something that must come, never for a fixed time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from fsoe_net.errors import FsnError
+from fsoe_net.run import Client
+
+FSN = [sys.executable, "-m", "fsoe_net.cli"]
+PATIENCE_S = 60.0
+
+
+def wait_for(what, found):
+    until = time.monotonic() + PATIENCE_S
+    while not (value := found()):
+        if time.monotonic() > until:
+            sys.exit(f"never came: {what}")
+        time.sleep(0.02)
+    return value
+
+
+class Emulator:
+    """`fsoe-net emulate` on the far end; takes commands."""
+
+    def __init__(self, network):
+        self._process = subprocess.Popen(
+            [*FSN, "emulate", network, "--interface", "far", "--commands"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.do("status")  # answers once it serves
+
+    def do(self, line):
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+        told = ""
+        for answer in self._process.stderr:
+            if answer.startswith("EMULATION"):
+                continue
+            told += answer
+            if line != "status" or " frames, " in answer:
+                return told
+        sys.exit("the emulator has ended")
+
+    def end(self):
+        self._process.send_signal(signal.SIGINT)
+        self._process.communicate()
+
+
+def run(network, *options):
+    done = subprocess.run(
+        [*FSN, "run", network, "--interface", "near", *options],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return {"code": done.returncode, "out": done.stdout, "err": done.stderr}
+
+
+class Running:
+    """A run in the background, with its fsn-master and a client of our own."""
+
+    def __init__(self, network, *options):
+        self.process = subprocess.Popen(
+            [*FSN, "run", network, "--interface", "near", "--wait", "30", *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        line = self.process.stderr.readline()
+        self.pid = int(line.partition("(process ")[2].partition(")")[0])
+        self.socket = Path(line.rpartition("control socket ")[2].strip())
+        self.client = wait_for("the socket", self.connect)
+        wait_for("Data", self.in_data)
+
+    def connect(self):
+        try:
+            return Client(self.socket)
+        except FsnError:
+            return None
+
+    def snapshot(self):
+        try:
+            return self.client.snapshot()
+        except FsnError:
+            return None
+
+    def in_data(self):
+        seen = self.snapshot()
+        words = [c.state.word for c in seen.cycle.connections] if seen else [""]
+        return all(word.startswith("data") for word in words) and seen
+
+    def cycles(self):
+        return self.client.snapshot().cycle.statistics.cycles
+
+    def end(self, number):
+        os.kill(self.process.pid, number)
+        out, err = self.process.communicate()
+        return {"code": self.process.returncode, "out": out, "err": err}
+
+
+def comes_up(network, other):
+    """Runs until the connections are in Data at the end; a busy machine may need a few goes."""
+    emulator = Emulator(other or network)
+    for _ in range(5):
+        seen = run(
+            network,
+            *("--wait", "30", "--duration", "3", "--format", "json"),
+            *("--stats", "timing.csv", "--plot", "timing.svg"),
+        )
+        if seen["code"] == 0 or other:
+            break
+    emulator.end()
+    return seen
+
+
+def silent(network, _other):
+    return run(network)
+
+
+def wrong(network, other):
+    return comes_up(network, other)
+
+
+def unplug(network, other):
+    """The last SubDevice goes; it is named, also at the end."""
+    emulator = Emulator(network)
+    running = Running(network, "--format", "json")
+    before = running.in_data()
+    last = before.subdevices[-1].name
+    emulator.do(f"break {last}")
+    wait_for("its loss", lambda: not running.client.subdevices()[-1].in_op)
+    wait_for("a Reset", lambda: not running.in_data())
+    seen = running.end(signal.SIGINT)
+    emulator.end()
+    return seen | {"last": last, "left": _is_running(running.pid)}
+
+
+def kill_tool(network, other):
+    """fsoe-net is killed: fsn-master cycles on, its socket is usable, and ends when asked."""
+    emulator = Emulator(network)
+    running = Running(network)
+    running.end(signal.SIGKILL)
+    cycles = running.cycles()
+    wait_for("more cycles", lambda: running.cycles() > cycles + 100)
+    again = Client(running.socket)
+    data = running.in_data() is not None
+    again.request("shutdown")
+    wait_for("its end", lambda: not _is_running(running.pid))
+    emulator.end()
+    return {"data": data, "socket_left": running.socket.exists()}
+
+
+def kill_master(network, other):
+    emulator = Emulator(network)
+    running = Running(network)
+    os.kill(running.pid, signal.SIGKILL)
+    out, err = running.process.communicate()
+    emulator.end()
+    left = running.socket.parent.exists()
+    return {"code": running.process.returncode, "out": out, "err": err, "left": left}
+
+
+def interrupt(network, other):
+    """Ctrl-C ends it orderly and still shows the result; the SubDevices have left OP."""
+    emulator = Emulator(network)
+    running = Running(network)
+    seen = running.end(signal.SIGTERM)
+    status = emulator.do("status")
+    emulator.end()
+    return seen | {"left": _is_running(running.pid), "status": status}
+
+
+def stopped(network, other):
+    """Another client ends fsn-master."""
+    emulator = Emulator(network)
+    running = Running(network)
+    running.client.request("shutdown")
+    out, err = running.process.communicate()
+    emulator.end()
+    return {"code": running.process.returncode, "out": out, "err": err}
+
+
+def _is_running(pid):
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+CASES = {
+    f.__name__: f
+    for f in (comes_up, silent, wrong, unplug, kill_tool, kill_master, interrupt, stopped)
+}
+
+
+def main():
+    for command in (
+        "ip link set lo up",
+        "ip link add near type veth peer name far",
+        "ip link set near up",
+        "ip link set far up",
+    ):
+        subprocess.run(command.split(), check=True)
+    network, other = sys.argv[2], sys.argv[3] if len(sys.argv) > 3 else None
+    sys.stdout.write(json.dumps(CASES[sys.argv[1]](network, other)) + "\n")
+
+
+if __name__ == "__main__":
+    main()

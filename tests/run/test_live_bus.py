@@ -1,0 +1,225 @@
+"""`fsoe-net run --interface`: a network over a real wire, driven by fsn-master."""
+
+import csv
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from cli.tool import fsn
+from run.support import EXAMPLES, ROOT, document, needs_core
+from run.support import run as run_virtually
+from segment.test_peers import NAMESPACE, missing
+
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.run import find_master
+
+ESTOP = str(EXAMPLES / "estop" / "network.yaml")
+ROBOT = str(EXAMPLES / "el6910" / "network.yaml")
+REQUIRED = "live" in os.environ.get("FSN_REQUIRE", "").split(",")
+ATTEMPTS = 4  # a busy machine may stop a MainDevice for longer than a watchdog
+HISTOGRAMS = {"latency", "period", "work", "copy", "round_trip", "dc_offset"}
+
+
+def why_not():
+    if importlib.util.find_spec("fsoe_net.core._core") is None:
+        return "the compiled core is not built"
+    try:
+        program = find_master()
+    except EnvironmentFault as fault:
+        return str(fault)
+    version = subprocess.run([program, "--version"], capture_output=True, text=True, check=False)
+    if "bus soem: not in this build" in version.stdout:
+        return "this fsn-master has no soem: scripts/get-soem, then make master"
+    return missing("json")
+
+
+def on_the_wire(case, *networks, tmp, good=lambda _: True):
+    why = why_not()
+    if why:
+        (pytest.fail if REQUIRED else pytest.skip)(why)
+    rig = [*NAMESPACE, sys.executable, str(ROOT / "tests/run/live_rig.py"), case, *networks]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "XDG_RUNTIME_DIR": str(tmp)[:60]}
+    seen = "nothing"
+    for _ in range(ATTEMPTS):
+        done = subprocess.run(
+            rig, capture_output=True, text=True, check=False, cwd=tmp, env=environment
+        )
+        assert "Traceback (most recent" not in done.stdout
+        seen = done.stdout + done.stderr
+        if done.returncode == 0:
+            found = json.loads(done.stdout.splitlines()[-1])
+            if good(found):
+                return found
+    pytest.fail(f"{ATTEMPTS} times: {seen}")
+
+
+@pytest.mark.parametrize(("network", "connections"), [(ESTOP, 1), (ROBOT, 4)])
+def test_connections_come_up_over_the_wire(network, connections, tmp_path):
+    seen = on_the_wire("comes_up", network, tmp=tmp_path, good=lambda s: s["code"] == 0)
+    found = json.loads(seen["out"])
+    assert found["result"] == "pass"
+    assert found["mode"] == "live"
+    assert found["bus"] == {"backend": "soem", "interface": "near"}
+    assert len(found["connections"]) == connections
+    for row in found["connections"]:
+        assert row["state"] == row["wire_state"]
+        assert row["wire_state"] in ("data_process", "data_failsafe")
+        assert row["frames_to_sub"] > 10
+        assert row["time_to_data_ms"] > 0
+        assert row["safe_to_sub"] is None
+        assert row["connection_id"] > 0
+    assert {s["al"] for s in found["subdevices"]} == {"OP"}
+    assert found["statistics"]["round_trip"]["count"] > 0
+    check_same_keys(found)
+    check_files(tmp_path, found)
+
+
+def check_same_keys(found):
+    """A live bus has the document of the emulated one."""
+    emulated = document(run_virtually(EXAMPLES / "estop"))
+    assert list(found) == list(emulated)
+    assert list(found["connections"][0]) == list(emulated["connections"][0])
+    assert list(found["statistics"]) == list(emulated["statistics"])
+    assert emulated["bus"] == {"backend": "emulated", "interface": None}
+    page = (ROOT / "docs/reference/run-output.md").read_text("utf-8")
+    assert [k for k in found["subdevices"][0] if f"`{k}`" not in page] == []
+
+
+def check_files(folder, found):
+    with open(folder / "timing.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    filled = {name for name in HISTOGRAMS if found["statistics"][name]["count"]}
+    assert {row["histogram"] for row in rows} == filled
+    for name in filled:
+        mine = [row for row in rows if row["histogram"] == name]
+        buckets = [[int(row["floor_ns"]), int(row["count"])] for row in mine]
+        assert buckets == found["statistics"][name]["buckets"]
+        assert float(mine[-1]["cumulative_share"]) == 1
+    tree = ET.parse(folder / "timing.svg")
+    text = " ".join(tree.getroot().itertext())
+    assert "wake-up latency" in text
+    assert "prefers-color-scheme:dark" in text
+
+
+def test_nobody_answers(tmp_path):
+    seen = on_the_wire("silent", ESTOP, tmp=tmp_path)
+    assert seen["code"] == 1
+    assert "FSN_E_BUS_SILENT" in seen["err"]
+    assert "check cable" in seen["err"]
+    assert seen["out"] == ""
+
+
+def test_another_network_on_the_bus(tmp_path):
+    seen = on_the_wire("wrong", ESTOP, ROBOT, tmp=tmp_path)
+    assert seen["code"] == 1
+    assert "FSN_E_BUS_IDENTITY: SubDevice 0 (ek1914)" in seen["err"]
+    assert "ek1914 stands at" in seen["err"]
+    assert "network.yaml:7:5" in seen["err"]
+
+
+def test_an_unplugged_subdevice_is_named(tmp_path):
+    seen = on_the_wire("unplug", ROBOT, tmp=tmp_path)
+    assert seen["code"] == 1
+    assert not seen["left"]
+    found = json.loads(seen["out"])
+    assert found["result"] == "fail"
+    gone = found["subdevices"][-1]
+    assert (gone["name"], gone["al"]) == (seen["last"], "none")
+    assert gone["detail"]
+    told = [e["text"] for e in found["events"] if e["source"] == seen["last"]]
+    assert any(text.startswith("OP -> none") for text in told)
+
+
+def test_killing_the_tool_leaves_the_bus(tmp_path):
+    seen = on_the_wire("kill_tool", ESTOP, tmp=tmp_path)
+    assert seen == {"data": True, "socket_left": False}
+
+
+def test_killing_the_master_is_told(tmp_path):
+    seen = on_the_wire("kill_master", ESTOP, tmp=tmp_path)
+    assert seen["code"] == 3
+    assert "was killed by SIGKILL" in seen["err"]
+    assert not seen["left"]
+
+
+def test_another_client_ends_it(tmp_path):
+    seen = on_the_wire("stopped", ESTOP, tmp=tmp_path)
+    assert seen["code"] == 3
+    assert "was ended by somebody else" in seen["err"]
+
+
+def test_an_interrupt_stops_orderly(tmp_path):
+    seen = on_the_wire("interrupt", ESTOP, tmp=tmp_path)
+    assert seen["code"] in (0, 1)  # whether it was in Data in that very moment
+    assert "interrupted by the user" in seen["out"]
+    assert "soem on near" in seen["out"]
+    assert not seen["left"]
+    assert seen["status"].startswith("ek1914")
+    assert " OP" not in seen["status"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--interface", "x", "--scenario", "s.yaml"], "fsoe-net emulate"),
+        (["--interface", "x", "--virtual-time"], "--virtual-time is for emulated devices"),
+        (["--interface", "x", "--capture", "f"], "tcpdump"),
+        (["--interface", "x", "--device-period-ms", "2"], "--device-period-ms"),
+        (["--interface", "x", "--redundant", "x"], "same interface twice"),
+        (["--interface", "0", "--bus", "igh", "--redundant", "x"], "setting of IgH"),
+        (["--interface", "x", "--bus", "emulated"], "--bus"),
+        (["--interface", "x", "--cycle", "1"], "is no time"),
+        (["--interface", "x", "--cycle", "5s"], "not between 1us and 4s"),
+        (["--interface", "x", "--priority", "100"], "--priority"),
+        (["--interface", "x", "--cpu", "-1"], "--cpu"),
+        (["--interface", "x", "--wait", "nan"], "is no number"),
+        (["--redundant", "x"], "--redundant is for a live bus"),
+        (["--bus", "soem"], "--bus is for a live bus"),
+        (["--cycle", "1ms"], "--cycle is for a live bus"),
+        (["--priority", "3"], "--priority is for a live bus"),
+        (["--cpu", "0"], "--cpu is for a live bus"),
+        (["--wait", "3"], "--wait is for a live bus"),
+        (["--virtual-time", "--stats", "f"], "--stats and --plot need real time"),
+    ],
+)
+def test_options_that_are_refused(options, message):
+    done = fsn("run", ESTOP, *options)
+    assert done.returncode == 2
+    assert message in " ".join(done.stderr.split())
+    assert done.stdout == ""
+
+
+def test_a_missing_master_names_the_next_step(monkeypatch, tmp_path):
+    monkeypatch.setenv("FSN_MASTER", str(tmp_path / "none"))
+    done = fsn("run", ESTOP, "--interface", "x")
+    assert done.returncode == 3
+    assert "is no program that can be started" in done.stderr
+    monkeypatch.delenv("FSN_MASTER")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    with pytest.raises(EnvironmentFault, match="make master"):
+        find_master()
+
+
+@pytest.mark.parametrize("option", ["--stats", "--plot"])
+def test_a_file_that_cannot_be_written_is_refused_before(option, tmp_path):
+    for path in (tmp_path, tmp_path / "no" / "file"):
+        done = fsn("run", ESTOP, option, str(path), "--interface", "x")
+        assert done.returncode == 3
+        assert option in done.stderr
+
+
+@needs_core
+def test_timing_of_an_emulated_run(tmp_path: Path):
+    stats, plot = tmp_path / "t.csv", tmp_path / "t.svg"
+    done = fsn("run", ESTOP, "--duration", "1", "--stats", str(stats), "--plot", str(plot))
+    assert "times in us" in done.stdout
+    assert "wake-up latency" in done.stdout
+    assert "round trip" not in done.stdout
+    assert stats.read_text("utf-8").startswith("histogram,floor_ns,count,cumulative_share\nlat")
+    ET.parse(plot)
