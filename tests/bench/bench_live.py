@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import yaml
@@ -25,7 +26,7 @@ from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import Client, SegmentSession, counted_session_ids, find_master
 
-PAIRS, PRIORITY, TURNS = 5, 60, 3
+PAIRS, PRIORITY, TURNS, ATTEMPTS = 5, 60, 3, 6
 DEVICES = Path(__file__).parents[2] / "examples" / "estop" / "devices"
 
 
@@ -70,7 +71,7 @@ def be_cyclic(cpu: int | None) -> None:
 
 
 def counted(cycle: Callable[[], bool], seconds: float, cpu: int) -> tuple[float, int]:
-    """Return cycles per second and how many of them were incomplete."""
+    """Return complete cycles per second, and how many were incomplete."""
     be_cyclic(cpu)
     try:
         begin = time.perf_counter()
@@ -79,7 +80,7 @@ def counted(cycle: Callable[[], bool], seconds: float, cpu: int) -> tuple[float,
             for _ in range(50):
                 bad += not cycle()
             cycles += 50
-        return cycles / (now - begin), bad
+        return (cycles - bad) / (now - begin), bad
     finally:
         be_cyclic(None)
 
@@ -96,14 +97,16 @@ def with_pysoem(seconds: float, cpu: int) -> tuple[float, int]:
     master.send_processdata()
     master.receive_processdata(2000)
     master.write_state()
-    master.state_check(pysoem.OP_STATE, 500_000)
-    send, receive, expected = master.send_processdata, master.receive_processdata, None
+    if master.state_check(pysoem.OP_STATE, 500_000) != pysoem.OP_STATE:
+        master.close()
+        raise RuntimeError("not every SubDevice has reached OP")
+    send, receive = master.send_processdata, master.receive_processdata
+    expected = master.expected_wkc
 
     def cycle() -> bool:
         send()
         return receive(2000) == expected
 
-    expected = master.expected_wkc
     rate = counted(cycle, seconds, cpu)
     master.close()
     return rate
@@ -153,7 +156,8 @@ def with_fsn(plan: Path, seconds: float, cpu: int) -> tuple[float, int]:
         end, last = time.perf_counter(), client.snapshot().cycle.statistics
         client.request("shutdown")
         process.communicate()
-    return (last.cycles - first.cycles) / (end - begin), last.wkc_errors - first.wkc_errors
+    bad = last.wkc_errors - first.wkc_errors
+    return (last.cycles - first.cycles - bad) / (end - begin), bad
 
 
 def main() -> None:
@@ -180,6 +184,16 @@ def main() -> None:
     print(f"emulator: {counts.work_ns / counts.frames / 1000:.2f} us per frame")
 
 
+def patiently(run: Callable[[], tuple[float, int]]) -> tuple[float, int]:
+    """Bring the peer up again where a busy machine made it give up."""
+    for _ in range(ATTEMPTS - 1):
+        try:
+            return run()
+        except Exception as fault:
+            print(f"  again: {fault}")
+    return run()
+
+
 def compare(plan: Path, seconds: float, cpu: int) -> None:
     """Parts in turn, so that a slow second of the machine falls on all."""
     best = {"fsn-master": 0.0, "pysoem": 0.0, "kickcat": 0.0}
@@ -189,7 +203,7 @@ def compare(plan: Path, seconds: float, cpu: int) -> None:
                 rate, bad = with_fsn(plan, seconds / TURNS, cpu)
             else:
                 peer = with_pysoem if name == "pysoem" else with_kickcat
-                rate, bad = peer(seconds / TURNS, cpu)
+                rate, bad = patiently(partial(peer, seconds / TURNS, cpu))
             print(f"  {name:<12}{rate / 1000:8.1f} kHz, {bad} incomplete")
             best[name] = max(best[name], rate)
     for name in ("pysoem", "kickcat"):

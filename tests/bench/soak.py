@@ -31,15 +31,14 @@ def main() -> None:
         subprocess.run(command.split(), check=True)
     # The devices above whatever else the machine does: their watchdogs do not wait for it.
     above = ["chrt", "-f", "10"] if shutil.which("chrt") else []
+    segment = ["--interface", "far", "--priority", str(PRIORITY + 1), "--cpu", cpu]
     emulator = subprocess.Popen(
-        [*above, *FSN, "emulate", NETWORK, "--interface", "far"]
-        + ["--priority", str(PRIORITY + 1), "--cpu", cpu],
-        stdout=subprocess.DEVNULL,
+        [*above, *FSN, "emulate", NETWORK, *segment], stdout=subprocess.DEVNULL
     )
+    options = ["--wait", "30", "--cycle", "1ms", "--priority", str(PRIORITY), "--cpu", cpu]
+    options += ["--format", "json"]
     done = subprocess.run(
-        [*FSN, "run", NETWORK, "--interface", "near", "--wait", "30", "--cycle", "1ms"]
-        + ["--priority", str(PRIORITY), "--cpu", cpu]
-        + ["--duration", str(seconds), "--format", "json"],
+        [*FSN, "run", NETWORK, "--interface", "near", *options, "--duration", str(seconds)],
         stdout=subprocess.PIPE,
         text=True,
         check=False,
