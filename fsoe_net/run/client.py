@@ -132,11 +132,13 @@ class Client:
     def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
         """Return the events that have come, after waiting for the first one at most ``wait_s``."""
         until = time.monotonic() + (0.0 if self._events else wait_s)
-        while (line := self._line(until)) is not None:
-            self._keep(line)
-            until = 0.0
-            if len(self._events) >= _MAX_EVENTS:
-                break
+        try:
+            while len(self._events) < _MAX_EVENTS and (line := self._line(until)) is not None:
+                self._keep(line)
+                until = 0.0
+        except EnvironmentFault:
+            if not self._events:
+                raise  # else these first; the next call says that it broke
         found = list(self._events)
         self._events.clear()
         return found

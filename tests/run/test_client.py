@@ -1,0 +1,175 @@
+"""The control client against a socket that answers as told; nothing may hang or surprise."""
+
+import contextlib
+import json
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+import pytest
+
+from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
+from fsoe_net.run import Client, Master
+from fsoe_net.run.client import _quoted
+
+HELLO = {"ok": True, "program": "fsn-master", "protocol": 1}
+
+
+@pytest.fixture
+def folder():
+    path = Path(tempfile.mkdtemp(prefix="fsn-"))  # the path of a socket must be short
+    yield path
+    shutil.rmtree(path)
+
+
+@contextlib.contextmanager
+def server(folder, *answers):
+    """Answer each line with the next of the answers; then close."""
+    path = folder / "s"
+    asked = []
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        listener.listen()
+
+        def serve():
+            peer, _ = listener.accept()
+            with peer, peer.makefile("rb") as lines:
+                for answer in answers:
+                    asked.append(lines.readline())
+                    with contextlib.suppress(OSError):
+                        peer.sendall(answer)
+                if answers[-1] == b"":
+                    lines.readline()  # stay, and say nothing, until the client goes
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield path, asked
+        thread.join()
+
+
+def line(document):
+    return json.dumps(document).encode() + b"\n"
+
+
+def test_nobody_there(folder):
+    with pytest.raises(EnvironmentFault, match="is fsn-master running"):
+        Client(folder / "none")
+    with pytest.raises(EnvironmentFault):
+        Client(folder / ("x" * 300))
+
+
+def test_requests_and_refusals(folder):
+    refusal = {"ok": False, "error": "FSN_E_STATE", "text": "stopped", "hint": "send start first"}
+    answers = [line(HELLO), line({"ok": True, "n": 1}), line(refusal)]
+    with server(folder, *answers) as (path, asked):
+        with Client(path) as client:
+            assert client.request("get", "a b", 'c"d\\')["n"] == 1
+            with pytest.raises(ControlRefused, match="stopped; send start first") as caught:
+                client.snapshot()
+        assert caught.value.status == "FSN_E_STATE"
+    assert asked == [b"hello\n", b'get "a b" "c\\"d\\\\"\n', b"snapshot\n"]
+
+
+def test_events_come_between_replies(folder):
+    event = {"event": "state", "text": "ready"}
+    answers = [line(event) + line(HELLO), line({"ok": True}) + line(event | {"text": "two"})]
+    with server(folder, *answers) as (path, _), Client(path) as client:
+        client.subscribe()
+        told = client.events(5.0)
+        while len(told) < 2:
+            told += client.events(5.0)
+    assert [e["text"] for e in told] == ["ready", "two"]
+
+
+@pytest.mark.parametrize(
+    ("answers", "message"),
+    [
+        ([line(HELLO | {"protocol": 2})], "speaks protocol 2"),
+        ([b"what?\n"], "no JSON"),
+        ([b"[]\n"], "no JSON object"),
+        ([b'{"ok":'], "has closed it"),
+        ([line({"ok": False, "text": "this user may not connect"})], "may not connect"),
+    ],
+)
+def test_strange_servers(folder, answers, message):
+    with server(folder, *answers) as (path, _), pytest.raises(EnvironmentFault, match=message):
+        Client(path)
+
+
+def test_a_silent_server_does_not_hang(folder):
+    with server(folder, line(HELLO), b"") as (path, _):
+        client = Client(path, timeout_s=0.2)
+        with pytest.raises(EnvironmentFault, match="has not answered status within"):
+            client.request("status")
+        with pytest.raises(EnvironmentFault):  # a late reply must not answer the next request
+            client.request("status")
+
+
+@pytest.mark.parametrize("reply", [{"ok": True}, {"ok": True, "subdevices": [{"name": 1}]}])
+def test_a_reply_of_another_version(folder, reply):
+    with (
+        server(folder, line(HELLO), line(reply)) as (path, _),
+        Client(path) as client,
+        pytest.raises(EnvironmentFault, match="of one version"),
+    ):
+        client.subdevices()
+
+
+def test_words_no_request_can_hold():
+    assert _quoted("") == '""'
+    with pytest.raises(ValueError, match="control character"):
+        _quoted("a\nshutdown")
+
+
+def program(folder, text):
+    """Return a stand-in for fsn-master."""
+    path = folder / "fsn-master"
+    path.write_text(f"#!{sys.executable}\n{text}", "utf-8")
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("import sys; print('T error no bus', file=sys.stderr); sys.exit(1)", InputError, "no bus"),
+        ("import sys; sys.exit('fsn-master: --x: unknown')", InputError, "--x: unknown"),
+        (
+            "import sys; print('fsn-master: --x: what', file=sys.stderr); sys.exit(2)",
+            EnvironmentFault,
+            "does not take its options: --x: what",
+        ),
+        (
+            "import sys; print('T error it takes: setcap x', file=sys.stderr); sys.exit(3)",
+            EnvironmentFault,
+            "setcap x .here: .*fsn-master",
+        ),
+        ("import os; os.kill(os.getpid(), 11)", EnvironmentFault, "killed by SIGSEGV"),
+        ("", EnvironmentFault, "ended by somebody else"),
+    ],
+)
+def test_a_master_that_ends(folder, monkeypatch, text, error, message):
+    monkeypatch.setenv("FSN_MASTER", program(folder, text))
+    with Master(b"plan", []) as master:
+        with pytest.raises(error, match=message):
+            master.connect()
+        assert master.socket.parent.exists()
+    assert not master.socket.parent.exists()
+
+
+def test_a_master_that_cannot_be_started(folder, monkeypatch):
+    path = program(folder, "")
+    Path(path).write_text("#!/no/such/interpreter\n", "utf-8")
+    monkeypatch.setenv("FSN_MASTER", path)
+    with pytest.raises(EnvironmentFault, match="cannot be started"):
+        Master(b"plan", [])
+
+
+def test_the_command_stays_quick():
+    """`fsoe-net check` needs nothing of a live bus."""
+    code = "import sys, fsoe_net.cli.check; sys.exit('fsoe_net.run.client' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
