@@ -124,7 +124,10 @@ def _print_verdicts(result: RunResult) -> None:
         held = sum(v.held for v in result.verdicts)
         click.echo(f"{held} of {len(result.verdicts)} expectations held")
     if not result.passed and not result.verdicts:
-        click.echo("not every connection is in Data")
+        missing = not_in_op(result.subdevices)
+        click.echo(
+            f"not every connection is in Data{' with its SubDevices in OP' if missing else ''}"
+        )
 
 
 def check_target(path: str | None, option: str) -> None:

@@ -6,7 +6,7 @@ import hashlib
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +15,7 @@ from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
 from fsoe_net.fsoe import Command, reset_code_text
 from fsoe_net.model import Connection, Resolution
 from fsoe_net.run.client import Client
-from fsoe_net.run.live_snapshot import LiveSnapshot
+from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master
 from fsoe_net.run.result import BusResult, ConnectionResult, RunEvent, RunResult, state_text
 
@@ -283,10 +283,18 @@ class _LiveRun:
             events=tuple(sorted(story.events, key=lambda e: e.time_ms)),
             events_lost=story.events_lost + lost,
             verdicts=(),
-            passed=current and all(c.state.startswith("data") for c in connections),
+            passed=current and _all_in_data(connections, snapshot.subdevices),
             bus=BusResult(backend=self._options.backend, interface=self._options.interface),
             subdevices=snapshot.subdevices,
         )
+
+
+def _all_in_data(
+    connections: Sequence[ConnectionResult], subdevices: Sequence[SubDeviceSnapshot]
+) -> bool:
+    """Return whether all are in Data; the last frame of a SubDevice that is gone does not count."""
+    away = {s.name for s in subdevices if s.known and not s.in_op}
+    return all(c.state.startswith("data") and not {c.main, c.sub} & away for c in connections)
 
 
 def _data_kind(direction: DirectionSnapshot) -> str:
@@ -338,5 +346,5 @@ def _located(text: str, resolution: Resolution) -> str:
     """Add where the SubDevices a message names stand in the user's files."""
     rows = resolution.network.subdevices
     named = [s for s in rows if f"({s.name})" in text or f" {s.name}:" in text]
-    places = "".join(f"\n  {s.name} stands at {s.span}" for s in named[:3])
+    places = "".join(f"\n  {s.name} stands at {s.span}" for s in named)
     return text + places

@@ -147,7 +147,8 @@ class Master:
                 "the kernel log (`dmesg`) says whether memory ran out"
             )
         if code == _REFUSED:
-            raise InputError(last or "fsn-master refused the bus and did not say why")
+            findings = "".join(f"\n  {text}" for text in self._findings())
+            raise InputError((last or "fsn-master refused the bus and did not say why") + findings)
         if code == _USAGE:
             raise EnvironmentFault(
                 f"{self.program} does not take its options: {last or 'no reason given'}; install "
@@ -176,6 +177,11 @@ class Master:
         with stream, contextlib.suppress(OSError, ValueError):
             for line in stream:
                 self._lines.append(line.decode("utf-8", "replace").rstrip())
+
+    def _findings(self) -> list[str]:
+        """Return what it says about single SubDevices, beside the one of its refusal."""
+        texts = [line.partition(" warning ")[2] for line in self._lines]
+        return [t for t in texts if t.startswith("SubDevice ") and " -> " not in t]
 
     def _last_error(self) -> str:
         """Return the last line of its log that is an error, without time and level."""
