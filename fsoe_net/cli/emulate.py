@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from dataclasses import asdict
 
@@ -13,13 +12,12 @@ from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.run import scenario_of
-from fsoe_net.cli.run_output import interesting
+from fsoe_net.cli.run_output import print_events
 from fsoe_net.core import SegmentLink, is_test_rig
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import (
     EmulateResult,
-    RunEvent,
     SegmentSession,
     random_session_ids,
     serve,
@@ -147,17 +145,8 @@ def _check_rig(vouched: bool) -> None:
         )
 
 
-def _runs(events: list[RunEvent]) -> list[list[RunEvent]]:
-    """Return events of one source that say the same, one after the other, as one."""
-    rows = itertools.groupby(events, key=lambda e: (e.source, e.text))
-    return [list(same) for _, same in rows]
-
-
 def _print(result: EmulateResult) -> None:
-    for same in _runs(interesting(result.events)):
-        first, last = same[0], same[-1]
-        again = f" ({len(same)} times until {last.time_ms:.1f} ms)" if len(same) > 1 else ""
-        click.echo(f"{first.time_ms:10.1f} ms  {first.source}: {first.text}{again}")
+    print_events(result.events)
     click.echo()
     for name, status in result.states.items():
         error = f", error 0x{status.code:04x}" if status.error else ""

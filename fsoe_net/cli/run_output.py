@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +18,14 @@ from fsoe_net.run import ConnectionResult, RunEvent, RunResult, SubDeviceSnapsho
 if TYPE_CHECKING:
     from rich.console import Group
 
-__all__ = ["check_target", "interesting", "live_view", "print_result", "write_timing"]
+__all__ = [
+    "check_target",
+    "interesting",
+    "live_view",
+    "print_events",
+    "print_result",
+    "write_timing",
+]
 
 _STATE_STYLE = {"data_process": "bold green", "data_failsafe": "yellow"}
 
@@ -86,8 +94,7 @@ def print_result(result: RunResult) -> None:
                 resets,
             ]
         )
-    for event in interesting(result.events):
-        click.echo(f"{event.time_ms:10.1f} ms  {event.source}: {event.text}")
+    print_events(result.events)
     widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
     click.echo()
     for row in rows:
@@ -108,6 +115,16 @@ def _mode(result: RunResult) -> str:
     if result.bus.interface is None:
         return result.mode
     return f"{result.bus.backend} on {result.bus.interface}"
+
+
+def print_events(events: Sequence[RunEvent]) -> None:
+    """Print interesting events; of one source that says the same again, only how often."""
+    runs = itertools.groupby(interesting(events), key=lambda e: (e.source, e.text))
+    for _, rows in runs:
+        same = list(rows)
+        first, last = same[0], same[-1]
+        again = f" ({len(same)} times until {last.time_ms:.1f} ms)" if len(same) > 1 else ""
+        click.echo(f"{first.time_ms:10.1f} ms  {first.source}: {first.text}{again}")
 
 
 def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
