@@ -50,6 +50,8 @@ class SegmentSession(Stage):
 
     def _set_present(self, name: str, present: bool) -> None:
         self.segment.set_present(self.segment.position(name), present)
+        if present:  # what is plugged in starts as after power-on, its FSoE end as well
+            self.network.devices[name].power_cycle()
 
     def _on_bus(self, step: Step) -> None:
         apply_step(self.segment, step)
