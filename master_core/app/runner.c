@@ -220,6 +220,18 @@ static uint64_t cycles_of(struct runner *runner) {
     return status == FSN_OK ? statistics.cycles : 0;
 }
 
+static void tell_who_is_in_op(const struct runner *runner) {
+    for (uint32_t n = 0; n < fsn_plan_subdevice_count(runner->plan); n++) {
+        struct fsn_subdevice_info info;
+        struct fsn_bus_subdevice seen;
+        if (fsn_plan_subdevice(runner->plan, n, &info) == FSN_OK &&
+            fsn_core_subdevice(runner->core, n, &seen) == FSN_OK &&
+            (seen.al_status & ~FSN_AL_ERROR) == FSN_AL_OP) {
+            log_line(FSN_LOG_WARNING, "SubDevice %.80s is still in OP", info.name);
+        }
+    }
+}
+
 /** The stop values were set before this was asked for: they go out in a few more cycles, and
  *  copying goes on until the SubDevices have left OP. */
 static void job_leave(struct runner *runner) {
@@ -237,6 +249,7 @@ static void job_leave(struct runner *runner) {
         if (now >= until) {
             log_line(FSN_LOG_WARNING, left ? "the cycle stands still"
                                            : "not every SubDevice has left OP within 2 s");
+            tell_who_is_in_op(runner);
             return;
         }
         sleep_ns(TEND_NS);

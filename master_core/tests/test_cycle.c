@@ -177,7 +177,32 @@ static void wrong_arguments_are_refused(void) {
     tear_down(&rig);
 }
 
+/** Both ends stop: what they left in the image says nothing any more. */
+static void without_new_frames_a_connection_is_silent(void) {
+    struct rig rig = set_up();
+    struct fsn_event event;
+    send(&rig, 1, "\x2a\x01\x02\x03\x04\x05");
+    send(&rig, 3, "\x2a\x01\x02\x03\x04\x05");
+    cycle(&rig);
+    CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET);
+    CHECK(fsn_core_event(rig.core, &event) && event.after == FSN_OUTSIDE_RESET);
+    for (int i = 0; i < 1000; i++) {
+        cycle(&rig); /* the plan states no watchdog: a second of patience */
+    }
+    CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET && !fsn_core_event(rig.core, &event));
+    cycle(&rig);
+    CHECK(connection(&rig).outside == FSN_OUTSIDE_SILENT);
+    CHECK(fsn_core_event(rig.core, &event) && event.after == FSN_OUTSIDE_SILENT);
+    cycle(&rig);
+    CHECK(!fsn_core_event(rig.core, &event)); /* told once */
+    send(&rig, 3, "\x2a\x05\x02\x03\x04\x05");
+    cycle(&rig);
+    CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET);
+    tear_down(&rig);
+}
+
 int main(void) {
+    without_new_frames_a_connection_is_silent();
     frames_arrive_in_the_same_cycle();
     absent_subdevice_keeps_its_last_frame_whole();
     monitor_follows_a_connection();

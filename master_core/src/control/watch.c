@@ -108,6 +108,9 @@ static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_b
 static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before,
                                           const struct fsn_bus_subdevice *after) {
     const bool wrong = after->found != FSN_FOUND_RIGHT && after->found != FSN_FOUND_UNKNOWN;
+    if (before->found == FSN_FOUND_UNKNOWN && !wrong && after->al_status == FSN_AL_NONE) {
+        return FSN_LOG_DETAIL; /* at the start nobody has been asked for his state yet */
+    }
     if ((after->al_status & FSN_AL_ERROR) != 0 || after->al_status == FSN_AL_NONE || wrong) {
         return FSN_LOG_WARNING;
     }
@@ -171,35 +174,55 @@ static void look_at_subdevices(struct fsn_control *control, uint64_t now_ns) {
     seen->known = true;
 }
 
+/** What the cycle lost since the last line, in words; the overruns and late replies name the cause.
+ */
+static void wkc_text(const struct fsn_seen *seen, const struct fsn_statistics *s, char *text,
+                     size_t room_bytes) {
+    const uint64_t late = s->old_replies - seen->old_replies;
+    const uint64_t left_out = s->overruns - seen->overruns;
+    int len = snprintf(text, room_bytes,
+                       "working counter %u of %u; since the last line %" PRIu64
+                       " incomplete cycles, %" PRIu64 " frames not back in time",
+                       (unsigned)s->actual_wkc, (unsigned)s->expected_wkc,
+                       s->wkc_errors - seen->wkc_errors, s->lost_frames - seen->lost_frames);
+    if (late > 0) {
+        len += snprintf(text + len, room_bytes - (size_t)len,
+                        ", %" PRIu64 " replies late: the cycle is short for this bus", late);
+    }
+    if (left_out > 0) {
+        snprintf(text + len, room_bytes - (size_t)len,
+                 ", %" PRIu64 " cycles left out: this machine came too late", left_out);
+    }
+}
+
 static void look_at_wkc(struct fsn_control *control, uint64_t now_ns) {
     struct fsn_seen *seen = &control->seen;
     const struct fsn_statistics *s = &control->statistics;
     const bool incomplete = s->cycles > 0 && s->expected_wkc != s->actual_wkc;
     const bool turned = incomplete != seen->incomplete;
-    const bool more = s->wkc_errors != seen->wkc_errors || s->lost_frames != seen->lost_frames;
-    if (!turned && (!more || now_ns - seen->wkc_told_ns < WKC_MS * UINT64_C(1000000))) {
+    const bool more = s->wkc_errors != seen->wkc_errors || s->lost_frames != seen->lost_frames ||
+                      s->overruns != seen->overruns;
+    const bool due = now_ns - seen->wkc_told_ns >= WKC_MS * UINT64_C(1000000);
+    if (!turned && (!more || !due)) {
         return;
     }
+    char text[320];
+    wkc_text(seen, s, text, sizeof text);
     struct fsn_json *json = fsn_event_begin(control, "wkc", now_ns);
     fsn_json_put_bool(json, "complete", !incomplete);
     fsn_json_put_u64(json, "expected", s->expected_wkc);
     fsn_json_put_u64(json, "actual", s->actual_wkc);
     fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
     fsn_json_put_u64(json, "lost_frames", s->lost_frames);
-    const bool told = now_ns - seen->wkc_told_ns >= WKC_MS * UINT64_C(1000000);
-    fsn_event_tell(control,
-                   !told        ? FSN_LOG_DETAIL
-                   : incomplete ? FSN_LOG_WARNING
-                                : FSN_LOG_INFO,
-                   "working counter %s: %u of %u, %" PRIu64 " incomplete cycles and %" PRIu64
-                   " lost frames more",
-                   incomplete ? "incomplete" : "complete", (unsigned)s->actual_wkc,
-                   (unsigned)s->expected_wkc, s->wkc_errors - seen->wkc_errors,
-                   s->lost_frames - seen->lost_frames);
+    fsn_event_tell(control, due ? FSN_LOG_WARNING : FSN_LOG_DETAIL, "%s", text);
     seen->incomplete = incomplete;
-    seen->wkc_errors = s->wkc_errors;
-    seen->lost_frames = s->lost_frames;
-    seen->wkc_told_ns = told ? now_ns : seen->wkc_told_ns;
+    if (due) {
+        seen->wkc_errors = s->wkc_errors;
+        seen->lost_frames = s->lost_frames;
+        seen->old_replies = s->old_replies;
+        seen->overruns = s->overruns;
+        seen->wkc_told_ns = now_ns;
+    }
 }
 
 void fsn_watch_reset(struct fsn_control *control) {

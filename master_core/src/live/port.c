@@ -100,7 +100,8 @@ static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
     *fd = -1;
     *number = if_nametoindex(interface);
     if (*number == 0) {
-        return refuse_detail(fault, FSN_E_ARG, interface, ": there is no such interface");
+        errno = ENODEV;
+        return refuse_system(fault, interface, "there is no such interface");
     }
     *fd = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0);
     return *fd < 0 ? refuse_system(fault, interface, "no raw socket could be opened") : FSN_OK;

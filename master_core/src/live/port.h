@@ -8,8 +8,8 @@
 /** Opens the cyclic socket of an interface: it sees replies with indices of the cyclic frames only.
  *  @param[in]  stamp   whether the kernel shall note when packets came in.
  *  @param[out] socket  to be closed by the caller; -1 on refusal.
- *  @retval FSN_E_ARG    no such interface.
- *  @retval FSN_E_SYS    the system refused, sys_errno says why: mostly CAP_NET_RAW is missing.
+ *  @retval FSN_E_SYS    the system refused, sys_errno says why: EPERM when CAP_NET_RAW is
+ *                       missing, ENODEV without such an interface.
  *  Details go to `fault`. */
 fsn_status fsn_port_open(const char *interface, bool stamp, int *socket, struct fsn_fault *fault);
 

@@ -39,6 +39,19 @@ static void look(struct fsn_monitor *monitor, const uint8_t *const frames[2], ui
     (void)fsn_monitor_frame(monitor, second, frames[second], now_ns);
 }
 
+/** Both ends have stopped: the last frames they left say nothing any more. */
+static void fall_silent(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
+    struct fsn_rt_watch *watch = &rt->watches[connection];
+    struct fsn_connection_status *status = &rt->monitors[connection].status;
+    const uint32_t before = status->outside;
+    watch->new_ns = 0;
+    watch->changed = true;
+    status->outside = FSN_OUTSIDE_SILENT;
+    if (before != FSN_OUTSIDE_SILENT) {
+        report(rt, connection, before, now_ns);
+    }
+}
+
 void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {
     for (uint32_t c = 0; c < rt->connection_count; c++) {
         struct fsn_rt_watch *watch = &rt->watches[c];
@@ -48,8 +61,12 @@ void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {
                             rt->seen + watch->seen + watch->size_bytes[FSN_TO_SUB]};
         if (memcmp(seen[0], frames[0], watch->size_bytes[0]) == 0 &&
             memcmp(seen[1], frames[1], watch->size_bytes[1]) == 0) {
+            if (watch->new_ns != 0 && now_ns - watch->new_ns > watch->silent_ns) {
+                fall_silent(rt, c, now_ns);
+            }
             continue;
         }
+        watch->new_ns = now_ns != 0 ? now_ns : 1;
         memcpy(seen[0], frames[0], watch->size_bytes[0]);
         memcpy(seen[1], frames[1], watch->size_bytes[1]);
         watch->changed = true;

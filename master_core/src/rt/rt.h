@@ -29,6 +29,8 @@ struct fsn_rt_watch {
     uint32_t offset[2];     /**< where its frames lie after the copy, enum fsn_way */
     uint32_t size_bytes[2]; /**< of these frames */
     uint32_t seen;          /**< where they lie, one behind the other, in fsn_rt.seen */
+    uint64_t new_ns;        /**< when a frame of it was new */
+    uint64_t silent_ns;     /**< after so long without a new frame it counts as silent */
     bool changed;           /**< it has seen a new frame since it was published */
 };
 

@@ -102,6 +102,10 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
             const ec_slavet *s = &bus->slaves[node->slave];
             node->seen.al_status = (uint8_t)s->state;
             node->seen.al_code = s->ALstatuscode;
+            if (s->state == 0) {
+                soem_note(bus, node, FSN_FOUND_NOTHING, "it was there a moment ago");
+                return soem_refuse(fault, FSN_E_BUS_MISSING, node);
+            }
             soem_note(bus, node, FSN_FOUND_STATE,
                       "PREOP refused: AL status 0x%02x, code 0x%04x: %s", s->state, s->ALstatuscode,
                       ec_ALstatuscode2string(s->ALstatuscode));
@@ -120,6 +124,7 @@ static uint16_t position_address(uint16_t slave) {
 /** Station address of what stands at a position; false when nothing answers there. */
 static bool station_at(struct fsn_soem *bus, uint16_t slave, uint16_t *station) {
     uint16_t raw = 0;
+    soem_drain(bus);
     const int counter = ecx_APRD(bus->context.port, position_address(slave), ECT_REG_STADR,
                                  sizeof raw, &raw, EC_TIMEOUTRET);
     *station = etohs(raw);
@@ -136,6 +141,7 @@ static bool is_known(const struct fsn_soem *bus, uint16_t station) {
 }
 
 static uint32_t read_sii(struct fsn_soem *bus, uint16_t slave, uint16_t word) {
+    soem_drain(bus);
     return etohl(
         (uint32_t)ecx_readeepromAP(&bus->context, position_address(slave), word, EC_TIMEOUTEEP));
 }

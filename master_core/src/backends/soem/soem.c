@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -27,6 +28,16 @@ void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const cha
     pthread_mutex_unlock(&bus->seen_lock);
 }
 
+void soem_drain(struct fsn_soem *bus) {
+    const int sockets[] = {bus->port.sockhandle,
+                           bus->redundant[0] != '\0' ? bus->redundant_port.sockhandle : -1};
+    for (size_t i = 0; i < sizeof sockets / sizeof sockets[0]; i++) {
+        uint8_t packet[FSN_WIRE_MOST];
+        while (sockets[i] >= 0 && recv(sockets[i], packet, sizeof packet, MSG_DONTWAIT) > 0) {
+        }
+    }
+}
+
 /** Takes the errors SOEM has noted; returns the last abort code, 0 without any. */
 static uint32_t take_abort(struct fsn_soem *bus) {
     uint32_t abort_code = 0;
@@ -42,6 +53,7 @@ static uint32_t take_abort(struct fsn_soem *bus) {
 bool soem_upload(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub, void *data,
                  int *size, uint32_t *abort_code) {
     take_abort(bus);
+    soem_drain(bus);
     const int counter =
         ecx_SDOread(&bus->context, slave, index, sub, FALSE, size, data, EC_TIMEOUTRXM);
     *abort_code = take_abort(bus);
@@ -51,6 +63,7 @@ bool soem_upload(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t s
 bool soem_download(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub,
                    const void *data, int size, uint32_t *abort_code) {
     take_abort(bus);
+    soem_drain(bus);
     const int counter =
         ecx_SDOwrite(&bus->context, slave, index, sub, FALSE, size, data, EC_TIMEOUTRXM);
     *abort_code = take_abort(bus);
@@ -63,6 +76,7 @@ bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave) {
 
 bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned most_ms) {
     ec_slavet *s = &bus->slaves[slave];
+    soem_drain(bus);
     s->state = (uint16)(al_state | EC_STATE_ACK);
     ecx_writestate(&bus->context, slave);
     return ecx_statecheck(&bus->context, slave, al_state, (int)(1000 * most_ms)) == al_state;

@@ -102,6 +102,10 @@ bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns);
 /** Writes what was found about a node, for look(); printf-like. */
 void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
+/** Throws away what waits for SOEM. Nothing is under way when this is called, so it is the answer
+ * to a frame that SOEM has given up. It tells answers apart by an index modulo 16 only: after a
+ * stall each of them would pass for the answer to a later frame, for good. */
+void soem_drain(struct fsn_soem *bus);
 /** Refuses because of a node; the detail is what was noted about it. */
 fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node);
 /** Reads an object; false with an abort code, 0 for no answer. `size` goes in and out. */

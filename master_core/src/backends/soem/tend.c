@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "live/port.h"
+
 enum {
     STATES_NS = 5000000,   /**< between two looks at all states */
     SEARCH_NS = 50000000,  /**< between two searches for lost SubDevices */
@@ -37,8 +39,10 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
     }
     if (before == 0) {
         soem_note(bus, node, FSN_FOUND_NOTHING,
-                  "nor does any SubDevice before it: "
-                  "look at the cable at %s",
+                  fsn_port_has_link(bus->interface)
+                      ? "nor does any SubDevice before it, though %s has a link: power of the "
+                        "SubDevices, or frames are late"
+                      : "nor does any SubDevice before it: %s has no link",
                   bus->interface);
         return;
     }
@@ -115,6 +119,7 @@ static void read_states(struct fsn_soem *bus, uint16_t first, uint16_t count,
     ecx_portt *port = bus->context.port;
     uint16 places[AT_ONCE] = {EC_HEADERSIZE};
     memset(states, 0, AT_ONCE * sizeof *states);
+    soem_drain(bus);
     const uint8 index = ecx_getindex(port);
     ecx_setupdatagram(port, &port->txbuf[index], EC_CMD_FPRD, index, bus->slaves[first].configadr,
                       ECT_REG_ALSTAT, sizeof *states, states);
