@@ -143,7 +143,8 @@ def _sdo_abort(words: Sequence[str], span: Span) -> Step:
     index, colon, sub = words[1].partition(":")
     values = {"index": _number(index, 0xFFFF), "code": _number(words[2], _WORD)}
     if colon:
-        values["sub"] = _number(sub, 0xFF)
+        # A subindex is written with two digits everywhere else, 0x1c12:01: no octal number.
+        values["sub"] = _number(sub.lstrip("0") or "0" if sub.isdigit() else sub, 0xFF)
     return Step(span=span, at_ns=0, action=Action.SDO_ABORT, target=words[0], values=values)
 
 

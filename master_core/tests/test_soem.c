@@ -320,10 +320,24 @@ static void a_ring_survives_each_cable(void) {
             while (look(rig, front).link[1] != 0 || look(rig, cable).link[0] != 0) {
                 CHECK(flows(rig, 1)); /* one SubDevice after the other is asked for its links */
             }
+            while (look(rig, front).detail[0] == 0) {
+                CHECK(flows(rig, 1));
+            }
+            CHECK(strstr(look(rig, front).detail, "the ring is open at its port 1") != NULL);
             CHECK(look(rig, front).link_lost[1] > 0 && look(rig, cable).link_lost[0] > 0);
         }
         CHECK(fsn_segment_set_link(rig->segment, front, true) == FSN_OK);
     }
+    CHECK(system("ip link set near2 down") == 0); /* the second card itself */
+    for (int i = 0; i < 30; i++) {
+        for (uint32_t k = 1; k < SUBDEVICES; k++) {
+            (void)flows(rig, k);
+        }
+    }
+    for (uint32_t k = 1; k < SUBDEVICES; k++) {
+        CHECK(flows(rig, k) && look(rig, k).al_status == FSN_AL_OP);
+    }
+    CHECK(system("ip link set near2 up") == 0);
     tear_down(rig);
 }
 

@@ -100,7 +100,8 @@ static void connection_event(struct fsn_control *control, const struct fsn_event
 
 static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_bus_subdevice *b) {
     return a->al_status == b->al_status && a->found == b->found && a->al_code == b->al_code &&
-           a->returns == b->returns && memcmp(a->link, b->link, sizeof a->link) == 0;
+           a->returns == b->returns && strcmp(a->detail, b->detail) == 0 &&
+           memcmp(a->link, b->link, sizeof a->link) == 0;
 }
 
 /** Lost, refused, wrong or in error; back in OP. What lies between, and links that are read one
@@ -111,7 +112,9 @@ static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before
     if (before->found == FSN_FOUND_UNKNOWN && !wrong && after->al_status == FSN_AL_NONE) {
         return FSN_LOG_DETAIL; /* at the start nobody has been asked for his state yet */
     }
-    if ((after->al_status & FSN_AL_ERROR) != 0 || after->al_status == FSN_AL_NONE || wrong) {
+    const bool told = after->detail[0] != 0 && strcmp(before->detail, after->detail) != 0;
+    if ((after->al_status & FSN_AL_ERROR) != 0 || after->al_status == FSN_AL_NONE || wrong ||
+        told) {
         return FSN_LOG_WARNING;
     }
     return after->al_status == FSN_AL_OP && before->al_status != FSN_AL_OP ? FSN_LOG_INFO

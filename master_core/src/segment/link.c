@@ -18,7 +18,7 @@
 
 #include "segment_internal.h"
 
-enum { ETHERTYPE = 0x88A4, WAIT_NS = 5000000, MAX_FRAME = 2048, PORTS = 2 };
+enum { ETHERTYPE = 0x88A4, WAIT_NS = 5000000, CARRIER_NS = 20000000, MAX_FRAME = 2048, PORTS = 2 };
 
 #ifndef PACKET_IGNORE_OUTGOING
 #define PACKET_IGNORE_OUTGOING 23
@@ -103,9 +103,30 @@ static bool take_next(struct fsn_segment *s) {
     return true;
 }
 
+/** Whether the far end of an interface is up: its last SubDevice sees no link otherwise. */
+static bool has_carrier(int socket_fd, const char *interface) {
+    struct ifreq request = {0};
+    snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
+    return ioctl(socket_fd, SIOCGIFFLAGS, &request) == 0 &&
+           ((unsigned short)request.ifr_flags & IFF_RUNNING) != 0;
+}
+
+/** A ring is closed while both ends of it are plugged in. */
+static void look_at_carriers(struct fsn_segment *s, uint64_t *due_ns) {
+    const uint64_t now = clock_ns();
+    if (s->sockets[1] < 0 || now < *due_ns) {
+        return;
+    }
+    *due_ns = now + CARRIER_NS;
+    fsn_segment_set_ring(s, has_carrier(s->sockets[0], s->interfaces[0]) &&
+                                has_carrier(s->sockets[1], s->interfaces[1]));
+}
+
 static void *serve(void *context) {
     struct fsn_segment *s = context;
+    uint64_t carriers_ns = 0;
     while (!atomic_load(&s->stop)) {
+        look_at_carriers(s, &carriers_ns);
         if (!take_next(s)) {
             fsn_segment_idle(s, clock_ns());
         }
@@ -192,6 +213,9 @@ fsn_status fsn_segment_link(struct fsn_segment *s, const struct fsn_segment_link
     }
     int error = errno;
     if (status == FSN_OK) {
+        snprintf(s->interfaces[0], sizeof s->interfaces[0], "%s", options->interface);
+        snprintf(s->interfaces[1], sizeof s->interfaces[1], "%s",
+                 options->interface2 != NULL ? options->interface2 : "");
         fsn_segment_set_ring(s, options->interface2 != NULL);
         atomic_store(&s->stop, false);
         error = start_thread(s, options);

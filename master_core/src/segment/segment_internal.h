@@ -60,6 +60,7 @@ struct fsn_segment {
     uint32_t lose;
     uint32_t lose_every, until_lost;
     uint64_t last_ns;
+    char interfaces[2][16];
     int sockets[2]; /**< per port of the MainDevice; -1: not linked */
     pthread_t thread;
     atomic_bool stop;

@@ -153,6 +153,25 @@ static void look_at_states(struct fsn_soem *bus) {
     }
 }
 
+/** In a ring a lost link disturbs nobody, and the next one would: it is told at the SubDevices on
+ *  both sides of the gap. */
+static void note_gap(struct fsn_soem *bus, struct node *node) {
+    const bool open = bus->redundant[0] != '\0' && atomic_load(&bus->frames.wire.crossed) == 0;
+    if (node->seen.found != FSN_FOUND_RIGHT) {
+        return;
+    }
+    for (unsigned port = 0; open && port < FSN_PORTS; port++) {
+        if ((bus->slaves[node->slave].activeports & (1u << port)) != 0 &&
+            node->seen.link[port] == 0) {
+            soem_note(bus, node, FSN_FOUND_RIGHT, "the ring is open at its port %u", port);
+            return;
+        }
+    }
+    if (node->seen.detail[0] != '\0') {
+        soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    }
+}
+
 /** Links and counters of one SubDevice after the other. */
 static void look_at_links(struct fsn_soem *bus) {
     bus->next_link = (uint16_t)(bus->next_link >= bus->slave_count ? 1 : bus->next_link + 1);
@@ -177,6 +196,7 @@ static void look_at_links(struct fsn_soem *bus) {
         seen->link_lost[port] = counters[REG_LINK_LOST + port];
     }
     pthread_mutex_unlock(&bus->seen_lock);
+    note_gap(bus, &bus->nodes[place->node]);
 }
 
 /** The first SubDevice with a clock that answers is the reference, should the present one be lost.
