@@ -1,0 +1,28 @@
+# Finds IgH EtherCAT Master 1.6 and builds fsn_igh on its library. Where nothing is found the target
+# does not exist.
+set(igh_sources src/backends/igh/igh.c src/backends/igh/find.c src/backends/igh/configure.c
+    src/backends/igh/pdo.c src/backends/igh/cycle.c src/backends/igh/tend.c)
+if(NOT FSN_IGH STREQUAL OFF)
+  if(NOT IGH_DIR)
+    find_package(PkgConfig QUIET)
+    if(PKG_CONFIG_FOUND)
+      pkg_check_modules(IGH_PC QUIET libethercat)
+    endif()
+  endif()
+  find_path(igh_include ecrt.h HINTS ${IGH_DIR}/include ${IGH_PC_INCLUDE_DIRS}
+            /opt/etherlab/include /usr/local/include)
+  find_library(igh_library ethercat HINTS ${IGH_DIR}/lib ${IGH_PC_LIBRARY_DIRS} /opt/etherlab/lib)
+  if(igh_include AND igh_library)
+    message(STATUS "fsn: IgH from ${igh_library}")
+    add_library(fsn_igh STATIC ${igh_sources})
+    target_include_directories(fsn_igh SYSTEM PRIVATE ${igh_include})
+    target_include_directories(fsn_igh PRIVATE src src/backends/igh)
+    target_compile_options(fsn_igh PRIVATE ${FSN_WARNINGS})
+    target_link_libraries(fsn_igh PUBLIC fsn_static ${igh_library})
+    set_target_properties(fsn_igh PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  elseif(FSN_IGH STREQUAL ON)
+    message(FATAL_ERROR "fsn: no IgH EtherCAT Master: install it, or set IGH_DIR to its prefix")
+  else()
+    message(STATUS "fsn: no IgH EtherCAT Master found, its backend is left out")
+  endif()
+endif()

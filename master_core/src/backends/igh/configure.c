@@ -1,0 +1,151 @@
+/** What is checked before IgH takes over, and what it is told to do. */
+#include "igh.h"
+
+#include <string.h>
+
+enum {
+    DEVICE_TYPE = 0x1000,
+    FSOE_ADDRESS = 0xF980,
+    KNOWN_ADDRESS = 2, /**< bit of fsn_connection_info.known */
+};
+
+/* -- checks --------------------------------------------------------------------------------- */
+
+/** Whether it has CoE: an abort code is an answer as well. */
+static bool has_coe(struct fsn_igh *bus, const struct igh_node *node) {
+    uint8_t bytes[8];
+    uint32_t code = 0;
+    return igh_upload(bus, node, DEVICE_TYPE, 0, bytes, sizeof bytes, &code) || code != 0;
+}
+
+/** IgH writes them again whenever it leads the SubDevice up; here it is seen whether it takes them,
+ *  since afterwards only the kernel log would tell. */
+static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
+    for (uint32_t i = 0; i < node->info.sdo_count; i++) {
+        const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SDO, node->info.first_sdo + i);
+        uint32_t code = 0;
+        if (!node->coe) {
+            igh_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x is to be written, but it has no CoE",
+                     fsn_get16(r), r[2]);
+            return FSN_E_BUS_SDO;
+        }
+        if (!igh_download(bus, node, fsn_get16(r), r[2], r + 8, r[3], &code)) {
+            igh_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x: %s 0x%08x", fsn_get16(r), r[2],
+                     code != 0 ? "abort code" : "no answer", code);
+            return FSN_E_BUS_SDO;
+        }
+    }
+    return FSN_OK;
+}
+
+fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable) {
+    *readable = false;
+    for (uint32_t i = 0; i < fsn_plan_connection_count(bus->plan) && node->coe; i++) {
+        struct fsn_connection_info c;
+        if (fsn_plan_connection(bus->plan, i, &c) != FSN_OK || c.sub_subdevice != node->number ||
+            (c.known & KNOWN_ADDRESS) == 0) {
+            continue;
+        }
+        uint8_t bytes[8] = {0};
+        uint32_t code;
+        if (!igh_upload(bus, node, FSOE_ADDRESS, 1, bytes, sizeof bytes, &code)) {
+            continue;
+        }
+        *readable = true;
+        if (fsn_get16(bytes) != c.address) {
+            igh_note(bus, node, FSN_FOUND_ADDRESS, "it has FSoE address %u, the plan says %u",
+                     fsn_get16(bytes), c.address);
+            return FSN_E_BUS_ADDRESS;
+        }
+    }
+    return FSN_OK;
+}
+
+fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node) {
+    node->coe = has_coe(bus, node);
+    fsn_status status = write_sdos(bus, node);
+    status = status != FSN_OK ? status : igh_check_pdos(bus, node);
+    return status != FSN_OK ? status : igh_check_address(bus, node, &node->address_readable);
+}
+
+/* -- configuration -------------------------------------------------------------------------- */
+
+static ec_watchdog_mode_t watchdog_of(uint8_t value) {
+    return value == 1 ? EC_WD_ENABLE : value == 2 ? EC_WD_DISABLE : EC_WD_DEFAULT;
+}
+
+static bool configure_pdo(const struct fsn_plan *plan, ec_slave_config_t *config, uint8_t sm,
+                          const uint8_t *pdo) {
+    uint32_t entries[IGH_MOST_ENTRIES];
+    const uint32_t count = igh_planned_entries(plan, pdo, entries);
+    const uint16_t index = fsn_get16(pdo);
+    bool ok = ecrt_slave_config_pdo_assign_add(config, sm, index) == 0 &&
+              ecrt_slave_config_pdo_mapping_clear(config, index) == 0;
+    for (uint32_t i = 0; ok && i < count; i++) {
+        ok =
+            ecrt_slave_config_pdo_mapping_add(config, index, (uint16_t)(entries[i] >> 16),
+                                              (uint8_t)(entries[i] >> 8), (uint8_t)entries[i]) == 0;
+    }
+    return ok;
+}
+
+static bool is_mailbox(const struct igh_node *node, const uint8_t *sm) {
+    return node->coe && sm[4] < 2;
+}
+
+static bool configure_sm(struct fsn_igh *bus, const struct igh_node *node, uint32_t sm) {
+    const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
+    const ec_direction_t direction = r[5] == FSN_OUTPUT ? EC_DIR_OUTPUT : EC_DIR_INPUT;
+    if (is_mailbox(node, r)) {
+        return true;
+    }
+    bool ok =
+        ecrt_slave_config_sync_manager(node->config, r[4], direction, watchdog_of(r[6])) == 0 &&
+        ecrt_slave_config_pdo_assign_clear(node->config, r[4]) == 0;
+    for (uint32_t i = 0; ok && i < fsn_get32(r + 16); i++) {
+        ok = configure_pdo(bus->plan, node->config, r[4], igh_pdo(bus->plan, sm, i));
+    }
+    return ok;
+}
+
+/** Registering one entry brings the whole sync manager into the domain. */
+static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct igh_area *area) {
+    const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, area->sm);
+    area->domain = ecrt_master_create_domain(bus->master);
+    if (area->domain == NULL) {
+        return false;
+    }
+    for (uint32_t pdo = 0; pdo < fsn_get32(r + 16); pdo++) {
+        unsigned bit = 0;
+        if (fsn_get32(igh_pdo(bus->plan, area->sm, pdo) + 8) > 0) {
+            return ecrt_slave_config_reg_pdo_entry_pos(node->config, r[4], pdo, 0, area->domain,
+                                                       &bit) == 0;
+        }
+    }
+    return false;
+}
+
+fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node) {
+    const struct fsn_subdevice_info *info = &node->info;
+    node->config = ecrt_master_slave_config(bus->master, info->alias, info->position,
+                                            info->vendor_id, info->product_code);
+    bool ok = node->config != NULL;
+    for (uint32_t i = 0; ok && i < info->sdo_count; i++) {
+        const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SDO, info->first_sdo + i);
+        ok = ecrt_slave_config_sdo(node->config, fsn_get16(r), r[2], r + 8, r[3]) == 0;
+    }
+    for (uint32_t sm = info->first_sm; ok && sm < info->first_sm + info->sm_count; sm++) {
+        ok = configure_sm(bus, node, sm);
+    }
+    for (uint32_t a = 0; ok && a < bus->area_count; a++) {
+        ok = bus->areas[a].node != node->number || make_domain(bus, node, &bus->areas[a]);
+    }
+    if (ok && info->assign_activate != 0) {
+        ok = ecrt_slave_config_dc(node->config, info->assign_activate, (uint32_t)bus->cycle_ns, 0,
+                                  0, 0) == 0;
+    }
+    if (ok) {
+        node->request = ecrt_slave_config_create_reg_request(node->config, IGH_ERROR_BYTES);
+    }
+    return ok ? FSN_OK : FSN_E_BUS_MAPPING;
+}

@@ -1,0 +1,163 @@
+/** Who stands where, by the last scan of IgH. */
+#define _POSIX_C_SOURCE 200809L
+
+#include "igh.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+enum { PAUSE_MS = 10, SCAN_MS = 15000, PREOP_MS = 10000, STATE_BITS = 0x0F, MOST_TRIES = 100 };
+
+static void pause_a_little(void) {
+    const struct timespec pause = {.tv_nsec = PAUSE_MS * 1000000L};
+    clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, NULL);
+}
+
+/** IgH attaches its configurations by vendor and product code alone; the revision is ours to see.
+ */
+static bool is_expected(const struct fsn_subdevice_info *info, const ec_slave_info_t *slave) {
+    return slave->vendor_id == info->vendor_id && slave->product_code == info->product_code &&
+           slave->revision_number >= info->revision_low &&
+           slave->revision_number <= info->revision_high;
+}
+
+bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.vendor_id = slave->vendor_id;
+    node->seen.product_code = slave->product_code;
+    node->seen.revision = slave->revision_number;
+    pthread_mutex_unlock(&bus->seen_lock);
+    const struct fsn_subdevice_info *info = &node->info;
+    if (is_expected(info, slave)) {
+        return true;
+    }
+    igh_note(bus, node, FSN_FOUND_IDENTITY,
+             "found vendor 0x%08x product 0x%08x revision 0x%08x, the plan says 0x%08x 0x%08x "
+             "0x%08x to 0x%08x",
+             slave->vendor_id, slave->product_code, slave->revision_number, info->vendor_id,
+             info->product_code, info->revision_low, info->revision_high);
+    return false;
+}
+
+bool igh_ring_of(const struct fsn_igh *bus, const struct fsn_subdevice_info *info,
+                 unsigned slave_count, uint16_t *ring) {
+    unsigned first = 0;
+    while (info->alias != 0 && first < slave_count) {
+        ec_slave_info_t slave = {0};
+        if (ecrt_master_get_slave(bus->master, (uint16_t)first, &slave) == 0 &&
+            slave.alias == info->alias) {
+            break;
+        }
+        first++;
+    }
+    *ring = (uint16_t)(first + info->position);
+    return first + info->position < slave_count;
+}
+
+/** Waits while IgH scans; what it knows then is in `master`. */
+static fsn_status wait_for_scan(struct fsn_igh *bus, ec_master_info_t *master,
+                                struct fsn_fault *fault) {
+    for (int ms = 0; ms < SCAN_MS; ms += PAUSE_MS) {
+        const int result = ecrt_master(bus->master, master);
+        if (result != 0 && result != -EINTR) {
+            return igh_refuse_call(fault, result, "IgH does not tell what it knows");
+        }
+        if (result == 0 && master->scan_busy == 0) {
+            return FSN_OK;
+        }
+        pause_a_little();
+    }
+    return fsn_refuse_all(fault, FSN_E_BUS_STATE, "IgH does not come to the end of its scan");
+}
+
+static fsn_status nobody(const struct fsn_igh *bus, bool link_up, struct fsn_fault *fault) {
+    fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
+    if (fault != NULL) {
+        snprintf(fault->detail, sizeof fault->detail, "master %u %s", bus->index,
+                 link_up ? "has a link, but no EtherCAT SubDevice behind it answers"
+                         : "has no link: cable, power of the SubDevices, `ip link set ... up`");
+    }
+    return FSN_E_BUS_SILENT;
+}
+
+static fsn_status match(struct fsn_igh *bus, unsigned slave_count, struct fsn_fault *fault) {
+    fsn_status first = FSN_OK;
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        struct igh_node *node = &bus->nodes[n];
+        ec_slave_info_t slave = {0};
+        fsn_status status = FSN_OK;
+        if (!igh_ring_of(bus, &node->info, slave_count, &node->ring) ||
+            ecrt_master_get_slave(bus->master, node->ring, &slave) != 0) {
+            igh_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %u SubDevices answer",
+                     node->info.alias, node->info.position, slave_count);
+            status = FSN_E_BUS_MISSING;
+        } else if (!igh_note_identity(bus, node, &slave)) {
+            status = FSN_E_BUS_IDENTITY;
+        } else {
+            igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+        }
+        if (status != FSN_OK && first == FSN_OK) {
+            first = igh_refuse(fault, status, node);
+        }
+    }
+    return first;
+}
+
+/** Takes the master for us alone. From here until activation IgH scans no more, so this comes when
+ *  all are found. */
+static fsn_status reserve(struct fsn_igh *bus, struct fsn_fault *fault) {
+    int result = -EINTR;
+    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
+        result = ecrt_master_reserve(bus->master);
+    }
+    if (result == -EBUSY) {
+        return fsn_refuse_all(fault, FSN_E_BUS_BUSY,
+                              "another program has this master of IgH in use");
+    }
+    return result == 0 ? FSN_OK : igh_refuse_call(fault, result, "IgH does not give its master");
+}
+
+/** An idle master leads everybody to PREOP. */
+static fsn_status wait_for_preop(struct fsn_igh *bus, struct igh_node *node,
+                                 struct fsn_fault *fault) {
+    ec_slave_info_t slave = {0};
+    for (int ms = 0; ms < PREOP_MS; ms += PAUSE_MS) {
+        if (ecrt_master_get_slave(bus->master, node->ring, &slave) == 0) {
+            const unsigned state = slave.al_state & STATE_BITS;
+            if (slave.error_flag != 0) {
+                break;
+            }
+            if (slave.al_state == FSN_AL_PREOP || state == FSN_AL_SAFEOP || state == FSN_AL_OP) {
+                node->seen.al_status = slave.al_state;
+                return FSN_OK;
+            }
+        }
+        pause_a_little();
+    }
+    node->seen.al_status = slave.al_state;
+    igh_note(bus, node, FSN_FOUND_STATE, "PREOP refused: AL status 0x%02x; the kernel log says why",
+             slave.al_state);
+    return igh_refuse(fault, FSN_E_BUS_STATE, node);
+}
+
+fsn_status igh_find(struct fsn_igh *bus, struct fsn_fault *fault) {
+    ec_master_info_t master = {0};
+    fsn_status status = wait_for_scan(bus, &master, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    if (master.slave_count == 0) {
+        return nobody(bus, master.link_up, fault);
+    }
+    status = match(bus, master.slave_count, fault);
+    status = status != FSN_OK ? status : reserve(bus, fault);
+    /* Between the look and the reservation the bus may have changed. */
+    status = status != FSN_OK ? status : wait_for_scan(bus, &master, fault);
+    status = status != FSN_OK ? status : match(bus, master.slave_count, fault);
+    for (uint32_t n = 0; n < bus->node_count && status == FSN_OK; n++) {
+        status = wait_for_preop(bus, &bus->nodes[n], fault);
+    }
+    return status;
+}

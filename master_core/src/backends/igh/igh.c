@@ -1,0 +1,325 @@
+#define _POSIX_C_SOURCE 200809L
+
+#include "igh.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_MASTERS = 32, MOST_TRIES = 100 };
+
+/* -- helpers -------------------------------------------------------------------------------- */
+
+void igh_note(struct fsn_igh *bus, struct igh_node *node, uint8_t found, const char *format, ...) {
+    char text[FSN_DETAIL_BYTES];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.found = found;
+    memcpy(node->seen.detail, text, sizeof text);
+    pthread_mutex_unlock(&bus->seen_lock);
+}
+
+fsn_status igh_refuse(struct fsn_fault *fault, fsn_status status, const struct igh_node *node) {
+    fsn_refuse(fault, status, FSN_SEC_SUBDEVICE, node->number, 0, NULL);
+    if (fault != NULL) {
+        /* Two texts of up to FSN_DETAIL_BYTES: what does not fit is cut. */
+        snprintf(fault->detail, sizeof fault->detail, "%.40s: %.110s", node->info.name,
+                 node->seen.detail);
+    }
+    return status;
+}
+
+fsn_status igh_refuse_call(struct fsn_fault *fault, int error, const char *rule) {
+    fsn_refuse_all(fault, FSN_E_SYS, rule);
+    if (fault != NULL) {
+        fault->sys_errno = error < 0 ? -error : error;
+    }
+    return FSN_E_SYS;
+}
+
+bool igh_upload(struct fsn_igh *bus, const struct igh_node *node, uint16_t index, uint8_t sub,
+                uint8_t *data, size_t room_bytes, uint32_t *abort_code) {
+    size_t size = 0;
+    int result = -EINTR;
+    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
+        *abort_code = 0;
+        result = ecrt_master_sdo_upload(bus->master, node->ring, index, sub, data, room_bytes,
+                                        &size, abort_code);
+    }
+    return result == 0;
+}
+
+bool igh_download(struct fsn_igh *bus, const struct igh_node *node, uint16_t index, uint8_t sub,
+                  const uint8_t *data, size_t size_bytes, uint32_t *abort_code) {
+    int result = -EINTR;
+    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
+        *abort_code = 0;
+        result = ecrt_master_sdo_download(bus->master, node->ring, index, sub, data, size_bytes,
+                                          abort_code);
+    }
+    return result == 0;
+}
+
+/* -- life ----------------------------------------------------------------------------------- */
+
+static bool read_index(const char *text, unsigned *index) {
+    char *end;
+    if (text == NULL || text[0] < '0' || text[0] > '9') {
+        return false;
+    }
+    const unsigned long value = strtoul(text, &end, 10);
+    *index = (unsigned)value;
+    return *end == '\0' && value < MOST_MASTERS;
+}
+
+static fsn_status igh_create(const struct fsn_live_options *options, void **out,
+                             struct fsn_fault *fault) {
+    unsigned index = 0;
+    if (out != NULL) {
+        *out = NULL;
+    }
+    if (options == NULL || out == NULL || !read_index(options->interface, &index)) {
+        return fsn_refuse_all(fault, FSN_E_ARG,
+                              "the IgH backend needs the number of the master, such as 0, in place "
+                              "of an interface");
+    }
+    if (options->redundant != NULL) {
+        return fsn_refuse_all(fault, FSN_E_ARG,
+                              "IgH takes its second interface from the kernel module: leave it out "
+                              "here and set the parameter backup_devices of ec_master");
+    }
+    struct fsn_igh *bus = calloc(1, sizeof *bus);
+    if (bus == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    bus->index = index;
+    bus->cycle_ns = options->cycle_ns;
+    bus->wait_ns = options->receive_wait_ns;
+    bus->dc_every = options->dc_every;
+    pthread_mutex_init(&bus->seen_lock, NULL);
+    *out = bus;
+    return FSN_OK;
+}
+
+/** Deactivation before release: it ends the exchange and has IgH lead all SubDevices to PREOP. */
+static void let_go(struct fsn_igh *bus) {
+    if (bus->master != NULL) {
+        if (bus->active) {
+            (void)ecrt_master_deactivate(bus->master);
+        }
+        ecrt_release_master(bus->master);
+    }
+    bus->master = NULL;
+    bus->active = false;
+    bus->sent = false;
+    free(bus->areas);
+    bus->areas = NULL;
+    bus->area_count = 0;
+    free(bus->bytes);
+    bus->bytes = NULL;
+    fsn_image_free(&bus->image);
+}
+
+static void igh_free(void *context) {
+    struct fsn_igh *bus = context;
+    if (bus == NULL) {
+        return;
+    }
+    let_go(bus);
+    free(bus->nodes);
+    pthread_mutex_destroy(&bus->seen_lock);
+    free(bus);
+}
+
+static fsn_status make_nodes(struct fsn_igh *bus, const struct fsn_plan *plan) {
+    free(bus->nodes);
+    bus->plan = plan;
+    bus->node_count = fsn_plan_subdevice_count(plan);
+    bus->nodes = calloc((size_t)bus->node_count + 1, sizeof *bus->nodes);
+    if (bus->nodes == NULL) {
+        return FSN_E_NOMEM;
+    }
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        bus->nodes[n].number = n;
+        if (fsn_plan_subdevice(plan, n, &bus->nodes[n].info) != FSN_OK) {
+            return FSN_E_ARG;
+        }
+    }
+    return FSN_OK;
+}
+
+static int by_place(const void *a, const void *b) {
+    const struct igh_area *x = a;
+    const struct igh_area *y = b;
+    return (x->image_byte > y->image_byte) - (x->image_byte < y->image_byte);
+}
+
+/** One area, hence one datagram, for each sync manager that has a place. */
+static fsn_status make_areas(struct fsn_igh *bus) {
+    const fsn_status status = fsn_image_create(bus->plan, FSN_MAX_DATAGRAM_BYTES, &bus->image);
+    if (status != FSN_OK) {
+        return status;
+    }
+    const uint32_t sms = fsn_plan_sm_count(bus->plan);
+    bus->bytes = calloc((size_t)bus->image.bytes + 1, 1);
+    bus->areas = calloc((size_t)sms + 1, sizeof *bus->areas);
+    if (bus->bytes == NULL || bus->areas == NULL) {
+        return FSN_E_NOMEM;
+    }
+    for (uint32_t sm = 0; sm < sms; sm++) {
+        struct fsn_sm_info info;
+        if (bus->image.sm_base[sm] != FSN_NONE && fsn_plan_sm(bus->plan, sm, &info) == FSN_OK) {
+            bus->areas[bus->area_count++] = (struct igh_area){
+                .sm = sm,
+                .node = info.subdevice,
+                .image_byte = bus->image.sm_base[sm],
+                .size_bytes = info.size_bytes,
+                .output = info.direction == FSN_OUTPUT,
+            };
+        }
+    }
+    qsort(bus->areas, bus->area_count, sizeof *bus->areas, by_place);
+    for (uint32_t a = 0; a < bus->area_count; a++) {
+        bus->image.datagram_begin[a] = bus->areas[a].image_byte;
+    }
+    bus->image.datagram_count = bus->area_count > 0 ? bus->area_count : 1;
+    return FSN_OK;
+}
+
+static fsn_status check_all(struct fsn_igh *bus, struct fsn_fault *fault) {
+    fsn_status first = FSN_OK;
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        struct igh_node *node = &bus->nodes[n];
+        const fsn_status status = igh_check(bus, node);
+        /* All are looked at: look() then tells about each. */
+        if (status != FSN_OK && first == FSN_OK) {
+            first = igh_refuse(fault, status, node);
+        }
+    }
+    return first;
+}
+
+static fsn_status configure_all(struct fsn_igh *bus, struct fsn_fault *fault) {
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        struct igh_node *node = &bus->nodes[n];
+        if (igh_configure(bus, node) != FSN_OK) {
+            igh_note(bus, node, FSN_FOUND_MAPPING,
+                     "IgH does not take its configuration; the kernel log says why");
+            return igh_refuse(fault, FSN_E_BUS_MAPPING, node);
+        }
+        bus->uses_time = bus->uses_time || node->info.assign_activate != 0;
+    }
+    bus->uses_time = bus->uses_time || bus->dc_every > 0;
+    return FSN_OK;
+}
+
+static fsn_status activate(struct fsn_igh *bus, struct fsn_fault *fault) {
+    (void)ecrt_master_set_send_interval(bus->master, (size_t)(bus->cycle_ns / 1000));
+    const int result = ecrt_master_activate(bus->master);
+    if (result != 0) {
+        return igh_refuse_call(fault, result, "IgH does not start; the kernel log says why");
+    }
+    bus->active = true;
+    for (uint32_t a = 0; a < bus->area_count; a++) {
+        struct igh_area *area = &bus->areas[a];
+        area->data = ecrt_domain_data(area->domain);
+        if (area->data == NULL || ecrt_domain_size(area->domain) != area->size_bytes) {
+            struct igh_node *node = &bus->nodes[area->node];
+            igh_note(bus, node, FSN_FOUND_MAPPING, "IgH gives it %zu bytes, the plan says %u",
+                     ecrt_domain_size(area->domain), area->size_bytes);
+            return igh_refuse(fault, FSN_E_BUS_IMAGE, node);
+        }
+    }
+    return FSN_OK;
+}
+
+static fsn_status open_steps(struct fsn_igh *bus, const struct fsn_plan *plan,
+                             struct fsn_fault *fault) {
+    fsn_status status = make_nodes(bus, plan);
+    status = status != FSN_OK ? status : make_areas(bus);
+    if (status != FSN_OK) {
+        return fsn_refuse_all(fault, status, NULL);
+    }
+    bus->master = ecrt_open_master(bus->index);
+    if (bus->master == NULL) {
+        return igh_refuse_call(fault, errno,
+                               "no master of that number: is the module ec_master loaded, and may "
+                               "this user open its device, /dev/EtherCAT0 and so on?");
+    }
+    status = igh_find(bus, fault);
+    status = status != FSN_OK ? status : check_all(bus, fault);
+    status = status != FSN_OK ? status : configure_all(bus, fault);
+    return status != FSN_OK ? status : activate(bus, fault);
+}
+
+static fsn_status igh_open(void *context, const struct fsn_plan *plan,
+                           struct fsn_bus_layout *layout, struct fsn_fault *fault) {
+    struct fsn_igh *bus = context;
+    if (bus->cycle_ns == 0) {
+        bus->cycle_ns = fsn_plan_cycle_ns(plan) != 0 ? fsn_plan_cycle_ns(plan) : 1000000;
+    }
+    const fsn_status status = open_steps(bus, plan, fault);
+    if (status != FSN_OK) {
+        let_go(bus);
+        return status;
+    }
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        bus->nodes[n].checked = true;
+        atomic_store(&bus->nodes[n].admitted, 1);
+        igh_note(bus, &bus->nodes[n], FSN_FOUND_RIGHT, "%s", "");
+    }
+    *layout = (struct fsn_bus_layout){
+        .image = bus->bytes,
+        .image_bytes = bus->image.bytes,
+        .sm_base = bus->image.sm_base,
+        .datagram_begin = bus->image.datagram_begin,
+        .datagram_count = bus->image.datagram_count,
+    };
+    return FSN_OK;
+}
+
+static void igh_close(void *context) {
+    let_go(context);
+}
+
+static fsn_status igh_look(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+    struct fsn_igh *bus = context;
+    if (subdevice >= bus->node_count) {
+        return FSN_E_ARG;
+    }
+    pthread_mutex_lock(&bus->seen_lock);
+    *seen = bus->nodes[subdevice].seen;
+    pthread_mutex_unlock(&bus->seen_lock);
+    return FSN_OK;
+}
+
+const struct fsn_backend *fsn_backend_igh(void) {
+    static const struct fsn_bus_ops ops = {
+        .name = "igh",
+        .open = igh_open,
+        .receive = igh_receive,
+        .send = igh_send,
+        .close = igh_close,
+        .tend = igh_tend,
+        .look = igh_look,
+    };
+    static const struct fsn_backend backend = {
+        .name = "igh",
+        .about =
+            "IgH EtherCAT Master 1.6, the EtherLab MainDevice, Copyright (C) Ingenieurgemeinschaft "
+            "IgH: its kernel modules under the GNU General Public License version 2, its "
+            "library libethercat under the GNU Lesser General Public License version 2.1.\n"
+            "EtherCAT is a registered trademark and patented technology, licensed by Beckhoff "
+            "Automation GmbH, Germany; to use a MainDevice you need the free licence of the "
+            "EtherCAT Technology Group.",
+        .ops = &ops,
+        .create = igh_create,
+        .free = igh_free,
+    };
+    return &backend;
+}

@@ -1,0 +1,149 @@
+/** IgH EtherCAT Master behind ecrt.h: a kernel module owns the wire and the AL states.
+ *
+ *  One domain per sync manager, so that each has a datagram and a working counter of its own: 1
+ * when its SubDevice took part, else 0. The bytes of a domain are those of the datagram, so the
+ * image is another memory: inputs move into it whole when their working counter is right, else not
+ * at all.
+ *
+ *  Whether the configurations are attached ("online") says nothing about the cycle: whenever the
+ *  number of answering SubDevices changes, IgH scans all of them again and detaches every
+ *  configuration meanwhile, while process data goes on. The working counters judge the cycle. */
+#ifndef FSN_IGH_INTERNAL_H
+#define FSN_IGH_INTERNAL_H
+
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "fsn/live.h"
+#include "image.h"
+
+#include <ecrt.h>
+
+enum {
+    IGH_AL_BYTES = 6,     /**< 0x0130: AL status, reserved, AL status code */
+    IGH_ERROR_BYTES = 20, /**< 0x0300 … 0x0313 */
+    IGH_CONTROL_BYTES = 2,
+};
+
+/** What the register request of a SubDevice was last used for. */
+enum igh_register { IGH_REG_NONE, IGH_REG_AL, IGH_REG_ERRORS, IGH_REG_CONTROL };
+
+/** A SubDevice of the plan. */
+struct igh_node {
+    struct fsn_subdevice_info info;
+    uint32_t number; /**< in the plan */
+    uint16_t ring;   /**< its position on the ring, of the last scan */
+    ec_slave_config_t *config;
+    ec_reg_request_t
+        *request; /**< NULL when IgH gives none: then there are no codes and counters */
+    enum igh_register asked;
+    uint64_t asked_ns;
+    bool coe;              /**< it answered an SDO */
+    bool address_readable; /**< it told its FSoE address before the cycle began */
+    bool checked;          /**< since it was found last: identity and FSoE address */
+    bool was_in_op, away;
+    bool left; /**< it was seen outside OP since it was to leave it */
+    uint64_t retry_ns;
+    struct fsn_bus_subdevice seen;
+    /** 1 while process data is exchanged with it; 0 after it was lost, until `checked`. */
+    _Atomic uint8_t admitted;
+    /** Cycles in a row without a working counter in any of its domains; counted by the cycle. */
+    _Atomic uint32_t silent;
+    bool answered; /**< in this cycle; of the cyclic thread */
+};
+
+/** A sync manager with a place in the image, and its domain. */
+struct igh_area {
+    uint32_t sm, node;
+    uint32_t image_byte, size_bytes;
+    bool output;
+    bool queued; /**< in the last send(): otherwise its domain tells of an earlier cycle */
+    bool complete;
+    ec_domain_t *domain;
+    uint8_t *data;
+};
+
+struct fsn_igh {
+    unsigned index; /**< number of the master */
+    uint64_t cycle_ns, wait_ns;
+    uint32_t dc_every;
+
+    ec_master_t *master;
+    bool active;
+    const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
+    struct fsn_image image;
+    uint8_t *bytes; /**< the image */
+    struct igh_node *nodes;
+    uint32_t node_count;
+    struct igh_area *areas; /**< in the order of the image */
+    uint32_t area_count;
+
+    /* Of the cyclic thread. */
+    uint32_t dc_left;
+    bool sent, dc_asked;
+    bool uses_time;      /**< somebody needs the time of the application */
+    uint64_t app_ns;     /**< time of the application in the last send() */
+    uint64_t app_set_ns; /**< CLOCK_MONOTONIC of that */
+
+    /* Of the acyclic side. */
+    pthread_mutex_t seen_lock; /**< guards `seen` of the nodes; never taken by the cycle */
+    uint64_t look_ns, reset_ns;
+    uint8_t goal;
+    bool all_there;
+};
+
+/* Finding (find.c). */
+
+/** Waits until the bus is scanned, takes the master, and finds every SubDevice of the plan in PREOP
+ *  or higher; refuses on any difference. */
+fsn_status igh_find(struct fsn_igh *bus, struct fsn_fault *fault);
+/** Position on the ring that the plan means by the last scan; false: nothing stands there. */
+bool igh_ring_of(const struct fsn_igh *bus, const struct fsn_subdevice_info *info,
+                 unsigned slave_count, uint16_t *ring);
+/** Notes who stands at the place of a node; returns whether it is the one of the plan. */
+bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave);
+
+/* Configuring (configure.c). */
+
+/** Start-up SDOs, process data and FSoE address of one SubDevice, before the master is active.
+ *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS  `seen` of the node says more. */
+fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node);
+/** Tells IgH what to do with a SubDevice whenever it finds it, and makes the domains. */
+fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node);
+/** Compares the FSoE address with the plan.
+ *  @param[out] readable  whether the SubDevice told it. */
+fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable);
+
+/* Process data of one SubDevice against the plan (pdo.c). */
+fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node);
+/** An entry of the plan as mapping objects hold it: index, subindex, bits; padding of more than 255
+ *  bits is several. `entries` has room for IGH_MOST_ENTRIES; returns how many. */
+enum { IGH_MOST_ENTRIES = 254 };
+uint32_t igh_planned_entries(const struct fsn_plan *plan, const uint8_t *pdo, uint32_t *entries);
+/** Record of a PDO of a sync manager. */
+const uint8_t *igh_pdo(const struct fsn_plan *plan, uint32_t sm, uint32_t number);
+
+/* The cycle (cycle.c). */
+void igh_receive(void *context, struct fsn_bus_input *input);
+void igh_send(void *context);
+
+/* Supervision (tend.c). */
+bool igh_tend(void *context, uint8_t al_state, uint64_t now_ns);
+
+/* Shared (igh.c). */
+
+/** Writes what was found about a node, for look(); printf-like. */
+void igh_note(struct fsn_igh *bus, struct igh_node *node, uint8_t found, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+/** Refuses because of a node; the detail is what was noted about it. */
+fsn_status igh_refuse(struct fsn_fault *fault, fsn_status status, const struct igh_node *node);
+/** Refuses because a call of ecrt.h failed. */
+fsn_status igh_refuse_call(struct fsn_fault *fault, int error, const char *rule);
+/** Reads an object; false with an abort code, 0 for no answer. At most `room` bytes. */
+bool igh_upload(struct fsn_igh *bus, const struct igh_node *node, uint16_t index, uint8_t sub,
+                uint8_t *data, size_t room_bytes, uint32_t *abort_code);
+/** Writes an object; false with an abort code, 0 for no answer. */
+bool igh_download(struct fsn_igh *bus, const struct igh_node *node, uint16_t index, uint8_t sub,
+                  const uint8_t *data, size_t size_bytes, uint32_t *abort_code);
+
+#endif

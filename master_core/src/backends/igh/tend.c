@@ -1,0 +1,271 @@
+/** States, losses and returns, beside the running cycle.
+ *
+ *  IgH leads every SubDevice it has a configuration for to OP by itself, again after each loss, and
+ *  it knows it by vendor and product code alone. What we add: a SubDevice that was lost gets no
+ *  process data, in either direction, until revision and FSoE address are seen to be those of the
+ *  plan. What we cannot prevent: IgH writes start-up SDOs, mapping, sync managers and FMMUs into
+ *  any device of that vendor and product, and asks it for OP. */
+#include "igh.h"
+
+#include <string.h>
+
+enum {
+    LOOK_NS = 10000000,    /**< between two looks at all SubDevices */
+    RETRY_NS = 1000000000, /**< after something was refused */
+    STUCK_NS = 1000000000, /**< a register request without an answer: it is made again */
+    QUIET_CYCLES = 10,     /**< cycles without a working counter until a SubDevice counts as lost */
+    STATE_BITS = 0x0F,
+    REG_CONTROL = 0x0120,
+    REG_STATUS = 0x0130,
+    REG_ERRORS = 0x0300,
+    LINK_LOST = 0x10, /**< 0x0310, from 0x0300 on */
+};
+
+/* -- registers ------------------------------------------------------------------------------ */
+
+static void note_al(struct fsn_igh *bus, struct igh_node *node, const uint8_t *data) {
+    const uint16_t status = fsn_get16(data);
+    node->left = node->left || (status & STATE_BITS) != FSN_AL_OP;
+    if ((status & FSN_AL_ERROR) == 0) {
+        return;
+    }
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.al_code = fsn_get16(data + 4);
+    pthread_mutex_unlock(&bus->seen_lock);
+}
+
+static void note_errors(struct fsn_igh *bus, struct igh_node *node, const uint8_t *data) {
+    pthread_mutex_lock(&bus->seen_lock);
+    for (unsigned port = 0; port < FSN_PORTS; port++) {
+        node->seen.rx_errors[port] = data[2 * port];
+        node->seen.link_lost[port] = data[LINK_LOST + port];
+    }
+    pthread_mutex_unlock(&bus->seen_lock);
+}
+
+static void ask(struct igh_node *node, enum igh_register what, uint64_t now_ns) {
+    int result = 0;
+    if (what == IGH_REG_AL) {
+        result = ecrt_reg_request_read(node->request, REG_STATUS, IGH_AL_BYTES);
+    } else if (what == IGH_REG_ERRORS) {
+        result = ecrt_reg_request_read(node->request, REG_ERRORS, IGH_ERROR_BYTES);
+    } else {
+        static const uint8_t safeop[IGH_CONTROL_BYTES] = {FSN_AL_SAFEOP, 0};
+        memcpy(ecrt_reg_request_data(node->request), safeop, sizeof safeop);
+        result = ecrt_reg_request_write(node->request, REG_CONTROL, IGH_CONTROL_BYTES);
+    }
+    node->asked = result == 0 ? what : IGH_REG_NONE;
+    node->asked_ns = now_ns;
+}
+
+/** Takes the answer to the last request and makes the next one. */
+static void poll_registers(struct fsn_igh *bus, struct igh_node *node, bool leaving,
+                           uint64_t now_ns) {
+    if (node->request == NULL) {
+        return;
+    }
+    const ec_request_state_t state = ecrt_reg_request_state(node->request);
+    if (node->asked != IGH_REG_NONE && state == EC_REQUEST_BUSY) {
+        /* The same again: should it be answered after all, the answer fits. */
+        if (now_ns - node->asked_ns > STUCK_NS) {
+            ask(node, node->asked, now_ns);
+        }
+        return;
+    }
+    if (state == EC_REQUEST_SUCCESS && node->asked == IGH_REG_AL) {
+        note_al(bus, node, ecrt_reg_request_data(node->request));
+    } else if (state == EC_REQUEST_SUCCESS && node->asked == IGH_REG_ERRORS) {
+        note_errors(bus, node, ecrt_reg_request_data(node->request));
+    }
+    if (leaving) {
+        ask(node, node->asked == IGH_REG_CONTROL ? IGH_REG_AL : IGH_REG_CONTROL, now_ns);
+    } else {
+        ask(node, node->asked == IGH_REG_AL ? IGH_REG_ERRORS : IGH_REG_AL, now_ns);
+    }
+}
+
+/* -- looking -------------------------------------------------------------------------------- */
+
+static bool is_silent(const struct igh_node *node) {
+    return atomic_load_explicit(&node->silent, memory_order_relaxed) >= QUIET_CYCLES;
+}
+
+static void lose(struct fsn_igh *bus, struct igh_node *node) {
+    atomic_store_explicit(&node->admitted, 0, memory_order_release);
+    node->checked = false;
+    node->away = node->was_in_op;
+    pthread_mutex_lock(&bus->seen_lock);
+    const bool noted =
+        node->seen.found == FSN_FOUND_NOTHING || node->seen.found == FSN_FOUND_IDENTITY;
+    node->seen.al_status = FSN_AL_NONE;
+    pthread_mutex_unlock(&bus->seen_lock);
+    if (!noted) {
+        igh_note(bus, node, FSN_FOUND_NOTHING,
+                 "no answer; look at its cable, its supply, and those of the SubDevices before it");
+    }
+}
+
+static void note_slave(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.al_status = (uint8_t)(slave->al_state | (slave->error_flag != 0 ? FSN_AL_ERROR : 0));
+    for (unsigned port = 0; port < FSN_PORTS; port++) {
+        node->seen.link[port] = slave->ports[port].link.link_up != 0;
+    }
+    pthread_mutex_unlock(&bus->seen_lock);
+}
+
+/** Whether the device that stands there is the one of the plan; only then it is admitted. */
+static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
+                  uint64_t now_ns) {
+    if (node->checked) {
+        return true;
+    }
+    if (now_ns < node->retry_ns) {
+        return false;
+    }
+    node->retry_ns = now_ns + RETRY_NS / 10;
+    if (!igh_note_identity(bus, node, slave)) {
+        return false;
+    }
+    const unsigned state = slave->al_state & STATE_BITS;
+    bool readable = false;
+    if (node->address_readable && state != FSN_AL_PREOP && state != FSN_AL_SAFEOP &&
+        state != FSN_AL_OP) {
+        return false; /* no mailbox yet */
+    }
+    if (node->address_readable &&
+        (igh_check_address(bus, node, &readable) != FSN_OK || !readable)) {
+        return false;
+    }
+    node->checked = true;
+    node->retry_ns = 0;
+    atomic_store_explicit(&node->admitted, 1, memory_order_release);
+    igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    return true;
+}
+
+/** IgH stops leading a SubDevice up that has refused a state; a reset makes it try again, and is
+ *  nothing to the others. */
+static void retry_refused(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
+                          uint64_t now_ns) {
+    igh_note(bus, node, FSN_FOUND_STATE,
+             "OP refused: AL status 0x%02x, code 0x%04x; the kernel log says more", slave->al_state,
+             node->seen.al_code);
+    if (now_ns >= bus->reset_ns) {
+        (void)ecrt_master_reset(bus->master);
+        bus->reset_ns = now_ns + RETRY_NS;
+    }
+}
+
+/** In OP: counts it when it was away since it had been here last. */
+static void note_op(struct fsn_igh *bus, struct igh_node *node) {
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.returns += node->away;
+    const bool refused = node->seen.found == FSN_FOUND_STATE;
+    pthread_mutex_unlock(&bus->seen_lock);
+    node->away = false;
+    node->was_in_op = true;
+    if (refused) {
+        igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    }
+}
+
+/** Returns false when it answers and is not in OP. */
+static bool lead(struct fsn_igh *bus, struct igh_node *node, const ec_master_info_t *master,
+                 uint64_t now_ns) {
+    ec_slave_info_t slave = {0};
+    if (!igh_ring_of(bus, &node->info, master->slave_count, &node->ring) ||
+        ecrt_master_get_slave(bus->master, node->ring, &slave) != 0) {
+        lose(bus, node);
+        return true;
+    }
+    if (node->checked && node->was_in_op && is_silent(node) &&
+        (slave.al_state & STATE_BITS) < FSN_AL_SAFEOP) {
+        node->checked = false; /* it has been away in between two looks */
+        node->away = true;
+        atomic_store_explicit(&node->admitted, 0, memory_order_release);
+    }
+    note_slave(bus, node, &slave);
+    node->away = node->away || (node->was_in_op && (slave.al_state & STATE_BITS) != FSN_AL_OP);
+    const bool admitted = admit(bus, node, &slave, now_ns);
+    poll_registers(bus, node, false, now_ns);
+    if (slave.error_flag != 0 && admitted) {
+        retry_refused(bus, node, &slave, now_ns);
+    }
+    if (slave.al_state != FSN_AL_OP || slave.error_flag != 0 || !admitted) {
+        return false;
+    }
+    note_op(bus, node);
+    return true;
+}
+
+/** While IgH scans, it knows nobody; only the working counters tell who is lost. */
+static void lose_silent(struct fsn_igh *bus) {
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        if (bus->nodes[n].was_in_op && is_silent(&bus->nodes[n])) {
+            lose(bus, &bus->nodes[n]);
+        }
+    }
+}
+
+/* -- leaving -------------------------------------------------------------------------------- */
+
+/** ecrt.h has no way to ask for a state below OP: deactivation is all it offers, and that ends the
+ *  exchange of process data at once. So AL control is written through a register request while the
+ *  cycle goes on, and AL status is read back. IgH sees a SubDevice that is not where it led it and
+ *  will lead it up anew, from INIT on; seen once outside OP is therefore enough, and the caller is
+ *  to close the bus soon after. Whoever has no register request, or does not answer, is not waited
+ *  for. */
+static bool leave(struct fsn_igh *bus, struct igh_node *node, uint64_t now_ns) {
+    ec_slave_config_state_t state = {0};
+    if (node->left || node->request == NULL || ecrt_slave_config_state(node->config, &state) != 0 ||
+        state.online == 0) {
+        return true;
+    }
+    poll_registers(bus, node, true, now_ns);
+    if (node->left) {
+        pthread_mutex_lock(&bus->seen_lock);
+        node->seen.al_status = FSN_AL_SAFEOP;
+        pthread_mutex_unlock(&bus->seen_lock);
+    }
+    return node->left;
+}
+
+static void begin(struct fsn_igh *bus, uint8_t al_state) {
+    bus->goal = al_state;
+    bus->look_ns = 0;
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        bus->nodes[n].left = false;
+    }
+}
+
+bool igh_tend(void *context, uint8_t al_state, uint64_t now_ns) {
+    struct fsn_igh *bus = context;
+    if (al_state != bus->goal) {
+        begin(bus, al_state);
+    }
+    bool all = true;
+    if (al_state != FSN_AL_OP) {
+        for (uint32_t n = 0; n < bus->node_count; n++) {
+            all = leave(bus, &bus->nodes[n], now_ns) && all;
+        }
+        return all;
+    }
+    if (now_ns < bus->look_ns) {
+        return bus->all_there;
+    }
+    bus->look_ns = now_ns + LOOK_NS;
+    ec_master_info_t master = {0};
+    if (ecrt_master(bus->master, &master) != 0) {
+        return bus->all_there;
+    }
+    if (master.scan_busy != 0) {
+        lose_silent(bus);
+        return bus->all_there;
+    }
+    for (uint32_t n = 0; n < bus->node_count; n++) {
+        all = lead(bus, &bus->nodes[n], &master, now_ns) && all;
+    }
+    bus->all_there = all;
+    return all;
+}

@@ -1,0 +1,431 @@
+/** The IgH backend against a master in memory (tests/fake): what it refuses, what it moves, what it
+ *  sees, and in which order it calls. */
+#include <errno.h>
+#include <string.h>
+
+#include "builder.h"
+#include "fake.h"
+#include "fsn/fsn.h"
+#include "fsn/live.h"
+#include "plan_internal.h"
+
+enum { MS = 1000000, ADDRESS = 14, KNOWN_ADDRESS = 2 };
+
+struct rig {
+    struct fsn_plan *plan;
+    void *bus;
+    struct fsn_core *core;
+    struct fsn_fault fault;
+    uint64_t now_ns;
+};
+
+/* -- set-up --------------------------------------------------------------------------------- */
+
+static uint8_t *record(struct rig *rig, uint32_t section, uint32_t number) {
+    return rig->plan->bytes + rig->plan->offset[section] + number * fsn_record_bytes[section];
+}
+
+/** Objects of a device whose PDO `pdo` has one byte per entry. */
+static void map_bytes(unsigned device, uint8_t sm, uint16_t pdo, unsigned bytes) {
+    const uint16_t assignment = (uint16_t)(0x1C10 + sm);
+    fake_object(device, assignment, 0, 1, 1, false);
+    fake_object(device, assignment, 1, pdo, 2, false);
+    fake_object(device, pdo, 0, bytes, 1, false);
+    for (unsigned i = 0; i < bytes; i++) {
+        fake_object(device, pdo, (uint8_t)(i + 1), 0x60000008u | (i << 8), 4, false);
+    }
+}
+
+/** The e-stop pair as plan and as devices; the plan knows the FSoE address of the second one. */
+static struct rig *set_up(void) {
+    struct rig *rig = calloc(1, sizeof *rig);
+    CHECK(rig != NULL);
+    size_t len;
+    uint8_t *bytes = build_full(&len);
+    CHECK(fsn_plan_load(bytes, len, &rig->plan, NULL) == FSN_OK);
+    free(bytes);
+    uint8_t *connection = record(rig, FSN_SEC_CONNECTION, 0);
+    connection[26] = ADDRESS;
+    connection[30] |= KNOWN_ADDRESS;
+    struct fsn_connection_info info;
+    CHECK(fsn_plan_connection(rig->plan, 0, &info) == FSN_OK && info.address == ADDRESS &&
+          (info.known & KNOWN_ADDRESS) != 0);
+    fake_reset(2);
+    map_bytes(0, 2, 0x1600, 9);
+    map_bytes(0, 3, 0x1A00, 8);
+    map_bytes(1, 2, 0x1600, 8);
+    map_bytes(1, 3, 0x1A00, 8);
+    fake_object(1, 0xF980, 1, ADDRESS, 2, true);
+    fake_object(1, 0x8000, 1, 0, 4, false);
+    memset(fake.device[0].inputs, 0xA0, 8);
+    memset(fake.device[1].inputs, 0xB0, 8);
+    return rig;
+}
+
+static fsn_status open_with(struct rig *rig, uint32_t dc_every) {
+    const struct fsn_live_options options = {.interface = "0", .dc_every = dc_every};
+    CHECK(fsn_backend_igh()->create(&options, &rig->bus, &rig->fault) == FSN_OK);
+    return fsn_core_create(rig->plan, fsn_backend_igh()->ops, rig->bus, &rig->core, &rig->fault);
+}
+
+static void tear_down(struct rig *rig) {
+    fsn_core_free(rig->core);
+    fsn_backend_igh()->free(rig->bus);
+    fsn_plan_free(rig->plan);
+    free(rig);
+    CHECK(fake.open_masters == 0 && !fake.active);
+    CHECK(fake.sdo_while_scanning == 0);
+}
+
+static void refuses(struct rig *rig, fsn_status status, const char *detail) {
+    const fsn_status got = open_with(rig, 0);
+    if (got != status || strstr(rig->fault.detail, detail) == NULL) {
+        fprintf(stderr, "%s: %s, %s\n", detail, fsn_status_name(got), rig->fault.detail);
+        exit(1);
+    }
+    CHECK(rig->fault.status == status && rig->fault.rule != NULL && !fake.active);
+    tear_down(rig);
+}
+
+static struct fsn_bus_subdevice look(struct rig *rig, uint32_t n) {
+    struct fsn_bus_subdevice seen;
+    CHECK(fsn_core_subdevice(rig->core, n, &seen) == FSN_OK);
+    return seen;
+}
+
+/** Cycles of 1 ms, each with one step of the acyclic work; returns what the last one said. */
+static bool run(struct rig *rig, unsigned cycles, uint8_t goal) {
+    bool there = false;
+    for (unsigned i = 0; i < cycles; i++) {
+        rig->now_ns += MS;
+        CHECK(fsn_core_cycle(rig->core, rig->now_ns) == FSN_OK);
+        there = fsn_core_tend(rig->core, goal, rig->now_ns);
+    }
+    return there;
+}
+
+static struct rig *bring_up(void) {
+    struct rig *rig = set_up();
+    CHECK(open_with(rig, 0) == FSN_OK);
+    CHECK(run(rig, 50, FSN_AL_OP));
+    CHECK(look(rig, 0).al_status == FSN_AL_OP && look(rig, 1).al_status == FSN_AL_OP);
+    return rig;
+}
+
+static struct fsn_statistics snapshot(struct rig *rig) {
+    struct fsn_statistics statistics;
+    CHECK(fsn_core_snapshot(rig->core, &statistics, NULL, NULL) == FSN_OK);
+    return statistics;
+}
+
+/* -- what is refused ------------------------------------------------------------------------ */
+
+static void options_are_checked(void) {
+    void *bus = NULL;
+    struct fsn_fault fault;
+    static const char *const wrong[] = {"eth0", "", "-1", "1x", "32", "99999999999999999999"};
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        const struct fsn_live_options options = {.interface = wrong[i]};
+        CHECK(fsn_backend_igh()->create(&options, &bus, &fault) == FSN_E_ARG && bus == NULL);
+    }
+    const struct fsn_live_options ring = {.interface = "0", .redundant = "eth1"};
+    CHECK(fsn_backend_igh()->create(&ring, &bus, &fault) == FSN_E_ARG);
+    CHECK(strstr(fault.rule, "backup_devices") != NULL);
+    CHECK(fsn_backend_igh()->create(NULL, &bus, NULL) == FSN_E_ARG);
+    CHECK(strstr(fsn_backend_igh()->about, "trademark") != NULL);
+}
+
+static void bus_is_refused(void) {
+    struct rig *rig = set_up();
+    fake.no_master = true;
+    CHECK(open_with(rig, 0) == FSN_E_SYS && rig->fault.sys_errno == ENOENT);
+    tear_down(rig);
+    rig = set_up();
+    fake.reserved_by_other = true;
+    refuses(rig, FSN_E_BUS_BUSY, "");
+    rig = set_up();
+    fake.device[0].present = false;
+    refuses(rig, FSN_E_BUS_SILENT, "no EtherCAT SubDevice");
+    rig = set_up();
+    fake.device[0].present = false;
+    fake.link_down = true;
+    refuses(rig, FSN_E_BUS_SILENT, "no link");
+    rig = set_up();
+    fake.device[1].present = false;
+    refuses(rig, FSN_E_BUS_MISSING, "position 1: 1 SubDevices answer");
+    rig = set_up();
+    fake.device[1].al = 1;
+    fake.device[1].refuses_preop = true;
+    refuses(rig, FSN_E_BUS_STATE, "PREOP refused");
+    rig = set_up();
+    fake.activate_fails = true;
+    CHECK(open_with(rig, 0) == FSN_E_SYS && rig->fault.sys_errno == ENOMEM);
+    tear_down(rig);
+}
+
+static void other_devices_are_refused(void) {
+    struct rig *rig = set_up();
+    fake.device[1].info.product_code = 0x99;
+    refuses(rig, FSN_E_BUS_IDENTITY, "product 0x00000099");
+    rig = set_up();
+    fake.device[1].info.vendor_id = 3;
+    refuses(rig, FSN_E_BUS_IDENTITY, "vendor 0x00000003");
+    /* IgH does not look at the revision; we do, at both ends of the range. */
+    for (uint32_t revision = 4; revision <= 8; revision += 4) {
+        rig = set_up();
+        record(rig, FSN_SEC_SUBDEVICE, 1)[16] = 5;
+        memset(record(rig, FSN_SEC_SUBDEVICE, 1) + 20, 0, 4);
+        record(rig, FSN_SEC_SUBDEVICE, 1)[20] = 7;
+        fake.device[1].info.revision_number = revision;
+        refuses(rig, FSN_E_BUS_IDENTITY, "revision 0x0000000");
+    }
+    rig = set_up();
+    fake_object(1, 0xF980, 1, ADDRESS + 1, 2, true);
+    refuses(rig, FSN_E_BUS_ADDRESS, "FSoE address 15, the plan says 14");
+}
+
+static void mappings_are_checked(void) {
+    struct rig *rig = set_up();
+    fake_object(1, 0x1A00, 3, 0x60000310, 4, true);
+    refuses(rig, FSN_E_BUS_MAPPING, "PDO 0x1a00, entry 3 is 0x60000310");
+    rig = set_up();
+    fake_object(1, 0x1A00, 0, 7, 1, true);
+    refuses(rig, FSN_E_BUS_MAPPING, "PDO 0x1a00 has 7 entries, the plan says 8");
+    rig = set_up();
+    fake_object(0, 0x1C12, 1, 0x1601, 2, true);
+    refuses(rig, FSN_E_BUS_MAPPING, "an assigned PDO is 0x1601");
+    /* What can be written is written once, then it fits. */
+    rig = set_up();
+    fake_object(0, 0x1C12, 1, 0x1601, 2, false);
+    fake_object(0, 0x1600, 1, 0x70000108, 4, false);
+    CHECK(open_with(rig, 0) == FSN_OK && strstr(fake.log, "download-active") == NULL);
+    tear_down(rig);
+    /* Without CoE the SII counts, and without that nothing. */
+    rig = set_up();
+    fake.device[0].object_count = 0;
+    CHECK(open_with(rig, 0) == FSN_OK);
+    tear_down(rig);
+    rig = set_up();
+    fake.device[0].object_count = 0;
+    fake.device[0].sii_bits[2] = 80;
+    refuses(rig, FSN_E_BUS_MAPPING, "SM2: its length in bits by the SII is 0x50");
+}
+
+static void sdos_are_written(void) {
+    struct rig *rig = set_up();
+    fake_object(1, 0x8000, 1, 0, 4, true);
+    refuses(rig, FSN_E_BUS_SDO, "0x8000:01: abort code 0x06010002");
+    rig = set_up();
+    fake.device[1].object_count = 0;
+    refuses(rig, FSN_E_BUS_SDO, "it has no CoE");
+    rig = set_up();
+    fake.scans = 3; /* it waits for the scan */
+    CHECK(open_with(rig, 0) == FSN_OK);
+    /* Found before it is taken, written before it is configured, then active; closed in the other
+     * order. */
+    fsn_core_free(rig->core);
+    rig->core = NULL;
+    CHECK(strcmp(fake.log, "open reserve download config-sdo activate deactivate release ") == 0);
+    tear_down(rig);
+}
+
+/* -- what is moved -------------------------------------------------------------------------- */
+
+/** The frame of the SubInstance as it stands in the outputs of the MainInstance, and back. */
+static void data_flows(void) {
+    struct rig *rig = bring_up();
+    uint8_t expected[6];
+    memset(expected, 0xB0, sizeof expected);
+    CHECK(memcmp(fake.device[0].outputs, expected, sizeof expected) == 0);
+    memset(expected, 0xA0, sizeof expected);
+    CHECK(memcmp(fake.device[1].outputs, expected, sizeof expected) == 0);
+    const struct fsn_statistics s = snapshot(rig);
+    CHECK(s.expected_wkc == 4 && s.actual_wkc == 4);
+    CHECK(fake.send_interval == 1000);
+    tear_down(rig);
+}
+
+/** What does not come back leaves the old bytes, whole, and says so. */
+static void losses_keep_old_bytes(void) {
+    struct rig *rig = bring_up();
+    const uint64_t stale = fsn_core_stale_cycles(rig->core, 3);
+    fake.device[1].mute = true;
+    memset(fake.device[1].inputs, 0xEE, 8);
+    memset(fake.device[0].inputs, 0xA1, 8);
+    run(rig, 3, FSN_AL_OP);
+    CHECK(fake.device[0].outputs[0] == 0xB0 && fake.device[0].outputs[5] == 0xB0);
+    CHECK(snapshot(rig).actual_wkc == 2);
+    CHECK(fsn_core_stale_cycles(rig->core, 3) >= stale + 2);
+    CHECK(snapshot(rig).lost_frames == 0);
+    fake.device[1].mute = false;
+    run(rig, 3, FSN_AL_OP);
+    CHECK(fake.device[0].outputs[0] == 0xEE && fake.device[1].outputs[0] == 0xA1);
+    const uint64_t lost = snapshot(rig).lost_frames;
+    fake.lose_frames = true;
+    memset(fake.device[1].inputs, 0x11, 8);
+    run(rig, 2, FSN_AL_OP);
+    fake.lose_frames = false;
+    CHECK(snapshot(rig).lost_frames == lost + 2);
+    CHECK(fake.device[0].outputs[0] == 0xEE);
+    tear_down(rig);
+}
+
+/** Signals end calls of the kernel; a few are made again, and more of them are a lost cycle. */
+static void signals_do_no_harm(void) {
+    struct rig *rig = bring_up();
+    const uint64_t before = snapshot(rig).wkc_errors;
+    fake.interrupted = 4;
+    run(rig, 3, FSN_AL_OP);
+    CHECK(snapshot(rig).wkc_errors == before);
+    memset(fake.device[1].inputs, 0x77, 8);
+    fake.interrupted = 1000;
+    run(rig, 1, FSN_AL_OP);
+    fake.interrupted = 0;
+    CHECK(snapshot(rig).wkc_errors == before + 1 && snapshot(rig).actual_wkc == 0);
+    /* Its queue was refused as well: the reply of before must not pass for a new one. */
+    run(rig, 1, FSN_AL_OP);
+    CHECK(snapshot(rig).wkc_errors == before + 2 && fake.device[0].outputs[0] == 0xB0);
+    run(rig, 2, FSN_AL_OP);
+    CHECK(snapshot(rig).wkc_errors == before + 2 && fake.device[0].outputs[0] == 0x77);
+    tear_down(rig);
+}
+
+static void clocks_are_told(void) {
+    struct rig *rig = set_up();
+    CHECK(open_with(rig, 5) == FSN_OK);
+    run(rig, 20, FSN_AL_OP);
+    CHECK(fake.clock_syncs == 4 && fake.app_time != 0 && snapshot(rig).dc_time_ns == 0);
+    fake.reference_time = (uint32_t)fake.app_time + 5000;
+    run(rig, 6, FSN_AL_OP);
+    CHECK((uint32_t)snapshot(rig).dc_time_ns == fake.reference_time);
+    /* Our own time follows the clock from then on. */
+    CHECK(snapshot(rig).dc_time_ns <= fake.app_time);
+    tear_down(rig);
+}
+
+/* -- what is seen --------------------------------------------------------------------------- */
+
+static void devices_return(void) {
+    struct rig *rig = bring_up();
+    fake_unplug(1);
+    run(rig, 40, FSN_AL_OP);
+    CHECK(look(rig, 1).found == FSN_FOUND_NOTHING && look(rig, 1).al_status == FSN_AL_NONE);
+    CHECK(look(rig, 0).found == FSN_FOUND_RIGHT && look(rig, 0).al_status == FSN_AL_OP);
+    CHECK(snapshot(rig).actual_wkc == 2);
+    fake_plug(1);
+    memset(fake.device[1].inputs, 0x42, 8);
+    for (int i = 0; i < 50 && look(rig, 1).returns == 0; i++) {
+        run(rig, 20, FSN_AL_OP);
+    }
+    CHECK(look(rig, 1).returns == 1 && look(rig, 1).found == FSN_FOUND_RIGHT);
+    CHECK(look(rig, 0).returns == 0);
+    run(rig, 3, FSN_AL_OP);
+    CHECK(fake.device[0].outputs[0] == 0x42 && snapshot(rig).actual_wkc == 4);
+    tear_down(rig);
+}
+
+/** IgH leads any device of that vendor and product to OP; it gets no process data from us. */
+static void another_address_gets_nothing(void) {
+    struct rig *rig = bring_up();
+    fake_unplug(1);
+    run(rig, 40, FSN_AL_OP);
+    fake_object(1, 0xF980, 1, ADDRESS + 1, 2, true);
+    fake_plug(1);
+    memset(fake.device[1].inputs, 0x42, 8);
+    fake.device[1].output_sets = 0;
+    CHECK(!run(rig, 400, FSN_AL_OP));
+    CHECK(look(rig, 1).found == FSN_FOUND_ADDRESS && look(rig, 1).returns == 0);
+    CHECK(fake.device[1].output_sets == 0 && fake.device[0].outputs[0] == 0xB0);
+    fake_object(1, 0xF980, 1, ADDRESS, 2, true); /* somebody sets its switches right */
+    run(rig, 400, FSN_AL_OP);
+    CHECK(look(rig, 1).returns == 1 && fake.device[0].outputs[0] == 0x42);
+    tear_down(rig);
+}
+
+static void another_revision_gets_nothing(void) {
+    struct rig *rig = set_up();
+    memset(record(rig, FSN_SEC_SUBDEVICE, 1) + 20, 0, 4);
+    record(rig, FSN_SEC_SUBDEVICE, 1)[20] = 7;
+    CHECK(open_with(rig, 0) == FSN_OK);
+    CHECK(run(rig, 50, FSN_AL_OP));
+    fake_unplug(1);
+    run(rig, 40, FSN_AL_OP);
+    fake.device[1].info.revision_number = 8;
+    fake_plug(1);
+    memset(fake.device[1].inputs, 0x42, 8);
+    fake.device[1].output_sets = 0;
+    CHECK(!run(rig, 400, FSN_AL_OP));
+    CHECK(look(rig, 1).found == FSN_FOUND_IDENTITY && look(rig, 1).revision == 8);
+    CHECK(fake.device[1].output_sets == 0 && fake.device[0].outputs[0] == 0xB0);
+    tear_down(rig);
+}
+
+static void refusals_are_tried_again(void) {
+    struct rig *rig = set_up();
+    fake.device[1].refuses_op = true;
+    CHECK(open_with(rig, 0) == FSN_OK);
+    CHECK(!run(rig, 100, FSN_AL_OP));
+    CHECK(look(rig, 1).found == FSN_FOUND_STATE && look(rig, 1).al_code == 0x1B);
+    CHECK((look(rig, 1).al_status & FSN_AL_ERROR) != 0);
+    const unsigned resets = fake.device[1].resets;
+    CHECK(resets == 1); /* not one in each look */
+    fake.device[1].refuses_op = false;
+    fake.device[1].al_code = 0;
+    CHECK(run(rig, 2000, FSN_AL_OP) && look(rig, 1).found == FSN_FOUND_RIGHT);
+    tear_down(rig);
+}
+
+static void counters_are_read(void) {
+    struct rig *rig = bring_up();
+    run(rig, 100, FSN_AL_OP);
+    CHECK(look(rig, 0).link[0] == 1 && look(rig, 0).link[1] == 0);
+    CHECK(look(rig, 0).rx_errors[1] == 7 && look(rig, 0).link_lost[1] == 3);
+    CHECK(look(rig, 1).vendor_id == 2 && look(rig, 1).product_code == 0x1001);
+    struct fsn_bus_subdevice seen;
+    CHECK(fsn_backend_igh()->ops->look(rig->bus, 2, &seen) == FSN_E_ARG);
+    tear_down(rig);
+}
+
+/** They leave OP while process data goes on, and only then the bus is closed. */
+static void they_leave_op(void) {
+    struct rig *rig = bring_up();
+    CHECK(!run(rig, 1, FSN_AL_SAFEOP));
+    bool left = false;
+    for (int i = 0; i < 10 && !left; i++) {
+        left = run(rig, 1, FSN_AL_SAFEOP);
+    }
+    CHECK(left && snapshot(rig).actual_wkc == 4);
+    CHECK(look(rig, 0).al_status == FSN_AL_SAFEOP);
+    tear_down(rig);
+    /* Nobody waits for who has gone, or without register requests. */
+    rig = bring_up();
+    fake_unplug(0);
+    run(rig, 20, FSN_AL_OP);
+    CHECK(run(rig, 1, FSN_AL_SAFEOP));
+    tear_down(rig);
+    rig = set_up();
+    fake.no_requests = true;
+    CHECK(open_with(rig, 0) == FSN_OK && run(rig, 50, FSN_AL_OP));
+    CHECK(run(rig, 1, FSN_AL_SAFEOP));
+    tear_down(rig);
+}
+
+int main(void) {
+    options_are_checked();
+    bus_is_refused();
+    other_devices_are_refused();
+    mappings_are_checked();
+    sdos_are_written();
+    data_flows();
+    losses_keep_old_bytes();
+    signals_do_no_harm();
+    clocks_are_told();
+    devices_return();
+    another_address_gets_nothing();
+    another_revision_gets_nothing();
+    refusals_are_tried_again();
+    counters_are_read();
+    they_leave_op();
+    puts("igh: ok");
+    return 0;
+}
