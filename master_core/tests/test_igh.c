@@ -357,6 +357,13 @@ static void another_revision_gets_nothing(void) {
     CHECK(!run(rig, 400, FSN_AL_OP));
     CHECK(look(rig, 1).found == FSN_FOUND_IDENTITY && look(rig, 1).revision == 8);
     CHECK(fake.device[1].output_sets == 0 && fake.device[0].outputs[0] == 0xB0);
+    fake.device[1].info.revision_number = 7;
+    CHECK(run(rig, 400, FSN_AL_OP) && fake.device[0].outputs[0] == 0x42);
+    /* Also when nobody saw it go. */
+    fake.device[1].info.revision_number = 8;
+    run(rig, 12, FSN_AL_OP);
+    memset(fake.device[1].inputs, 0x43, 8);
+    CHECK(!run(rig, 12, FSN_AL_OP) && fake.device[0].outputs[0] == 0x42);
     tear_down(rig);
 }
 

@@ -318,12 +318,3 @@ struct fake_device *fake_attached(const ec_slave_config_t *config) {
                       device->info.product_code == config->product_code;
     return same ? device : NULL;
 }
-
-int ecrt_slave_config_state(const ec_slave_config_t *config, ec_slave_config_state_t *state) {
-    const struct fake_device *device = fake_attached(config);
-    *state = (ec_slave_config_state_t){
-        .online = device != NULL,
-        .operational = device != NULL && device->al == 8,
-        .al_state = (unsigned)(device != NULL ? device->al & 0x0F : 0) & 0x0Fu};
-    return 0;
-}

@@ -48,10 +48,6 @@ typedef struct {
 } ec_slave_info_t;
 
 typedef struct {
-    unsigned int online : 1, operational : 1, al_state : 4;
-} ec_slave_config_state_t;
-
-typedef struct {
     unsigned int working_counter;
     ec_wc_state_t wc_state;
     unsigned int redundancy_active;
@@ -118,7 +114,6 @@ int ecrt_slave_config_dc(ec_slave_config_t *config, uint16_t assign_activate, ui
 int ecrt_slave_config_sdo(ec_slave_config_t *config, uint16_t index, uint8_t sub,
                           const uint8_t *data, size_t size);
 ec_reg_request_t *ecrt_slave_config_create_reg_request(ec_slave_config_t *config, size_t size);
-int ecrt_slave_config_state(const ec_slave_config_t *config, ec_slave_config_state_t *state);
 
 uint8_t *ecrt_domain_data(const ec_domain_t *domain);
 size_t ecrt_domain_size(const ec_domain_t *domain);

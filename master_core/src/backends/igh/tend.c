@@ -11,6 +11,7 @@
 
 enum {
     LOOK_NS = 10000000,    /**< between two looks at all SubDevices */
+    AGAIN_NS = 100000000,  /**< between two tries to read an FSoE address */
     RETRY_NS = 1000000000, /**< after something was refused */
     STUCK_NS = 1000000000, /**< a register request without an answer: it is made again */
     QUIET_CYCLES = 10,     /**< cycles without a working counter until a SubDevice counts as lost */
@@ -90,9 +91,13 @@ static bool is_silent(const struct igh_node *node) {
     return atomic_load_explicit(&node->silent, memory_order_relaxed) >= QUIET_CYCLES;
 }
 
-static void lose(struct fsn_igh *bus, struct igh_node *node) {
+static void shut_out(struct igh_node *node) {
     atomic_store_explicit(&node->admitted, 0, memory_order_release);
     node->checked = false;
+}
+
+static void lose(struct fsn_igh *bus, struct igh_node *node) {
+    shut_out(node);
     node->away = node->was_in_op;
     pthread_mutex_lock(&bus->seen_lock);
     const bool noted =
@@ -114,27 +119,32 @@ static void note_slave(struct fsn_igh *bus, struct igh_node *node, const ec_slav
     pthread_mutex_unlock(&bus->seen_lock);
 }
 
+/** Whether the FSoE address is that of before, as far as the SubDevice told it then. */
+static bool has_address(struct fsn_igh *bus, struct igh_node *node, unsigned state) {
+    bool readable = false;
+    if (!node->address_readable) {
+        return true;
+    }
+    /* Below PREOP it has no mailbox. */
+    return (state == FSN_AL_PREOP || state == FSN_AL_SAFEOP || state == FSN_AL_OP) &&
+           igh_check_address(bus, node, &readable) == FSN_OK && readable;
+}
+
 /** Whether the device that stands there is the one of the plan; only then it is admitted. */
 static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
                   uint64_t now_ns) {
+    if (!igh_note_identity(bus, node, slave)) {
+        shut_out(node);
+        return false;
+    }
     if (node->checked) {
         return true;
     }
     if (now_ns < node->retry_ns) {
         return false;
     }
-    node->retry_ns = now_ns + RETRY_NS / 10;
-    if (!igh_note_identity(bus, node, slave)) {
-        return false;
-    }
-    const unsigned state = slave->al_state & STATE_BITS;
-    bool readable = false;
-    if (node->address_readable && state != FSN_AL_PREOP && state != FSN_AL_SAFEOP &&
-        state != FSN_AL_OP) {
-        return false; /* no mailbox yet */
-    }
-    if (node->address_readable &&
-        (igh_check_address(bus, node, &readable) != FSN_OK || !readable)) {
+    node->retry_ns = now_ns + AGAIN_NS;
+    if (!has_address(bus, node, slave->al_state & STATE_BITS)) {
         return false;
     }
     node->checked = true;
@@ -181,9 +191,8 @@ static bool lead(struct fsn_igh *bus, struct igh_node *node, const ec_master_inf
     }
     if (node->checked && node->was_in_op && is_silent(node) &&
         (slave.al_state & STATE_BITS) < FSN_AL_SAFEOP) {
-        node->checked = false; /* it has been away in between two looks */
+        shut_out(node); /* it has been away in between two looks */
         node->away = true;
-        atomic_store_explicit(&node->admitted, 0, memory_order_release);
     }
     note_slave(bus, node, &slave);
     node->away = node->away || (node->was_in_op && (slave.al_state & STATE_BITS) != FSN_AL_OP);
@@ -217,9 +226,7 @@ static void lose_silent(struct fsn_igh *bus) {
  *  to close the bus soon after. Whoever has no register request, or does not answer, is not waited
  *  for. */
 static bool leave(struct fsn_igh *bus, struct igh_node *node, uint64_t now_ns) {
-    ec_slave_config_state_t state = {0};
-    if (node->left || node->request == NULL || ecrt_slave_config_state(node->config, &state) != 0 ||
-        state.online == 0) {
+    if (node->left || node->request == NULL || is_silent(node)) {
         return true;
     }
     poll_registers(bus, node, true, now_ns);
