@@ -170,6 +170,9 @@ static void other_devices_are_refused(void) {
     rig = set_up();
     fake.device[1].info.vendor_id = 3;
     refuses(rig, FSN_E_BUS_IDENTITY, "vendor 0x00000003");
+    rig = set_up();
+    fake.device[0].info.vendor_id = fake.device[0].info.product_code = 0;
+    refuses(rig, FSN_E_BUS_STATE, "could not read who it is");
     /* IgH does not look at the revision; we do, at both ends of the range. */
     for (uint32_t revision = 4; revision <= 8; revision += 4) {
         rig = set_up();
@@ -219,7 +222,8 @@ static void sdos_are_written(void) {
     fake.device[1].object_count = 0;
     refuses(rig, FSN_E_BUS_SDO, "it has no CoE");
     rig = set_up();
-    fake.scans = 3; /* it waits for the scan */
+    fake.scans = 3; /* it waits for the scan, and for one that begins meanwhile */
+    fake.scan_in_look = true;
     CHECK(open_with(rig, 0) == FSN_OK);
     /* Found before it is taken, written before it is configured, then active; closed in the other
      * order. */

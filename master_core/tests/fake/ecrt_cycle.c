@@ -64,11 +64,17 @@ int ecrt_master_send(ec_master_t *master) {
     return 0;
 }
 
+/** What stands in a domain that did not come back, the interface does not promise. */
+static void scribble(ec_domain_t *domain) {
+    memset(domain->data, 0xDD, sizeof domain->data);
+}
+
 static void answer(ec_domain_t *domain) {
     struct fake_device *device = &fake.device[domain->config->position];
     domain->datagram = RECEIVED;
     domain->counter = 0;
     if (domain->config->position >= fake_line_length() || device->mute || device->al < 4) {
+        scribble(domain);
         return;
     }
     domain->counter = 1;
@@ -88,6 +94,7 @@ int ecrt_master_receive(ec_master_t *master) {
         ec_domain_t *domain = &master->domain[d];
         if (domain->datagram == SENT && fake.lose_frames) {
             domain->datagram = LOST;
+            scribble(domain);
         } else if (domain->datagram == SENT) {
             answer(domain);
         }

@@ -34,8 +34,9 @@ struct fake {
     struct fake_device device[FAKE_DEVICES];
     unsigned device_count;
     bool no_master, reserved_by_other, link_down, lose_frames, activate_fails, no_requests;
-    int scans;       /**< calls of ecrt_master() that still find a scan going on */
-    int interrupted; /**< cyclic calls that still end by a signal */
+    int scans;         /**< calls of ecrt_master() that still find a scan going on */
+    bool scan_in_look; /**< a scan begins with the next ecrt_master_get_slave() */
+    int interrupted;   /**< cyclic calls that still end by a signal */
     int open_masters;
     bool active;
     unsigned sdo_while_scanning, downloads, clock_syncs, send_interval;

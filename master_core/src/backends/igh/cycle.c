@@ -24,12 +24,12 @@ static uint64_t clock_ns(clockid_t clock) {
 
 /* -- receiving ------------------------------------------------------------------------------ */
 
-static bool receive_frames(struct fsn_igh *bus) {
+/** Without success nothing has come in, and the domains tell so. */
+static void receive_frames(struct fsn_igh *bus) {
     int result = -EINTR;
     for (int tries = 0; result == -EINTR && tries < TRIES; tries++) {
         result = ecrt_master_receive(bus->master);
     }
-    return result == 0;
 }
 
 /** Sees which domains are complete; returns whether all are that were sent. What was not queued in
@@ -51,12 +51,8 @@ static bool look_at_domains(struct fsn_igh *bus) {
 static void collect(struct fsn_igh *bus) {
     const uint64_t end_ns = bus->wait_ns != 0 ? clock_ns(CLOCK_MONOTONIC) + bus->wait_ns : 0;
     for (;;) {
-        const bool got = receive_frames(bus);
-        const bool all = look_at_domains(bus);
-        for (uint32_t a = 0; a < bus->area_count && !got; a++) {
-            bus->areas[a].complete = false;
-        }
-        if ((got && all) || bus->wait_ns == 0 || clock_ns(CLOCK_MONOTONIC) >= end_ns) {
+        receive_frames(bus);
+        if (look_at_domains(bus) || bus->wait_ns == 0 || clock_ns(CLOCK_MONOTONIC) >= end_ns) {
             return;
         }
         const struct timespec nap = {.tv_nsec = NAP_NS};

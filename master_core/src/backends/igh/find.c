@@ -8,7 +8,14 @@
 #include <string.h>
 #include <time.h>
 
-enum { PAUSE_MS = 10, SCAN_MS = 15000, PREOP_MS = 10000, STATE_BITS = 0x0F, MOST_TRIES = 100 };
+enum {
+    PAUSE_MS = 10,
+    SCAN_MS = 15000,
+    PREOP_MS = 10000,
+    STATE_BITS = 0x0F,
+    MOST_TRIES = 100,
+    MOST_SCANS = 20
+};
 
 static void pause_a_little(void) {
     const struct timespec pause = {.tv_nsec = PAUSE_MS * 1000000L};
@@ -23,6 +30,11 @@ static bool is_expected(const struct fsn_subdevice_info *info, const ec_slave_in
            slave->revision_number <= info->revision_high;
 }
 
+/** A scan that went wrong leaves zeros. */
+static bool is_read(const ec_slave_info_t *slave) {
+    return slave->vendor_id != 0 || slave->product_code != 0;
+}
+
 bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
     pthread_mutex_lock(&bus->seen_lock);
     node->seen.vendor_id = slave->vendor_id;
@@ -32,6 +44,11 @@ bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slav
     const struct fsn_subdevice_info *info = &node->info;
     if (is_expected(info, slave)) {
         return true;
+    }
+    if (!is_read(slave)) {
+        igh_note(bus, node, FSN_FOUND_UNKNOWN,
+                 "IgH could not read who it is; `ethercat rescan` makes it try again");
+        return false;
     }
     igh_note(bus, node, FSN_FOUND_IDENTITY,
              "found vendor 0x%08x product 0x%08x revision 0x%08x, the plan says 0x%08x 0x%08x "
@@ -94,7 +111,7 @@ static fsn_status match(struct fsn_igh *bus, unsigned slave_count, struct fsn_fa
                      node->info.alias, node->info.position, slave_count);
             status = FSN_E_BUS_MISSING;
         } else if (!igh_note_identity(bus, node, &slave)) {
-            status = FSN_E_BUS_IDENTITY;
+            status = is_read(&slave) ? FSN_E_BUS_IDENTITY : FSN_E_BUS_STATE;
         } else {
             igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         }
@@ -142,20 +159,30 @@ static fsn_status wait_for_preop(struct fsn_igh *bus, struct igh_node *node,
     return igh_refuse(fault, FSN_E_BUS_STATE, node);
 }
 
+/** Finds all by a scan that was over before and after. */
+static fsn_status match_scanned(struct fsn_igh *bus, struct fsn_fault *fault) {
+    fsn_status status = FSN_OK;
+    ec_master_info_t after = {.scan_busy = 1};
+    for (int tries = 0; after.scan_busy != 0 && tries < MOST_SCANS; tries++) {
+        ec_master_info_t master = {0};
+        status = wait_for_scan(bus, &master, fault);
+        if (status != FSN_OK) {
+            return status;
+        }
+        status = master.slave_count == 0 ? nobody(bus, master.link_up, fault)
+                                         : match(bus, master.slave_count, fault);
+        if (ecrt_master(bus->master, &after) != 0) {
+            after.scan_busy = 1;
+        }
+    }
+    return status;
+}
+
 fsn_status igh_find(struct fsn_igh *bus, struct fsn_fault *fault) {
-    ec_master_info_t master = {0};
-    fsn_status status = wait_for_scan(bus, &master, fault);
-    if (status != FSN_OK) {
-        return status;
-    }
-    if (master.slave_count == 0) {
-        return nobody(bus, master.link_up, fault);
-    }
-    status = match(bus, master.slave_count, fault);
+    fsn_status status = match_scanned(bus, fault);
     status = status != FSN_OK ? status : reserve(bus, fault);
     /* Between the look and the reservation the bus may have changed. */
-    status = status != FSN_OK ? status : wait_for_scan(bus, &master, fault);
-    status = status != FSN_OK ? status : match(bus, master.slave_count, fault);
+    status = status != FSN_OK ? status : match_scanned(bus, fault);
     for (uint32_t n = 0; n < bus->node_count && status == FSN_OK; n++) {
         status = wait_for_preop(bus, &bus->nodes[n], fault);
     }
