@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "backends.h"
 
@@ -170,7 +171,9 @@ static int take_numeric(int id, const char *text, struct options *o) {
     case CPU:
         code = read_integer("--cpu", text, 0, 1023, "a CPU number from 0 on", &number);
         o->cpu = (int)number + 1;
-        return code;
+        return code == -1 && number >= sysconf(_SC_NPROCESSORS_CONF)
+                   ? wrong("--cpu", text, "this machine has no such CPU")
+                   : code;
     case DC_EVERY:
         code = read_integer("--dc-every", text, 0, 1000000, "0 to 1000000 cycles", &number);
         o->dc_every = (uint32_t)number;
