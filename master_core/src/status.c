@@ -1,5 +1,7 @@
 #include "fsn/status.h"
 
+#include <stddef.h>
+
 #include "fsn/bus.h"
 
 #include "fsn/version.h"
@@ -37,6 +39,59 @@ const char *fsn_found_text(uint8_t found) {
 #undef FSN_FOUND_TEXT
     };
     return found < sizeof texts / sizeof texts[0] ? texts[found] : "?";
+}
+
+const char *fsn_al_code_text(uint16_t code) {
+    static const struct {
+        uint16_t code;
+        const char *text;
+    } codes[] = {
+        {0x0001, "unspecified error"},
+        {0x0002, "no memory"},
+        {0x0011, "invalid state change"},
+        {0x0012, "unknown state"},
+        {0x0013, "boot state not supported"},
+        {0x0014, "no valid firmware"},
+        {0x0015, "mailbox set up wrongly for boot"},
+        {0x0016, "mailbox set up wrongly"},
+        {0x0017, "sync managers set up wrongly"},
+        {0x0018, "no valid inputs"},
+        {0x0019, "no valid outputs"},
+        {0x001A, "synchronisation error"},
+        {0x001B, "sync manager watchdog: no outputs came in time"},
+        {0x001C, "invalid sync manager types"},
+        {0x001D, "outputs have another length or place than it expects"},
+        {0x001E, "inputs have another length or place than it expects"},
+        {0x001F, "invalid watchdog settings"},
+        {0x0020, "needs a cold start"},
+        {0x0021, "needs INIT first"},
+        {0x0022, "needs PREOP first"},
+        {0x0023, "needs SAFEOP first"},
+        {0x0024, "invalid input mapping"},
+        {0x0025, "invalid output mapping"},
+        {0x0026, "inconsistent settings"},
+        {0x0027, "free run not supported"},
+        {0x0028, "synchronous mode not supported"},
+        {0x0029, "free run needs three buffers"},
+        {0x002A, "background watchdog"},
+        {0x002B, "no valid inputs and outputs"},
+        {0x002C, "fatal synchronisation error"},
+        {0x002D, "no synchronisation signal"},
+        {0x0030, "invalid DC SYNC settings"},
+        {0x0032, "DC: the phase-locked loop failed"},
+        {0x0035, "invalid DC cycle time"},
+        {0x0050, "EEPROM not accessible"},
+        {0x0051, "EEPROM error"},
+        {0x0060, "restarted by itself"},
+        {0x0061, "another device identification than configured"},
+        {0x00F0, "application controller available"},
+    };
+    for (size_t i = 0; i < sizeof codes / sizeof codes[0]; i++) {
+        if (codes[i].code == code) {
+            return codes[i].text;
+        }
+    }
+    return "";
 }
 
 const char *fsn_section_name(uint32_t section) {

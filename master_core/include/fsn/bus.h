@@ -74,6 +74,10 @@ enum fsn_found {
 /** Returns "another device" and the like for an enum fsn_found. Context: any thread. */
 FSN_API const char *fsn_found_text(uint8_t found);
 
+/** Returns an AL status code in words, e.g. "sync manager watchdog" for 0x001B; an empty text for
+ * one that ETG.1000.6 does not list. Context: any thread. */
+FSN_API const char *fsn_al_code_text(uint16_t code);
+
 enum { FSN_PORTS = 4 };
 
 /** What the acyclic side of a bus knows about one SubDevice; as old as its last look. */

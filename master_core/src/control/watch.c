@@ -144,9 +144,10 @@ static void subdevice_event(struct fsn_control *control, uint32_t number,
         fsn_json_u64(json, after->link[i]);
     }
     fsn_json_close(json, ']');
-    char code[40] = "";
+    char code[120] = "";
     if ((after->al_status & FSN_AL_ERROR) != 0) {
-        snprintf(code, sizeof code, ", AL status code 0x%04x", (unsigned)after->al_code);
+        snprintf(code, sizeof code, ", AL status code 0x%04x %s", (unsigned)after->al_code,
+                 fsn_al_code_text(after->al_code));
     }
     const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN;
     fsn_event_tell(
