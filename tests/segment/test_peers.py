@@ -46,7 +46,8 @@ def run(peer, package, network):
             check=False,
         )
         if done.returncode == 0:
-            return json.loads(done.stdout.splitlines()[-1])
+            # KickCAT writes to standard output as well, at times only when it ends.
+            return json.loads(next(n for n in done.stdout.splitlines() if n.startswith("{")))
     pytest.fail(f"{ATTEMPTS} times: {done.stderr}")
 
 
