@@ -25,7 +25,8 @@ enum { SKIPPED = 77, ETHERCAT = 0x88A4, HEAD = 16, ROUND_MS = 400 };
 struct wire {
     struct fsn_segment *segment;
     int socket;
-    uint64_t random;
+    uint64_t random; /**< of the thread that answers */
+    uint64_t own_random;
     atomic_uint one_in; /**< of so many answers one is damaged; 0: none */
     atomic_bool stop;
 };
@@ -38,6 +39,10 @@ static uint64_t now_ns(void) {
 
 static uint32_t pick(struct wire *w, uint32_t below) {
     return next_random(&w->random) % below;
+}
+
+static uint32_t pick_own(struct wire *w, uint32_t below) {
+    return next_random(&w->own_random) % below;
 }
 
 /** Data, working counters, lengths, heads: anything behind the Ethernet head may change, and the
@@ -105,8 +110,8 @@ static bool play(struct wire *w, struct fsn_plan *plan, bool from_the_beginning,
         const uint64_t end = now_ns() + ROUND_MS * UINT64_C(1000000);
         while (now_ns() < end) {
             fsn_core_tend(core, FSN_AL_OP, now_ns());
-            if (pick(w, 100) == 0) {
-                fsn_segment_power_cycle(w->segment, pick(w, 2));
+            if (pick_own(w, 100) == 0) {
+                fsn_segment_power_cycle(w->segment, pick_own(w, 2));
             }
             usleep(1000);
         }
@@ -131,13 +136,14 @@ int main(int argc, char **argv) {
     struct fsn_plan *plan;
     CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
     free(bytes);
-    struct wire w = {.random = argc > 2 ? strtoull(argv[2], NULL, 10) : 1, .socket = open_far()};
+    const uint64_t seed = argc > 2 ? strtoull(argv[2], NULL, 10) : 1;
+    struct wire w = {.random = seed, .own_random = seed + 1, .socket = open_far()};
     CHECK(fsn_segment_create(plan, &w.segment) == FSN_OK);
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, answer, &w) == 0);
     unsigned opened = 0;
     for (unsigned i = 0; i < rounds; i++) {
-        opened += play(&w, plan, i % 2 == 0, 2 + pick(&w, 60));
+        opened += play(&w, plan, i % 2 == 0, 2 + pick_own(&w, 60));
     }
     CHECK(rounds < 2 || opened > 0); /* a healthy bus opens */
     atomic_store(&w.stop, true);
