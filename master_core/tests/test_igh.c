@@ -211,7 +211,7 @@ static void mappings_are_checked(void) {
     rig = set_up();
     fake.device[0].object_count = 0;
     fake.device[0].sii_bits[2] = 80;
-    refuses(rig, FSN_E_BUS_MAPPING, "SM2: its length in bits by the SII is 0x50");
+    refuses(rig, FSN_E_BUS_MAPPING, "SM2: its length in bits by the SII is 80, the plan says 72");
 }
 
 static void sdos_are_written(void) {

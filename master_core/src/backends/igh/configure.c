@@ -1,6 +1,8 @@
 /** What is checked before IgH takes over, and what it is told to do. */
 #include "igh.h"
 
+#include "live/pdo.h"
+
 #include <string.h>
 
 enum {
@@ -76,8 +78,8 @@ static ec_watchdog_mode_t watchdog_of(uint8_t value) {
 
 static bool configure_pdo(const struct fsn_plan *plan, ec_slave_config_t *config, uint8_t sm,
                           const uint8_t *pdo) {
-    uint32_t entries[IGH_MOST_ENTRIES];
-    const uint32_t count = igh_planned_entries(plan, pdo, entries);
+    uint32_t entries[FSN_PDO_ENTRIES];
+    const uint32_t count = fsn_pdo_entries(plan, pdo, entries);
     const uint16_t index = fsn_get16(pdo);
     bool ok = ecrt_slave_config_pdo_assign_add(config, sm, index) == 0 &&
               ecrt_slave_config_pdo_mapping_clear(config, index) == 0;
@@ -103,7 +105,7 @@ static bool configure_sm(struct fsn_igh *bus, const struct igh_node *node, uint3
         ecrt_slave_config_sync_manager(node->config, r[4], direction, watchdog_of(r[6])) == 0 &&
         ecrt_slave_config_pdo_assign_clear(node->config, r[4]) == 0;
     for (uint32_t i = 0; ok && i < fsn_get32(r + 16); i++) {
-        ok = configure_pdo(bus->plan, node->config, r[4], igh_pdo(bus->plan, sm, i));
+        ok = configure_pdo(bus->plan, node->config, r[4], fsn_pdo_record(bus->plan, sm, i));
     }
     return ok;
 }
@@ -117,7 +119,7 @@ static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct
     }
     for (uint32_t pdo = 0; pdo < fsn_get32(r + 16); pdo++) {
         unsigned bit = 0;
-        if (fsn_get32(igh_pdo(bus->plan, area->sm, pdo) + 8) > 0) {
+        if (fsn_get32(fsn_pdo_record(bus->plan, area->sm, pdo) + 8) > 0) {
             return ecrt_slave_config_reg_pdo_entry_pos(node->config, r[4], pdo, 0, area->domain,
                                                        &bit) == 0;
         }

@@ -116,12 +116,6 @@ fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *r
 
 /* Process data of one SubDevice against the plan (pdo.c). */
 fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node);
-/** An entry of the plan as mapping objects hold it: index, subindex, bits; padding of more than 255
- *  bits is several. `entries` has room for IGH_MOST_ENTRIES; returns how many. */
-enum { IGH_MOST_ENTRIES = 254 };
-uint32_t igh_planned_entries(const struct fsn_plan *plan, const uint8_t *pdo, uint32_t *entries);
-/** Record of a PDO of a sync manager. */
-const uint8_t *igh_pdo(const struct fsn_plan *plan, uint32_t sm, uint32_t number);
 
 /* The cycle (cycle.c). */
 void igh_receive(void *context, struct fsn_bus_input *input);

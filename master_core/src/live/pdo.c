@@ -1,0 +1,238 @@
+#include "live/pdo.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "plan_internal.h"
+
+enum { ASSIGNMENT = 0x1C10, MOST_PDOS = 64, LONGEST_PADDING = 248 };
+
+/** A mapping as objects hold it. */
+struct mapping {
+    uint32_t count;
+    uint32_t entries[FSN_PDO_ENTRIES];
+};
+
+/** PDOs of one sync manager. */
+struct assignment {
+    uint32_t count;
+    uint16_t pdos[MOST_PDOS];
+};
+
+/** What is needed everywhere here. */
+struct at {
+    const struct fsn_plan *plan;
+    const struct fsn_objects *objects;
+    uint32_t sm;       /**< its record in the plan */
+    uint16_t assigned; /**< its assignment object */
+    char *detail;
+};
+
+/* -- as planned ----------------------------------------------------------------------------- */
+
+const uint8_t *fsn_pdo_record(const struct fsn_plan *plan, uint32_t sm, uint32_t number) {
+    return fsn_record(plan, FSN_SEC_PDO, fsn_get32(fsn_record(plan, FSN_SEC_SM, sm) + 12) + number);
+}
+
+static void add_entry(uint32_t *entries, uint32_t *count, uint32_t value) {
+    if (*count < FSN_PDO_ENTRIES) {
+        entries[(*count)++] = value;
+    }
+}
+
+uint32_t fsn_pdo_entries(const struct fsn_plan *plan, const uint8_t *pdo,
+                         uint32_t entries[FSN_PDO_ENTRIES]) {
+    uint32_t count = 0;
+    for (uint32_t e = 0; e < fsn_get32(pdo + 8); e++) {
+        const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
+        uint32_t bits = fsn_get16(entry + 4);
+        const uint32_t name = ((uint32_t)fsn_get16(entry) << 16) | ((uint32_t)entry[2] << 8);
+        while (name == 0 && bits > 255) {
+            add_entry(entries, &count, LONGEST_PADDING);
+            bits -= LONGEST_PADDING;
+        }
+        add_entry(entries, &count, name | (bits & 0xFFu));
+    }
+    return count;
+}
+
+static void planned_assignment(const struct at *at, struct assignment *a) {
+    a->count = fsn_get32(fsn_record(at->plan, FSN_SEC_SM, at->sm) + 16);
+    a->count = a->count > MOST_PDOS ? MOST_PDOS : a->count;
+    for (uint32_t i = 0; i < a->count; i++) {
+        a->pdos[i] = fsn_get16(fsn_pdo_record(at->plan, at->sm, i));
+    }
+}
+
+/** Joins padding that stands side by side, so that 16 bits equal twice 8. */
+static void join_padding(struct mapping *m) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < m->count; i++) {
+        const bool padding = m->entries[i] >> 16 == 0;
+        if (padding && kept > 0 && m->entries[kept - 1] >> 16 == 0) {
+            m->entries[kept - 1] += m->entries[i] & 0xFFu;
+        } else {
+            m->entries[kept++] = padding ? m->entries[i] & 0xFFu : m->entries[i];
+        }
+    }
+    m->count = kept;
+}
+
+/* -- as found ------------------------------------------------------------------------------- */
+
+static bool read_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t *value) {
+    uint8_t bytes[8] = {0};
+    if (!at->objects->upload(at->objects->context, index, sub, bytes)) {
+        return false;
+    }
+    *value = fsn_get32(bytes);
+    return true;
+}
+
+static bool read_assignment(const struct at *at, struct assignment *a) {
+    if (!read_number(at, at->assigned, 0, &a->count)) {
+        return false;
+    }
+    a->count &= 0xFFu;
+    a->count = a->count > MOST_PDOS ? MOST_PDOS : a->count;
+    for (uint32_t i = 0; i < a->count; i++) {
+        uint32_t pdo;
+        if (!read_number(at, at->assigned, (uint8_t)(i + 1), &pdo)) {
+            return false;
+        }
+        a->pdos[i] = (uint16_t)pdo;
+    }
+    return true;
+}
+
+static bool read_mapping(const struct at *at, uint16_t pdo, struct mapping *m) {
+    uint32_t count;
+    m->count = 0;
+    if (!read_number(at, pdo, 0, &count)) {
+        return false;
+    }
+    count &= 0xFFu;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t entry;
+        if (!read_number(at, pdo, (uint8_t)(i + 1), &entry)) {
+            return false;
+        }
+        add_entry(m->entries, &m->count, entry);
+    }
+    return true;
+}
+
+/* -- writing -------------------------------------------------------------------------------- */
+
+static bool write_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t value,
+                         size_t size) {
+    const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16),
+                              (uint8_t)(value >> 24)};
+    return at->objects->download(at->objects->context, index, sub, bytes, size);
+}
+
+/** The order ETG.1000 asks for: empty it, fill it, state how many. */
+static void write_assignment(const struct at *at, const struct assignment *a) {
+    bool ok = write_number(at, at->assigned, 0, 0, 1);
+    for (uint32_t i = 0; ok && i < a->count; i++) {
+        ok = write_number(at, at->assigned, (uint8_t)(i + 1), a->pdos[i], 2);
+    }
+    /* Also when one was refused, so that the SubDevice is not left without any. */
+    (void)write_number(at, at->assigned, 0, a->count, 1);
+}
+
+static void write_mapping(const struct at *at, uint16_t pdo, const struct mapping *m) {
+    bool ok = write_number(at, pdo, 0, 0, 1);
+    for (uint32_t i = 0; ok && i < m->count; i++) {
+        ok = write_number(at, pdo, (uint8_t)(i + 1), m->entries[i], 4);
+    }
+    (void)write_number(at, pdo, 0, m->count, 1);
+}
+
+/* -- comparing ------------------------------------------------------------------------------ */
+
+static bool same_assignment(const struct assignment *a, const struct assignment *b) {
+    return a->count == b->count && memcmp(a->pdos, b->pdos, a->count * sizeof *a->pdos) == 0;
+}
+
+static fsn_status differs(const struct at *at, const char *what, uint32_t found, uint32_t planned) {
+    snprintf(at->detail, FSN_PDO_DETAIL, "SM%u: %s is 0x%x, the plan says 0x%x",
+             at->assigned - ASSIGNMENT, what, found, planned);
+    return FSN_E_BUS_MAPPING;
+}
+
+static fsn_status check_assignment(const struct at *at) {
+    struct assignment planned, found;
+    planned_assignment(at, &planned);
+    if (!read_assignment(at, &found)) {
+        return FSN_OK; /* not readable: the SubDevice judges the length itself, in SAFEOP */
+    }
+    if (same_assignment(&planned, &found)) {
+        return FSN_OK;
+    }
+    write_assignment(at, &planned);
+    if (!read_assignment(at, &found) || same_assignment(&planned, &found)) {
+        return FSN_OK;
+    }
+    for (uint32_t i = 0; i < planned.count && i < found.count; i++) {
+        if (planned.pdos[i] != found.pdos[i]) {
+            return differs(at, "an assigned PDO", found.pdos[i], planned.pdos[i]);
+        }
+    }
+    return differs(at, "the number of assigned PDOs", found.count, planned.count);
+}
+
+static fsn_status compare_mapping(const struct at *at, uint16_t pdo, struct mapping planned,
+                                  struct mapping *found) {
+    join_padding(&planned);
+    join_padding(found);
+    for (uint32_t i = 0; i < planned.count && i < found->count; i++) {
+        if (planned.entries[i] != found->entries[i]) {
+            snprintf(at->detail, FSN_PDO_DETAIL,
+                     "PDO 0x%04x, entry %u is 0x%08x, the plan says 0x%08x (index, subindex, bits)",
+                     pdo, i + 1, found->entries[i], planned.entries[i]);
+            return FSN_E_BUS_MAPPING;
+        }
+    }
+    if (planned.count != found->count) {
+        snprintf(at->detail, FSN_PDO_DETAIL, "PDO 0x%04x has %u entries, the plan says %u", pdo,
+                 found->count, planned.count);
+        return FSN_E_BUS_MAPPING;
+    }
+    return FSN_OK;
+}
+
+static fsn_status check_mapping(const struct at *at, uint32_t number) {
+    const uint8_t *record = fsn_pdo_record(at->plan, at->sm, number);
+    const uint16_t pdo = fsn_get16(record);
+    struct mapping planned, found;
+    planned.count = fsn_pdo_entries(at->plan, record, planned.entries);
+    if (!read_mapping(at, pdo, &found) || compare_mapping(at, pdo, planned, &found) == FSN_OK) {
+        return FSN_OK;
+    }
+    write_mapping(at, pdo, &planned);
+    return read_mapping(at, pdo, &found) ? compare_mapping(at, pdo, planned, &found) : FSN_OK;
+}
+
+fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
+                         const struct fsn_objects *objects, char detail[FSN_PDO_DETAIL]) {
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
+    const struct at at = {plan, objects, sm, (uint16_t)(ASSIGNMENT + r[4]), detail};
+    fsn_status status = check_assignment(&at);
+    for (uint32_t i = 0; status == FSN_OK && i < fsn_get32(r + 16); i++) {
+        status = check_mapping(&at, i);
+    }
+    return status;
+}
+
+fsn_status fsn_pdo_check_bits(const struct fsn_plan *plan, uint32_t sm, uint32_t found_bits,
+                              char detail[FSN_PDO_DETAIL]) {
+    const uint32_t planned = fsn_sm_bits(plan, sm);
+    const uint8_t number = fsn_record(plan, FSN_SEC_SM, sm)[4];
+    if (found_bits == planned) {
+        return FSN_OK;
+    }
+    snprintf(detail, FSN_PDO_DETAIL, "SM%u: its length in bits by the SII is %u, the plan says %u",
+             number, found_bits, planned);
+    return FSN_E_BUS_MAPPING;
+}

@@ -1,0 +1,44 @@
+/** PDO assignment and mapping of a SubDevice against the plan, object by object. */
+#ifndef FSN_LIVE_PDO_H
+#define FSN_LIVE_PDO_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fsn/plan.h"
+
+enum { FSN_PDO_ENTRIES = 254, FSN_PDO_DETAIL = 120 };
+
+/** How the objects of one SubDevice are reached. Values are little-endian. */
+struct fsn_objects {
+    void *context;
+    /** Reads at most 8 bytes; false without an answer or with an abort. */
+    bool (*upload)(void *context, uint16_t index, uint8_t sub, uint8_t bytes[8]);
+    bool (*download)(void *context, uint16_t index, uint8_t sub, const uint8_t *bytes, size_t size);
+};
+
+/** Record of a PDO of a sync manager. */
+const uint8_t *fsn_pdo_record(const struct fsn_plan *plan, uint32_t sm, uint32_t number);
+
+/** Entries of a PDO as mapping objects hold them: index, subindex and bits in one word each, index
+ * 0 is padding; a longer one than 255 bits is several. Returns how many. */
+uint32_t fsn_pdo_entries(const struct fsn_plan *plan, const uint8_t *pdo,
+                         uint32_t entries[FSN_PDO_ENTRIES]);
+
+/** Compares assignment and mapping of a sync manager with the plan. What differs is written once,
+ *  and judged as it then is; what cannot be read is left to the SubDevice, which judges the length
+ *  itself on its way to SAFEOP.
+ *  @param[in]  sm      record of the sync manager in the plan; none of a mailbox.
+ *  @param[out] detail  what differs, for people.
+ *  @retval FSN_E_BUS_MAPPING  it differs and cannot be changed.
+ *  Context: set-up; may block. */
+fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
+                         const struct fsn_objects *objects, char detail[FSN_PDO_DETAIL]);
+
+/** Length of the process data of a sync manager by the SII against the plan; for SubDevices without
+ *  objects. @retval FSN_E_BUS_MAPPING  it differs. */
+fsn_status fsn_pdo_check_bits(const struct fsn_plan *plan, uint32_t sm, uint32_t found_bits,
+                              char detail[FSN_PDO_DETAIL]);
+
+#endif
