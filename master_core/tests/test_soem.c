@@ -344,6 +344,22 @@ static void a_ring_survives_each_cable(void) {
     tear_down(rig);
 }
 
+/** A ring that is not closed at the start works as a line, and that is told. */
+static void a_ring_open_at_the_start_is_told(void) {
+    struct rig *rig = set_up_with("far2");
+    CHECK(fsn_segment_set_link(rig->segment, SUBDEVICES - 1, false) == FSN_OK);
+    bring_up_from(rig);
+    while (look(rig, SUBDEVICES - 1).detail[0] == 0) {
+        CHECK(flows(rig, 1));
+    }
+    CHECK(strstr(look(rig, SUBDEVICES - 1).detail, "open since the start") != NULL);
+    CHECK(fsn_segment_set_link(rig->segment, SUBDEVICES - 1, true) == FSN_OK);
+    while (look(rig, SUBDEVICES - 1).detail[0] != 0) {
+        CHECK(flows(rig, 1));
+    }
+    tear_down(rig);
+}
+
 static void stops_step_by_step(void) {
     struct rig *rig = bring_up();
     for (int i = 0; i < 1000 && !fsn_core_tend(rig->core, FSN_AL_SAFEOP, now_ns()); i++) {
@@ -439,6 +455,7 @@ int main(void) {
     wrong_devices_stay_out();
     who_refuses_is_asked_again();
     a_ring_survives_each_cable();
+    a_ring_open_at_the_start_is_told();
     stops_step_by_step();
     refusals();
     return 0;

@@ -106,9 +106,14 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
                 soem_note(bus, node, FSN_FOUND_NOTHING, "it was there a moment ago");
                 return soem_refuse(fault, FSN_E_BUS_MISSING, node);
             }
-            soem_note(bus, node, FSN_FOUND_STATE,
-                      "PREOP refused: AL status 0x%02x, code 0x%04x: %s", s->state, s->ALstatuscode,
-                      ec_ALstatuscode2string(s->ALstatuscode));
+            if ((s->state & EC_STATE_ERROR) == 0) {
+                soem_note(bus, node, FSN_FOUND_STATE, "not in PREOP after %d ms: AL status 0x%02x",
+                          PREOP_MS, s->state);
+            } else {
+                soem_note(bus, node, FSN_FOUND_STATE,
+                          "PREOP refused: AL status 0x%02x, code 0x%04x: %s", s->state,
+                          s->ALstatuscode, fsn_al_code_text(s->ALstatuscode));
+            }
             return soem_refuse(fault, FSN_E_BUS_STATE, node);
         }
     }

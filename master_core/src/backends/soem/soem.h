@@ -73,6 +73,7 @@ struct fsn_soem {
     uint64_t states_ns, links_ns, search_ns; /**< when these are due again */
     uint8_t goal;                            /**< AL state of the last tend() */
     bool all_there;                          /**< what it returned */
+    bool ring_was_closed;                    /**< at least once; only with a second interface */
     uint16_t next_link;                      /**< whose counters are read next */
 };
 

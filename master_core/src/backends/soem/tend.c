@@ -157,7 +157,13 @@ static void look_at_states(struct fsn_soem *bus) {
  *  both sides of the gap. */
 static void note_gap(struct fsn_soem *bus, struct node *node) {
     const bool open = bus->redundant[0] != '\0' && atomic_load(&bus->frames.wire.crossed) == 0;
+    bus->ring_was_closed = bus->ring_was_closed || !open;
     if (node->seen.found != FSN_FOUND_RIGHT) {
+        return;
+    }
+    if (!bus->ring_was_closed && node->slave == bus->slave_count) {
+        soem_note(bus, node, FSN_FOUND_RIGHT,
+                  "the ring has been open since the start: is %s wired?", bus->redundant);
         return;
     }
     for (unsigned port = 0; open && port < FSN_PORTS; port++) {
@@ -230,7 +236,7 @@ static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
               : node->asked == FSN_AL_SAFEOP ? "SAFEOP"
               : node->asked == FSN_AL_PREOP  ? "PREOP"
                                              : "INIT",
-              place->al_status, place->al_code, ec_ALstatuscode2string(place->al_code));
+              place->al_status, place->al_code, fsn_al_code_text(place->al_code));
     node->asked = 0;
     node->retry_ns = now_ns + RETRY_NS;
 }
