@@ -161,7 +161,24 @@ static void failed(struct master *m, const struct runner_result *result) {
     }
 }
 
+/** The kernel stops a real-time thread that never sleeps for a part of every second. */
+static void warn_of_throttling(void) {
+    FILE *file = fopen("/proc/sys/kernel/sched_rt_runtime_us", "re");
+    long runtime_us = -1;
+    if (file != NULL && fscanf(file, "%ld", &runtime_us) == 1 && runtime_us >= 0) {
+        log_line(FSN_LOG_WARNING,
+                 "free running in real time: the kernel stops it now and then, for it leaves only "
+                 "%ld us of a period to real-time threads; sysctl kernel.sched_rt_runtime_us=-1 "
+                 "ends that",
+                 runtime_us);
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+}
+
 static void opened(struct master *m, const struct runner_result *result) {
+    char cycle[32];
     char text[256];
     if (result->status != FSN_OK) {
         failed(m, result);
@@ -172,12 +189,16 @@ static void opened(struct master *m, const struct runner_result *result) {
     m->policy = result->policy;
     m->locked = result->locked;
     fsn_control_attach(m->control, m->core);
-    snprintf(text, sizeof text, "the cycle runs: %.3f ms, scheduling %s, memory %s",
-             (double)m->options->cycle_ns / 1e6, policy_name[m->policy],
+    snprintf(cycle, sizeof cycle, "%.3f ms", (double)m->options->cycle_ns / 1e6);
+    snprintf(text, sizeof text, "the cycle runs: %s, scheduling %s, memory %s",
+             m->options->free_run ? "free, without waiting" : cycle, policy_name[m->policy],
              m->locked ? "locked" : "not locked");
     set_state(m, RUNNING, FSN_LOG_INFO, text);
     if (m->policy != m->options->policy) {
         log_line(FSN_LOG_WARNING, "no real-time scheduling: %s", explain_permission);
+    }
+    if (m->options->free_run && m->policy == POLICY_FIFO) {
+        warn_of_throttling();
     }
     if (m->options->run_ns > 0 && m->run_until_ns == 0) {
         m->run_until_ns = fsn_now_ns() + m->options->run_ns;

@@ -179,10 +179,10 @@ static int take_numeric(int id, const char *text, struct options *o) {
         o->dc_every = (uint32_t)number;
         return code;
     case CYCLE:
-        return read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 1000 &&
-                       o->cycle_ns <= UINT64_C(4000000000)
+        return read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 50000 && o->cycle_ns <= 1000000000
                    ? -1
-                   : wrong("--cycle", text, "a time from 1us to 4s with its unit, e.g. 1ms");
+                   : wrong("--cycle", text,
+                           "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster");
     case RUN_TIME:
         return read_time(text, 1000000000, &o->run_ns) && o->run_ns > 0
                    ? -1
