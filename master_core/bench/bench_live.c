@@ -1,8 +1,9 @@
 /** Cycles over a veth pair against the emulated segment: our core with plan, copies and monitor,
  * and SOEM's own send and receive without any of it, in turn and on the same CPU.
  *
- *  bench_live SECONDS [CPU]: needs root; makes a network namespace of its own. The emulator has the
- *  higher priority, so that answers are there when send() returns: what is left is our own time. */
+ *  bench_live [SECONDS [CPU [SECONDS_AT_1_KHZ]]]: needs root; makes a network namespace of its own.
+ *  Half of the seconds of each part are SOEM's. The emulator has the higher priority, so that
+ *  answers are there when send() returns: what is left is our own time. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -201,6 +202,13 @@ static struct figures run_bare(uint64_t cycle_ns, double seconds, int cpu) {
 
 /* -- our core ------------------------------------------------------------------------------- */
 
+/** A cycle that never waits can be faster than every attempt. */
+static void take_snapshot(struct fsn_core *core, struct fsn_statistics *statistics) {
+    while (fsn_core_snapshot(core, statistics, NULL, NULL) == FSN_E_BUSY) {
+        usleep(1000);
+    }
+}
+
 static struct figures run_core(const struct fsn_plan *plan, uint64_t cycle_ns, double seconds,
                                int cpu) {
     const struct fsn_live_options options = {
@@ -222,12 +230,12 @@ static struct figures run_core(const struct fsn_plan *plan, uint64_t cycle_ns, d
         usleep(1000);
     }
     struct fsn_statistics from, to;
-    CHECK(fsn_core_snapshot(core, &from, NULL, NULL) == FSN_OK);
+    take_snapshot(core, &from);
     const uint64_t begin = now_ns();
     for (uint64_t end = begin + (uint64_t)(seconds * 1e9); now_ns() < end; usleep(20000)) {
         fsn_core_tend(core, FSN_AL_OP, now_ns());
     }
-    CHECK(fsn_core_snapshot(core, &to, NULL, NULL) == FSN_OK);
+    take_snapshot(core, &to);
     struct figures f = {.cycles = to.cycles - from.cycles,
                         .lost = to.wkc_errors - from.wkc_errors,
                         .missed = to.overruns - from.overruns,
@@ -301,6 +309,7 @@ int main(int argc, char **argv) {
     setvbuf(stdout, NULL, _IOLBF, 0);
     const double seconds = argc > 1 ? atof(argv[1]) : 8;
     const int cpu = argc > 2 ? atoi(argv[2]) : (int)sysconf(_SC_NPROCESSORS_ONLN) - 1;
+    const double seconds_1khz = argc > 3 ? atof(argv[3]) : seconds;
     if (unshare(CLONE_NEWNET) != 0 ||
         system("ip link set lo up && ip link add near type veth peer name far && "
                "ip link set near up && ip link set far up") != 0) {
@@ -313,6 +322,6 @@ int main(int argc, char **argv) {
     }
     compare(1, 0, 0, seconds, cpu);
     compare(MOST_PAIRS, 4, 0, seconds, cpu); /* 424 copies */
-    compare(MOST_PAIRS, 4, 1000000, seconds, cpu);
+    compare(MOST_PAIRS, 4, 1000000, seconds_1khz, cpu);
     return 0;
 }

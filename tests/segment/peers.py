@@ -117,10 +117,10 @@ def soem(devices, second=None):
         good += master.receive_processdata(2000) == master.expected_wkc
         cycles += 1
         time.sleep(0.0005)
+    seen["in_data"] = devices.in_data()  # once nothing is copied any more, it is over soon
     master.read_state()
     seen["states"] = [s.state for s in master.slaves]
     seen["good"] = good / cycles
-    seen["in_data"] = devices.in_data()
     master.close()
     return seen
 
@@ -155,8 +155,8 @@ def kickcat(devices, second=""):
     while time.monotonic() < end and not devices.in_data():
         cycle()
         time.sleep(0.0005)
+    seen["in_data"] = devices.in_data()  # once nothing is copied any more, it is over soon
     seen["states"] = [devices.segment.al_status(n).state for n in range(devices.segment.size)]
-    seen["in_data"] = devices.in_data()
     return seen
 
 
