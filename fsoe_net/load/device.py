@@ -11,7 +11,16 @@ from fsoe_net.load.numbers import Reader, read_float, read_int, warn_decimal_ind
 from fsoe_net.load.schema import check_structure, schema_keys
 from fsoe_net.load.types import type_bits
 from fsoe_net.load.yaml_tree import MapNode, SeqNode, load_yaml
-from fsoe_net.model import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model import (
+    Device,
+    Direction,
+    Entry,
+    EntryView,
+    Pdo,
+    Sdo,
+    SyncManager,
+    Watchdog,
+)
 
 __all__ = ["device_from_yaml", "load_device"]
 
@@ -22,6 +31,8 @@ _DEFAULT_SYNC_MANAGERS = (
     (2, Direction.OUTPUT, "rpdo", Watchdog.ENABLE),
     (3, Direction.INPUT, "tpdo", Watchdog.DISABLE),
 )
+
+_LARGEST_SCALE = 1e300  # a plan has finite numbers only, also after a shift
 
 _SDO_BYTES = {"8": 1, "16": 2, "32": 4, "64": 8}
 
@@ -111,8 +122,6 @@ def _entry(node: MapNode, out: Collector) -> Entry | None:
     word = node.text("type")
     bits = type_bits(word, node.at("type"), out) if word is not None else None
     default = read_float(node.get("default"), out, what="default")
-    for key in ("factor", "offset"):
-        read_float(node.get(key), out, what=key)
     mask = _int(node, "mask", 0xFF, out)
     if index is None or subindex is None or bits is None:
         return None
@@ -130,7 +139,50 @@ def _entry(node: MapNode, out: Collector) -> Entry | None:
         state_interface=_interface(node, groups, "state_interface", out),
         default=_first_default(default, groups, out),
         mask=mask,
+        factor=_scale(node, "factor", 1.0, out),
+        offset=_scale(node, "offset", 0.0, out),
+        views=tuple(v for v in (_view(g, bits, out) for g in groups) if v is not None),
         restart_relevant=node.truth("restart_relevant"),
+    )
+
+
+def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
+    """Return ``factor`` or ``offset``; a factor of 0, or what no plan can hold, scales nothing."""
+    value = read_float(node.get(key), out, what=key)
+    if value is None or not abs(value) <= _LARGEST_SCALE or (key == "factor" and value == 0):
+        return without
+    return value
+
+
+def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
+    """Read an item of ``data_mapping``; ``None`` when its bits are not one run in the entry."""
+    word = node.text("type") or ""
+    bits = type_bits(word, node.at("type"), out) if word else None
+    first = _int(node, "addr_offset", 0xFFFF, out) or 0
+    mask = _int(node, "mask", 0xFF, out)
+    if bits is None:
+        return None
+    shift = 0
+    if bits <= 8 and mask not in (None, 0):  # the driver masks the whole byte
+        assert mask is not None  # noqa: S101  (the line above)
+        shift = (mask & -mask).bit_length() - 1
+        bits = mask.bit_count()
+        if mask >> shift != (1 << bits) - 1:
+            return None
+    if 8 * first + shift + bits > entry_bits:
+        return None
+    return EntryView(
+        span=node.span,
+        fields=node.places(),
+        bit=8 * first + shift,
+        bits=bits,
+        shift=0 if word == "bool" else shift,
+        type_name=word,
+        command_interface=node.text("command_interface"),
+        state_interface=node.text("state_interface"),
+        default=read_float(node.get("default_value"), out, what="default_value"),
+        factor=_scale(node, "factor", 1.0, out),
+        offset=_scale(node, "offset", 0.0, out),
     )
 
 

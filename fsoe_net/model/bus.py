@@ -12,6 +12,7 @@ __all__ = [
     "Device",
     "Direction",
     "Entry",
+    "EntryView",
     "Located",
     "Pdo",
     "Sdo",
@@ -49,12 +50,32 @@ class Watchdog(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EntryView(Located):
+    """An item of ``data_mapping``: some bits of a PDO entry as a value of their own.
+
+    ``bit`` counts from the begin of the entry. ``shift`` is how many bits the mask leaves out
+    below: the driver does not move a masked value down, so its values are ``1 << shift`` as large.
+    """
+
+    bit: int
+    bits: int
+    shift: int = 0
+    type_name: str = ""
+    command_interface: str | None = None
+    state_interface: str | None = None
+    default: float | None = None
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Entry(Located):
     """One PDO entry (a *channel* in driver YAML).
 
     ``index`` 0 is padding. ``bits`` is the length in the PDO. ``type_name`` is the spelling in the
     file. ``written_by`` names what makes the driver write the entry each cycle, e.g.
-    ``default`` or ``command_interface``; ``None`` when it never does.
+    ``default`` or ``command_interface``; ``None`` when it never does. An input is
+    ``factor * raw + offset`` to its users, an output ``factor * value + offset`` on the wire.
     """
 
     index: int
@@ -67,6 +88,9 @@ class Entry(Located):
     state_interface: str | None = None
     default: float | None = None
     mask: int | None = None
+    factor: float = 1.0
+    offset: float = 0.0
+    views: tuple[EntryView, ...] = ()
     restart_relevant: bool = False
 
     @property

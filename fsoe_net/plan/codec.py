@@ -37,7 +37,7 @@ _SYNC_MANAGER = struct.Struct("<IBBBBIIII")
 _PDO = struct.Struct("<HHIII")
 _ENTRY = struct.Struct("<HBBHBBI")
 _SDO = struct.Struct("<HBBI8s")
-_SYMBOL = struct.Struct("<IIIHBBIQ")
+_SYMBOL = struct.Struct("<IIIHBBIQdd")
 _BLOCK = struct.Struct("<IIHHI")
 _COPY = struct.Struct("<IIIIIIHHI")
 _CONNECTION = struct.Struct("<IIIIIIHHHHHHI")
@@ -149,7 +149,16 @@ def _pack_sdo(s: PlanSdo) -> bytes:
 def _pack_symbol(s: PlanSymbol, strings: _Strings) -> bytes:
     flags = s.output | (s.restart_relevant << 1)
     return _SYMBOL.pack(
-        strings.add(s.name), s.sm, s.bit_offset, s.bits, s.kind, flags, 0, s.stop_value
+        strings.add(s.name),
+        s.sm,
+        s.bit_offset,
+        s.bits,
+        s.kind,
+        flags,
+        0,
+        s.stop_value,
+        s.factor,
+        s.offset,
     )
 
 
@@ -317,7 +326,9 @@ class _Reader:
         return PlanSdo(index=index, subindex=subindex, size_bytes=size, value=value)
 
     def symbol(self, at: int) -> PlanSymbol:
-        name, sm, bit, bits, kind, flags, _, stop_value = _SYMBOL.unpack_from(self._data, at)
+        name, sm, bit, bits, kind, flags, _, stop_value, factor, offset = _SYMBOL.unpack_from(
+            self._data, at
+        )
         return PlanSymbol(
             name=self._text(name),
             sm=sm,
@@ -327,6 +338,8 @@ class _Reader:
             output=bool(flags & 1),
             restart_relevant=bool(flags & 2),
             stop_value=stop_value,
+            factor=factor,
+            offset=offset,
         )
 
     def block(self, at: int) -> PlanBlock:

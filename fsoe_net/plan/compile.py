@@ -12,6 +12,7 @@ from fsoe_net.model import (
     DeviceLayout,
     Direction,
     Entry,
+    EntryView,
     FsoeBlock,
     Resolution,
     ResolvedEnd,
@@ -205,19 +206,24 @@ class _Compiler:
             free = sm.block_at(first) is None and sm.block_at(last) is None
             if not entry.registered or not free or not 0 < entry.bits <= _MAX_SYMBOL_BITS:
                 continue
-            interface = entry.command_interface or entry.state_interface or entry.name
-            self.symbols.append(
-                PlanSymbol(
-                    name=self._symbol_name(sub.name, interface, entry),
-                    sm=sm_number,
-                    bit_offset=first,
-                    bits=entry.bits,
-                    kind=entry_kind(entry),
-                    output=sm.sm.direction is Direction.OUTPUT,
-                    restart_relevant=entry.restart_relevant,
-                    stop_value=stop_value(entry) if sm.sm.direction is Direction.OUTPUT else 0,
+            output = sm.sm.direction is Direction.OUTPUT
+            for view in entry.views or (_whole(entry),):
+                interface = view.command_interface or view.state_interface or entry.name
+                scale = 2.0**-view.shift if output else 2.0**view.shift
+                self.symbols.append(
+                    PlanSymbol(
+                        name=self._symbol_name(sub.name, interface, entry),
+                        sm=sm_number,
+                        bit_offset=first + view.bit,
+                        bits=view.bits,
+                        kind=entry_kind(view),
+                        output=output,
+                        restart_relevant=entry.restart_relevant,
+                        stop_value=0 if entry.restart_relevant or not output else stop_value(view),
+                        factor=view.factor * scale,
+                        offset=view.offset * scale if output else view.offset,
+                    )
                 )
-            )
 
     def _symbol_name(self, sub: str, interface: str | None, entry: Entry) -> str:
         """Return a unique name: the interface, else the address, else with a counter."""
@@ -293,7 +299,22 @@ def _block(sm_number: int, block: FsoeBlock, copied: bool) -> PlanBlock:
     )
 
 
-def entry_kind(entry: Entry) -> int:
+def _whole(entry: Entry) -> EntryView:
+    # Interfaces of a data_mapping whose items no symbol can hold are not those of the channel.
+    own = "data_mapping" not in entry.fields
+    return EntryView(
+        bit=0,
+        bits=entry.bits,
+        type_name=entry.type_name,
+        command_interface=entry.command_interface if own else None,
+        state_interface=entry.state_interface if own else None,
+        default=entry.default,
+        factor=entry.factor,
+        offset=entry.offset,
+    )
+
+
+def entry_kind(entry: Entry | EntryView) -> int:
     """Return the type number of the plan format for a type word."""
     word = entry.type_name
     if word == "bool":
@@ -305,11 +326,12 @@ def entry_kind(entry: Entry) -> int:
     return 4 if word in ("float", "double", "real32", "real64") else 0
 
 
-def stop_value(entry: Entry) -> int:
+def stop_value(entry: EntryView) -> int:
     """Return the raw bits of an output's ``default``, 0 without one; see the plan format."""
     value = entry.default
-    if value is None or math.isnan(value) or entry.restart_relevant:
+    if value is None or math.isnan(value):
         return 0
+    value /= 1 << entry.shift
     kind = entry_kind(entry)
     if kind == _REAL and entry.bits in _REAL_FORMAT:
         return _real_bits(value, entry.bits)

@@ -100,7 +100,8 @@ class PlanSdo:
 class PlanSymbol:
     """One named entry of ordinary process data.
 
-    ``stop_value`` is what an output takes when nobody writes it: raw bits, 0 for inputs.
+    ``stop_value`` is what an output takes when nobody writes it: raw bits, 0 for inputs. The value
+    of an input is ``factor * raw + offset``; an output gets ``factor * value + offset`` as raw.
     """
 
     name: str
@@ -111,6 +112,8 @@ class PlanSymbol:
     output: bool
     restart_relevant: bool
     stop_value: int = 0
+    factor: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@
 
 static const uint8_t magic[8] = {'F', 'S', 'N', 'P', 'L', 'A', 'N', 0};
 
-const uint32_t fsn_record_bytes[FSN_SECTIONS + 1] = {0, 48, 24, 16, 12, 16, 28, 16, 32, 40, 1};
+const uint32_t fsn_record_bytes[FSN_SECTIONS + 1] = {0, 48, 24, 16, 12, 16, 44, 16, 32, 40, 1};
 
 fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t section, uint32_t record,
                       uint32_t byte, const char *rule) {
@@ -227,6 +227,13 @@ fsn_status fsn_plan_sm(const struct fsn_plan *plan, uint32_t number, struct fsn_
     return FSN_OK;
 }
 
+static double real_at(const uint8_t *bytes) {
+    const uint64_t bits = fsn_get64(bytes);
+    double value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
 fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
                            struct fsn_symbol_info *info) {
     if (number >= plan->count[FSN_SEC_SYMBOL]) {
@@ -242,6 +249,8 @@ fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
         .output = r[15] & 1u,
         .restart_relevant = (r[15] >> 1) & 1u,
         .stop_value = fsn_get64(r + 20),
+        .factor = real_at(r + 28),
+        .offset = real_at(r + 36),
     };
     return FSN_OK;
 }

@@ -78,6 +78,14 @@ static bool is_stop_value_ok(const uint8_t *symbol, uint32_t bits) {
     return value == 0 || (!closed && (bits == 64 || value >> bits == 0));
 }
 
+/** Finite, by its bits: what is read here is not believed to be a number. */
+static bool is_scale_ok(const uint8_t *symbol) {
+    const uint64_t factor = fsn_get64(symbol + 28);
+    const uint64_t offset = fsn_get64(symbol + 36);
+    return (factor << 1) != 0 && ((factor >> 52) & 0x7FFu) != 0x7FFu &&
+           ((offset >> 52) & 0x7FFu) != 0x7FFu;
+}
+
 static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *fault) {
     struct fsn_at at = {plan, fault, FSN_SEC_SYMBOL, 0};
     for (; at.number < plan->count[FSN_SEC_SYMBOL]; at.number++) {
@@ -108,6 +116,10 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
             return fsn_no(&at, FSN_E_PLAN_VALUE, 20,
                           "a stop value has the bits of its output, and is 0 for an input and for "
                           "what is restart relevant");
+        }
+        if (!is_scale_ok(r)) {
+            return fsn_no(&at, FSN_E_PLAN_VALUE, 28,
+                          "factor and offset are finite numbers, and the factor is not 0");
         }
         const uint32_t first = bit / 8;
         const uint32_t last = (bit + bits - 1) / 8;

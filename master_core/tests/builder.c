@@ -4,7 +4,7 @@
 
 enum { SECTIONS = 10 };
 
-static const uint32_t record_bytes[SECTIONS] = {48, 24, 16, 12, 16, 28, 16, 32, 40, 1};
+static const uint32_t record_bytes[SECTIONS] = {48, 24, 16, 12, 16, 44, 16, 32, 40, 1};
 
 struct buffer {
     uint8_t *bytes;
@@ -111,6 +111,12 @@ static void sdos(struct buffer *b, const struct build *n) {
     }
 }
 
+static void put_real(struct buffer *b, double value) {
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    put(b, bits, 8);
+}
+
 static void symbols(struct buffer *b, const struct build *n) {
     for (uint32_t i = 0; i < n->symbol_count; i++) {
         const struct build_symbol *symbol = &n->symbols[i];
@@ -122,6 +128,8 @@ static void symbols(struct buffer *b, const struct build *n) {
         put(b, (symbol->sm % 2 == 0) | (symbol->restart_relevant ? 2 : 0), 1);
         put(b, 0, 4);
         put(b, symbol->stop_value, 8);
+        put_real(b, symbol->factor != 0 ? symbol->factor : 1);
+        put_real(b, symbol->offset);
     }
 }
 

@@ -33,6 +33,7 @@ struct build_symbol {
     uint8_t kind; /**< 0: unsigned */
     uint8_t restart_relevant;
     uint64_t stop_value;
+    double factor, offset; /**< factor 0: 1 */
 };
 
 /** A recognised FSoE frame. */

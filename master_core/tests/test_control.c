@@ -163,6 +163,78 @@ static void values_are_typed(void) {
     }
 }
 
+/** Values in the units of a symbol; `text` is what is written, `written` what is read back. */
+static void values_are_scaled(void) {
+    static const struct {
+        struct fsn_symbol_info symbol;
+        const char *text;
+        bool ok;
+        uint64_t raw;
+        const char *written;
+    } scaled[] = {
+        {{.kind = FSN_KIND_SIGNED, .bits = 16, .factor = 0.5, .offset = 1},
+         "-7",
+         true,
+         0xFFFD,
+         "-0.5"},
+        {{.kind = FSN_KIND_SIGNED, .bits = 16, .factor = 0.5, .offset = 1, .output = 1},
+         "-7",
+         true,
+         0xFFFD,
+         "-8"}, /* -2.5 is rounded away from 0 */
+        {{.kind = FSN_KIND_UNSIGNED, .bits = 8, .factor = 10, .output = 1},
+         "25.5",
+         true,
+         255,
+         "25.5"},
+        {{.kind = FSN_KIND_UNSIGNED, .bits = 8, .factor = 10, .output = 1}, "25.6", false, 0, NULL},
+        {{.kind = FSN_KIND_UNSIGNED, .bits = 8, .factor = 10, .output = 1}, "-1", false, 0, NULL},
+        {{.kind = FSN_KIND_SIGNED, .bits = 64, .factor = 2, .output = 1},
+         "-4611686018427387904",
+         true,
+         UINT64_C(1) << 63,
+         "-4.6116860184273879e+18"},
+        {{.kind = FSN_KIND_SIGNED, .bits = 64, .factor = 2, .output = 1},
+         "4611686018427387904",
+         false,
+         0,
+         NULL},
+        {{.kind = FSN_KIND_REAL, .bits = 32, .factor = 2, .output = 1},
+         "1e38",
+         true,
+         0x7F167699,
+         NULL},
+        {{.kind = FSN_KIND_REAL, .bits = 32, .factor = 4, .output = 1}, "1e38", false, 0, NULL},
+        {{.kind = FSN_KIND_UNSIGNED, .bits = 8, .factor = 2, .output = 1}, "nan", false, 0, NULL},
+        {{.kind = FSN_KIND_UNSIGNED, .bits = 64, .factor = 1},
+         "0xFFFFFFFFFFFFFFFF",
+         true,
+         UINT64_MAX,
+         "18446744073709551615"}, /* without a scale nothing is lost */
+        {{.kind = FSN_KIND_BOOL, .bits = 1, .factor = 3}, "on", true, 1, "true"},
+    };
+    for (size_t i = 0; i < sizeof scaled / sizeof scaled[0]; i++) {
+        uint64_t raw = 0;
+        const char *wrong = fsn_value_parse_typed(&scaled[i].symbol, scaled[i].text, &raw);
+        if ((wrong == NULL) != scaled[i].ok || raw != scaled[i].raw) {
+            fprintf(stderr, "row %zu: %s gave 0x%llx\n", i, scaled[i].text,
+                    (unsigned long long)raw);
+        }
+        CHECK((wrong == NULL) == scaled[i].ok && raw == scaled[i].raw);
+        if (scaled[i].written != NULL) {
+            struct fsn_json json = {.limit_bytes = 64};
+            fsn_value_write_typed(&scaled[i].symbol, raw, &json);
+            char text[64];
+            snprintf(text, sizeof text, "%.*s", (int)json.len_bytes, json.bytes);
+            if (strcmp(text, scaled[i].written) != 0) {
+                fprintf(stderr, "row %zu: written as %s\n", i, text);
+            }
+            CHECK(strcmp(text, scaled[i].written) == 0);
+            fsn_json_free(&json);
+        }
+    }
+}
+
 enum { OUTPUT, INPUT, COPIED, START, SYMBOLS };
 
 struct rig {
@@ -289,6 +361,7 @@ int main(void) {
     lines_are_split();
     json_is_escaped_and_bounded();
     values_are_typed();
+    values_are_scaled();
     an_output_belongs_to_one_client();
     arming_allows_one_edge();
     return 0;

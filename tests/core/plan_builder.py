@@ -90,7 +90,7 @@ class Builder:
             entries,
             [],
             [
-                struct.pack("<IIIHBBIQ", text(name), sm, bit, bits, 3, sm % 2 == 0, 0, 0)
+                struct.pack("<IIIHBBIQdd", text(name), sm, bit, bits, 3, sm % 2 == 0, 0, 0, 1, 0)
                 for name, sm, bit, bits in self.symbols
             ],
             [
@@ -137,7 +137,7 @@ class Builder:
 
 def assemble(sections: list[list[bytes]], strings: bytes, cycle_ns: int) -> bytes:
     """Put header and section table before the records."""
-    records = [48, 24, 16, 12, 16, 28, 16, 32, 40, 1]
+    records = [48, 24, 16, 12, 16, 44, 16, 32, 40, 1]
     table, body = b"", b""
     for kind, (rows, size) in enumerate(zip([*sections, [strings]], records, strict=True), start=1):
         data = b"".join(rows)

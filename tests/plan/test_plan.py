@@ -6,23 +6,23 @@ import hashlib
 import random
 import struct
 import zlib
-from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from networks import example, write_big_network
 
 from fsoe_net.cli.inputs import check_files
 from fsoe_net.core import Core, CorePlan, EmulatedBus
-from fsoe_net.diag import Span
 from fsoe_net.errors import CoreMissing, PlanFormatError
-from fsoe_net.model import Entry
+from fsoe_net.load import load_network
+from fsoe_net.model import EntryView, resolve
 from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_image, plan_json, plan_text
 from fsoe_net.plan.compile import stop_value
 
 # Changes of these are changes of the file format or of the examples: both belong in the changelog.
 GOLDEN = {
-    "estop": "c5197d754ba7e93dc725c0afa882eccb4cb3dbc980834e6aa3eb3c86075ed244",
-    "el6910": "94ad248413bcd8b7d0883357a657c4d0faa8c2dbbc0e3a082b865f72e9c2a654",
+    "estop": "3f00eb59239cba679a1f4c3b0129d011b306355a373849a64deb81d8af57abfa",
+    "el6910": "869f6ac41ced44d06ee414037059a6e5039dc905bc04d770b95b949a3b18d60a",
 }
 
 
@@ -60,11 +60,72 @@ def test_decode_is_the_inverse(name: str):
 def test_the_stop_value_is_the_default_as_raw_bits(
     type_name: str, bits: int, default: float | None, raw: int
 ) -> None:
-    entry = Entry(
-        span=Span("x"), index=0x7000, subindex=1, bits=bits, type_name=type_name, default=default
+    view = EntryView(bit=0, bits=bits, type_name=type_name, default=default)
+    assert stop_value(view) == raw
+
+
+def test_what_is_restart_relevant_stops_at_zero(tmp_path):
+    plain, marked = (
+        symbols_of(tmp_path, f"type: uint8, default: 3, restart_relevant: {word}")
+        for word in ("false", "true")
     )
-    assert stop_value(entry) == raw
-    assert stop_value(replace(entry, restart_relevant=True)) == 0
+    assert [s.stop_value for s in plain] == [3]
+    assert [s.stop_value for s in marked] == [0]
+
+
+def symbols_of(folder: Path, channel: str, *, group: str = "rpdo"):
+    """The symbols of a SubDevice with one channel at 0x7000:01."""
+    index = {"rpdo": "0x1600", "tpdo": "0x1a00"}[group]
+    (folder / "device.yaml").write_text(
+        f"vendor_id: 2\nproduct_id: 3\n{group}:\n  - index: {index}\n    channels:\n"
+        f"      - {{index: 0x7000, sub_index: 1, {channel}}}\n",
+        "utf-8",
+    )
+    network = folder / "network.yaml"
+    network.write_text(
+        "version: 1\nname: io\nsubdevices:\n  - {name: io, position: 0, config: device.yaml}\n",
+        "utf-8",
+    )
+    return compile_plan(resolve(load_network([network]).network)).symbols
+
+
+@pytest.mark.parametrize(
+    ("group", "channel", "expected"),
+    [
+        ("tpdo", "type: int16, factor: 0.1, offset: -2", [("io.0x7000:01", 0, 16, 0.1, -2.0)]),
+        # An item of data_mapping: the mask of the driver does not move a value down.
+        (
+            "tpdo",
+            "type: uint16, data_mapping: ["
+            "{addr_offset: 1, type: uint8, mask: 0x30, factor: 3, offset: 1, state_interface: a},"
+            "{type: bool, mask: 4, state_interface: b}]",
+            [("io.a", 12, 2, 48.0, 1.0), ("io.b", 2, 1, 1.0, 0.0)],
+        ),
+        (
+            "rpdo",
+            "type: uint16, data_mapping: ["
+            "{addr_offset: 1, type: uint8, mask: 0x30, factor: 32, offset: 16, "
+            "command_interface: a}]",
+            [("io.a", 12, 2, 2.0, 1.0)],
+        ),
+        # Bits with a gap, and bits behind the entry, are no value; the channel is there as a whole.
+        (
+            "rpdo",
+            "type: uint8, data_mapping: [{type: uint8, mask: 5, command_interface: a}]",
+            [("io.0x7000:01", 0, 8, 1.0, 0.0)],
+        ),
+        (
+            "rpdo",
+            "type: uint8, data_mapping: [{addr_offset: 1, type: uint8, command_interface: a}]",
+            [("io.0x7000:01", 0, 8, 1.0, 0.0)],
+        ),
+        ("tpdo", "type: int16, factor: 0", [("io.0x7000:01", 0, 16, 1.0, 0.0)]),
+        ("tpdo", "type: int16, factor: .inf", [("io.0x7000:01", 0, 16, 1.0, 0.0)]),
+    ],
+)
+def test_symbols_are_scaled_as_the_driver_does(tmp_path, group, channel, expected):
+    found = symbols_of(tmp_path, channel, group=group)
+    assert [(s.name, s.bit_offset, s.bits, s.factor, s.offset) for s in found] == expected
 
 
 def test_an_output_with_a_default_has_it_as_stop_value():

@@ -52,7 +52,9 @@ struct fsn_symbol_info {
     uint16_t bits;
     uint8_t kind; /**< enum fsn_kind */
     uint8_t output, restart_relevant;
-    uint64_t stop_value; /**< raw bits an output takes when nobody writes it; 0 for inputs */
+    uint64_t stop_value;   /**< raw bits an output takes when nobody writes it; 0 for inputs */
+    double factor, offset; /**< an input is factor * raw + offset, raw of an output the same of its
+                                value; finite, factor not 0 */
 };
 
 /** A recognised FSoE frame. */

@@ -162,6 +162,10 @@ void fsn_report_symbols(struct fsn_control *control, struct fsn_json *json) {
         fsn_json_put_text(json, "direction", info.output != 0 ? "output" : "input");
         fsn_json_put_text(json, "type", fsn_value_type(&info));
         fsn_json_put_u64(json, "bits", info.bits);
+        fsn_json_key(json, "factor");
+        fsn_json_real(json, info.factor);
+        fsn_json_key(json, "offset");
+        fsn_json_real(json, info.offset);
         fsn_json_put_bool(json, "open", state.open);
         if (info.output != 0) {
             fsn_json_put_bool(json, "restart_relevant", info.restart_relevant != 0);

@@ -49,17 +49,17 @@ static const char *parse_whole(const struct fsn_symbol_info *symbol, const char 
     return NULL;
 }
 
-static const char *parse_real(const struct fsn_symbol_info *symbol, const char *text,
-                              uint64_t *raw) {
+static bool read_real(const char *text, double *number) {
     char *end = NULL;
-    if (!isdigit((unsigned char)text[*text == '-' || *text == '+']) &&
-        text[*text == '-' || *text == '+'] != '.') {
-        return "no number";
+    const char *digits = text + (*text == '-' || *text == '+');
+    if (!isdigit((unsigned char)*digits) && *digits != '.') {
+        return false;
     }
-    const double number = strtod(text, &end);
-    if (*end != 0) {
-        return "no number";
-    }
+    *number = strtod(text, &end);
+    return *end == 0;
+}
+
+static const char *store_real(const struct fsn_symbol_info *symbol, double number, uint64_t *raw) {
     if (!isfinite(number) || (symbol->bits == 32 && !isfinite((float)number))) {
         return "outside the range of its type";
     }
@@ -76,7 +76,8 @@ static const char *parse_real(const struct fsn_symbol_info *symbol, const char *
 
 const char *fsn_value_parse(const struct fsn_symbol_info *symbol, const char *text, uint64_t *raw) {
     if (is_real(symbol)) {
-        return parse_real(symbol, text, raw);
+        double number;
+        return read_real(text, &number) ? store_real(symbol, number, raw) : "no number";
     }
     if (symbol->kind == FSN_KIND_BOOL || symbol->bits == 1) {
         if (strcmp(text, "true") == 0 || strcmp(text, "on") == 0 || strcmp(text, "1") == 0) {
@@ -92,18 +93,69 @@ const char *fsn_value_parse(const struct fsn_symbol_info *symbol, const char *te
     return parse_whole(symbol, text, raw);
 }
 
-void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct fsn_json *json) {
-    if (symbol->kind == FSN_KIND_BOOL) {
-        fsn_json_bool(json, raw != 0);
-    } else if (is_real(symbol) && symbol->bits == 32) {
+static bool is_scaled(const struct fsn_symbol_info *symbol) {
+    return symbol->kind != FSN_KIND_BOOL && !(symbol->factor == 1 && symbol->offset == 0);
+}
+
+static const char *store_whole(const struct fsn_symbol_info *symbol, double number, uint64_t *raw) {
+    const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
+    const double end = ldexp(1, symbol->bits - (is_signed ? 1 : 0)); /* the first too large */
+    const double rounded = round(number);
+    if (!(rounded < end && rounded >= (is_signed ? -end : 0))) {
+        return "outside the range of its type";
+    }
+    const uint64_t mask = symbol->bits == 64 ? UINT64_MAX : (UINT64_C(1) << symbol->bits) - 1;
+    *raw = (rounded < 0 ? 0 - (uint64_t)-rounded : (uint64_t)rounded) & mask;
+    return NULL;
+}
+
+const char *fsn_value_parse_typed(const struct fsn_symbol_info *symbol, const char *text,
+                                  uint64_t *raw) {
+    double number;
+    if (!is_scaled(symbol)) {
+        return fsn_value_parse(symbol, text, raw);
+    }
+    if (!read_real(text, &number)) {
+        return "no number";
+    }
+    const double scaled = symbol->factor * number + symbol->offset;
+    return is_real(symbol) ? store_real(symbol, scaled, raw) : store_whole(symbol, scaled, raw);
+}
+
+/** The number that these bits are. */
+static double number_of(const struct fsn_symbol_info *symbol, uint64_t raw) {
+    if (is_real(symbol) && symbol->bits == 32) {
         const uint32_t bits = (uint32_t)raw;
         float number;
         memcpy(&number, &bits, sizeof number);
-        fsn_json_real(json, (double)number);
-    } else if (is_real(symbol)) {
+        return (double)number;
+    }
+    if (is_real(symbol)) {
         double number;
         memcpy(&number, &raw, sizeof number);
-        fsn_json_real(json, number);
+        return number;
+    }
+    const uint64_t sign = UINT64_C(1) << (symbol->bits - 1);
+    return symbol->kind == FSN_KIND_SIGNED && (raw & sign) != 0 ? -(double)((~raw & (sign - 1)) + 1)
+                                                                : (double)raw;
+}
+
+void fsn_value_write_typed(const struct fsn_symbol_info *symbol, uint64_t raw,
+                           struct fsn_json *json) {
+    if (!is_scaled(symbol)) {
+        fsn_value_write(symbol, raw, json);
+        return;
+    }
+    const double number = number_of(symbol, raw);
+    fsn_json_real(json, symbol->output != 0 ? (number - symbol->offset) / symbol->factor
+                                            : symbol->factor * number + symbol->offset);
+}
+
+void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct fsn_json *json) {
+    if (symbol->kind == FSN_KIND_BOOL) {
+        fsn_json_bool(json, raw != 0);
+    } else if (is_real(symbol)) {
+        fsn_json_real(json, number_of(symbol, raw));
     } else if (symbol->kind == FSN_KIND_SIGNED) {
         const uint64_t sign = UINT64_C(1) << (symbol->bits - 1);
         const uint64_t wide = (raw ^ sign) - sign;
