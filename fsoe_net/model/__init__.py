@@ -12,6 +12,13 @@ from fsoe_net.model.bus import (
     SyncManager,
     Watchdog,
 )
+from fsoe_net.model.description import (
+    DescribedConnection,
+    DescribedCopy,
+    DescribedEnd,
+    DescribedSubDevice,
+    Description,
+)
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout, find_blocks, layout_of
 from fsoe_net.model.network import (
     ConnectionFacts,
@@ -40,6 +47,11 @@ __all__ = [
     "Action",
     "Connection",
     "ConnectionFacts",
+    "DescribedConnection",
+    "DescribedCopy",
+    "DescribedEnd",
+    "DescribedSubDevice",
+    "Description",
     "Device",
     "DeviceLayout",
     "Direction",

@@ -133,7 +133,9 @@ class Pdo(Located):
 class SyncManager(Located):
     """One sync manager. ``carries`` is ``"rpdo"``, ``"tpdo"`` or ``None`` (nothing assigned).
 
-    ``declared`` is false for the four that the driver invents when a file lists none.
+    ``declared`` is false for the four that the driver invents when a file lists none. Sources that
+    assign PDOs to each sync manager, as ESI and ENI do, give them as ``pdos``; ``carries`` is then
+    not looked at. ``start_byte`` is its place in the memory of the SubDevice, where known.
     """
 
     index: int
@@ -141,6 +143,8 @@ class SyncManager(Located):
     carries: str | None
     watchdog: Watchdog = Watchdog.DEFAULT
     declared: bool = True
+    pdos: tuple[Pdo, ...] | None = None
+    start_byte: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,6 +172,8 @@ class Device(Located):
 
     def pdos_of(self, sm: SyncManager) -> tuple[Pdo, ...]:
         """Return the PDOs a sync manager carries, in assignment order."""
+        if sm.pdos is not None:
+            return sm.pdos
         if sm.carries == "rpdo":
             return self.rpdos
         return self.tpdos if sm.carries == "tpdo" else ()

@@ -1,0 +1,106 @@
+"""What files of other tools say about a bus: every reader gives this, every writer takes it.
+
+A description is not yet a network: names may be missing, FSoE blocks are not paired, a device may be
+a mere type without a place in the ring.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Device, Located, Pdo
+
+__all__ = [
+    "DescribedConnection",
+    "DescribedCopy",
+    "DescribedEnd",
+    "DescribedSubDevice",
+    "Description",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DescribedSubDevice(Located):
+    """One SubDevice, or one device type.
+
+    Attributes:
+        name: As the source calls it; may be empty, foreign or given twice.
+        order: Order number or type, such as ``EL1904``; may be empty.
+        position: Ring position from 0; ``None`` for a device type, or where the source is silent.
+        alias: Configured station alias, 0 for none.
+        device: Identity, sync managers with their assigned PDOs (`SyncManager.pdos`), start-up SDOs.
+        available: PDOs the device offers and the source does not assign.
+        revision: Revision number; a device type may leave it open.
+        serial: Serial number.
+        module_ident: Modules chosen for the slots, in order, for modular devices.
+        truncated: The source ends in the middle of this SubDevice.
+        notes: What a reader had to assume, in words, for people.
+    """
+
+    name: str = ""
+    order: str = ""
+    position: int | None = None
+    alias: int = 0
+    device: Device
+    available: tuple[Pdo, ...] = ()
+    revision: int | None = None
+    serial: int | None = None
+    module_ident: tuple[int, ...] = ()
+    truncated: bool = False
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DescribedEnd(Located):
+    """A place in the process data of a SubDevice: its number in the description, SM and bit."""
+
+    subdevice: int
+    sm_index: int
+    bit_offset: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DescribedCopy(Located):
+    """A copy that the source asks its MainDevice for, such as a ``CopyInfo`` of an ENI.
+
+    ``fsoe``: the source says so itself; ``None`` when it does not tell.
+    """
+
+    source: DescribedEnd
+    destination: DescribedEnd
+    bits: int
+    fsoe: bool | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DescribedConnection(Located):
+    """An FSoE connection the source names; numbers of SubDevices, ``None`` where it is silent."""
+
+    name: str = ""
+    main: int | None = None
+    sub: int | None = None
+    address: int | None = None
+    connection_id: int | None = None
+    watchdog_ms: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Description(Located):
+    """Everything one source says.
+
+    Attributes:
+        format: ``esi``, ``eni``, ``sii``, ``ethercat-pdos``, ``lcec`` and so on.
+        path: Where it came from.
+        subdevices: In ring order where the source has one.
+        cycle_us: Bus cycle, microseconds.
+        truncated: The text ends too early; what is here is right, but not all.
+    """
+
+    format: str
+    path: str
+    subdevices: tuple[DescribedSubDevice, ...] = ()
+    copies: tuple[DescribedCopy, ...] = ()
+    connections: tuple[DescribedConnection, ...] = ()
+    cycle_us: int | None = None
+    truncated: bool = False
