@@ -1,7 +1,7 @@
 """What files of other tools say about a bus: every reader gives this, every writer takes it.
 
-A description is not yet a network: names may be missing, FSoE blocks are not paired, a device may be
-a mere type without a place in the ring.
+A description is not yet a network: names may be missing, FSoE blocks are not paired, a device may
+be a mere type without a place in the ring.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class DescribedSubDevice(Located):
         order: Order number or type, such as ``EL1904``; may be empty.
         position: Ring position from 0; ``None`` for a device type, or where the source is silent.
         alias: Configured station alias, 0 for none.
-        device: Identity, sync managers with their assigned PDOs (`SyncManager.pdos`), start-up SDOs.
+        device: Identity, sync managers with their assigned PDOs (`pdos` of each), start-up SDOs.
         available: PDOs the device offers and the source does not assign.
         revision: Revision number; a device type may leave it open.
         serial: Serial number.
