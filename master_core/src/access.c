@@ -3,26 +3,9 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include <sched.h>
-#include <string.h>
 
 #include "core_internal.h"
-
-/** Copies words of the snapshot; `to` may be NULL to skip them. */
-static const _Atomic uint64_t *take(const _Atomic uint64_t *from, void *to, size_t len_bytes) {
-    uint8_t *bytes = to;
-    if (bytes == NULL) {
-        return from + (len_bytes + 7) / 8;
-    }
-    for (; len_bytes >= 8; len_bytes -= 8, bytes += 8) {
-        const uint64_t word = atomic_load_explicit(from++, memory_order_relaxed);
-        memcpy(bytes, &word, 8);
-    }
-    if (len_bytes > 0) {
-        const uint64_t word = atomic_load_explicit(from++, memory_order_relaxed);
-        memcpy(bytes, &word, len_bytes);
-    }
-    return from;
-}
+#include "rt/words.h"
 
 /** Reads the words once; false when the writer was at them meanwhile. */
 static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statistics,
@@ -32,9 +15,9 @@ static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statist
         return false;
     }
     const _Atomic uint64_t *from = rt->snapshot.words;
-    from = take(from, statistics, sizeof rt->statistics);
-    from = take(from, connections, rt->connection_count * sizeof *connections);
-    take(from, image, rt->image_bytes);
+    from = fsn_words_take(from, statistics, sizeof rt->statistics);
+    from = fsn_words_take(from, connections, rt->connection_count * sizeof *connections);
+    fsn_words_take(from, image, rt->image_bytes);
     /* The loads above may not sink below the second look at the sequence. */
     atomic_thread_fence(memory_order_acquire);
     return atomic_load_explicit(&rt->snapshot.sequence, memory_order_relaxed) == before;

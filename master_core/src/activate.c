@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core_internal.h"
+#include "rt/words.h"
 
 /** A copy with absolute bytes while neighbours are merged and sizes grouped. */
 struct span {
@@ -364,15 +365,11 @@ static fsn_status activate_input(struct fsn_core *core, struct fsn_fault *fault)
     return FSN_OK;
 }
 
-static size_t words(size_t bytes) {
-    return (bytes + 7) / 8;
-}
-
 static fsn_status activate_snapshot(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_rt *rt = &core->rt;
-    const size_t count = words(sizeof rt->statistics) +
-                         words(rt->connection_count * sizeof(struct fsn_connection_status)) +
-                         words(rt->image_bytes);
+    const size_t count = fsn_words_of(sizeof rt->statistics) +
+                         fsn_words_of(rt->connection_count * sizeof(struct fsn_connection_status)) +
+                         fsn_words_of(rt->image_bytes);
     rt->snapshot.words = calloc(count, sizeof *rt->snapshot.words);
     if (rt->snapshot.words == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);

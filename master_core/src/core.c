@@ -57,6 +57,7 @@ void fsn_core_free(struct fsn_core *core) {
     free(core->rt.input.sm_stale);
     free((void *)core->rt.stale);
     free((void *)core->rt.snapshot.words);
+    free((void *)core->rt.recorder.words);
     fsn_plan_free((struct fsn_plan *)core->plan);
     free(core);
 }
@@ -158,6 +159,10 @@ fsn_status fsn_core_start(struct fsn_core *core, const struct fsn_thread_options
     if (!options_ok(options, cycle_ns)) {
         return fsn_refuse_all(fault, FSN_E_ARG,
                               "the cycle is 1 us to 4 s, the priority 0 to 99, the CPU exists");
+    }
+    const fsn_status fits = fsn_core_fit_recorder(core, cycle_ns);
+    if (fits != FSN_OK) {
+        return fsn_refuse_all(fault, fits, "no room to record the cycles");
     }
     core->rt.cycle_ns = cycle_ns;
     core->rt.free_run = options->free_run;

@@ -17,6 +17,8 @@ struct fsn_core {
     struct fsn_rt_group *groups;
     uint32_t *active;   /**< symbols set so far; the cycle reads the first active_count */
     uint8_t *is_active; /**< per symbol; the writer's own */
+    uint64_t keep_ns;   /**< as asked of fsn_core_keep() */
+    size_t keep_bytes;  /**< as asked of fsn_core_keep() */
     pthread_t thread;
     bool running;
 };
@@ -24,5 +26,9 @@ struct fsn_core {
 /** Opens the bus, proves plan and layout together and builds what the cycle executes.
  *  On refusal the caller frees the core. */
 fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault);
+
+/** Makes room for the cycles that fsn_core_keep() asked for, at this bus cycle; 0: as many as fit.
+ *  What was recorded is gone when the room changes. Context: set-up, the cycle stands. */
+fsn_status fsn_core_fit_recorder(struct fsn_core *core, uint64_t cycle_ns);
 
 #endif

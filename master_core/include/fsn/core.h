@@ -61,6 +61,21 @@ struct fsn_event {
     uint8_t by;            /**< when `after` is a reset: who began it, enum fsn_way + 1; else 0 */
 };
 
+/** One cycle, as the recorder keeps it. */
+struct fsn_cycle {
+    uint64_t cycle;         /**< its number: 1 for the first; fsn_statistics.cycles after it */
+    uint64_t now_ns;        /**< its start, monotonic */
+    uint64_t dc_time_ns;    /**< DC reference clock in its reply; 0 without one */
+    uint32_t late_ns;       /**< how late it woke up; this and the next two end at 2^32 - 1 */
+    uint32_t work_ns;       /**< from the wake-up to the end of send() */
+    uint32_t round_trip_ns; /**< from send() to the last reply; 0 where the bus does not know */
+    uint32_t lost_frames;   /**< frames that have not come back in this cycle */
+    uint32_t old_replies;   /**< replies to earlier frames, thrown away in this cycle */
+    uint32_t expected_wkc;  /**< over all datagrams */
+    uint32_t actual_wkc;    /**< over all datagrams */
+    uint32_t overruns;      /**< cycles left out right before it: it woke up that much too late */
+};
+
 /** How the cyclic thread runs. Zero is a good value for every field but cycle_ns. */
 struct fsn_thread_options {
     uint64_t cycle_ns; /**< bus cycle, 1 000 … 4 000 000 000 ns; 0 takes the plan's */
@@ -155,6 +170,40 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_snapshot(struct fsn_core *core,
                                                   struct fsn_statistics *statistics,
                                                   struct fsn_connection_status *connections,
                                                   uint8_t *image);
+
+/** Keeps the last cycles, each whole: its numbers, working counters and image.
+ *  @param[in] time_ns     for how long, counted in bus cycles of the plan, or of the options given
+ *                         to fsn_core_start(); 0 keeps none and frees the room.
+ *  @param[in] most_bytes  the room ends there: as many cycles as fit.
+ *  @retval FSN_E_ARG    no core, or not even one cycle fits.
+ *  @retval FSN_E_STATE  the thread runs.   @retval FSN_E_NOMEM  out of memory.
+ *  After a refusal of FSN_E_ARG or FSN_E_NOMEM nothing is kept.
+ *  Context: set-up. Allocates, and touches every page once, so that no cycle has to. */
+FSN_API FSN_MUST_USE fsn_status fsn_core_keep(struct fsn_core *core, uint64_t time_ns,
+                                              size_t most_bytes);
+
+/** How many cycles are kept; 0: none. Context: any thread. */
+FSN_API uint64_t fsn_core_kept_cycles(const struct fsn_core *core);
+
+/** Number of the last cycle that is over; 0 before the first. Works without fsn_core_keep().
+ *  Context: any thread. */
+FSN_API uint64_t fsn_core_last_cycle(const struct fsn_core *core);
+
+/** Takes one cycle out of the recorder, whole: inputs as they were received in it, outputs as they
+ *  were sent. Any number of readers may go through the cycles one by one.
+ *  @param[out] record  may be NULL.
+ *  @param[out] wkc     fsn_core_datagram_count() elements; may be NULL.
+ *  @param[out] image   fsn_core_image_bytes() bytes; may be NULL.
+ *  @retval FSN_E_ARG    no core, no such cycle, or it is overwritten; the buffers hold anything.
+ *  @retval FSN_E_BUSY   the cycle is not over yet.
+ *  @retval FSN_E_STATE  nothing is recorded.
+ *  Context: any thread. Never delays the cyclic thread; one attempt, no waiting. */
+FSN_API FSN_MUST_USE fsn_status fsn_core_record(const struct fsn_core *core, uint64_t cycle,
+                                                struct fsn_cycle *record, struct fsn_wkc *wkc,
+                                                uint8_t *image);
+
+/** Number of datagrams of the process image. Context: any thread. */
+FSN_API uint32_t fsn_core_datagram_count(const struct fsn_core *core);
 
 /** Length of the process image, bytes. Context: any thread. */
 FSN_API uint32_t fsn_core_image_bytes(const struct fsn_core *core);

@@ -96,14 +96,16 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     s->cycles++;
     s->bytes_copied += rt->bytes_per_cycle;
     s->now_ns = now_ns;
+    const uint64_t work_ns = timed ? clock_ns() - now_ns : 0;
     if (timed) {
         fsn_rt_count(&s->copy, after_copy - before_copy);
-        fsn_rt_count(&s->work, clock_ns() - now_ns);
+        fsn_rt_count(&s->work, work_ns);
         if (rt->input.round_trip_ns != 0) {
             fsn_rt_count(&s->round_trip, rt->input.round_trip_ns);
         }
     }
     fsn_rt_publish(rt);
+    fsn_rt_record(rt, work_ns);
 }
 
 /** Distance of this cycle from the phase it had to the reference clock at first, half a cycle at
@@ -153,6 +155,8 @@ void fsn_rt_loop(struct fsn_rt *rt) {
             fsn_rt_count(&s->latency, late);
         }
         before = now;
+        rt->late_ns = rt->free_run ? 0 : late;
+        rt->left_out = rt->late_ns / rt->cycle_ns;
         mark(rt, "fsn: cycle begins");
         fsn_rt_cycle(rt, now, true);
         mark(rt, "fsn: cycle ends");
@@ -160,12 +164,11 @@ void fsn_rt_loop(struct fsn_rt *rt) {
             continue;
         }
         next = steer(rt, next, next) + rt->cycle_ns;
-        if (late >= rt->cycle_ns) {
+        if (rt->left_out > 0) {
             /* Missed wake-ups are counted and dropped, not caught up: a burst of cycles would put
              * several frames of one device into one of its own cycles. */
-            const uint64_t missed = late / rt->cycle_ns;
-            s->overruns += missed;
-            next += missed * rt->cycle_ns;
+            s->overruns += rt->left_out;
+            next += rt->left_out * rt->cycle_ns;
             mark(rt, "fsn: overrun");
         }
     }

@@ -54,6 +54,15 @@ struct fsn_rt_snapshot {
     _Atomic uint64_t *words; /**< statistics, connections, image, each padded to 8 bytes */
 };
 
+/** Ring of the last cycles. Slot n of a cycle: sequence, struct fsn_cycle, working counters, image,
+ *  each padded to 8 bytes. */
+struct fsn_rt_recorder {
+    _Atomic uint64_t last;   /**< number of the last cycle, also without slots */
+    _Atomic uint64_t *words; /**< touched once before the first cycle */
+    uint64_t slots;          /**< 0: nothing is recorded */
+    size_t slot_words;
+};
+
 /** Writes a marker into the trace buffer of the kernel; not part of the cyclic object files. */
 typedef void (*fsn_rt_trace_fn)(int fd, const char *marker);
 
@@ -84,9 +93,12 @@ struct fsn_rt {
     struct fsn_statistics statistics;
     struct fsn_rt_ring ring;
     struct fsn_rt_snapshot snapshot;
+    struct fsn_rt_recorder recorder;
 
     /* The thread's own part. */
     uint64_t cycle_ns;
+    uint64_t late_ns;  /**< how late this cycle woke up; 0 in virtual time */
+    uint64_t left_out; /**< cycles left out right before this one, for it woke up so late */
     bool free_run, follow_dc;
     int64_t dc_phase_ns;   /**< what the reference clock showed at our first DC cycle */
     bool dc_known;         /**< dc_phase_ns is set */
@@ -110,6 +122,9 @@ void fsn_rt_push_event(struct fsn_rt *rt, const struct fsn_event *event);
 
 /** Publishes statistics, connections and image. */
 void fsn_rt_publish(struct fsn_rt *rt);
+
+/** Keeps the cycle that has just run, and tells that there is one more. */
+void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns);
 
 /** One bus cycle. `timed` reads the clock around copy and cycle; off in virtual time. */
 void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed);
