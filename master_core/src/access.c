@@ -3,6 +3,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include <sched.h>
+#include <string.h>
 
 #include "core_internal.h"
 #include "rt/words.h"
@@ -104,23 +105,55 @@ static bool has_place(const struct fsn_core *core, uint32_t symbol) {
     return symbol < core->plan->count[FSN_SEC_SYMBOL] && core->rt.outputs[symbol].bits > 0;
 }
 
-fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol, uint64_t value) {
-    if (core == NULL || !has_place(core, symbol)) {
+bool fsn_core_is_open(const struct fsn_core *core, uint32_t symbol) {
+    return core != NULL && has_place(core, symbol) && core->rt.outputs[symbol].open;
+}
+
+/** Takes one value into the writer's own copy. */
+static void want(struct fsn_core *core, uint32_t symbol, uint64_t value) {
+    if (core->active_slot[symbol] == 0) {
+        core->active[core->active_count++] = symbol;
+        core->active_slot[symbol] = core->active_count;
+    }
+    core->wanted[core->active_slot[symbol] - 1] = value;
+}
+
+/** Hands all values over. The cycle sees what stands in the set, and which symbols they are of,
+ *  before it sees that there is a new one; the set that comes back is one it has left. */
+static void hand_over(struct fsn_core *core) {
+    struct fsn_rt_sets *sets = &core->rt.sets;
+    struct fsn_rt_set *set = &sets->set[core->writer_set];
+    memcpy(set->values, core->wanted, core->active_count * sizeof *set->values);
+    set->count = core->active_count;
+    core->writer_set = atomic_exchange_explicit(&sets->between, core->writer_set | FSN_RT_FRESH,
+                                                memory_order_acq_rel) &
+                       ~(uint32_t)FSN_RT_FRESH;
+}
+
+fsn_status fsn_core_set_outputs(struct fsn_core *core, size_t count, const uint32_t *symbols,
+                                const uint64_t *values) {
+    if (core == NULL || (count > 0 && (symbols == NULL || values == NULL))) {
         return FSN_E_ARG;
     }
-    struct fsn_rt_output *output = &core->rt.outputs[symbol];
-    if (!output->open) {
-        return FSN_E_CLOSED;
+    for (size_t i = 0; i < count; i++) {
+        if (!has_place(core, symbols[i])) {
+            return FSN_E_ARG;
+        }
+        if (!core->rt.outputs[symbols[i]].open) {
+            return FSN_E_CLOSED;
+        }
     }
-    atomic_store_explicit(&output->value, value, memory_order_relaxed);
-    if (!core->is_active[symbol]) {
-        const uint32_t count = atomic_load_explicit(&core->rt.active_count, memory_order_relaxed);
-        core->active[count] = symbol;
-        core->is_active[symbol] = 1;
-        /* The cycle sees the symbol's number and value before it sees that there is one more. */
-        atomic_store_explicit(&core->rt.active_count, count + 1, memory_order_release);
+    for (size_t i = 0; i < count; i++) {
+        want(core, symbols[i], values[i]);
+    }
+    if (count > 0) {
+        hand_over(core);
     }
     return FSN_OK;
+}
+
+fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol, uint64_t value) {
+    return fsn_core_set_outputs(core, 1, &symbol, &value);
 }
 
 fsn_status fsn_core_read_symbol(const struct fsn_core *core, const uint8_t *image, uint32_t symbol,

@@ -333,11 +333,20 @@ static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *faul
     const uint32_t count = core->plan->count[FSN_SEC_SYMBOL];
     core->rt.outputs = calloc((size_t)count + 1, sizeof *core->rt.outputs);
     core->active = calloc((size_t)count + 1, sizeof *core->active);
-    core->is_active = calloc((size_t)count + 1, 1);
-    if (core->rt.outputs == NULL || core->active == NULL || core->is_active == NULL) {
+    core->active_slot = calloc((size_t)count + 1, sizeof *core->active_slot);
+    core->wanted = calloc((size_t)count + 1, sizeof *core->wanted);
+    core->set_values = calloc(3 * ((size_t)count + 1), sizeof *core->set_values);
+    if (core->rt.outputs == NULL || core->active == NULL || core->active_slot == NULL ||
+        core->wanted == NULL || core->set_values == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
     core->rt.active = core->active;
+    for (size_t set = 0; set < 3; set++) {
+        core->rt.sets.set[set].values = core->set_values + set * ((size_t)count + 1);
+    }
+    core->rt.sets.cycle = 0;
+    atomic_init(&core->rt.sets.between, 1);
+    core->writer_set = 2;
     for (uint32_t i = 0; i < count; i++) {
         struct fsn_symbol_info info;
         if (fsn_plan_symbol(core->plan, i, &info) != FSN_OK ||

@@ -52,7 +52,9 @@ void fsn_core_free(struct fsn_core *core) {
     free(core->rt.seen);
     free(core->rt.outputs);
     free(core->active);
-    free(core->is_active);
+    free(core->active_slot);
+    free(core->wanted);
+    free(core->set_values);
     free(core->rt.input.wkc);
     free(core->rt.input.sm_stale);
     free((void *)core->rt.stale);

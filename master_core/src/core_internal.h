@@ -15,10 +15,14 @@ struct fsn_core {
     bool opened; /**< the bus was opened and is owed a close */
     struct fsn_rt_copy *copies;
     struct fsn_rt_group *groups;
-    uint32_t *active;   /**< symbols set so far; the cycle reads the first active_count */
-    uint8_t *is_active; /**< per symbol; the writer's own */
-    uint64_t keep_ns;   /**< as asked of fsn_core_keep() */
-    size_t keep_bytes;  /**< as asked of fsn_core_keep() */
+    uint32_t *active;      /**< symbols set so far; the cycle reads those of its set */
+    uint32_t *active_slot; /**< per symbol: its place in `active` + 1; 0: none. The writer's own */
+    uint64_t *wanted;      /**< values as last set, in that order; the writer's own */
+    uint64_t *set_values;  /**< room of the three sets */
+    uint32_t active_count; /**< the writer's own */
+    uint32_t writer_set;   /**< number of the set the writer fills */
+    uint64_t keep_ns;      /**< as asked of fsn_core_keep() */
+    size_t keep_bytes;     /**< as asked of fsn_core_keep() */
     pthread_t thread;
     bool running;
 };

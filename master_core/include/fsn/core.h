@@ -229,6 +229,21 @@ FSN_API bool fsn_core_event(struct fsn_core *core, struct fsn_event *event);
 FSN_API FSN_MUST_USE fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol,
                                                     uint64_t value);
 
+/** Sets several standard outputs, all in one cycle: none of them goes out before the others.
+ *  @param[in] count    how many; 0 does nothing.
+ *  @param[in] symbols  their numbers in the plan; of one named twice the last value counts.
+ *  @param[in] values   one for each, as for fsn_core_set_output().
+ *  @retval FSN_E_ARG     no such symbol.   @retval FSN_E_CLOSED  one is closed.
+ *  After a refusal all keep their values.
+ *  Context: one writer thread, that of fsn_core_set_output(). Neither it nor the cycle waits for
+ *  the other. Cost: O(outputs set so far). */
+FSN_API FSN_MUST_USE fsn_status fsn_core_set_outputs(struct fsn_core *core, size_t count,
+                                                     const uint32_t *symbols,
+                                                     const uint64_t *values);
+
+/** Whether fsn_core_set_output() takes this symbol. Context: any thread. */
+FSN_API bool fsn_core_is_open(const struct fsn_core *core, uint32_t symbol);
+
 /** Reads a symbol from an image taken by fsn_core_snapshot(), zero-extended.
  *  @retval FSN_E_ARG  no such symbol, or it has no place in the image.   Context: any thread. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_read_symbol(const struct fsn_core *core,

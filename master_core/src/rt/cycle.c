@@ -34,11 +34,15 @@ static void write_bits(uint8_t *image, uint32_t bit, uint32_t bits, uint64_t val
 }
 
 static void write_outputs(struct fsn_rt *rt) {
-    const uint32_t count = atomic_load_explicit(&rt->active_count, memory_order_acquire);
-    for (uint32_t i = 0; i < count; i++) {
-        struct fsn_rt_output *output = &rt->outputs[rt->active[i]];
-        const uint64_t value = atomic_load_explicit(&output->value, memory_order_relaxed);
-        write_bits(rt->image, output->bit_offset, output->bits, value);
+    struct fsn_rt_sets *sets = &rt->sets;
+    if ((atomic_load_explicit(&sets->between, memory_order_relaxed) & FSN_RT_FRESH) != 0) {
+        sets->cycle = atomic_exchange_explicit(&sets->between, sets->cycle, memory_order_acq_rel) &
+                      ~(uint32_t)FSN_RT_FRESH;
+    }
+    const struct fsn_rt_set *set = &sets->set[sets->cycle];
+    for (uint32_t i = 0; i < set->count; i++) {
+        const struct fsn_rt_output *output = &rt->outputs[rt->active[i]];
+        write_bits(rt->image, output->bit_offset, output->bits, set->values[i]);
     }
 }
 

@@ -11,6 +11,7 @@
 
 enum {
     FSN_RT_EVENTS = 256, /**< slots of the event ring, a power of two */
+    FSN_RT_FRESH = 4,    /**< beside the number of the set between writer and cycle */
 };
 
 /** One merged copy, absolute bytes in the image. */
@@ -39,7 +40,20 @@ struct fsn_rt_output {
     uint32_t bit_offset; /**< absolute bit in the image */
     uint32_t bits;       /**< 0 without a place in the image */
     bool open;           /**< the application may set it */
-    _Atomic uint64_t value;
+};
+
+/** One whole set of output values. */
+struct fsn_rt_set {
+    uint64_t *values; /**< of the first `count` symbols in fsn_rt.active */
+    uint32_t count;
+};
+
+/** Three sets: one the writer fills, one the cycle writes into the image, and one between them. A
+ *  whole set changes hands by one exchange, so neither side waits and no cycle sees half of one. */
+struct fsn_rt_sets {
+    struct fsn_rt_set set[3];
+    _Atomic uint32_t between; /**< number of the set between them; FSN_RT_FRESH: newer */
+    uint32_t cycle;           /**< number of the cycle's own */
 };
 
 /** Ring of events: written by the cycle, read by one consumer. */
@@ -88,7 +102,7 @@ struct fsn_rt {
 
     struct fsn_rt_output *outputs; /**< one per symbol */
     const uint32_t *active;        /**< symbols set so far, in the order of their first set */
-    _Atomic uint32_t active_count;
+    struct fsn_rt_sets sets;
 
     struct fsn_statistics statistics;
     struct fsn_rt_ring ring;
