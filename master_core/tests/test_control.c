@@ -294,7 +294,8 @@ static fsn_status write_one(struct rig *rig, uint32_t symbol, uint32_t client, u
     const fsn_status status =
         fsn_outputs_check(rig->outputs, symbol, client, raw, rig->now_ns, &rig->refusal);
     if (status == FSN_OK) {
-        fsn_outputs_write(rig->outputs, symbol, client, raw);
+        struct fsn_wanted wanted = {.symbol = symbol, .raw = raw};
+        fsn_outputs_write(rig->outputs, client, &wanted, 1);
     }
     return status;
 }
@@ -357,6 +358,21 @@ static void arming_allows_one_edge(void) {
     tear_down(&rig);
 }
 
+/** Both values of one write are in the next cycle, and the edge is the one that is restart
+ * relevant.
+ */
+static void values_go_out_together(void) {
+    struct rig rig = set_up();
+    fsn_outputs_attach(rig.outputs, rig.core);
+    CHECK(arm(&rig, START, 1) == FSN_OK);
+    struct fsn_wanted wanted[] = {{.symbol = OUTPUT, .raw = 9}, {.symbol = START, .raw = 1}};
+    fsn_outputs_write(rig.outputs, 1, wanted, 2);
+    CHECK(!wanted[0].edge && wanted[1].edge);
+    CHECK(sent(&rig, 6) == 9);
+    CHECK(sent(&rig, 7) == 1);
+    tear_down(&rig);
+}
+
 int main(void) {
     lines_are_split();
     json_is_escaped_and_bounded();
@@ -364,5 +380,6 @@ int main(void) {
     values_are_scaled();
     an_output_belongs_to_one_client();
     arming_allows_one_edge();
+    values_go_out_together();
     return 0;
 }

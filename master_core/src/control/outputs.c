@@ -20,6 +20,10 @@ struct fsn_outputs {
     uint32_t count;
     struct fsn_core *core; /**< NULL: none */
     bool closed;           /**< a stop is under way */
+    /* To be written together. */
+    uint32_t *noted;
+    uint64_t *noted_raw;
+    size_t noted_count;
 };
 
 fsn_status fsn_refusal_set(struct fsn_refusal *refusal, fsn_status status, const char *hint,
@@ -85,7 +89,9 @@ struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan) {
     o->count = fsn_plan_symbol_count(plan);
     o->output = calloc((size_t)o->count + 1, sizeof *o->output);
     o->by_name = calloc((size_t)o->count + 1, sizeof *o->by_name);
-    if (o->output == NULL || o->by_name == NULL) {
+    o->noted = calloc((size_t)o->count + 1, sizeof *o->noted);
+    o->noted_raw = calloc((size_t)o->count + 1, sizeof *o->noted_raw);
+    if (o->output == NULL || o->by_name == NULL || o->noted == NULL || o->noted_raw == NULL) {
         fsn_outputs_free(o);
         return NULL;
     }
@@ -102,6 +108,8 @@ void fsn_outputs_free(struct fsn_outputs *outputs) {
     if (outputs != NULL) {
         free(outputs->output);
         free(outputs->by_name);
+        free(outputs->noted);
+        free(outputs->noted_raw);
         free(outputs);
     }
 }
@@ -110,16 +118,23 @@ static bool has_place(const struct fsn_outputs *o, uint32_t symbol) {
     return o->core != NULL && fsn_core_sm_base(o->core, o->output[symbol].info.sm) != FSN_NONE;
 }
 
-static bool is_open(const struct fsn_outputs *o, uint32_t symbol) {
-    const struct output *output = &o->output[symbol];
-    return output->info.output != 0 && !output->copied && has_place(o, symbol);
+/** Notes a value for the next write_noted(); what is not open keeps what it has. */
+static void note(struct fsn_outputs *o, uint32_t symbol, uint64_t raw) {
+    if (fsn_core_is_open(o->core, symbol)) {
+        o->noted[o->noted_count] = symbol;
+        o->noted_raw[o->noted_count++] = raw;
+    }
 }
 
-/** The core refuses only what is not open, and this is asked for what is. */
-static void put(struct fsn_outputs *o, uint32_t symbol, uint64_t raw) {
-    if (is_open(o, symbol) && fsn_core_set_output(o->core, symbol, raw) == FSN_OK) {
-        o->output[symbol].value = raw;
+/** Writes what was noted, all in one cycle. The core refuses only what is not open. */
+static void write_noted(struct fsn_outputs *o) {
+    if (o->noted_count > 0 &&
+        fsn_core_set_outputs(o->core, o->noted_count, o->noted, o->noted_raw) == FSN_OK) {
+        for (size_t i = 0; i < o->noted_count; i++) {
+            o->output[o->noted[i]].value = o->noted_raw[i];
+        }
     }
+    o->noted_count = 0;
 }
 
 void fsn_outputs_attach(struct fsn_outputs *outputs, struct fsn_core *core) {
@@ -131,9 +146,10 @@ void fsn_outputs_attach(struct fsn_outputs *outputs, struct fsn_core *core) {
         output->armed = FSN_NOBODY;
         output->value = 0; /* as the core begins */
         if (output->info.stop_value != 0) {
-            put(outputs, i, output->info.stop_value);
+            note(outputs, i, output->info.stop_value);
         }
     }
+    write_noted(outputs);
 }
 
 static bool fall_back(struct fsn_outputs *o, uint32_t symbol, fsn_fallback_fn fallback,
@@ -143,7 +159,7 @@ static bool fall_back(struct fsn_outputs *o, uint32_t symbol, fsn_fallback_fn fa
         return false;
     }
     output->owner = FSN_NOBODY;
-    put(o, symbol, output->info.stop_value);
+    note(o, symbol, output->info.stop_value);
     if (fallback != NULL) {
         fallback(self, symbol);
     }
@@ -156,6 +172,7 @@ void fsn_outputs_close(struct fsn_outputs *outputs, fsn_fallback_fn fallback, vo
         outputs->output[i].armed = FSN_NOBODY;
         fall_back(outputs, i, fallback, self);
     }
+    write_noted(outputs);
 }
 
 uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name) {
@@ -179,7 +196,8 @@ uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name) {
 
 struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uint32_t symbol) {
     const struct output *output = &outputs->output[symbol];
-    return (struct fsn_output_state){output->owner, output->armed, is_open(outputs, symbol)};
+    return (struct fsn_output_state){output->owner, output->armed,
+                                     fsn_core_is_open(outputs->core, symbol)};
 }
 
 /** What holds for writing and for arming. */
@@ -203,6 +221,10 @@ static fsn_status check_open(const struct fsn_outputs *o, uint32_t symbol, uint3
     if (!has_place(o, symbol)) {
         return fsn_refusal_set(refusal, FSN_E_CLOSED, NULL,
                                "%.120s has no place in the process image", name);
+    }
+    if (!fsn_core_is_open(o->core, symbol)) {
+        return fsn_refusal_set(refusal, FSN_E_CLOSED, "only the ends of a connection write it",
+                               "%.120s belongs to an FSoE frame", name);
     }
     if (output->owner != FSN_NOBODY && output->owner != client) {
         return fsn_refusal_set(
@@ -229,16 +251,19 @@ fsn_status fsn_outputs_check(const struct fsn_outputs *outputs, uint32_t symbol,
     return FSN_OK;
 }
 
-bool fsn_outputs_write(struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
-                       uint64_t raw) {
-    struct output *output = &outputs->output[symbol];
-    const bool edge = output->info.restart_relevant != 0 && raw != output->value;
-    if (edge && raw != output->info.stop_value) {
-        output->armed = FSN_NOBODY;
+void fsn_outputs_write(struct fsn_outputs *outputs, uint32_t client, struct fsn_wanted *wanted,
+                       size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        struct fsn_wanted *w = &wanted[i];
+        struct output *output = &outputs->output[w->symbol];
+        w->edge = output->info.restart_relevant != 0 && w->raw != output->value;
+        if (w->edge && w->raw != output->info.stop_value) {
+            output->armed = FSN_NOBODY;
+        }
+        output->owner = client;
+        note(outputs, w->symbol, w->raw);
     }
-    output->owner = client;
-    put(outputs, symbol, raw);
-    return edge;
+    write_noted(outputs);
 }
 
 fsn_status fsn_outputs_arm(struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
@@ -274,5 +299,6 @@ size_t fsn_outputs_take_back(struct fsn_outputs *outputs, uint32_t client, fsn_f
             taken += fall_back(outputs, i, fallback, self);
         }
     }
+    write_noted(outputs);
     return taken;
 }

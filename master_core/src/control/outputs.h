@@ -20,6 +20,13 @@ struct fsn_output_state {
     bool open;      /**< a client could write it */
 };
 
+/** One value to be written. */
+struct fsn_wanted {
+    uint32_t symbol;
+    uint64_t raw;
+    bool edge; /**< filled by the write: the edge of an output that can restart a machine */
+};
+
 /** Told about each output that fell back to its stop value. */
 typedef void (*fsn_fallback_fn)(void *self, uint32_t symbol);
 
@@ -46,9 +53,10 @@ struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uin
 fsn_status fsn_outputs_check(const struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
                              uint64_t raw, uint64_t now_ns, struct fsn_refusal *refusal);
 
-/** Writes it, and it is the client's from then on. To be checked before.
- *  @return whether this was the edge of an output that can restart a machine. */
-bool fsn_outputs_write(struct fsn_outputs *outputs, uint32_t symbol, uint32_t client, uint64_t raw);
+/** Writes values, all in one cycle, and they are the client's from then on. Each was checked
+ *  before, and none is named twice. */
+void fsn_outputs_write(struct fsn_outputs *outputs, uint32_t client, struct fsn_wanted *wanted,
+                       size_t count);
 
 /** Allows a client one edge of an output that is restart relevant, within FSN_ARM_MS. */
 fsn_status fsn_outputs_arm(struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
