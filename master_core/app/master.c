@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/signalfd.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "control/internal.h"
@@ -269,11 +270,13 @@ static void watch_time(struct master *m, uint64_t now_ns) {
 static void turn(struct master *m) {
     enum { SIGNALS = FSN_CONTROL_FDS, RUNNER, ALL };
     struct pollfd fds[ALL];
-    int timeout_ms;
-    fsn_control_prepare(m->control, fds, &timeout_ms);
+    uint64_t wait_ns;
+    fsn_control_prepare(m->control, fds, &wait_ns);
+    const struct timespec wait = {.tv_sec = (time_t)(wait_ns / 1000000000u),
+                                  .tv_nsec = (long)(wait_ns % 1000000000u)};
     fds[SIGNALS] = (struct pollfd){.fd = m->signal_fd, .events = POLLIN};
     fds[RUNNER] = (struct pollfd){.fd = runner_fd(m->runner), .events = POLLIN};
-    if (poll(fds, ALL, timeout_ms) < 0) {
+    if (ppoll(fds, ALL, &wait, NULL) < 0) {
         return; /* interrupted */
     }
     if (fds[SIGNALS].revents != 0) {

@@ -26,6 +26,7 @@ static const char usage_text[] =
     "  --free-run         no waiting: a cycle begins when the bus has answered\n"
     "  --dc-every N       distributes the DC reference time every N cycles; default 0: never\n"
     "  --run-time TIME    stops by itself, e.g. 10s\n"
+    "  --record TIME      keeps the cycles of the last TIME; default 10s, at most 64 MiB\n"
     "  --wait TIME        tries again for so long while SubDevices are missing\n"
     "  --accepted HASH    refuses any plan but the one with this SHA-256\n"
     "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
@@ -149,6 +150,7 @@ enum option_id {
     FREE_RUN,
     DC_EVERY,
     RUN_TIME,
+    RECORD,
     WAIT,
     ACCEPTED,
     SOCKET,
@@ -187,6 +189,10 @@ static int take_numeric(int id, const char *text, struct options *o) {
         return read_time(text, 1000000000, &o->run_ns) && o->run_ns > 0
                    ? -1
                    : wrong("--run-time", text, "a time above 0, e.g. 10s");
+    case RECORD:
+        return read_time(text, 1000000000, &o->record_ns)
+                   ? -1
+                   : wrong("--record", text, "a time, e.g. 10s; 0 keeps nothing");
     default:
         return read_time(text, 1000000000, &o->wait_ns) ? -1
                                                         : wrong("--wait", text, "a time, e.g. 30s");
@@ -265,6 +271,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"free-run", no_argument, NULL, FREE_RUN},
         {"dc-every", required_argument, NULL, DC_EVERY},
         {"run-time", required_argument, NULL, RUN_TIME},
+        {"record", required_argument, NULL, RECORD},
         {"wait", required_argument, NULL, WAIT},
         {"accepted", required_argument, NULL, ACCEPTED},
         {"socket", required_argument, NULL, SOCKET},
@@ -278,6 +285,7 @@ int options_read(int argc, char **argv, struct options *o) {
     };
     int id;
     o->bus = "soem"; /* the one that needs no kernel module */
+    o->record_ns = 10000000000u;
     while ((id = getopt_long(argc, argv, "", table, NULL)) != -1) {
         if (id == HELP) {
             fputs(usage_text, stdout);

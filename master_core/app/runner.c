@@ -16,10 +16,11 @@
 #include "schedule.h"
 
 enum {
-    TEND_NS = 2000000,    /**< between two steps of the acyclic work */
-    LEAVE_MS = 2000,      /**< how long SubDevices have to leave OP */
-    RETRY_MS = 200,       /**< between two tries to open */
-    DEFAULT_PRIORITY = 80 /**< of fifo */
+    TEND_NS = 2000000,       /**< between two steps of the acyclic work */
+    LEAVE_MS = 2000,         /**< how long SubDevices have to leave OP */
+    RETRY_MS = 200,          /**< between two tries to open */
+    RECORD_BYTES = 64 << 20, /**< room for recorded cycles */
+    DEFAULT_PRIORITY = 80    /**< of fifo */
 };
 
 struct runner {
@@ -202,7 +203,10 @@ static void job_open(struct runner *runner, struct runner_result *result) {
     result->status = open_bus(runner, fault);
     if (result->status == FSN_OK) {
         set_stop_values(runner);
-        result->status = start_cycle(runner, fault, result);
+        result->status = fsn_core_keep(runner->core, runner->options->record_ns, RECORD_BYTES);
+        if (result->status == FSN_OK) {
+            result->status = start_cycle(runner, fault, result);
+        }
         if (result->status != FSN_OK) {
             close_bus(runner);
         }

@@ -45,6 +45,7 @@ static void set_up(void) {
     CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
     rig.control = fsn_control_create(rig.plan, &host, &nobody);
     CHECK(rig.control != NULL);
+    CHECK(fsn_core_keep(rig.core, 1, (size_t)1 << 12) == FSN_OK);
     fsn_control_attach(rig.control, rig.core);
 }
 
@@ -85,6 +86,7 @@ static void ask(struct fsn_client *client, const uint8_t *bytes, size_t len) {
     memcpy(line, bytes, len);
     fsn_request(rig.control, client, line, len);
     free(line);
+    fsn_streams_serve(rig.control); /* cycles are lines too */
     CHECK(client->doom == NULL && client->out.len_bytes > 0);
     unsigned replies = 0;
     for (size_t at = 0; at < client->out.len_bytes;) {
@@ -118,6 +120,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         data += line + (end != NULL);
         size -= line + (end != NULL);
     }
+    fsn_stream_end(client);
     client->fd = -1;
     tear_down();
     return 0;

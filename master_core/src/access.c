@@ -48,6 +48,14 @@ uint32_t fsn_core_sm_base(const struct fsn_core *core, uint32_t sm) {
     return sm < core->rt.sm_count ? core->layout.sm_base[sm] : FSN_NONE;
 }
 
+uint32_t fsn_core_datagram_count(const struct fsn_core *core) {
+    return core->rt.datagram_count;
+}
+
+uint32_t fsn_core_datagram_byte(const struct fsn_core *core, uint32_t datagram) {
+    return datagram < core->rt.datagram_count ? core->layout.datagram_begin[datagram] : FSN_NONE;
+}
+
 uint64_t fsn_core_stale_cycles(const struct fsn_core *core, uint32_t sm) {
     return sm < core->rt.sm_count ? atomic_load_explicit(&core->rt.stale[sm], memory_order_relaxed)
                                   : 0;

@@ -71,10 +71,6 @@ uint64_t fsn_core_kept_cycles(const struct fsn_core *core) {
     return core == NULL ? 0 : core->rt.recorder.slots;
 }
 
-uint32_t fsn_core_datagram_count(const struct fsn_core *core) {
-    return core->rt.datagram_count;
-}
-
 fsn_status fsn_core_record(const struct fsn_core *core, uint64_t cycle, struct fsn_cycle *record,
                            struct fsn_wkc *wkc, uint8_t *image) {
     if (core == NULL || cycle == 0) {

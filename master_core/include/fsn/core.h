@@ -205,6 +205,9 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_record(const struct fsn_core *core, uin
 /** Number of datagrams of the process image. Context: any thread. */
 FSN_API uint32_t fsn_core_datagram_count(const struct fsn_core *core);
 
+/** First byte of a datagram in the image, or FSN_NONE. Context: any thread. */
+FSN_API uint32_t fsn_core_datagram_byte(const struct fsn_core *core, uint32_t datagram);
+
 /** Length of the process image, bytes. Context: any thread. */
 FSN_API uint32_t fsn_core_image_bytes(const struct fsn_core *core);
 

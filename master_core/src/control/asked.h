@@ -30,4 +30,7 @@ fsn_status fsn_answer_get(struct fsn_asked *asked);
 fsn_status fsn_answer_set(struct fsn_asked *asked);
 fsn_status fsn_answer_arm(struct fsn_asked *asked);
 
+/* stream.c */
+fsn_status fsn_answer_watch(struct fsn_asked *asked);
+
 #endif

@@ -82,7 +82,7 @@ void fsn_control_attach(struct fsn_control *control, struct fsn_core *core);
 void fsn_control_close_outputs(struct fsn_control *control);
 
 /** Says what to wait for: at most FSN_CONTROL_FDS descriptors, and for how long. */
-size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, int *timeout_ms);
+size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint64_t *wait_ns);
 
 /** Serves what poll() found, looks at the bus, takes back what silent clients hold. */
 void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count);

@@ -16,12 +16,31 @@ enum {
     FSN_STALL_MS = 5000,       /**< a client that reads nothing for so long is dropped */
 };
 
+/** Cycles that a client wants to see. */
+struct fsn_stream {
+    uint32_t every;    /**< 0: none */
+    bool image;        /**< whole images, else the values of `symbols` */
+    uint64_t next;     /**< cycle of the next line */
+    uint64_t skipped;  /**< lines left out since the last one */
+    uint32_t *symbols; /**< owned */
+    size_t count;
+};
+
+/** One cycle taken out of the recorder. */
+struct fsn_taken {
+    uint64_t cycle; /**< 0: none */
+    struct fsn_cycle record;
+    struct fsn_wkc *wkc; /**< room for one per datagram */
+    uint8_t *image;
+};
+
 struct fsn_client {
     int fd;          /**< -1: the slot is free */
     uint32_t number; /**< rising, never used twice, never FSN_NOBODY */
     pid_t pid;
     uid_t uid;
-    bool events;       /**< subscribed */
+    bool events; /**< subscribed */
+    struct fsn_stream stream;
     bool skipping;     /**< inside a line that was too long */
     const char *doom;  /**< why it is to be dropped, or NULL */
     bool more;         /**< whole lines are waiting in `in` */
@@ -43,6 +62,7 @@ struct fsn_seen {
     uint64_t wkc_errors, lost_frames, old_replies, overruns; /**< as last told */
     uint64_t events_lost;                                    /**< as last told */
     uint64_t wkc_told_ns, looked_ns;
+    uint64_t cycle; /**< the last one that was looked at */
 };
 
 struct fsn_control {
@@ -61,8 +81,10 @@ struct fsn_control {
     struct fsn_statistics statistics; /**< room for snapshots */
     struct fsn_connection_status *connections;
     uint8_t *image;
+    struct fsn_taken taken;
     struct fsn_seen seen;
     struct fsn_json event; /**< the event being written */
+    struct fsn_json line;  /**< the cycle being written */
 };
 
 uint64_t fsn_now_ns(void);
@@ -85,6 +107,17 @@ void fsn_request(struct fsn_control *control, struct fsn_client *client, char *l
 void fsn_reply_refusal(struct fsn_control *control, struct fsn_client *client, const char *tag,
                        const struct fsn_refusal *refusal);
 
+/* stream.c */
+
+/** Sends clients the cycles they watch, as far as they are over. */
+void fsn_streams_serve(struct fsn_control *control);
+
+/** There is another core, or none: cycles count anew. */
+void fsn_streams_restart(struct fsn_control *control);
+
+/** Ends what a client watches. */
+void fsn_stream_end(struct fsn_client *client);
+
 /* report.c */
 
 void fsn_report_hello(struct fsn_control *control, const struct fsn_client *client,
@@ -95,6 +128,15 @@ void fsn_report_symbols(struct fsn_control *control, struct fsn_json *json);
 
 /** Statistics and connections of one cycle, and the SubDevices. FSN_E_STATE without a core. */
 fsn_status fsn_report_snapshot(struct fsn_control *control, struct fsn_json *json);
+
+/* report_layout.c */
+
+/** Where everything lies in the image. FSN_E_STATE without a core. */
+fsn_status fsn_report_layout(struct fsn_control *control, struct fsn_json *json);
+
+/** Name of a SubDevice under a key. */
+void fsn_report_name(struct fsn_control *control, struct fsn_json *json, const char *key,
+                     uint32_t subdevice);
 
 /* report_text.c */
 

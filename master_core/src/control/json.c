@@ -13,6 +13,12 @@ void fsn_json_free(struct fsn_json *json) {
     *json = (struct fsn_json){.limit_bytes = json->limit_bytes};
 }
 
+void fsn_json_clear(struct fsn_json *json) {
+    json->len_bytes = 0;
+    json->failed = false;
+    json->comma = false;
+}
+
 static bool make_room(struct fsn_json *json, size_t more) {
     if (json->failed || more > json->limit_bytes - json->len_bytes) {
         json->failed = true;
@@ -123,6 +129,20 @@ void fsn_json_bool(struct fsn_json *json, bool yes) {
 
 void fsn_json_null(struct fsn_json *json) {
     value(json, "null", 4);
+}
+
+void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes) {
+    static const char digits[] = "0123456789abcdef";
+    value(json, "\"", 1);
+    if (make_room(json, 2 * len_bytes)) {
+        char *to = json->bytes + json->len_bytes;
+        for (size_t i = 0; i < len_bytes; i++) {
+            to[2 * i] = digits[bytes[i] >> 4];
+            to[2 * i + 1] = digits[bytes[i] & 15];
+        }
+        json->len_bytes += 2 * len_bytes;
+    }
+    raw(json, "\"", 1);
 }
 
 void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text) {

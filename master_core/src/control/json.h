@@ -18,6 +18,9 @@ struct fsn_json {
 /** Frees the buffer; the limit stays. */
 void fsn_json_free(struct fsn_json *json);
 
+/** Begins anew in the same buffer. */
+void fsn_json_clear(struct fsn_json *json);
+
 /** Opens and closes objects and arrays: '{' '}' '[' ']'. */
 void fsn_json_open(struct fsn_json *json, char bracket);
 void fsn_json_close(struct fsn_json *json, char bracket);
@@ -33,6 +36,9 @@ void fsn_json_i64(struct fsn_json *json, int64_t value);
 void fsn_json_real(struct fsn_json *json, double value);
 void fsn_json_bool(struct fsn_json *json, bool value);
 void fsn_json_null(struct fsn_json *json);
+
+/** Bytes as a text of two hexadecimal digits each. */
+void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes);
 
 /** Key and value. */
 void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text);

@@ -25,6 +25,7 @@ struct fsn_control *fsn_control_create(const struct fsn_plan *plan,
     control->access = access;
     control->listener = -1;
     control->event.limit_bytes = FSN_CONTROL_OUT_BYTES;
+    control->line.limit_bytes = FSN_CONTROL_OUT_BYTES / 4;
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         control->client[i].fd = -1;
     }
@@ -57,6 +58,23 @@ static void remove_file(const struct fsn_control *control) {
     }
 }
 
+static void free_images(struct fsn_control *control) {
+    free(control->image);
+    free(control->taken.image);
+    free(control->taken.wkc);
+    control->image = NULL;
+    control->taken = (struct fsn_taken){0};
+}
+
+/** Room for images of a core. */
+static bool make_images(struct fsn_control *control, const struct fsn_core *core) {
+    const size_t bytes = (size_t)fsn_core_image_bytes(core) + 1;
+    control->image = malloc(bytes);
+    control->taken.image = malloc(bytes);
+    control->taken.wkc = calloc(fsn_core_datagram_count(core), sizeof *control->taken.wkc);
+    return control->image != NULL && control->taken.image != NULL && control->taken.wkc != NULL;
+}
+
 void fsn_control_free(struct fsn_control *control) {
     if (control == NULL) {
         return;
@@ -70,13 +88,15 @@ void fsn_control_free(struct fsn_control *control) {
             close(control->client[i].fd);
         }
         fsn_json_free(&control->client[i].out);
+        fsn_stream_end(&control->client[i]);
     }
     fsn_json_free(&control->event);
+    fsn_json_free(&control->line);
     fsn_outputs_free(control->outputs);
     free(control->connections);
     free(control->seen.subdevice);
     free(control->seen.reset_told_ns);
-    free(control->image);
+    free_images(control);
     free(control);
 }
 
@@ -187,15 +207,12 @@ bool fsn_control_may(const struct fsn_control_access *access, uid_t user, gid_t 
 }
 
 void fsn_control_attach(struct fsn_control *control, struct fsn_core *core) {
-    free(control->image);
-    control->image = NULL;
+    free_images(control);
     control->core = core;
-    if (core != NULL) {
-        control->image = malloc((size_t)fsn_core_image_bytes(core) + 1);
-        if (control->image == NULL) {
-            control->core = NULL; /* as good as stopped for those who ask */
-        }
+    if (core != NULL && !make_images(control, core)) {
+        control->core = NULL; /* as good as stopped for those who ask */
     }
+    fsn_streams_restart(control);
     fsn_outputs_attach(control->outputs, control->core);
     fsn_watch_reset(control);
 }

@@ -90,14 +90,6 @@ static void put_direction(struct fsn_json *json, const char *key, const struct f
     fsn_json_close(json, '}');
 }
 
-static void put_name(struct fsn_control *control, struct fsn_json *json, const char *key,
-                     uint32_t subdevice) {
-    struct fsn_subdevice_info info;
-    if (fsn_plan_subdevice(control->plan, subdevice, &info) == FSN_OK) {
-        fsn_json_put_text(json, key, info.name);
-    }
-}
-
 static void put_connection(struct fsn_control *control, struct fsn_json *json, uint32_t number) {
     struct fsn_connection_info info;
     const struct fsn_connection_status *status = &control->connections[number];
@@ -107,8 +99,8 @@ static void put_connection(struct fsn_control *control, struct fsn_json *json, u
     fsn_json_open(json, '{');
     fsn_json_put_text(json, "name", info.name);
     fsn_json_put_text(json, "net", info.net);
-    put_name(control, json, "main", info.main_subdevice);
-    put_name(control, json, "sub", info.sub_subdevice);
+    fsn_report_name(control, json, "main", info.main_subdevice);
+    fsn_report_name(control, json, "sub", info.sub_subdevice);
     fsn_json_put_u64(json, "outside", status->outside);
     fsn_json_put_text(json, "state", fsn_outside_text(status->outside));
     fsn_json_put_u64(json, "gaps", status->gaps);

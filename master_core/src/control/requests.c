@@ -38,6 +38,12 @@ static fsn_status snapshot(struct fsn_asked *asked) {
                : fsn_asked_refuse(asked, found, "ask again", "no stable picture of a cycle");
 }
 
+static fsn_status layout(struct fsn_asked *asked) {
+    return fsn_report_layout(asked->control, asked->json) == FSN_OK
+               ? FSN_OK
+               : fsn_asked_refuse(asked, FSN_E_STATE, "send start first", "the bus is stopped");
+}
+
 static fsn_status subdevices(struct fsn_asked *asked) {
     fsn_report_subdevices(asked->control, asked->json);
     return FSN_OK;
@@ -106,6 +112,7 @@ static const struct request requests[] = {
     {"snapshot", 0, 0, snapshot, "snapshot: statistics, connections and SubDevices in full"},
     {"subdevices", 0, 0, subdevices, "subdevices: what is known about each SubDevice"},
     {"symbols", 0, 0, symbols, "symbols: named inputs and outputs, and who writes them"},
+    {"layout", 0, 0, layout, "layout: where everything lies in the process image"},
     {"get", 1, FSN_WORDS, fsn_answer_get, "get NAME…: values of one cycle"},
     {"set", 1, FSN_WORDS, fsn_answer_set,
      "set NAME=VALUE…: all or none; yours until your lease ends"},
@@ -113,6 +120,8 @@ static const struct request requests[] = {
     {"arm", 1, 1, fsn_answer_arm,
      "arm NAME: allows one edge of an output that can restart a machine"},
     {"events", 1, 1, events, "events on|off: every change as a line of JSON"},
+    {"watch", 1, FSN_WORDS, fsn_answer_watch,
+     "watch N|off [--image] [NAME…]: every N-th cycle as a line of JSON; NAME may end in *"},
     {"start", 0, 0, start, "start: opens the bus and brings it to OP"},
     {"stop", 0, 0, stop, "stop: stop values, SAFEOP, bus closed; no emergency stop"},
     {"restart", 0, 0, restart, "restart: stop, then start"},

@@ -23,6 +23,7 @@ void fsn_client_drop(struct fsn_control *control, struct fsn_client *client, con
     client->fd = -1;
     client->events = false;
     fsn_json_free(&client->out);
+    fsn_stream_end(client);
     client->sent = 0;
     /* After it is gone, so that it cannot be told about its own end. */
     if (strcmp(why, "disconnected") != 0) {
@@ -193,9 +194,33 @@ static void accept_one(struct fsn_control *control) {
                                   .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
 }
 
-size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, int *timeout_ms) {
-    /* Events of the core are polled for: it has no way to wake this thread. */
-    *timeout_ms = control->core != NULL ? 5 : 100;
+/** Events and cycles of the core are polled for: it has no way to wake this thread. While somebody
+ *  waits for them, in every cycle. */
+static uint64_t look_again_ns(const struct fsn_control *control) {
+    enum { IDLE_NS = 100000000, LOOK_NS = 5000000, LEAST_NS = 100000 };
+    if (control->core == NULL) {
+        return IDLE_NS;
+    }
+    uint64_t cycles = UINT64_MAX;
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        const struct fsn_client *client = &control->client[i];
+        if (client->fd >= 0 && client->events) {
+            cycles = 1;
+        } else if (client->fd >= 0 && client->stream.every > 0 && client->stream.every < cycles) {
+            cycles = client->stream.every;
+        }
+    }
+    if (cycles == UINT64_MAX) {
+        return LOOK_NS;
+    }
+    struct fsn_control_status status = {0};
+    control->host->status(control->host->self, &status);
+    const uint64_t wanted_ns = cycles * status.cycle_ns;
+    return wanted_ns < LEAST_NS ? LEAST_NS : wanted_ns < LOOK_NS ? wanted_ns : LOOK_NS;
+}
+
+size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint64_t *wait_ns) {
+    *wait_ns = look_again_ns(control);
     fds[0] = (struct pollfd){.fd = control->listener, .events = POLLIN};
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         const struct fsn_client *client = &control->client[i];
@@ -204,7 +229,7 @@ size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, int 
             wanted = (short)(wanted | POLLOUT);
         }
         fds[i + 1] = (struct pollfd){.fd = client->fd, .events = wanted};
-        *timeout_ms = client->fd >= 0 && client->more ? 0 : *timeout_ms;
+        *wait_ns = client->fd >= 0 && client->more ? 0 : *wait_ns;
     }
     return FSN_CONTROL_FDS;
 }
@@ -249,6 +274,7 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
         accept_one(control);
     }
     fsn_watch(control, fsn_now_ns());
+    fsn_streams_serve(control);
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         struct fsn_client *client = &control->client[i];
         const uint64_t now = fsn_now_ns();

@@ -212,7 +212,7 @@ static void look_at_wkc(struct fsn_control *control, uint64_t now_ns) {
     }
     char text[320];
     wkc_text(seen, s, text, sizeof text);
-    struct fsn_json *json = fsn_event_begin(control, "wkc", now_ns);
+    struct fsn_json *json = fsn_event_begin(control, "wkc", s->now_ns);
     fsn_json_put_bool(json, "complete", !incomplete);
     fsn_json_put_u64(json, "expected", s->expected_wkc);
     fsn_json_put_u64(json, "actual", s->actual_wkc);
@@ -246,11 +246,14 @@ void fsn_watch(struct fsn_control *control, uint64_t now_ns) {
     for (int i = 0; i < DRAIN && fsn_core_event(control->core, &event); i++) {
         connection_event(control, &event);
     }
-    if (fsn_core_snapshot(control->core, &control->statistics, NULL, NULL) != FSN_OK) {
+    const uint64_t cycle = fsn_core_last_cycle(control->core);
+    if (cycle == control->seen.cycle ||
+        fsn_core_snapshot(control->core, &control->statistics, NULL, NULL) != FSN_OK) {
         return;
     }
+    control->seen.cycle = cycle;
     if (control->statistics.events_lost != control->seen.events_lost) {
-        fsn_event_begin(control, "lost", now_ns);
+        fsn_event_begin(control, "lost", control->statistics.now_ns);
         fsn_json_put_u64(&control->event, "events", control->statistics.events_lost);
         fsn_event_tell(control, FSN_LOG_WARNING, "%" PRIu64 " events were lost so far",
                        control->statistics.events_lost);

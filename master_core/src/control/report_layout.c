@@ -1,0 +1,129 @@
+/** Where everything lies in the process image, for those who read whole images. */
+#include "internal.h"
+
+void fsn_report_name(struct fsn_control *control, struct fsn_json *json, const char *key,
+                     uint32_t subdevice) {
+    struct fsn_subdevice_info info;
+    if (fsn_plan_subdevice(control->plan, subdevice, &info) == FSN_OK) {
+        fsn_json_put_text(json, key, info.name);
+    }
+}
+
+static void put_sms(struct fsn_control *control, struct fsn_json *json) {
+    struct fsn_sm_info info;
+    fsn_json_key(json, "sms");
+    fsn_json_open(json, '[');
+    for (uint32_t sm = 0; fsn_plan_sm(control->plan, sm, &info) == FSN_OK; sm++) {
+        const uint32_t byte = fsn_core_sm_base(control->core, sm);
+        if (byte == FSN_NONE) {
+            continue;
+        }
+        fsn_json_open(json, '{');
+        fsn_report_name(control, json, "subdevice", info.subdevice);
+        fsn_json_put_u64(json, "sm", info.index);
+        fsn_json_put_text(json, "direction", info.direction == FSN_OUTPUT ? "output" : "input");
+        fsn_json_put_u64(json, "byte", byte);
+        fsn_json_put_u64(json, "bytes", info.size_bytes);
+        fsn_json_close(json, '}');
+    }
+    fsn_json_close(json, ']');
+}
+
+/** With the working counters of the last cycle that can be had. */
+static void put_datagrams(struct fsn_control *control, struct fsn_json *json) {
+    const struct fsn_core *core = control->core;
+    const uint32_t count = fsn_core_datagram_count(core);
+    const bool known =
+        fsn_core_record(core, fsn_core_last_cycle(core), NULL, control->taken.wkc, NULL) == FSN_OK;
+    fsn_json_key(json, "datagrams");
+    fsn_json_open(json, '[');
+    for (uint32_t d = 0; d < count; d++) {
+        const uint32_t byte = fsn_core_datagram_byte(core, d);
+        const uint32_t end =
+            d + 1 < count ? fsn_core_datagram_byte(core, d + 1) : fsn_core_image_bytes(core);
+        fsn_json_open(json, '{');
+        fsn_json_put_u64(json, "byte", byte);
+        fsn_json_put_u64(json, "bytes", end - byte);
+        if (known) {
+            fsn_json_put_u64(json, "expected_wkc", control->taken.wkc[d].expected);
+        }
+        fsn_json_close(json, '}');
+    }
+    fsn_json_close(json, ']');
+}
+
+static void put_place(struct fsn_control *control, struct fsn_json *json,
+                      const struct fsn_copy_info *copy) {
+    fsn_json_put_u64(json, "source_byte",
+                     fsn_core_sm_base(control->core, copy->source_sm) + copy->source_byte);
+    fsn_json_put_u64(json, "destination_byte",
+                     fsn_core_sm_base(control->core, copy->destination_sm) +
+                         copy->destination_byte);
+    fsn_json_put_u64(json, "bytes", copy->size_bytes);
+}
+
+static void put_copies(struct fsn_control *control, struct fsn_json *json) {
+    struct fsn_copy_info copy;
+    fsn_json_key(json, "copies");
+    fsn_json_open(json, '[');
+    for (uint32_t i = 0; fsn_plan_copy(control->plan, i, &copy) == FSN_OK; i++) {
+        fsn_json_open(json, '{');
+        if (copy.net != NULL && copy.net[0] != 0) {
+            fsn_json_put_text(json, "name", copy.net);
+        }
+        put_place(control, json, &copy);
+        fsn_json_close(json, '}');
+    }
+    fsn_json_close(json, ']');
+}
+
+static void put_known(struct fsn_json *json, const char *key, bool known, uint64_t value) {
+    fsn_json_key(json, key);
+    if (known) {
+        fsn_json_u64(json, value);
+    } else {
+        fsn_json_null(json);
+    }
+}
+
+static void put_way(struct fsn_control *control, struct fsn_json *json, const char *key,
+                    uint32_t number) {
+    struct fsn_copy_info copy;
+    if (fsn_plan_copy(control->plan, number, &copy) == FSN_OK) {
+        fsn_json_key(json, key);
+        fsn_json_open(json, '{');
+        put_place(control, json, &copy);
+        fsn_json_close(json, '}');
+    }
+}
+
+static void put_connections(struct fsn_control *control, struct fsn_json *json) {
+    struct fsn_connection_info info;
+    fsn_json_key(json, "connections");
+    fsn_json_open(json, '[');
+    for (uint32_t i = 0; fsn_plan_connection(control->plan, i, &info) == FSN_OK; i++) {
+        fsn_json_open(json, '{');
+        fsn_json_put_text(json, "name", info.name);
+        fsn_report_name(control, json, "main", info.main_subdevice);
+        fsn_report_name(control, json, "sub", info.sub_subdevice);
+        put_known(json, "connection_id", (info.known & 1) != 0, info.connection_id);
+        put_known(json, "address", (info.known & 2) != 0, info.address);
+        put_known(json, "watchdog_ms", (info.known & 4) != 0, info.watchdog_ms);
+        put_way(control, json, "to_sub", info.copy_to_sub);
+        put_way(control, json, "to_main", info.copy_to_main);
+        fsn_json_close(json, '}');
+    }
+    fsn_json_close(json, ']');
+}
+
+fsn_status fsn_report_layout(struct fsn_control *control, struct fsn_json *json) {
+    if (control->core == NULL) {
+        return FSN_E_STATE;
+    }
+    fsn_json_put_u64(json, "image_bytes", fsn_core_image_bytes(control->core));
+    put_sms(control, json);
+    put_datagrams(control, json);
+    put_copies(control, json);
+    put_connections(control, json);
+    return FSN_OK;
+}

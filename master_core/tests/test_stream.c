@@ -1,0 +1,228 @@
+/** Watching cycles through the control socket: each cycle once and in order, and what a slow client
+ *  misses is counted. */
+#define _GNU_SOURCE
+
+#include <string.h>
+
+#include "builder.h"
+#include "control/internal.h"
+#include "fsn/emulated.h"
+
+enum { KEPT = 64, SM_BYTES = 1000 };
+
+struct rig {
+    struct fsn_plan *plan;
+    struct fsn_emulated *bus;
+    struct fsn_core *core;
+    struct fsn_control *control;
+    struct fsn_client *client;
+    uint64_t cycle;          /**< run so far */
+    uint64_t next;           /**< cycle of the next line */
+    uint64_t lines, skipped; /**< seen so far */
+};
+
+static void tell_status(void *self, struct fsn_control_status *status) {
+    (void)self;
+    *status = (struct fsn_control_status){.state = "running", .cycle_ns = 1000000};
+}
+
+static fsn_status grant(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+    (void)self;
+    (void)wish;
+    (void)refusal;
+    return FSN_OK;
+}
+
+static void swallow(void *self, enum fsn_log_level level, const char *text, const char *json,
+                    size_t json_bytes) {
+    (void)self;
+    (void)level;
+    (void)text;
+    (void)json;
+    (void)json_bytes;
+}
+
+static const struct fsn_control_host host = {NULL, tell_status, grant, swallow};
+static const struct fsn_control_access nobody;
+
+static struct rig set_up(void) {
+    static const struct build_sm sm[2][2] = {{{1, SM_BYTES}, {2, SM_BYTES}}, {{1, 8}, {2, 8}}};
+    static const struct build_symbol symbols[] = {{.sm = 0, .bits = 32}, {.sm = 1, .bits = 32}};
+    const struct build build = {
+        .subdevices = 2, .sm = sm, .cycle_ns = 1000, .symbols = symbols, .symbol_count = 2};
+    struct rig rig = {.next = 1};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
+    free(bytes);
+    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
+    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
+    CHECK(fsn_core_keep(rig.core, (KEPT - 1) * 1000, (size_t)1 << 20) == FSN_OK);
+    CHECK(fsn_core_kept_cycles(rig.core) == KEPT);
+    rig.control = fsn_control_create(rig.plan, &host, &nobody);
+    CHECK(rig.control != NULL);
+    fsn_control_attach(rig.control, rig.core);
+    rig.client = &rig.control->client[3];
+    *rig.client = (struct fsn_client){.fd = 1 << 20, /* no descriptor: nothing is sent here */
+                                      .number = 1,
+                                      .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+    return rig;
+}
+
+static void tear_down(struct rig *rig) {
+    fsn_stream_end(rig->client);
+    rig->client->fd = -1;
+    fsn_control_free(rig->control);
+    fsn_core_free(rig->core);
+    fsn_emulated_free(rig->bus);
+    fsn_plan_free(rig->plan);
+}
+
+/** Runs cycles whose output is their number. */
+static void run(struct rig *rig, unsigned cycles) {
+    for (unsigned i = 0; i < cycles; i++) {
+        rig->cycle++;
+        CHECK(fsn_core_set_output(rig->core, 0, rig->cycle) == FSN_OK);
+        CHECK(fsn_core_cycle(rig->core, 1000 * rig->cycle) == FSN_OK);
+    }
+}
+
+static bool answer(struct rig *rig, const char *request, const char *expected) {
+    char line[64];
+    const size_t len = strlen(request);
+    memcpy(line, request, len);
+    fsn_request(rig->control, rig->client, line, len);
+    const struct fsn_json *out = &rig->client->out;
+    const bool found = out->len_bytes > strlen(expected) &&
+                       memmem(out->bytes, out->len_bytes, expected, strlen(expected)) != NULL;
+    if (!found) {
+        fprintf(stderr, "%s: %.*s", request, (int)out->len_bytes, out->bytes);
+    }
+    fsn_json_free(&rig->client->out);
+    return found;
+}
+
+static uint64_t number_of(const char *line, const char *end, const char *key) {
+    const char *at = memmem(line, (size_t)(end - line), key, strlen(key));
+    return at == NULL ? 0 : strtoull(at + strlen(key), NULL, 10);
+}
+
+/** Reads everything that was sent: each line is the one that is due, or says what is missing. */
+static void read_lines(struct rig *rig, uint64_t every, const char *value) {
+    const struct fsn_json *out = &rig->client->out;
+    for (size_t at = 0; at < out->len_bytes;) {
+        const char *line = out->bytes + at;
+        const char *end = memchr(line, '\n', out->len_bytes - at);
+        CHECK(end != NULL);
+        const uint64_t cycle = number_of(line, end, "\"cycle\":");
+        const uint64_t skipped = number_of(line, end, "\"skipped\":");
+        CHECK(cycle == rig->next + skipped * every);
+        CHECK(number_of(line, end, "\"now_ns\":") == 1000 * cycle);
+        CHECK(value == NULL || number_of(line, end, value) == cycle);
+        rig->lines++;
+        rig->skipped += skipped;
+        rig->next = cycle + every;
+        at += (size_t)(end - line) + 1;
+    }
+    fsn_json_free(&rig->client->out);
+}
+
+static void requests_are_understood(void) {
+    struct rig rig = set_up();
+    CHECK(answer(&rig, "watch 0", "1 to 1000000"));
+    CHECK(answer(&rig, "watch 1000001", "FSN_E_ARG"));
+    CHECK(answer(&rig, "watch x", "FSN_E_ARG"));
+    CHECK(answer(&rig, "watch 1 nothing", "no input or output is called nothing"));
+    CHECK(answer(&rig, "watch 1 nothing*", "no input or output begins with nothing"));
+    CHECK(answer(&rig, "watch 1 --all", "no such option"));
+    CHECK(answer(&rig, "watch 1 --image t", "takes no names"));
+    CHECK(answer(&rig, "watch off t", "FSN_E_ARG"));
+    CHECK(rig.client->stream.every == 0);
+    CHECK(answer(&rig, "watch 7 *", "\"watch\":7,\"values\":2,\"image\":false"));
+    CHECK(answer(&rig, "watch 0", "FSN_E_ARG") && rig.client->stream.every == 7); /* stays */
+    CHECK(answer(&rig, "watch 9 --image", "\"watch\":9,\"values\":0,\"image\":true"));
+    CHECK(answer(&rig, "watch off", "\"watch\":0") && rig.client->stream.every == 0);
+    CHECK(fsn_core_keep(rig.core, 0, 0) == FSN_OK);
+    CHECK(answer(&rig, "watch 1", "--record"));
+    fsn_control_attach(rig.control, NULL);
+    CHECK(answer(&rig, "watch 1", "FSN_E_STATE") && answer(&rig, "layout", "FSN_E_STATE"));
+    fsn_streams_serve(rig.control);
+    tear_down(&rig);
+}
+
+static void every_cycle_comes_once(void) {
+    static const uint64_t every[] = {1, 3};
+    for (int i = 0; i < 2; i++) {
+        struct rig rig = set_up();
+        char request[32];
+        snprintf(request, sizeof request, "watch %u t", (unsigned)every[i]);
+        CHECK(answer(&rig, request, "\"ok\":true"));
+        for (int turns = 0; turns < 40; turns++) {
+            run(&rig, 7);
+            fsn_streams_serve(rig.control);
+            read_lines(&rig, every[i], "\"t\":");
+        }
+        CHECK(rig.lines == (280 + every[i] - 1) / every[i] && rig.skipped == 0);
+        tear_down(&rig);
+    }
+}
+
+static void what_is_overwritten_is_counted(void) {
+    struct rig rig = set_up();
+    CHECK(answer(&rig, "watch 2", "\"ok\":true"));
+    for (int turns = 0; turns < 10; turns++) {
+        run(&rig, 3 * KEPT + 1); /* the control thread was away for so long */
+        fsn_streams_serve(rig.control);
+        read_lines(&rig, 2, "\"t\":");
+    }
+    CHECK(rig.lines > 0 && rig.skipped > 0);
+    CHECK(2 * (rig.lines + rig.skipped) + 1 == rig.next && rig.next > rig.cycle);
+    tear_down(&rig);
+}
+
+static void a_slow_reader_is_not_waited_for(void) {
+    struct rig rig = set_up();
+    CHECK(answer(&rig, "watch 1 --image", "\"ok\":true"));
+    for (int turns = 0; turns < 500; turns++) {
+        run(&rig, 1);
+        fsn_streams_serve(rig.control); /* it reads nothing */
+        CHECK(rig.client->doom == NULL);
+        CHECK(rig.client->out.len_bytes < 300000);
+    }
+    read_lines(&rig, 1, NULL);
+    CHECK(rig.lines > 20 && rig.lines < 100 && rig.skipped == 0);
+    run(&rig, 1);
+    fsn_streams_serve(rig.control);
+    read_lines(&rig, 1, NULL);
+    CHECK(rig.skipped > 400 && rig.lines + rig.skipped == 501 && rig.next == 502);
+    tear_down(&rig);
+}
+
+/** Cycles of another core count from 1 again. */
+static void watching_goes_on_with_another_core(void) {
+    struct rig rig = set_up();
+    run(&rig, 5);
+    CHECK(answer(&rig, "watch 1 t", "\"ok\":true"));
+    fsn_control_attach(rig.control, NULL);
+    fsn_streams_serve(rig.control);
+    CHECK(rig.client->out.len_bytes == 0);
+    fsn_core_free(rig.core);
+    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
+    CHECK(fsn_core_keep(rig.core, KEPT * 1000, (size_t)1 << 20) == FSN_OK);
+    fsn_control_attach(rig.control, rig.core);
+    rig.cycle = 0;
+    run(&rig, 3);
+    fsn_streams_serve(rig.control);
+    read_lines(&rig, 1, "\"t\":");
+    CHECK(rig.lines == 3 && rig.next == 4);
+    tear_down(&rig);
+}
+
+int main(void) {
+    requests_are_understood();
+    every_cycle_comes_once();
+    what_is_overwritten_is_counted();
+    a_slow_reader_is_not_waited_for();
+    watching_goes_on_with_another_core();
+    return 0;
+}
