@@ -41,7 +41,7 @@ def test_requests_on_a_running_bus() -> None:
         assert len(client.good("subdevices")["subdevices"]) == 5
         assert {line.split(":")[0].split()[0] for line in client.good("help")["requests"]} == {
             *("hello", "status", "snapshot", "subdevices", "symbols", "get", "set", "lease"),
-            *("arm", "events", "start", "stop", "restart", "shutdown", "help"),
+            *("arm", "events", "start", "stop", "restart", "shutdown", "help", "layout", "watch"),
         }
 
 
@@ -53,7 +53,7 @@ def test_every_request_is_in_the_reference() -> None:
     with running() as master, master.client() as client:
         for usage in client.good("help")["requests"]:
             assert f"| `{usage.split(':')[0].split()[0]}" in text
-        for document in (client.good("status"), client.good("hello")):
+        for document in (client.good("status"), client.good("hello"), client.good("layout")):
             for key in document:
                 assert f"`{key}`" in text
 

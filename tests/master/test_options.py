@@ -32,6 +32,7 @@ USAGE = [
     (["PLAN", "--bus", "emulated", "--dc-every", "1.5"], "--dc-every 1.5"),
     (["PLAN", "--bus", "emulated", "--run-time", "0"], "--run-time 0: a time above 0"),
     (["PLAN", "--bus", "emulated", "--wait", "soon"], "--wait soon: a time"),
+    (["PLAN", "--bus", "emulated", "--record", "-1s"], "--record -1s: a time"),
     (["PLAN", "--bus", "emulated", "--accepted", "12"], "--accepted 12: a SHA-256 has 64"),
     (["PLAN", "--bus", "emulated", "--allow-user", "no such"], "there is no such user"),
     (["PLAN", "--bus", "emulated", "--allow-group", "no such"], "there is no such group"),
