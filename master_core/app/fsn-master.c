@@ -128,6 +128,7 @@ static int block_signals(void) {
     /* Before any thread is there, so that all of them inherit it. */
     sigprocmask(SIG_BLOCK, &set, NULL);
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* an incident that gets too long is cut off, and said to be */
     return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
 }
 

@@ -155,6 +155,9 @@ static void failed(struct master *m, const struct runner_result *result) {
     m->wanted = false;
     snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
     set_state(m, FAILED, FSN_LOG_ERROR, text);
+    if (!given_up) {
+        fsn_control_bus_failed(m->control, text);
+    }
     if (!m->opened_once && !given_up) {
         /* At the start nobody is there who could mend it and try again. */
         m->code = result->environment || lacks_permission(result) ? EXIT_ENVIRONMENT : EXIT_REFUSED;
@@ -299,6 +302,16 @@ static int listen_on(struct master *m, const char *path) {
     return refusal.status == FSN_E_STATE ? EXIT_REFUSED : EXIT_ENVIRONMENT;
 }
 
+static int keep_incidents(struct master *m) {
+    struct fsn_refusal refusal;
+    const char *folder = m->options->incidents;
+    if (folder == NULL || fsn_control_keep_incidents(m->control, folder, &refusal) == FSN_OK) {
+        return -1;
+    }
+    log_line(FSN_LOG_ERROR, "%s; %s", refusal.text, refusal.hint != NULL ? refusal.hint : "");
+    return EXIT_ENVIRONMENT;
+}
+
 int master_run(const struct options *options, const struct fsn_plan *plan,
                const struct fsn_backend *backend, const char *socket_path, int signal_fd) {
     struct master m = {.options = options,
@@ -314,7 +327,8 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
         log_line(FSN_LOG_ERROR, "out of memory");
         return EXIT_ENVIRONMENT;
     }
-    m.code = listen_on(&m, socket_path);
+    m.code = keep_incidents(&m);
+    m.code = m.code == -1 ? listen_on(&m, socket_path) : m.code;
     if (m.code == -1) {
         m.code = EXIT_FINE;
         m.runner = runner_create(options, plan, backend);

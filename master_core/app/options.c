@@ -33,6 +33,7 @@ static const char usage_text[] =
     "                     $XDG_RUNTIME_DIR or /run\n"
     "  --allow-user NAME  may use the socket, beside root and the user this runs as\n"
     "  --allow-group NAME the same for a group; both may be given several times\n"
+    "  --incidents DIR    keeps a file of what happened around each connection that leaves Data\n"
     "  --log text|json    lines on stderr; default text\n"
     "  --trace            writes markers into the kernel's trace buffer\n"
     "  --version          version, buses and their terms\n"
@@ -156,6 +157,7 @@ enum option_id {
     SOCKET,
     ALLOW_USER,
     ALLOW_GROUP,
+    INCIDENTS,
     LOG,
     TRACE,
     VERSION,
@@ -224,6 +226,9 @@ static int take(int id, const char *text, struct options *o) {
         return allow_user(text, o);
     case ALLOW_GROUP:
         return allow_group(text, o);
+    case INCIDENTS:
+        o->incidents = text;
+        return -1;
     case LOG:
         return read_log(text, o);
     case TRACE:
@@ -277,6 +282,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"socket", required_argument, NULL, SOCKET},
         {"allow-user", required_argument, NULL, ALLOW_USER},
         {"allow-group", required_argument, NULL, ALLOW_GROUP},
+        {"incidents", required_argument, NULL, INCIDENTS},
         {"log", required_argument, NULL, LOG},
         {"trace", no_argument, NULL, TRACE},
         {"version", no_argument, NULL, VERSION},

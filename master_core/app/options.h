@@ -12,7 +12,7 @@ enum { EXIT_FINE = 0, EXIT_REFUSED = 1, EXIT_USAGE = 2, EXIT_ENVIRONMENT = 3 };
 enum policy { POLICY_FIFO, POLICY_DEADLINE, POLICY_OTHER };
 
 struct options {
-    const char *plan_file, *bus, *interface, *redundant, *socket, *accepted;
+    const char *plan_file, *bus, *interface, *redundant, *socket, *accepted, *incidents;
     uint64_t cycle_ns;  /**< 0: the plan's */
     uint64_t run_ns;    /**< 0: until it is stopped */
     uint64_t record_ns; /**< for how long cycles are kept; 0: not at all */

@@ -32,6 +32,8 @@ def test_requests_on_a_running_bus() -> None:
             "direction": "output",
             "type": "signed",
             "bits": 8,
+            "factor": 1,
+            "offset": 0,
             "open": True,
             "restart_relevant": False,
             "stop_value": 8,
@@ -42,6 +44,7 @@ def test_requests_on_a_running_bus() -> None:
         assert {line.split(":")[0].split()[0] for line in client.good("help")["requests"]} == {
             *("hello", "status", "snapshot", "subdevices", "symbols", "get", "set", "lease"),
             *("arm", "events", "start", "stop", "restart", "shutdown", "help", "layout", "watch"),
+            "incident",
         }
 
 
@@ -283,5 +286,5 @@ def test_busy_clients_take_no_cycle() -> None:
             one.close()
         due = (after["now_ns"] - before["now_ns"]) / 1_000_000
         counted = sum(after[k] - before[k] for k in ("cycles", "overruns"))
-        # A wake-up may be late by less than a cycle at either end.
-        assert abs(counted - due) <= 2
+        # A wake-up may be late by less than a cycle at either end, and one cycle is under way.
+        assert abs(counted - due) < 3

@@ -30,6 +30,11 @@ fsn_status fsn_answer_get(struct fsn_asked *asked);
 fsn_status fsn_answer_set(struct fsn_asked *asked);
 fsn_status fsn_answer_arm(struct fsn_asked *asked);
 
+/** Takes "--typed" off the arguments: values are in the units of their symbols then. */
+bool fsn_asked_typed(struct fsn_asked *asked);
+
+/* incident.c */
+fsn_status fsn_answer_incident(struct fsn_asked *asked);
 /* stream.c */
 fsn_status fsn_answer_watch(struct fsn_asked *asked);
 

@@ -75,6 +75,14 @@ void fsn_control_free(struct fsn_control *control);
 fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
                               struct fsn_refusal *refusal);
 
+/** Keeps what happened around each connection that leaves Data, in files in this folder.
+ *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
+fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
+                                      struct fsn_refusal *refusal);
+
+/** The bus did not open: that is an incident as well. */
+void fsn_control_bus_failed(struct fsn_control *control, const char *text);
+
 /** There is a core now (NULL: none any more). Until the next call with NULL it is looked at. */
 void fsn_control_attach(struct fsn_control *control, struct fsn_core *core);
 

@@ -20,6 +20,7 @@ enum {
 struct fsn_stream {
     uint32_t every;    /**< 0: none */
     bool image;        /**< whole images, else the values of `symbols` */
+    bool typed;        /**< values in the units of their symbols */
     uint64_t next;     /**< cycle of the next line */
     uint64_t skipped;  /**< lines left out since the last one */
     uint32_t *symbols; /**< owned */
@@ -83,8 +84,9 @@ struct fsn_control {
     uint8_t *image;
     struct fsn_taken taken;
     struct fsn_seen seen;
-    struct fsn_json event; /**< the event being written */
-    struct fsn_json line;  /**< the cycle being written */
+    struct fsn_json event;           /**< the event being written */
+    struct fsn_incidents *incidents; /**< NULL: none are kept */
+    struct fsn_json line;            /**< the cycle being written */
 };
 
 uint64_t fsn_now_ns(void);

@@ -98,6 +98,10 @@ void fsn_json_text(struct fsn_json *json, const char *text) {
     raw(json, "\"", 1);
 }
 
+void fsn_json_raw(struct fsn_json *json, const char *bytes, size_t len_bytes) {
+    value(json, bytes, len_bytes);
+}
+
 void fsn_json_key(struct fsn_json *json, const char *key) {
     fsn_json_text(json, key);
     raw(json, ":", 1);

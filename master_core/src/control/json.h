@@ -37,6 +37,8 @@ void fsn_json_real(struct fsn_json *json, double value);
 void fsn_json_bool(struct fsn_json *json, bool value);
 void fsn_json_null(struct fsn_json *json);
 
+/** A value that is JSON already. */
+void fsn_json_raw(struct fsn_json *json, const char *bytes, size_t len_bytes);
 /** Bytes as a text of two hexadecimal digits each. */
 void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes);
 

@@ -11,6 +11,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "incident.h"
 #include "internal.h"
 
 struct fsn_control *fsn_control_create(const struct fsn_plan *plan,
@@ -90,6 +91,7 @@ void fsn_control_free(struct fsn_control *control) {
         fsn_json_free(&control->client[i].out);
         fsn_stream_end(&control->client[i]);
     }
+    fsn_incidents_free(control->incidents);
     fsn_json_free(&control->event);
     fsn_json_free(&control->line);
     fsn_outputs_free(control->outputs);
@@ -207,6 +209,9 @@ bool fsn_control_may(const struct fsn_control_access *access, uid_t user, gid_t 
 }
 
 void fsn_control_attach(struct fsn_control *control, struct fsn_core *core) {
+    if (core == NULL && control->core != NULL) {
+        fsn_incident_detach(control);
+    }
     free_images(control);
     control->core = core;
     if (core != NULL && !make_images(control, core)) {

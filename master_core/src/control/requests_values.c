@@ -15,8 +15,16 @@ fsn_status fsn_asked_symbol(struct fsn_asked *asked, const char *name, uint32_t 
     return FSN_OK;
 }
 
+bool fsn_asked_typed(struct fsn_asked *asked) {
+    const bool typed = asked->count > 1 && strcmp(asked->argument[0], "--typed") == 0;
+    asked->argument += typed;
+    asked->count -= typed;
+    return typed;
+}
+
 fsn_status fsn_answer_get(struct fsn_asked *asked) {
     struct fsn_control *control = asked->control;
+    const bool typed = fsn_asked_typed(asked);
     if (control->core == NULL) {
         return fsn_asked_refuse(asked, FSN_E_STATE, "send start first", "the bus is stopped");
     }
@@ -38,14 +46,14 @@ fsn_status fsn_answer_get(struct fsn_asked *asked) {
                                    "%.150s has no place in the process image", info.name);
         }
         fsn_json_key(asked->json, info.name);
-        fsn_value_write(&info, raw, asked->json);
+        (typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, asked->json);
     }
     fsn_json_close(asked->json, '}');
     return FSN_OK;
 }
 
-static fsn_status read_wanted(struct fsn_asked *asked, const char *word, uint64_t now_ns,
-                              struct fsn_wanted *wanted) {
+static fsn_status read_wanted(struct fsn_asked *asked, const char *word, bool typed,
+                              uint64_t now_ns, struct fsn_wanted *wanted) {
     char name[FSN_LINE_BYTES + 1];
     struct fsn_symbol_info info;
     const char *equals = strrchr(word, '=');
@@ -59,7 +67,8 @@ static fsn_status read_wanted(struct fsn_asked *asked, const char *word, uint64_
     if (found != FSN_OK) {
         return found;
     }
-    const char *wrong = fsn_value_parse(&info, equals + 1, &wanted->raw);
+    const char *wrong =
+        (typed ? fsn_value_parse_typed : fsn_value_parse)(&info, equals + 1, &wanted->raw);
     if (wrong != NULL) {
         return fsn_refusal_set(&asked->refusal, FSN_E_ARG, "symbols says type and bits of each",
                                "%.120s is %u bits %s: %.60s is %s", info.name, (unsigned)info.bits,
@@ -91,8 +100,9 @@ static void tell_edge(struct fsn_asked *asked, const char *event, uint32_t symbo
 fsn_status fsn_answer_set(struct fsn_asked *asked) {
     static struct fsn_wanted wanted[FSN_WORDS]; /* one thread, and too large for its stack */
     const uint64_t now_ns = fsn_now_ns();
+    const bool typed = fsn_asked_typed(asked);
     for (size_t i = 0; i < asked->count; i++) {
-        const fsn_status found = read_wanted(asked, asked->argument[i], now_ns, &wanted[i]);
+        const fsn_status found = read_wanted(asked, asked->argument[i], typed, now_ns, &wanted[i]);
         if (found != FSN_OK) {
             return found;
         }

@@ -7,6 +7,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "incident.h"
 #include "internal.h"
 
 uint64_t fsn_now_ns(void) {
@@ -274,6 +275,7 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
         accept_one(control);
     }
     fsn_watch(control, fsn_now_ns());
+    fsn_incident_turn(control, fsn_now_ns());
     fsn_streams_serve(control);
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         struct fsn_client *client = &control->client[i];

@@ -49,7 +49,7 @@ static void put_values(struct fsn_control *control, const struct fsn_stream *str
             fsn_core_read_symbol(control->core, control->taken.image, stream->symbols[i], &raw) ==
                 FSN_OK) {
             fsn_json_key(json, info.name);
-            fsn_value_write(&info, raw, json);
+            (stream->typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, json);
         }
     }
     fsn_json_close(json, '}');
@@ -192,7 +192,7 @@ static fsn_status choose(struct fsn_asked *asked, size_t first, struct fsn_strea
     return found;
 }
 
-/** N [--image] [NAME…]. */
+/** N [--image | --typed] [NAME…]. */
 static fsn_status read_stream(struct fsn_asked *asked, struct fsn_stream *stream) {
     const struct fsn_symbol_info number = {.bits = 32, .kind = FSN_KIND_UNSIGNED};
     uint64_t every;
@@ -206,8 +206,12 @@ static fsn_status read_stream(struct fsn_asked *asked, struct fsn_stream *stream
     if (strncmp(option, "--", 2) != 0) {
         return choose(asked, 1, stream);
     }
+    if (strcmp(option, "--typed") == 0) {
+        stream->typed = true;
+        return choose(asked, 2, stream);
+    }
     if (strcmp(option, "--image") != 0) {
-        return fsn_asked_refuse(asked, FSN_E_ARG, "watch N --image, or watch N NAME…",
+        return fsn_asked_refuse(asked, FSN_E_ARG, "watch N --image, or watch N [--typed] NAME…",
                                 "watch has no such option");
     }
     stream->image = true;

@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "incident.h"
 #include "internal.h"
 
 enum {
@@ -42,6 +43,7 @@ void fsn_event_tell(struct fsn_control *control, enum fsn_log_level level, const
         return;
     }
     control->host->log(control->host->self, level, text, json->bytes, json->len_bytes);
+    fsn_incident_event(control, json->bytes, json->len_bytes);
     fsn_json_end(json);
     for (size_t i = 0; !json->failed && i < FSN_CONTROL_CLIENTS; i++) {
         if (control->client[i].events) {
@@ -96,6 +98,23 @@ static void connection_event(struct fsn_control *control, const struct fsn_event
                    fsn_outside_text(event->before), fsn_outside_text(event->after),
                    reset ? ", by the " : "", reset ? by : "", reset ? ": " : "",
                    reset ? fsn_reset_text(event->reset_code) : "");
+    if (left && !data) {
+        char text[300];
+        snprintf(text, sizeof text, "connection %.120s left Data: %s%s%s%s%s", info.name,
+                 fsn_outside_text(event->after), reset ? ", by the " : "", reset ? by : "",
+                 reset ? ": " : "", reset ? fsn_reset_text(event->reset_code) : "");
+        const struct fsn_trigger trigger = {.kind = "left_data",
+                                            .connection = info.name,
+                                            .before = fsn_outside_text(event->before),
+                                            .after = fsn_outside_text(event->after),
+                                            .reset_by = reset ? by : NULL,
+                                            .reset_text =
+                                                reset ? fsn_reset_text(event->reset_code) : NULL,
+                                            .reset_code = reset ? event->reset_code : 0,
+                                            .now_ns = event->now_ns,
+                                            .text = text};
+        (void)fsn_incident_begin(control, &trigger);
+    }
 }
 
 static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_bus_subdevice *b) {

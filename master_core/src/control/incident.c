@@ -1,0 +1,289 @@
+#define _GNU_SOURCE
+
+#include "incident.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "asked.h"
+#include "incident_kept.h"
+
+enum {
+    BEFORE_MS = 5000,   /**< kept before the moment */
+    AFTER_MS = 1000,    /**< and behind it */
+    PAUSE_MS = 10000,   /**< between two that nobody asked for */
+    PATIENCE_MS = 5000, /**< in OP and not in Data for so long */
+    LOOK_MS = 500,      /**< between two looks for those */
+    MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
+};
+
+fsn_status fsn_incidents_create(const char *folder, struct fsn_incidents **incidents,
+                                struct fsn_refusal *refusal) {
+    struct stat found;
+    if (stat(folder, &found) != 0 || !S_ISDIR(found.st_mode) || access(folder, W_OK | X_OK) != 0) {
+        return fsn_refusal_set(refusal, FSN_E_SYS, "mkdir it, and let this user write there",
+                               "incidents: %.200s is no folder to write to: %s", folder,
+                               errno != 0 ? strerror(errno) : "no folder");
+    }
+    *incidents = calloc(1, sizeof **incidents);
+    if (*incidents == NULL) {
+        return fsn_refusal_set(refusal, FSN_E_NOMEM, NULL, "out of memory");
+    }
+    snprintf((*incidents)->folder, sizeof(*incidents)->folder, "%s", folder);
+    return FSN_OK;
+}
+
+void fsn_incidents_free(struct fsn_incidents *incidents) {
+    struct fsn_incident_result result;
+    if (incidents == NULL) {
+        return;
+    }
+    if (incidents->file != NULL) {
+        fsn_incident_file_wait(incidents->file, &result);
+    }
+    for (size_t i = 0; i < FSN_INCIDENT_EVENTS; i++) {
+        free(incidents->event[i]);
+    }
+    free(incidents->told);
+    free(incidents);
+}
+
+void fsn_incident_event(struct fsn_control *control, const char *json, size_t len_bytes) {
+    struct fsn_incidents *in = control->incidents;
+    if (in == NULL) {
+        return;
+    }
+    char **place = &in->event[in->next_event++ % FSN_INCIDENT_EVENTS];
+    free(*place);
+    *place = strndup(json, len_bytes);
+}
+
+/** Names the file after when and what, with nothing a shell or a file system minds. */
+static void put_stem(const struct fsn_pending *p, char *stem, size_t room_bytes) {
+    char utc[32];
+    size_t used = 0;
+    fsn_utc_text(p->now_ns, utc);
+    const char *what = p->connection[0] != 0 ? p->connection : p->kind;
+    char whole[200];
+    snprintf(whole, sizeof whole, "incident-%.19sZ-%s", utc, what);
+    for (const char *c = whole; *c != 0 && used + 1 < room_bytes && used < 100; c++) {
+        const bool plain = (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') ||
+                           (*c >= '0' && *c <= '9') || *c == '-' || *c == '_';
+        if (plain || (used > 0 && stem[used - 1] != '_')) {
+            stem[used++] = *c;
+            stem[used - 1] = plain ? *c : '_';
+        }
+    }
+    stem[used] = 0;
+}
+
+/** The window is over: hands everything to the thread that writes. */
+static void finish(struct fsn_control *control) {
+    struct fsn_incidents *in = control->incidents;
+    struct fsn_pending *p = &in->pending;
+    struct fsn_json head = {.limit_bytes = FSN_INCIDENT_HEAD_BYTES};
+    struct fsn_window window = {0};
+    char stem[128];
+    const uint64_t before_ns = BEFORE_MS * UINT64_C(1000000);
+    if (control->core != NULL && fsn_core_kept_cycles(control->core) > 0) {
+        window = fsn_window_take(control->core, p->now_ns > before_ns ? p->now_ns - before_ns : 0);
+    }
+    fsn_incident_head(control, &head);
+    p->active = false;
+    put_stem(p, stem, sizeof stem);
+    snprintf(in->text, sizeof in->text, "%s", p->text);
+    if (head.failed) {
+        fsn_json_free(&head);
+        fsn_window_free(&window);
+    } else {
+        in->file = fsn_incident_file_begin(in->folder, stem, &head, &window);
+    }
+    if (in->file == NULL) {
+        fsn_event_begin(control, "incident", fsn_now_ns());
+        fsn_event_tell(control, FSN_LOG_ERROR, "an incident is not kept: no memory for it");
+    }
+}
+
+static void tell_result(struct fsn_control *control, const struct fsn_incident_result *result) {
+    struct fsn_incidents *in = control->incidents;
+    struct fsn_json *json = fsn_event_begin(control, "incident", fsn_now_ns());
+    fsn_json_put_text(json, "file", result->path);
+    fsn_json_put_u64(json, "cycles", result->cycles);
+    fsn_json_put_bool(json, "whole", result->error == 0);
+    if (result->error == 0) {
+        fsn_event_tell(control, FSN_LOG_WARNING, "incident: %.300s; fsoe-net incident %.150s",
+                       in->text, result->path);
+    } else {
+        fsn_event_tell(control, FSN_LOG_ERROR,
+                       "incident: %.200s; %.150s ends after %" PRIu64 " cycles: %s", in->text,
+                       result->path, result->cycles, strerror(result->error));
+    }
+}
+
+/* -- beginning ------------------------------------------------------------------------------ */
+
+static bool is_stopping(struct fsn_control *control) {
+    struct fsn_control_status status = {0};
+    control->host->status(control->host->self, &status);
+    return strcmp(status.state, "stopping") == 0 || strcmp(status.state, "stopped") == 0;
+}
+
+static void copy_text(char *to, size_t room_bytes, const char *from) {
+    snprintf(to, room_bytes, "%s", from != NULL ? from : "");
+}
+
+bool fsn_incident_begin(struct fsn_control *control, const struct fsn_trigger *t) {
+    struct fsn_incidents *in = control->incidents;
+    const bool asked = strcmp(t->kind, "request") == 0;
+    if (in == NULL || in->pending.active || in->file != NULL ||
+        (!asked &&
+         (is_stopping(control) ||
+          (in->last_ns != 0 && t->now_ns - in->last_ns < PAUSE_MS * UINT64_C(1000000))))) {
+        return false;
+    }
+    if (in->files >= MOST_FILES) {
+        if (!in->full_told) {
+            fsn_event_begin(control, "incident", t->now_ns);
+            fsn_event_tell(control, FSN_LOG_WARNING,
+                           "%d incidents were kept since the start; no more will be", MOST_FILES);
+        }
+        in->full_told = true;
+        return false;
+    }
+    struct fsn_pending *p = &in->pending;
+    *p = (struct fsn_pending){.active = true,
+                              .reset_code = t->reset_code,
+                              .now_ns = t->now_ns,
+                              .until_ns = t->now_ns + AFTER_MS * UINT64_C(1000000)};
+    copy_text(p->kind, sizeof p->kind, t->kind);
+    copy_text(p->connection, sizeof p->connection, t->connection);
+    copy_text(p->before, sizeof p->before, t->before);
+    copy_text(p->after, sizeof p->after, t->after);
+    copy_text(p->reset_by, sizeof p->reset_by, t->reset_by);
+    copy_text(p->reset_text, sizeof p->reset_text, t->reset_text);
+    copy_text(p->text, sizeof p->text, t->text);
+    if (control->core != NULL) {
+        p->cycle = fsn_core_last_cycle(control->core);
+    }
+    in->last_ns = t->now_ns;
+    in->files++;
+    return true;
+}
+
+static void not_connected(struct fsn_control *control, uint32_t number, uint64_t now_ns) {
+    struct fsn_connection_info info;
+    char text[300];
+    if (fsn_plan_connection(control->plan, number, &info) != FSN_OK) {
+        return;
+    }
+    const char *outside = fsn_outside_text(control->connections[number].outside);
+    snprintf(text, sizeof text,
+             "connection %.120s has not come to Data in %d s, it is in %s while every SubDevice is "
+             "in OP",
+             info.name, PATIENCE_MS / 1000, outside);
+    const struct fsn_trigger trigger = {.kind = "not_connected",
+                                        .connection = info.name,
+                                        .after = outside,
+                                        .now_ns = now_ns,
+                                        .text = text};
+    (void)fsn_incident_begin(control, &trigger);
+}
+
+static bool is_data(uint32_t outside) {
+    return outside == FSN_OUTSIDE_DATA_PROCESS || outside == FSN_OUTSIDE_DATA_FAILSAFE;
+}
+
+/** Every SubDevice works and a connection does not: nobody else would say so. */
+static void look_for_missing(struct fsn_control *control, uint64_t now_ns) {
+    struct fsn_incidents *in = control->incidents;
+    struct fsn_control_status status = {0};
+    control->host->status(control->host->self, &status);
+    if (control->core == NULL || strcmp(status.state, "running") != 0) {
+        in->in_op_ns = 0;
+        return;
+    }
+    in->in_op_ns = in->in_op_ns == 0 ? now_ns : in->in_op_ns;
+    if (now_ns - in->in_op_ns < PATIENCE_MS * UINT64_C(1000000)) {
+        return;
+    }
+    const uint32_t count = fsn_plan_connection_count(control->plan);
+    if (in->told == NULL) {
+        in->told = calloc((size_t)count + 1, 1);
+    }
+    if (in->told == NULL ||
+        fsn_core_snapshot(control->core, NULL, control->connections, NULL) != FSN_OK) {
+        return;
+    }
+    for (uint32_t i = 0; i < count; i++) {
+        if (is_data(control->connections[i].outside)) {
+            in->told[i] = 1; /* from here on it can only leave Data */
+        } else if (in->told[i] == 0 && !in->pending.active) {
+            in->told[i] = 1;
+            not_connected(control, i, now_ns);
+        }
+    }
+}
+
+fsn_status fsn_answer_incident(struct fsn_asked *asked) {
+    const char *text = asked->count > 0 ? asked->argument[0] : "a client asked for it";
+    const struct fsn_trigger trigger = {.kind = "request", .now_ns = fsn_now_ns(), .text = text};
+    if (asked->control->incidents == NULL) {
+        return fsn_asked_refuse(asked, FSN_E_STATE, "start fsn-master with --incidents FOLDER",
+                                "no incidents are kept");
+    }
+    if (!fsn_incident_begin(asked->control, &trigger)) {
+        return fsn_asked_refuse(asked, FSN_E_BUSY,
+                                "ask again in a few seconds; its event names the file",
+                                "an incident is being kept, or a hundred were");
+    }
+    fsn_json_put_bool(asked->json, "begun", true);
+    return FSN_OK;
+}
+
+fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
+                                      struct fsn_refusal *refusal) {
+    return fsn_incidents_create(folder, &control->incidents, refusal);
+}
+
+void fsn_control_bus_failed(struct fsn_control *control, const char *text) {
+    const struct fsn_trigger trigger = {.kind = "bus_failed", .now_ns = fsn_now_ns(), .text = text};
+    (void)fsn_incident_begin(control, &trigger);
+}
+
+void fsn_incident_turn(struct fsn_control *control, uint64_t now_ns) {
+    struct fsn_incidents *in = control->incidents;
+    struct fsn_incident_result result;
+    if (in == NULL) {
+        return;
+    }
+    if (in->file != NULL && fsn_incident_file_done(in->file, &result)) {
+        in->file = NULL;
+        tell_result(control, &result);
+    }
+    if (now_ns - in->looked_ns >= LOOK_MS * UINT64_C(1000000)) {
+        in->looked_ns = now_ns;
+        look_for_missing(control, now_ns);
+    }
+    if (in->pending.active && in->file == NULL &&
+        (now_ns >= in->pending.until_ns || control->core == NULL)) {
+        finish(control);
+    }
+}
+
+void fsn_incident_detach(struct fsn_control *control) {
+    struct fsn_incidents *in = control->incidents;
+    if (in != NULL) {
+        if (in->pending.active) {
+            finish(control);
+        }
+        free(in->told);
+        in->told = NULL;
+        in->in_op_ns = 0;
+    }
+}

@@ -1,0 +1,46 @@
+/** Incidents: what was on the bus before and after a connection left Data, written to a file each.
+ *
+ *  The control thread notices and copies a window out of the recorder; a thread of its own writes
+ *  the file, since a disk may be slow or full. Format: docs/reference/incident-format.md. */
+#ifndef FSN_CONTROL_INCIDENT_H
+#define FSN_CONTROL_INCIDENT_H
+
+#include "internal.h"
+
+struct fsn_incidents;
+
+/** Writes incidents from now on.
+ *  @param[in] folder  where to; must exist.
+ *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
+fsn_status fsn_incidents_create(const char *folder, struct fsn_incidents **incidents,
+                                struct fsn_refusal *refusal);
+
+/** Waits until a file that is being written is whole. NULL is allowed. */
+void fsn_incidents_free(struct fsn_incidents *incidents);
+
+/** Something happened that is worth a file. While one is being kept the next is only an event in
+ *  it. Fields that do not apply are NULL or 0. */
+struct fsn_trigger {
+    const char *kind; /**< left_data, not_connected, bus_failed or request */
+    const char *connection, *before, *after, *reset_by, *reset_text;
+    uint8_t reset_code;
+    uint64_t now_ns;
+    const char *text; /**< for people */
+};
+
+/** Begins an incident. Does nothing without fsn_incidents_create(), during a stop, and for ten
+ *  seconds after the last one unless somebody asks for it.
+ *  @retval false  no file will be written. */
+bool fsn_incident_begin(struct fsn_control *control, const struct fsn_trigger *trigger);
+
+/** Keeps an event line for the next file. */
+void fsn_incident_event(struct fsn_control *control, const char *json, size_t len_bytes);
+
+/** To be called in every turn: ends windows, sees connections that do not come to Data, tells what
+ *  has been written. */
+void fsn_incident_turn(struct fsn_control *control, uint64_t now_ns);
+
+/** The core is about to go: what is being kept is written with what is there. */
+void fsn_incident_detach(struct fsn_control *control);
+
+#endif

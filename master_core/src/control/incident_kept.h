@@ -1,0 +1,35 @@
+/** What incident.c keeps, and the head of its files. */
+#ifndef FSN_CONTROL_INCIDENT_KEPT_H
+#define FSN_CONTROL_INCIDENT_KEPT_H
+
+#include "incident.h"
+#include "incident_file.h"
+
+enum { FSN_INCIDENT_EVENTS = 200, FSN_INCIDENT_HEAD_BYTES = 16 << 20 };
+
+/** What is being kept. */
+struct fsn_pending {
+    bool active;
+    char kind[16], connection[128], before[24], after[24], reset_by[8], reset_text[80], text[600];
+    uint8_t reset_code;
+    uint64_t now_ns, cycle, until_ns;
+};
+
+struct fsn_incidents {
+    char folder[FSN_INCIDENT_PATH / 2];
+    struct fsn_pending pending;
+    struct fsn_incident_file *file; /**< being written */
+    char text[640];                 /**< of the one being written */
+    uint64_t last_ns;               /**< when the last one began; 0: none */
+    uint64_t in_op_ns, looked_ns;   /**< 0: not all are in OP */
+    uint8_t *told;                  /**< per connection: it was told that it does not come */
+    unsigned files;
+    bool full_told;
+    char *event[FSN_INCIDENT_EVENTS]; /**< the last ones, a ring */
+    unsigned next_event;
+};
+
+/** Writes the first line: everything that is known beside the cycles. */
+void fsn_incident_head(struct fsn_control *control, struct fsn_json *json);
+
+#endif
