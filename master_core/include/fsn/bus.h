@@ -95,6 +95,8 @@ struct fsn_bus_subdevice {
     char detail[FSN_DETAIL_BYTES]; /**< what differs, for people; may be empty */
 };
 
+struct fsn_bus_acyclic;
+
 /** A backend. `bus` is its own context.
  *
  *  Freshness: receive() leaves the input bytes of a SubDevice that did not answer as they were,
@@ -120,6 +122,8 @@ struct fsn_bus_ops {
     bool (*tend)(void *bus, uint8_t al_state, uint64_t now_ns);
     /** What is known about a SubDevice of the plan; any thread but the cyclic one. With tend(). */
     fsn_status (*look)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);
+    /** Objects, SII and registers beside the cycle, see fsn/acyclic.h; NULL: none of it. */
+    const struct fsn_bus_acyclic *acyclic;
 };
 
 #ifdef __cplusplus

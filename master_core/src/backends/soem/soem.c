@@ -38,36 +38,25 @@ void soem_drain(struct fsn_soem *bus) {
     }
 }
 
-/** Takes the errors SOEM has noted; returns the last abort code, 0 without any. */
-static uint32_t take_abort(struct fsn_soem *bus) {
-    uint32_t abort_code = 0;
-    ec_errort error;
-    while (ecx_poperror(&bus->context, &error)) {
-        if (error.Etype == EC_ERR_TYPE_SDO_ERROR) {
-            abort_code = (uint32_t)error.AbortCode;
-        }
-    }
-    return abort_code;
-}
-
 bool soem_upload(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub, void *data,
                  int *size, uint32_t *abort_code) {
-    take_abort(bus);
-    soem_drain(bus);
-    const int counter =
-        ecx_SDOread(&bus->context, slave, index, sub, FALSE, size, data, EC_TIMEOUTRXM);
-    *abort_code = take_abort(bus);
-    return counter > 0 && *abort_code == 0;
+    struct fsn_transfer transfer = {
+        .index = index, .sub = sub, .data = data, .size_bytes = (uint32_t)*size};
+    const fsn_status status = soem_transfer(bus, slave, &transfer, fsn_sdo_upload);
+    *size = (int)transfer.size_bytes;
+    *abort_code = transfer.abort_code;
+    return status == FSN_OK;
 }
 
 bool soem_download(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub,
                    const void *data, int size, uint32_t *abort_code) {
-    take_abort(bus);
-    soem_drain(bus);
-    const int counter =
-        ecx_SDOwrite(&bus->context, slave, index, sub, FALSE, size, data, EC_TIMEOUTRXM);
-    *abort_code = take_abort(bus);
-    return counter > 0 && *abort_code == 0;
+    struct fsn_transfer transfer = {.index = index,
+                                    .sub = sub,
+                                    .data = (uint8_t *)(uintptr_t)data,
+                                    .size_bytes = (uint32_t)size};
+    const fsn_status status = soem_transfer(bus, slave, &transfer, fsn_sdo_download);
+    *abort_code = transfer.abort_code;
+    return status == FSN_OK;
 }
 
 bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave) {
@@ -115,7 +104,7 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
     return FSN_OK;
 }
 
-static void let_go(struct fsn_soem *bus) {
+void soem_let_go(struct fsn_soem *bus) {
     for (unsigned port = 0; port < FSN_WIRE_PORTS; port++) {
         if (bus->sockets[port] >= 0) {
             close(bus->sockets[port]);
@@ -138,7 +127,7 @@ static void soem_free(void *context) {
     if (bus == NULL) {
         return;
     }
-    let_go(bus);
+    soem_let_go(bus);
     free(bus->nodes);
     pthread_mutex_destroy(&bus->seen_lock);
     free(bus);
@@ -166,7 +155,7 @@ static void set_up_context(struct fsn_soem *bus) {
     };
 }
 
-static fsn_status open_nic(struct fsn_soem *bus, struct fsn_fault *fault) {
+fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault) {
     set_up_context(bus);
     const bool redundant = bus->redundant[0] != '\0';
     const int ok = redundant ? ecx_init_redundant(&bus->context, &bus->redundant_port,
@@ -180,8 +169,7 @@ static fsn_status open_nic(struct fsn_soem *bus, struct fsn_fault *fault) {
     return FSN_OK;
 }
 
-/** Interface by interface: exists, is ours alone, nobody else talks on it. */
-static fsn_status take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault) {
+fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault) {
     fsn_status status = fsn_port_listen(bus->interface, LISTEN_NS, fault);
     if (status == FSN_OK && bus->redundant[0] != '\0') {
         status = fsn_port_listen(bus->redundant, LISTEN_NS, fault);
@@ -272,14 +260,14 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status, NULL);
     }
-    status = take_interfaces(bus, fault);
+    status = soem_take_interfaces(bus, fault);
     status = status != FSN_OK ? status : open_ports(bus, fault);
-    status = status != FSN_OK ? status : open_nic(bus, fault);
+    status = status != FSN_OK ? status : soem_open_nic(bus, fault);
     status = status != FSN_OK ? status : soem_find(bus, fault);
     status = status != FSN_OK ? status : make_wire(bus, fault);
     status = status != FSN_OK ? status : configure_all(bus, fault);
     if (status != FSN_OK) {
-        let_go(bus);
+        soem_let_go(bus);
         return status;
     }
     *layout = (struct fsn_bus_layout){
@@ -301,7 +289,7 @@ static void soem_close(void *context) {
         ecx_writestate(&bus->context, 0);
         ecx_statecheck(&bus->context, 0, states[i], 20000);
     }
-    let_go(bus);
+    soem_let_go(bus);
 }
 
 static void soem_receive(void *context, struct fsn_bus_input *input) {
@@ -334,6 +322,7 @@ const struct fsn_backend *fsn_backend_soem(void) {
         .close = soem_close,
         .tend = soem_tend,
         .look = soem_look,
+        .acyclic = &soem_acyclic,
     };
     static const struct fsn_backend backend = {
         .name = "soem",

@@ -4,8 +4,10 @@
 
 #include <pthread.h>
 
+#include "fsn/acyclic.h"
 #include "fsn/live.h"
 #include "live/frames.h"
+#include "live/sdo.h"
 
 #include <ethercat.h>
 
@@ -98,7 +100,22 @@ fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);
 /* Supervision (tend.c). */
 bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns);
 
+/* Objects, SII and registers (acyclic.c). */
+extern const struct fsn_bus_acyclic soem_acyclic;
+typedef fsn_status (*soem_sdo_fn)(const struct fsn_mailbox *mailbox, struct fsn_transfer *transfer);
+/** One transfer with a SubDevice that has a mailbox. */
+fsn_status soem_transfer(struct fsn_soem *bus, uint16_t slave, struct fsn_transfer *transfer,
+                         soem_sdo_fn transfer_it);
+
 /* Shared (soem.c). */
+
+/** Makes sure, interface by interface, that it exists, is ours alone and nobody else talks on it.
+ */
+fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault);
+/** Opens SOEM's sockets. */
+fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault);
+/** Closes everything that was opened. */
+void soem_let_go(struct fsn_soem *bus);
 
 /** Writes what was found about a node, for look(); printf-like. */
 void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const char *format, ...)

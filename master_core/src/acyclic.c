@@ -1,0 +1,151 @@
+#include "fsn/acyclic.h"
+
+#include <string.h>
+
+#include "core_internal.h"
+
+enum {
+    SII_STEP = 64, /**< bytes read between two steps of others */
+    SII_ALIAS = 8, /**< byte offsets */
+    SII_CHECKSUM = 14,
+    SII_CATEGORIES = 0x80,
+    SII_END = 0xFFFF,
+};
+
+/** Finds operations and place of a SubDevice of the plan. */
+static fsn_status reach(struct fsn_core *core, uint32_t subdevice,
+                        const struct fsn_bus_acyclic **acyclic, uint32_t *position) {
+    if (core == NULL || subdevice >= fsn_plan_subdevice_count(core->plan)) {
+        return FSN_E_ARG;
+    }
+    *acyclic = core->rt.ops->acyclic;
+    if (*acyclic == NULL) {
+        return FSN_E_ABSENT;
+    }
+    *position = (*acyclic)->place(core->rt.bus, subdevice);
+    return *position == FSN_NONE ? FSN_E_BUS_MISSING : FSN_OK;
+}
+
+static bool is_allowed(const struct fsn_transfer *transfer) {
+    return transfer != NULL && (transfer->data != NULL || transfer->size_bytes == 0) &&
+           transfer->size_bytes <= FSN_SDO_BYTES;
+}
+
+fsn_status fsn_core_upload(struct fsn_core *core, uint32_t subdevice,
+                           struct fsn_transfer *transfer) {
+    const struct fsn_bus_acyclic *acyclic;
+    if (!is_allowed(transfer)) {
+        return FSN_E_ARG;
+    }
+    const fsn_status status = reach(core, subdevice, &acyclic, &transfer->position);
+    if (status != FSN_OK) {
+        return status;
+    }
+    return acyclic->upload != NULL ? acyclic->upload(core->rt.bus, transfer) : FSN_E_ABSENT;
+}
+
+fsn_status fsn_core_download(struct fsn_core *core, uint32_t subdevice,
+                             struct fsn_transfer *transfer) {
+    const struct fsn_bus_acyclic *acyclic;
+    if (!is_allowed(transfer)) {
+        return FSN_E_ARG;
+    }
+    const fsn_status status = reach(core, subdevice, &acyclic, &transfer->position);
+    if (status != FSN_OK) {
+        return status;
+    }
+    return acyclic->download != NULL ? acyclic->download(core->rt.bus, transfer) : FSN_E_ABSENT;
+}
+
+/* -- SII ------------------------------------------------------------------------------------ */
+
+/** How much of the SII is needed by what was read of it: up to the end of its categories. */
+static uint32_t needed(const uint8_t *sii, uint32_t have, uint32_t room) {
+    uint32_t at = SII_CATEGORIES;
+    while (at + 4 <= have && fsn_get16(sii + at) != SII_END) {
+        at += 4 + 2u * fsn_get16(sii + at + 2);
+    }
+    const uint32_t whole = (at + (at + 4 <= have ? 2u : 4u) + 7) / 8 * 8;
+    return whole < room ? whole : room;
+}
+
+fsn_status fsn_sii_read_all(const struct fsn_bus_acyclic *acyclic, void *bus,
+                            struct fsn_transfer *transfer) {
+    const uint32_t room =
+        (transfer->size_bytes < FSN_SII_BYTES ? transfer->size_bytes : FSN_SII_BYTES) / 8 * 8;
+    uint32_t have = 0;
+    transfer->size_bytes = 0;
+    if (acyclic->sii_read == NULL) {
+        return FSN_E_ABSENT;
+    }
+    for (uint32_t want = needed(transfer->data, 0, room); have < want;
+         want = needed(transfer->data, have, room)) {
+        const uint32_t step = want - have < SII_STEP ? want - have : SII_STEP;
+        const fsn_status status =
+            acyclic->sii_read(bus, transfer->position, have, transfer->data + have, step);
+        if (status != FSN_OK) {
+            return status;
+        }
+        have += step;
+        transfer->size_bytes = have;
+        if (transfer->between != NULL && !transfer->between(transfer->self)) {
+            return FSN_E_STATE;
+        }
+    }
+    return FSN_OK;
+}
+
+fsn_status fsn_core_sii_read(struct fsn_core *core, uint32_t subdevice,
+                             struct fsn_transfer *transfer) {
+    const struct fsn_bus_acyclic *acyclic;
+    if (!is_allowed(transfer)) {
+        return FSN_E_ARG;
+    }
+    const fsn_status status = reach(core, subdevice, &acyclic, &transfer->position);
+    return status != FSN_OK ? status : fsn_sii_read_all(acyclic, core->rt.bus, transfer);
+}
+
+/** Checksum of the first seven words: CRC-8 with polynomial 0x07 from 0xFF on. */
+static uint8_t checksum(const uint8_t bytes[SII_CHECKSUM]) {
+    unsigned crc = 0xFF;
+    for (int i = 0; i < SII_CHECKSUM; i++) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (crc & 0x80) != 0 ? (crc << 1 ^ 0x07) & 0xFF : crc << 1 & 0xFF;
+        }
+    }
+    return (uint8_t)crc;
+}
+
+fsn_status fsn_core_alias_write(struct fsn_core *core, uint32_t subdevice, uint16_t alias) {
+    const struct fsn_bus_acyclic *acyclic;
+    uint32_t position;
+    uint8_t head[16];
+    fsn_status status = reach(core, subdevice, &acyclic, &position);
+    if (status != FSN_OK) {
+        return status;
+    }
+    if (acyclic->sii_read == NULL || acyclic->sii_write == NULL) {
+        return FSN_E_ABSENT;
+    }
+    void *bus = core->rt.bus;
+    status = acyclic->sii_read(bus, position, 0, head, sizeof head);
+    if (status != FSN_OK) {
+        return status;
+    }
+    head[SII_ALIAS] = (uint8_t)alias;
+    head[SII_ALIAS + 1] = (uint8_t)(alias >> 8);
+    head[SII_CHECKSUM] = checksum(head);
+    status = acyclic->sii_write(bus, position, SII_ALIAS, alias);
+    if (status == FSN_OK) {
+        status = acyclic->sii_write(bus, position, SII_CHECKSUM, fsn_get16(head + SII_CHECKSUM));
+    }
+    uint8_t back[16] = {0};
+    if (status == FSN_OK) {
+        status = acyclic->sii_read(bus, position, 0, back, sizeof back);
+    }
+    if (status != FSN_OK) {
+        return status;
+    }
+    return memcmp(head, back, sizeof head) == 0 ? FSN_OK : FSN_E_BUS_STATE;
+}
