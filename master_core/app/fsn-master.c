@@ -15,6 +15,7 @@
 #include "log.h"
 #include "master.h"
 #include "notify.h"
+#include "scan.h"
 
 enum { MAX_PLAN_BYTES = 64 << 20 };
 
@@ -146,6 +147,10 @@ int main(int argc, char **argv) {
                  "lists those it has",
                  options.bus);
         return EXIT_REFUSED;
+    }
+    if (options.scan) {
+        signal(SIGPIPE, SIG_IGN);
+        return scan_run(&options, backend);
     }
     struct fsn_plan *plan = NULL;
     code = load(options.plan_file, &plan);

@@ -13,6 +13,7 @@
 
 static const char usage_text[] =
     "usage: fsn-master PLAN --interface IF [options]\n"
+    "       fsn-master --scan --interface IF [--bus NAME]\n"
     "\n"
     "Drives the EtherCAT bus of a compiled plan and moves its FSoE frames in every cycle.\n"
     "\n"
@@ -36,6 +37,7 @@ static const char usage_text[] =
     "  --incidents DIR    keeps a file of what happened around each connection that leaves Data\n"
     "  --log text|json    lines on stderr; default text\n"
     "  --trace            writes markers into the kernel's trace buffer\n"
+    "  --scan             brings what stands on the bus to PREOP, prints it as JSON and ends\n"
     "  --version          version, buses and their terms\n"
     "  --help             this text\n"
     "\n"
@@ -160,6 +162,7 @@ enum option_id {
     INCIDENTS,
     LOG,
     TRACE,
+    SCAN,
     VERSION,
     HELP,
 };
@@ -234,14 +237,20 @@ static int take(int id, const char *text, struct options *o) {
     case TRACE:
         o->trace = true;
         return -1;
+    case SCAN:
+        o->scan = true;
+        return -1;
     default:
         return take_numeric(id, text, o);
     }
 }
 
 static int check_together(const struct options *o) {
-    if (o->plan_file == NULL) {
+    if (o->plan_file == NULL && !o->scan) {
         return wrong("PLAN", NULL, "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
+    }
+    if (o->plan_file != NULL && o->scan) {
+        return wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
     }
     if (o->interface == NULL && strcmp(o->bus, "emulated") != 0) {
         return wrong("--interface", NULL, "is missing");
@@ -285,6 +294,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"incidents", required_argument, NULL, INCIDENTS},
         {"log", required_argument, NULL, LOG},
         {"trace", no_argument, NULL, TRACE},
+        {"scan", no_argument, NULL, SCAN},
         {"version", no_argument, NULL, VERSION},
         {"help", no_argument, NULL, HELP},
         {NULL, 0, NULL, 0},

@@ -23,6 +23,7 @@ struct options {
     int cpu;           /**< CPU number + 1; 0: any */
     uint32_t dc_every; /**< 0: no distributed clocks */
     bool free_run, trace, log_json;
+    bool scan; /**< looks at the bus and ends; there is no plan */
     struct fsn_control_access access;
 };
 

@@ -1,0 +1,11 @@
+/** `fsn-master --scan`: looks at a bus without a plan. */
+#ifndef FSN_APP_SCAN_H
+#define FSN_APP_SCAN_H
+
+#include "backends.h"
+#include "options.h"
+
+/** Prints one JSON document on stdout; returns the exit code. */
+int scan_run(const struct options *options, const struct fsn_backend *backend);
+
+#endif
