@@ -233,6 +233,27 @@ static bool add_address(struct objects *o, const struct fsn_plan *plan, uint32_t
     return ok;
 }
 
+/** Diagnosis history as a device shows it that has just started: one message, that it did. */
+static bool add_history(struct objects *o) {
+    enum { MESSAGES = 4, FIRST = 6 };
+    static const uint8_t message[] = {0x00, 0xE8, 0x00, 0x00, /* code: of the maker, number 0 */
+                                      0x00, 0x01,             /* information, one parameter */
+                                      0x01, 0x00,             /* text 1 */
+                                      0,    0,    0,    0,    0, 0, 0, 0, /* time */
+                                      0x05, 0x00, 1};                     /* UINT8 1 */
+    bool ok = objects_add_number(o, 0x10F3, 0, false, FIRST + MESSAGES - 1, 1) &&
+              objects_add_number(o, 0x10F3, 1, false, MESSAGES, 1) &&
+              objects_add_number(o, 0x10F3, 2, false, FIRST, 1) &&
+              objects_add_number(o, 0x10F3, 3, true, 0, 1) &&
+              objects_add_number(o, 0x10F3, 4, false, 1, 1) &&
+              objects_add_number(o, 0x10F3, 5, true, 1, 2) &&
+              objects_add(o, 0x10F3, FIRST, false, message, sizeof message);
+    for (uint8_t i = 1; i < MESSAGES; i++) {
+        ok = ok && objects_add(o, 0x10F3, (uint8_t)(FIRST + i), false, message, 0);
+    }
+    return ok;
+}
+
 /** A device whose sync managers 0 and 1 carry process data has no mailbox. */
 static bool has_mailbox(const struct fsn_plan *plan, const struct fsn_subdevice_info *info) {
     for (uint32_t i = 0; i < info->sm_count; i++) {
@@ -280,6 +301,7 @@ bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t 
     esc->sii = w.bytes;
     esc->identity = (struct esc_identity){{info.vendor_id, info.product_code, info.revision_low}};
     esc->sii_bytes = w.room;
-    return subdevice == FSN_NONE || (add_objects(&esc->objects, plan, &info, sms, count) &&
-                                     add_address(&esc->objects, plan, subdevice));
+    return subdevice == FSN_NONE ||
+           (add_objects(&esc->objects, plan, &info, sms, count) && add_history(&esc->objects) &&
+            add_address(&esc->objects, plan, subdevice));
 }

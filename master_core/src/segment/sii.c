@@ -9,12 +9,24 @@ enum {
     COMMAND_WRITE = 2,
     COMMAND_RELOAD = 4,
     ERROR_COMMAND = 0x20,
-    ERROR_MASK = 0x78
+    ERROR_MASK = 0x78,
+    ALIAS = 8, /**< byte */
+    CHECKSUM = 14,
 };
 
 /** One byte of the EEPROM; behind its end it reads as erased, which ends the categories. */
 static uint8_t sii_byte(const struct esc *esc, uint64_t at) {
     return at < esc->sii_bytes ? esc->sii[at] : 0xFF;
+}
+
+/** Only the alias and the checksum of its block can be written; used after the next power-on. */
+static bool write_alias(struct esc *esc) {
+    const uint64_t at = 2 * (uint64_t)esc_get32(esc->memory + REG_SII_ADDRESS);
+    if ((at != ALIAS && at != CHECKSUM) || at + 2 > esc->sii_bytes) {
+        return false;
+    }
+    memcpy(esc->sii + at, esc->memory + REG_SII_DATA, 2);
+    return true;
 }
 
 void esc_sii_command(struct esc *esc) {
@@ -30,6 +42,8 @@ void esc_sii_command(struct esc *esc) {
         }
     } else if (command == COMMAND_RELOAD) {
         memcpy(esc->memory + REG_ALIAS, esc->sii + 8, esc->sii_bytes >= 10 ? 2 : 0);
+    } else if (command == COMMAND_WRITE && write_alias(esc)) {
+        return;
     } else if (command != 0) {
         control[1] |= ERROR_COMMAND; /* its EEPROM is made from the network file: not written */
     }
