@@ -5,6 +5,7 @@
 
 #include "builder.h"
 #include "fake.h"
+#include "fsn/acyclic.h"
 #include "fsn/fsn.h"
 #include "fsn/live.h"
 #include "plan_internal.h"
@@ -421,7 +422,60 @@ static void they_leave_op(void) {
     tear_down(rig);
 }
 
+/* -- objects -------------------------------------------------------------------------------- */
+
+static void objects_are_reached_beside_the_cycle(void) {
+    struct rig *rig = bring_up();
+    uint8_t data[8] = {0};
+    struct fsn_transfer t = {.index = 0xF980, .sub = 1, .data = data, .size_bytes = sizeof data};
+    CHECK(fsn_core_upload(rig->core, 1, &t) == FSN_OK && t.size_bytes == 2 && data[0] == ADDRESS);
+    t = (struct fsn_transfer){.index = 0xF980, .sub = 9, .data = data, .size_bytes = 8};
+    CHECK(fsn_core_upload(rig->core, 1, &t) == FSN_E_BUS_SDO && t.abort_code != 0);
+    t = (struct fsn_transfer){.index = 0x8000, .sub = 1, .data = data, .size_bytes = 1};
+    CHECK(fsn_core_upload(rig->core, 1, &t) == FSN_E_SPACE);
+    t.size_bytes = 4;
+    memcpy(data, "abcd", 4);
+    CHECK(fsn_core_download(rig->core, 1, &t) == FSN_OK);
+    memset(data, 0, sizeof data);
+    CHECK(fsn_core_upload(rig->core, 1, &t) == FSN_OK && memcmp(data, "abcd", 4) == 0);
+    CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_ARG);
+    CHECK(fsn_core_sii_read(rig->core, 1, &t) == FSN_E_ABSENT);
+    CHECK(fsn_core_alias_write(rig->core, 1, 5) == FSN_E_ABSENT);
+    fake_unplug(1);
+    CHECK(!run(rig, 50, FSN_AL_OP));
+    CHECK(fsn_core_upload(rig->core, 1, &t) == FSN_E_BUS_MISSING);
+    tear_down(rig);
+}
+
+static void a_bus_is_visited_without_a_plan(void) {
+    const struct fsn_live_options options = {.interface = "0"};
+    const struct fsn_bus_acyclic *acyclic = fsn_backend_igh()->ops->acyclic;
+    struct rig *rig = set_up(); /* for its devices */
+    struct fsn_bus_member member;
+    struct fsn_fault fault;
+    void *bus = NULL;
+    bool changed = true;
+    uint32_t entries[64];
+    uint32_t count;
+    uint16_t index;
+    bool output;
+    CHECK(fsn_backend_igh()->create(&options, &bus, &fault) == FSN_OK);
+    CHECK(acyclic->visit(bus, &changed, &fault) == FSN_OK && !changed && acyclic->count(bus) == 2);
+    CHECK(acyclic->member(bus, 1, &member) == FSN_OK && member.subdevice == FSN_NONE);
+    CHECK(member.vendor_id == 2 && member.product_code != 0 && member.al_status == FSN_AL_PREOP);
+    CHECK(acyclic->member(bus, 2, &member) == FSN_E_BUS_MISSING);
+    CHECK(acyclic->pdo(bus, 1, 9, 0, &index, &output, entries, 64, &count) == FSN_E_ARG);
+    acyclic->quit(bus);
+    fake.reserved_by_other = true;
+    CHECK(acyclic->visit(bus, &changed, &fault) == FSN_E_BUS_BUSY && fake.open_masters == 0);
+    fsn_backend_igh()->free(bus);
+    fake.reserved_by_other = false;
+    tear_down(rig);
+}
+
 int main(void) {
+    objects_are_reached_beside_the_cycle();
+    a_bus_is_visited_without_a_plan();
     options_are_checked();
     bus_is_refused();
     other_devices_are_refused();

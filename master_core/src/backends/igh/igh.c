@@ -107,7 +107,7 @@ static fsn_status igh_create(const struct fsn_live_options *options, void **out,
 }
 
 /** Deactivation before release: it ends the exchange and has IgH lead all SubDevices to PREOP. */
-static void let_go(struct fsn_igh *bus) {
+void igh_let_go(struct fsn_igh *bus) {
     if (bus->master != NULL) {
         if (bus->active) {
             (void)ecrt_master_deactivate(bus->master);
@@ -130,7 +130,7 @@ static void igh_free(void *context) {
     if (bus == NULL) {
         return;
     }
-    let_go(bus);
+    igh_let_go(bus);
     free(bus->nodes);
     pthread_mutex_destroy(&bus->seen_lock);
     free(bus);
@@ -265,7 +265,7 @@ static fsn_status igh_open(void *context, const struct fsn_plan *plan,
     }
     const fsn_status status = open_steps(bus, plan, fault);
     if (status != FSN_OK) {
-        let_go(bus);
+        igh_let_go(bus);
         return status;
     }
     for (uint32_t n = 0; n < bus->node_count; n++) {
@@ -284,7 +284,7 @@ static fsn_status igh_open(void *context, const struct fsn_plan *plan,
 }
 
 static void igh_close(void *context) {
-    let_go(context);
+    igh_let_go(context);
 }
 
 static fsn_status igh_look(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
@@ -307,6 +307,7 @@ const struct fsn_backend *fsn_backend_igh(void) {
         .close = igh_close,
         .tend = igh_tend,
         .look = igh_look,
+        .acyclic = &igh_acyclic,
     };
     static const struct fsn_backend backend = {
         .name = "igh",

@@ -14,6 +14,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
+#include "fsn/acyclic.h"
 #include "fsn/live.h"
 #include "image.h"
 
@@ -124,7 +125,13 @@ void igh_send(void *context);
 /* Supervision (tend.c). */
 bool igh_tend(void *context, uint8_t al_state, uint64_t now_ns);
 
+/* Objects beside the cycle (acyclic.c). */
+extern const struct fsn_bus_acyclic igh_acyclic;
+
 /* Shared (igh.c). */
+
+/** Gives the master back. */
+void igh_let_go(struct fsn_igh *bus);
 
 /** Writes what was found about a node, for look(); printf-like. */
 void igh_note(struct fsn_igh *bus, struct igh_node *node, uint8_t found, const char *format, ...)
