@@ -119,6 +119,10 @@ static fsn_status host_wish(void *self, enum fsn_wish wish, struct fsn_refusal *
     }
 }
 
+static void host_submit(void *self, struct fsn_job *job) {
+    runner_submit(((struct master *)self)->runner, job);
+}
+
 static void host_log(void *self, enum fsn_log_level level, const char *text, const char *json,
                      size_t json_bytes) {
     (void)self;
@@ -212,6 +216,10 @@ static void opened(struct master *m, const struct runner_result *result) {
 static void take_result(struct master *m) {
     struct runner_result result;
     runner_take(m->runner, &result);
+    for (struct fsn_job *job = runner_take_job(m->runner); job != NULL;
+         job = runner_take_job(m->runner)) {
+        fsn_control_job_done(m->control, job);
+    }
     if (result.done == RUNNER_OPEN) {
         opened(m, &result);
     } else if (result.done == RUNNER_LEAVE) {
@@ -321,7 +329,11 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
                        .started_ns = fsn_now_ns(),
                        .wanted = true,
                        .policy = options->policy};
-    const struct fsn_control_host host = {&m, host_status, host_wish, host_log};
+    const struct fsn_control_host host = {.self = &m,
+                                          .status = host_status,
+                                          .wish = host_wish,
+                                          .submit = host_submit,
+                                          .log = host_log};
     m.control = fsn_control_create(plan, &host, &options->access);
     if (m.control == NULL) {
         log_line(FSN_LOG_ERROR, "out of memory");

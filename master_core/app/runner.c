@@ -23,6 +23,11 @@ enum {
     DEFAULT_PRIORITY = 80    /**< of fifo */
 };
 
+/** Jobs, the oldest first. */
+struct queue {
+    struct fsn_job *first, *last;
+};
+
 struct runner {
     const struct options *options;
     const struct fsn_plan *plan;
@@ -34,11 +39,28 @@ struct runner {
     enum runner_job job;         /**< asked for, guarded by lock */
     bool ending;                 /**< guarded by lock */
     struct runner_result result; /**< guarded by lock */
+    struct queue waiting, done;  /**< guarded by lock */
     atomic_bool give_up, in_op;
     /* The thread's own. */
     void *bus;
     struct fsn_core *core;
 };
+
+static void put(struct queue *queue, struct fsn_job *job) {
+    job->next = NULL;
+    if (queue->first == NULL) {
+        queue->first = job;
+    } else {
+        queue->last->next = job;
+    }
+    queue->last = job;
+}
+
+static struct fsn_job *take(struct queue *queue) {
+    struct fsn_job *job = queue->first;
+    queue->first = job != NULL ? job->next : NULL;
+    return job;
+}
 
 static void wake(struct runner *runner) {
     const uint64_t one = 1;
@@ -283,6 +305,40 @@ static void tend(struct runner *runner) {
     }
 }
 
+/** Between two steps of a transfer: supervision goes on, until something else is to be done. */
+static bool tend_between(void *self) {
+    struct runner *runner = self;
+    pthread_mutex_lock(&runner->lock);
+    const bool goes_on = runner->job == RUNNER_IDLE && !runner->ending;
+    pthread_mutex_unlock(&runner->lock);
+    if (goes_on) {
+        tend(runner);
+    }
+    return goes_on;
+}
+
+/** Does one transfer, when one waits. */
+static void do_transfer(struct runner *runner, bool tending) {
+    const struct fsn_job_means means = {.core = tending ? runner->core : NULL,
+                                        .ops = runner->backend->ops,
+                                        .bus = runner->bus,
+                                        .plan = runner->plan,
+                                        .interface = runner->options->interface,
+                                        .between = tend_between,
+                                        .self = runner};
+    pthread_mutex_lock(&runner->lock);
+    struct fsn_job *job = take(&runner->waiting);
+    pthread_mutex_unlock(&runner->lock);
+    if (job == NULL) {
+        return;
+    }
+    fsn_job_run(job, &means);
+    pthread_mutex_lock(&runner->lock);
+    put(&runner->done, job);
+    pthread_mutex_unlock(&runner->lock);
+    wake(runner);
+}
+
 /** Waits for a job; while a bus is tended, a little only. */
 static enum runner_job next_job(struct runner *runner, bool tending, bool *ending) {
     pthread_mutex_lock(&runner->lock);
@@ -294,7 +350,8 @@ static enum runner_job next_job(struct runner *runner, bool tending, bool *endin
         until.tv_sec++;
     }
     int waited = 0;
-    while (runner->job == RUNNER_IDLE && !runner->ending && waited == 0) {
+    while (runner->job == RUNNER_IDLE && !runner->ending && waited == 0 &&
+           runner->waiting.first == NULL) {
         waited = tending ? pthread_cond_timedwait(&runner->asked, &runner->lock, &until)
                          : pthread_cond_wait(&runner->asked, &runner->lock);
     }
@@ -318,6 +375,7 @@ static void *run(void *argument) {
         if (tending && !ending) {
             tend(runner);
         }
+        do_transfer(runner, tending && !ending);
     }
     return NULL;
 }
@@ -391,4 +449,18 @@ void runner_take(struct runner *runner, struct runner_result *result) {
 
 bool runner_in_op(const struct runner *runner) {
     return atomic_load(&((struct runner *)runner)->in_op);
+}
+
+void runner_submit(struct runner *runner, struct fsn_job *job) {
+    pthread_mutex_lock(&runner->lock);
+    put(&runner->waiting, job);
+    pthread_cond_signal(&runner->asked);
+    pthread_mutex_unlock(&runner->lock);
+}
+
+struct fsn_job *runner_take_job(struct runner *runner) {
+    pthread_mutex_lock(&runner->lock);
+    struct fsn_job *job = take(&runner->done);
+    pthread_mutex_unlock(&runner->lock);
+    return job;
 }

@@ -4,6 +4,7 @@
 #define FSN_APP_RUNNER_H
 
 #include "backends.h"
+#include "control/job.h"
 #include "fsn/core.h"
 #include "options.h"
 
@@ -39,6 +40,12 @@ void runner_ask(struct runner *runner, enum runner_job job);
 
 /** Gives up trying to open again. */
 void runner_give_up(struct runner *runner);
+
+/** Takes a job, to be done between two steps of the acyclic work. */
+void runner_submit(struct runner *runner, struct fsn_job *job);
+
+/** Gives back a job that is done; NULL: none. */
+struct fsn_job *runner_take_job(struct runner *runner);
 
 /** Readable when a result is there, or all SubDevices have reached OP. */
 int runner_fd(const struct runner *runner);

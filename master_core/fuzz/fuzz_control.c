@@ -33,7 +33,94 @@ static void swallow(void *self, enum fsn_log_level level, const char *text, cons
     CHECK(fsn_is_utf8(text, strlen(text)) && fsn_is_utf8(json, json_bytes));
 }
 
-static const struct fsn_control_host host = {NULL, tell_status, grant, swallow};
+/* -- a bus whose SubDevices say anything ---------------------------------------------------- */
+
+static uint32_t seed;
+static struct fsn_job *pending;
+
+static uint8_t noise(void) {
+    seed = seed * 1664525u + 1013904223u;
+    return (uint8_t)(seed >> 24);
+}
+
+static void fill(uint8_t *data, uint32_t size_bytes) {
+    for (uint32_t i = 0; i < size_bytes; i++) {
+        data[i] = noise();
+    }
+}
+
+static uint32_t noisy_count(void *bus) {
+    (void)bus;
+    return 2;
+}
+
+static uint32_t noisy_place(void *bus, uint32_t subdevice) {
+    (void)bus;
+    return subdevice;
+}
+
+static fsn_status noisy_member(void *bus, uint32_t position, struct fsn_bus_member *member) {
+    (void)bus;
+    fill((uint8_t *)member, offsetof(struct fsn_bus_member, mailbox));
+    member->subdevice = position;
+    member->mailbox = noise();
+    member->al_status = noise();
+    member->has_dc = member->errors_known = true;
+    member->ports = 0xFF;
+    member->name[0] = 0;
+    return noise() < 128 ? FSN_OK : FSN_E_BUS_MISSING;
+}
+
+static fsn_status noisy_upload(void *bus, struct fsn_transfer *transfer) {
+    static const fsn_status result[] = {FSN_OK, FSN_OK, FSN_OK, FSN_E_BUS_SDO, FSN_E_BUS_MISSING};
+    (void)bus;
+    const uint32_t size = noise() % 40u;
+    transfer->size_bytes = size < transfer->size_bytes ? size : transfer->size_bytes;
+    fill(transfer->data, transfer->size_bytes);
+    return noise() < 250 ? FSN_OK : result[noise() % 5];
+}
+
+static fsn_status noisy_sii(void *bus, uint32_t position, uint32_t offset, uint8_t *data,
+                            uint32_t size_bytes) {
+    static const uint8_t types[] = {10, 30, 41, 50, 51};
+    (void)bus;
+    (void)position;
+    fill(data, size_bytes);
+    if (offset >= 0x80 && noise() < 200) { /* often a category there is */
+        data[0] = types[noise() % 5];
+        data[1] = data[3] = 0;
+        data[2] = 30; /* the next one begins behind this step */
+    }
+    return noise() < 250 ? FSN_OK : FSN_E_BUS_MISSING;
+}
+
+static const struct fsn_bus_acyclic noisy = {.count = noisy_count,
+                                             .place = noisy_place,
+                                             .member = noisy_member,
+                                             .upload = noisy_upload,
+                                             .download = noisy_upload,
+                                             .sii_read = noisy_sii};
+static struct fsn_bus_ops ops;
+
+static void submit(void *self, struct fsn_job *job) {
+    (void)self;
+    CHECK(pending == NULL);
+    pending = job;
+}
+
+static void do_job(void) {
+    const struct fsn_job_means means = {
+        .core = rig.core, .ops = &ops, .bus = rig.bus, .plan = rig.plan};
+    struct fsn_job *job = pending;
+    pending = NULL;
+    if (job != NULL) {
+        fsn_job_run(job, &means);
+        fsn_control_job_done(rig.control, job);
+    }
+}
+
+static const struct fsn_control_host host = {
+    .status = tell_status, .wish = grant, .log = swallow, .submit = submit};
 static const struct fsn_control_access nobody;
 
 static void set_up(void) {
@@ -41,8 +128,11 @@ static void set_up(void) {
     uint8_t *bytes = build_full(&len);
     CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
     free(bytes);
+    ops = *fsn_emulated_ops();
+    ops.acyclic = &noisy;
+    seed = (uint32_t)len;
     CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
-    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
+    CHECK(fsn_core_create(rig.plan, &ops, rig.bus, &rig.core, NULL) == FSN_OK);
     rig.control = fsn_control_create(rig.plan, &host, &nobody);
     CHECK(rig.control != NULL);
     CHECK(fsn_core_keep(rig.core, 1, (size_t)1 << 12) == FSN_OK);
@@ -58,7 +148,7 @@ static void tear_down(void) {
 
 /** A line of JSON: brackets pair outside of strings, no control character, UTF-8. */
 static void check_line(const char *line, size_t len) {
-    char stack[32];
+    char stack[64];
     size_t depth = 0;
     bool text = false;
     CHECK(fsn_is_utf8(line, len) && len > 0 && line[0] == '{');
@@ -85,6 +175,7 @@ static void ask(struct fsn_client *client, const uint8_t *bytes, size_t len) {
     CHECK(line != NULL);
     memcpy(line, bytes, len);
     fsn_request(rig.control, client, line, len);
+    do_job();
     free(line);
     fsn_streams_serve(rig.control); /* cycles are lines too */
     CHECK(client->doom == NULL && client->out.len_bytes > 0);

@@ -69,8 +69,8 @@ static uint32_t needed(const uint8_t *sii, uint32_t have, uint32_t room) {
     return whole < room ? whole : room;
 }
 
-fsn_status fsn_sii_read_all(const struct fsn_bus_acyclic *acyclic, void *bus,
-                            struct fsn_transfer *transfer) {
+fsn_status fsn_acyclic_read_sii(const struct fsn_bus_acyclic *acyclic, void *bus,
+                                struct fsn_transfer *transfer) {
     const uint32_t room =
         (transfer->size_bytes < FSN_SII_BYTES ? transfer->size_bytes : FSN_SII_BYTES) / 8 * 8;
     uint32_t have = 0;
@@ -102,7 +102,7 @@ fsn_status fsn_core_sii_read(struct fsn_core *core, uint32_t subdevice,
         return FSN_E_ARG;
     }
     const fsn_status status = reach(core, subdevice, &acyclic, &transfer->position);
-    return status != FSN_OK ? status : fsn_sii_read_all(acyclic, core->rt.bus, transfer);
+    return status != FSN_OK ? status : fsn_acyclic_read_sii(acyclic, core->rt.bus, transfer);
 }
 
 /** Checksum of the first seven words: CRC-8 with polynomial 0x07 from 0xFF on. */

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "builder.h"
+#include "fsn/acyclic.h"
 #include "fsn/fsn.h"
 #include "fsn/live.h"
 #include "fsn/segment.h"
@@ -443,11 +444,41 @@ static bool make_network(void) {
                   "ip link set near2 up && ip link set far2 up") == 0;
 }
 
+/** A long object in segments, the SII and an alias, while frames flow. */
+static void objects_and_sii_beside_the_cycle(void) {
+    enum { LONG = 900 };
+    struct rig *rig = bring_up();
+    uint8_t written[LONG];
+    static uint8_t data[FSN_SII_BYTES];
+    for (size_t i = 0; i < LONG; i++) {
+        written[i] = (uint8_t)(i * 3);
+    }
+    CHECK(fsn_segment_set_object(rig->segment, fsn_segment_position(rig->segment, 2), 0x2000, 1,
+                                 written, LONG) == FSN_OK);
+    struct fsn_transfer t = {.index = 0x2000, .sub = 1, .data = data, .size_bytes = LONG};
+    CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_OK && t.size_bytes == LONG);
+    CHECK(memcmp(data, written, LONG) == 0);
+    t.size_bytes = LONG - 1;
+    CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_SPACE);
+    t = (struct fsn_transfer){.index = 0x5FFF, .data = data, .size_bytes = 8};
+    CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_BUS_SDO && t.abort_code == 0x06020000);
+    CHECK(fsn_core_alias_write(rig->core, 2, 0x1234) == FSN_OK);
+    t.size_bytes = sizeof data;
+    CHECK(fsn_core_sii_read(rig->core, 2, &t) == FSN_OK && t.size_bytes > 128);
+    CHECK(data[8] == 0x34 && data[9] == 0x12);
+    CHECK(flows(rig, 1) && look(rig, 2).al_status == FSN_AL_OP);
+    fsn_segment_set_present(rig->segment, fsn_segment_position(rig->segment, 2), false);
+    t = (struct fsn_transfer){.index = 0x2000, .sub = 1, .data = data, .size_bytes = LONG};
+    CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_BUS_MISSING);
+    tear_down(rig);
+}
+
 int main(void) {
     if (!make_network()) {
         fprintf(stderr, "skipped: no network namespace with a veth pair can be made here\n");
         return SKIPPED;
     }
+    objects_and_sii_beside_the_cycle();
     frames_flow();
     each_is_unplugged_and_returns();
     power_cycles_and_lost_frames();

@@ -42,7 +42,7 @@ static void swallow(void *self, enum fsn_log_level level, const char *text, cons
     (void)json_bytes;
 }
 
-static const struct fsn_control_host host = {NULL, tell_status, grant, swallow};
+static const struct fsn_control_host host = {.status = tell_status, .wish = grant, .log = swallow};
 static const struct fsn_control_access nobody;
 
 static struct rig set_up(void) {

@@ -45,6 +45,7 @@ def test_requests_on_a_running_bus() -> None:
             *("hello", "status", "snapshot", "subdevices", "symbols", "get", "set", "lease"),
             *("arm", "events", "start", "stop", "restart", "shutdown", "help", "layout", "watch"),
             "incident",
+            *("sdo-read", "sdo-write", "sii-read", "alias-write", "history", "scan"),
         }
 
 

@@ -12,6 +12,8 @@ struct fsn_asked {
     size_t count;
     struct fsn_json *json; /**< the reply, open, "ok" written */
     struct fsn_refusal refusal;
+    const char *tag; /**< NULL: none */
+    bool later;      /**< a job answers */
 };
 
 /** Answers a request: writes into its `json`, or returns what fsn_asked_refuse() did. */

@@ -16,6 +16,7 @@
 #include "refusal.h"
 
 struct fsn_control;
+struct fsn_job;
 
 enum {
     FSN_CONTROL_PROTOCOL = 1,        /**< version of the protocol; it grows by new words and keys */
@@ -52,6 +53,9 @@ struct fsn_control_host {
     /** `text` for people; `json` the event as subscribers get it, without its newline. */
     void (*log)(void *self, enum fsn_log_level level, const char *text, const char *json,
                 size_t json_bytes);
+    /** Takes a job, to be done in the acyclic thread of the bus and given back by
+     *  fsn_control_job_done(); NULL: none are taken. */
+    void (*submit)(void *self, struct fsn_job *job);
 };
 
 /** Who may connect beside root and the user this runs as. */
@@ -94,6 +98,9 @@ size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint
 
 /** Serves what poll() found, looks at the bus, takes back what silent clients hold. */
 void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count);
+
+/** A job is done: answers, and frees it. */
+void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job);
 
 /** Tells subscribers and the log that the state of the program has changed. */
 void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,

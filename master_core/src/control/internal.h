@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 
 #include "control.h"
+#include "job.h"
 #include "json.h"
 #include "outputs.h"
 #include "words.h"
@@ -50,6 +51,8 @@ struct fsn_client {
     uint64_t moved_ns; /**< when it last took bytes, or had none to take */
     size_t in_bytes;
     char in[FSN_LINE_BYTES + 2];
+    struct fsn_job *job; /**< its request that is under way; lines behind it wait */
+    size_t long_bytes;   /**< of a long answer in `out`, which may be that much longer */
     struct fsn_json out; /**< replies and events not yet written, `sent` bytes of it gone */
     size_t sent;
 };
@@ -87,6 +90,7 @@ struct fsn_control {
     struct fsn_json event;           /**< the event being written */
     struct fsn_incidents *incidents; /**< NULL: none are kept */
     struct fsn_json line;            /**< the cycle being written */
+    struct fsn_job *job[FSN_JOBS];   /**< handed over and not yet done */
 };
 
 uint64_t fsn_now_ns(void);
@@ -95,6 +99,9 @@ uint64_t fsn_now_ns(void);
 
 /** Appends bytes for a client; dooms it when it has left too much unread. */
 void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes);
+
+/** The same for one long answer, which does not count as left unread. */
+void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t len_bytes);
 
 /** Drops a client: its outputs fall back. */
 void fsn_client_drop(struct fsn_control *control, struct fsn_client *client, const char *why);
@@ -119,6 +126,15 @@ void fsn_streams_restart(struct fsn_control *control);
 
 /** Ends what a client watches. */
 void fsn_stream_end(struct fsn_client *client);
+/* jobs.c */
+
+/** Begins a request that is answered later; the client's next lines wait for it. */
+fsn_status fsn_job_ask(struct fsn_control *control, struct fsn_client *client, const char *tag,
+                       const char *name, const char *const *argument, size_t count,
+                       struct fsn_refusal *refusal);
+
+/** The client is gone: nobody waits for its answer. */
+void fsn_job_forget(struct fsn_client *client);
 
 /* report.c */
 

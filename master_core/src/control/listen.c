@@ -92,6 +92,9 @@ void fsn_control_free(struct fsn_control *control) {
         fsn_stream_end(&control->client[i]);
     }
     fsn_incidents_free(control->incidents);
+    for (size_t i = 0; i < FSN_JOBS; i++) {
+        fsn_job_free(control->job[i]);
+    }
     fsn_json_free(&control->event);
     fsn_json_free(&control->line);
     fsn_outputs_free(control->outputs);

@@ -8,8 +8,8 @@
 
 struct request {
     const char *name;
-    size_t least, most; /**< number of arguments */
-    fsn_answer_fn answer;
+    size_t least, most;   /**< number of arguments */
+    fsn_answer_fn answer; /**< NULL: a job answers later */
     const char *usage;
 };
 
@@ -128,6 +128,12 @@ static const struct request requests[] = {
     {"stop", 0, 0, stop, "stop: stop values, SAFEOP, bus closed; no emergency stop"},
     {"restart", 0, 0, restart, "restart: stop, then start"},
     {"shutdown", 0, 0, shut_down, "shutdown: stop, then the end of the program"},
+    {"sdo-read", 3, 4, NULL, "sdo-read SUBDEVICE INDEX SUB [TYPE]: an object of a SubDevice"},
+    {"sdo-write", 5, 5, NULL, "sdo-write SUBDEVICE INDEX SUB TYPE VALUE: no safety objects"},
+    {"sii-read", 1, 1, NULL, "sii-read SUBDEVICE: its SII, in hex"},
+    {"alias-write", 2, 2, NULL, "alias-write SUBDEVICE ALIAS: used after its next power-on"},
+    {"history", 1, 1, NULL, "history SUBDEVICE: its diagnosis messages"},
+    {"scan", 0, 0, NULL, "scan: all that stands on the bus, planned or not"},
     {"help", 0, 0, help, "help: this list"},
 };
 enum { REQUESTS = sizeof requests / sizeof requests[0] };
@@ -190,6 +196,11 @@ static fsn_status answer(struct fsn_asked *asked, const char *name) {
     if (asked->count < request->least || asked->count > request->most) {
         return fsn_asked_refuse(asked, FSN_E_ARG, request->usage, "wrong number of words");
     }
+    if (request->answer == NULL) {
+        asked->later = true;
+        return fsn_job_ask(asked->control, asked->client, asked->tag, name, asked->argument,
+                           asked->count, &asked->refusal);
+    }
     return request->answer(asked);
 }
 
@@ -210,15 +221,16 @@ void fsn_request(struct fsn_control *control, struct fsn_client *client, char *l
     } else {
         asked.argument = words.word + 1 + tagged;
         asked.count = words.count - 1 - tagged;
+        asked.tag = tag;
         begin(&json, tag, true);
         found = answer(&asked, words.word[tagged]);
     }
     if (found == FSN_OK && json.failed) {
         found = fsn_asked_refuse(&asked, FSN_E_SPACE, "ask for less", "the reply is too long");
     }
-    if (found == FSN_OK) {
+    if (found == FSN_OK && !asked.later) {
         finish(client, &json);
-    } else {
+    } else if (found != FSN_OK) {
         fsn_reply_refusal(control, client, tag, &asked.refusal);
     }
     fsn_json_free(&json);

@@ -23,6 +23,7 @@ void fsn_client_drop(struct fsn_control *control, struct fsn_client *client, con
     close(client->fd);
     client->fd = -1;
     client->events = false;
+    fsn_job_forget(client);
     fsn_json_free(&client->out);
     fsn_stream_end(client);
     client->sent = 0;
@@ -60,6 +61,7 @@ static void send_some(struct fsn_control *control, struct fsn_client *client, ui
     if (client->fd >= 0 && client->sent == client->out.len_bytes) {
         fsn_json_free(&client->out);
         client->sent = 0;
+        client->long_bytes = 0;
         client->moved_ns = now_ns;
     }
 }
@@ -75,7 +77,8 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
         client->sent = 0;
     }
     char *room = out->bytes;
-    if (len_bytes > FSN_CONTROL_OUT_BYTES - out->len_bytes) {
+    const size_t limit = FSN_CONTROL_OUT_BYTES + client->long_bytes;
+    if (out->len_bytes > limit || len_bytes > limit - out->len_bytes) {
         client->doom = "does not read";
         return;
     }
@@ -93,11 +96,16 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
     out->len_bytes += len_bytes;
 }
 
+void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t len_bytes) {
+    client->long_bytes = len_bytes;
+    fsn_client_put(client, bytes, len_bytes);
+}
+
 /** Answers the whole lines in the buffer, a few at a time. */
 static void answer_lines(struct fsn_control *control, struct fsn_client *client) {
     size_t at = 0;
     client->more = false;
-    for (int lines = 0; client->doom == NULL; lines++) {
+    for (int lines = 0; client->doom == NULL && client->job == NULL; lines++) {
         char *line = client->in + at;
         const char *end = memchr(line, '\n', client->in_bytes - at);
         if (end == NULL) {
@@ -119,7 +127,7 @@ static void answer_lines(struct fsn_control *control, struct fsn_client *client)
     }
     client->in_bytes -= at;
     memmove(client->in, client->in + at, client->in_bytes);
-    if (client->in_bytes > FSN_LINE_BYTES && !client->more) {
+    if (client->in_bytes > FSN_LINE_BYTES && !client->more && client->job == NULL) {
         if (!client->skipping) {
             struct fsn_refusal refusal;
             fsn_refusal_set(&refusal, FSN_E_SPACE, "split it into several requests",
@@ -225,7 +233,8 @@ size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint
     fds[0] = (struct pollfd){.fd = control->listener, .events = POLLIN};
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         const struct fsn_client *client = &control->client[i];
-        short wanted = client->in_bytes <= FSN_LINE_BYTES ? POLLIN : 0;
+        /* While a job is under way nothing is read, so that its answer comes before the next. */
+        short wanted = client->job == NULL && client->in_bytes <= FSN_LINE_BYTES ? POLLIN : 0;
         if (client->sent < client->out.len_bytes) {
             wanted = (short)(wanted | POLLOUT);
         }
@@ -236,7 +245,7 @@ size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint
 }
 
 static void serve_client(struct fsn_control *control, struct fsn_client *client, short found) {
-    if ((found & (POLLERR | POLLNVAL)) != 0) {
+    if ((found & (POLLERR | POLLNVAL)) != 0 || (client->job != NULL && (found & POLLHUP) != 0)) {
         fsn_client_drop(control, client, "disconnected");
         return;
     }
@@ -250,7 +259,8 @@ static void serve_client(struct fsn_control *control, struct fsn_client *client,
 
 static void check_silence(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
     const uint64_t lease_ns = client->lease_ms * UINT64_C(1000000);
-    if (client->lease_ms != 0 && !client->more && now_ns - client->heard_ns > lease_ns) {
+    if (client->lease_ms != 0 && !client->more && client->job == NULL &&
+        now_ns - client->heard_ns > lease_ns) {
         client->heard_ns = now_ns;
         fsn_watch_take_back(control, client, "silent");
     }

@@ -69,7 +69,7 @@ static void read_sii(struct fsn_surveyed *of, uint8_t *room) {
                                     .size_bytes = FSN_SII_BYTES,
                                     .between = s->between,
                                     .self = s->self};
-    const fsn_status status = fsn_sii_read_all(s->ops->acyclic, s->bus, &transfer);
+    const fsn_status status = fsn_acyclic_read_sii(s->ops->acyclic, s->bus, &transfer);
     of->sii = (struct fsn_sii){NULL, 0};
     if (status == FSN_E_ABSENT) {
         return; /* this bus shows none */
@@ -105,7 +105,7 @@ static void put_name(struct fsn_surveyed *of, struct fsn_json *json) {
     char name[FSN_NAME_BYTES * 4] = "";
     struct fsn_transfer transfer = {
         .index = DEVICE_NAME, .data = (uint8_t *)name, .size_bytes = sizeof name - 1};
-    if (fsn_sii_name(&of->sii, name)) {
+    if (fsn_survey_sii_name(&of->sii, name)) {
         fsn_json_put_text(json, "name", name);
     } else if (of->member.name[0] != 0) {
         fsn_json_put_text(json, "name", of->member.name);

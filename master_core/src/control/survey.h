@@ -70,12 +70,13 @@ void fsn_survey_fsoe(struct fsn_surveyed *of, struct fsn_json *json);
 /* SII (survey_sii.c). */
 
 /** The next category of a type from byte *at on (0 at first); returns its bytes, or NULL. */
-const uint8_t *fsn_sii_category(const struct fsn_sii *sii, uint16_t type, uint32_t *at,
-                                uint32_t *size_bytes);
+const uint8_t *fsn_survey_sii_category(const struct fsn_sii *sii, uint16_t type, uint32_t *at,
+                                       uint32_t *size_bytes);
 /** A string by its number; false when there is none. */
-bool fsn_sii_string(const struct fsn_sii *sii, unsigned number, char room[FSN_NAME_BYTES * 4]);
+bool fsn_survey_sii_string(const struct fsn_sii *sii, unsigned number,
+                           char room[FSN_NAME_BYTES * 4]);
 /** Name of the device; false when there is none. */
-bool fsn_sii_name(const struct fsn_sii *sii, char room[FSN_NAME_BYTES * 4]);
+bool fsn_survey_sii_name(const struct fsn_sii *sii, char room[FSN_NAME_BYTES * 4]);
 
 /** A PDO of the SII. */
 struct fsn_sii_pdo {
@@ -84,7 +85,7 @@ struct fsn_sii_pdo {
     const uint8_t *entry; /**< 8 bytes each */
 };
 /** The next PDO of outputs (or inputs); `at` and `inside` are 0 at first. */
-bool fsn_sii_pdo(const struct fsn_sii *sii, bool outputs, uint32_t *at, uint32_t *inside,
-                 struct fsn_sii_pdo *pdo);
+bool fsn_survey_sii_pdo(const struct fsn_sii *sii, bool outputs, uint32_t *at, uint32_t *inside,
+                        struct fsn_sii_pdo *pdo);
 
 #endif

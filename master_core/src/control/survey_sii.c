@@ -6,8 +6,8 @@
 
 enum { CATEGORIES = 0x80, END = 0xFFFF, STRINGS = 10, GENERAL = 30, INPUTS = 50, OUTPUTS = 51 };
 
-const uint8_t *fsn_sii_category(const struct fsn_sii *sii, uint16_t type, uint32_t *at,
-                                uint32_t *size_bytes) {
+const uint8_t *fsn_survey_sii_category(const struct fsn_sii *sii, uint16_t type, uint32_t *at,
+                                       uint32_t *size_bytes) {
     uint32_t begin = *at < CATEGORIES ? CATEGORIES : *at;
     while (begin + 4 <= sii->size_bytes && fsn_get16(sii->bytes + begin) != END) {
         const uint8_t *category = sii->bytes + begin;
@@ -25,10 +25,11 @@ const uint8_t *fsn_sii_category(const struct fsn_sii *sii, uint16_t type, uint32
     return NULL;
 }
 
-bool fsn_sii_string(const struct fsn_sii *sii, unsigned number, char room[FSN_NAME_BYTES * 4]) {
+bool fsn_survey_sii_string(const struct fsn_sii *sii, unsigned number,
+                           char room[FSN_NAME_BYTES * 4]) {
     uint32_t at = 0;
     uint32_t size;
-    const uint8_t *strings = fsn_sii_category(sii, STRINGS, &at, &size);
+    const uint8_t *strings = fsn_survey_sii_category(sii, STRINGS, &at, &size);
     if (strings == NULL || size == 0 || number == 0 || number > strings[0]) {
         return false;
     }
@@ -48,21 +49,23 @@ bool fsn_sii_string(const struct fsn_sii *sii, unsigned number, char room[FSN_NA
     return false;
 }
 
-bool fsn_sii_name(const struct fsn_sii *sii, char room[FSN_NAME_BYTES * 4]) {
+bool fsn_survey_sii_name(const struct fsn_sii *sii, char room[FSN_NAME_BYTES * 4]) {
     uint32_t at = 0;
     uint32_t size;
-    const uint8_t *general = fsn_sii_category(sii, GENERAL, &at, &size);
+    const uint8_t *general = fsn_survey_sii_category(sii, GENERAL, &at, &size);
     /* The name as ordered; the longer one where there is none. */
     return general != NULL && size >= 4 &&
-           (fsn_sii_string(sii, general[3], room) || fsn_sii_string(sii, general[2], room));
+           (fsn_survey_sii_string(sii, general[3], room) ||
+            fsn_survey_sii_string(sii, general[2], room));
 }
 
-bool fsn_sii_pdo(const struct fsn_sii *sii, bool outputs, uint32_t *at, uint32_t *inside,
-                 struct fsn_sii_pdo *pdo) {
+bool fsn_survey_sii_pdo(const struct fsn_sii *sii, bool outputs, uint32_t *at, uint32_t *inside,
+                        struct fsn_sii_pdo *pdo) {
     for (;;) {
         uint32_t next = *at;
         uint32_t size;
-        const uint8_t *category = fsn_sii_category(sii, outputs ? OUTPUTS : INPUTS, &next, &size);
+        const uint8_t *category =
+            fsn_survey_sii_category(sii, outputs ? OUTPUTS : INPUTS, &next, &size);
         if (category == NULL) {
             return false;
         }

@@ -43,7 +43,7 @@ static uint32_t sms_of_sii(const struct fsn_sii *sii, struct sm sms[FSN_SURVEY_S
     uint32_t at = 0;
     uint32_t size;
     uint32_t count = 0;
-    const uint8_t *category = fsn_sii_category(sii, SM_CATEGORY, &at, &size);
+    const uint8_t *category = fsn_survey_sii_category(sii, SM_CATEGORY, &at, &size);
     for (uint32_t i = 0; category != NULL && i < size / SM_BYTES && i < FSN_SURVEY_SMS; i++) {
         const uint8_t *sm = category + SM_BYTES * i;
         if (fsn_get16(sm) == 0 && fsn_get16(sm + 2) == 0 && sm[7] == 0) {
@@ -78,8 +78,8 @@ static void put_name(const struct fsn_surveyed *of, struct fsn_json *json, uint1
     char name[FSN_NAME_BYTES * 4];
     uint32_t at = 0;
     uint32_t inside = 0;
-    while (fsn_sii_pdo(&of->sii, outputs, &at, &inside, &pdo)) {
-        if (pdo.index == index && fsn_sii_string(&of->sii, pdo.name, name)) {
+    while (fsn_survey_sii_pdo(&of->sii, outputs, &at, &inside, &pdo)) {
+        if (pdo.index == index && fsn_survey_sii_string(&of->sii, pdo.name, name)) {
             fsn_json_put_text(json, "name", name);
             return;
         }
@@ -146,7 +146,7 @@ static uint32_t put_sii_pdos(const struct fsn_surveyed *of, struct fsn_json *jso
     uint32_t at = 0;
     uint32_t inside = 0;
     uint32_t bits = 0;
-    while (fsn_sii_pdo(&of->sii, sm->kind == OUTPUTS, &at, &inside, &found)) {
+    while (fsn_survey_sii_pdo(&of->sii, sm->kind == OUTPUTS, &at, &inside, &found)) {
         struct pdo pdo = {.index = found.index, .count = found.entries};
         if (found.sm != sm->number) {
             continue;

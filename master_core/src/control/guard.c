@@ -1,0 +1,66 @@
+/** Objects that nobody writes through this program. */
+#include "job.h"
+
+struct range {
+    uint16_t from, to; /**< both included */
+    const char *why;
+};
+
+/** On every SubDevice. */
+static const struct range always[] = {
+    {0xE000, 0xEFFF, "it belongs to a safety module: its project and its own tool write it"},
+    {0xF980, 0xF98F, "it is an FSoE address: set it at the device or with its maker's tool"},
+};
+
+/** While the bus runs, on every SubDevice. */
+static const struct range running[] = {
+    {0x1600, 0x1BFF, "it maps process data, which the plan fixes while the bus runs"},
+    {0x1C00, 0x1C3F, "it sets up a sync manager, which the plan fixes while the bus runs"},
+};
+
+/** On SubDevices that carry FSoE frames. */
+static const struct range safety[] = {
+    {0x1011, 0x1011, "it would restore parameters of a SubDevice with a safety connection"},
+    {0x1600, 0x1BFF, "it maps process data of a SubDevice with a safety connection"},
+    {0x1C00, 0x1C3F, "it assigns process data of a SubDevice with a safety connection"},
+    {0x6600, 0x67FF, "it is a safety object of a drive"},
+};
+
+static const char *find(const struct range *ranges, size_t count, uint16_t index) {
+    for (size_t i = 0; i < count; i++) {
+        if (index >= ranges[i].from && index <= ranges[i].to) {
+            return ranges[i].why;
+        }
+    }
+    return NULL;
+}
+
+/** Whether it is an end of a connection, or an FSoE frame lies in its process data. */
+static bool carries_safety(const struct fsn_plan *plan, uint32_t subdevice) {
+    struct fsn_connection_info c;
+    for (uint32_t i = 0; fsn_plan_connection(plan, i, &c) == FSN_OK; i++) {
+        if (c.main_subdevice == subdevice || c.sub_subdevice == subdevice) {
+            return true;
+        }
+    }
+    struct fsn_block_info block;
+    struct fsn_sm_info sm;
+    for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {
+        if (fsn_plan_sm(plan, block.sm, &sm) == FSN_OK && sm.subdevice == subdevice) {
+            return true;
+        }
+    }
+    return false;
+}
+
+const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index,
+                            bool bus_runs) {
+    const char *why = find(always, sizeof always / sizeof always[0], index);
+    if (why == NULL && carries_safety(plan, subdevice)) {
+        why = find(safety, sizeof safety / sizeof safety[0], index);
+    }
+    if (why == NULL && bus_runs) {
+        why = find(running, sizeof running / sizeof running[0], index);
+    }
+    return why;
+}
