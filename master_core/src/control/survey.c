@@ -39,7 +39,12 @@ static bool upload(struct fsn_surveyed *of, struct fsn_transfer *transfer) {
         return false;
     }
     transfer->position = of->position;
-    const fsn_status status = s->ops->acyclic->upload(s->bus, transfer);
+    const uint32_t room = transfer->size_bytes;
+    fsn_status status = s->ops->acyclic->upload(s->bus, transfer);
+    if (status == FSN_E_BUS_MISSING && goes_on(of)) { /* a frame may have been lost or late */
+        transfer->size_bytes = room;
+        status = s->ops->acyclic->upload(s->bus, transfer);
+    }
     if (status == FSN_E_BUS_MISSING || status == FSN_E_BUS_STATE || status == FSN_E_STATE) {
         fsn_survey_problem(
             of, "0x%04x:%02x: %s; no further object is read", transfer->index, transfer->sub,
