@@ -117,8 +117,8 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_alias_write(struct fsn_core *core, uint
                                                      uint16_t alias);
 
 /** The same by position on a bus that is visited or open. Context: its acyclic thread. */
-FSN_API FSN_MUST_USE fsn_status fsn_acyclic_read_sii(const struct fsn_bus_acyclic *acyclic, void *bus,
-                                                 struct fsn_transfer *transfer);
+FSN_API FSN_MUST_USE fsn_status fsn_acyclic_read_sii(const struct fsn_bus_acyclic *acyclic,
+                                                     void *bus, struct fsn_transfer *transfer);
 
 #ifdef __cplusplus
 }

@@ -130,6 +130,9 @@ int ecrt_master_get_slave(ec_master_t *master, uint16_t position, ec_slave_info_
 int ecrt_master_get_sync_manager(ec_master_t *master, uint16_t position, uint8_t sm,
                                  ec_sync_info_t *sync) {
     (void)master;
+    if (position >= FAKE_DEVICES || sm >= SMS) {
+        return -EINVAL;
+    }
     *sync = (ec_sync_info_t){.index = sm, .n_pdos = fake.device[position].sii_bits[sm] > 0};
     return 0;
 }
