@@ -176,12 +176,14 @@ static fsn_status choose(struct fsn_asked *asked, size_t first, struct fsn_strea
     const uint32_t all = fsn_plan_symbol_count(asked->control->plan);
     uint8_t *marks = calloc((size_t)all + 1, 1);
     stream->symbols = calloc((size_t)all + 1, sizeof *stream->symbols);
-    fsn_status found = FSN_OK;
     if (marks == NULL || stream->symbols == NULL) {
-        found = fsn_asked_refuse(asked, FSN_E_NOMEM, NULL, "out of memory");
-    } else if (first == asked->count) {
+        free(marks);
+        return fsn_asked_refuse(asked, FSN_E_NOMEM, NULL, "out of memory");
+    }
+    if (first == asked->count) {
         memset(marks, 1, all);
     }
+    fsn_status found = FSN_OK;
     for (size_t i = first; found == FSN_OK && i < asked->count; i++) {
         found = mark(asked, asked->argument[i], marks);
     }
