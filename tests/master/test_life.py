@@ -26,6 +26,7 @@ def test_a_signal_stops_in_order(number: signal.Signals) -> None:
             while True:
                 seen.append(client.line())
         assert master.wait() == 0
+        seen = [e for e in seen if e["event"] != "wkc"]  # a busy machine leaves cycles out
         assert [(e["event"], e["state"] if "state" in e else e["outputs"]) for e in seen] == [
             ("state", "running"),  # it ends
             ("fallback", [MODE]),
