@@ -13,6 +13,7 @@ are for the outside world and for programming mistakes:
     +-- FsoeError                 misuse of the FSoE engine
     |   +-- PduSizeError          no FSoE PDU has this size
     |   +-- ConfigError           an FSoE instance was configured with impossible values
+    +-- ConsoleError              a command of the console failed                     (exit 1)
     +-- CoreError                 the C core refused a call; carries its status
 """
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ConfigError",
+    "ConsoleError",
     "ControlRefused",
     "CoreError",
     "CoreMissing",
@@ -126,3 +128,18 @@ class CoreError(FsnError):
     def __init__(self, message: str, status: int) -> None:
         super().__init__(message)
         self.status = status
+
+
+class ConsoleError(FsnError):
+    """A command of ``fsoe-net console`` could not be done, or an expectation did not hold.
+
+    Args:
+        message: What is wrong, and the next step.
+        is_usage: The command is written wrongly: nothing was asked of ``fsn-master``.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, *, is_usage: bool = False) -> None:
+        super().__init__(message)
+        self.is_usage = is_usage

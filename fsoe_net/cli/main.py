@@ -18,6 +18,7 @@ _COMMANDS = {
     "explain": "Explain a diagnostic code.",
     "plan": "Compile a network to a copy plan, or show a plan.",
     "run": "Run a network on the emulated bus.",
+    "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
     "campaign": "Put faults into the connections of a network.",
     "emulate": "Serve a network as emulated EtherCAT SubDevices.",
     "report": "Write a report page for a network.",

@@ -1,6 +1,18 @@
 """Live sessions: emulated devices, the C core and a scenario, in virtual or real time."""
 
-from fsoe_net.run.client import Client
+from fsoe_net.run.client import Client, control_socket
+from fsoe_net.run.control_layout import Layout
+from fsoe_net.run.control_values import (
+    BusState,
+    HistoryMessage,
+    NamedConnection,
+    ScanReply,
+    SdoValue,
+    Status,
+    Symbol,
+    Values,
+    WatchedCycle,
+)
 from fsoe_net.run.emulate import EmulateResult, SegmentSession, serve
 from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
@@ -24,18 +36,29 @@ from fsoe_net.run.session import (
 __all__ = [
     "BusOptions",
     "BusResult",
+    "BusState",
     "Client",
     "ConnectionResult",
     "EmulateResult",
+    "HistoryMessage",
+    "Layout",
     "LiveSnapshot",
     "LiveUpdate",
     "Master",
+    "NamedConnection",
     "RunEvent",
     "RunResult",
+    "ScanReply",
+    "SdoValue",
     "SegmentSession",
     "Session",
+    "Status",
     "SubDeviceSnapshot",
+    "Symbol",
+    "Values",
     "Verdict",
+    "WatchedCycle",
+    "control_socket",
     "counted_session_ids",
     "find_master",
     "random_session_ids",

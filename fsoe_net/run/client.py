@@ -1,17 +1,36 @@
-"""Client of the control socket of ``fsn-master``: one line per request, one of JSON per reply."""
+"""Client of the control socket of ``fsn-master``: a typed method for each of its requests."""
 
 from __future__ import annotations
 
-import json
-import socket
+import os
 import time
-from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, TypeVar
 
-from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.run.control_layout import Layout, read_layout
+from fsoe_net.run.control_link import PROTOCOL, Link
+from fsoe_net.run.control_values import (
+    BusState,
+    HistoryMessage,
+    NamedConnection,
+    ScanReply,
+    SdoValue,
+    Status,
+    Symbol,
+    Value,
+    Values,
+    WatchedCycle,
+    read_connections,
+    read_history,
+    read_scan,
+    read_sdo,
+    read_state,
+    read_status,
+    read_symbols,
+    read_values,
+    read_watched,
+)
 from fsoe_net.run.live_snapshot import (
     LiveSnapshot,
     SubDeviceSnapshot,
@@ -19,16 +38,19 @@ from fsoe_net.run.live_snapshot import (
     read_subdevice,
 )
 
-__all__ = ["PROTOCOL", "Client"]
+__all__ = ["PROTOCOL", "Client", "control_socket"]
 
-PROTOCOL = 1
-_MAX_LINE = 16 << 20
-_MAX_EVENTS = 10_000
-_T = TypeVar("_T")
+ACYCLIC_S = 30.0
+"""How long a mailbox exchange may take: a SubDevice may be slow, and others stand before it."""
+SCAN_S = 120.0
+_SILENT_S = 5.0
 
 
-class Client:
+class Client(Link):
     """A connection to one ``fsn-master``; a context manager. One thread at a time.
+
+    Every method raises `ControlRefused` when the request is refused, with the reason and the next
+    step, and `EnvironmentFault` when the connection breaks or no reply comes.
 
     Args:
         path: Its control socket.
@@ -36,79 +58,12 @@ class Client:
 
     Raises:
         EnvironmentFault: Nobody answers there, the user may not connect, or what answers speaks
-            another protocol. Every call raises it when the connection breaks or a reply is late.
+            another protocol.
     """
 
-    def __init__(self, path: str | Path, *, timeout_s: float = 5.0) -> None:
-        self.path = str(path)
-        self.events_lost = 0
-        self._timeout_s = timeout_s
-        self._received = bytearray()
-        self._events: deque[dict[str, Any]] = deque()
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
-            self._socket.settimeout(timeout_s)
-            self._socket.connect(self.path)
-            self.hello = self.request("hello")
-            if self.hello.get("protocol") != PROTOCOL:
-                raise EnvironmentFault(
-                    f"{self.path} speaks protocol {self.hello.get('protocol')}, this fsoe-net "
-                    f"{PROTOCOL}; install fsoe-net and fsn-master of one version"
-                )
-        except OSError as exc:
-            self.close()
-            raise EnvironmentFault(
-                f"nobody answers on {self.path}: {exc.strerror or exc}; is fsn-master running, and "
-                "as which user?"
-            ) from exc
-        except EnvironmentFault:
-            self.close()
-            raise
-
-    def __enter__(self) -> Client:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the connection; what this client has written falls back."""
-        self._socket.close()
-
-    def request(self, *words: str) -> dict[str, Any]:
-        """Send one request and return its reply.
-
-        Raises:
-            ControlRefused: The request was refused; the message says why and what to do.
-        """
-        line = " ".join(_quoted(word) for word in words) + "\n"
-        until = time.monotonic() + self._timeout_s
-        try:
-            self._socket.settimeout(self._timeout_s)
-            self._socket.sendall(line.encode())
-        except OSError as exc:
-            raise self._broken(exc) from exc
-        while True:
-            reply = self._line(until)
-            if reply is None:
-                self.close()  # a reply that came later would answer the wrong request
-                raise EnvironmentFault(
-                    f"fsn-master has not answered {words[0]} within {self._timeout_s:g} s on "
-                    f"{self.path}; is it stopped?"
-                )
-            if "event" in reply:
-                self._keep(reply)
-                continue
-            if reply.get("ok") is not True:
-                hint = f"; {reply['hint']}" if reply.get("hint") else ""
-                text = f"{words[0]}: {reply.get('text', 'refused')}{hint}"
-                raise ControlRefused(text, str(reply.get("error", "")))
-            return reply
+    def status(self) -> Status:
+        """Return the state of program and bus."""
+        return self._read(self.request("status"), read_status)
 
     def snapshot(self) -> LiveSnapshot:
         """Return counters, connections and SubDevices of one cycle.
@@ -118,6 +73,10 @@ class Client:
         """
         return self._read(self.request("snapshot"), read_snapshot)
 
+    def connections(self) -> tuple[NamedConnection, ...]:
+        """Return the FSoE connections with their names; raises as `snapshot`."""
+        return self._read(self.request("snapshot"), read_connections)
+
     def subdevices(self) -> tuple[SubDeviceSnapshot, ...]:
         """Return what is known about each SubDevice."""
         return self._read(
@@ -125,81 +84,172 @@ class Client:
             lambda reply: tuple(read_subdevice(row) for row in reply["subdevices"]),
         )
 
-    def subscribe(self) -> None:
-        """Have every change told from now on; `events` returns them."""
-        self.request("events", "on")
+    def symbols(self) -> tuple[Symbol, ...]:
+        """Return the named inputs and outputs, and who writes them."""
+        return self._read(self.request("symbols"), read_symbols)
 
-    def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
-        """Return the events that have come, after waiting for the first one at most ``wait_s``."""
-        until = time.monotonic() + (0.0 if self._events else wait_s)
-        try:
-            while len(self._events) < _MAX_EVENTS and (line := self._line(until)) is not None:
-                self._keep(line)
-                until = 0.0
-        except EnvironmentFault:
-            if not self._events:
-                raise  # else these first; the next call says that it broke
-        found = list(self._events)
-        self._events.clear()
+    def layout(self) -> Layout:
+        """Return where everything lies in the process image."""
+        return self._read(self.request("layout"), read_layout)
+
+    def get(self, *names: str, typed: bool = False) -> Values:
+        """Return values of one cycle, raw or with factor and offset."""
+        return self._read(self.request("get", *_typed(typed), *names), read_values)
+
+    def set(self, values: Mapping[str, Value | str], *, typed: bool = False) -> int:
+        """Write outputs, all in one cycle or none; return how many.
+
+        They are this client's until its lease ends: see `renew`.
+        """
+        words = [f"{name}={value_text(value)}" for name, value in values.items()]
+        return self._read(self.request("set", *_typed(typed), *words), lambda r: int(r["set"]))
+
+    def arm(self, name: str) -> int:
+        """Allow one change of an output that can restart a machine; return for how many ms."""
+        return self._read(self.request("arm", name), lambda r: int(r["for_ms"]))
+
+    def lease(self, lease_ms: int) -> int:
+        """Set the silence after which this client's outputs fall back; 0 for never."""
+        return self._read(self.request("lease", str(lease_ms)), lambda r: int(r["lease_ms"]))
+
+    def renew(self) -> None:
+        """Renew the lease, as every request does."""
+        self.request("hello")
+
+    def start(self) -> BusState:
+        """Begin to open the bus; `status` and ``state`` events tell how it goes on."""
+        return self._read(self.request("start"), read_state)
+
+    def stop(self) -> BusState:
+        """Begin to stop the bus; no emergency stop."""
+        return self._read(self.request("stop"), read_state)
+
+    def restart(self) -> BusState:
+        """Stop, then start with the same plan."""
+        return self._read(self.request("restart"), read_state)
+
+    def shutdown(self) -> BusState:
+        """Stop, then end the program."""
+        return self._read(self.request("shutdown"), read_state)
+
+    def sdo_read(self, subdevice: str, index: int, subindex: int, kind: str = "") -> SdoValue:
+        """Read an object; ``kind`` as in control-protocol.md, e.g. ``uint16``."""
+        words = ["sdo-read", subdevice, f"{index:#06x}", str(subindex), *([kind] if kind else [])]
+        return self._read(self.request(*words, timeout_s=ACYCLIC_S), read_sdo)
+
+    def sdo_write(
+        self, subdevice: str, index: int, subindex: int, *, kind: str, value: Value | str
+    ) -> None:
+        """Write an object of a type, e.g. ``uint16``."""
+        words = ["sdo-write", subdevice, f"{index:#06x}", str(subindex), kind, value_text(value)]
+        self.request(*words, timeout_s=ACYCLIC_S)
+
+    def sii_read(self, subdevice: str) -> bytes:
+        """Return the whole SII memory."""
+        reply = self.request("sii-read", subdevice, timeout_s=ACYCLIC_S)
+        return self._read(reply, lambda r: bytes.fromhex(r["data"]))
+
+    def alias_write(self, subdevice: str, alias: int) -> None:
+        """Write the station alias to the SII; it counts after a power cycle."""
+        self.request("alias-write", subdevice, str(alias), timeout_s=ACYCLIC_S)
+
+    def history(self, subdevice: str) -> tuple[HistoryMessage, ...]:
+        """Return the diagnosis history, object 0x10F3."""
+        return self._read(
+            self.request("history", subdevice, timeout_s=ACYCLIC_S),
+            read_history,
+        )
+
+    def scan(self) -> ScanReply:
+        """Return what stands on the bus."""
+        return self._read(self.request("scan", timeout_s=SCAN_S), read_scan)
+
+    def incident(self, text: str = "") -> str:
+        """Have an incident file written; return its name, empty while it is not known yet."""
+        reply = self.request("incident", *([text] if text else []))
+        return str(reply.get("file") or "")
+
+    def watch_on(
+        self, *names: str, every: int = 1, typed: bool = False, image: bool = False
+    ) -> None:
+        """Have every N-th cycle told from now on; `watched` returns them.
+
+        Args:
+            names: What is watched; a name may end in ``*``.
+            every: N.
+            typed: With factor and offset.
+            image: The whole image instead of values.
+        """
+        form = ["--image"] if image else _typed(typed)
+        self.request("watch", str(every), *form, *names)
+
+    def watch_off(self) -> None:
+        """Watch no longer."""
+        self.request("watch", "off")
+        self._wait_cycles(0.0)
+
+    def watched(self, wait_s: float = 0.0) -> list[WatchedCycle]:
+        """Return the watched cycles that have come, after waiting at most ``wait_s`` for one."""
+        rows, lost = self._wait_cycles(wait_s)
+        found = []
+        for row in rows:
+            dropped, lost = lost, 0
+            found.append(self._read(row, lambda r, n=dropped: read_watched(r, n)))  # type: ignore[misc]
         return found
 
-    def _keep(self, event: dict[str, Any]) -> None:
-        if len(self._events) >= _MAX_EVENTS:
-            self._events.popleft()
-            self.events_lost += 1
-        self._events.append(event)
+    def watch(
+        self,
+        *names: str,
+        every: int = 1,
+        typed: bool = False,
+        image: bool = False,
+        duration_s: float | None = None,
+    ) -> Iterator[WatchedCycle]:
+        """Yield every N-th cycle; arguments as `watch_on`. Ends after ``duration_s``, else never.
 
-    def _line(self, until: float) -> dict[str, Any] | None:
-        """Return the next line; ``None`` when it has not come until then."""
-        searched = 0
-        while (end := self._received.find(b"\n", searched)) < 0:
-            searched = len(self._received)
-            if searched > _MAX_LINE:
-                raise self._broken("a line without an end")
-            left = until - time.monotonic()
-            try:
-                self._socket.settimeout(max(0.0, left))
-                got = self._socket.recv(1 << 16)
-            except (BlockingIOError, TimeoutError):
-                return None
-            except OSError as exc:
-                raise self._broken(exc) from exc
-            if not got:
-                raise self._broken("fsn-master has closed it")
-            self._received += got
-        line = bytes(self._received[:end])
-        del self._received[: end + 1]
+        ``skipped`` of a cycle tells how many are missing before it. Reading it does not renew the
+        lease; `renew` does.
+
+        Raises:
+            EnvironmentFault: No cycle has come for 5 s.
+        """
+        until = None if duration_s is None else time.monotonic() + duration_s
+        self.watch_on(*names, every=every, typed=typed, image=image)
         try:
-            found = json.loads(line)
-        except ValueError as exc:
-            raise self._broken("a line that is no JSON") from exc
-        if not isinstance(found, dict):
-            raise self._broken("a line that is no JSON object")
-        return found
-
-    def _read(self, reply: dict[str, Any], read: Callable[[Mapping[str, Any]], _T]) -> _T:
-        try:
-            return read(reply)
-        except (KeyError, TypeError, ValueError, AttributeError) as exc:
-            raise EnvironmentFault(
-                f"{self.path}: a reply has not the form it should have ({exc!r}); install fsoe-net "
-                "and fsn-master of one version"
-            ) from exc
-
-    def _broken(self, why: object) -> EnvironmentFault:
-        text = getattr(why, "strerror", None) or why
-        return EnvironmentFault(f"the connection to {self.path} broke: {text}")
+            while until is None or time.monotonic() < until:
+                wait_s = _SILENT_S if until is None else min(_SILENT_S, until - time.monotonic())
+                found = self.watched(max(0.0, wait_s))
+                if not found and wait_s >= _SILENT_S:
+                    raise EnvironmentFault(
+                        f"no cycle has come for {_SILENT_S:g} s on {self.path}; `status` says "
+                        "whether the bus is stopped"
+                    )
+                yield from found
+        finally:
+            if not self.closed:
+                self.watch_off()
 
 
-def _quoted(word: str) -> str:
-    """Return a word as the socket takes it.
+def control_socket(interface: str) -> Path:
+    """Return where ``fsn-master`` puts its control socket for an interface.
 
-    Raises:
-        ValueError: No request can hold it.
+    The first that is there of ``$RUNTIME_DIRECTORY``, ``$XDG_RUNTIME_DIR``, the directory of the
+    service and ``/run``; where none is there, the one it would make now.
     """
-    if any(ord(c) < 0x20 or ord(c) == 0x7F for c in word):
-        raise ValueError(f"{word!r} has a control character")
-    if word and not any(c in word for c in ' \t"\\'):
-        return word
-    escaped = word.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
+    name = f"fsn-master-{interface.replace('/', '_')}.sock"
+    places = [os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]]
+    places += [os.environ.get("XDG_RUNTIME_DIR", ""), "/run/fsn-master", "/run"]
+    found = [Path(place) / name for place in places if place]
+    own = [path for path in found if path.parent != Path("/run/fsn-master")]
+    return next((path for path in found if path.exists()), own[0])
+
+
+def value_text(value: Value | str) -> str:
+    """Return a value as a request holds it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _typed(typed: bool) -> list[str]:
+    return ["--typed"] if typed else []

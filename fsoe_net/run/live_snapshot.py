@@ -9,7 +9,13 @@ from typing import Any
 from fsoe_net.core import ConnectionSnapshot, DirectionSnapshot, Histogram, Snapshot, Statistics
 from fsoe_net.fsoe import OutsideState
 
-__all__ = ["LiveSnapshot", "SubDeviceSnapshot", "read_snapshot", "read_subdevice"]
+__all__ = [
+    "LiveSnapshot",
+    "SubDeviceSnapshot",
+    "read_connection",
+    "read_snapshot",
+    "read_subdevice",
+]
 
 _HISTOGRAMS = ("latency", "period", "work", "copy", "round_trip", "dc_offset")
 
@@ -65,7 +71,7 @@ def read_snapshot(reply: Mapping[str, Any]) -> LiveSnapshot:
     return LiveSnapshot(
         cycle=Snapshot(
             statistics=_statistics(reply["statistics"]),
-            connections=tuple(_connection(c) for c in reply["connections"]),
+            connections=tuple(read_connection(c) for c in reply["connections"]),
         ),
         subdevices=tuple(read_subdevice(s) for s in reply["subdevices"]),
     )
@@ -125,7 +131,8 @@ def _histogram(row: Mapping[str, Any]) -> Histogram:
     )
 
 
-def _connection(row: Mapping[str, Any]) -> ConnectionSnapshot:
+def read_connection(row: Mapping[str, Any]) -> ConnectionSnapshot:
+    """Return the values of one connection; raises as `read_snapshot`."""
     return ConnectionSnapshot(
         state=OutsideState(row["outside"]),
         to_sub=_direction(row["to_sub"]),

@@ -14,7 +14,7 @@ import pytest
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
 from fsoe_net.run import Client, Master
-from fsoe_net.run.client import _quoted
+from fsoe_net.run.control_link import quoted
 
 HELLO = {"ok": True, "program": "fsn-master", "protocol": 1}
 
@@ -120,9 +120,9 @@ def test_a_reply_of_another_version(folder, reply):
 
 
 def test_words_no_request_can_hold():
-    assert _quoted("") == '""'
+    assert quoted("") == '""'
     with pytest.raises(ValueError, match="control character"):
-        _quoted("a\nshutdown")
+        quoted("a\nshutdown")
 
 
 def program(folder, text):

@@ -1,0 +1,187 @@
+"""``fsoe-net console``: a prompt, or a script, for a running ``fsn-master``."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import click
+
+from fsoe_net.errors import ConsoleError, FsnError
+from fsoe_net.run import control_socket
+from fsoe_net.run.console import COMMANDS, Console, Keeper, complete
+from fsoe_net.run.console.commands_flow import ConsoleEnd
+
+__all__ = ["command"]
+
+_PROMPT = "fsn> "
+_HISTORY_LINES = 2_000
+_EPILOG = """\b
+Examples:
+  fsoe-net console --interface eth1
+  fsoe-net console --socket /tmp/fsn.sock -c "state; get drive_1"
+  fsoe-net console --interface eth1 --run examples/console/drives.fsn drive_1
+  echo "wait until connection all in Data for 20s" | fsoe-net console --interface eth1
+
+`help` at the prompt lists the commands. What a console or script has set stays while it runs and
+falls back to its stop values when it ends.
+
+Exit codes: 0 all was done, 1 a command or an expectation failed, 2 usage, 3 nobody answers.
+
+Part of the black channel: no safety function, not certified; stop is no emergency stop."""
+
+
+@click.command("console", epilog=_EPILOG)
+@click.option("--socket", "socket_path", type=click.Path(), help="Control socket of fsn-master.")
+@click.option("--interface", help="Its interface; the socket is then where it puts it.")
+@click.option("--run", "script", type=click.Path(), help="Run this script and end.")
+@click.option("-c", "text", help="Run these commands and end.")
+@click.option(
+    "--lease",
+    "lease_ms",
+    type=click.IntRange(0, 600_000),
+    metavar="MS",
+    help="Outputs fall back when the console says nothing for so long; 0: never.",
+)
+@click.argument("arguments", nargs=-1)
+def command(
+    socket_path: str | None,
+    interface: str | None,
+    script: str | None,
+    text: str | None,
+    lease_ms: int | None,
+    arguments: tuple[str, ...],
+) -> int:
+    """Start, stop, watch and set a running fsn-master, by hand or by script."""
+    if (socket_path is None) == (interface is None):
+        raise click.UsageError("one of --socket PATH and --interface IF says which fsn-master")
+    if script is not None and text is not None:
+        raise click.UsageError("--run and -c exclude each other")
+    if arguments and script is None and text is None:
+        raise click.UsageError("arguments are for --run SCRIPT and -c")
+    path = socket_path or str(control_socket(interface or ""))
+    at_prompt = script is None and text is None and sys.stdin.isatty()
+    keeper = Keeper(path, lease_ms=lease_ms, reconnect=at_prompt)
+    try:
+        level = "warning" if at_prompt else "fallback"
+        console = Console(keeper, _out, _note, notes_level=level)
+        if at_prompt:
+            return _prompt(console)
+        if script is not None:
+            return _unattended(console, lambda: console.run_file(script, arguments))
+        if text is not None:
+            return _unattended(console, lambda: console.run_script(text, "-c", arguments))
+        return _unattended(console, lambda: _standard_input(console))
+    finally:
+        keeper.close()
+
+
+def _out(text: str) -> None:
+    click.echo(text)
+
+
+def _note(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _standard_input(console: Console) -> None:
+    """Run lines as they come; what was set stays leased between them."""
+    for number, line in enumerate(sys.stdin, 1):
+        console.run_script(line.rstrip("\n"), "stdin", first_line=number)
+
+
+def _unattended(console: Console, run: Callable[[], None]) -> int:
+    """Run a script; return the exit code. Says at its end which outputs fall back."""
+    code = 0
+    try:
+        with contextlib.suppress(ConsoleEnd):
+            run()
+    except ConsoleError as exc:
+        click.echo(f"error: {exc}", err=True)
+        code = 2 if exc.is_usage else 1
+    finally:
+        _say_fallback(console)
+    return code or int(console.failures > 0)
+
+
+def _say_fallback(console: Console) -> None:
+    owned = console.owned()
+    if owned:
+        few = " ".join(owned[:8]) + (" …" if len(owned) > 8 else "")
+        click.echo(f"at the end {len(owned)} outputs fall back to stop values: {few}", err=True)
+
+
+def _prompt(console: Console) -> int:
+    status = console.keeper.call(lambda client: client.status())
+    where = status.interface or status.backend
+    click.echo(f"fsn-master on {where}: {status.state}. help lists commands, quit leaves.")
+    with _line_editor(console):
+        while True:
+            try:
+                console.tell()
+                console.run_line(input(_PROMPT))
+            except (EOFError, ConsoleEnd):
+                break
+            except KeyboardInterrupt:
+                click.echo()
+            except FsnError as exc:
+                click.echo(f"error: {exc}", err=True)
+    _say_fallback(console)
+    return 0
+
+
+@contextlib.contextmanager
+def _line_editor(console: Console) -> Iterator[None]:
+    """Give `input` completion and a history file, where Python has readline."""
+    try:
+        import readline
+    except ImportError:
+        yield
+        return
+    found: list[str] = []
+
+    def completer(word: str, state: int) -> str | None:
+        nonlocal found
+        if state == 0:
+            before = readline.get_line_buffer()[: readline.get_begidx()]
+            try:
+                names = console.names()
+                found = complete(
+                    before, word, names, commands=list(COMMANDS), macros=console.macros
+                )
+            except FsnError:
+                found = []
+        return f"{found[state]} " if state < len(found) else None
+
+    readline.set_completer(completer)
+    readline.set_completer_delims(" \t\n;=")
+    readline.parse_and_bind("tab: complete")
+    readline.set_history_length(_HISTORY_LINES)
+    path = _history_file()
+    if path is not None:
+        with contextlib.suppress(OSError):
+            readline.read_history_file(path)
+    try:
+        yield
+    finally:
+        if path is not None:
+            with contextlib.suppress(OSError):
+                readline.write_history_file(path)
+                path.chmod(0o600)
+
+
+def _history_file() -> Path | None:
+    """Return the history file, made for this user only; ``None`` where there is no place."""
+    state = os.environ.get("XDG_STATE_HOME", "")
+    base = Path(state) if os.path.isabs(state) else Path("~/.local/state").expanduser()
+    path = base / "fsoe-net" / "console_history"
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        os.close(os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600))
+        path.chmod(0o600)
+    except (OSError, RuntimeError):
+        return None
+    return path

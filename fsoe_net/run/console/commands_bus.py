@@ -1,0 +1,230 @@
+"""Commands of the console for the bus as a whole: start, stop, what is seen of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from fsoe_net.errors import ConsoleError, ControlRefused
+from fsoe_net.run.client import Client
+from fsoe_net.run.console.command import CommandForm, Room, table, usage
+from fsoe_net.run.console.names import seconds
+from fsoe_net.run.control_values import BusState, NamedConnection, Status
+from fsoe_net.run.live_snapshot import SubDeviceSnapshot
+
+__all__ = ["BUS_COMMANDS", "event_line"]
+
+_CHANGE_S = 60.0
+_POLL_S = 0.05
+_UP = (BusState.RUNNING, BusState.FAILED)
+_DOWN = (BusState.STOPPED, BusState.FAILED)
+
+
+def _for(name: str, words: Sequence[str], default: float | None) -> float | None:
+    """Return the time of ``[for TIME]``."""
+    if not words:
+        return default
+    if len(words) == 2 and words[0] == "for":
+        return seconds(words[1])
+    raise usage(name, BUS_COMMANDS[name].usage)
+
+
+def _change(room: Room, name: str, words: Sequence[str]) -> None:
+    """Ask for start, stop or restart, and wait until the bus is where it should be."""
+    limit = _for(name, words, _CHANGE_S) or 0.0
+    before = room.keeper.call(lambda client: client.status().state)
+    if name == "start" and before is BusState.RUNNING:
+        room.out("already running")
+        return
+    if name == "stop" and before is BusState.STOPPED:
+        room.out("already stopped")
+        return
+    wanted = BusState.STOPPED if name == "stop" else BusState.RUNNING
+    room.forget()
+    state, fault = room.keeper.aside(lambda client: _changed(client, name, before, limit))
+    if state is not wanted:
+        raise ConsoleError(f"{name}: fsn-master is {state}{f': {fault}' if fault else ''}")
+    room.out(str(state))
+
+
+def _changed(client: Client, name: str, before: BusState, limit_s: float) -> tuple[BusState, str]:
+    """Send the request; return the state it led to, or the one it hangs in, and its fault."""
+    until = time.monotonic() + limit_s
+    ends = _DOWN if name == "stop" else _UP
+    client.subscribe()
+    coming = {"start": (BusState.OPENING, BusState.STARTING), "stop": (BusState.STOPPING,)}
+    if before not in coming.get(name, ()):
+        client.request(name)
+    elif client.status().state in ends:
+        return _where(client)
+    moved = False
+    while time.monotonic() < until:
+        for event in client.events(min(_POLL_S * 10, max(0.0, until - time.monotonic()))):
+            if event.get("event") != "state":
+                continue
+            # A restart of a stopped bus and a start begin with `opening`; others with `stopping`.
+            state = str(event.get("state"))
+            if state in ends and (moved or name != "restart" or state == BusState.FAILED):
+                return _where(client)
+            moved = True
+    return _where(client)
+
+
+def _where(client: Client) -> tuple[BusState, str]:
+    status = client.status()
+    return status.state, status.fault
+
+
+def _changer(name: str) -> Callable[[Room, Sequence[str]], None]:
+    return lambda room, words: _change(room, name, words)
+
+
+def _state(room: Room, words: Sequence[str]) -> None:
+    if len(words) > 1:
+        raise usage("state", BUS_COMMANDS["state"].usage)
+    if not words:
+        status, rows, connections = room.keeper.call(
+            lambda client: (client.status(), client.subdevices(), _connections(client))
+        )
+        room.out(_status_line(status, connections))
+        if status.fault:
+            room.out(status.fault)
+        for row in rows:
+            if row.known and not row.in_op:
+                room.out("  ".join(part for part in _device(row) if part))
+        return
+    found = room.keeper.call(lambda client: client.subdevices())
+    chosen = [row for row in found if words[0] in ("all", row.name)]
+    if not chosen:
+        known = ", ".join(row.name for row in found)
+        raise ConsoleError(f"no SubDevice is called {words[0]}; there are: {known}")
+    for line in table([_device(row) for row in chosen]):
+        room.out(line)
+    if words[0] != "all":
+        seen = room.keeper.call(_connections)
+        for line in table([_connection(c) for c in seen if words[0] in (c.main, c.sub)]):
+            room.out(line)
+
+
+def _status_line(status: Status, connections: Sequence[NamedConnection]) -> str:
+    parts = [str(status.state)]
+    if status.state in (BusState.RUNNING, BusState.STARTING):
+        in_data = sum(c.seen.state.word.startswith("data") for c in connections)
+        parts += [
+            f"cycle {status.cycle_ns / 1e6:g} ms",
+            f"{status.cycles} cycles",
+            f"working counter {status.actual_wkc} of {status.expected_wkc}",
+            f"{status.in_op} of {status.planned} SubDevices in OP",
+            f"{in_data} of {len(connections)} connections in Data",
+        ]
+    return ", ".join(parts)
+
+
+def _connections(client: Client) -> tuple[NamedConnection, ...]:
+    try:
+        return client.connections()
+    except ControlRefused:
+        return ()
+
+
+def _device(row: SubDeviceSnapshot) -> tuple[str, ...]:
+    place = f"alias {row.alias} position {row.position}"
+    al = row.al if row.known else "state unknown"
+    code = f"AL status code {row.al_code:#06x}" if row.al_code else ""
+    detail = "; ".join(part for part in (row.found, row.detail) if part)
+    return row.name, al, place, code, detail
+
+
+def _connection(row: NamedConnection) -> tuple[str, ...]:
+    frames = f"{row.seen.to_sub.frames} / {row.seen.to_main.frames} frames"
+    resets = row.seen.to_sub.resets + row.seen.to_main.resets
+    wrong = row.seen.to_sub.wrong + row.seen.to_main.wrong
+    counts = [f"{n} {what}" for n, what in ((resets, "resets"), (wrong, "wrong CRCs")) if n]
+    return row.name, f"{row.main} - {row.sub}", row.seen.state.word, frames, ", ".join(counts)
+
+
+def _show_connections(room: Room, words: Sequence[str]) -> None:
+    if words:
+        raise usage("connections", "")
+    rows = room.keeper.call(lambda client: client.connections())
+    for line in table([_connection(row) for row in rows]):
+        room.out(line)
+
+
+def _snapshot(room: Room, words: Sequence[str]) -> None:
+    if words:
+        raise usage("snapshot", "")
+    status, seen, rows = room.keeper.call(
+        lambda client: (client.status(), client.snapshot(), client.connections())
+    )
+    s = seen.cycle.statistics
+    room.out(_status_line(status, rows))
+    room.out(
+        f"overruns {s.overruns}, incomplete cycles {s.wkc_errors}, lost frames {s.lost_frames}, "
+        f"late {s.latency.p50_ns / 1e3:g} us (half), {s.latency.p99_ns / 1e3:g} us (99 %), "
+        f"{s.latency.max_ns / 1e3:g} us (most)"
+    )
+    for line in table([_connection(row) for row in rows]):
+        room.out(line)
+    for line in table([_device(row) for row in seen.subdevices]):
+        room.out(line)
+
+
+def event_line(event: dict[str, Any]) -> str:
+    """Return an event for people."""
+    return f"{event.get('utc', '')} {event.get('level', '')} {event.get('text', '')}".strip()
+
+
+def _events(room: Room, words: Sequence[str]) -> None:
+    if words in (["on"], ["off"]):
+        room.keeper.subscribe(words[0] == "on")
+        room.out(f"events {words[0]}")
+        return
+    limit = _for("events", words, 0.0) or 0.0
+    until = time.monotonic() + limit
+    while True:
+        for event in room.events():
+            room.out(event_line(event))
+        if time.monotonic() >= until:
+            return
+        room.sleep(_POLL_S)
+
+
+def _incident(room: Room, words: Sequence[str]) -> None:
+    file = room.keeper.call(lambda client: client.incident(" ".join(words)))
+    room.out(f"incident {file}" if file else "incident asked for; an event names its file")
+
+
+BUS_COMMANDS = {
+    "start": CommandForm(
+        "[for TIME]",
+        "open the bus and bring it to OP; waits for it, a minute at most",
+        "start for 20s",
+        _changer("start"),
+    ),
+    "stop": CommandForm(
+        "[for TIME]",
+        "stop values, SAFEOP, bus closed; no emergency stop",
+        "stop",
+        _changer("stop"),
+    ),
+    "restart": CommandForm(
+        "[for TIME]", "stop, then start with the same plan", "restart", _changer("restart")
+    ),
+    "state": CommandForm(
+        "[SUBDEVICE|all]", "state of the bus, of one SubDevice or of each", "state drive_1", _state
+    ),
+    "connections": CommandForm(
+        "", "FSoE connections as seen on the wire", "connections", _show_connections
+    ),
+    "snapshot": CommandForm(
+        "", "bus, timing, connections and SubDevices of one cycle", "snapshot", _snapshot
+    ),
+    "events": CommandForm(
+        "[on|off|for TIME]", "what has happened, or happens within a time", "events for 5s", _events
+    ),
+    "incident": CommandForm(
+        "[TEXT]", "have the last seconds written to an incident file", "incident jerk", _incident
+    ),
+}

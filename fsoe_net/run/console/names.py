@@ -1,0 +1,187 @@
+"""What users write for names, values, times and objects, and what it stands for."""
+
+from __future__ import annotations
+
+import difflib
+import fnmatch
+import re
+from collections.abc import Iterable, Iterator, Sequence
+
+from fsoe_net.errors import ConsoleError
+from fsoe_net.run.control_values import Symbol, Value
+
+__all__ = ["Names", "batches", "number", "object_address", "seconds", "shown", "value_of"]
+
+_TIME = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|min|h)")
+_UNIT_S = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+_MOST_S = 7 * 24 * 3600.0
+_WORDS = {"true": True, "on": True, "false": False, "off": False}
+_MOST_NAMES = 200  # of 256 words and 8192 bytes of a request
+_MOST_BYTES = 7_000
+
+
+class Names:
+    """The symbols of the plan and the ways to write them.
+
+    ``drive_1.0x6041:00``, ``drive_1.0x6041`` when it has one subindex only, ``drive_1.position``
+    (the driver's interface), ``drive_*.0x6041:00`` and ``drive_1`` or ``all`` for every one.
+    """
+
+    def __init__(self, symbols: Sequence[Symbol]) -> None:
+        self.symbols = tuple(symbols)
+        self.by_name = {s.name: s for s in symbols}
+        self.subdevices = tuple(dict.fromkeys(s.subdevice for s in symbols))
+
+    def some(self, text: str) -> list[str]:
+        """Return the names a word stands for, in plan order.
+
+        Raises:
+            ConsoleError: It stands for nothing.
+        """
+        if text == "all":
+            return [s.name for s in self.symbols]
+        if text in self.subdevices:
+            return [s.name for s in self.symbols if s.subdevice == text]
+        if any(c in text for c in "*?["):
+            found = [s.name for s in self.symbols if fnmatch.fnmatchcase(s.name, text)]
+            if not found:
+                raise ConsoleError(f"no input or output is called like {text}; list shows them")
+            return found
+        return [self.one(text)]
+
+    def one(self, text: str) -> str:
+        """Return the name a word stands for; raises as `some`."""
+        found = self._match(text, self.symbols)
+        if found is None:
+            raise ConsoleError(f"no input or output is called {text}{self._hint(text)}")
+        return found
+
+    def outputs_of(self, scope: str, entry: str) -> list[str]:
+        """Return the outputs ``SUBDEVICE.ENTRY``; for ``all``, of each SubDevice that has it."""
+        scopes = self.subdevices if scope == "all" else (scope,)
+        outputs = [s for s in self.symbols if s.is_output]
+        found = [self._match(f"{one}.{entry}", outputs) for one in scopes]
+        names = [name for name in found if name is not None]
+        if not names:
+            owner = "no SubDevice" if scope == "all" else scope
+            entries = list(dict.fromkeys(s.entry for s in outputs if scope in ("all", s.subdevice)))
+            hint = _nearest(entry, entries) or "; list shows the names"
+            raise ConsoleError(f"{owner} has no output {entry}{hint}")
+        return names
+
+    def _match(self, text: str, symbols: Sequence[Symbol]) -> str | None:
+        """Return the one symbol of this name, of this interface, or of this index."""
+        low = text.lower()
+        for exact in (text, low):
+            if exact in self.by_name and self.by_name[exact] in symbols:
+                return exact
+        found = [s.name for s in symbols if s.name.lower() == low]
+        found = found or [s.name for s in symbols if s.name.lower().rpartition(":")[0] == low]
+        if not found and any(
+            s.interface and f"{s.subdevice}.{s.interface}" == text for s in symbols
+        ):
+            return text  # the server knows it by this name too
+        return found[0] if len(found) == 1 else None
+
+    def _hint(self, text: str) -> str:
+        return _nearest(text, [*self.by_name, *self.subdevices]) or "; list shows the names"
+
+
+def _nearest(text: str, names: Sequence[str]) -> str:
+    close = difflib.get_close_matches(text, names, n=1, cutoff=0.6)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def batches(names: Iterable[str]) -> Iterator[list[str]]:
+    """Yield names in portions that one request can hold."""
+    portion: list[str] = []
+    size = 0
+    for name in names:
+        if portion and (len(portion) >= _MOST_NAMES or size + len(name) > _MOST_BYTES):
+            yield portion
+            portion, size = [], 0
+        portion.append(name)
+        size += len(name.encode()) + 4
+    if portion:
+        yield portion
+
+
+def number(text: str, what: str, most: int | None = None) -> int:
+    """Return a whole number, decimal or ``0x`` ``0o`` ``0b``.
+
+    Raises:
+        ConsoleError: It is none, or is negative or more than ``most``.
+    """
+    try:
+        found = int(text, 0) if len(text) <= 66 else -1
+    except ValueError:
+        raise ConsoleError(f"{text!r} is no {what}; write 12 or 0x0c", is_usage=True) from None
+    if found < 0 or (most is not None and found > most):
+        limit = "" if most is None else f" to {most}"
+        raise ConsoleError(f"{text[:24]}: a {what} is a number from 0{limit}", is_usage=True)
+    return found
+
+
+def seconds(text: str) -> float:
+    """Return a time in seconds.
+
+    Raises:
+        ConsoleError: It is none, or more than a week.
+    """
+    match = _TIME.fullmatch(text) if len(text) <= 24 else None
+    if match is None:
+        raise ConsoleError(f"{text[:24]!r} is no time; write 500us, 20ms or 2s", is_usage=True)
+    found = float(match[1]) * _UNIT_S[match[2]]
+    if found > _MOST_S:
+        raise ConsoleError(f"{text} is more than a week", is_usage=True)
+    return found
+
+
+def object_address(text: str) -> tuple[int, int]:
+    """Return index and subindex of ``0x6041:00``; the subindex is two hex digits, as in names.
+
+    Raises:
+        ConsoleError: It is no object.
+    """
+    index, colon, sub = text.partition(":")
+    found = number(index, "index", 0xFFFF)
+    if not colon:
+        return found, 0
+    if not re.fullmatch(r"[0-9A-Fa-f]{2}", sub):
+        raise ConsoleError(
+            f"{sub[:24]!r} is no subindex; two hex digits as in 0x1c12:0a", is_usage=True
+        )
+    return found, int(sub, 16)
+
+
+def value_of(text: str) -> Value:
+    """Return a value of a condition.
+
+    Raises:
+        ConsoleError: It is none.
+    """
+    if text in _WORDS:
+        return _WORDS[text]
+    try:
+        return int(text, 0)
+    except ValueError:
+        pass
+    try:
+        return float(text)
+    except ValueError:
+        raise ConsoleError(
+            f"{text[:40]!r} is no value; write 12, 0x0c, 1.5 or true", is_usage=True
+        ) from None
+
+
+def shown(value: Value, symbol: Symbol | None = None) -> str:
+    """Return a value for people; whole numbers without a sign in hexadecimal too."""
+    if value is None:
+        return "no number"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    if symbol is not None and symbol.kind in ("unsigned", "bits") and symbol.bits > 4:
+        return f"{value}  {value:#0{2 + (symbol.bits + 3) // 4}x}"
+    return str(value)

@@ -1,0 +1,222 @@
+"""One connection to the control socket of ``fsn-master``: lines, replies, events.
+
+One line per request, one of JSON per reply, in order; events come as lines between them.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Self, TypeVar
+
+from fsoe_net.errors import ControlRefused, EnvironmentFault
+
+__all__ = ["PROTOCOL", "Link", "quoted"]
+
+PROTOCOL = 1
+_MAX_LINE = 16 << 20
+_MAX_EVENTS = 10_000
+_CYCLE_EVENTS = ("values", "image")
+_T = TypeVar("_T")
+
+
+class Link:
+    """A connection to one ``fsn-master``; a context manager. One thread at a time.
+
+    Args:
+        path: Its control socket.
+        timeout_s: How long to wait for a connection or a reply.
+
+    Raises:
+        EnvironmentFault: Nobody answers there, the user may not connect, or what answers speaks
+            another protocol. Every call raises it when the connection breaks or a reply is late.
+    """
+
+    def __init__(self, path: str | Path, *, timeout_s: float = 5.0) -> None:
+        self.path = str(path)
+        self.events_lost = 0
+        self._timeout_s = timeout_s
+        self._ended = ""
+        self._received = bytearray()
+        self._events: deque[dict[str, Any]] = deque()
+        self._cycles: deque[dict[str, Any]] = deque()
+        self._cycles_lost = 0
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._socket.settimeout(timeout_s)
+            self._socket.connect(self.path)
+            self.hello = self.request("hello")
+            if self.hello.get("protocol") != PROTOCOL:
+                raise EnvironmentFault(
+                    f"{self.path} speaks protocol {self.hello.get('protocol')}, this fsoe-net "
+                    f"{PROTOCOL}; install fsoe-net and fsn-master of one version"
+                )
+        except OSError as exc:
+            self.close()
+            raise EnvironmentFault(
+                f"nobody answers on {self.path}: {exc.strerror or exc}; is fsn-master running, and "
+                "as which user?"
+            ) from exc
+        except EnvironmentFault:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def closed(self) -> bool:
+        """Whether this connection has ended."""
+        return self._socket.fileno() < 0
+
+    def close(self) -> None:
+        """End the connection; what this client has written falls back."""
+        self._socket.close()
+
+    def request(self, *words: str, timeout_s: float | None = None) -> dict[str, Any]:
+        """Send one request and return its reply.
+
+        Args:
+            words: The request and its arguments.
+            timeout_s: Waits so long for the reply; else as long as this connection says.
+
+        Raises:
+            ControlRefused: The request was refused; the message says why and what to do.
+        """
+        line = " ".join(quoted(word) for word in words) + "\n"
+        wait_s = self._timeout_s if timeout_s is None else timeout_s
+        until = time.monotonic() + wait_s
+        try:
+            self._socket.settimeout(wait_s)
+            self._socket.sendall(line.encode())
+        except OSError as exc:
+            raise self._broken(exc) from exc
+        while True:
+            reply = self._line(until)
+            if reply is None:
+                self.close()  # a reply that came later would answer the wrong request
+                raise EnvironmentFault(
+                    f"fsn-master has not answered {words[0]} within {wait_s:g} s on "
+                    f"{self.path}; is it stopped?"
+                )
+            if "event" in reply:
+                self._keep(reply)
+                continue
+            if reply.get("ok") is not True:
+                hint = f"; {reply['hint']}" if reply.get("hint") else ""
+                text = f"{words[0]}: {reply.get('text', 'refused')}{hint}"
+                raise ControlRefused(text, str(reply.get("error", "")))
+            return reply
+
+    def subscribe(self) -> None:
+        """Have every change told from now on; `events` returns them."""
+        self.request("events", "on")
+
+    def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
+        """Return the events that have come, after waiting for the first one at most ``wait_s``."""
+        until = time.monotonic() + (0.0 if self._events else wait_s)
+        try:
+            for _ in range(_MAX_EVENTS):  # a flood must not keep the caller
+                if (line := self._line(until)) is None:
+                    break
+                self._keep(line)
+                until = 0.0 if self._events else until
+        except EnvironmentFault:
+            if not self._events:
+                raise  # else these first; the next call says that it broke
+        found = list(self._events)
+        self._events.clear()
+        return found
+
+    def _wait_cycles(self, wait_s: float) -> tuple[list[dict[str, Any]], int]:
+        """Return the watched cycles that have come, and how many this side has dropped."""
+        until = time.monotonic() + (0.0 if self._cycles else wait_s)
+        try:
+            for _ in range(_MAX_EVENTS):
+                if (line := self._line(until)) is None:
+                    break
+                self._keep(line)
+                until = 0.0 if self._cycles else until
+        except EnvironmentFault:
+            if not self._cycles:
+                raise
+        found, lost = list(self._cycles), self._cycles_lost
+        self._cycles.clear()
+        self._cycles_lost = 0
+        return found, lost
+
+    def _keep(self, event: dict[str, Any]) -> None:
+        if event.get("event") in _CYCLE_EVENTS:
+            if len(self._cycles) >= _MAX_EVENTS:
+                self._cycles.popleft()
+                self._cycles_lost += 1
+            self._cycles.append(event)
+            return
+        if len(self._events) >= _MAX_EVENTS:
+            self._events.popleft()
+            self.events_lost += 1
+        self._events.append(event)
+
+    def _line(self, until: float) -> dict[str, Any] | None:
+        """Return the next line; ``None`` when it has not come until then."""
+        searched = 0
+        while (end := self._received.find(b"\n", searched)) < 0:
+            searched = len(self._received)
+            if searched > _MAX_LINE:
+                raise self._broken("a line without an end")
+            left = until - time.monotonic()
+            try:
+                self._socket.settimeout(max(0.0, left))
+                got = self._socket.recv(1 << 16)
+            except (BlockingIOError, TimeoutError):
+                return None
+            except OSError as exc:
+                raise self._broken(exc) from exc
+            if not got:
+                raise self._broken("fsn-master has closed it")
+            self._received += got
+        line = bytes(self._received[:end])
+        del self._received[: end + 1]
+        try:
+            found = json.loads(line)
+        except ValueError as exc:
+            raise self._broken("a line that is no JSON") from exc
+        if not isinstance(found, dict):
+            raise self._broken("a line that is no JSON object")
+        return found
+
+    def _read(self, reply: dict[str, Any], read: Callable[[Mapping[str, Any]], _T]) -> _T:
+        try:
+            return read(reply)
+        except (KeyError, TypeError, ValueError, AttributeError) as exc:
+            raise EnvironmentFault(
+                f"{self.path}: a reply has not the form it should have ({exc!r}); install fsoe-net "
+                "and fsn-master of one version"
+            ) from exc
+
+    def _broken(self, why: object) -> EnvironmentFault:
+        text = getattr(why, "strerror", None) or why
+        self._ended = self._ended or f"the connection to {self.path} broke: {text}"
+        self.close()
+        return EnvironmentFault(self._ended)
+
+
+def quoted(word: str) -> str:
+    """Return a word as the socket takes it.
+
+    Raises:
+        ValueError: No request can hold it.
+    """
+    if any(ord(c) < 0x20 or ord(c) == 0x7F for c in word):
+        raise ValueError(f"{word!r} has a control character")
+    if word and not any(c in word for c in ' \t"\\'):
+        return word
+    escaped = word.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

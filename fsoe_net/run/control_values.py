@@ -1,0 +1,290 @@
+"""What ``fsn-master`` answers, as plain values; made from the replies of its socket.
+
+Each ``read_…`` function takes a reply and raises KeyError, TypeError, ValueError or
+AttributeError when it has not the form it should have; `Client` makes one message of that.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from fsoe_net.core import ConnectionSnapshot
+from fsoe_net.run.live_snapshot import read_connection
+
+__all__ = [
+    "BusState",
+    "HistoryMessage",
+    "NamedConnection",
+    "ScanReply",
+    "SdoValue",
+    "Status",
+    "Symbol",
+    "Value",
+    "Values",
+    "WatchedCycle",
+    "read_connections",
+    "read_history",
+    "read_scan",
+    "read_sdo",
+    "read_state",
+    "read_status",
+    "read_symbols",
+    "read_values",
+    "read_watched",
+]
+
+Value = bool | int | float | None
+"""A value of the process image; ``None`` for a real that is no number."""
+
+
+class BusState(enum.StrEnum):
+    """State of ``fsn-master``."""
+
+    STOPPED = "stopped"
+    OPENING = "opening"
+    STARTING = "starting"
+    RUNNING = "running"
+    STOPPING = "stopping"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Status:
+    """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
+
+    ``fault`` says why the bus did not open; empty when it did. ``cpu`` is ``None`` when the cyclic
+    thread may run on any.
+    """
+
+    state: BusState
+    fault: str
+    backend: str
+    interface: str
+    redundant: str
+    plan: str
+    plan_sha256: str
+    accepted: bool
+    uptime_ns: int
+    clients: int
+    cycle_ns: int
+    free_run: bool
+    policy: str
+    priority: int
+    cpu: int | None
+    cycles: int
+    overruns: int
+    wkc_errors: int
+    expected_wkc: int
+    actual_wkc: int
+    realtime: bool
+    locked: bool
+    planned: int
+    in_op: int
+    missing: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Symbol:
+    """A named input or output of the process image.
+
+    ``kind`` is ``bool``, ``signed``, ``unsigned``, ``bits`` or ``real``. ``open``: an output that
+    clients may write. ``client``: number of the one that writes it, ``None`` for nobody.
+    ``factor`` and ``offset``: a typed value is ``factor * raw + offset``. ``interface``: its
+    name in the driver of the slave YAML; empty for none.
+    """
+
+    name: str
+    is_output: bool
+    kind: str
+    bits: int
+    open: bool
+    restart_relevant: bool
+    stop_value: Value
+    client: int | None
+    factor: float
+    offset: float
+    mask: int
+    interface: str
+
+    @property
+    def subdevice(self) -> str:
+        """Name of its SubDevice."""
+        return self.name.partition(".")[0]
+
+    @property
+    def entry(self) -> str:
+        """Its name inside the SubDevice, e.g. ``0x6040:00``."""
+        return self.name.partition(".")[2]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Values:
+    """Values of one cycle by name."""
+
+    cycle: int
+    values: Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedCycle:
+    """One watched cycle: ``values`` or, with the whole image, ``image`` and its working counters.
+
+    ``skipped``: how many cycles that were asked for are missing before this one, because this
+    client or the recorder was too slow.
+    """
+
+    cycle: int
+    now_ns: int
+    skipped: int
+    values: Mapping[str, Value] = field(default_factory=dict)
+    image: bytes | None = None
+    expected_wkc: int = 0
+    actual_wkc: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedConnection:
+    """An FSoE connection as seen on the wire, with its names of the plan."""
+
+    name: str
+    net: str
+    main: str
+    sub: str
+    seen: ConnectionSnapshot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SdoValue:
+    """An object that was read; ``value`` is ``None`` when no type was given."""
+
+    data: bytes
+    value: Value | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HistoryMessage:
+    """One message of a SubDevice's diagnosis history, object 0x10F3."""
+
+    number: int
+    flags: int
+    time_ns: int
+    text_id: int
+    kind: str
+    parameters: tuple[Any, ...]
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScanReply:
+    """What a scan found; ``document`` is the whole of it as control-protocol.md says."""
+
+    utc: str
+    interface: str
+    backend: str
+    states_changed: bool
+    subdevices: tuple[Mapping[str, Any], ...]
+    document: Mapping[str, Any]
+
+
+def read_state(reply: Mapping[str, Any]) -> BusState:
+    """Return the state of a reply."""
+    return BusState(reply["state"])
+
+
+def read_status(reply: Mapping[str, Any]) -> Status:
+    """Return the values of a ``status`` reply."""
+    row = {**reply, **reply["subdevices"], "state": BusState(reply["state"])}
+    row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
+    return Status(**{f.name: row[f.name] for f in fields(Status)})
+
+
+def read_symbols(reply: Mapping[str, Any]) -> tuple[Symbol, ...]:
+    """Return the values of a ``symbols`` reply."""
+    return tuple(_symbol(row) for row in reply["symbols"])
+
+
+def _symbol(row: Mapping[str, Any]) -> Symbol:
+    client = row.get("client")
+    return Symbol(
+        name=str(row["name"]),
+        is_output=row["direction"] == "output",
+        kind=str(row["type"]),
+        bits=int(row["bits"]),
+        open=bool(row["open"]),
+        restart_relevant=bool(row.get("restart_relevant", False)),
+        stop_value=row.get("stop_value"),
+        client=None if client is None else int(client),
+        factor=float(row.get("factor", 1.0)),
+        offset=float(row.get("offset", 0.0)),
+        mask=int(row.get("mask", 0)),
+        interface=str(row.get("interface") or ""),
+    )
+
+
+def read_values(reply: Mapping[str, Any]) -> Values:
+    """Return the values of a ``get`` reply."""
+    return Values(cycle=int(reply["cycle"]), values=dict(reply["values"]))
+
+
+def read_watched(event: Mapping[str, Any], dropped: int = 0) -> WatchedCycle:
+    """Return one event of ``watch``; ``dropped`` more were left out on this side."""
+    image = event.get("image")
+    return WatchedCycle(
+        cycle=int(event["cycle"]),
+        now_ns=int(event["now_ns"]),
+        skipped=int(event.get("skipped", 0)) + dropped,
+        values=dict(event.get("values", {})),
+        image=None if image is None else bytes.fromhex(image),
+        expected_wkc=int(event.get("expected_wkc", 0)),
+        actual_wkc=int(event.get("actual_wkc", 0)),
+    )
+
+
+def read_connections(reply: Mapping[str, Any]) -> tuple[NamedConnection, ...]:
+    """Return the connections of a ``snapshot`` reply."""
+    return tuple(
+        NamedConnection(
+            name=str(row["name"]),
+            net=str(row["net"]),
+            main=str(row["main"]),
+            sub=str(row["sub"]),
+            seen=read_connection(row),
+        )
+        for row in reply["connections"]
+    )
+
+
+def read_sdo(reply: Mapping[str, Any]) -> SdoValue:
+    """Return the values of an ``sdo-read`` reply."""
+    return SdoValue(data=bytes.fromhex(reply["data"]), value=reply.get("value"))
+
+
+def read_history(reply: Mapping[str, Any]) -> tuple[HistoryMessage, ...]:
+    """Return the values of a ``history`` reply."""
+    return tuple(
+        HistoryMessage(
+            number=int(row["id"]),
+            flags=int(row["flags"]),
+            time_ns=int(row["time_ns"]),
+            text_id=int(row["text_id"]),
+            kind=str(row["kind"]),
+            parameters=tuple(row["parameters"]),
+            data=bytes.fromhex(row["data"]),
+        )
+        for row in reply["messages"]
+    )
+
+
+def read_scan(reply: Mapping[str, Any]) -> ScanReply:
+    """Return the values of a ``scan`` reply."""
+    return ScanReply(
+        utc=str(reply["utc"]),
+        interface=str(reply.get("interface") or ""),
+        backend=str(reply["backend"]),
+        states_changed=bool(reply["states_changed"]),
+        subdevices=tuple(dict(row) for row in reply["subdevices"]),
+        document={k: v for k, v in reply.items() if k not in ("ok", "tag")},
+    )
