@@ -111,7 +111,8 @@ def _say_fallback(console: Console) -> None:
     owned = console.owned()
     if owned:
         few = " ".join(owned[:8]) + (" …" if len(owned) > 8 else "")
-        click.echo(f"at the end {len(owned)} outputs fall back to stop values: {few}", err=True)
+        fall = "1 output falls" if len(owned) == 1 else f"{len(owned)} outputs fall"
+        click.echo(f"this is the end: {fall} back to stop values: {few}", err=True)
 
 
 def _prompt(console: Console) -> int:

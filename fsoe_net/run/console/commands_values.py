@@ -145,7 +145,7 @@ def _watch(room: Room, words: Sequence[str]) -> None:
             for seen in room.keeper.call(lambda client, s=left: client.watched(max(0.0, s))):  # type: ignore[misc]
                 _tell(room, seen)
     finally:
-        room.keeper.call(lambda client: None if client.closed else client.watch_off())
+        room.keeper.post(lambda client: client.watch_off())
 
 
 def _watch_words(room: Room, words: Sequence[str]) -> tuple[list[str], int, float | None]:

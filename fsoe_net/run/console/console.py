@@ -26,6 +26,7 @@ COMMANDS: Mapping[str, CommandForm] = (
 )
 _DEEPEST = 16
 _SLICE_S = 0.1
+_END_S = 1.0
 _MOST_EVENTS = 1_000
 _MOST_SCRIPT_BYTES = 4 << 20
 
@@ -123,7 +124,7 @@ class Console:
         """Return the outputs that belong to this console; none when nobody answers."""
         me = self.keeper.client_number
         try:
-            symbols = self.keeper.call(lambda client: client.symbols())
+            symbols = self.keeper.call(lambda client: client.symbols(), wait_s=_END_S)
         except (ControlRefused, EnvironmentFault):
             return []
         return [s.name for s in symbols if s.client == me]

@@ -71,14 +71,24 @@ class Keeper:
             self.close()
             raise
 
-    def call(self, job: Callable[[Client], _T]) -> _T:
+    def call(self, job: Callable[[Client], _T], *, wait_s: float | None = None) -> _T:
         """Do something with the connection and return what it returns.
 
         A Ctrl-C leaves it at once; what was asked is still brought to its end behind it.
+
+        Raises:
+            EnvironmentFault: Nothing has come within ``wait_s``, or the connection broke.
         """
+        try:
+            return self.post(job).result(wait_s)
+        except TimeoutError as exc:
+            raise EnvironmentFault(f"fsn-master does not answer on {self.path}") from exc
+
+    def post(self, job: Callable[[Client], _T]) -> Future[_T]:
+        """Have something done; nobody need wait for it."""
         future: Future[_T] = Future()
         self._jobs.put((job, future))
-        return future.result()
+        return future
 
     def aside(self, job: Callable[[Client], _T]) -> _T:
         """Do something slow with a connection of its own, while this one keeps its lease."""

@@ -43,7 +43,7 @@ class Names:
         if text in self.subdevices:
             return [s.name for s in self.symbols if s.subdevice == text]
         if any(c in text for c in "*?["):
-            found = [s.name for s in self.symbols if fnmatch.fnmatchcase(s.name, text)]
+            found = _like(text.lower(), [s.name for s in self.symbols])
             if not found:
                 raise ConsoleError(f"no input or output is called like {text}; list shows them")
             return found
@@ -85,6 +85,12 @@ class Names:
 
     def _hint(self, text: str) -> str:
         return _nearest(text, [*self.by_name, *self.subdevices]) or "; list shows the names"
+
+
+def _like(pattern: str, names: Sequence[str]) -> list[str]:
+    """Return the names of a pattern; without a subindex in it, those of the index."""
+    whole = [n for n in names if fnmatch.fnmatchcase(n.lower(), pattern)]
+    return whole or [n for n in names if fnmatch.fnmatchcase(n.lower().rpartition(":")[0], pattern)]
 
 
 def _nearest(text: str, names: Sequence[str]) -> str:

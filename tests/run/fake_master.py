@@ -1,0 +1,203 @@
+"""An ``fsn-master`` of a few lines: it answers every request of control-protocol.md from memory."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shlex
+import shutil
+import socket
+import tempfile
+import threading
+from pathlib import Path
+
+DIRECTION = {
+    "command": 0x36, "connection_id": 1, "reset_code": 0, "frames": 7, "process_data": 5,
+    "failsafe_data": 0, "right": 7, "wrong": 0, "unchecked": 0, "resets": 0, "last_new_ns": 1,
+    "interval_last_ns": 1, "interval_min_ns": 1, "interval_sum_ns": 2, "interval_max_ns": 1,
+    "intervals": 2,
+}  # fmt: skip
+STATUS = {
+    "fault": None, "backend": "soem", "interface": "eth1", "redundant": None, "plan": "a.fsnplan",
+    "plan_sha256": "00", "accepted": False, "uptime_ns": 1, "cycle_ns": 1_000_000,
+    "free_run": False, "policy": "fifo", "priority": 80, "cpu": None, "cycles": 5, "overruns": 0,
+    "wkc_errors": 0, "expected_wkc": 9, "actual_wkc": 9, "realtime": True, "locked": True,
+    "subdevices": {"planned": 2, "in_op": 2, "missing": 0}, "clients": 1,
+}  # fmt: skip
+LAYOUT = {
+    "image_bytes": 12,
+    "sms": [{"subdevice": "drive_1", "sm": 2, "direction": "output", "byte": 0, "bytes": 6}],
+    "datagrams": [{"byte": 0, "bytes": 12}],
+    "copies": [{"source_byte": 0, "destination_byte": 6, "bytes": 6}],
+    "connections": [
+        {
+            "name": "c1", "main": "logic", "sub": "drive_1", "address": 1, "connection_id": 2,
+            "watchdog_ms": None, "to_sub": {"source_byte": 0, "destination_byte": 6, "bytes": 6},
+            "to_main": {"source_byte": 6, "destination_byte": 0, "bytes": 6},
+        }
+    ],
+}  # fmt: skip
+MESSAGE = {
+    "id": 1, "flags": 2, "time_ns": 3_000_000, "text_id": 0x10, "kind": "warning",
+    "parameters": [7], "data": "00ff",
+}  # fmt: skip
+SCAN = {
+    "scan": 1, "utc": "2026-01-01T00:00:00Z", "interface": "eth1", "backend": "soem",
+    "states_changed": False,
+    "subdevices": [{"position": 0, "alias": 0, "vendor_id": 1, "product_code": 2, "al": "OP"}],
+}  # fmt: skip
+
+
+def _symbol(name, kind, bits, *, output=True, **more):
+    row = {"name": name, "direction": "output" if output else "input", "type": kind, "bits": bits}
+    row |= {"open": output, "factor": 1.0, "offset": 0.0, "mask": 0, "interface": ""}
+    if output:
+        row |= {"restart_relevant": False, "stop_value": 0, "client": None}
+    return row | more
+
+
+class FakeMaster:
+    """Serves until `close`; `asked` holds every line but those that renew a lease."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.state = "running"
+        self.asked: list[str] = []
+        self.renewed = threading.Event()
+        self.refuse: dict[str, dict] = {}
+        self.symbols = [
+            _symbol("logic.ack", "bool", 1, restart_relevant=True),
+            *(_symbol(f"drive_{n}.0x6040:00", "unsigned", 16) for n in (1, 2)),
+            *(_symbol(f"drive_{n}.0x6041:00", "unsigned", 16, output=False) for n in (1, 2)),
+            _symbol("drive_1.0x607a:00", "signed", 32, interface="position", factor=0.5),
+        ]
+        self.values = {row["name"]: 0 for row in self.symbols} | {"drive_1.0x6041:00": 0x27}
+        self.connection_state = 6
+        self._clients = 0
+        self._peers: dict[socket.socket, bool] = {}
+        self._listener = socket.socket(socket.AF_UNIX)
+        self._listener.bind(str(path))
+        self._listener.listen()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def drop(self):
+        """Break every connection."""
+        for peer in list(self._peers):
+            with contextlib.suppress(OSError):
+                peer.shutdown(socket.SHUT_RDWR)
+
+    def close(self):
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.drop()
+
+    def tell(self, **event):
+        line = json.dumps({"utc": "U", "level": "info", "text": ""} | event).encode() + b"\n"
+        for peer, subscribed in list(self._peers.items()):
+            if subscribed:
+                with contextlib.suppress(OSError):
+                    peer.sendall(line)
+
+    def _accept(self):
+        with contextlib.suppress(OSError):
+            while True:
+                peer, _ = self._listener.accept()
+                self._clients += 1
+                self._peers[peer] = False
+                threading.Thread(
+                    target=self._serve, args=(peer, self._clients), daemon=True
+                ).start()
+
+    def _serve(self, peer, number):
+        with peer, contextlib.suppress(OSError), peer.makefile("rb") as lines:
+            for raw in lines:
+                words = shlex.split(raw.decode())
+                if words[0] == "hello":
+                    self.renewed.set()
+                else:
+                    self.asked.append(" ".join(words))
+                reply = self._reply(peer, number, words)
+                peer.sendall(json.dumps(reply).encode() + b"\n")
+                self._after(peer, words)
+        self._peers.pop(peer, None)
+        for row in self.symbols:
+            if row.get("client") == number:
+                row["client"] = None
+                self.values[row["name"]] = row["stop_value"]
+
+    def _reply(self, peer, number, words):
+        name, rest = words[0], [w for w in words[1:] if not w.startswith("--")]
+        if name in self.refuse:
+            return {"ok": False, **self.refuse[name]}
+        if name == "events":
+            self._peers[peer] = rest == ["on"]
+        if name == "set":
+            for pair in rest:
+                target, _, value = pair.rpartition("=")
+                row = next((r for r in self.symbols if r["name"] == target), None)
+                if row is None or not row["open"]:
+                    return {"ok": False, "error": "FSN_E_CLOSED", "text": f"{target} is closed"}
+                self.values[target] = int(value, 0) if value.lstrip("-").isalnum() else value
+                row["client"] = number
+        answers = {
+            "hello": {"protocol": 1, "client": number, "lease_ms": 1000},
+            "status": STATUS | {"state": self.state},
+            "symbols": {"symbols": self.symbols},
+            "subdevices": {"subdevices": [self._device("drive_1", 0), self._device("drive_2", 1)]},
+            "snapshot": {"connections": [self._connection()]},
+            "get": {"cycle": 9, "values": {n: self.values.get(n, 0) for n in rest}},
+            "set": {"set": len(rest)},
+            "arm": {"armed": True, "for_ms": 10_000},
+            "lease": {"lease_ms": int(rest[0]) if name == "lease" else 0},
+            "layout": LAYOUT,
+            "sdo-read": {"data": "27 02".replace(" ", ""), "bytes": 2, "value": 0x227},
+            "sii-read": {"data": "00112233" * 8},
+            "history": {"messages": [MESSAGE]},
+            "scan": SCAN,
+            "incident": {"file": "x.fsnincident"},
+        } | {n: {"state": self.state} for n in ("start", "stop", "restart", "shutdown")}
+        return {"ok": True} | answers.get(name, {})
+
+    def _after(self, peer, words):
+        """What comes behind a reply: watched cycles, changes of the state."""
+        if words[0] == "watch" and words[1] != "off":
+            names = [w for w in words[2:] if not w.startswith("--")]
+            for cycle in (10, 20, 50):
+                row = {"event": "values", "cycle": cycle, "now_ns": cycle, "values": {}}
+                row["values"] = {n: self.values.get(n, 0) for n in names}
+                if "--image" in words:
+                    row = {"event": "image", "cycle": cycle, "now_ns": cycle, "image": "0aff"}
+                    row |= {"expected_wkc": 3, "actual_wkc": 2}
+                row |= {"skipped": 2} if cycle == 50 else {}
+                peer.sendall(json.dumps(row).encode() + b"\n")
+        steps = {"start": ["opening", "running"], "stop": ["stopping", "stopped"]}
+        steps["restart"] = steps["stop"] + steps["start"]
+        for state in steps.get(words[0], []) if words[0] not in self.refuse else []:
+            self.state = state
+            self.tell(event="state", state=state)
+
+    def _connection(self):
+        return {
+            "name": "c1", "net": "n", "main": "logic", "sub": "drive_1", "gaps": 0,
+            "outside": self.connection_state, "to_sub": DIRECTION, "to_main": DIRECTION,
+        }  # fmt: skip
+
+    @staticmethod
+    def _device(name, position):
+        return {
+            "name": name, "alias": 0, "position": position, "known": True, "al": "OP",
+            "al_code": 0, "found_text": "", "detail": "", "vendor_id": 1, "product_code": 2,
+            "revision": 3, "returns": 0, "stale_cycles": 0, "link": [1], "link_lost": [0],
+            "rx_errors": [0],
+        }  # fmt: skip
+
+
+@contextlib.contextmanager
+def fake_master():
+    directory = Path(tempfile.mkdtemp(prefix="fsn-"))  # the path of a socket must be short
+    master = FakeMaster(directory / "s")
+    try:
+        yield master
+    finally:
+        master.close()
+        shutil.rmtree(directory)
