@@ -56,6 +56,10 @@ def _symbol(name, kind, bits, *, output=True, **more):
     return row | more
 
 
+def _names_of(row):
+    return row["name"], f"{row['name'].partition('.')[0]}.{row['interface'] or '?'}"
+
+
 class FakeMaster:
     """Serves until `close`; `asked` holds every line but those that renew a lease."""
 
@@ -87,8 +91,9 @@ class FakeMaster:
                 peer.shutdown(socket.SHUT_RDWR)
 
     def close(self):
-        self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
+        with contextlib.suppress(OSError):  # a test may have closed it
+            self._listener.shutdown(socket.SHUT_RDWR)
+            self._listener.close()
         self.drop()
 
     def tell(self, **event):
@@ -134,10 +139,12 @@ class FakeMaster:
         if name == "set":
             for pair in rest:
                 target, _, value = pair.rpartition("=")
-                row = next((r for r in self.symbols if r["name"] == target), None)
+                row = next((r for r in self.symbols if target in _names_of(r)), None)
                 if row is None or not row["open"]:
                     return {"ok": False, "error": "FSN_E_CLOSED", "text": f"{target} is closed"}
-                self.values[target] = int(value, 0) if value.lstrip("-").isalnum() else value
+                self.values[target] = (
+                    int(value, 0) if value[:1].isdigit() and "." not in value else value
+                )
                 row["client"] = number
         answers = {
             "hello": {"protocol": 1, "client": number, "lease_ms": 1000},

@@ -36,9 +36,10 @@ def test_state_and_values(master, client):
 
 
 def test_values_are_written_as_the_protocol_has_them(master, client):
-    with pytest.raises(ControlRefused, match=r"drive_1\.position is closed"):
-        client.set({"drive_1.position": -1.5e-07, "logic.ack": True}, typed=True)
+    client.set({"drive_1.position": -1.5e-07, "logic.ack": True}, typed=True)
     assert master.asked[-1] == "set --typed drive_1.position=-1.5e-07 logic.ack=true"
+    with pytest.raises(ControlRefused, match=r"set: drive_1\.0x6041:00 is closed"):
+        client.set({"drive_1.0x6041:00": 1})
 
 
 def test_bus_and_devices(master, client):

@@ -22,7 +22,7 @@ class ConsoleEnd(Exception):
 
 
 def _wait(room: Room, words: Sequence[str]) -> None:
-    if len(words) == 1:
+    if len(words) == 1 and words[0] != "until":
         return room.sleep(seconds(words[0]))
     if not words or words[0] != "until":
         raise usage("wait", FLOW_COMMANDS["wait"].usage)

@@ -112,10 +112,7 @@ def _value(
                 return False, str(exc)
             raise
         wrong = [n for n in found if not _holds(found[n], mask, sign, wanted)]
-        seen = [
-            f"{n} is {' / '.join(shown(found[n], known.by_name.get(n)).split())}" for n in wrong
-        ]
-        return not wrong, ", ".join(seen)
+        return not wrong, ", ".join(f"{n} is {_plain(found[n], n, known)}" for n in wrong)
 
     return look
 

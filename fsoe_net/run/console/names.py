@@ -63,10 +63,10 @@ class Names:
         found = [self._match(f"{one}.{entry}", outputs) for one in scopes]
         names = [name for name in found if name is not None]
         if not names:
-            owner = "no SubDevice" if scope == "all" else scope
+            owner = "no SubDevice has an" if scope == "all" else f"{scope} has no"
             entries = list(dict.fromkeys(s.entry for s in outputs if scope in ("all", s.subdevice)))
             hint = _nearest(entry, entries) or "; list shows the names"
-            raise ConsoleError(f"{owner} has no output {entry}{hint}")
+            raise ConsoleError(f"{owner} output {entry}{hint}")
         return names
 
     def _match(self, text: str, symbols: Sequence[Symbol]) -> str | None:

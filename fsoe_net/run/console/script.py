@@ -96,7 +96,8 @@ def _line(text: str, number: int) -> list[Command]:
         else:
             word, at = _word(text, at, number)
             words.append(word)
-            if len(words) == 1 and word.text == "let" and not word.quoted:
+            rest = text[at:].strip(_BLANK)
+            if len(words) == 1 and word.text == "let" and rest and rest[0] not in "#;":
                 words += _let(text, at, number)
                 break
     return found + ([Command(tuple(words), number)] if words else [])
@@ -124,10 +125,8 @@ def _word(text: str, start: int, line: int) -> tuple[Word, int]:
 
 
 def _let(text: str, at: int, line: int) -> list[Word]:
-    """Return NAME and TEXT of ``let NAME = TEXT``; none for ``let`` alone."""
+    """Return NAME and TEXT of ``let NAME = TEXT``."""
     rest = text[at:].strip(_BLANK)
-    if not rest or rest.startswith("#"):
-        return []
     column = at + 1 + len(text[at:]) - len(text[at:].lstrip(_BLANK))
     name, equals, body = rest.partition("=")
     name = name.strip(_BLANK)
