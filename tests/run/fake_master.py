@@ -122,7 +122,7 @@ class FakeMaster:
                 else:
                     self.asked.append(" ".join(words))
                 reply = self._reply(peer, number, words)
-                peer.sendall(json.dumps(reply).encode() + b"\n")
+                peer.sendall(json.dumps(reply, separators=(",", ":")).encode() + b"\n")
                 self._after(peer, words)
         self._peers.pop(peer, None)
         for row in self.symbols:

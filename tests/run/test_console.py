@@ -82,6 +82,7 @@ def test_several_outputs_go_out_in_one_request(master, rig):
         "set drive_2.0x6040:00=15 drive_1.0x6040:00=2",
         "set drive_1.0x6040:00=0x10 drive_2.0x6040:00=0x10",
     ]
+    assert len(rig.do("get all.0x6041")) == 2
     assert rig.do("get drive_1.0x6040:00 drive_1.0x6041") == [
         "drive_1.0x6040:00  16  0x0010",
         "drive_1.0x6041:00  39  0x0027",

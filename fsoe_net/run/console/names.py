@@ -23,8 +23,9 @@ _MOST_BYTES = 7_000
 class Names:
     """The symbols of the plan and the ways to write them.
 
-    ``drive_1.0x6041:00``, ``drive_1.0x6041`` when it has one subindex only, ``drive_1.position``
-    (the driver's interface), ``drive_*.0x6041:00`` and ``drive_1`` or ``all`` for every one.
+    ``drive_1.0x6040:00``, ``drive_1.0x6040`` when it has one subindex only, ``drive_1.velocity``
+    (the driver's interface), ``drive_*.0x6040:00``; ``all.0x6040`` of each SubDevice; ``drive_1``
+    or ``all`` for everything.
     """
 
     def __init__(self, symbols: Sequence[Symbol]) -> None:
@@ -42,6 +43,8 @@ class Names:
             return [s.name for s in self.symbols]
         if text in self.subdevices:
             return [s.name for s in self.symbols if s.subdevice == text]
+        if text.startswith("all."):
+            text = "*." + text.removeprefix("all.")
         if any(c in text for c in "*?["):
             found = _like(text.lower(), [s.name for s in self.symbols])
             if not found:
