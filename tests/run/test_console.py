@@ -305,11 +305,13 @@ def test_the_prompt_connects_again(master):
 
 
 def test_outputs_that_fell_back_are_told(master, rig):
-    master.tell(event="fallback", client=9, text="others")
-    master.tell(event="fallback", client=rig.keeper.client_number, text="mine")
+    rig.do("set drive_1.0x6040 1 drive_1.position 5")
+    master.tell(event="fallback", outputs=["drive_2.0x6040:00"], text="others")
+    mine = ["drive_1.0x6040:00", "drive_1.0x607a:00", "drive_2.0x6040:00"]
+    master.tell(event="fallback", outputs=mine, text="late")
     while not rig.notes:
         rig.do("wait 1ms")
-    assert rig.notes == ["U info mine"]
+    assert rig.notes == ["U info late: drive_1.0x6040:00 drive_1.0x607a:00"]
 
 
 def test_every_command_has_help_and_an_example_that_parses(rig):

@@ -18,6 +18,7 @@ class Room(Protocol):
 
     keeper: Keeper
     macros: dict[str, str]
+    mine: set[str]
     stops_on_error: bool
 
     def out(self, text: str) -> None:

@@ -132,7 +132,8 @@ def _device(row: SubDeviceSnapshot) -> tuple[str, ...]:
     place = f"alias {row.alias} position {row.position}"
     al = row.al if row.known else "state unknown"
     code = f"AL status code {row.al_code:#06x}" if row.al_code else ""
-    detail = "; ".join(part for part in (row.found, row.detail) if part)
+    found = "" if row.in_op else row.found  # in OP it is the one of the plan
+    detail = "; ".join(part for part in (found, row.detail) if part)
     return row.name, al, place, code, detail
 
 

@@ -82,10 +82,12 @@ def _get(room: Room, words: Sequence[str]) -> None:
 
 def _set(room: Room, words: Sequence[str]) -> None:
     words, given = options(words, "--typed")
-    values = _pairs(room.names(), words)
+    names = room.names()
+    values = _pairs(names, words)
     if not values:
         raise usage("set", VALUE_COMMANDS["set"].usage)
     done = room.keeper.call(lambda client: client.set(values, typed=bool(given)))
+    room.mine.update(names.proper(name) for name in values)
     room.out(f"{done} set: {' '.join(values)}" if done <= 8 else f"{done} outputs set")
 
 

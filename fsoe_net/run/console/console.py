@@ -56,6 +56,7 @@ class Console:
     ) -> None:
         self.keeper = keeper
         self.macros: dict[str, str] = {}
+        self.mine: set[str] = set()
         self.stops_on_error = True
         self.failures = 0
         self._out = out
@@ -103,9 +104,12 @@ class Console:
             self.note(self.keeper.notices.popleft())
         for event in self.keeper.events():
             self._events.append(event)
-            kind, mine = event.get("event"), event.get("client") == self.keeper.client_number
+            kind = event.get("event")
             loud = event.get("level") in ("warning", "error") and kind not in ("arm", "edge")
-            if (kind == "fallback" and mine) or (loud and self._notes_level == "warning"):
+            if kind == "fallback" and (mine := self.mine & set(event.get("outputs", ()))):
+                self.mine -= mine
+                self.note(f"{event_line(event)}: {' '.join(sorted(mine))}")
+            elif loud and self._notes_level == "warning":
                 self.note(event_line(event))
 
     def sleep(self, wait_s: float) -> None:

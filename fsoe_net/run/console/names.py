@@ -59,6 +59,12 @@ class Names:
             raise ConsoleError(f"no input or output is called {text}{self._hint(text)}")
         return found
 
+    def proper(self, name: str) -> str:
+        """Return the name `symbols` has for one that may be of a driver's interface."""
+        owner, _, interface = name.partition(".")
+        same = (s for s in self.symbols if s.subdevice == owner and s.is_output)
+        return next((s.name for s in same if s.interface and s.interface == interface), name)
+
     def outputs_of(self, scope: str, entry: str) -> list[str]:
         """Return the outputs ``SUBDEVICE.ENTRY``; for ``all``, of each SubDevice that has it."""
         scopes = self.subdevices if scope == "all" else (scope,)
