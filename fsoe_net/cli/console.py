@@ -89,7 +89,11 @@ def _note(text: str) -> None:
 
 def _standard_input(console: Console) -> None:
     """Run lines as they come; what was set stays leased between them."""
-    for number, line in enumerate(sys.stdin, 1):
+    for number, raw in enumerate(sys.stdin.buffer, 1):
+        try:
+            line = raw.decode("utf-8")
+        except UnicodeDecodeError as exc:
+            raise ConsoleError(f"stdin:{number}: no UTF-8 text", is_usage=True) from exc
         console.run_script(line.rstrip("\n"), "stdin", first_line=number)
 
 
@@ -128,6 +132,8 @@ def _prompt(console: Console) -> int:
                 break
             except KeyboardInterrupt:
                 click.echo()
+            except UnicodeDecodeError:
+                click.echo("error: that was no UTF-8 text", err=True)
             except FsnError as exc:
                 click.echo(f"error: {exc}", err=True)
     _say_fallback(console)

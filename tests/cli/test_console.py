@@ -59,6 +59,13 @@ def test_standard_input_is_a_script(master):
     assert err == "error: stdin:2:1: expected state failed; it is running\n"
 
 
+def test_standard_input_of_any_bytes(master):
+    command = [*CONSOLE, "--socket", str(master.path)]
+    done = subprocess.run(command, input=b"echo a\n\xff\n", capture_output=True, check=False)
+    assert (done.returncode, done.stdout) == (2, b"a\n")
+    assert done.stderr == b"error: stdin:2: no UTF-8 text\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -4,6 +4,8 @@ import contextlib
 import threading
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from run.fake_master import fake_master
 
 from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
@@ -11,7 +13,7 @@ from fsoe_net.run import Client
 from fsoe_net.run.console import COMMANDS, Console, Keeper, complete
 from fsoe_net.run.console.commands_flow import ConsoleEnd
 from fsoe_net.run.console.names import batches
-from fsoe_net.run.console.script import ScriptError, parse
+from fsoe_net.run.console.script import ScriptError, expand, parse
 
 
 @pytest.fixture
@@ -63,12 +65,31 @@ def test_the_language():
 
 @pytest.mark.parametrize(
     ("text", "line", "column"),
-    [("a\n b 'c", 2, 4), ("let 1x = a", 1, 5), ("let x =", 1, 5), ("let x", 1, 5), ("a\x07", 1, 1)],
+    [
+        ("a\n b 'c", 2, 4),
+        ("let 1x = a", 1, 5),
+        ("let x =", 1, 5),
+        ("let x", 1, 5),
+        ("a\x07", 1, 1),
+        ("let a = let b = c", 1, 1),
+    ],
 )
 def test_what_is_no_command(text, line, column):
     with pytest.raises(ScriptError) as caught:
         parse(text)
     assert (caught.value.line, caught.value.column) == (line, column)
+
+
+@given(st.text(alphabet="let x=$1;#'\"\\ \n\t*é\x00\ud800", max_size=60), st.lists(st.text()))
+def test_any_text_is_commands_or_a_located_mistake(text, arguments):
+    place = None
+    found = []
+    try:
+        found = [expand(c, arguments, {"x": "a b"}, inside=True) for c in parse(text)]
+    except ScriptError as exc:
+        place = exc.line, exc.column
+    assert place is None or (1 <= place[0] <= text.count("\n") + 1 and place[1] >= 1)
+    assert all(word.text.isprintable() for row in found for word in row)
 
 
 def test_several_outputs_go_out_in_one_request(master, rig):

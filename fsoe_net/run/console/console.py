@@ -66,6 +66,7 @@ class Console:
         self._events: deque[dict[str, Any]] = deque(maxlen=_MOST_EVENTS)
         self._directories: list[Path] = [Path()]
         self._depth = 0
+        self._client_number = keeper.client_number
         keeper.subscribe(True)
 
     def out(self, text: str) -> None:
@@ -99,6 +100,9 @@ class Console:
 
     def tell(self) -> None:
         """Tell what has happened beside the commands: a lost connection, outputs that fell back."""
+        if self.keeper.client_number != self._client_number:  # another connection: all fell back
+            self._client_number = self.keeper.client_number
+            self.mine.clear()
         while self.keeper.notices:
             self.forget()  # another plan may be loaded now
             self.note(self.keeper.notices.popleft())
@@ -125,12 +129,12 @@ class Console:
         self.tell()
 
     def owned(self) -> list[str]:
-        """Return the outputs that belong to this console; none when nobody answers."""
+        """Return the outputs that belong to this console; what it has set when nobody answers."""
         me = self.keeper.client_number
         try:
             symbols = self.keeper.call(lambda client: client.symbols(), wait_s=_END_S)
         except (ControlRefused, EnvironmentFault):
-            return []
+            return sorted(self.mine)
         return [s.name for s in symbols if s.client == me]
 
     def run_line(self, text: str) -> None:

@@ -80,7 +80,7 @@ def parse(text: str) -> list[Command]:
     return found
 
 
-def _line(text: str, number: int) -> list[Command]:
+def _line(text: str, number: int, *, inside_let: bool = False) -> list[Command]:
     found: list[Command] = []
     words: list[Word] = []
     at = 0
@@ -98,6 +98,8 @@ def _line(text: str, number: int) -> list[Command]:
             words.append(word)
             rest = text[at:].strip(_BLANK)
             if len(words) == 1 and word.text == "let" and rest and rest[0] not in "#;":
+                if inside_let:
+                    raise ScriptError("a let inside a let", number, word.column)
                 words += _let(text, at, number)
                 break
     return found + ([Command(tuple(words), number)] if words else [])
@@ -137,7 +139,7 @@ def _let(text: str, at: int, line: int) -> list[Word]:
         body = body[1:-1]
     if not equals or not body:
         raise ScriptError(f"let {name} = COMMANDS", line, column)
-    _line(body, line)  # a mistake in it is told here, not at its first use
+    _line(body, line, inside_let=True)  # a mistake in it is told here, not at its first use
     place = column + rest.index("=") + 1
     return [Word(name, column, literal=True), Word(body, place, literal=True)]
 
@@ -167,6 +169,8 @@ def expand(
 
         text = _VARIABLE.sub(value, word.text)
         pieces = [text] if word.quoted else text.split()
+        if not all(piece.isprintable() for piece in pieces):
+            raise ScriptError("a control character", command.line, word.column)
         found += [Word(piece, word.column, quoted=word.quoted) for piece in pieces]
     if not found:
         raise ScriptError("nothing is left of this command", command.line, command.column)
