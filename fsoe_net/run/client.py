@@ -40,9 +40,9 @@ from fsoe_net.run.live_snapshot import (
 
 __all__ = ["PROTOCOL", "Client", "control_socket"]
 
-ACYCLIC_S = 30.0
-"""How long a mailbox exchange may take: a SubDevice may be slow, and others stand before it."""
-SCAN_S = 120.0
+ACYCLIC_S = 70.0
+"""fsn-master ends a mailbox exchange after 60 s; others may stand before it."""
+SCAN_S = 600.0
 _SILENT_S = 5.0
 
 
