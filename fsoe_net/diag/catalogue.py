@@ -120,6 +120,21 @@ FSN460 info    drive that waits for STO release blocks the start of the driver
 FSN461 info    stopping and starting the driver doubles the transfers
 FSN462 info    driver that writes every default would destroy the copied frame
 FSN465 info    linuxcnc-ethercat has no FSoE support for this device
+FSN501 error   SubDevice is missing on the bus
+FSN502 warning SubDevice on the bus that the network does not name
+FSN503 error   SubDevices on the bus are in another order
+FSN504 error   another device is at this place
+FSN505 warning device has another revision
+FSN506 warning device assigns or maps other PDOs
+FSN507 warning sync manager of the device has another length
+FSN508 error   device has another FSoE address
+FSN509 error   safety project has another connection ID
+FSN510 error   safety project has another FSoE watchdog
+FSN511 error   SubDevice is in an error state
+FSN512 warning port lost its link or received errors
+FSN513 info    FSoE values cannot be read over the bus
+FSN514 info    SubDevice was not read completely
+FSN515 error   station alias is held by two SubDevices
 FSN601 warning FSoE watchdog is too short for the bus cycle
 """
 

@@ -2,6 +2,7 @@
 
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.network import FileKind, LoadOptions, LoadResult, load_network
+from fsoe_net.load.scan import load_scan, parse_scan
 from fsoe_net.load.scenario import load_scenario
 from fsoe_net.load.schema import check_structure, read_schema
 from fsoe_net.load.yaml_tree import MapNode, ScalarNode, SeqNode, load_yaml, parse_yaml
@@ -16,8 +17,10 @@ __all__ = [
     "SeqNode",
     "check_structure",
     "load_network",
+    "load_scan",
     "load_scenario",
     "load_yaml",
+    "parse_scan",
     "parse_yaml",
     "read_bytes",
     "read_schema",

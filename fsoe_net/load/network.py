@@ -245,6 +245,9 @@ class _Assembly:
             position=position or 0,
             device=self._device(config, node.span.file, node.at("config")),
             config_path=config,
+            revision=read_int(
+                node.get("revision"), self.out, what="revision", low=0, high=2**32 - 1, reader=own
+            ),
         )
 
     def _device(self, config: str, named_in: str, named_at: Span) -> Device | None:

@@ -40,6 +40,16 @@ from fsoe_net.model.resolve import (
     resolve,
     shared_modules,
 )
+from fsoe_net.model.scan import (
+    Scan,
+    ScannedConnection,
+    ScannedEntry,
+    ScannedFsoe,
+    ScannedPdo,
+    ScannedPort,
+    ScannedSm,
+    ScannedSubDevice,
+)
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
 from fsoe_net.model.signals import Signal, connection_signals, signals_of, split_name, write_bits
 
@@ -70,6 +80,14 @@ __all__ = [
     "Resolution",
     "ResolvedEnd",
     "ResolvedTransfer",
+    "Scan",
+    "ScannedConnection",
+    "ScannedEntry",
+    "ScannedFsoe",
+    "ScannedPdo",
+    "ScannedPort",
+    "ScannedSm",
+    "ScannedSubDevice",
     "Scenario",
     "Sdo",
     "Signal",

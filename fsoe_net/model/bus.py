@@ -185,8 +185,9 @@ class SubDevice(Located):
 
     ``alias`` 0: ``position`` is the ring position; else ``position`` counts from the SubDevice with
     that alias. ``device`` is ``None`` when its file could not be read: rules then stay silent about
-    its content, the loader has already spoken. ``origin`` says where it was declared: ``network``,
-    ``joint``, ``gpio``, ``sensor``, ``transfer_modules`` or ``safety_modules``.
+    its content, the loader has already spoken. ``revision`` is ``None`` where any will do.
+    ``origin`` says where it was declared: ``network``, ``joint``, ``gpio``, ``sensor``,
+    ``transfer_modules`` or ``safety_modules``.
     """
 
     name: str
@@ -194,6 +195,7 @@ class SubDevice(Located):
     position: int
     device: Device | None
     config_path: str = ""
+    revision: int | None = None
     plugin: str | None = None
     required: bool = True
     origin: str = "network"

@@ -12,8 +12,9 @@ from fsoe_net.rules.frames import check_frames
 from fsoe_net.rules.fsoe import check_fsoe
 from fsoe_net.rules.nets import check_nets
 from fsoe_net.rules.runtime import Runtime, check_runtime, effect_today
+from fsoe_net.rules.scan import check_scan
 
-__all__ = ["Runtime", "check", "effect_today"]
+__all__ = ["Runtime", "check", "check_scan", "effect_today"]
 
 
 def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Diagnostic]:

@@ -1,0 +1,152 @@
+"""What a scan found on the bus; ``None`` where it could not be read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Located
+
+__all__ = [
+    "Scan",
+    "ScannedConnection",
+    "ScannedEntry",
+    "ScannedFsoe",
+    "ScannedPdo",
+    "ScannedPort",
+    "ScannedSm",
+    "ScannedSubDevice",
+]
+
+_ERROR_FLAG = 0x10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScannedEntry(Located):
+    """One PDO entry as the device maps it; index 0 is padding."""
+
+    index: int
+    subindex: int
+    bits: int
+
+    @property
+    def address(self) -> str:
+        """``0x6000:01``, or ``padding``."""
+        return f"0x{self.index:04x}:{self.subindex:02x}" if self.index else "padding"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScannedPdo(Located):
+    """One assigned PDO. ``entries`` is ``None`` when its mapping was not read."""
+
+    index: int
+    name: str = ""
+    entries: tuple[ScannedEntry, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScannedSm(Located):
+    """One sync manager.
+
+    Attributes:
+        index: Its number.
+        kind: ``outputs``, ``inputs``, ``mailbox_out`` or ``mailbox_in``.
+        start_byte: Where it begins in the memory of the SubDevice.
+        size_bytes: Its length.
+        source: Where assignment and mapping were read: ``coe``, ``sii`` or empty.
+        pdos: Assigned PDOs in order, ``None`` when they were not read.
+    """
+
+    index: int
+    kind: str
+    start_byte: int | None = None
+    size_bytes: int | None = None
+    source: str = ""
+    pdos: tuple[ScannedPdo, ...] | None = None
+
+    @property
+    def is_process_data(self) -> bool:
+        """Whether it carries process data, not mailbox messages."""
+        return self.kind in ("outputs", "inputs")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScannedConnection(Located):
+    """One FSoE connection as a device tells of it: object 0xE901, 0xE911 …; watchdog in ms."""
+
+    object_index: int
+    address: int | None = None
+    connection_id: int | None = None
+    watchdog_ms: int | None = None
+    state: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScannedFsoe(Located):
+    """FSoE address of a device (0xF980:01) and what it tells of its connections."""
+
+    address: int | None = None
+    connections: tuple[ScannedConnection, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScannedPort(Located):
+    """One port; counters count up to 255."""
+
+    port: int
+    link: bool | None = None
+    link_lost: int = 0
+    rx_errors: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScannedSubDevice(Located):
+    """One SubDevice in ring order. ``problems``: what could not be read, in words."""
+
+    position: int
+    alias: int = 0
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    name: str = ""
+    al_status: int | None = None
+    al: str = ""
+    al_code: int | None = None
+    mailbox: tuple[str, ...] = ()
+    dc: bool | None = None
+    ports: tuple[ScannedPort, ...] = ()
+    sms: tuple[ScannedSm, ...] | None = None
+    fsoe: ScannedFsoe | None = None
+    planned: str | None = None
+    problems: tuple[str, ...] = ()
+
+    @property
+    def in_error(self) -> bool:
+        """Whether its AL status has the error flag."""
+        return bool((self.al_status or 0) & _ERROR_FLAG)
+
+    @property
+    def process_data(self) -> tuple[ScannedSm, ...]:
+        """Return its sync managers of process data that are not empty."""
+        return tuple(s for s in self.sms or () if s.is_process_data and (s.size_bytes or s.pdos))
+
+    @property
+    def identity(self) -> str:
+        """``vendor 0x00000002, product 0x07703052``."""
+        if self.vendor_id is None or self.product_code is None:
+            return "an identity that could not be read"
+        return f"vendor 0x{self.vendor_id:08x}, product 0x{self.product_code:08x}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scan(Located):
+    """A whole bus at one moment, SubDevices in ring order.
+
+    ``states_changed``: SubDevices were brought to PREOP to be read.
+    """
+
+    interface: str
+    backend: str = ""
+    utc: str = ""
+    states_changed: bool = False
+    subdevices: tuple[ScannedSubDevice, ...] = ()

@@ -1,0 +1,180 @@
+"""FSN501 … FSN515: what is on the bus against what the files of a network say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
+from fsoe_net.model import Network, Resolution, Scan, ScannedSubDevice, SubDevice
+from fsoe_net.rules.scan_devices import check_health, check_layout, check_revision
+from fsoe_net.rules.scan_fsoe import check_fsoe_values
+from fsoe_net.rules.scan_match import Match, match_scan
+
+__all__ = ["check_scan"]
+
+
+def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
+    """Return each difference between a bus and the files of its network, sorted by place.
+
+    Args:
+        resolution: The network, resolved.
+        scan: What is on the bus.
+    """
+    network, out = resolution.network, Findings()
+    addresses = {
+        fact.sub: fact.address
+        for net in network.nets
+        for fact in net.connections
+        if fact.address is not None
+    }
+    match = match_scan(network, scan, addresses)
+    _aliases(out, network, scan)
+    _missing(out, network, scan, match)
+    _order(out, match)
+    _other(out, match)
+    _extra(out, network, match)
+    found = {sub.name: there for sub, there in match.pairs}
+    # By identity: two SubDevices of one name are FSN134, here each has its own layout.
+    layouts = {
+        id(s): layout for s, layout in zip(network.subdevices, resolution.layouts, strict=True)
+    }
+    for sub, there in match.pairs:
+        check_revision(out, sub, there)
+        layout = layouts.get(id(sub))
+        if layout is not None:
+            check_layout(out, sub, there, layout)
+    _health(out, network, scan, found)
+    check_fsoe_values(out, network, found)
+    return sort_diagnostics(out.diagnostics)
+
+
+def _place(sub: SubDevice) -> Span:
+    return sub.at("alias") if sub.alias else sub.at("position")
+
+
+def _title(found: ScannedSubDevice) -> str:
+    return f"{found.name} ({found.identity})" if found.name else found.identity
+
+
+def _missing(out: Findings, network: Network, scan: Scan, match: Match) -> None:
+    count = len(scan.subdevices)
+    for sub, place in match.missing:
+        where = f"position {place}" if place is not None else f"alias {sub.alias}"
+        if place is None:
+            hint = "no SubDevice has this alias; write it to the device, or address it by position"
+        elif count == 0:
+            hint = "the bus is empty: is the interface right, the cable in, the power on?"
+        elif place >= count:
+            last = scan.subdevices[-1]
+            hint = f"the bus ends at position {last.position}, {_title(last)}: look at the cable "
+            hint += "behind it, and at the power of the next"
+        else:
+            hint = "all behind it moved one place forward; put it back, or take it out here"
+        out.add(
+            "FSN501",
+            _place(sub),
+            f"{sub.name} is missing: nothing on the bus is it, expected at {where}",
+            hint=hint,
+            severity=None if sub.required else Severity.INFO,
+        )
+    for place in match.free_missing:
+        behind = next((s for s in network.subdevices if not s.alias and s.position > place), None)
+        out.add(
+            "FSN501",
+            _place(behind) if behind is not None else network.span,
+            f"position {place}, which the network leaves free, is not there: all behind it moved "
+            "one place forward",
+            hint="put the coupler or terminal back, or correct the positions here",
+        )
+
+
+def _order(out: Findings, match: Match) -> None:
+    for one, found_one, two, found_two in match.swapped:
+        out.add(
+            "FSN503",
+            _place(one),
+            f"{one.name} and {two.name} are exchanged: {one.name} is at position "
+            f"{found_one.position}, {two.name} at position {found_two.position}",
+            hint="change their places or cables, or the positions here",
+            related=(Related(span=_place(two), message=f"{two.name} is expected here"),),
+        )
+    for sub, place, found in match.moved:
+        out.add(
+            "FSN503",
+            _place(sub),
+            f"{sub.name} is at position {found.position}, expected at position {place}",
+            hint="put it in its place, or correct the positions here",
+        )
+
+
+def _other(out: Findings, match: Match) -> None:
+    for sub, found in match.other:
+        device = sub.device
+        expected = (
+            f"vendor 0x{device.vendor_id:08x}, product 0x{device.product_code:08x}"
+            if device is not None
+            else "another"
+        )
+        out.add(
+            "FSN504",
+            _place(sub),
+            f"position {found.position} is {_title(found)}; {sub.name} is {expected}",
+            hint="put the right device there, or name the file of this one as its config",
+            related=(
+                (Related(span=device.at("product_id"), message="expected by this file"),)
+                if device is not None
+                else ()
+            ),
+        )
+
+
+def _extra(out: Findings, network: Network, match: Match) -> None:
+    for found in match.extra:
+        plain = not found.process_data
+        effect = (
+            "it moves all behind it one place on"
+            if plain
+            else "it has process data that nobody serves"
+        )
+        out.add(
+            "FSN502",
+            network.span,
+            f"position {found.position} is {_title(found)}, which the network does not name; "
+            f"{effect}",
+            hint="take it off the bus, or add it to the network; `fsoe-net scan -o DIR` writes its "
+            "file",
+        )
+    for found in match.behind:
+        out.add(
+            "FSN502",
+            network.span,
+            f"position {found.position} is {_title(found)}, behind all the network names and "
+            "without process data",
+            severity=Severity.INFO,
+            hint="nothing to do",
+        )
+
+
+def _aliases(out: Findings, network: Network, scan: Scan) -> None:
+    used = {s.alias: s for s in network.subdevices if s.alias}
+    for alias, sub in used.items():
+        places = [str(f.position) for f in scan.subdevices if f.alias == alias]
+        if len(places) > 1:
+            out.add(
+                "FSN515",
+                sub.at("alias"),
+                f"alias {alias} is held by the SubDevices at positions {', '.join(places)}; "
+                f"{sub.name} was looked for from the first",
+                hint="give each its own; the new one counts after power is off and on",
+            )
+
+
+def _health(
+    out: Findings, network: Network, scan: Scan, found: Mapping[str, ScannedSubDevice]
+) -> None:
+    by_position = {there.position: name for name, there in found.items()}
+    places = {s.name: s for s in reversed(network.subdevices)}
+    for there in scan.subdevices:
+        name = by_position.get(there.position)
+        span = _place(places[name]) if name is not None else network.span
+        check_health(out, span, name or there.name or "a SubDevice", there)

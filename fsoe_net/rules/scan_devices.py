@@ -1,0 +1,234 @@
+"""FSN505, FSN506, FSN507, FSN511, FSN512, FSN514: one SubDevice against what its file says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from fsoe_net.diag import Findings, Span
+from fsoe_net.model import (
+    DeviceLayout,
+    Direction,
+    Entry,
+    Pdo,
+    ScannedEntry,
+    ScannedPdo,
+    ScannedSm,
+    ScannedSubDevice,
+    SmLayout,
+    SubDevice,
+)
+from fsoe_net.rules.context import count_of, few
+
+__all__ = ["check_health", "check_layout", "check_revision"]
+
+_SCAN = "`fsoe-net scan --interface IF -o DIR` writes the files of what is there"
+
+
+@dataclass(frozen=True, slots=True)
+class _Item:
+    """An entry as both sides are compared: padding that stands side by side is one."""
+
+    index: int
+    subindex: int
+    bits: int
+    span: Span
+
+    @property
+    def key(self) -> tuple[int, int, int]:
+        return (self.index, self.subindex, self.bits)
+
+    def __str__(self) -> str:
+        bits = count_of(self.bits, "bit")
+        return (
+            f"0x{self.index:04x}:{self.subindex:02x} with {bits}"
+            if self.index
+            else (f"{bits} of padding")
+        )
+
+
+def check_revision(out: Findings, sub: SubDevice, found: ScannedSubDevice) -> None:
+    """FSN505."""
+    if sub.revision is None or found.revision is None or sub.revision == found.revision:
+        return
+    out.add(
+        "FSN505",
+        sub.at("revision"),
+        f"{sub.name}: revision 0x{found.revision:08x} at position {found.position}, the network "
+        f"says 0x{sub.revision:08x}",
+        hint="was the device exchanged or its firmware updated? if its manual says that the two "
+        "are compatible, write the new revision here",
+    )
+
+
+def check_health(out: Findings, span: Span, name: str, found: ScannedSubDevice) -> None:
+    """FSN511, FSN512, FSN514: error state, lost links, what could not be read."""
+    if found.in_error:
+        code = f", AL status code 0x{found.al_code:04x}" if found.al_code else ""
+        out.add(
+            "FSN511",
+            span,
+            f"{name} (position {found.position}) is in {found.al or 'a state'} with an error{code}",
+            hint="a start of the bus acknowledges it; when it returns, `fsoe-net run` names the "
+            "cause",
+        )
+    for port in found.ports:
+        counts = [
+            text
+            for number, text in (
+                (port.link_lost, count_of(port.link_lost, "lost link")),
+                (port.rx_errors, count_of(port.rx_errors, "receive error")),
+            )
+            if number
+        ]
+        if counts:
+            out.add(
+                "FSN512",
+                span,
+                f"{name} (position {found.position}), port {port.port}: {' and '.join(counts)} "
+                "since it was switched on",
+                hint="look at cable and plug of this port; the counters start again at power-up",
+            )
+    if found.problems:
+        out.add(
+            "FSN514",
+            span,
+            f"{name} (position {found.position}) was not read completely: "
+            f"{few(list(found.problems), 3)}",
+            hint="what was not read was not compared",
+        )
+
+
+def check_layout(
+    out: Findings, sub: SubDevice, found: ScannedSubDevice, layout: DeviceLayout
+) -> None:
+    """FSN506, FSN507: PDO assignment, mapping and length of each sync manager."""
+    device = sub.device
+    if found.sms is None or device is None:
+        return
+    there = {sm.index: sm for sm in found.sms}
+    for planned in layout.managers:
+        if planned.sm.carries is None or not device.pdos_of(planned.sm):
+            continue
+        sm = there.pop(planned.sm.index, None)
+        if sm is None:
+            _add_length(out, sub, planned, found, "there is no such sync manager")
+        else:
+            _sync_manager(out, sub, found, planned, device.pdos_of(planned.sm), sm)
+    for sm in there.values():
+        if sm.is_process_data and sm.size_bytes:
+            out.add(
+                "FSN507",
+                device.at("sm"),
+                f"{sub.name}: SM{sm.index} has {count_of(sm.size_bytes, 'byte')} of {sm.kind} on "
+                "the device and none in the file",
+                hint=f"state what it carries, or leave it empty on the device; {_SCAN}",
+            )
+
+
+def _add_length(
+    out: Findings, sub: SubDevice, planned: SmLayout, found: ScannedSubDevice, why: str
+) -> None:
+    out.add(
+        "FSN507",
+        planned.sm.span if planned.sm.declared or sub.device is None else sub.device.span,
+        f"{sub.name}: SM{planned.sm.index} has {count_of(planned.size_bytes, 'byte')} by the file; "
+        f"on the device at position {found.position} {why}",
+        hint=f"the file must describe what the device has; {_SCAN}",
+    )
+
+
+def _sync_manager(
+    out: Findings,
+    sub: SubDevice,
+    found: ScannedSubDevice,
+    planned: SmLayout,
+    pdos: tuple[Pdo, ...],
+    sm: ScannedSm,
+) -> None:
+    way = "outputs" if planned.sm.direction is Direction.OUTPUT else "inputs"
+    if sm.kind != way:
+        _add_length(out, sub, planned, found, f"it is for {sm.kind.replace('_', ' ')}")
+        return
+    if sm.pdos is not None and _pdos_differ(out, sub, planned, pdos, sm.pdos):
+        return
+    if planned.complete and sm.size_bytes is not None and sm.size_bytes != planned.size_bytes:
+        _add_length(out, sub, planned, found, f"{count_of(sm.size_bytes, 'byte')}")
+
+
+def _pdos_differ(
+    out: Findings,
+    sub: SubDevice,
+    planned: SmLayout,
+    pdos: tuple[Pdo, ...],
+    found: tuple[ScannedPdo, ...],
+) -> bool:
+    """Add a finding for another assignment, else one per PDO with another mapping."""
+    ours, theirs = [p.index for p in pdos], [p.index for p in found]
+    fixed = "the MainDevice writes it at the start; a device whose PDOs are fixed refuses that"
+    if ours != theirs:
+        out.add(
+            "FSN506",
+            pdos[0].span,
+            f"{sub.name}: SM{planned.sm.index} carries {_listed(ours)} by the file, "
+            f"{_listed(theirs)} on the device" + _assignment_words(ours, theirs),
+            hint=f"{fixed}; {_SCAN}",
+        )
+        return True
+    different = False
+    for pdo, there in zip(pdos, found, strict=True):
+        if not pdo.entries or there.entries is None:
+            continue
+        first = _first_difference(pdo, there.entries)
+        if first is None:
+            continue
+        different = True
+        number, span, mine, other = first
+        out.add(
+            "FSN506",
+            span,
+            f"{sub.name}: entry {number} of PDO 0x{pdo.index:04x} is {mine} in the file, {other} "
+            "on the device",
+            hint=f"{fixed}; {_SCAN}",
+        )
+    return different
+
+
+def _listed(indices: list[int]) -> str:
+    return few([f"0x{i:04x}" for i in indices], 8) or "no PDO"
+
+
+def _assignment_words(ours: list[int], theirs: list[int]) -> str:
+    if sorted(ours) == sorted(theirs):
+        return ", in another order"
+    less = [i for i in ours if i not in theirs]
+    more = [i for i in theirs if i not in ours]
+    parts = []
+    if less:
+        parts.append(f"without {_listed(less)}")
+    if more:
+        parts.append(f"with {_listed(more)} besides")
+    return f" ({', '.join(parts)})" if parts else ""
+
+
+def _first_difference(
+    pdo: Pdo, there: tuple[ScannedEntry, ...]
+) -> tuple[int, Span, str, str] | None:
+    """Return number, place and both sides of the first entry that differs."""
+    ours, theirs = _items(pdo.entries), _items(there)
+    for number in range(max(len(ours), len(theirs))):
+        mine = ours[number] if number < len(ours) else None
+        other = theirs[number] if number < len(theirs) else None
+        if mine is None or other is None or mine.key != other.key:
+            span = mine.span if mine is not None else pdo.span
+            return number + 1, span, str(mine or "not there"), str(other or "not there")
+    return None
+
+
+def _items(entries: tuple[Entry, ...] | tuple[ScannedEntry, ...]) -> list[_Item]:
+    items: list[_Item] = []
+    for e in entries:
+        if e.index == 0 and items and items[-1].index == 0:
+            items[-1] = replace(items[-1], bits=items[-1].bits + e.bits)
+        else:
+            items.append(_Item(e.index, e.subindex if e.index else 0, e.bits, e.span))
+    return items

@@ -1,0 +1,223 @@
+"""FSN508, FSN509, FSN510, FSN513: FSoE values of the devices against what the network says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from fsoe_net.diag import Findings, Related
+from fsoe_net.model import ConnectionFacts, Network, ScannedConnection, ScannedSubDevice
+from fsoe_net.rules.context import few
+
+__all__ = ["check_fsoe_values"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Value:
+    """One kind of value that a MainInstance tells of a connection."""
+
+    code: str
+    key: str
+    what: str
+    unit: str
+    planned: Callable[[ConnectionFacts], int | None]
+    found: Callable[[ScannedConnection], int | None]
+
+
+_VALUES = (
+    _Value("FSN508", "address", "FSoE address", "", lambda c: c.address, lambda r: r.address),
+    _Value(
+        "FSN509",
+        "connection_id",
+        "connection ID",
+        "",
+        lambda c: c.connection_id,
+        lambda r: r.connection_id,
+    ),
+    _Value(
+        "FSN510",
+        "watchdog_ms",
+        "FSoE watchdog",
+        " ms",
+        lambda c: c.watchdog_ms,
+        lambda r: r.watchdog_ms,
+    ),
+)
+
+
+def check_fsoe_values(
+    out: Findings, network: Network, found: Mapping[str, ScannedSubDevice]
+) -> None:
+    """Compare addresses of the SubInstances, and the connections of the MainInstances.
+
+    Args:
+        out: Takes the findings.
+        network: With what is stated of its connections.
+        found: SubDevices on the bus by name; those that are not there have been named elsewhere.
+    """
+    stated = [fact for net in network.nets for fact in net.connections]
+    unread = _addresses(out, stated, found)
+    for main in dict.fromkeys(f.main for f in stated):
+        facts = [f for f in stated if f.main == main and f.main in found]
+        if facts:
+            _connections(out, main, facts, found[main], unread)
+    for fact in dict.fromkeys(unread):
+        out.add(
+            "FSN513",
+            fact.at("sub"),
+            f"FSoE values of {fact.sub} cannot be read over the bus, so they were not compared",
+            hint="compare address, connection ID and watchdog with its switches and the safety "
+            "project",
+        )
+
+
+def _addresses(
+    out: Findings, stated: list[ConnectionFacts], found: Mapping[str, ScannedSubDevice]
+) -> list[ConnectionFacts]:
+    """Compare 0xF980:01 of each SubInstance; return whose cannot be read."""
+    facts: dict[str, ConnectionFacts] = {}
+    for fact in stated:
+        if fact.address is not None and fact.sub in found:
+            facts.setdefault(fact.sub, fact)
+    told: dict[str, int] = {}
+    for name in facts:
+        fsoe = found[name].fsoe
+        if fsoe is not None and fsoe.address is not None:
+            told[name] = fsoe.address
+    wrong = [name for name in told if told[name] != facts[name].address]
+    done: set[str] = set()
+    for name in wrong:
+        if name in done:
+            continue
+        fact = facts[name]
+        owner = next((n for n in facts if n != name and facts[n].address == told[name]), None)
+        if owner in wrong and told[owner] == fact.address:
+            done |= {name, owner}
+            _exchanged(out, fact, facts[owner], found)
+            continue
+        whose = f", the address of {owner}" if owner is not None else ""
+        out.add(
+            "FSN508",
+            fact.at("address"),
+            f"{name} (position {found[name].position}) has FSoE address {told[name]}{whose}; the "
+            f"network says {fact.address}",
+            hint="set it at the device, or write it here and in the safety project; the connection "
+            "is refused (error 6) while they differ",
+        )
+    return [fact for name, fact in facts.items() if name not in told]
+
+
+def _exchanged(
+    out: Findings,
+    one: ConnectionFacts,
+    two: ConnectionFacts,
+    found: Mapping[str, ScannedSubDevice],
+) -> None:
+    out.add(
+        "FSN508",
+        one.at("address"),
+        f"{one.sub} and {two.sub} are exchanged: position {found[one.sub].position} has FSoE "
+        f"address {two.address}, position {found[two.sub].position} has {one.address}",
+        hint="were the two devices, or their cables, put in each other's place?",
+        related=(Related(span=two.at("address"), message=f"{two.sub} is expected here"),),
+    )
+
+
+def _connections(
+    out: Findings,
+    main: str,
+    facts: list[ConnectionFacts],
+    there: ScannedSubDevice,
+    unread: list[ConnectionFacts],
+) -> None:
+    """Compare the connections a MainInstance tells of with what is stated."""
+    rows = list(there.fsoe.connections) if there.fsoe is not None else []
+    if not rows:
+        unread.extend(f for f in facts if _is_stated(f))
+        return
+    pairs = _paired(facts, rows)
+    for value in _VALUES:
+        _compare(out, main, value, pairs)
+    unpaired = [f.sub for f in facts if not any(f is p for p, _ in pairs)]
+    if unpaired:
+        out.add(
+            "FSN513",
+            facts[-1].at("main"),
+            f"{main} tells of {len(rows)} connections; nothing of {few(unpaired)}",
+            hint="does the safety project in the device have these connections?",
+        )
+
+
+def _is_stated(fact: ConnectionFacts) -> bool:
+    return fact.connection_id is not None or fact.watchdog_ms is not None
+
+
+def _paired(
+    facts: list[ConnectionFacts], rows: list[ScannedConnection]
+) -> list[tuple[ConnectionFacts, ScannedConnection]]:
+    """Pair by address and connection ID, then by one of them, then by order."""
+    pairs: list[tuple[ConnectionFacts, ScannedConnection]] = []
+    free_facts, free_rows = list(facts), list(rows)
+
+    def take(agree: Callable[[ConnectionFacts, ScannedConnection], bool]) -> None:
+        for fact in list(free_facts):
+            row = next((r for r in free_rows if agree(fact, r)), None)
+            if row is not None:
+                pairs.append((fact, row))
+                free_facts.remove(fact)
+                free_rows.remove(row)
+
+    def same(one: int | None, two: int | None) -> bool:
+        return one is not None and one == two
+
+    take(lambda f, r: same(f.address, r.address) and same(f.connection_id, r.connection_id))
+    take(lambda f, r: same(f.address, r.address))
+    take(lambda f, r: same(f.connection_id, r.connection_id))
+    pairs.extend(zip(free_facts, free_rows, strict=False))
+    return pairs
+
+
+def _compare(
+    out: Findings,
+    main: str,
+    value: _Value,
+    pairs: list[tuple[ConnectionFacts, ScannedConnection]],
+) -> None:
+    wrong = [
+        (fact, planned, told)
+        for fact, row in pairs
+        if (planned := value.planned(fact)) is not None
+        and (told := value.found(row)) is not None
+        and planned != told
+    ]
+    done: set[int] = set()
+    for number, (fact, planned, told) in enumerate(wrong):
+        if number in done:
+            continue
+        crossed = next(
+            (
+                n
+                for n in range(number + 1, len(wrong))
+                if value.key != "watchdog_ms" and wrong[n][1:] == (told, planned)
+            ),
+            None,
+        )
+        if crossed is not None:
+            done.add(crossed)
+            other = wrong[crossed][0]
+            out.add(
+                value.code,
+                fact.at(value.key),
+                f"{main}: the {value.what}s of {fact.sub} and {other.sub} are exchanged, {told} "
+                f"and {planned}; the network says {planned} and {told}",
+                hint="correct them here or in the safety project",
+                related=(Related(span=other.at(value.key), message=f"{other.sub}"),),
+            )
+            continue
+        out.add(
+            value.code,
+            fact.at(value.key),
+            f"{main} has {value.what} {told}{value.unit} for {fact.sub}; the network says "
+            f"{planned}{value.unit}",
+            hint="the safety project in the device counts: correct it there or here",
+        )

@@ -1,0 +1,280 @@
+"""Which SubDevice of a network is which on a bus: in its place, elsewhere, or not there.
+
+A SubDevice that is missing moves all behind it one place forward. So places are not compared one by
+one: the two rows are laid side by side at the least cost of differences, and each is named once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fsoe_net.model import Network, Scan, ScannedSubDevice, SubDevice
+
+__all__ = ["Match", "match_scan"]
+
+_MOST_CELLS = 4_000_000
+_ADDRESS, _FREE_TAKEN, _SMALL, _GONE, _SWAPPED, _OTHER = 1, 6, 3, 8, 9, 10
+
+
+@dataclass(slots=True, kw_only=True)
+class Match:
+    """SubDevices of a network on a bus.
+
+    Attributes:
+        pairs: Same identity, also when it was found in another place.
+        other: Another device in the place.
+        swapped: Two that have each other's place; each with where it was found.
+        moved: One that was found in another place, with its place by the network.
+        missing: Not found; its place, ``None`` when its alias is not on the bus.
+        free_missing: Free places of the network (a coupler, say) with nothing in them that move
+            the SubDevices behind them.
+        extra: On the bus, not in the network, and either with process data or in the way.
+        behind: On the bus, without process data, behind all that the network names.
+        cost: How much differs.
+    """
+
+    pairs: list[tuple[SubDevice, ScannedSubDevice]] = field(default_factory=list)
+    other: list[tuple[SubDevice, ScannedSubDevice]] = field(default_factory=list)
+    swapped: list[tuple[SubDevice, ScannedSubDevice, SubDevice, ScannedSubDevice]] = field(
+        default_factory=list
+    )
+    moved: list[tuple[SubDevice, int, ScannedSubDevice]] = field(default_factory=list)
+    missing: list[tuple[SubDevice, int | None]] = field(default_factory=list)
+    free_missing: list[int] = field(default_factory=list)
+    extra: list[ScannedSubDevice] = field(default_factory=list)
+    behind: list[ScannedSubDevice] = field(default_factory=list)
+    cost: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """The two rows: ``None`` is a place the network does not name."""
+
+    planned: list[SubDevice | None]
+    found: list[ScannedSubDevice]
+    addresses: Mapping[str, int]
+    by_alias: frozenset[int]
+
+    def same(self, sub: SubDevice, found: ScannedSubDevice) -> bool:
+        return same_identity(sub, found)
+
+    def cost(self, sub: SubDevice | None, found: ScannedSubDevice) -> int:
+        """Return what it costs to take one for the other."""
+        if sub is None:
+            return 0 if self.is_plain(found) else _FREE_TAKEN
+        if not self.same(sub, found):
+            return _OTHER
+        stated = self.addresses.get(sub.name)
+        told = found.fsoe.address if found.fsoe is not None else None
+        return _ADDRESS if None not in (stated, told) and stated != told else 0
+
+    def is_plain(self, found: ScannedSubDevice) -> bool:
+        """Whether nobody minds that the network does not name it."""
+        return found.position in self.by_alias or not found.process_data
+
+
+def same_identity(sub: SubDevice, found: ScannedSubDevice) -> bool:
+    """Whether vendor and product agree; what is not known is not held against it."""
+    if sub.device is None or found.vendor_id is None or found.product_code is None:
+        return True
+    return (sub.device.vendor_id, sub.device.product_code) == (found.vendor_id, found.product_code)
+
+
+def match_scan(network: Network, scan: Scan, addresses: Mapping[str, int]) -> Match:
+    """Find each SubDevice of a network on a bus.
+
+    Args:
+        network: What should be there; of several masters, the one with the lowest number.
+        scan: What is there.
+        addresses: Stated FSoE addresses by name: they tell devices of one type apart.
+    """
+    master = min((s.master_id for s in network.subdevices), default=0)
+    subs = [s for s in network.subdevices if s.master_id == master]
+    match = Match()
+    by_alias = _find_aliases([s for s in subs if s.alias], scan, match)
+    places: dict[int, SubDevice] = {}
+    for sub in subs:
+        if not sub.alias:
+            places.setdefault(sub.position, sub)
+    size = max(places, default=-1) + 1
+    rows = _Rows(
+        [places.get(n) for n in range(size)], list(scan.subdevices), addresses, frozenset(by_alias)
+    )
+    best = _in_place(rows)
+    if best.cost and len(rows.planned) * len(rows.found) <= _MOST_CELLS:
+        best = min(best, _aligned(rows), key=lambda m: m.cost)
+    for name in ("pairs", "other", "swapped", "moved", "missing", "free_missing", "extra"):
+        getattr(match, name).extend(getattr(best, name))
+    match.behind = best.behind
+    return match
+
+
+def _find_aliases(subs: list[SubDevice], scan: Scan, match: Match) -> set[int]:
+    """Look up SubDevices by alias; return the positions they were found at."""
+    first: dict[int, int] = {}
+    for found in scan.subdevices:
+        if found.alias:
+            first.setdefault(found.alias, found.position)
+    taken: set[int] = set()
+    for sub in subs:
+        base = first.get(sub.alias)
+        if base is None or base + sub.position >= len(scan.subdevices):
+            match.missing.append((sub, None if base is None else base + sub.position))
+            continue
+        found = scan.subdevices[base + sub.position]
+        taken.add(found.position)
+        (match.pairs if same_identity(sub, found) else match.other).append((sub, found))
+    return taken
+
+
+def _in_place(rows: _Rows) -> Match:
+    """Compare place by place; two that have each other's place are swapped."""
+    match = Match()
+    wrong: list[int] = []
+    for place, (sub, found) in enumerate(zip(rows.planned, rows.found, strict=False)):
+        if sub is not None and not rows.same(sub, found):
+            wrong.append(place)
+        else:
+            _take(rows, match, sub, found)
+    crossed: dict[tuple[tuple[int, int], tuple[int | None, int | None]], list[int]] = {}
+    for place in wrong:
+        own, there = _planned_identity(rows, place), _found_identity(rows, place)
+        partners = crossed.get((there, own))  # type: ignore[arg-type]
+        if partners:
+            _swap(rows, match, partners.pop(0), place)
+        else:
+            crossed.setdefault((own, there), []).append(place)
+    for place in sorted(p for places in crossed.values() for p in places):
+        sub = rows.planned[place]
+        if sub is not None:
+            match.other.append((sub, rows.found[place]))
+            match.cost += _OTHER
+    for place in range(len(rows.found), len(rows.planned)):
+        _leave(match, rows.planned[place], place)
+    for found in rows.found[len(rows.planned) :]:
+        _add(rows, match, found)
+    return match
+
+
+def _planned_identity(rows: _Rows, place: int) -> tuple[int, int]:
+    sub = rows.planned[place]
+    device = sub.device if sub is not None else None
+    return (device.vendor_id, device.product_code) if device is not None else (0, 0)
+
+
+def _found_identity(rows: _Rows, place: int) -> tuple[int | None, int | None]:
+    return rows.found[place].vendor_id, rows.found[place].product_code
+
+
+def _swap(rows: _Rows, match: Match, one: int, two: int) -> None:
+    a, b = rows.planned[one], rows.planned[two]
+    if a is not None and b is not None:
+        match.swapped.append((a, rows.found[two], b, rows.found[one]))
+        match.pairs += [(a, rows.found[two]), (b, rows.found[one])]
+        match.cost += _SWAPPED
+
+
+def _take(rows: _Rows, match: Match, sub: SubDevice | None, found: ScannedSubDevice) -> None:
+    match.cost += rows.cost(sub, found)
+    if sub is None:
+        if not rows.is_plain(found):
+            match.extra.append(found)
+    elif rows.same(sub, found):
+        match.pairs.append((sub, found))
+    else:
+        match.other.append((sub, found))
+
+
+def _leave(match: Match, sub: SubDevice | None, place: int) -> None:
+    match.cost += _SMALL if sub is None else _GONE
+    if sub is None:
+        match.free_missing.append(place)
+    else:
+        match.missing.append((sub, place))
+
+
+def _add(rows: _Rows, match: Match, found: ScannedSubDevice) -> None:
+    """Add one the network does not name; behind all others a plain one is in nobody's way."""
+    last = not any(s is not None for s in rows.planned) or match_end(rows, match) < found.position
+    if found.position in rows.by_alias:
+        return
+    if rows.is_plain(found) and last:
+        match.behind.append(found)
+        return
+    match.cost += _SMALL if rows.is_plain(found) else _GONE
+    match.extra.append(found)
+
+
+def match_end(rows: _Rows, match: Match) -> int:
+    """Return the highest position at which a SubDevice of the network was found so far."""
+    return max((f.position for _, f in (*match.pairs, *match.other)), default=-1)
+
+
+# -- side by side ---------------------------------------------------------------------------------
+
+
+def _aligned(rows: _Rows) -> Match:
+    """Lay the rows side by side at the least cost."""
+    match = Match()
+    gone: list[tuple[SubDevice | None, int]] = []
+    added: list[ScannedSubDevice] = []
+    for place, number in _steps(rows):
+        if number is None and place is not None:
+            gone.append((rows.planned[place], place))
+        elif place is None and number is not None:
+            added.append(rows.found[number])
+        elif place is not None and number is not None:
+            _take(rows, match, rows.planned[place], rows.found[number])
+    for sub, place in gone:
+        there = next((f for f in added if sub is not None and rows.same(sub, f)), None)
+        if sub is None or there is None:
+            _leave(match, sub, place)
+            continue
+        added.remove(there)
+        match.moved.append((sub, place, there))
+        match.pairs.append((sub, there))
+        match.cost += _OTHER
+    for found in added:
+        _add(rows, match, found)
+    return match
+
+
+def _steps(rows: _Rows) -> list[tuple[int | None, int | None]]:
+    """Return the cheapest walk: (place, number) taken together, or one of them alone."""
+    gone = [_SMALL if s is None else _GONE for s in rows.planned]
+    extra = [_SMALL if rows.is_plain(f) else _GONE for f in rows.found]
+    # costs[i][j]: of all from place i and number j on.
+    width = len(rows.found)
+    costs = [[0] * (width + 1) for _ in range(len(rows.planned) + 1)]
+    for j in range(width - 1, -1, -1):
+        costs[-1][j] = costs[-1][j + 1] + extra[j]
+    for i in range(len(rows.planned) - 1, -1, -1):
+        row, below = costs[i], costs[i + 1]
+        row[width] = below[width] + gone[i]
+        for j in range(width - 1, -1, -1):
+            both = below[j + 1] + rows.cost(rows.planned[i], rows.found[j])
+            row[j] = min(both, below[j] + gone[i], row[j + 1] + extra[j])
+    return _walk(rows, costs, gone)
+
+
+def _walk(
+    rows: _Rows, costs: list[list[int]], gone: list[int]
+) -> list[tuple[int | None, int | None]]:
+    steps: list[tuple[int | None, int | None]] = []
+    i = j = 0
+    while i < len(rows.planned) or j < len(rows.found):
+        planned, found = i < len(rows.planned), j < len(rows.found)
+        if planned and found:
+            cost = rows.cost(rows.planned[i], rows.found[j])
+            if costs[i][j] == costs[i + 1][j + 1] + cost:
+                steps.append((i, j))
+                i, j = i + 1, j + 1
+                continue
+        if planned and costs[i][j] == costs[i + 1][j] + gone[i]:
+            steps.append((i, None))
+            i += 1
+        else:
+            steps.append((None, j))
+            j += 1
+    return steps
