@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from fsoe_net.model import Direction, Resolution
@@ -42,13 +43,14 @@ def scan_of(resolution: Resolution) -> dict[str, Any]:
     rows = [subdevice(n, **COUPLER) for n in range(count)]
     for sub, layout in zip(network.subdevices, resolution.layouts, strict=True):
         device = sub.device
-        assert device is not None and layout is not None
+        assert device is not None
+        assert layout is not None
         rows[sub.position] = subdevice(
             sub.position,
             alias=sub.alias,
             vendor_id=device.vendor_id,
             product_code=device.product_code,
-            name=sub.name.upper(),
+            name=Path(device.path).stem.upper(),
             sms=[_sm(device, sm) for sm in layout.managers if device.pdos_of(sm.sm)],
             fsoe=_fsoe(network, sub.name),
         )

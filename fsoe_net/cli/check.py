@@ -7,6 +7,9 @@ import click
 from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_option
 from fsoe_net.cli.output import FORMATS, counted, exit_code, print_diagnostics, summary
 from fsoe_net.diag import Severity
+from fsoe_net.errors import InputError
+from fsoe_net.load import load_scan
+from fsoe_net.model import Scan
 from fsoe_net.rules import Runtime
 
 __all__ = ["command"]
@@ -16,6 +19,7 @@ Examples:
   fsoe-net check network.yaml
   fsoe-net check robot.urdf.xacro --package my_robot=src/my_robot
   fsoe-net check transfers.yaml --runtime ros2-2026
+  fsoe-net check network.yaml --interface eth1    # and the bus
   fsoe-net check network.yaml --format sarif > findings.sarif"""
 
 
@@ -30,6 +34,10 @@ Examples:
     show_default=True,
     help="Output format; all but text are stable.",
 )
+@click.option("--interface", metavar="IF", help="Compare with the live bus there.")
+@click.option("--socket", metavar="PATH", help="The same, by the fsn-master with this socket.")
+@click.option("--scan", "scan_file", type=click.Path(), help="The same with a scan.json.")
+@click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
 @click.option("-q", "--quiet", is_flag=True, help="No notes and no summary.")
 @click.pass_context
 def command(
@@ -39,15 +47,28 @@ def command(
     xacro_args: dict[str, str],
     runtime: str,
     fmt: str,
+    interface: str | None,
+    socket: str | None,
+    scan_file: str | None,
+    yes: bool,
     quiet: bool,
 ) -> None:
     """Check files of a network and explain every mistake.
 
     FILES: one network.yaml; or one URDF or xacro, with the transfer YAML it needs or without; or a
-    transfer YAML or slave YAML on its own.
+    transfer YAML or slave YAML on its own. With a bus or its scan, also every difference between
+    the two.
     """
     present = Runtime(runtime)
-    checked = check_files(files, packages=packages, xacro_args=xacro_args, runtime=present)
+    scan = _scan(interface, socket, scan_file, yes=yes)
+    checked = check_files(
+        files, packages=packages, xacro_args=xacro_args, runtime=present, scan=scan
+    )
+    if scan is not None and (checked.network is None or checked.network.partial):
+        raise InputError(
+            "a bus is compared with a whole network: name the network file, or the URDF",
+            checked.diagnostics,
+        )
     found = checked.diagnostics
     if quiet:
         found = [d for d in found if d.level is not Severity.INFO]
@@ -55,6 +76,31 @@ def command(
     if fmt == "text" and not quiet:
         click.echo(_verdict(checked))
     ctx.exit(exit_code(found))
+
+
+def _scan(
+    interface: str | None, socket: str | None, scan_file: str | None, *, yes: bool
+) -> Scan | None:
+    """Return what is on the bus, when it is to be compared.
+
+    Raises:
+        click.UsageError: It is given twice.
+        InputError: The document is damaged.
+    """
+    if scan_file is not None:
+        if interface is not None or socket is not None:
+            raise click.UsageError(
+                "--scan compares with a file; leave out --interface and --socket"
+            )
+        scan, found = load_scan(scan_file)
+        if scan is None:
+            raise InputError(f"{scan_file} is no whole scan document", found)
+        return scan
+    if interface is None and socket is None:
+        return None
+    from fsoe_net.cli.scan import take_scan
+
+    return take_scan(interface, bus=None, socket=socket, yes=yes).scan
 
 
 def _verdict(checked: Checked) -> str:

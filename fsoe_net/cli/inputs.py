@@ -12,8 +12,8 @@ from fsoe_net.cli.output import summary
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, load_network
-from fsoe_net.model import Network, Resolution, resolve
-from fsoe_net.rules import Runtime, check
+from fsoe_net.model import Network, Resolution, Scan, resolve
+from fsoe_net.rules import Runtime, check, check_scan
 
 __all__ = ["Checked", "check_files", "input_options", "runtime_option", "whole_network"]
 
@@ -113,12 +113,15 @@ def check_files(
     packages: dict[str, str] | None = None,
     xacro_args: dict[str, str] | None = None,
     runtime: Runtime = Runtime.FSN,
+    scan: Scan | None = None,
 ) -> Checked:
-    """Load, resolve and check the files a user named."""
+    """Load, resolve and check the files a user named, and compare them with what is on a bus."""
     options = LoadOptions(packages=packages or {}, xacro_args=xacro_args or {})
     loaded = load_network(files, options)
     found = list(loaded.diagnostics)
     resolution = resolve(loaded.network) if loaded.network is not None else None
     if resolution is not None:
         found += check(resolution, runtime=runtime)
+        if scan is not None:
+            found += check_scan(resolution, scan)
     return Checked(resolution=resolution, diagnostics=sort_diagnostics(found))

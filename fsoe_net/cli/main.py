@@ -19,6 +19,7 @@ _COMMANDS = {
     "plan": "Compile a network to a copy plan, or show a plan.",
     "run": "Run a network on the emulated bus.",
     "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
+    "scan": "Read what is on a live bus; write files to start from.",
     "campaign": "Put faults into the connections of a network.",
     "emulate": "Serve a network as emulated EtherCAT SubDevices.",
     "report": "Write a report page for a network.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from typing import NoReturn, TypeVar
 
 from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
@@ -27,6 +28,8 @@ __all__ = ["load_scan", "parse_scan"]
 _U8, _U16, _U32 = 0xFF, 0xFFFF, 0xFFFFFFFF
 _MAX_DEPTH = 64
 _T = TypeVar("_T")
+_ESCAPE = re.compile(r"\\(?:u([dD][89abAB]\w\w)\\u([dD][c-fC-F]\w\w)|u([dD][89a-fA-F]\w\w)|.)")
+_BREAKS = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff]")
 _AGAIN = "scan the bus again: fsoe-net scan --interface IF -o DIR"
 
 
@@ -92,8 +95,24 @@ def _parse(data: bytes, file: str, out: Collector) -> MapNode | None:
     if not isinstance(found, dict):
         out.add("FSN104", Span(file, 1, 1), "no scan document: it is no JSON object", hint=_AGAIN)
         return None
-    # JSON is YAML but for tabs between values, and has raw tabs nowhere else.
-    return parse_yaml(text.replace("\t", " ").encode(), file, out)
+    return parse_yaml(_as_yaml(text).encode(), file, out)
+
+
+def _as_yaml(text: str) -> str:
+    """Return JSON as YAML: no tabs, no surrogates, and no character that YAML takes for a break.
+
+    Lines stay as they are, so that places do. In JSON these characters are nowhere but in strings;
+    raw tabs are nowhere but between values.
+    """
+    text = _ESCAPE.sub(_character, text.replace("\t", " "))
+    return _BREAKS.sub(lambda m: f"\\u{ord(m.group()):04x}", text)
+
+
+def _character(match: re.Match[str]) -> str:
+    high, low, lone = match.groups()
+    if high is not None:
+        return chr(0x10000 + ((int(high, 16) & 0x3FF) << 10) + (int(low, 16) & 0x3FF))
+    return "\\ufffd" if lone is not None else match.group()
 
 
 def _scan(root: MapNode, out: Collector) -> Scan:

@@ -12,19 +12,19 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.run.client import Client
 
-__all__ = ["Master", "find_master"]
+__all__ = ["REFUSED", "USAGE", "Master", "find_master", "last_error"]
 
 _PROGRAM = "fsn-master"
 _CONNECT_S = 20.0
 _STOP_S = 15.0  # fsn-master bounds its own end at 10 s
-_REFUSED, _USAGE = 1, 2
+REFUSED, USAGE = 1, 2
 
 
 def find_master() -> str:
@@ -138,7 +138,7 @@ class Master:
         """
         self._reader.join(1.0)
         code = self._process.returncode
-        last = self._last_error()
+        last = last_error(self._lines)
         if code is not None and code < 0:
             name = _signal_name(-code)
             raise EnvironmentFault(
@@ -146,10 +146,10 @@ class Master:
                 "without it no frame is sent, the watchdogs of the SubDevices and of FSoE expire; "
                 "the kernel log (`dmesg`) says whether memory ran out"
             )
-        if code == _REFUSED:
+        if code == REFUSED:
             findings = "".join(f"\n  {text}" for text in self._findings())
             raise InputError((last or "fsn-master refused the bus and did not say why") + findings)
-        if code == _USAGE:
+        if code == USAGE:
             raise EnvironmentFault(
                 f"{self.program} does not take its options: {last or 'no reason given'}; install "
                 "fsoe-net and fsn-master of one version"
@@ -183,19 +183,20 @@ class Master:
         texts = [line.partition(" warning ")[2] for line in self._lines]
         return [t for t in texts if t.startswith("SubDevice ") and " -> " not in t]
 
-    def _last_error(self) -> str:
-        """Return the last line of its log that is an error, without time and level."""
-        for line in reversed(self._lines):
-            _, _, rest = line.partition(" ")
-            level, _, text = rest.partition(" ")
-            if level == "error":
-                return text.removeprefix("the bus does not open: ")
-            if line.startswith("fsn-master: "):
-                return line.removeprefix("fsn-master: ")
-        return ""
-
     def _clean(self) -> None:
         shutil.rmtree(self.directory, ignore_errors=True)
+
+
+def last_error(lines: Iterable[str]) -> str:
+    """Return the last line of a log of ``fsn-master`` that is an error, without time and level."""
+    for line in reversed(list(lines)):
+        _, _, rest = line.partition(" ")
+        level, _, text = rest.partition(" ")
+        if level == "error":
+            return text.removeprefix("the bus does not open: ")
+        if line.startswith("fsn-master: "):
+            return line.removeprefix("fsn-master: ")
+    return ""
 
 
 def _runtime_directory() -> str | None:

@@ -1,0 +1,86 @@
+"""``fsoe-net scan``: what is on a live bus, as a table, a document, or files to start from."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from fsoe_net.cli.output import counted
+from fsoe_net.cli.scan_output import scan_table
+from fsoe_net.run.scan import ScanSource, TakenScan, scan_source
+from fsoe_net.run.scan_files import compact_json, scan_files, write_files
+
+__all__ = ["command", "take_scan"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net scan --interface eth1
+  fsoe-net scan --interface eth1 --yes -o bus    # network.yaml, devices/, scan.json
+  fsoe-net scan --socket /run/fsn-master-eth1.sock --format json
+  fsoe-net check network.yaml --interface eth1   # compares"""
+
+
+@click.command("scan", epilog=_EPILOG)
+@click.option("--interface", metavar="IF", help="Interface of the bus, or IgH master.")
+@click.option("--bus", type=click.Choice(["soem"]), help="How to reach it; default soem.")
+@click.option("--socket", metavar="PATH", help="Ask the fsn-master with this control socket.")
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+@click.option("-o", "--output", "folder", metavar="DIR", help="Write network.yaml and its files.")
+@click.option("--overwrite", is_flag=True, help="With -o: replace files that are there.")
+@click.option("-y", "--yes", is_flag=True, help="Do not ask before states change.")
+def command(
+    interface: str | None,
+    bus: str | None,
+    socket: str | None,
+    fmt: str,
+    folder: str | None,
+    overwrite: bool,
+    yes: bool,
+) -> None:
+    """Read what is on a bus: identities, states, process data, FSoE values.
+
+    A running fsn-master is asked, and nothing on the bus changes. Without one, every SubDevice goes
+    to PREOP; what that means is said before, and asked.
+    """
+    if overwrite and folder is None:
+        raise click.UsageError("--overwrite is for the files of -o DIR")
+    taken = take_scan(interface, bus=bus, socket=socket, yes=yes)
+    if fmt == "json":
+        click.echo(compact_json(taken.document))
+    else:
+        click.echo(scan_table(taken.scan))
+    if folder is not None:
+        files = scan_files(taken)
+        write_files(folder, files, overwrite=overwrite)
+        names = ", ".join(files.texts)
+        click.echo(f"{counted(len(files.texts), 'file')} in {folder}: {names}", err=True)
+        for text in files.left_out:
+            click.echo(f"left out: {text}", err=True)
+
+
+def take_scan(
+    interface: str | None, *, bus: str | None, socket: str | None, yes: bool
+) -> TakenScan:
+    """Scan a bus, after saying what that does to it and, where states change, asking.
+
+    Raises:
+        click.UsageError: Nobody is there to be asked.
+    """
+    if interface is None and socket is None:
+        raise click.UsageError("name the bus: --interface IF, or --socket PATH of an fsn-master")
+    source = scan_source(interface, socket=socket, bus=bus)
+    click.echo(source.announcement, err=True)
+    if not source.attached and not yes:
+        _ask(source)
+    return source.take()
+
+
+def _ask(source: ScanSource) -> None:
+    if not sys.stdin.isatty():
+        raise click.UsageError(
+            "this changes states on the bus, and nobody is here to be asked: --yes"
+        )
+    click.confirm("Go on?", abort=True, err=True)

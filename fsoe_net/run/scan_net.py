@@ -1,0 +1,127 @@
+"""A net proposed for a scanned bus, as a comment: people decide what is connected."""
+
+from __future__ import annotations
+
+import json
+import re
+
+from fsoe_net.model import (
+    DeviceLayout,
+    FsoeBlock,
+    Resolution,
+    Scan,
+    ScannedConnection,
+    SubDevice,
+)
+
+__all__ = ["proposed_net", "yaml_word"]
+
+_Pair = tuple[FsoeBlock, FsoeBlock]
+
+
+def proposed_net(resolution: Resolution, scan: Scan) -> str:
+    """Return YAML comments: a net for each MainInstance that tells of its connections.
+
+    A connection is proposed when its FSoE address is that of exactly one SubDevice, and the frames
+    of both ends have the same sizes.
+    """
+    ends = list(zip(resolution.network.subdevices, resolution.layouts, strict=True))
+    lines: list[str] = []
+    for sub, layout in ends:
+        fsoe = scan.subdevices[sub.position].fsoe
+        if fsoe is None or not fsoe.connections or layout is None:
+            continue
+        slots = _pairs(layout)
+        rows = sorted(fsoe.connections, key=lambda c: c.object_index)
+        found = [
+            (row, slot, other)
+            for row, slot in zip(rows, slots, strict=False)
+            if (other := _partner(row, slot, sub, ends, scan)) is not None
+        ]
+        if found:
+            lines += _net(sub, found)
+    if not lines:
+        return ""
+    return "\n".join(
+        (
+            "# Proposed from what the devices tell of their connections. Hold it against the safety"
+            " project",
+            "# before you use it in place of the line above: nobody has confirmed it.",
+            "# nets:",
+            *(f"# {line}" for line in lines),
+            "",
+        )
+    )
+
+
+def _pairs(layout: DeviceLayout) -> list[_Pair]:
+    """Return the frames of each connection of a device: to it, from it."""
+    blocks = {b.key: b for sm in layout.managers for b in sm.blocks}
+    pairs = [(blocks[out], blocks[into]) for out, into in sorted(layout.partners.items())]
+    return sorted(pairs, key=lambda p: p[0].command.index)
+
+
+def _partner(
+    row: ScannedConnection,
+    slot: _Pair,
+    main: SubDevice,
+    ends: list[tuple[SubDevice, DeviceLayout | None]],
+    scan: Scan,
+) -> tuple[SubDevice, _Pair] | None:
+    if row.address is None:
+        return None
+    found: list[tuple[SubDevice, _Pair]] = []
+    for sub, layout in ends:
+        fsoe = scan.subdevices[sub.position].fsoe
+        if sub is main or layout is None or fsoe is None or fsoe.address != row.address:
+            continue
+        fitting = [
+            pair
+            for pair in _pairs(layout)
+            if pair[0].frame_bytes == slot[1].frame_bytes
+            and pair[1].frame_bytes == slot[0].frame_bytes
+        ]
+        found += [(sub, pair) for pair in fitting]
+    return found[0] if len(found) == 1 else None
+
+
+def _net(
+    main: SubDevice, found: list[tuple[ScannedConnection, _Pair, tuple[SubDevice, _Pair]]]
+) -> list[str]:
+    lines = [
+        f"  - name: {yaml_word(main.name + '_safety')}",
+        f"    safety_master: {yaml_word(main.name)}",
+        "    transfers:",
+    ]
+    facts: list[str] = []
+    for row, (main_in, main_out), (sub, (sub_in, sub_out)) in found:
+        lines += _transfer(sub, sub_out, main, main_in) + _transfer(main, main_out, sub, sub_in)
+        values = [("address", row.address), ("connection_id", row.connection_id)]
+        values.append(("watchdog_ms", row.watchdog_ms))
+        stated = "".join(f", {key}: {value}" for key, value in values if value is not None)
+        facts.append(
+            f"      - {{main: {yaml_word(main.name)}, sub: {yaml_word(sub.name)}{stated}}}"
+        )
+    return [*lines, "    connections:", *facts]
+
+
+def yaml_word(name: str) -> str:
+    """Return a name as YAML takes it for text."""
+    return (
+        name
+        if re.fullmatch(r"[a-z][a-z0-9]*_[a-z0-9_]+|[a-z]+[0-9]+", name)
+        else (json.dumps(name))
+    )
+
+
+def _transfer(source: SubDevice, out: FsoeBlock, sink: SubDevice, into: FsoeBlock) -> list[str]:
+    return [
+        f"      - size: {out.frame_bytes}   # {source.name} to {sink.name}",
+        f"        in: {_end(source, out)}",
+        f"        out: {_end(sink, into)}",
+    ]
+
+
+def _end(sub: SubDevice, block: FsoeBlock) -> str:
+    index, subindex = block.command.index, block.command.subindex
+    return f"{{ec_module: {yaml_word(sub.name)}, index: 0x{index:04x}, subindex: {subindex}}}"

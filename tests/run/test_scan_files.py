@@ -1,0 +1,180 @@
+"""Files from a scan: what is read from them again is what is on the bus."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scans import scan_of, subdevice
+
+from fsoe_net.diag import Severity
+from fsoe_net.errors import InputError
+from fsoe_net.load import load_network, load_scan, parse_scan
+from fsoe_net.model import resolve
+from fsoe_net.rules import check, check_scan
+from fsoe_net.run.scan import TakenScan
+from fsoe_net.run.scan_files import compact_json, scan_files, write_files
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def taken(document: dict) -> TakenScan:
+    scan, found = parse_scan(json.dumps(document).encode(), "scan.json")
+    assert scan is not None, found
+    return TakenScan(document=document, scan=scan)
+
+
+def example(name: str):
+    network = load_network([EXAMPLES / name / "network.yaml"]).network
+    assert network is not None
+    return resolve(network)
+
+
+@pytest.mark.parametrize("name", ["estop", "el6910"])
+def test_files_of_an_example_say_what_its_files_say(name: str, tmp_path: Path):
+    original = example(name)
+    document = scan_of(original)
+    files = scan_files(taken(document))
+    assert files.left_out == ()
+    write_files(str(tmp_path / "bus"), files, overwrite=False)
+    loaded = load_network([tmp_path / "bus" / "network.yaml"])
+    bad = [d for d in loaded.diagnostics if d.level is not Severity.INFO]
+    assert [d.code for d in bad] == ["FSN125"]  # the transfers are still to be written
+    again = resolve(loaded.network)
+    assert [s.position for s in again.network.subdevices] == [
+        s.position for s in original.network.subdevices
+    ]
+    for old, new in zip(original.layouts, again.layouts, strict=True):
+        used = [sm for sm in old.managers if sm.placed]
+        assert [
+            [(p.bit_offset, p.entry.index, p.entry.subindex, p.entry.bits) for p in sm.placed]
+            for sm in new.managers
+        ] == [
+            [(p.bit_offset, p.entry.index, p.entry.subindex, p.entry.bits) for p in sm.placed]
+            for sm in used
+        ]
+    scan, found = load_scan(tmp_path / "bus" / "scan.json")
+    assert found == []
+    assert check_scan(again, scan) == []
+
+
+def test_devices_of_one_type_share_a_file():
+    files = scan_files(taken(scan_of(example("el6910"))))
+    assert sorted(p for p in files.texts if p.startswith("devices/")) == [
+        "devices/circulo.yaml",
+        "devices/el1904.yaml",
+        "devices/el2904.yaml",
+        "devices/el6910.yaml",
+    ]
+    assert "FSoE address 201" in files.texts["network.yaml"]
+
+
+@pytest.mark.parametrize("name", ["estop", "el6910"])
+def test_the_proposed_net_is_the_one_of_the_example(name: str, tmp_path: Path):
+    original = example(name)
+    files = scan_files(taken(scan_of(original)))
+    text = files.texts["network.yaml"]
+    head, _, proposal = text.partition("nets: []\n")
+    nets = proposal[proposal.index("# nets:") :].replace("\n# ", "\n")[2:]
+    texts = dict(files.texts) | {"network.yaml": head + nets}
+    for path, content in texts.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(content, "utf-8")
+    loaded = load_network([tmp_path / "network.yaml"])
+    again = resolve(loaded.network)
+    found = [*loaded.diagnostics, *check(again)]
+    assert [d.message for d in found if d.level is Severity.ERROR] == []
+    rows = [(c.main.position, c.sub.position, c.slot) for c in original.connections]
+    assert [(c.main.position, c.sub.position, c.slot) for c in again.connections] == rows
+    facts = [(c.facts.address, c.facts.connection_id) for c in original.connections]
+    assert [(c.facts.address, c.facts.connection_id) for c in again.connections] == facts
+
+
+def test_no_net_is_proposed_when_an_address_is_there_twice():
+    document = scan_of(example("el6910"))
+    document["subdevices"][5]["fsoe"]["address"] = 201
+    text = scan_files(taken(document)).texts["network.yaml"]
+    assert "sub: circulo" not in text
+    assert "sub: el1904" in text
+
+
+def test_existing_files_stay(tmp_path: Path):
+    files = scan_files(taken(scan_of(example("estop"))))
+    (tmp_path / "network.yaml").write_text("mine", "utf-8")
+    with pytest.raises(InputError, match=r"has network\.yaml already"):
+        write_files(str(tmp_path), files, overwrite=False)
+    assert [p.name for p in tmp_path.iterdir()] == ["network.yaml"]
+    assert (tmp_path / "network.yaml").read_text("utf-8") == "mine"
+    write_files(str(tmp_path), files, overwrite=True)
+    assert (tmp_path / "network.yaml").read_text("utf-8") != "mine"
+
+
+def sm(index: int, kind: str, *pdos: dict, size: int = 1) -> dict:
+    return {"sm": index, "kind": kind, "bytes": size, "pdos": list(pdos)}
+
+
+def pdo(index: int, *bits: int, padding: bool = False) -> dict:
+    rows = [
+        {"index": 0 if padding else 0x2000 + n, "subindex": 0 if padding else 1, "bits": b}
+        for n, b in enumerate(bits)
+    ]
+    return {"index": index, "entries": rows}
+
+
+@pytest.mark.parametrize(
+    ("sms", "why"),
+    [
+        ([sm(2, "outputs", pdo(0x1600, 8)), sm(4, "outputs", pdo(0x1601, 8))], "2 sync managers"),
+        ([sm(2, "outputs", pdo(0x1600, 256), size=32)], "has 256 bits"),
+        ([sm(2, "outputs", pdo(0x1600))], "maps nothing"),
+        ([sm(2, "outputs", {"index": 0x1600})], "mapping of PDO 0x1600 was not read"),
+        ([{"sm": 2, "kind": "outputs", "bytes": 4}], "PDOs of SM2 were not read"),
+    ],
+)
+def test_what_the_format_cannot_say_is_left_out_and_said(sms: list, why: str):
+    row = subdevice(0, vendor_id=1, product_code=2, name="odd", sms=sms)
+    document = {"scan": 1, "interface": "eth1", "subdevices": [row]}
+    files = scan_files(taken(document))
+    assert why in files.left_out[0]
+    assert why in files.texts["network.yaml"]
+    assert sorted(files.texts) == ["network.yaml", "scan.json"]
+
+
+def test_an_empty_bus_and_long_padding():
+    empty = {"scan": 1, "interface": "eth1", "subdevices": []}
+    assert "subdevices: []" in scan_files(taken(empty)).texts["network.yaml"]
+    long = sm(2, "outputs", pdo(0x1600, 1000, padding=True), pdo(0x1601, 8), size=126)
+    row = subdevice(0, vendor_id=1, product_code=2, name="long", sms=[long])
+    assert scan_files(taken(empty | {"subdevices": [row]})).left_out == ()
+
+
+NAMES = st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc"]), max_size=12)
+
+
+@given(st.lists(st.tuples(NAMES, st.lists(st.integers(1, 255), min_size=1)), max_size=4))
+def test_any_name_and_any_lengths_read_back(devices: list[tuple[str, list[int]]]):
+    rows = [
+        subdevice(
+            n,
+            vendor_id=1,
+            product_code=n,
+            name=name,
+            sms=[sm(3, "inputs", pdo(0x1A00, *bits), size=(sum(bits) + 7) // 8)],
+        )
+        for n, (name, bits) in enumerate(devices)
+    ]
+    document = {"scan": 1, "interface": "eth1", "subdevices": rows}
+    assert scan_files(taken(document)).left_out == ()  # which reads them again and compares
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | NAMES,
+        lambda inner: st.lists(inner) | st.dictionaries(NAMES, inner),
+    )
+)
+def test_compact_json_is_json(value: object):
+    assert json.loads(compact_json(value)) == value
