@@ -137,10 +137,8 @@ def _row(sub: ScannedSubDevice, name: str, path: str) -> list[str]:
     if sub.fsoe is not None and sub.fsoe.address is not None:
         facts.append(f"FSoE address {sub.fsoe.address}")
     comment = f"  # {', '.join(facts)}" if facts else ""
-    return [
-        f"  - {{name: {yaml_word(name)}, position: {sub.position},{revision} config: {json.dumps(path)}}}"
-        f"{comment}"
-    ]
+    place = f"position: {sub.position},{revision} config: {json.dumps(path)}"
+    return [f"  - {{name: {yaml_word(name)}, {place}}}{comment}"]
 
 
 def _head(taken: TakenScan, rows: list[str]) -> str:
