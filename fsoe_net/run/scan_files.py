@@ -45,17 +45,23 @@ class _NotExpressible(Exception):
     """The format of the driver has no words for what this device maps."""
 
 
-def compact_json(value: Any, indent: int = 0) -> str:
+def compact_json(value: Any) -> str:
     """Return JSON with everything on one line that fits there."""
+    return _json(value, 0, 0)
+
+
+def _json(value: Any, indent: int, used: int) -> str:
+    """Return a value that begins in column ``used`` of a line that is indented by ``indent``."""
     line = json.dumps(value, ensure_ascii=False)
-    if indent + len(line) <= _WIDTH or not isinstance(value, (dict, list)) or not value:
+    if used + len(line) <= _WIDTH or not isinstance(value, (dict, list)) or not value:
         return line
-    inner, pad = indent + 2, " " * (indent + 2)
+    pad = " " * (indent + 2)
     if isinstance(value, dict):
-        rows = [f"{json.dumps(k)}: {compact_json(v, inner + len(k) + 4)}" for k, v in value.items()]
+        keys = ((json.dumps(k, ensure_ascii=False) + ": ", v) for k, v in value.items())
+        rows = [k + _json(v, indent + 2, indent + 3 + len(k)) for k, v in keys]
         first, last = "{", "}"
     else:
-        rows = [compact_json(v, inner) for v in value]
+        rows = [_json(v, indent + 2, indent + 3) for v in value]
         first, last = "[", "]"
     return first + "\n" + ",\n".join(pad + r for r in rows) + "\n" + " " * indent + last
 

@@ -10,6 +10,7 @@ import yaml
 
 from fsoe_net.cli.inputs import check_files
 from fsoe_net.diag import CATALOGUE, Severity
+from fsoe_net.load import load_scan
 from fsoe_net.rules import Runtime
 
 HERE = Path(__file__).parent
@@ -32,7 +33,11 @@ def _seed(folder: Path, case: dict) -> None:
 def _check(folder: Path, case: dict, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(folder)
     runtime = Runtime(case.get("runtime", "fsn"))
-    return check_files(case["check"], runtime=runtime).diagnostics
+    scan = None
+    if "scan" in case:
+        scan, damage = load_scan(case["scan"])
+        assert scan is not None, damage
+    return check_files(case["check"], runtime=runtime, scan=scan).diagnostics
 
 
 def test_every_code_has_a_case_and_a_page():
@@ -57,6 +62,11 @@ def test_seeded_mistake_is_named_at_its_place(
     others = {d.code for d in found if d.level is not Severity.INFO} - {code}
     assert others <= set(case.get("also", ())), [f"{d.span} {d.code} {d.message}" for d in found]
     assert all(d.hint for d in found), [d.code for d in found if not d.hint]
+
+
+def test_clean_bus_raises_nothing_of_its_own(monkeypatch: pytest.MonkeyPatch):
+    found = _check(HERE / "base", {"check": ["network.yaml"], "scan": "scan.json"}, monkeypatch)
+    assert [d.code for d in found if d.code.startswith("FSN5")] == []
 
 
 @pytest.mark.parametrize("files", [["network.yaml"], ["robot.urdf"], ["devices/drive.yaml"]])
