@@ -5,6 +5,8 @@ from __future__ import annotations
 import glob
 import json
 import os
+import socket as socketlib
+import struct
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
@@ -79,7 +81,7 @@ def scan_source(
     program, on = find_master(), interface
     return ScanSource(
         attached=False,
-        announcement=f"{program} --scan listens on {on} and stops when another MainDevice talks "
+        announcement=f"fsn-master --scan listens on {on} and stops when another MainDevice talks "
         "there; else every SubDevice on it goes to PREOP: process data ends, outputs fall back",
         take=lambda: _own(program, on, bus),
     )
@@ -100,7 +102,7 @@ def find_socket(interface: str) -> str | None:
                 )
             continue
         try:
-            if _interface_of(path) == interface:
+            if _same_network(path) and _interface_of(path) == interface:
                 return path
         except EnvironmentFault:
             continue  # left behind by one that is dead, or of another version
@@ -122,6 +124,19 @@ def _sockets(interface: str) -> Iterator[str]:
 def _interface_of(socket: str) -> str:
     with Client(socket, timeout_s=_ANSWER_S) as client:
         return str(client.request("status").get("interface", ""))
+
+
+def _same_network(path: str) -> bool:
+    """Whether who listens has our interfaces: a container can have another of the same name."""
+    with socketlib.socket(socketlib.AF_UNIX) as probe:
+        try:
+            probe.settimeout(_ANSWER_S)
+            probe.connect(path)
+            peer = probe.getsockopt(socketlib.SOL_SOCKET, socketlib.SO_PEERCRED, 12)
+            pid, _, _ = struct.unpack("3i", peer)
+            return os.readlink(f"/proc/{pid}/ns/net") == os.readlink("/proc/self/ns/net")
+        except OSError:
+            return True  # the client will tell, or nobody can
 
 
 def _attached(socket: str) -> TakenScan:
