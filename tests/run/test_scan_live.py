@@ -1,0 +1,108 @@
+"""A scan over a real wire: what is changed on the emulated segment is what `check` names."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+import pytest
+from cli.tool import fsn
+from run.support import ROOT
+from run.test_live_bus import ESTOP, REQUIRED, ROBOT, why_not
+from segment.test_peers import NAMESPACE
+
+from fsoe_net.run import find_master
+
+ATTEMPTS = 3  # a busy machine may stop a scan for longer than a mailbox waits
+
+
+def why_no_scan():
+    why = why_not()
+    if why:
+        return why
+    told = subprocess.run([find_master(), "--help"], capture_output=True, text=True, check=False)
+    return "" if "--scan" in told.stdout + told.stderr else "this fsn-master has no --scan"
+
+
+def on_the_wire(case, network, *commands, tmp, good):
+    why = why_no_scan()
+    if why:
+        (pytest.fail if REQUIRED else pytest.skip)(why)
+    rig = [*NAMESPACE, sys.executable, str(ROOT / "tests/run/scan_rig.py"), case, network]
+    path = f"{ROOT}:{ROOT / 'tests'}"
+    with tempfile.TemporaryDirectory(prefix="fsn-") as runtime:  # the path of a socket is short
+        environment = os.environ | {"PYTHONPATH": path, "XDG_RUNTIME_DIR": runtime}
+        seen = "nothing"
+        for attempt in range(ATTEMPTS):
+            folder = tmp / str(attempt)
+            folder.mkdir()
+            done = subprocess.run(
+                [*rig, *commands],
+                capture_output=True,
+                text=True,
+                check=False,
+                cwd=folder,
+                env=environment,
+            )
+            seen = done.stdout + done.stderr
+            assert "Traceback (most recent" not in done.stdout
+            if done.returncode == 0 and good(json.loads(done.stdout.splitlines()[-1])):
+                return json.loads(done.stdout.splitlines()[-1]), folder
+    pytest.fail(f"{ATTEMPTS} times: {seen}")
+
+
+CHANGES = {
+    ESTOP: [
+        ("", None, ""),
+        ("fsoe-address ek1914 77", "FSN508", "ek1914 (position 0) has FSoE address 77"),
+        ("fsoe-address ek1914 14;swap ek1914 el1918", "FSN503", "are exchanged"),
+        ("swap ek1914 el1918;break el1918", "FSN501", "el1918 is missing"),
+        (
+            "heal el1918;wrong el1918 0x2 0x07703052;power-cycle el1918",
+            "FSN504",
+            "position 1 is",
+        ),
+        ("right el1918;power-cycle el1918", None, ""),
+    ],
+    ROBOT: [
+        ("swap drive_1 drive_2", "FSN508", "drive_1 and drive_2 are exchanged"),
+        ("swap drive_1 drive_2;fsoe-address el1904 102", "FSN508", "the address of el2904"),
+    ],
+}
+
+
+def as_expected(network, seen):
+    for (_, code, words), check in zip(CHANGES[network], seen["checks"], strict=True):
+        found = [row for row in check["found"] if row[0] != "FSN512" or code == "FSN512"]
+        if [row[0] for row in found] != ([code] if code else []):
+            return False
+        if found and words not in found[0][1]:
+            return False
+    return seen["scan"][0] == 0
+
+
+@pytest.mark.parametrize("network", [ESTOP, ROBOT])
+def test_each_change_on_the_wire_is_its_finding(network, tmp_path):
+    commands = [row[0] for row in CHANGES[network]]
+    seen, folder = on_the_wire(
+        "steps", network, *commands, tmp=tmp_path, good=lambda s: as_expected(network, s)
+    )
+    assert "goes to PREOP" in seen["checks"][0]["err"]
+    assert "brought to PREOP" in seen["scan"][1]
+    files = folder / "found"
+    done = fsn("check", "network.yaml", "--scan", "scan.json", "--format", "json", cwd=files)
+    codes = {d["code"] for d in json.loads(done.stdout)["diagnostics"]}
+    assert codes <= {"FSN125", "FSN232", "FSN512", "FSN406", "FSN408", "FSN411"}
+
+
+def test_a_bus_in_operation_goes_on(tmp_path):
+    def good(seen):
+        return "no request scan" in seen["err"] or (seen["data"] and seen["found"] == [])
+
+    seen, _ = on_the_wire("attached", ESTOP, tmp=tmp_path, good=good)
+    if "no request scan" in seen["err"]:
+        (pytest.fail if REQUIRED else pytest.skip)("this fsn-master has no request scan")
+    assert seen["code"] == 0
+    assert "no SubDevice changes its state" in seen["err"]
+    assert seen["cycles"] > 0
