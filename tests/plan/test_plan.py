@@ -9,7 +9,7 @@ import zlib
 from pathlib import Path
 
 import pytest
-from networks import example, write_big_network
+from networks import EXAMPLES, example, write_big_network
 
 from fsoe_net.cli.inputs import check_files
 from fsoe_net.core import Core, CorePlan, EmulatedBus
@@ -206,3 +206,16 @@ def test_large_networks(tmp_path):
         CorePlan.load(plan.to_bytes())
     except CoreMissing as exc:
         pytest.skip(str(exc))
+
+
+def test_a_stated_revision_is_the_only_one_accepted(tmp_path):
+    devices = EXAMPLES / "estop" / "devices"
+    text = (EXAMPLES / "estop" / "network.yaml").read_text("utf-8")
+    text = text.replace("devices/", f"{devices}/").replace(
+        "{name: ek1914,", "{name: ek1914, revision: 7,"
+    )
+    (tmp_path / "network.yaml").write_text(text, "utf-8")
+    checked = check_files([str(tmp_path / "network.yaml")])
+    plan = compile_plan(checked.resolution)
+    revisions = [(s.revision_low, s.revision_high) for s in plan.subdevices]
+    assert revisions == [(7, 7), (0, 0xFFFFFFFF)]
