@@ -211,10 +211,18 @@ def _pdo(node: MapNode, out: Collector) -> ScannedPdo:
 
 
 def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:
+    address = _int(node, "address", _U16, out)
+    items = node.get("addresses")
+    told = [
+        read_int(i, out, what="addresses", low=0, high=_U16, reader=Reader.OWN)
+        for i in (items.items if isinstance(items, SeqNode) else ())
+    ]
+    addresses = dict.fromkeys(a for a in (address, *told) if a is not None)
     return ScannedFsoe(
         span=node.span,
         fields=node.places(),
-        address=_int(node, "address", _U16, out),
+        address=address,
+        addresses=tuple(addresses),
         connections=tuple(
             ScannedConnection(
                 span=row.span,

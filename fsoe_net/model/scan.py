@@ -82,9 +82,13 @@ class ScannedConnection(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScannedFsoe(Located):
-    """FSoE address of a device (0xF980:01) and what it tells of its connections."""
+    """FSoE addresses of a device (0xF980:01, …) and what it tells of its connections.
+
+    ``address`` is the first of ``addresses``; most devices have one.
+    """
 
     address: int | None = None
+    addresses: tuple[int, ...] = ()
     connections: tuple[ScannedConnection, ...] = ()
 
 
@@ -129,6 +133,10 @@ class ScannedSubDevice(Located):
     def process_data(self) -> tuple[ScannedSm, ...]:
         """Return its sync managers of process data that are not empty."""
         return tuple(s for s in self.sms or () if s.is_process_data and (s.size_bytes or s.pdos))
+
+    def half_read(self, sm: ScannedSm) -> bool:
+        """Whether part of a sync manager could not be read, so that its length is not known."""
+        return any(p.startswith(f"SM{sm.index}:") for p in self.problems)
 
     @property
     def identity(self) -> str:

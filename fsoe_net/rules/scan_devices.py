@@ -62,15 +62,9 @@ def check_revision(out: Findings, sub: SubDevice, found: ScannedSubDevice) -> No
 
 def check_health(out: Findings, span: Span, name: str, found: ScannedSubDevice) -> None:
     """FSN511, FSN512, FSN514: error state, lost links, what could not be read."""
+    problems = list(found.problems)
     if found.in_error:
-        code = f", AL status code 0x{found.al_code:04x}" if found.al_code else ""
-        out.add(
-            "FSN511",
-            span,
-            f"{name} (position {found.position}) is in {found.al or 'a state'} with an error{code}",
-            hint="a start of the bus acknowledges it; when it returns, `fsoe-net run` names the "
-            "cause",
-        )
+        _error_state(out, span, name, found, problems)
     for port in found.ports:
         counts = [
             text
@@ -88,14 +82,30 @@ def check_health(out: Findings, span: Span, name: str, found: ScannedSubDevice) 
                 "since it was switched on",
                 hint="look at cable and plug of this port; the counters start again at power-up",
             )
-    if found.problems:
+    if problems:
         out.add(
             "FSN514",
             span,
-            f"{name} (position {found.position}) was not read completely: "
-            f"{few(list(found.problems), 3)}",
+            f"{name} (position {found.position}) was not read completely: {few(problems, 3)}",
             hint="what was not read was not compared",
         )
+
+
+def _error_state(
+    out: Findings, span: Span, name: str, found: ScannedSubDevice, problems: list[str]
+) -> None:
+    """FSN511; takes the words for the AL status code out of the problems."""
+    code = f"AL status code 0x{found.al_code or 0:04x}"
+    worded = next((p for p in problems if p.startswith("AL status code")), None)
+    if worded is not None:
+        problems.remove(worded)
+        code = worded
+    out.add(
+        "FSN511",
+        span,
+        f"{name} (position {found.position}) is in {found.al or 'a state'} with an error: {code}",
+        hint="a start of the bus acknowledges it; when it returns, `fsoe-net run` names the cause",
+    )
 
 
 def check_layout(
@@ -110,12 +120,14 @@ def check_layout(
         if planned.sm.carries is None or not device.pdos_of(planned.sm):
             continue
         sm = there.pop(planned.sm.index, None)
+        if sm is not None and found.half_read(sm):
+            continue  # FSN514 says so
         if sm is None:
             _add_length(out, sub, planned, found, "there is no such sync manager")
         else:
             _sync_manager(out, sub, found, planned, device.pdos_of(planned.sm), sm)
     for sm in there.values():
-        if sm.is_process_data and sm.size_bytes:
+        if sm.is_process_data and sm.size_bytes and not found.half_read(sm):
             out.add(
                 "FSN507",
                 device.at("sm"),

@@ -80,10 +80,11 @@ def _addresses(
         if fact.address is not None and fact.sub in found:
             facts.setdefault(fact.sub, fact)
     told: dict[str, int] = {}
-    for name in facts:
+    for name, fact in facts.items():
         fsoe = found[name].fsoe
-        if fsoe is not None and fsoe.address is not None:
-            told[name] = fsoe.address
+        if fsoe is not None and fsoe.addresses:
+            own = fact.address in fsoe.addresses
+            told[name] = fact.address if own and fact.address is not None else fsoe.addresses[0]
     wrong = [name for name in told if told[name] != facts[name].address]
     done: set[str] = set()
     for name in wrong:

@@ -66,8 +66,8 @@ class _Rows:
         if not self.same(sub, found):
             return _OTHER
         stated = self.addresses.get(sub.name)
-        told = found.fsoe.address if found.fsoe is not None else None
-        return _ADDRESS if None not in (stated, told) and stated != told else 0
+        told = found.fsoe.addresses if found.fsoe is not None else ()
+        return _ADDRESS if stated is not None and told and stated not in told else 0
 
     def is_plain(self, found: ScannedSubDevice) -> bool:
         """Whether nobody minds that the network does not name it."""

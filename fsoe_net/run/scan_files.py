@@ -184,6 +184,8 @@ def _device(sub: ScannedSubDevice) -> str:
             raise _NotExpressible(f"{kind} on {len(managers)} sync managers; the format knows one")
         if not managers:
             continue
+        if sub.half_read(managers[0]):
+            raise _NotExpressible(f"SM{managers[0].index} was not read completely")
         lines += ["", f"{key}:", *_pdos(managers[0])]
     lines += ["", "sm:"]
     for sm in sorted(sub.sms or (), key=lambda s: s.index):

@@ -143,6 +143,13 @@ def test_what_the_format_cannot_say_is_left_out_and_said(sms: list, why: str):
     assert sorted(files.texts) == ["network.yaml", "scan.json"]
 
 
+def test_a_sync_manager_read_by_half_is_left_out():
+    row = subdevice(0, vendor_id=1, product_code=2, sms=[sm(2, "outputs", pdo(0x1600, 8))])
+    row["problems"] = ["SM2: the mapping of PDO 0x1600 cannot be read"]
+    files = scan_files(taken({"scan": 1, "interface": "eth1", "subdevices": [row]}))
+    assert "SM2 was not read completely" in files.left_out[0]
+
+
 def test_an_empty_bus_and_long_padding():
     empty = {"scan": 1, "interface": "eth1", "subdevices": []}
     assert "subdevices: []" in scan_files(taken(empty)).texts["network.yaml"]
