@@ -1,0 +1,94 @@
+"""All checks of a host, in the order in which they are read."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from fsoe_net.host.cpu import CPU, online_cpus
+from fsoe_net.host.finding import Finding, Level, examined
+from fsoe_net.host.interface import interface_checks
+from fsoe_net.host.kernel import KERNEL, release
+from fsoe_net.host.machine import MACHINE
+from fsoe_net.host.permissions import permission_checks
+from fsoe_net.host.seam import Host
+
+__all__ = ["Examination", "examine"]
+
+_NAME = re.compile(r"[^\s/:]{1,15}", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Examination:
+    """What was found on a host. ``interface``: ``None`` when none was asked for."""
+
+    release: str
+    cpus: int
+    interface: str | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def healthy(self) -> bool:
+        """Whether there is neither a warning nor worse; what is not known does not count."""
+        return not any(f.level in (Level.WARNING, Level.BAD) for f in self.findings)
+
+    def to_json(self, version: str) -> dict[str, object]:
+        """Return the stable JSON document (``docs/reference/json-output.md``)."""
+        counts = {level.value: self.count(level) for level in Level}
+        return {
+            "tool": "fsoe-net",
+            "version": version,
+            "kernel": self.release,
+            "cpus": self.cpus,
+            "interface": self.interface,
+            "result": "pass" if self.healthy else "fail",
+            "counts": counts,
+            "findings": [f.to_json() for f in self.findings],
+        }
+
+    def count(self, level: Level) -> int:
+        """Return how many findings are of this level."""
+        return sum(f.level is level for f in self.findings)
+
+
+def examine(host: Host, *, interface: str | None = None, program: str | None = None) -> Examination:
+    """Look at a host; nothing is changed.
+
+    Args:
+        host: The machine.
+        interface: Of the bus, or ``None``.
+        program: Path of ``fsn-master``; ``None``: it is not there.
+
+    Raises:
+        Unreadable: It is no Linux, or /proc is not there.
+    """
+    checks = [*KERNEL, *CPU, *permission_checks(program), *MACHINE]
+    findings = [f for check in checks for f in examined(host, check)]
+    if interface is not None:
+        findings += _of_interface(host, interface)
+    return Examination(
+        release=release(host),
+        cpus=len(online_cpus(host)),
+        interface=interface,
+        findings=tuple(findings),
+    )
+
+
+def _of_interface(host: Host, interface: str) -> list[Finding]:
+    if not _NAME.fullmatch(interface) or interface in (".", ".."):
+        why = "Linux gives interfaces names of 1 to 15 characters without / : and blanks."
+        return [
+            Finding(
+                name="interface.exists",
+                level=Level.BAD,
+                text=f"{interface!r} is no name of an interface",
+                why=why,
+                now=("ip -br link shows their names",),
+                keep=(),
+            )
+        ]
+    first, *rest = interface_checks(interface)
+    findings = list(examined(host, first))
+    if any(f.level is Level.BAD and f.text.startswith("there is no") for f in findings):
+        return findings  # all else would only say the same again
+    return findings + [f for check in rest for f in examined(host, check)]

@@ -1,0 +1,78 @@
+"""What was found out about a host, and how a check is written."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+
+from fsoe_net.host.seam import Host, Unreadable
+
+__all__ = ["Check", "Finding", "Level", "Seen", "examined"]
+
+
+class Level(enum.Enum):
+    """How a fact of the host bears on real-time EtherCAT."""
+
+    GOOD = "good"
+    NOTE = "note"
+    WARNING = "warning"
+    BAD = "bad"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """What one check saw; ``now``: commands that mend it at once, ``keep``: what makes it last."""
+
+    level: Level
+    text: str
+    now: tuple[str, ...] = ()
+    keep: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One fact of the host with its meaning.
+
+    ``name``: which check, stable; ``text``: what was found; ``why``: what it does to the cycle and
+    to the watchdogs of FSoE; ``now`` and ``keep``: as `Seen`.
+    """
+
+    name: str
+    level: Level
+    text: str
+    why: str
+    now: tuple[str, ...]
+    keep: tuple[str, ...]
+
+    def to_json(self) -> dict[str, object]:
+        """Return it for the JSON document."""
+        return asdict(self) | {"level": self.level.value}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One look at the host; ``look`` may raise `Unreadable`, which is a finding of its own."""
+
+    name: str
+    why: str
+    look: Callable[[Host], Iterator[Seen]]
+
+
+def examined(host: Host, check: Check) -> Iterator[Finding]:
+    """Yield what a check finds."""
+    rows: list[Seen] = []
+    try:
+        rows.extend(check.look(host))
+    except Unreadable as why:
+        rows.append(Seen(level=Level.UNKNOWN, text=str(why)))
+    for seen in rows:
+        yield Finding(
+            name=check.name,
+            level=seen.level,
+            text=seen.text,
+            why=check.why,
+            now=seen.now,
+            keep=seen.keep,
+        )

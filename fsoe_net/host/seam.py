@@ -1,0 +1,159 @@
+"""How the host is reached: files below one root, commands, ioctls and attributes; all injected."""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import os
+import shutil
+import socket
+import struct
+import subprocess
+from pathlib import Path
+from typing import Protocol
+
+__all__ = ["Host", "RealSeam", "Seam", "Unreadable"]
+
+_SIOCETHTOOL = 0x8946
+_COMMAND_S = 5.0
+_MOST_BYTES = 1 << 22
+
+
+class Unreadable(Exception):
+    """A fact of the host cannot be read; the text says which and why."""
+
+
+class Seam(Protocol):
+    """What is no file: commands, ioctls, extended attributes."""
+
+    def command(self, *words: str) -> str | None:
+        """Return what a command prints; ``None``: it is not there, failed or hung."""
+
+    def ethtool(self, interface: str, request: bytes) -> bytes:
+        """Return the answer to a SIOCETHTOOL request; raises `OSError`."""
+
+    def attribute(self, path: str, name: str) -> bytes:
+        """Return an extended attribute of a file; raises `OSError`."""
+
+
+class RealSeam:
+    """The machine this runs on."""
+
+    def command(self, *words: str) -> str | None:
+        """Run a command that only reads; see `Seam`."""
+        program = shutil.which(words[0], path=os.environ.get("PATH", "") + ":/usr/sbin:/sbin")
+        if program is None:
+            return None
+        try:
+            done = subprocess.run(  # noqa: S603  # a list, no shell
+                [program, *words[1:]],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                check=False,
+                timeout=_COMMAND_S,
+                env=os.environ | {"LC_ALL": "C"},
+            )
+        except (OSError, subprocess.TimeoutExpired):
+            return None
+        return done.stdout if done.returncode == 0 else None
+
+    def ethtool(self, interface: str, request: bytes) -> bytes:
+        """Ask the driver of an interface; see `Seam`."""
+        data = ctypes.create_string_buffer(request, len(request))
+        name = interface.encode()[:15]
+        wanted = struct.pack("16sP16x", name, ctypes.addressof(data))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+            fcntl.ioctl(any_socket, _SIOCETHTOOL, wanted)
+        return data.raw
+
+    def attribute(self, path: str, name: str) -> bytes:
+        """Read an attribute; see `Seam`."""
+        return os.getxattr(path, name)
+
+
+class Host:
+    """A machine as its files show it.
+
+    Args:
+        root: Folder that stands for ``/``; of a made-up machine in tests.
+        seam: What is no file.
+    """
+
+    def __init__(self, root: Path | str = "/", seam: Seam | None = None) -> None:
+        self.root = Path(root)
+        self.seam: Seam = RealSeam() if seam is None else seam
+
+    def path(self, path: str) -> Path:
+        """Return where a path of the machine lies."""
+        return self.root / path.lstrip("/")
+
+    def data(self, path: str) -> bytes:
+        """Return the bytes of a file.
+
+        Raises:
+            Unreadable: It is not there or may not be read.
+        """
+        try:
+            with open(self.path(path), "rb", buffering=0) as file:
+                data = bytearray()
+                # In pieces: some files of /proc allocate a buffer as large as what is asked for.
+                while len(data) < _MOST_BYTES and (more := file.read(1 << 16)):
+                    data += more
+                return bytes(data)
+        except OSError as exc:
+            raise Unreadable(f"{path}: {exc.strerror or exc}") from exc
+
+    def read(self, path: str) -> str:
+        """Return the text of a file without the blanks around it; raises as `data`."""
+        return self.data(path).decode("utf-8", "replace").strip().strip("\0")
+
+    def maybe(self, path: str) -> str | None:
+        """Return the text of a file, or ``None`` when it cannot be read."""
+        try:
+            return self.read(path)
+        except Unreadable:
+            return None
+
+    def number(self, path: str) -> int:
+        """Return the number in a file.
+
+        Raises:
+            Unreadable: It cannot be read or holds none.
+        """
+        text = self.read(path)
+        try:
+            return int(text, 0)
+        except ValueError as exc:
+            raise Unreadable(f"{path} holds {text[:40]!r}, no number") from exc
+
+    def names(self, path: str) -> list[str]:
+        """Return the sorted names in a folder; none when it cannot be read."""
+        try:
+            return sorted(os.listdir(self.path(path)))
+        except OSError:
+            return []
+
+    def exists(self, path: str) -> bool:
+        """Return whether there is such a file or folder, or a link of that name."""
+        return os.path.lexists(self.path(path))
+
+    def target(self, path: str) -> str | None:
+        """Return the last part of what a link points to; ``None``: it is none."""
+        link = self.link(path)
+        return None if link is None else link.rstrip("/").rpartition("/")[2]
+
+    def link(self, path: str) -> str | None:
+        """Return what a link points to; ``None``: it is none or cannot be read."""
+        try:
+            return os.readlink(self.path(path))
+        except OSError:
+            return None
+
+    def pids(self) -> list[int]:
+        """Return the processes that are seen."""
+        return [int(name) for name in self.names("/proc") if name.isdecimal()]
+
+    def processes(self, name: str) -> list[int]:
+        """Return the processes whose command name is or begins with ``name``."""
+        return [p for p in self.pids() if (self.maybe(f"/proc/{p}/comm") or "").startswith(name)]
