@@ -24,6 +24,7 @@ _COMMANDS = {
     "emulate": "Serve a network as emulated EtherCAT SubDevices.",
     "report": "Write a report page for a network.",
     "replay": "Hold recorded FSoE runs against this engine.",
+    "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
     "doctor": "Check this machine for real-time EtherCAT.",
     "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",
 }

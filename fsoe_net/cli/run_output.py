@@ -20,10 +20,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check_target",
+    "cycle_text",
+    "event_line",
     "interesting",
     "live_view",
+    "not_in_op",
+    "number_text",
     "print_events",
     "print_result",
+    "state_markup",
     "write_timing",
 ]
 
@@ -43,22 +48,31 @@ def live_view(
     from rich.table import Table
     from rich.text import Text
 
-    s = statistics
-    wkc = "" if s.expected_wkc == s.actual_wkc else f" · WKC {s.actual_wkc}/{s.expected_wkc}"
-    table = Table(title=f"{escape(name)} · {now_s:.1f} s · cycle {s.cycles}{wkc}")
+    table = Table(title=f"{escape(name)} · {now_s:.1f} s · {cycle_text(statistics)}")
     for column in ("connection", "state", "ConnID", "FSoE cycle", "resets", "last reason"):
         table.add_column(column, no_wrap=column != "last reason")
     for c in rows:
-        style = _STATE_STYLE.get(c.state, "red")
         table.add_row(
             escape(c.name),
-            f"[{style}]{state_text(c.state)}[/]",
-            _number(c.connection_id),
+            state_markup(c.state),
+            number_text(c.connection_id),
             f"{c.fsoe_cycle_ms['last']:.1f} ms",
             str(c.resets),
             c.last_reset_text,
         )
     return Group(table, *(Text(line, style="red") for line in not_in_op(subdevices)))
+
+
+def cycle_text(statistics: Statistics) -> str:
+    """Return the number of the cycle, and its working counter where that is not complete."""
+    s = statistics
+    wkc = "" if s.expected_wkc == s.actual_wkc else f" · WKC {s.actual_wkc}/{s.expected_wkc}"
+    return f"cycle {s.cycles}{wkc}"
+
+
+def state_markup(word: str) -> str:
+    """Return a state for people, in its colour."""
+    return f"[{_STATE_STYLE.get(word, 'red')}]{state_text(word)}[/]"
 
 
 def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[str]:
@@ -73,7 +87,8 @@ def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[str]:
     return lines
 
 
-def _number(value: int | None) -> str:
+def number_text(value: int | None) -> str:
+    """Return a number, ``-`` for none."""
     return "-" if value is None else str(value)
 
 
@@ -87,8 +102,8 @@ def print_result(result: RunResult) -> None:
             [
                 c.name,
                 state_text(c.state),
-                _number(c.connection_id) + ("*" if "connection_id" in c.chosen else ""),
-                _number(c.address) + ("*" if "address" in c.chosen else ""),
+                number_text(c.connection_id) + ("*" if "connection_id" in c.chosen else ""),
+                number_text(c.address) + ("*" if "address" in c.chosen else ""),
                 f"{c.fsoe_cycle_ms['mean']:.2f} ms",
                 to_data,
                 resets,
@@ -124,7 +139,12 @@ def print_events(events: Sequence[RunEvent]) -> None:
         same = list(rows)
         first, last = same[0], same[-1]
         again = f" ({len(same)} times until {last.time_ms:.1f} ms)" if len(same) > 1 else ""
-        click.echo(f"{first.time_ms:10.1f} ms  {first.source}: {first.text}{again}")
+        click.echo(event_line(first) + again)
+
+
+def event_line(event: RunEvent) -> str:
+    """Return an event as one line."""
+    return f"{event.time_ms:10.1f} ms  {event.source}: {event.text}"
 
 
 def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:

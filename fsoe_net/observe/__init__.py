@@ -10,7 +10,7 @@ from fsoe_net.observe.capture import (
 from fsoe_net.observe.hexframes import HexFrame, Seen, follow_frames, parse_frames
 from fsoe_net.observe.lua import lua_dissector
 from fsoe_net.observe.names import ConnectionNames, Naming
-from fsoe_net.observe.wire import LogicalImage
+from fsoe_net.observe.wire import LogicalImage, RebuiltFrames
 
 __all__ = [
     "CaptureReader",
@@ -19,6 +19,7 @@ __all__ = [
     "HexFrame",
     "LogicalImage",
     "Naming",
+    "RebuiltFrames",
     "Seen",
     "buffered",
     "follow_frames",

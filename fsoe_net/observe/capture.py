@@ -34,6 +34,7 @@ _MOST_BYTES = 1 << 24  # of a packet or block; more is no length but damage
 _LATEST_NS = 1 << 63
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _TSRESOL, _TSOFFSET = 9, 14
+_COMMENT, _NAME, _FLAGS = 1, 2, 2  # codes of options: of any block, an interface, a packet
 
 
 def is_capture(head: bytes) -> bool:
@@ -255,26 +256,41 @@ def read_capture(path: str | Path) -> Iterator[tuple[int, bytes]]:
 class CaptureWriter:
     """Writes a pcapng file of Ethernet packets with times in nanoseconds; a context manager.
 
+    Args:
+        path: The file.
+        comment: What a reader should know, told with file and interface; Wireshark shows it.
+        interface: Name of the interface.
+
     Raises:
         OSError: The file cannot be written.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, comment: str = "", interface: str = "") -> None:
         self._file = open(path, "wb")  # noqa: SIM115 - closed by close()
-        resolution = struct.pack("<HHB3xHH", _TSRESOL, 1, 9, 0, 0)
-        self._block(_SECTION, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1))
-        self._block(_INTERFACE, struct.pack("<HHI", _ETHERNET, 0, 0) + resolution)
+        said = _option(_COMMENT, comment.encode()) if comment else b""
+        name = _option(_NAME, interface.encode()) if interface else b""
+        end = struct.pack("<HH", 0, 0)
+        section = struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1)
+        self._block(_SECTION, section + (said + end if said else b""))
+        resolution = _option(_TSRESOL, b"\x09")
+        head = struct.pack("<HHI", _ETHERNET, 0, 0)
+        self._block(_INTERFACE, head + said + name + resolution + end)
 
     def _block(self, kind: int, body: bytes) -> None:
         body = body.ljust((len(body) + 3) // 4 * 4, b"\0")
         length = struct.pack("<I", 12 + len(body))
         self._file.write(struct.pack("<I", kind) + length + body + length)
 
-    def packet(self, time_ns: int, data: bytes) -> None:
-        """Append one packet, bytes from the destination MAC on."""
+    def packet(self, time_ns: int, data: bytes, *, outbound: bool | None = None) -> None:
+        """Append one packet, bytes from the destination MAC on; ``outbound``: this host sent it."""
         size = len(data)
         head = struct.pack("<IIIII", 0, time_ns >> 32, time_ns & 0xFFFFFFFF, size, size)
-        self._block(_PACKET, head + data)
+        body = head + data
+        if outbound is not None:
+            body = body.ljust((len(body) + 3) // 4 * 4, b"\0")
+            body += _option(_FLAGS, struct.pack("<I", 2 if outbound else 1))
+            body += struct.pack("<HH", 0, 0)
+        self._block(_PACKET, body)
 
     def close(self) -> None:
         """Finish the file; may be called twice."""
@@ -286,3 +302,7 @@ class CaptureWriter:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _option(code: int, value: bytes) -> bytes:
+    return struct.pack("<HH", code, len(value)) + value.ljust((len(value) + 3) // 4 * 4, b"\0")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from fsoe_net.model import ResolvedEnd
 from fsoe_net.plan import Plan, igh_image
 
-__all__ = ["LogicalImage"]
+__all__ = ["LogicalImage", "RebuiltFrames", "image_packets"]
 
 _LRW = 12
 _TO_BUS = bytes.fromhex("ffffffffffff 000000000001 88a4")
@@ -67,12 +67,89 @@ class LogicalImage:
                 source address; on the way out it is 0.
             missing: By how much the working counters fall short of what is expected.
         """
-        for datagram in self._domain.datagrams:
-            start, size = datagram.offset_bytes, datagram.size_bytes
-            head = _HEAD.pack(1 << 12 | (12 + size), _LRW, number & 0xFF, start, size, 0)
-            counter = datagram.working_counter if back else 0
-            short = min(missing, counter)
-            counter, missing = counter - short, missing - short
-            data = image[start : start + size] + struct.pack("<H", counter)
-            frame = (_FROM_BUS if back else _TO_BUS) + head + data
-            yield frame.ljust(_SHORTEST_BYTES, b"\0")
+        rows = [(d.offset_bytes, d.size_bytes, d.working_counter) for d in self._domain.datagrams]
+        return image_packets(rows, image, number, back=back, missing=missing)
+
+
+def image_packets(
+    datagrams: Iterable[tuple[int, int, int]],
+    image: bytes | bytearray,
+    number: int,
+    *,
+    back: bool,
+    missing: int = 0,
+) -> Iterator[bytes]:
+    """Yield Ethernet frames that carry an image, one LRW datagram each.
+
+    Args:
+        datagrams: Offset, length and complete working counter of each.
+        image: The process data.
+        number: As `LogicalImage.packets`, like ``back`` and ``missing``.
+        back: See there.
+        missing: See there.
+    """
+    for start, size, complete in datagrams:
+        head = _HEAD.pack(1 << 12 | (12 + size), _LRW, number & 0xFF, start, size, 0)
+        counter = complete if back else 0
+        short = min(missing, counter)
+        counter, missing = counter - short, missing - short
+        data = image[start : start + size] + struct.pack("<H", counter)
+        frame = (_FROM_BUS if back else _TO_BUS) + head + data
+        yield frame.ljust(_SHORTEST_BYTES, b"\0")
+
+
+class RebuiltFrames:
+    """Turns images of successive cycles into frames on their way out and back.
+
+    Args:
+        datagrams: Offset, length and complete working counter of each; ``None``: not known.
+        outputs: Offset and length of what the bus is sent.
+        image_bytes: Length of an image.
+    """
+
+    def __init__(
+        self,
+        datagrams: Iterable[tuple[int, int, int | None]],
+        outputs: Iterable[tuple[int, int]],
+        image_bytes: int,
+    ) -> None:
+        self._datagrams = tuple(datagrams)
+        self._outputs = tuple(outputs)
+        self._image_bytes = image_bytes
+        self._sent: bytearray | None = None
+        self._sent_ns = 0
+        self._sent_number = -1
+
+    def cycle(
+        self, image: bytes, number: int, now_ns: int, wkc: tuple[int, int]
+    ) -> Iterator[tuple[int, bytes, bool]]:
+        """Yield the frames of one cycle: time, packet, whether it goes out.
+
+        An image is as its cycle left it: inputs as they came back, outputs as they are sent. So its
+        inputs belong to the outputs of the cycle before, and where that was not seen the frame on
+        its way back is left out.
+
+        Args:
+            image: The process data at the end of the cycle.
+            number: Of the cycle.
+            now_ns: When the cycle began.
+            wkc: Expected and actual working counter of the cycle.
+
+        Raises:
+            ValueError: The image has another length.
+        """
+        if len(image) != self._image_bytes:
+            raise ValueError(f"an image of {len(image)} bytes, not {self._image_bytes}")
+        expected, actual = wkc
+        rows = [(o, s, actual if c is None else c) for o, s, c in self._datagrams]
+        if self._sent is not None and self._sent_number == number - 1:
+            came = bytearray(image)
+            for offset, size in self._outputs:
+                came[offset : offset + size] = self._sent[offset : offset + size]
+            missing = max(0, expected - actual)
+            at_ns = max(self._sent_ns, now_ns - 1)
+            for packet in image_packets(rows, came, number - 1, back=True, missing=missing):
+                yield at_ns, packet, False
+        for packet in image_packets(rows, image, number, back=False):
+            yield now_ns, packet, True
+        self._sent, self._sent_ns, self._sent_number = bytearray(image), now_ns, number

@@ -9,7 +9,7 @@ from html import escape
 
 from fsoe_net.core import Histogram, Statistics
 
-__all__ = ["timing_csv", "timing_picture", "timing_text"]
+__all__ = ["timing_bars", "timing_csv", "timing_picture", "timing_text"]
 
 _NAMES = {
     "latency": "wake-up latency",
@@ -68,6 +68,35 @@ def timing_text(statistics: Statistics) -> str:
         for row in rows
     ]
     return "\n".join(["times in us", *lines])
+
+
+def timing_bars(histogram: Histogram, *, width: int = 40) -> list[str]:
+    """Return lines of bars, one per factor of two in time; lengths grow with the logarithm.
+
+    A single late cycle among millions has to be seen, so the shortest bar is one eighth.
+    """
+    octaves: dict[int, int] = {}
+    for floor_ns, count in histogram.buckets:
+        octave = max(0, floor_ns.bit_length() - 1)
+        octaves[octave] = octaves.get(octave, 0) + count
+    if not octaves:
+        return []
+    first, last, most = min(octaves), max(octaves), max(octaves.values())
+    lines = []
+    for octave in range(first, last + 1):
+        count = octaves.get(octave, 0)
+        share = math.log(count + 1) / math.log(most + 1)
+        eighths = max(1, round(8 * width * share)) if count else 0
+        bar = "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
+        lines.append(f"{_time_text(1 << octave):>8} {bar.ljust(width)} {count}".rstrip())
+    return lines
+
+
+def _time_text(ns: int) -> str:
+    for unit, size in (("s", 1_000_000_000), ("ms", 1_000_000), ("us", 1_000)):
+        if ns >= size:
+            return f"{ns / size:.3g} {unit}"
+    return f"{ns} ns"
 
 
 def timing_picture(statistics: Statistics, title: str) -> str:

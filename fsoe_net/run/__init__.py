@@ -1,5 +1,6 @@
 """Live sessions: emulated devices, the C core and a scenario, in virtual or real time."""
 
+from fsoe_net.run.attachment import Attachment, BusView, WatchedConnection
 from fsoe_net.run.client import Client, control_socket
 from fsoe_net.run.control_layout import Layout
 from fsoe_net.run.control_values import (
@@ -15,6 +16,7 @@ from fsoe_net.run.control_values import (
 )
 from fsoe_net.run.emulate import EmulateResult, SegmentSession, serve
 from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
+from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master, find_master
 from fsoe_net.run.result import (
@@ -34,14 +36,17 @@ from fsoe_net.run.session import (
 )
 
 __all__ = [
+    "Attachment",
     "BusOptions",
     "BusResult",
     "BusState",
+    "BusView",
     "Client",
     "ConnectionResult",
     "EmulateResult",
     "HistoryMessage",
     "Layout",
+    "LiveCapture",
     "LiveSnapshot",
     "LiveUpdate",
     "Master",
@@ -57,6 +62,7 @@ __all__ = [
     "Symbol",
     "Values",
     "Verdict",
+    "WatchedConnection",
     "WatchedCycle",
     "control_socket",
     "counted_session_ids",

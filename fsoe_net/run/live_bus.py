@@ -5,28 +5,22 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from fsoe_net.core import ConnectionSnapshot, DirectionSnapshot
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
-from fsoe_net.fsoe import Command, reset_code_text
 from fsoe_net.model import Connection, Resolution
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master
-from fsoe_net.run.result import BusResult, ConnectionResult, RunEvent, RunResult, state_text
+from fsoe_net.run.result import BusResult, ConnectionResult, RunResult
+from fsoe_net.run.story import ConnectionFacts, Story, connection_result
 
 __all__ = ["BusOptions", "LiveUpdate", "run_on_bus"]
 
-_MAX_EVENTS = 20_000
 _UPDATE_S = 0.1
 _GRACE_S = 10  # fsn-master outlives the stated duration by this much when nobody stops it
 _BACK_S = 5.0
-_DATA = {"failsafe data": "data_failsafe", "process data": "data_process"}
-_ENDS = {"main": "MainInstance", "sub": "SubInstance"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,67 +65,6 @@ class LiveUpdate:
     now_s: float
 
 
-@dataclass(slots=True)
-class _Story:
-    """What the events have told so far, by connection. Times from the start in nanoseconds."""
-
-    start_ns: int
-    events: list[RunEvent] = field(default_factory=list)
-    events_lost: int = 0
-    to_data_ns: dict[str, int] = field(default_factory=dict)
-    resets: Counter[str] = field(default_factory=Counter)
-    last_reset: dict[str, int] = field(default_factory=dict)
-
-    def log(
-        self, source: str, text: str, *, at_ns: int | None = None, code: int | None = None
-    ) -> None:
-        """Add an event; beyond a bound only counted."""
-        if len(self.events) >= _MAX_EVENTS:
-            self.events_lost += 1
-            return
-        now_ns = (time.monotonic_ns() if at_ns is None else at_ns) - self.start_ns
-        self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, code=code))
-
-    def take(self, event: Mapping[str, Any]) -> None:
-        """Add what ``fsn-master`` tells."""
-        kind, at_ns = event.get("event"), int(event.get("now_ns", 0))
-        if kind == "connection":
-            self._connection(event, at_ns)
-        elif kind == "subdevice":
-            self.log(str(event["subdevice"]), _subdevice_text(event), at_ns=at_ns)
-        elif kind == "lost":
-            self.events_lost += 1
-            self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
-        else:
-            source = "bus" if kind == "wkc" else "fsn-master"
-            self.log(source, str(event.get("text", "")), at_ns=at_ns)
-
-    def _connection(self, event: Mapping[str, Any], at_ns: int) -> None:
-        name, after = str(event["connection"]), str(event["after"])
-        if "reset_by" not in event:
-            if after in _DATA:
-                self.to_data_ns.setdefault(name, at_ns - self.start_ns)
-            self.log(name, f"wire: {state_text(_DATA.get(after, after))}", at_ns=at_ns)
-            return
-        code = int(event["reset_code"])
-        if event["before"] != "silent":  # else what was on the wire before this run
-            self.resets[name] += 1
-            self.last_reset[name] = code
-        end = _ENDS.get(str(event["reset_by"]), "one end")
-        self.log(name, f"{end} resets: {reset_code_text(code)}", at_ns=at_ns, code=code)
-
-
-def _subdevice_text(event: Mapping[str, Any]) -> str:
-    before, after = event["before"], event["after"]
-    links = ", ".join("open" if not up else "up" for up in event.get("link", ()))
-    text = f"{before} -> {after}" if before != after else f"ports: {links}"
-    if event.get("al_code"):
-        text += f", AL status code 0x{int(event['al_code']):04x}"
-    if event.get("detail"):
-        text += f": {event['detail']}"
-    return text
-
-
 class _LiveRun:
     """One run; see `run_on_bus`."""
 
@@ -142,7 +75,8 @@ class _LiveRun:
         self._plan = plan
         self._options = options
         self._master = master
-        self._story = _Story(start_ns=time.monotonic_ns())
+        self._facts = tuple(_facts(c) for c in resolution.connections)
+        self._story = Story(start_ns=time.monotonic_ns())
         self._client: Client | None = None
         self._last: LiveSnapshot | None = None
         self._begin_ns: int | None = None
@@ -224,48 +158,8 @@ class _LiveRun:
         )
 
     def _connections(self, snapshot: LiveSnapshot) -> tuple[ConnectionResult, ...]:
-        rows = zip(self._resolution.connections, snapshot.cycle.connections, strict=True)
-        return tuple(self._connection(connection, wire) for connection, wire in rows)
-
-    def _connection(self, connection: Connection, wire: ConnectionSnapshot) -> ConnectionResult:
-        name, facts, story = connection.name, connection.facts, self._story
-        down, up = wire.to_sub, wire.to_main
-        stated = facts.connection_id if facts else None
-        code = story.last_reset.get(name)
-        to_data = story.to_data_ns.get(name)
-        word = wire.state.word
-        in_data = word.startswith("data")
-        return ConnectionResult(
-            name=name,
-            net=connection.net.name,
-            main=connection.main.name,
-            sub=connection.sub.name,
-            state=word,
-            wire_state=word,
-            connection_id=down.connection_id or up.connection_id or stated,
-            address=facts.address if facts else None,
-            watchdog_ms=facts.watchdog_ms if facts else None,
-            chosen=(),
-            time_to_data_ms=None if to_data is None else to_data / 1e6,
-            fsoe_cycle_ms={
-                "last": down.cycle_last_ns / 1e6,
-                "min": down.cycle_min_ns / 1e6,
-                "mean": down.cycle_mean_ns / 1e6,
-                "max": down.cycle_max_ns / 1e6,
-            },
-            frames_to_sub=down.frames,
-            frames_to_main=up.frames,
-            wrong_to_sub=down.wrong,
-            wrong_to_main=up.wrong,
-            gaps=wire.gaps,
-            resets=story.resets[name],
-            last_reset_code=code,
-            last_reset_text="" if code is None else reset_code_text(code),
-            data_to_sub=_data_kind(down) if in_data else "none",
-            data_to_main=_data_kind(up) if in_data else "none",
-            safe_to_sub=None,
-            safe_to_main=None,
-        )
+        rows = zip(self._facts, snapshot.cycle.connections, strict=True)
+        return tuple(connection_result(facts, wire, self._story) for facts, wire in rows)
 
     def _result(self, snapshot: LiveSnapshot, current: bool) -> RunResult:
         story, end_ns = self._story, self._end_ns or time.monotonic_ns()
@@ -289,17 +183,25 @@ class _LiveRun:
         )
 
 
+def _facts(connection: Connection) -> ConnectionFacts:
+    facts = connection.facts
+    return ConnectionFacts(
+        name=connection.name,
+        net=connection.net.name,
+        main=connection.main.name,
+        sub=connection.sub.name,
+        connection_id=facts.connection_id if facts else None,
+        address=facts.address if facts else None,
+        watchdog_ms=facts.watchdog_ms if facts else None,
+    )
+
+
 def _all_in_data(
     connections: Sequence[ConnectionResult], subdevices: Sequence[SubDeviceSnapshot]
 ) -> bool:
     """Return whether all are in Data; the last frame of a SubDevice that is gone does not count."""
     away = {s.name for s in subdevices if s.known and not s.in_op}
     return all(c.state.startswith("data") and not {c.main, c.sub} & away for c in connections)
-
-
-def _data_kind(direction: DirectionSnapshot) -> str:
-    kinds = {int(Command.PROCESS_DATA): "process", int(Command.FAIL_SAFE_DATA): "failsafe"}
-    return kinds.get(direction.command, "none")
 
 
 def run_on_bus(

@@ -38,11 +38,11 @@ def why_not():
     return missing("json")
 
 
-def on_the_wire(case, *networks, tmp, good=lambda _: True):
+def on_the_wire(case, *networks, tmp, good=lambda _: True, script="live_rig.py"):
     why = why_not()
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
-    rig = [*NAMESPACE, sys.executable, str(ROOT / "tests/run/live_rig.py"), case, *networks]
+    rig = [*NAMESPACE, sys.executable, str(ROOT / "tests/run" / script), case, *networks]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "XDG_RUNTIME_DIR": str(tmp)[:60]}
     seen = "nothing"
     for _ in range(ATTEMPTS):

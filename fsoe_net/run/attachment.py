@@ -1,0 +1,255 @@
+"""Follows a running ``fsn-master`` as one more client, over its stops and restarts."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from fsoe_net.core import ConnectionSnapshot
+from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.fsoe import reset_code_text
+from fsoe_net.run.client import Client
+from fsoe_net.run.control_values import BusState, Status
+from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
+from fsoe_net.run.result import ConnectionResult, RunEvent
+from fsoe_net.run.story import ENDS, ConnectionFacts, Story, connection_result
+
+__all__ = ["Attachment", "BusView", "WatchedConnection"]
+
+_REPLY_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedConnection:
+    """A connection as `ConnectionResult`, and what only a monitor tells.
+
+    Attributes:
+        result: Its ``resets`` are those since the monitor began.
+        resets_to_sub: Resets the main has sent since the bus was opened, as answers too.
+        resets_to_main: Those the sub has sent.
+        cause: Of the last Reset in words, with the end that began it where that was seen.
+        watchdog_share: Longest FSoE cycle as a share of the watchdog; ``None``: it is not known.
+        held_main: Cycles in which the inputs of the main's SubDevice held old bytes.
+        held_sub: The same of the sub's.
+        silent_to_sub_ms: Since the main's last new frame.
+        silent_to_main_ms: Since the sub's last new frame.
+    """
+
+    result: ConnectionResult
+    resets_to_sub: int
+    resets_to_main: int
+    cause: str
+    watchdog_share: float | None
+    held_main: int
+    held_sub: int
+    silent_to_sub_ms: float | None
+    silent_to_main_ms: float | None
+
+    def to_json(self) -> dict[str, object]:
+        """Return the keys of the connection and of the monitor in one."""
+        row = asdict(self)
+        result: dict[str, object] = row.pop("result")
+        return result | row
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusView:
+    """What is known now.
+
+    ``away``: why ``fsn-master`` does not answer; empty while it does. ``snapshot`` is the last one,
+    ``current`` whether it is of now. Times of ``events`` count from the begin of the monitor.
+    """
+
+    away: str
+    status: Status | None
+    connections: tuple[WatchedConnection, ...]
+    snapshot: LiveSnapshot | None
+    current: bool
+    now_s: float
+    events: tuple[RunEvent, ...]
+    events_lost: int
+
+    @property
+    def good(self) -> bool:
+        """Whether now every connection is in Data and every SubDevice in OP."""
+        if not self.current or self.snapshot is None:
+            return False
+        in_data = all(c.result.state.startswith("data") for c in self.connections)
+        return in_data and all(s.in_op for s in self.snapshot.subdevices if s.known)
+
+
+class Attachment:
+    """A monitor's connection to ``fsn-master``; a context manager.
+
+    Args:
+        path: Control socket.
+
+    Raises:
+        EnvironmentFault: Nobody answers there; later it is waited for.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = str(path)
+        self._story = Story(start_ns=time.monotonic_ns())
+        self._facts: tuple[ConnectionFacts, ...] = ()
+        self._snapshot: LiveSnapshot | None = None
+        self._status: Status | None = None
+        self._away = ""
+        self._missed = 0
+        self._client: Client | None = None
+        self._attach(_REPLY_S)
+
+    def __enter__(self) -> Attachment:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave; ``fsn-master`` goes on."""
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def look(self, wait_s: float, stop: threading.Event | None = None) -> BusView:
+        """Take what is told for so long, then a snapshot.
+
+        Never raises because ``fsn-master`` stops, ends or comes back: the view and its events say
+        so. ``stop``, once set, ends the waiting early.
+        """
+        current = False
+        try:
+            if self._client is None:
+                self._attach(max(0.1, wait_s))
+            current = self._ask(wait_s, stop)
+        except EnvironmentFault as fault:
+            self._lost(fault)
+            (stop or threading.Event()).wait(wait_s)
+        return self._view(current)
+
+    def _attach(self, timeout_s: float) -> None:
+        client = Client(self._path, timeout_s=timeout_s)
+        try:
+            client.subscribe()
+            self._status = client.status()
+        except EnvironmentFault:
+            client.close()
+            raise
+        if self._away:
+            self._story.log("monitor", f"fsn-master answers again; {self._away}")
+            self._away = ""
+        self._client = client
+        self._facts = ()
+
+    def _lost(self, fault: EnvironmentFault) -> None:
+        if self._client is not None:
+            self._missed += self._client.events_lost
+            self._client.close()
+            self._client = None
+        if not self._away:
+            self._away = str(fault)
+            self._story.log("monitor", f"fsn-master is gone, waiting for it: {fault}")
+            self._story.events_lost += 1  # its last words were perhaps not read
+
+    def _ask(self, wait_s: float, stop: threading.Event | None) -> bool:
+        client = self._client
+        if client is None:
+            return False
+        until = time.monotonic() + wait_s
+        while True:
+            for event in client.events(min(0.1, max(0.0, until - time.monotonic()))):
+                self._story.take(event)
+            if time.monotonic() >= until or (stop is not None and stop.is_set()):
+                break
+        self._status = client.status()
+        if self._status.state not in (BusState.RUNNING, BusState.STARTING):
+            return False
+        try:
+            if not self._facts:
+                self._facts = _facts(client)
+            self._snapshot = client.snapshot()
+        except ControlRefused as refused:
+            # Between two states, or a cycle that leaves no time for a snapshot.
+            return refused.status == "FSN_E_BUSY" and self._snapshot is not None
+        return True
+
+    def _view(self, current: bool) -> BusView:
+        rows: list[WatchedConnection] = []
+        if self._snapshot is not None and len(self._facts) == len(self._snapshot.cycle.connections):
+            held = {s.name: s for s in self._snapshot.subdevices}
+            for facts, wire in zip(self._facts, self._snapshot.cycle.connections, strict=True):
+                rows.append(self._connection(facts, wire, held, self._snapshot))
+        lost = self._client.events_lost if self._client is not None else 0
+        return BusView(
+            away=self._away,
+            status=self._status,
+            connections=tuple(rows),
+            snapshot=self._snapshot,
+            current=current,
+            now_s=(time.monotonic_ns() - self._story.start_ns) / 1e9,
+            events=tuple(self._story.events),
+            events_lost=self._story.events_lost + self._missed + lost,
+        )
+
+    def _connection(
+        self,
+        facts: ConnectionFacts,
+        wire: ConnectionSnapshot,
+        subdevices: dict[str, SubDeviceSnapshot],
+        snapshot: LiveSnapshot,
+    ) -> WatchedConnection:
+        now_ns = snapshot.cycle.statistics.now_ns
+        longest_ms = max(wire.to_sub.cycle_max_ns, wire.to_main.cycle_max_ns) / 1e6
+        ends = [subdevices.get(name) for name in (facts.main, facts.sub)]
+        silent = [
+            (now_ns - d.last_new_ns) / 1e6 if d.frames and now_ns >= d.last_new_ns else None
+            for d in (wire.to_sub, wire.to_main)
+        ]
+        return WatchedConnection(
+            result=connection_result(facts, wire, self._story),
+            resets_to_sub=wire.to_sub.resets,
+            resets_to_main=wire.to_main.resets,
+            cause=_cause(facts.name, wire, self._story),
+            watchdog_share=longest_ms / facts.watchdog_ms if facts.watchdog_ms else None,
+            held_main=ends[0].stale_cycles if ends[0] else 0,
+            held_sub=ends[1].stale_cycles if ends[1] else 0,
+            silent_to_sub_ms=silent[0],
+            silent_to_main_ms=silent[1],
+        )
+
+
+def _facts(client: Client) -> tuple[ConnectionFacts, ...]:
+    """Return names of the connections, and what the plan states where this master tells it."""
+    names = client.connections()
+    try:
+        stated = {c.name: c for c in client.layout().connections}
+    except ControlRefused:
+        stated = {}
+    rows = []
+    for c in names:
+        known = stated.get(c.name)
+        rows.append(
+            ConnectionFacts(
+                name=c.name,
+                net=c.net,
+                main=c.main,
+                sub=c.sub,
+                connection_id=known.connection_id if known else None,
+                address=known.address if known else None,
+                watchdog_ms=known.watchdog_ms if known else None,
+            )
+        )
+    return tuple(rows)
+
+
+def _cause(name: str, wire: ConnectionSnapshot, story: Story) -> str:
+    """Return why it was reset last; what the counters tell when no event has."""
+    if name in story.last_reset:
+        text = reset_code_text(story.last_reset[name])
+        return f"{story.last_reset_by.get(name, 'one end')}: {text}"
+    rows = ((ENDS["main"], wire.to_sub), (ENDS["sub"], wire.to_main))
+    sent = [(end, d.reset_code) for end, d in rows if d.resets]
+    told = [row for row in sent if row[1]] or sent
+    return "; ".join(f"{end} sent: {reset_code_text(code)}" for end, code in told)

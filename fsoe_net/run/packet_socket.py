@@ -1,0 +1,109 @@
+"""Listens to EtherCAT frames on a network interface, with the times of the kernel."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import socket
+import struct
+from dataclasses import dataclass
+
+__all__ = ["Packet", "PacketSocket"]
+
+_ALL, _ETHERCAT = 0x0003, 0x88A4
+_SO_ATTACH_FILTER, _SO_TIMESTAMPNS = 26, 35
+_SOL_PACKET, _ADD_MEMBERSHIP, _STATISTICS, _PROMISCUOUS = 263, 1, 6, 1
+_OUTGOING = 4
+_BUFFER_BYTES = 8 << 20
+_MOST_BYTES = 1600
+_TIME = struct.Struct("@ll")
+# Load the EtherType, compare, take the frame whole or leave it.
+_PROGRAM = (
+    (0x28, 0, 0, 12),
+    (0x15, 0, 1, _ETHERCAT),
+    (0x06, 0, 0, 0xFFFF),
+    (0x06, 0, 0, 0),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """A frame from the destination MAC on; ``time_ns`` since 1970; who sent it."""
+
+    time_ns: int
+    data: bytes
+    outbound: bool
+
+
+class PacketSocket:
+    """A socket that sees the EtherCAT frames of an interface; a context manager. Sends nothing.
+
+    Frames whose sender bypasses the queue of the interface are not seen on their way out: those of
+    the cycle of ``fsn-master`` are such.
+
+    Args:
+        interface: Its name.
+
+    Raises:
+        OSError: It may not be opened, or there is no such interface.
+    """
+
+    def __init__(self, interface: str) -> None:
+        self._dropped = 0
+        self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
+        try:
+            self._prepare(interface)
+        except OSError:
+            self._socket.close()
+            raise
+
+    def _prepare(self, interface: str) -> None:
+        rows = b"".join(struct.pack("=HBBI", *row) for row in _PROGRAM)
+        program = ctypes.create_string_buffer(rows, len(rows))
+        form = struct.pack("@HP", len(_PROGRAM), ctypes.addressof(program))
+        s = self._socket
+        s.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, form)
+        s.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        number = socket.if_nametoindex(interface)
+        with contextlib.suppress(OSError):  # what comes back has another MAC, but no promise of it
+            wanted = struct.pack("@iHH8x", number, _PROMISCUOUS, 0)
+            s.setsockopt(_SOL_PACKET, _ADD_MEMBERSHIP, wanted)
+        s.bind((interface, _ALL))
+
+    def packets(self, wait_s: float) -> list[Packet]:
+        """Return the frames that have come, after waiting for the first at most so long.
+
+        Raises:
+            OSError: The interface went down or away.
+        """
+        found: list[Packet] = []
+        self._socket.settimeout(wait_s)
+        while len(found) < 1000:
+            try:
+                got = self._socket.recvmsg(_MOST_BYTES, 64)
+            except (TimeoutError, BlockingIOError):
+                break
+            data, extra, _, sender = got
+            self._socket.settimeout(0)
+            found.append(Packet(_time_ns(extra), data, sender[2] == _OUTGOING))
+        return found
+
+    @property
+    def dropped(self) -> int:
+        """Frames that came too fast, so far."""
+        row = self._socket.getsockopt(_SOL_PACKET, _STATISTICS, 8)
+        self._dropped += struct.unpack("@II", row)[1]  # reading sets it back
+        return self._dropped
+
+    def close(self) -> None:
+        """Listen no longer."""
+        self._socket.close()
+
+
+def _time_ns(extra: list[tuple[int, int, bytes]]) -> int:
+    for level, kind, data in extra:
+        if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(data) >= _TIME.size:
+            seconds, rest = _TIME.unpack_from(data)
+            return int(seconds) * 1_000_000_000 + int(rest)
+    return 0

@@ -1,0 +1,143 @@
+"""What the events of ``fsn-master`` tell, and a connection as its wire shows it."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from fsoe_net.core import ConnectionSnapshot, DirectionSnapshot
+from fsoe_net.fsoe import Command, reset_code_text
+from fsoe_net.run.result import ConnectionResult, RunEvent, state_text
+
+__all__ = ["ENDS", "ConnectionFacts", "Story", "connection_result"]
+
+ENDS = {"main": "MainInstance", "sub": "SubInstance"}
+_MAX_EVENTS = 20_000
+_DATA = {"failsafe data": "data_failsafe", "process data": "data_process"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConnectionFacts:
+    """What files or a plan state about a connection; ``None``: nobody states it."""
+
+    name: str
+    net: str
+    main: str
+    sub: str
+    connection_id: int | None = None
+    address: int | None = None
+    watchdog_ms: int | None = None
+
+
+@dataclass(slots=True)
+class Story:
+    """What the events have told so far, by connection. Times from the start in nanoseconds."""
+
+    start_ns: int
+    events: list[RunEvent] = field(default_factory=list)
+    events_lost: int = 0
+    to_data_ns: dict[str, int] = field(default_factory=dict)
+    resets: Counter[str] = field(default_factory=Counter)
+    last_reset: dict[str, int] = field(default_factory=dict)
+    last_reset_by: dict[str, str] = field(default_factory=dict)
+
+    def log(
+        self, source: str, text: str, *, at_ns: int | None = None, code: int | None = None
+    ) -> None:
+        """Add an event; beyond a bound only counted."""
+        if len(self.events) >= _MAX_EVENTS:
+            self.events_lost += 1
+            return
+        now_ns = (time.monotonic_ns() if at_ns is None else at_ns) - self.start_ns
+        self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, code=code))
+
+    def take(self, event: Mapping[str, Any]) -> None:
+        """Add what ``fsn-master`` tells."""
+        kind, at_ns = event.get("event"), int(event.get("now_ns", 0))
+        if kind == "connection":
+            self._connection(event, at_ns)
+        elif kind == "subdevice":
+            self.log(str(event["subdevice"]), _subdevice_text(event), at_ns=at_ns)
+        elif kind == "lost":
+            self.events_lost += 1
+            self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
+        else:
+            source = "bus" if kind == "wkc" else "fsn-master"
+            self.log(source, str(event.get("text", "")), at_ns=at_ns)
+
+    def _connection(self, event: Mapping[str, Any], at_ns: int) -> None:
+        name, after = str(event["connection"]), str(event["after"])
+        if "reset_by" not in event:
+            if after in _DATA:
+                self.to_data_ns.setdefault(name, at_ns - self.start_ns)
+            self.log(name, f"wire: {state_text(_DATA.get(after, after))}", at_ns=at_ns)
+            return
+        code = int(event["reset_code"])
+        end = ENDS.get(str(event["reset_by"]), "one end")
+        if event["before"] != "silent":  # else what was on the wire before this run
+            self.resets[name] += 1
+            self.last_reset[name] = code
+            self.last_reset_by[name] = end
+        self.log(name, f"{end} resets: {reset_code_text(code)}", at_ns=at_ns, code=code)
+
+
+def _subdevice_text(event: Mapping[str, Any]) -> str:
+    before, after = event["before"], event["after"]
+    links = ", ".join("open" if not up else "up" for up in event.get("link", ()))
+    text = f"{before} -> {after}" if before != after else f"ports: {links}"
+    if event.get("al_code"):
+        text += f", AL status code 0x{int(event['al_code']):04x}"
+    if event.get("detail"):
+        text += f": {event['detail']}"
+    return text
+
+
+def connection_result(
+    facts: ConnectionFacts, wire: ConnectionSnapshot, story: Story
+) -> ConnectionResult:
+    """Return a connection as the wire shows it now."""
+    name = facts.name
+    down, up = wire.to_sub, wire.to_main
+    code = story.last_reset.get(name)
+    to_data = story.to_data_ns.get(name)
+    word = wire.state.word
+    in_data = word.startswith("data")
+    return ConnectionResult(
+        name=name,
+        net=facts.net,
+        main=facts.main,
+        sub=facts.sub,
+        state=word,
+        wire_state=word,
+        connection_id=down.connection_id or up.connection_id or facts.connection_id,
+        address=facts.address,
+        watchdog_ms=facts.watchdog_ms,
+        chosen=(),
+        time_to_data_ms=None if to_data is None else to_data / 1e6,
+        fsoe_cycle_ms={
+            "last": down.cycle_last_ns / 1e6,
+            "min": down.cycle_min_ns / 1e6,
+            "mean": down.cycle_mean_ns / 1e6,
+            "max": down.cycle_max_ns / 1e6,
+        },
+        frames_to_sub=down.frames,
+        frames_to_main=up.frames,
+        wrong_to_sub=down.wrong,
+        wrong_to_main=up.wrong,
+        gaps=wire.gaps,
+        resets=story.resets[name],
+        last_reset_code=code,
+        last_reset_text="" if code is None else reset_code_text(code),
+        data_to_sub=_data_kind(down) if in_data else "none",
+        data_to_main=_data_kind(up) if in_data else "none",
+        safe_to_sub=None,
+        safe_to_main=None,
+    )
+
+
+def _data_kind(direction: DirectionSnapshot) -> str:
+    kinds = {int(Command.PROCESS_DATA): "process", int(Command.FAIL_SAFE_DATA): "failsafe"}
+    return kinds.get(direction.command, "none")
