@@ -149,8 +149,11 @@ def _follow(
         left = _LOOK_S if until is None else min(_LOOK_S, until - time.monotonic())
         view = attached.look(max(0.0, left), stop)
         if tell:
-            for event in interesting(view.events[told:]):
-                _tell(event, display)
+            new = view.events[told:]
+            shown = interesting(new)
+            for event in new:
+                if event in shown or event.text.startswith("ports: "):
+                    _tell(event, display)
         told = len(view.events)
         if stop.is_set() or (until is not None and time.monotonic() >= until):
             return view

@@ -252,4 +252,6 @@ def _cause(name: str, wire: ConnectionSnapshot, story: Story) -> str:
     rows = ((ENDS["main"], wire.to_sub), (ENDS["sub"], wire.to_main))
     sent = [(end, d.reset_code) for end, d in rows if d.resets]
     told = [row for row in sent if row[1]] or sent
+    if len(told) == 2 and told[0][1] == told[1][1]:
+        return f"both ends sent: {reset_code_text(told[0][1])}"
     return "; ".join(f"{end} sent: {reset_code_text(code)}" for end, code in told)

@@ -391,6 +391,8 @@ def test_the_command_on_this_machine():
     assert text.returncode == 1
     for row in document["findings"]:
         assert row["name"] in text.stdout
+        if row["name"] == "master.running":
+            continue  # other tests start and end one meanwhile
         for line in (*row["now"], *row["keep"]):
             assert line in text.stdout
     assert "\x1b" not in text.stdout

@@ -63,7 +63,7 @@ def test_the_document_says_the_same(master):
     assert (row["watchdog_share"], row["held_main"], row["held_sub"]) == (0.9, 2, 2)
     assert (row["silent_to_sub_ms"], row["resets_to_sub"], row["watchdog_ms"]) == (5, 1, 100)
     assert row["fsoe_cycle_ms"] == {"last": 4, "min": 3, "mean": 4, "max": 90}
-    assert row["cause"].startswith("MainInstance sent: local reset")
+    assert row["cause"].startswith("both ends sent: local reset")
     page = (ROOT / "docs/reference/json-output.md").read_text("utf-8")
     keys = {*found, "file", "rebuilt", "frames", "missed", "fault"} | set(row)
     pages = page + (ROOT / "docs/reference/run-output.md").read_text("utf-8")
