@@ -56,7 +56,9 @@ class LiveCapture:
         self._control = control
         self._stop = threading.Event()
         self._wire: PacketSocket | None = None
-        if interface is None or not prefer_wire:
+        if not prefer_wire:
+            self.rebuilt = "as asked"
+        elif interface is None:
             self.rebuilt = "there is no network interface to listen on"
         else:
             try:

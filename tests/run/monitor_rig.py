@@ -39,6 +39,7 @@ def watch(network, other):
     seen = {"once": monitor(*at, "--once"), "json": monitor(*at, "--once", "--format", "json")}
     capture = ("--seconds", "2", "--capture", "bus.pcapng", "--format", "json")
     seen["capture"] = monitor(*at, *capture)
+    seen["rebuilt"] = monitor(*at, *capture[:2], "--capture", "image.pcapng", "--rebuild")
     last = running.in_data().subdevices[-1].name
     process = subprocess.Popen(
         [*FSN, "monitor", *map(str, at)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -352,12 +352,25 @@ def test_beside_a_live_bus(tmp_path):
     (found,) = json.loads(done.stdout)["sources"]
     assert found["packets"] == told["frames"]
     assert len(found["connections"]) == 1
+    check_rebuilt(seen["rebuilt"], tmp_path / "image.pcapng")
     broken = seen["broken"]
     assert broken["code"] == 1
     assert "Traceback" not in broken["err"]
     last = broken["last"]
     assert f"{last}: OP -> none" in broken["out"]
     assert f"{last}: no answer" in broken["out"]
+
+
+def check_rebuilt(seen, path):
+    if seen["code"] == 3:  # an fsn-master that does not know `watch`
+        assert "the process image is not told" in seen["err"]
+        assert not path.exists()
+        return
+    assert "frames, rebuilt: as asked" in seen["out"]
+    done = fsn("decode", str(path), "--format", "json")
+    (found,) = json.loads(done.stdout)["sources"]
+    assert len(found["connections"]) == 1
+    assert found["malformed_frames"] == 0
 
 
 def test_a_live_bus_that_comes_and_goes(tmp_path):
