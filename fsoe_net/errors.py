@@ -10,6 +10,7 @@ are for the outside world and for programming mistakes:
     +-- InputError                a file was refused as a whole; carries diagnostics  (exit 1)
     |   +-- PlanFormatError       bytes that are no valid .fsnplan
     |   +-- RecordingError        a line that is no part of a recorded run
+    |   +-- IncidentError         a line that is no part of an incident file
     +-- FsoeError                 misuse of the FSoE engine
     |   +-- PduSizeError          no FSoE PDU has this size
     |   +-- ConfigError           an FSoE instance was configured with impossible values
@@ -35,6 +36,7 @@ __all__ = [
     "EnvironmentFault",
     "FsnError",
     "FsoeError",
+    "IncidentError",
     "InputError",
     "PduSizeError",
     "PlanFormatError",
@@ -101,6 +103,21 @@ class RecordingError(InputError):
 
     def __init__(self, reason: str, line: int = 0) -> None:
         super().__init__(f"line {line}: {reason}" if line else reason)
+        self.reason = reason
+        self.line = line
+
+
+class IncidentError(InputError):
+    """A line that is no part of an incident file.
+
+    Args:
+        reason: What is wrong, one sentence for the user.
+        name: Name of the file.
+        line: Line in it, from 1.
+    """
+
+    def __init__(self, reason: str, name: str, line: int) -> None:
+        super().__init__(f"{name}:{line}: {reason}")
         self.reason = reason
         self.line = line
 

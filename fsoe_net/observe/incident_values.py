@@ -1,0 +1,137 @@
+"""Values out of JSON that somebody else may have written: types and ranges are looked at."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from fsoe_net.errors import IncidentError
+
+__all__ = ["Values", "clean"]
+
+_MOST = (1 << 64) - 1
+_MOST_ROWS = 100_000
+_TEXT = 4096
+
+
+def clean(text: str, most: int = _TEXT) -> str:
+    """Return a text that can be printed on one line: no control characters, no half characters."""
+    kept = "".join(
+        c if c == " " or unicodedata.category(c)[0] != "C" else "\N{REPLACEMENT CHARACTER}"
+        for c in text[:most]
+    )
+    return kept if len(text) <= most else f"{kept}..."
+
+
+class Values:
+    """The values of one JSON object, and where it stands.
+
+    Args:
+        row: The object.
+        name: Name of the file.
+        line: Line in it, from 1.
+        path: Keys that lead to the object, for messages.
+    """
+
+    def __init__(self, row: Mapping[str, Any], name: str, line: int, path: str = "") -> None:
+        self._row = row
+        self._at = name, line
+        self._path = path
+
+    def bad(self, key: str, reason: str) -> IncidentError:
+        """Return the error for a value; the caller raises it."""
+        return IncidentError(f"{self._path}{key} {reason}", *self._at)
+
+    def has(self, key: str) -> bool:
+        """Whether there is a value that is not null."""
+        return self._row.get(key) is not None
+
+    def whole(self, key: str, *, missing: int | None = None) -> int:
+        """Return a whole number from 0 to 2^64 - 1.
+
+        Raises:
+            IncidentError: It is none, or absent and ``missing`` is ``None``.
+        """
+        value = self._row.get(key)
+        if value is None and missing is not None:
+            return missing
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST:
+            raise self.bad(key, "is missing" if value is None else "is no whole number from 0 on")
+        return value
+
+    def optional(self, key: str) -> int | None:
+        """Return a whole number, or ``None`` when it is absent or null."""
+        return self.whole(key) if self.has(key) else None
+
+    def flag(self, key: str) -> bool:
+        """Return a boolean; absent is false."""
+        value = self._row.get(key, False)
+        if not isinstance(value, bool):
+            raise self.bad(key, "is neither true nor false")
+        return value
+
+    def text(self, key: str, *, most: int | None = None) -> str:
+        """Return a text; absent or null is empty. With ``most`` it is made fit to print."""
+        value = self._row.get(key)
+        if value is None:
+            return ""
+        if not isinstance(value, str):
+            raise self.bad(key, "is no text")
+        return value if most is None else clean(value, most)
+
+    def label(self, key: str) -> str:
+        """Return a text that is fit to print."""
+        return self.text(key, most=_TEXT)
+
+    def numbers(self, key: str) -> tuple[int, ...]:
+        """Return a list of whole numbers; absent or null is empty."""
+        rows = self._list(key)
+        for value in rows:
+            if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST:
+                raise self.bad(key, "holds something that is no whole number")
+        return tuple(rows)
+
+    def pairs(self, key: str) -> tuple[tuple[int, int], ...]:
+        """Return a list of pairs of whole numbers."""
+        found = []
+        for row in self._list(key):
+            good = isinstance(row, list) and len(row) == 2
+            if not good or any(type(n) is not int or not 0 <= n <= _MOST for n in row):
+                raise self.bad(key, "holds something that is no pair of numbers")
+            found.append((row[0], row[1]))
+        return tuple(found)
+
+    def child(self, key: str) -> Values:
+        """Return an object; absent or null is an empty one."""
+        value = self._row.get(key)
+        if value is None:
+            value = {}
+        if not isinstance(value, dict):
+            raise self.bad(key, "is no object")
+        return Values(value, *self._at, f"{self._path}{key}.")
+
+    def children(self, key: str) -> Iterator[Values]:
+        """Yield the objects of a list; absent or null is an empty one."""
+        for number, value in enumerate(self._list(key)):
+            if not isinstance(value, dict):
+                raise self.bad(f"{key}[{number}]", "is no object")
+            yield Values(value, *self._at, f"{self._path}{key}[{number}].")
+
+    def plain(self) -> dict[str, str]:
+        """Return numbers and texts as texts that are fit to print; the rest is left out."""
+        return {
+            clean(key, 64): clean(str(value), 256)
+            for key, value in self._row.items()
+            if isinstance(value, str | int)
+        }
+
+    def _list(self, key: str) -> list[Any]:
+        value = self._row.get(key)
+        if value is None:
+            return []
+        if not isinstance(value, list):
+            raise self.bad(key, "is no list")
+        if len(value) > _MOST_ROWS:
+            raise self.bad(key, f"has more than {_MOST_ROWS} entries")
+        return value
