@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import click
 
@@ -27,6 +28,7 @@ from fsoe_net.plan import compile_plan, decode_plan
 from fsoe_net.run import (
     BusOptions,
     ConnectionResult,
+    IncidentRecorder,
     LiveUpdate,
     Master,
     RunResult,
@@ -89,6 +91,7 @@ class _Files:
     plan: str | None
     scenario: str | None
     capture: str | None
+    incidents: str | None
     stats: str | None
     plot: str | None
     fmt: str
@@ -136,6 +139,11 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
     type=_Finite(min=0.1, max=1000),
     help="Pace of the emulated devices in real time; default 1.",
 )
+@click.option(
+    "--incidents",
+    type=click.Path(exists=True, file_okay=False, writable=True),
+    help="Folder for a file when a connection fails; see `fsoe-net incident`.",
+)
 @_bus_options
 @click.option("--stats", type=click.Path(), help="Write timing histograms (CSV).")
 @click.option("--plot", type=click.Path(), help="Draw timing histograms (SVG).")
@@ -154,6 +162,7 @@ def command(
     virtual_time: bool,
     capture: str | None,
     device_period_ms: float | None,
+    incidents: str | None,
     interface: str | None,
     redundant: str | None,
     bus: str | None,
@@ -172,7 +181,13 @@ def command(
     drives the bus until Ctrl-C; killing this program leaves it running. FILES as for `check`.
     """
     wanted = _Files(
-        plan=plan_file, scenario=scenario_file, capture=capture, stats=stats, plot=plot, fmt=fmt
+        plan=plan_file,
+        scenario=scenario_file,
+        capture=capture,
+        incidents=incidents,
+        stats=stats,
+        plot=plot,
+        fmt=fmt,
     )
     live = {
         "--redundant": redundant,
@@ -186,6 +201,7 @@ def command(
         "--virtual-time": virtual_time or None,
         "--capture": capture,
         "--device-period-ms": device_period_ms,
+        "--incidents": incidents,
     }
     _check_options(interface, live, emulated, wanted)
     check_target(stats, "--stats")
@@ -247,6 +263,10 @@ def _check_options(
         raise click.UsageError(
             f"--capture is for virtual runs; `tcpdump -i {interface} -w FILE` records a live bus"
         )
+    if given == ["--incidents"]:
+        raise click.UsageError(
+            "--incidents is for emulated runs here; on a live bus: fsn-master --incidents DIR"
+        )
     if given:
         raise click.UsageError(f"{given[0]} is for emulated devices: leave it or --interface out")
     if live["--bus"] == "igh" and live["--redundant"] is not None:
@@ -260,12 +280,15 @@ def _emulated(
 ) -> RunResult:
     session = prepare(resolution, wanted.plan, wanted.scenario, virtual=virtual)
     duration_ns = duration or session.duration_ns
+    recorder = None
+    if wanted.incidents is not None:
+        recorder = IncidentRecorder(session, Path(wanted.incidents), background=not virtual)
     if wanted.capture is not None:
         with CaptureWriter(wanted.capture) as writer:
-            return run_virtual(session, duration_ns, capture=writer)
+            return run_virtual(session, duration_ns, capture=writer, incidents=recorder)
     if virtual:
-        return run_virtual(session, duration_ns)
-    return _live(session, duration_ns, period_ns, wanted.fmt)
+        return run_virtual(session, duration_ns, incidents=recorder)
+    return _live(session, duration_ns, period_ns, wanted.fmt, recorder)
 
 
 def _on_bus(
@@ -356,9 +379,15 @@ def scenario_of(path: str) -> Scenario:
     return scenario
 
 
-def _live(session: Session, duration_ns: int, period_ns: int, fmt: str) -> RunResult:
+def _live(
+    session: Session,
+    duration_ns: int,
+    period_ns: int,
+    fmt: str,
+    recorder: IncidentRecorder | None,
+) -> RunResult:
     if fmt == "json" or not sys.stdout.isatty():
-        return run_live(session, duration_ns, device_period_ns=period_ns)
+        return run_live(session, duration_ns, device_period_ns=period_ns, incidents=recorder)
     from rich.live import Live
 
     with Live(refresh_per_second=10, transient=True) as display:
@@ -367,4 +396,6 @@ def _live(session: Session, duration_ns: int, period_ns: int, fmt: str) -> RunRe
             name = session.resolution.network.name
             display.update(live_view(name, rows, snapshot.statistics, now_s))
 
-        return run_live(session, duration_ns, device_period_ns=period_ns, on_update=show)
+        return run_live(
+            session, duration_ns, device_period_ns=period_ns, on_update=show, incidents=recorder
+        )

@@ -10,6 +10,7 @@ __all__ = [
     "ConnectionSnapshot",
     "CoreEvent",
     "DirectionSnapshot",
+    "Glance",
     "Histogram",
     "Snapshot",
     "Statistics",
@@ -123,3 +124,16 @@ class CoreEvent:
     after: OutsideState
     reset_code: int
     by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Glance:
+    """What a recorder takes of one cycle: its number, counters so far, and the process image."""
+
+    cycle: int
+    now_ns: int
+    expected_wkc: int
+    actual_wkc: int
+    lost_frames: int
+    old_replies: int
+    image: bytes

@@ -15,6 +15,7 @@ from fsoe_net.run.control_values import (
     WatchedCycle,
 )
 from fsoe_net.run.emulate import EmulateResult, SegmentSession, serve
+from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
@@ -47,6 +48,7 @@ __all__ = [
     "HistoryMessage",
     "Layout",
     "LiveCapture",
+    "IncidentRecorder",
     "LiveSnapshot",
     "LiveUpdate",
     "Master",

@@ -6,6 +6,7 @@ import itertools
 import secrets
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 
 from fsoe_net.core import ConnectionSnapshot, Core, EmulatedBus, Snapshot
@@ -15,6 +16,7 @@ from fsoe_net.model import Step
 from fsoe_net.observe import CaptureWriter
 from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
+from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.result import ConnectionResult, RunResult
 from fsoe_net.run.stage import DEFAULT_CYCLE_NS, DeviceSide, Stage
 
@@ -28,6 +30,8 @@ class Session(Stage):
     """A network on the emulated bus, ready to run; see `Stage` for the arguments."""
 
     def _open(self) -> DeviceSide:
+        self.absent: set[str] = set()
+        self.returns: Counter[str] = Counter()
         self.bus = EmulatedBus(self.plan)
         self.core = Core(self.plan, self.bus)
         return self.bus
@@ -44,6 +48,8 @@ class Session(Stage):
         return stated or DEFAULT_DURATION_NS
 
     def _set_present(self, name: str, present: bool) -> None:
+        self.returns[name] += present and name in self.absent
+        (self.absent.discard if present else self.absent.add)(name)
         self.bus.set_present(self.plan.subdevice_names.index(name), present)
 
     def _set_output(self, name: str, value: int) -> None:
@@ -139,12 +145,17 @@ def random_session_ids() -> Callable[[], int]:
 
 
 def run_virtual(
-    session: Session, duration_ns: int, *, capture: CaptureWriter | None = None
+    session: Session,
+    duration_ns: int,
+    *,
+    capture: CaptureWriter | None = None,
+    incidents: IncidentRecorder | None = None,
 ) -> RunResult:
     """Run in virtual time: one cycle and one step of every device after the other.
 
     The same session gives the same result, byte for byte. A keyboard interrupt ends the run early;
-    its result is still returned. ``capture`` takes the frames a bus would carry.
+    its result is still returned. ``capture`` takes the frames a bus would carry; ``incidents``
+    writes a file when a connection fails.
     """
     bus = None if capture is None else BusCapture(capture, session.core, session.records)
     cycle_ns = session.cycle_ns
@@ -157,9 +168,13 @@ def run_virtual(
             cycle(now_ns)
             if bus is not None:
                 bus.cycle(now_ns)
+            if incidents is not None:
+                incidents.cycle(now_ns)
             step(now_ns)
     except KeyboardInterrupt:
         session.engine.log(now_ns, "run", _INTERRUPTED)
+    if incidents is not None:
+        incidents.finish(now_ns)
     return session.result("virtual", now_ns)
 
 
@@ -169,6 +184,7 @@ def run_live(
     *,
     device_period_ns: int = 1_000_000,
     on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None = None,
+    incidents: IncidentRecorder | None = None,
 ) -> RunResult:
     """Run in real time: the core cycles in its own C thread, the devices live at their own pace.
 
@@ -177,19 +193,23 @@ def run_live(
         duration_ns: How long.
         device_period_ns: Time between two steps of the devices.
         on_update: Called about ten times a second with what is seen now.
+        incidents: Writes a file when a connection fails; sees one cycle per step of the devices.
 
     A keyboard interrupt ends the run early; its result is still returned. An error in the device
     thread is raised here.
     """
-    live = _Live(session, device_period_ns)
+    live = _Live(session, device_period_ns, incidents)
     return live.run(duration_ns, on_update)
 
 
 class _Live:
     """The threads of a live run."""
 
-    def __init__(self, session: Session, device_period_ns: int) -> None:
+    def __init__(
+        self, session: Session, device_period_ns: int, incidents: IncidentRecorder | None
+    ) -> None:
         self._session = session
+        self._incidents = incidents
         self._period_ns = device_period_ns
         self._stop = threading.Event()
         self._lock = threading.Lock()
@@ -214,6 +234,8 @@ class _Live:
             self._stop.set()
             thread.join()
             session.core.stop()
+        if self._incidents is not None:
+            self._incidents.finish(self._now())
         if self._error is not None:
             raise self._error
         return session.result("live", min(self._now(), duration_ns))
@@ -239,7 +261,10 @@ class _Live:
             next_ns = self._now()
             while not self._stop.is_set():
                 with self._lock:
-                    self._session.step_devices(self._now())
+                    now_ns = self._now()
+                    self._session.step_devices(now_ns)
+                    if self._incidents is not None:
+                        self._incidents.cycle(now_ns)
                 next_ns = max(next_ns + self._period_ns, self._now())
                 self._stop.wait(max(0.0, (next_ns - self._now()) / 1e9))
         except BaseException as exc:  # raised again in the main thread, so nothing is lost

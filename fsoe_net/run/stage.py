@@ -70,6 +70,7 @@ class Stage(abc.ABC):
     ) -> None:
         self.resolution = resolution
         self.scenario = scenario
+        self.plan_bytes = plan_bytes
         self.plan_sha256 = hashlib.sha256(plan_bytes).hexdigest()
         self.plan = CorePlan.load(plan_bytes)
         self.records = decode_plan(plan_bytes)
