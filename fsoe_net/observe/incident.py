@@ -102,6 +102,7 @@ class SubDeviceSeen:
     """One SubDevice as the bus knew it; ``al`` is a word, ``none`` when it does not answer.
 
     ``found`` and ``detail`` are the bus's own words; ``known`` is false when it never looked.
+    ``identity``: vendor, product and revision as found.
     """
 
     name: str
@@ -113,6 +114,7 @@ class SubDeviceSeen:
     detail: str
     returns: int
     stale_cycles: int
+    identity: tuple[int, int, int]
     link_lost: tuple[int, ...]
     rx_errors: tuple[int, ...]
 

@@ -186,6 +186,11 @@ def _subdevice(row: Values) -> SubDeviceSeen:
         detail=row.label("detail"),
         returns=row.whole("returns", missing=0),
         stale_cycles=row.whole("stale_cycles", missing=0),
+        identity=(
+            row.whole("vendor_id", missing=0),
+            row.whole("product_code", missing=0),
+            row.whole("revision", missing=0),
+        ),
         link_lost=row.numbers("link_lost"),
         rx_errors=row.numbers("rx_errors"),
     )

@@ -1,0 +1,78 @@
+"""What a rule about causes returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.fsoe import reset_code_text
+from fsoe_net.observe.causes_table import CAUSES
+from fsoe_net.observe.evidence import Evidence
+
+__all__ = ["Candidate", "candidate", "code_text", "ms"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A cause that fits, with what speaks for it. ``score`` is from 0 to 100, no probability."""
+
+    key: str
+    score: int
+    title: str
+    looks: str
+    measure: str
+    change: str
+    evidence: tuple[str, ...]
+
+
+def candidate(
+    e: Evidence, key: str, score: int, *evidence: str, device: str = "", other: str = ""
+) -> Candidate:
+    """Return a candidate with its texts filled in.
+
+    Args:
+        e: What is known.
+        key: Name of the cause.
+        score: How well it fits.
+        evidence: What speaks for it; empty ones are left out.
+        device: Name of the device it is about.
+        other: Name of the other device or connection.
+    """
+    cause = CAUSES[key]
+    plan = e.plan
+    words = {
+        "sub": plan.sub if plan else "the SubInstance",
+        "main": plan.main if plan else "the MainInstance",
+        "name": e.name or "the connection",
+        "device": device or "a device",
+        "other": other or "another one",
+    }
+    return Candidate(
+        key=key,
+        score=min(score, 99),
+        title=_fill(cause.title, words),
+        looks=_fill(cause.looks, words),
+        measure=_fill(cause.measure, words),
+        change=_fill(cause.change, words),
+        evidence=tuple(line for line in evidence if line),
+    )
+
+
+def _fill(text: str, words: dict[str, str]) -> str:
+    """Names may hold braces, so this is no `str.format`."""
+    parts = text.split("{")
+    filled = parts[0]
+    for part in parts[1:]:
+        word, _, rest = part.partition("}")
+        filled += words[word] + rest
+    return filled
+
+
+def ms(ns: int | float) -> str:
+    """Return a time in milliseconds for people."""
+    value = ns / 1e6
+    return f"{value:.0f} ms" if value >= 100 else f"{value:.3g} ms"
+
+
+def code_text(code: int | None) -> str:
+    """Return a reset code with its number."""
+    return "no code" if code is None else f"code {code}: {reset_code_text(code)}"

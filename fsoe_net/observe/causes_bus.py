@@ -1,0 +1,207 @@
+"""Causes that lie in the bus while it runs: devices, cables, frames, the MainDevice's cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
+from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.incident import SubDeviceSeen, TriggerKind
+
+__all__ = ["bus_causes"]
+
+_WATCHDOG = 5
+_TENTH_MS = 100_000
+
+
+def bus_causes(e: Evidence) -> Iterator[Candidate]:
+    """Yield what fits of the causes on the bus."""
+    if e.head.trigger.kind is TriggerKind.BUS_FAILED:
+        return
+    yield from _gone(e)
+    yield from _back(e)
+    yield from _state(e)
+    yield from _lost_frames(e)
+    yield from _cycle(e)
+    yield from _foreign(e)
+
+
+def _gone(e: Evidence) -> Iterator[Candidate]:
+    """SubDevices that do not answer any more."""
+    gone = e.lost_subdevices()
+    if not gone:
+        return
+    mine = _own(e, [s.name for s in gone])
+    first = gone[0]
+    known = sorted((s for s in e.head.subdevices if s.known), key=lambda s: s.position)
+    behind = [s for s in known if s.position >= first.position]
+    before = [s for s in known if s.position < first.position]
+    names = ", ".join(s.name for s in gone[:6]) + (", ..." if len(gone) > 6 else "")
+    facts = [f"does not answer: {names}", *_wkc(e), *_when(e, gone)]
+    detail = next((s.detail for s in gone if s.detail), "")
+    facts.append(f"the bus says of {first.name}: {first.detail}" if first.detail else "")
+    score = 92 if mine else 45
+    if "link behind" in detail or (len(behind) == len(gone) and len(gone) > 1):
+        other = before[-1].name if before else "the MainDevice"
+        line = "all devices from there on are gone" if len(gone) > 1 else ""
+        yield candidate(e, "cable_cut", score + 4, line, *facts, device=first.name, other=other)
+        if len(gone) > 1:
+            yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
+        return
+    for seen in sorted(gone, key=lambda s: s.name not in _ends(e)):
+        yield candidate(e, "device_lost", score, *facts, device=seen.name)
+        return
+
+
+def _ends(e: Evidence) -> tuple[str, ...]:
+    return (e.plan.main, e.plan.sub) if e.plan else ()
+
+
+def _own(e: Evidence, names: list[str]) -> list[str]:
+    """Return those of some devices that are ends of the connection it is about."""
+    return [name for name in names if name in _ends(e)]
+
+
+def _wkc(e: Evidence) -> list[str]:
+    bus = e.bus
+    if not bus.short:
+        return []
+    run = bus.short[-1]
+    since = ms(max(0, e.moment_ns - run.start_ns))
+    return [
+        f"working counter {run.least} of {run.expected} since {since} before the moment"
+        + (", to the end of the file" if bus.open_short else f", for {ms(run.length_ns)}")
+    ]
+
+
+def _when(e: Evidence, gone: list[SubDeviceSeen]) -> list[str]:
+    names = {s.name for s in gone}
+    return [
+        f"event {ms(abs(e.moment_ns - v.now_ns))} "
+        f"{'before' if v.now_ns <= e.moment_ns else 'after'} the moment: {v.text}"
+        for v in e.events("subdevice")
+        if v.keys.get("subdevice") in names and v.keys.get("after") == "none"
+    ][-2:]
+
+
+def _back(e: Evidence) -> Iterator[Candidate]:
+    """SubDevices that were gone for a while, or have restarted."""
+    start = e.window_ns[0]
+    everybody = {s.name for s in e.head.subdevices if s.known}
+    fell: dict[str, str] = {}
+    for event in e.events("subdevice", start):
+        if event.keys.get("after", "") in ("none", "INIT", "INIT+ERROR"):
+            fell.setdefault(event.keys.get("subdevice", ""), event.text)
+    back = [name for name in fell if (s := e.subdevice(name)) and s.answers]
+    if not back or (len(everybody) > 1 and set(fell) >= everybody):
+        return  # all at once: that is the bus, not one device
+    mine = _own(e, back)
+    device = (mine or back)[0]
+    score = 88 if mine else 45
+    seen = e.subdevice(device)
+    facts = [
+        f"event: {fell[device]}",
+        f"{device} came back {seen.returns} times" if seen and seen.returns else "",
+    ]
+    yield candidate(e, "device_restarted", score, *facts, *_wkc(e), device=device)
+
+
+def _state(e: Evidence) -> Iterator[Candidate]:
+    """SubDevices that answer, but are not in OP."""
+    for seen in e.head.subdevices:
+        if not seen.known or not seen.answers or seen.al == "OP":
+            continue
+        mine = bool(_own(e, [seen.name]))
+        error = "ERROR" in seen.al
+        if not mine and not error:
+            continue
+        code = f", AL status code 0x{seen.al_code:04x}" if seen.al_code else ""
+        yield candidate(
+            e,
+            "device_state",
+            (86 if error else 62) - (0 if mine else 45),
+            f"{seen.name} is in {seen.al}{code}",
+            f"the bus says: {seen.detail}" if seen.detail else "",
+            device=seen.name,
+        )
+
+
+def _lost_frames(e: Evidence) -> Iterator[Candidate]:
+    """Bursts in which nobody's data came back, and which ended."""
+    start, end = e.window_ns
+    bursts = [
+        r
+        for r in e.bus.short_between(start, end)
+        if r.least == 0 and r.expected and not (e.bus.open_short and r is e.bus.short[-1])
+    ]
+    lost = e.bus.lost_between(start, end)
+    if not bursts and not lost:
+        return
+    missing = sum(r.cycles for r in bursts) * e.bus.cycle_ns
+    missing = max(missing, sum(r.cycles for r in lost) * e.bus.cycle_ns)
+    watchdog = e.watchdog_ns or 100_000_000
+    score = 84 if missing >= watchdog // 4 else 60 if missing >= 2 * e.bus.cycle_ns else 30
+    errors = {s.name: sum(s.rx_errors) for s in e.head.subdevices if sum(s.rx_errors)}
+    first = next(iter(errors), "")
+    score += 6 if errors else 0
+    everywhere = [r for r in e.bus.short if r.least == 0 and r.expected]
+    yield candidate(
+        e,
+        "lost_frames",
+        score,
+        f"in the {ms(end - start)} before the moment {len(bursts) or len(lost)} bursts, "
+        f"{ms(missing)} without data, the watchdog is {ms(watchdog)}",
+        f"in the whole file {len(everywhere)} bursts, the longest "
+        f"{ms(max(r.length_ns for r in everywhere))}"
+        if everywhere
+        else "",
+        f"{e.bus.lost_frames} frames counted as lost" if e.bus.lost_frames else "",
+        f"receive errors are counted first at {first} ({errors[first]})" if first else "",
+    )
+
+
+def _cycle(e: Evidence) -> Iterator[Candidate]:
+    """Cycles that came late."""
+    start, end = e.window_ns
+    slow = [s for s in e.bus.slow_between(start, end) if s.extra_ns >= 2 * _TENTH_MS]
+    if not slow or e.bus.missed > e.bus.cycles // 20:
+        return
+    watchdog = e.watchdog_ns or 100_000_000
+    worst = max(slow)
+    total = sum(s.extra_ns for s in slow)
+    facts = [
+        f"cycle {worst.cycle} came {ms(worst.extra_ns)} late, "
+        f"{ms(abs(e.moment_ns - worst.now_ns))} before the moment; the bus cycle is "
+        f"{ms(e.bus.cycle_ns)}",
+        f"{len(slow)} late cycles in the {ms(end - start)} before the moment, {ms(total)} in all; "
+        f"the watchdog is {ms(watchdog)}",
+        f"{e.head.counters.overruns} overruns since the start" if e.head.counters.overruns else "",
+        "" if e.head.counters.realtime or e.head.backend == "emulated" else "no real-time policy",
+    ]
+    if worst.extra_ns >= watchdog // 3:
+        several = e.stopped()
+        facts.append(f"{len(several)} connections are affected" if len(several) > 1 else "")
+        yield candidate(e, "stalled_main_device", 93, *facts)
+    elif len(slow) >= 3:
+        yield candidate(e, "cycle_overruns", 86 if total >= watchdog // 4 else 45, *facts)
+    elif e.code == _WATCHDOG:
+        yield candidate(e, "cycle_overruns", 35, *facts)
+
+
+def _foreign(e: Evidence) -> Iterator[Candidate]:
+    """Frames that are not ours."""
+    start, end = e.window_ns
+    much = [r for r in e.bus.short_between(start, end) if r.least > r.expected > 0]
+    old = e.bus.old_replies
+    if not much and not old:
+        return
+    yield candidate(
+        e,
+        "foreign_frames",
+        90 if much else 82 if old >= 2 else 55,
+        f"the working counter was {much[0].least}, more than the {much[0].expected} there can be"
+        if much
+        else "",
+        f"{old} replies did not belong to their cycle" if old else "",
+        f"the connection was reset with {code_text(e.code)}" if e.code is not None else "",
+    )

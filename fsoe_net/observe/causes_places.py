@@ -1,0 +1,265 @@
+"""Causes in wiring and configuration: wrong peer, wrong bytes, wrong address, wrong ID."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fsoe_net.fsoe import ResetCode
+from fsoe_net.observe.candidate import Candidate, candidate, code_text
+from fsoe_net.observe.causes_ends import told_codes
+from fsoe_net.observe.evidence import Evidence, Planned
+from fsoe_net.observe.evidence_frames import LinkFacts
+from fsoe_net.observe.incident import TriggerKind
+
+__all__ = ["place_causes"]
+
+_MAIN, _SUB = 0, 1
+_FEW = 3
+
+
+def place_causes(e: Evidence) -> Iterator[Candidate]:
+    """Yield what fits of the causes in places, addresses and IDs."""
+    link, plan = e.link, e.plan
+    if link is None or plan is None or e.head.trigger.kind is TriggerKind.BUS_FAILED:
+        return
+    yield from _torn(e, link)
+    yield from _duplicates(e, plan)
+    if not e.never and not e.left_data:
+        return
+    crossed = list(_crossed(e, plan, link))
+    yield from crossed
+    swapped = list(_swapped(e, plan)) if not crossed else []
+    yield from swapped
+    yield from _address(e, plan, link)
+    if not crossed:
+        yield from _connection_id(e, plan, link)
+    if e.never:
+        yield from _shifted(e, plan, link)
+        yield from _roles(e, link)
+        yield from _altered(e, plan, link)
+
+
+def _torn(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
+    """The destination does not hold what the source holds: somebody else wrote there."""
+    plan = e.plan
+    for side, sender in zip(link.sides, (plan.main, plan.sub) if plan else ("", ""), strict=True):
+        if side.torn:
+            yield candidate(
+                e,
+                "second_writer",
+                97,
+                f"in {side.torn} cycles, first in cycle {side.torn_cycle}, the destination did "
+                f"not hold the frame that {sender} had sent",
+                f"{e.by} reset with {code_text(e.code)}" if e.code is not None else "",
+            )
+
+
+def _duplicates(e: Evidence, plan: Planned) -> Iterator[Candidate]:
+    """The same connection ID in two connections, on the wire, in the devices or in the plan."""
+    mine = _ids(e, e.name)
+    for name in e.planned:
+        if name == e.name:
+            continue
+        both = mine & _ids(e, name)
+        if not both:
+            continue
+        crossed = any({p.main_of, p.sub_of} == {e.name, name} for p in e.pairings)
+        told = any(code == ResetCode.CONNECTION_ID for _, code in told_codes(e))
+        bad = told or e.never or not e.left_data
+        score = (95 if bad else 40) - (40 if crossed else 0)
+        where = "on the wire" if _wire_ids(e, e.name) & _wire_ids(e, name) else "in the devices"
+        number = next(iter(sorted(both)))
+        yield candidate(
+            e,
+            "duplicate_connection_id",
+            score,
+            f"connection ID {number} is used by {e.name} and {name} {where}",
+            f"planned are {plan.connection_id} and {e.planned[name].connection_id}",
+            f"resets with {code_text(ResetCode.CONNECTION_ID)}" if told else "",
+            other=name,
+        )
+
+
+def _ids(e: Evidence, name: str) -> set[int]:
+    setting = e.setting(name)
+    told = {setting.connection_id} if setting and setting.connection_id else set()
+    return told | _wire_ids(e, name)
+
+
+def _wire_ids(e: Evidence, name: str) -> set[int]:
+    """Return the ConnIDs the main of a connection has sent more than once or twice."""
+    link = e.links.get(name)
+    rows = link.sides[_MAIN].connection_ids if link else {}
+    return {number for number, times in rows.items() if number and times >= _FEW}
+
+
+def _crossed(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+    """Frames of one connection answer those of another, or its ConnID is that of another."""
+    for other in e.planned.values():
+        if other.name == e.name:
+            continue
+        fits = sum(p.linked for p in e.pairings if {p.main_of, p.sub_of} == {e.name, other.name})
+        own = link.sides[_SUB].linked
+        ids = _wire_ids(e, e.name)
+        theirs = _wire_ids(e, other.name)
+        exchanged = bool(
+            plan.connection_id
+            and other.connection_id
+            and plan.connection_id != other.connection_id
+            and ids == {other.connection_id}
+            and (not theirs or theirs == {plan.connection_id})
+        )
+        if fits > _FEW and fits > own:
+            yield candidate(
+                e,
+                "copies_crossed",
+                97,
+                f"{fits} frames fit a partner in {other.name}, {own} the planned one",
+                f"{e.name} carries connection ID {_list(ids)}, planned is {plan.connection_id}"
+                if ids and ids != {plan.connection_id}
+                else "",
+                other=other.name,
+            )
+        elif exchanged:
+            yield candidate(
+                e,
+                "copies_crossed",
+                96,
+                f"{e.name} carries connection ID {_list(ids)}, which is planned for {other.name}",
+                f"{other.name} carries {_list(theirs)}" if theirs else "",
+                other=other.name,
+            )
+
+
+def _list(numbers: set[int]) -> str:
+    return ", ".join(str(n) for n in sorted(numbers))
+
+
+def _expected_address(e: Evidence, plan: Planned, link: LinkFacts | None) -> int | None:
+    """Return the address the main asks for: as sent, as set in it, or as planned."""
+    if link is not None and link.told_address is not None:
+        return link.told_address
+    setting = e.setting(plan.name)
+    if setting is not None and setting.address is not None:
+        return setting.address
+    return plan.address
+
+
+def _swapped(e: Evidence, plan: Planned) -> Iterator[Candidate]:
+    """Two devices have each other's address."""
+    mine = e.address_of(plan.sub)
+    expected = _expected_address(e, plan, e.link)
+    for other in e.planned.values():
+        theirs = e.address_of(other.sub)
+        if other.sub == plan.sub or None in (mine, theirs, expected):
+            continue
+        wanted = _expected_address(e, other, e.links.get(other.name))
+        if mine == wanted and theirs == expected and mine != theirs:
+            yield candidate(
+                e,
+                "devices_swapped",
+                97,
+                f"{plan.sub} says it has address {mine}, expected is {expected}",
+                f"{other.sub} says it has address {theirs}, expected is {wanted}",
+                other=other.sub,
+            )
+
+
+def _address(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+    """The device refuses the address, or says it has another one."""
+    refused = sum(n for (by, c), n in told_codes(e).items() if c == ResetCode.ADDRESS)
+    says = e.address_of(plan.sub)
+    expected = _expected_address(e, plan, link)
+    differs = says is not None and expected is not None and says != expected
+    if not refused and not (differs and e.never):
+        return
+    planned = plan.address is not None and expected is not None and plan.address != expected
+    yield candidate(
+        e,
+        "wrong_address",
+        92 if refused else 60,
+        f"{plan.sub} reset {refused} times with {code_text(ResetCode.ADDRESS)}" if refused else "",
+        f"the main asks for address {expected}",
+        f"{plan.sub} says it has {says}" if says is not None else "",
+        f"the configuration says {plan.address}" if planned else "",
+    )
+
+
+def _connection_id(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+    """Reset code 3, or another ConnID on the wire than planned."""
+    refused = sum(n for (_, c), n in told_codes(e).items() if c == ResetCode.CONNECTION_ID)
+    ids = _wire_ids(e, e.name)
+    other = bool(ids and plan.connection_id and plan.connection_id not in ids)
+    answers = {n for n, times in link.sides[_SUB].connection_ids.items() if times >= _FEW and n}
+    if not refused and not (other and e.never):
+        return
+    yield candidate(
+        e,
+        "connection_id",
+        (80 if refused else 45) + (8 if other else 0),
+        f"resets with {code_text(ResetCode.CONNECTION_ID)}: {refused}" if refused else "",
+        f"{plan.main} sends {_list(ids)}, planned is {plan.connection_id}" if other else "",
+        f"{plan.sub} answers with {_list(answers)}" if answers and answers != ids else "",
+    )
+
+
+def _shifted(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+    """Whole frames beside the planned place, or with another length."""
+    for side, (shift, device) in enumerate(zip(link.shifts, (plan.main, plan.sub), strict=True)):
+        if shift is None:
+            continue
+        bad = link.sides[side].illegal + link.sides[side].wrong
+        if shift.offset_bytes:
+            yield candidate(
+                e,
+                "mapping_shifted",
+                94 if shift.times >= _FEW else 75,
+                f"{shift.times} whole frames of {device} begin {abs(shift.offset_bytes)} byte(s) "
+                f"{'behind' if shift.offset_bytes > 0 else 'before'} the planned place",
+                f"{bad} times the bytes at the planned place were no right frame",
+                device=device,
+            )
+        else:
+            yield candidate(
+                e,
+                "frame_size",
+                94 if shift.times >= 2 else 80,
+                f"{shift.times} frames of {device} are whole with {shift.size_bytes} bytes",
+                f"{bad} times they were no right frame with the planned length",
+                device=device,
+            )
+
+
+def _roles(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
+    """The end that should wait begins sessions."""
+    main, sub = link.begun
+    if sub >= 2 and sub >= main // 4:
+        yield candidate(
+            e,
+            "roles_exchanged",
+            95,
+            f"the SubInstance has begun {sub} sessions, the MainInstance {main}: only a "
+            "MainInstance begins one",
+        )
+
+
+def _altered(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+    """Frames are right in the image, and yet an end refuses them on the way to Data."""
+    if any(link.shifts):
+        return
+    for side, sender, victim, by in (
+        (link.sides[_MAIN], plan.main, plan.sub, "sub"),
+        (link.sides[_SUB], plan.sub, plan.main, "main"),
+    ):
+        codes = told_codes(e)
+        times = codes[by, ResetCode.CRC] + codes[by, ResetCode.UNKNOWN_COMMAND]
+        if times < 2 or side.wrong > side.right // 4:
+            continue
+        yield candidate(
+            e,
+            "second_writer",
+            70,
+            f"{victim} refused frames {times} times as damaged",
+            f"the frames of {sender} were right where they came in: {side.right}, wrong "
+            f"{side.wrong}",
+        )

@@ -1,0 +1,326 @@
+"""The causes an incident page can name, in words for somebody who stands at the machine.
+
+None of them is a safety statement. They say what the evidence fits; the manuals of the devices and
+the person who may change the machine decide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["CAUSES", "Cause"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cause:
+    """One cause. Texts may hold ``{sub}`` ``{main}`` ``{name}`` ``{device}`` and ``{other}``.
+
+    Attributes:
+        key: Name for programs; never changes.
+        title: The cause in one sentence.
+        looks: What somebody at the machine sees.
+        measure: What to look at or measure next.
+        change: What to change when that confirms it.
+    """
+
+    key: str
+    title: str
+    looks: str
+    measure: str
+    change: str
+
+
+_ROWS = (
+    # -- the bus does not open ---------------------------------------------------------------------
+    (
+        "no_link",
+        "The interface of the MainDevice has no link.",
+        "Nothing comes up; the LED of the network port is dark.",
+        "Look at the LEDs at both ends of the first cable; `ip link show`.",
+        "Plug in or replace the first cable, switch the SubDevices on, `ip link set IF up`.",
+    ),
+    (
+        "bus_silent",
+        "There is a link, but no SubDevice answers.",
+        "The port LED is on, no SubDevice leaves INIT.",
+        "Check that the first cable is in the IN port of the first SubDevice and that this is the "
+        "right interface.",
+        "Correct cable or --interface; switch the SubDevices on.",
+    ),
+    (
+        "other_main_device",
+        "Another MainDevice talks on this segment.",
+        "The bus is refused, or it comes up and falls back again and again.",
+        "Find the other one: a PLC, a second fsn-master, a commissioning laptop on the line.",
+        "Stop or unplug it; only one MainDevice may drive a segment.",
+    ),
+    (
+        "device_missing",
+        "{device} of the configuration is not on the bus.",
+        "The bus does not come up; the devices before it answer.",
+        "Count the SubDevices: `fsoe-net scan`; look at power and link LEDs of {device}.",
+        "Connect or power it, or take it out of the configuration.",
+    ),
+    (
+        "wrong_device",
+        "Another device stands in the place of {device}.",
+        "The bus does not come up after a change or an exchange of modules.",
+        "Compare the type labels with the configuration: `fsoe-net check NETWORK --interface IF`.",
+        "Put the right device there, or correct position and identity in the configuration.",
+    ),
+    (
+        "wrong_revision",
+        "{device} has another revision than the configuration allows.",
+        "The bus does not come up after a device was exchanged or updated.",
+        "Read revision and firmware on the label or with `fsoe-net scan`.",
+        "Use a device of the stated revision, or allow the new one in the network file after its "
+        "maker's release notes were read.",
+    ),
+    (
+        "wrong_mapping",
+        "{device} maps other process data than the configuration says.",
+        "The bus does not come up; the device is named with a sync manager or PDO.",
+        "Compare its PDO assignment with the slave configuration: `fsoe-net scan`.",
+        "Correct the slave configuration, or set the device back to the mapping it had.",
+    ),
+    (
+        "sdo_refused",
+        "{device} refuses a start-up SDO.",
+        "The bus does not come up; an abort code is told.",
+        "Look the object up in the manual of {device}; the abort code says why.",
+        "Correct object, size or value in the slave configuration, or its firmware.",
+    ),
+    (
+        "state_refused",
+        "{device} does not go to the state it was asked for.",
+        "Its ERR or RUN LED blinks; the AL status code says why.",
+        "Read the AL status code below; check sync manager lengths, DC set-up and the device's own "
+        "error memory.",
+        "Correct what the code names, acknowledge the error in the device, start again.",
+    ),
+    # -- the bus while it runs ---------------------------------------------------------------------
+    (
+        "cable_cut",
+        "The line is interrupted before {device}: it and everything behind it is gone.",
+        "All devices from {device} on fall out at the same moment.",
+        "Check the cable between {other} and {device}, its plugs and its bending radius, and the "
+        "power of {device}; look at the link LEDs on both sides.",
+        "Replace the cable or plug; where it moves, use a cable made for that.",
+    ),
+    (
+        "device_lost",
+        "{device} no longer answers on the bus: unplugged, without power, or broken.",
+        "{device} falls out alone; the others go on.",
+        "Check power, fuse and plug of {device}; look at its RUN and link LEDs.",
+        "Restore power or plug; exchange the device when it stays dark.",
+    ),
+    (
+        "device_restarted",
+        "{device} has restarted: it no longer knew the running connection.",
+        "{device} was back after a moment; the connection starts anew.",
+        "Measure its supply during the machine's heaviest load; read its error memory for a "
+        "restart, a watchdog or an undervoltage.",
+        "Mend the supply (own fuse, thicker wire, separate supply), or its firmware.",
+    ),
+    (
+        "device_state",
+        "{device} has left OP on its own account.",
+        "Its ERR LED blinks; its inputs stand still.",
+        "Read its AL status code below and its own error memory.",
+        "Correct what the code names (sync manager watchdog, synchronisation, process data).",
+    ),
+    (
+        "lost_frames",
+        "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+        "All connections hiccup or drop together, then go on by themselves.",
+        "Compare the error counters of all ports: the fault lies before the first port that counts "
+        "(bad plug, moved cable, shield and earth, interference).",
+        "Replace that cable or plug, lay it apart from motor cables, connect the shield on both "
+        "sides; for moved cables use a type made for it.",
+    ),
+    (
+        "stalled_main_device",
+        "The MainDevice stood still: no cycle ran for longer than a connection bears.",
+        "All connections drop at the same moment; devices report a missing sync manager watchdog.",
+        "`fsoe-net doctor`: kernel, throttling, isolated CPU, power saving; what else ran then?",
+        "Give fsn-master a CPU of its own and a real-time priority; remove what blocked it.",
+    ),
+    (
+        "cycle_overruns",
+        "Many cycles came late: the MainDevice does not keep its cycle.",
+        "Connections drop now and then, more often under load.",
+        "`fsoe-net doctor`; compare the histogram of the cycle with the cycle time.",
+        "Real-time kernel, own CPU, no power saving; or a longer bus cycle.",
+    ),
+    (
+        "foreign_frames",
+        "Frames that are not from this cycle came back: a second MainDevice or an old frame.",
+        "Working counters do not fit, old replies are counted, states change by themselves.",
+        "Record the wire (`tcpdump -i IF`) and look for a second sender; look for a switch or "
+        "converter in the line.",
+        "Take the second MainDevice, switch or converter out of the segment.",
+    ),
+    # -- the ends of a connection ------------------------------------------------------------------
+    (
+        "watchdog_tight",
+        "The watchdog of {name} is too short for this bus: nothing else is wrong.",
+        "The connection drops now and then, or never comes up, though all devices are well.",
+        "Compare the watchdog with the answer times below: it must hold the slowest round trip and "
+        "a lost frame or two.",
+        "Lengthen the watchdog in the safety program, after the reaction time of the safety "
+        "function was calculated again; or shorten the bus cycle.",
+    ),
+    (
+        "slow_device",
+        "{device} answers slowly: its answers take most of the watchdog of {name}.",
+        "Only connections of {device} drop, more often when it is busy.",
+        "Compare its answer time below with its manual; look at its load (task time, cyclic "
+        "communication besides).",
+        "Lower its load or its safety task time, or plan a longer watchdog with a new calculation "
+        "of the reaction time.",
+    ),
+    (
+        "end_silent",
+        "The FSoE end in {device} has stopped answering while its EtherCAT side goes on.",
+        "{device} stays in OP; only its connection drops.",
+        "Read the safety status of {device} (LEDs, error memory, 0x10F3): its safety part may be "
+        "in an error or stopped.",
+        "Clear the error in the device as its manual says; exchange it when that comes back.",
+    ),
+    (
+        "wrong_address",
+        "{sub} does not have the FSoE address the safety program expects.",
+        "{name} never reaches Data; the device resets with `wrong FSoE address`.",
+        "Read the address at {sub} (DIP switches, rotary switch, software) and in the safety "
+        "program.",
+        "Set the address at the device as planned, switch it off and on, accept it anew.",
+    ),
+    (
+        "devices_swapped",
+        "{sub} and {other} are exchanged: each has the FSoE address of the other.",
+        "After work on the machine both connections stay out of Data.",
+        "Compare labels and addresses of {sub} and {other} with the drawing.",
+        "Put the devices (or their cables) back; do not simply exchange the addresses: wiring of "
+        "sensors and actuators hangs on the device.",
+    ),
+    (
+        "devices_swapped_places",
+        "{device} and {other} are exchanged on the bus.",
+        "After work on the machine the bus does not come up; two devices are named.",
+        "Compare labels and places of {device} and {other} with the drawing.",
+        "Put the devices or their cables back.",
+    ),
+    (
+        "copies_crossed",
+        "The copies of {name} and {other} are crossed: each end talks to the wrong peer.",
+        "Both connections stay out of Data; the frames of one answer the other.",
+        "Compare the transfers of both in the network file with the slots of the safety program.",
+        "Correct index and subindex of the transfers; `fsoe-net check`, `plan`, accept it anew.",
+    ),
+    (
+        "duplicate_connection_id",
+        "Two connections use the same connection ID: {name} and {other}.",
+        "One of them does not come up, or they disturb each other.",
+        "List the connection IDs of all safety programs on this bus.",
+        "Give each connection an ID of its own in the safety program and in the network file.",
+    ),
+    (
+        "connection_id",
+        "The connection IDs of {name} do not fit: safety program and configuration differ.",
+        "The connection drops or never comes up with `wrong connection ID`.",
+        "Compare the connection ID in the safety program with the network file.",
+        "Correct the one that is wrong; download the safety program again if it is that.",
+    ),
+    (
+        "parameters_refused",
+        "{sub} refuses the parameters of the safety program.",
+        "{name} gets as far as Parameter and starts anew, again and again.",
+        "Compare parameter set, its length, its checksum (SRA CRC) and the watchdog in {sub} with "
+        "those in the safety program; reset codes 8 to 11 say which of them.",
+        "Download the same parameter set to both, or enter the new checksum after the change was "
+        "checked as the manual of the device asks for.",
+    ),
+    (
+        "frames_damaged",
+        "{device} sends frames whose CRC does not fit.",
+        "The connection drops with `wrong CRC`; only connections of {device} do.",
+        "Exchange {device} for another one; look for firmware that writes its frame in pieces.",
+        "Repair, update or exchange the device.",
+    ),
+    (
+        "second_writer",
+        "Something else writes into the frames of {name}: good frames do not arrive as sent.",
+        "The connection drops with `wrong CRC` or `unknown command` though both ends send good "
+        "frames.",
+        "Look for a second program, copy or MainDevice that writes the same output bytes; record "
+        "the wire and compare it with the frames below.",
+        "Remove the second writer: these bytes belong to the copy of the FSoE frame alone.",
+    ),
+    (
+        "main_not_running",
+        "The safety logic in {main} does not run: it has sent nothing at all.",
+        "No connection of {main} ever starts; its process data stay 0.",
+        "Look at the RUN and diagnosis LEDs of {main}: is a safety program loaded and started, is "
+        "the connection active in it?",
+        "Download and start the safety program; link its RUN input where it has one.",
+    ),
+    (
+        "sub_silent",
+        "{sub} does not answer though the frames for it are sent.",
+        "{name} stays in Reset; {main} tries again and again.",
+        "Is the safety part of {sub} configured and without error? Is the slot of {main} the one "
+        "for {sub}, and the mapped FSoE object the right one?",
+        "Commission the safety part of {sub}; correct transfers or mapping.",
+    ),
+    (
+        "mapping_shifted",
+        "The frames of {device} lie beside the planned bytes: its mapping is shifted.",
+        "{name} never comes up; the bytes at the planned place are no FSoE frame.",
+        "Compare PDO order, padding and gaps of {device} with its slave configuration.",
+        "Correct the slave configuration (a missing or extra padding entry) and compile anew.",
+    ),
+    (
+        "frame_size",
+        "{device} sends frames of another length than planned.",
+        "{name} never gets past Session.",
+        "Compare the safe data length of {device} (its safety project, its modules) with the "
+        "configuration.",
+        "Correct the size in transfers and slave configuration, or the safety project.",
+    ),
+    (
+        "roles_exchanged",
+        "The roles are exchanged: {sub} behaves as MainInstance.",
+        "Both ends start sessions, or both wait for the other.",
+        "Which device holds the safety program of this connection? Which objects are its main "
+        "side?",
+        "Correct safety_master and the two transfers of the net: in and out are exchanged.",
+    ),
+    (
+        "failsafe",
+        "The connection is up, but {device} sends FailSafeData.",
+        "Everything is in OP and in Data, yet the outputs stay off.",
+        "Is an error acknowledge (ERR_ACK) or a restart missing? Are group and RUN of the safety "
+        "program linked, are all its inputs good?",
+        "Give the error acknowledge edge or the restart as the safety program asks for; clear what "
+        "holds its inputs.",
+    ),
+    (
+        "local_reset",
+        "{device} has reset {name} itself (code 0): nobody found a fault in a frame.",
+        "The connection drops without an error and comes back.",
+        "Was the safety program stopped, changed, or the connection switched off in it?",
+        "Nothing when it was meant; else look into the log of {device}.",
+    ),
+    (
+        "main_restarted",
+        "{main} has restarted or its safety program was stopped: it reset all its connections.",
+        "All connections of {main} drop at the same moment with code 0.",
+        "Measure its supply; was the safety program downloaded, stopped or started?",
+        "Nothing when it was meant; else mend the supply.",
+    ),
+)
+
+CAUSES: dict[str, Cause] = {
+    key: Cause(key=key, title=title, looks=looks, measure=measure, change=change)
+    for key, title, looks, measure, change in _ROWS
+}

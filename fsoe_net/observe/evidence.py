@@ -1,0 +1,274 @@
+"""Everything an incident file says, in one pass: what causes are judged on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.fsoe import OutsideState
+from fsoe_net.observe.evidence_cycles import BusFacts, BusWatch
+from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, PairWatch, ResetSeen
+from fsoe_net.observe.incident import (
+    FsoeFacts,
+    FsoeSetting,
+    IncidentEvent,
+    IncidentHead,
+    LinkSeen,
+    Places,
+    SubDeviceSeen,
+    TriggerKind,
+)
+from fsoe_net.observe.incident_read import IncidentReader
+from fsoe_net.observe.incident_values import clean
+from fsoe_net.plan import NONE, Plan
+
+__all__ = ["Evidence", "Planned", "gather"]
+
+_DATA = (OutsideState.DATA_PROCESS, OutsideState.DATA_FAILSAFE)
+_MOST_PAIRED = 24
+_NEAR_CYCLES = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planned:
+    """One connection as the plan says; ``None`` where no file states it."""
+
+    name: str
+    main: str
+    sub: str
+    connection_id: int | None
+    address: int | None
+    watchdog_ms: int | None
+    safe_bytes: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """What is known.
+
+    ``name`` is the connection it is about: that of the trigger, else the first that is not in Data,
+    else empty. ``cut`` says why the file ends early. ``pairings`` are those with frames that fit.
+    """
+
+    head: IncidentHead
+    bus: BusFacts
+    planned: dict[str, Planned]
+    links: dict[str, LinkFacts]
+    pairings: tuple[Pairing, ...]
+    name: str
+    cut: str
+
+    @property
+    def moment_ns(self) -> int:
+        """Time of the trigger."""
+        return self.head.trigger.now_ns
+
+    @property
+    def plan(self) -> Planned | None:
+        """The connection it is about, as planned."""
+        return self.planned.get(self.name)
+
+    @property
+    def link(self) -> LinkFacts | None:
+        """The frames of the connection it is about; ``None`` when there are no cycles."""
+        return self.links.get(self.name)
+
+    @property
+    def seen(self) -> LinkSeen | None:
+        """The connection it is about as the MainDevice counted."""
+        return next((c for c in self.head.connections if c.name == self.name), None)
+
+    @property
+    def reset(self) -> ResetSeen | None:
+        """The Reset with which the connection left Data, from its frames."""
+        if self.link is None or self.head.trigger.kind is not TriggerKind.LEFT_DATA:
+            return None
+        return self.link.reset_at(self.moment_ns, _NEAR_CYCLES * max(self.bus.cycle_ns, 1_000_000))
+
+    @property
+    def code(self) -> int | None:
+        """Reset code of the moment: as told, else as found in the frames."""
+        told = self.head.trigger.reset_code
+        return told if told is not None or self.reset is None else self.reset.code
+
+    @property
+    def by(self) -> str:
+        """Who reset: ``main``, ``sub`` or empty."""
+        told = self.head.trigger.reset_by
+        return told if told or self.reset is None else self.reset.by
+
+    @property
+    def left_data(self) -> bool:
+        """Whether the connection was in Data before."""
+        return self.head.trigger.kind is TriggerKind.LEFT_DATA
+
+    @property
+    def never(self) -> bool:
+        """Whether the connection did not come to Data in what is seen here."""
+        if self.head.trigger.kind is TriggerKind.NOT_CONNECTED:
+            return True
+        if self.head.trigger.kind is not TriggerKind.REQUEST or self.link is None:
+            return False
+        return not any(state in _DATA for state in self.link.states)
+
+    @property
+    def watchdog_ns(self) -> int | None:
+        """Watchdog of the connection: as the main told the sub, else as planned."""
+        told = self.link.told_watchdog_ms if self.link else None
+        plan = self.plan.watchdog_ms if self.plan else None
+        value = told or plan
+        return None if value is None else value * 1_000_000
+
+    @property
+    def window_ns(self) -> tuple[int, int]:
+        """Time before the moment in which a cause of a watchdog must lie."""
+        length = max(3 * (self.watchdog_ns or 100_000_000) // 2, 20_000_000)
+        return self.moment_ns - length, self.moment_ns
+
+    def subdevice(self, name: str) -> SubDeviceSeen | None:
+        """Return what the bus knew of a SubDevice."""
+        return next((s for s in self.head.subdevices if s.name == name), None)
+
+    def facts(self, subdevice: str) -> FsoeFacts | None:
+        """Return what a SubDevice says of its FSoE ends."""
+        return next((f for f in self.head.fsoe if f.subdevice == subdevice), None)
+
+    def address_of(self, subdevice: str) -> int | None:
+        """Return the FSoE address a SubDevice says it has."""
+        found = self.facts(subdevice)
+        return None if found is None else found.address
+
+    def setting(self, name: str) -> FsoeSetting | None:
+        """Return how the MainInstance of a connection is set, as its device says.
+
+        Its connections are told in the order of the plan, when there are as many.
+        """
+        plan = self.planned.get(name)
+        found = self.facts(plan.main) if plan else None
+        if plan is None or found is None:
+            return None
+        own = [p.name for p in self.planned.values() if p.main == plan.main]
+        if len(own) != len(found.connections):
+            return None
+        return found.connections[own.index(name)]
+
+    def events(
+        self, event: str, start_ns: int = 0, end_ns: int | None = None
+    ) -> list[IncidentEvent]:
+        """Return the events of a kind in a time."""
+        return [
+            e
+            for e in self.head.events
+            if e.event == event and e.now_ns >= start_ns and (end_ns is None or e.now_ns <= end_ns)
+        ]
+
+    def lost_subdevices(self) -> list[SubDeviceSeen]:
+        """Return the SubDevices that did not answer when the file was written, in bus order."""
+        return sorted(
+            (s for s in self.head.subdevices if s.known and not s.answers), key=lambda s: s.position
+        )
+
+    def stopped(self) -> list[str]:
+        """Return all connections that had a Reset close to the moment or are not in Data."""
+        near = max(self.watchdog_ns or 0, 100_000_000)
+        return [
+            name
+            for name, link in self.links.items()
+            if name == self.name
+            or link.reset_at(self.moment_ns, near) is not None
+            or link.state_at_moment not in _DATA
+        ]
+
+
+def gather(reader: IncidentReader) -> Evidence:
+    """Read a file to its end.
+
+    Memory is bounded by the number of connections, not by the length of the file.
+    """
+    head = reader.head
+    planned = _planned(head)
+    moment = head.trigger.now_ns
+    name = head.trigger.connection
+    bus = BusWatch(head.cycle_ns or (head.plan.cycle_ns if head.plan else 0))
+    watches = {p.name: LinkWatch(p, moment, whole=True) for p in head.places}
+    pairs = _pairs(head.places, watches, name)
+    image: bytes | None = None
+    for record in reader:
+        bus.cycle(record)
+        if record.image is None or record.image is image:
+            for watch in watches.values():
+                watch.idle(record.now_ns)
+            continue
+        image = record.image
+        if len(image) < head.image_bytes:
+            continue
+        for watch in watches.values():
+            watch.cycle(record.cycle, record.now_ns, image)
+        for pair in pairs:
+            pair.cycle(record.now_ns)
+    links = {watch_name: watch.facts() for watch_name, watch in watches.items()}
+    return Evidence(
+        head=head,
+        bus=bus.facts(),
+        planned=planned,
+        links=links,
+        pairings=tuple(p.pairing for p in pairs if p.pairing.linked),
+        name=name or _first_bad(links),
+        cut=reader.cut,
+    )
+
+
+def _first_bad(links: dict[str, LinkFacts]) -> str:
+    """Return a connection that is not in Data, else one with FailSafeData, else the first."""
+    for name, link in links.items():
+        if link.state not in _DATA:
+            return name
+    for name, link in links.items():
+        if link.state is not OutsideState.DATA_PROCESS:
+            return name
+    return next(iter(links), "")
+
+
+def _pairs(places: tuple[Places, ...], watches: dict[str, LinkWatch], name: str) -> list[PairWatch]:
+    """Pair the ends of the connection of the trigger with those of others."""
+    pairs: list[PairWatch] = []
+    mine = watches.get(name)
+    for other in places[: 4 * _MOST_PAIRED]:
+        theirs = watches[other.name]
+        if mine is None or other.name == name or len(pairs) > 2 * _MOST_PAIRED:
+            continue
+        pairs.append(PairWatch(mine, theirs, Pairing(main_of=name, sub_of=other.name)))
+        pairs.append(PairWatch(theirs, mine, Pairing(main_of=other.name, sub_of=name)))
+    return pairs
+
+
+def _planned(head: IncidentHead) -> dict[str, Planned]:
+    plan = head.plan
+    if plan is None:
+        return {
+            c.name: Planned(
+                name=c.name,
+                main=c.main,
+                sub=c.sub,
+                connection_id=None,
+                address=None,
+                watchdog_ms=None,
+                safe_bytes=(0, 0),
+            )
+            for c in head.connections
+        }
+    return {
+        clean(c.name): Planned(
+            name=clean(c.name),
+            main=_name(plan, c.main),
+            sub=_name(plan, c.sub),
+            connection_id=c.connection_id,
+            address=c.address,
+            watchdog_ms=c.watchdog_ms,
+            safe_bytes=(c.safe_to_sub, c.safe_to_main),
+        )
+        for c in plan.connections
+    }
+
+
+def _name(plan: Plan, number: int) -> str:
+    return "" if number == NONE else clean(plan.subdevices[number].name)

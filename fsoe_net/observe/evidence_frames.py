@@ -1,0 +1,400 @@
+"""Facts from the frames of one connection in the cycles of an incident file."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+
+from fsoe_net.fsoe import (
+    Command,
+    Monitor,
+    OutsideState,
+    Verdict,
+    decode_pdu,
+    fits_start,
+    is_frame_length,
+    safe_data_length,
+)
+from fsoe_net.observe.incident import Area, Places
+
+__all__ = [
+    "FrameSeen",
+    "LinkFacts",
+    "LinkWatch",
+    "PairWatch",
+    "Pairing",
+    "ResetSeen",
+    "Shift",
+    "Side",
+]
+
+_LEGAL = frozenset(int(c) for c in Command)
+_DATA = (OutsideState.DATA_PROCESS, OutsideState.DATA_FAILSAFE)
+_DATA_COMMANDS = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
+_KEEP = 60
+_MOST_RESETS = 1_000
+_SEARCH = 8
+_SEARCHES = 200
+_LONGEST_SEARCHED = 63
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameSeen:
+    """A new frame of a connection. ``changed`` are the bytes that differ from the frame before."""
+
+    cycle: int
+    now_ns: int
+    direction: int
+    data: bytes
+    verdict: Verdict
+    state: OutsideState
+    changed: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResetSeen:
+    """A Reset that began: who sent it, and how things stood just before.
+
+    ``silent_ns``: how long since the last new frame of main and of sub. ``waiting_for`` is the end
+    whose turn it was: ``main`` or ``sub``. ``last_verdict`` and ``last_command`` are those of the
+    newest frame of the other end.
+    """
+
+    now_ns: int
+    cycle: int
+    by: str
+    code: int
+    state: OutsideState
+    silent_ns: tuple[int, int]
+    waiting_for: str
+    last_verdict: Verdict
+    last_command: int
+    last_right: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shift:
+    """Whole frames were found beside the planned place, or with another length."""
+
+    offset_bytes: int
+    size_bytes: int
+    times: int
+
+
+@dataclass(slots=True)
+class Side:
+    """One direction, as it lay in the image; index 0 is main to sub.
+
+    ``right`` and ``wrong`` count new frames by their CRCs, ``illegal`` those whose first byte is no
+    FSoE command. ``linked`` are right frames other than Reset: they fit what the other end said.
+    ``torn`` are cycles in which the destination did not hold what the source held.
+    ``waits_ns`` are the times the other end waited for an answer in Data: count, sum, most.
+    """
+
+    frames: int = 0
+    right: int = 0
+    wrong: int = 0
+    illegal: int = 0
+    linked: int = 0
+    torn: int = 0
+    torn_cycle: int = 0
+    not_zero: bool = False
+    wrong_in_data: int = 0
+    last_ns: int = -1
+    commands: Counter[int] = field(default_factory=Counter)
+    connection_ids: Counter[int] = field(default_factory=Counter)
+    waits: int = 0
+    waits_sum_ns: int = 0
+    waits_most_ns: int = 0
+
+
+@dataclass(slots=True)
+class Pairing:
+    """Whether frames of one connection answer those of another; counts right ones, no Resets."""
+
+    main_of: str
+    sub_of: str
+    linked: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkFacts:
+    """What the frames of one connection say.
+
+    ``frames`` are those around the moment. ``told_…`` is what the main told the sub in the last
+    Connection and Parameter frames. ``state`` is the last state, ``states`` are all it was in.
+    ``begun`` counts the sessions each side has begun, which only a main does.
+    ``time_in_failsafe_ns``: how long each direction carried FailSafeData in Data.
+    """
+
+    name: str
+    sides: tuple[Side, Side]
+    resets: tuple[ResetSeen, ...]
+    frames: tuple[FrameSeen, ...]
+    state: OutsideState
+    state_at_moment: OutsideState
+    states: frozenset[OutsideState]
+    told_id: int | None
+    told_address: int | None
+    told_watchdog_ms: int | None
+    told_app_bytes: int | None
+    shifts: tuple[Shift | None, Shift | None]
+    begun: tuple[int, int]
+    time_in_failsafe_ns: tuple[int, int]
+
+    def reset_at(self, now_ns: int, within_ns: int) -> ResetSeen | None:
+        """Return the Reset nearest to a time."""
+        near = [r for r in self.resets if abs(r.now_ns - now_ns) <= within_ns]
+        return min(near, key=lambda r: abs(r.now_ns - now_ns)) if near else None
+
+
+class LinkWatch:
+    """Follows one connection cycle by cycle.
+
+    Args:
+        places: Where its frames lie.
+        moment_ns: Time of the trigger; frames around it are kept.
+        whole: Whether it is looked at closely: frames are searched where none are.
+    """
+
+    def __init__(self, places: Places, moment_ns: int, *, whole: bool) -> None:
+        self._places = places
+        self._areas = (places.to_sub, places.to_main)
+        self._moment_ns = moment_ns
+        self._whole = whole
+        out = safe_data_length(places.to_sub.size_bytes)
+        back = safe_data_length(places.to_main.size_bytes)
+        self._chunk = min(out, back)
+        self._monitor = Monitor(out, back)
+        self._begun = [0, 0]
+        self.sides = (Side(), Side())
+        self._last = [bytes(a.size_bytes) for a in self._areas]
+        self._verdicts = [Verdict.SAME, Verdict.SAME]
+        self._resets: list[ResetSeen] = []
+        self._before: deque[FrameSeen] = deque(maxlen=_KEEP)
+        self._after: list[FrameSeen] = []
+        self._states: set[OutsideState] = set()
+        self._told: dict[int, bytearray] = {}
+        self._searched = [0, 0]
+        self._found: tuple[Counter[tuple[int, int]], Counter[tuple[int, int]]] = (
+            Counter(),
+            Counter(),
+        )
+        self._at_moment: OutsideState | None = None
+        self._failsafe_ns = [0, 0]
+        self._now_ns = -1
+        self.new: list[bytes | None] = [None, None]
+        """New frames of the last cycle by direction."""
+
+    def size(self, direction: int) -> int:
+        """Return the safe data bytes of a direction."""
+        return safe_data_length(self._areas[direction].size_bytes)
+
+    def cycle(self, cycle: int, now_ns: int, image: bytes) -> None:
+        """Take the image of one cycle."""
+        if self._at_moment is None and now_ns >= self._moment_ns:
+            self._at_moment = self._monitor.state
+        self._count_failsafe(now_ns)
+        self.new = [None, None]
+        for direction in (1, 0):  # inputs are older than outputs: the answer comes first
+            area = self._areas[direction]
+            data = image[area.source_byte : area.source_byte + area.size_bytes]
+            copied = image[area.destination_byte : area.destination_byte + area.size_bytes]
+            side = self.sides[direction]
+            if copied != data:
+                side.torn += 1
+                side.torn_cycle = side.torn_cycle or cycle
+            if data != self._last[direction]:
+                self.new[direction] = data
+                self._frame(direction, data, cycle, now_ns, image)
+        self._states.add(self._monitor.state)
+
+    def idle(self, now_ns: int) -> None:
+        """Take a cycle whose image is that of the one before."""
+        if self._at_moment is None and now_ns >= self._moment_ns:
+            self._at_moment = self._monitor.state
+        self._count_failsafe(now_ns)
+        self.new = [None, None]
+
+    def _count_failsafe(self, now_ns: int) -> None:
+        if self._now_ns >= 0 and self._monitor.state is OutsideState.DATA_FAILSAFE:
+            for direction in (0, 1):
+                if self._last[direction][0] == Command.FAIL_SAFE_DATA:
+                    self._failsafe_ns[direction] += now_ns - self._now_ns
+        self._now_ns = now_ns
+
+    def _frame(self, direction: int, data: bytes, cycle: int, now_ns: int, image: bytes) -> None:
+        side, other = self.sides[direction], self.sides[1 - direction]
+        before = self._monitor.state
+        old = self._last[direction]
+        verdict = self._monitor.frame(direction, data, now_ns)
+        pdu = decode_pdu(data)
+        legal = pdu.command in _LEGAL
+        # The answer to a Session frame hangs on the chain; only a main begins one.
+        self._begun[direction] += pdu.command == Command.SESSION and fits_start(pdu)
+        self._count(side, pdu.command, pdu.connection_id, verdict, legal=legal)
+        side.not_zero |= any(data)
+        if verdict is Verdict.WRONG and before in _DATA:
+            side.wrong_in_data += 1
+        if before in _DATA and pdu.command in _DATA_COMMANDS and other.last_ns > side.last_ns >= 0:
+            wait = now_ns - other.last_ns
+            side.waits += 1
+            side.waits_sum_ns += wait
+            side.waits_most_ns = max(side.waits_most_ns, wait)
+        if pdu.command == Command.RESET and old[0] != Command.RESET:
+            self._reset(direction, pdu.safe_data[0], before, cycle, now_ns)
+        if direction == 0:
+            self._listen(pdu.command, pdu.safe_data, new=old[0] != pdu.command)
+        if self._whole and (not legal or verdict is Verdict.WRONG):
+            self._search(direction, image)
+        side.last_ns = now_ns
+        self._verdicts[direction] = verdict
+        self._last[direction] = data
+        self._keep(
+            FrameSeen(
+                cycle=cycle,
+                now_ns=now_ns,
+                direction=direction,
+                data=data,
+                verdict=verdict,
+                state=self._monitor.state,
+                changed=tuple(n for n in range(len(data)) if data[n] != old[n]),
+            )
+        )
+
+    def _count(
+        self, side: Side, command: int, connection_id: int, verdict: Verdict, *, legal: bool
+    ) -> None:
+        side.frames += 1
+        side.right += verdict is Verdict.RIGHT
+        side.wrong += verdict is Verdict.WRONG
+        side.illegal += not legal
+        side.linked += verdict is Verdict.RIGHT and command != Command.RESET
+        if legal:
+            side.commands[command] += 1
+            if command not in (Command.RESET, Command.SESSION) and len(side.connection_ids) < 64:
+                side.connection_ids[connection_id] += 1
+
+    def _keep(self, seen: FrameSeen) -> None:
+        if seen.now_ns <= self._moment_ns:
+            self._before.append(seen)
+        elif len(self._after) < _KEEP:
+            self._after.append(seen)
+
+    def _reset(
+        self, direction: int, code: int, before: OutsideState, cycle: int, now_ns: int
+    ) -> None:
+        if len(self._resets) >= _MOST_RESETS:
+            return
+        main, sub = self.sides
+        self._resets.append(
+            ResetSeen(
+                now_ns=now_ns,
+                cycle=cycle,
+                by="main" if direction == 0 else "sub",
+                code=code,
+                state=before,
+                silent_ns=(
+                    now_ns - main.last_ns if main.last_ns >= 0 else now_ns,
+                    now_ns - sub.last_ns if sub.last_ns >= 0 else now_ns,
+                ),
+                waiting_for="sub" if main.last_ns >= sub.last_ns else "main",
+                last_verdict=self._verdicts[1 - direction],
+                last_command=self._last[1 - direction][0],
+                last_right=self._verdicts[1 - direction] is Verdict.RIGHT,
+            )
+        )
+
+    def _listen(self, command: int, safe_data: bytes, *, new: bool) -> None:
+        """Put the parameters of the main together; they come in chunks."""
+        if command in (Command.CONNECTION, Command.PARAMETER):
+            if new:
+                self._told[command] = bytearray()
+            told = self._told.setdefault(command, bytearray())
+            if len(told) < 8:
+                told += safe_data[: self._chunk]
+
+    def _search(self, direction: int, image: bytes) -> None:
+        """Look for whole frames beside the planned place."""
+        if self._searched[direction] >= _SEARCHES:
+            return
+        self._searched[direction] += 1
+        area = self._areas[direction]
+        for offset in range(-_SEARCH, _SEARCH + 1):
+            start = area.source_byte + offset
+            if start < 0 or start >= len(image) or image[start] not in (0x2A, 0x4E):
+                continue
+            for size in _sizes(area):
+                data = image[start : start + size]
+                if (offset or size != area.size_bytes) and _begins(data, size):
+                    self._found[direction][offset, size] += 1
+                    break
+
+    def facts(self) -> LinkFacts:
+        """Return what was found."""
+        connection = self._told.get(Command.CONNECTION, bytearray())
+        parameter = self._told.get(Command.PARAMETER, bytearray())
+        state = self._monitor.state
+        return LinkFacts(
+            name=self._places.name,
+            sides=self.sides,
+            resets=tuple(self._resets),
+            frames=(*self._before, *self._after),
+            state=state,
+            state_at_moment=self._at_moment or state,
+            states=frozenset(self._states),
+            told_id=_word(connection, 0),
+            told_address=_word(connection, 2),
+            told_watchdog_ms=_word(parameter, 2),
+            told_app_bytes=_word(parameter, 4),
+            shifts=(_shift(self._found[0]), _shift(self._found[1])),
+            begun=(self._begun[0], self._begun[1]),
+            time_in_failsafe_ns=(self._failsafe_ns[0], self._failsafe_ns[1]),
+        )
+
+
+class PairWatch:
+    """Follows the main of one connection and the sub of another."""
+
+    def __init__(self, main: LinkWatch, sub: LinkWatch, pairing: Pairing) -> None:
+        out = main.size(0)
+        back = sub.size(1)
+        self._monitor = Monitor(out, back)
+        self._ends = main, sub
+        self.pairing = pairing
+
+    def cycle(self, now_ns: int) -> None:
+        """Look at the new frames the two watches have found in this cycle."""
+        main, sub = self._ends
+        for direction, data in ((1, sub.new[1]), (0, main.new[0])):
+            if data is not None:
+                told = _links(self._monitor, direction, data, now_ns)
+                self.pairing.linked += told and direction == 1
+
+
+def _links(monitor: Monitor, direction: int, data: bytes, now_ns: int) -> bool:
+    """Whether a frame other than Reset fits what the other end said before."""
+    right = monitor.frame(direction, data, now_ns) is Verdict.RIGHT
+    return right and data[0] != Command.RESET
+
+
+def _sizes(area: Area) -> list[int]:
+    """Lengths a frame may have, the planned one first."""
+    others = (n for n in range(6, _LONGEST_SEARCHED + 1) if is_frame_length(n))
+    return [area.size_bytes, *(n for n in others if n != area.size_bytes)]
+
+
+def _begins(data: bytes, size: int) -> bool:
+    """Whether these bytes are a Reset or the first frame of a session."""
+    return len(data) == size and fits_start(decode_pdu(data))
+
+
+def _shift(found: Counter[tuple[int, int]]) -> Shift | None:
+    if not found:
+        return None
+    (offset, size), times = found.most_common(1)[0]
+    return Shift(offset_bytes=offset, size_bytes=size, times=times)
+
+
+def _word(data: bytearray, at: int) -> int | None:
+    return int.from_bytes(data[at : at + 2], "little") if len(data) >= at + 2 else None
