@@ -178,7 +178,7 @@ def _cycle(e: Evidence) -> Iterator[Candidate]:
         f"{e.head.counters.overruns} overruns since the start" if e.head.counters.overruns else "",
         "" if e.head.counters.realtime or e.head.backend == "emulated" else "no real-time policy",
     ]
-    if worst.extra_ns >= watchdog // 3:
+    if worst.extra_ns >= watchdog // 3 and 2 * worst.extra_ns > total:
         several = e.stopped()
         facts.append(f"{len(several)} connections are affected" if len(several) > 1 else "")
         yield candidate(e, "stalled_main_device", 93, *facts)

@@ -15,6 +15,7 @@ __all__ = ["place_causes"]
 
 _MAIN, _SUB = 0, 1
 _FEW = 3
+_MOST_COMPARED = 200
 
 
 def place_causes(e: Evidence) -> Iterator[Candidate]:
@@ -23,7 +24,8 @@ def place_causes(e: Evidence) -> Iterator[Candidate]:
     if link is None or plan is None or e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return
     yield from _torn(e, link)
-    yield from _duplicates(e, plan)
+    yield from _duplicates(e)
+    yield from _roles(e, link)
     if not e.never and not e.left_data:
         return
     crossed = list(_crossed(e, plan, link))
@@ -35,8 +37,9 @@ def place_causes(e: Evidence) -> Iterator[Candidate]:
         yield from _connection_id(e, plan, link)
     if e.never:
         yield from _shifted(e, plan, link)
-        yield from _roles(e, link)
         yield from _altered(e, plan, link)
+        if not crossed:
+            yield from _not_taken(e, plan, link)
 
 
 def _torn(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
@@ -54,30 +57,35 @@ def _torn(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
             )
 
 
-def _duplicates(e: Evidence, plan: Planned) -> Iterator[Candidate]:
-    """The same connection ID in two connections, on the wire, in the devices or in the plan."""
-    mine = _ids(e, e.name)
-    for name in e.planned:
-        if name == e.name:
-            continue
-        both = mine & _ids(e, name)
-        if not both:
-            continue
-        crossed = any({p.main_of, p.sub_of} == {e.name, name} for p in e.pairings)
-        told = any(code == ResetCode.CONNECTION_ID for _, code in told_codes(e))
-        bad = told or e.never or not e.left_data
-        score = (95 if bad else 40) - (40 if crossed else 0)
-        where = "on the wire" if _wire_ids(e, e.name) & _wire_ids(e, name) else "in the devices"
-        number = next(iter(sorted(both)))
-        yield candidate(
-            e,
-            "duplicate_connection_id",
-            score,
-            f"connection ID {number} is used by {e.name} and {name} {where}",
-            f"planned are {plan.connection_id} and {e.planned[name].connection_id}",
-            f"resets with {code_text(ResetCode.CONNECTION_ID)}" if told else "",
-            other=name,
-        )
+def _duplicates(e: Evidence) -> Iterator[Candidate]:
+    """The same connection ID in two connections: on the wire, or in the devices."""
+    names = list(e.planned)[:_MOST_COMPARED]
+    ids = {name: _ids(e, name) for name in names}
+    for number, one in enumerate(names):
+        for two in names[number + 1 :]:
+            both = ids[one] & ids[two]
+            if both:
+                yield _duplicate(e, one, two, min(both))
+
+
+def _duplicate(e: Evidence, one: str, two: str, number: int) -> Candidate:
+    crossed = any({p.main_of, p.sub_of} == {one, two} for p in e.pairings)
+    told = any(code == ResetCode.CONNECTION_ID for _, code in told_codes(e))
+    about = e.name in (one, two)
+    bad = (told or e.never) and about
+    score = 95 if bad else 88 if not (e.left_data or e.never) else 40
+    on_wire = _wire_ids(e, one) & _wire_ids(e, two)
+    return candidate(
+        e,
+        "duplicate_connection_id",
+        score - (40 if crossed else 0),
+        f"connection ID {number} is used by {one} and {two} "
+        f"{'on the wire' if on_wire else 'in the devices'}",
+        f"planned are {e.planned[one].connection_id} and {e.planned[two].connection_id}",
+        f"resets with {code_text(ResetCode.CONNECTION_ID)}" if told else "",
+        device=one,
+        other=two,
+    )
 
 
 def _ids(e: Evidence, name: str) -> set[int]:
@@ -233,11 +241,11 @@ def _shifted(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
 def _roles(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
     """The end that should wait begins sessions."""
     main, sub = link.begun
-    if sub >= 2 and sub >= main // 4:
+    if sub > main or (sub >= 2 and sub >= main // 4):
         yield candidate(
             e,
             "roles_exchanged",
-            95,
+            95 if e.never else 90 if not e.left_data else 45,
             f"the SubInstance has begun {sub} sessions, the MainInstance {main}: only a "
             "MainInstance begins one",
         )
@@ -263,3 +271,49 @@ def _altered(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
             f"the frames of {sender} were right where they came in: {side.right}, wrong "
             f"{side.wrong}",
         )
+
+
+def _not_taken(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+    """The sub answers right, and the main goes on waiting: the answer lands in a wrong place."""
+    if not _waits_in_vain(link):
+        return
+    said = (
+        f"{plan.sub} answers right, its frames are copied, and {plan.main} still waits until its "
+        "watchdog expires"
+    )
+    for other in e.planned.values():
+        theirs = e.links.get(other.name)
+        if theirs is None or other.name == e.name or other.main != plan.main:
+            continue
+        if not _waits_in_vain(theirs) or other.safe_bytes != plan.safe_bytes:
+            continue
+        order = _slots_disagree(e, e.name, other.name)
+        yield candidate(
+            e,
+            "copies_crossed",
+            95 if order else 76,
+            said,
+            f"so does {other.name}, whose frames have the same lengths",
+            f"the order of both in the outputs of {plan.main} is not that in its inputs"
+            if order
+            else "",
+            other=other.name,
+        )
+    yield candidate(e, "mapping_shifted", 62, said, device=plan.main)
+
+
+def _waits_in_vain(link: LinkFacts) -> bool:
+    sub = link.sides[_SUB]
+    vain = [r for r in link.resets if r.code == ResetCode.WATCHDOG and r.waiting_for == "main"]
+    return len(vain) >= _FEW and sub.linked >= _FEW and not sub.wrong
+
+
+def _slots_disagree(e: Evidence, one: str, two: str) -> bool:
+    """Whether two connections lie the other way round in what their main sends and receives."""
+    places = {p.name: p for p in e.head.places}
+    a, b = places.get(one), places.get(two)
+    if a is None or b is None:
+        return False
+    sends = a.to_sub.source_byte < b.to_sub.source_byte
+    takes = a.to_main.destination_byte < b.to_main.destination_byte
+    return sends is not takes

@@ -219,7 +219,7 @@ _ROWS = (
     ),
     (
         "duplicate_connection_id",
-        "Two connections use the same connection ID: {name} and {other}.",
+        "Two connections use the same connection ID: {device} and {other}.",
         "One of them does not come up, or they disturb each other.",
         "List the connection IDs of all safety programs on this bus.",
         "Give each connection an ID of its own in the safety program and in the network file.",

@@ -8,6 +8,7 @@ from fsoe_net.fsoe import OutsideState
 from fsoe_net.observe.evidence_cycles import BusFacts, BusWatch
 from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, PairWatch, ResetSeen
 from fsoe_net.observe.incident import (
+    Area,
     FsoeFacts,
     FsoeSetting,
     IncidentEvent,
@@ -189,7 +190,16 @@ def gather(reader: IncidentReader) -> Evidence:
     moment = head.trigger.now_ns
     name = head.trigger.connection
     bus = BusWatch(head.cycle_ns or (head.plan.cycle_ns if head.plan else 0))
-    watches = {p.name: LinkWatch(p, moment, whole=True) for p in head.places}
+    taken = frozenset((a.source_byte, a.size_bytes) for p in head.places for a in _areas(p))
+    watches = {
+        p.name: LinkWatch(
+            p,
+            moment,
+            bounds=(_bounds(head, p.to_sub), _bounds(head, p.to_main)),
+            taken=taken,
+        )
+        for p in head.places
+    }
     pairs = _pairs(head.places, watches, name)
     image: bytes | None = None
     for record in reader:
@@ -215,6 +225,18 @@ def gather(reader: IncidentReader) -> Evidence:
         name=name or _first_bad(links),
         cut=reader.cut,
     )
+
+
+def _areas(places: Places) -> tuple[Area, Area]:
+    return places.to_sub, places.to_main
+
+
+def _bounds(head: IncidentHead, area: Area) -> tuple[int, int]:
+    """Return the sync manager a frame comes from: first byte and the one behind the last."""
+    for first, size in head.areas:
+        if first <= area.source_byte < first + size:
+            return first, min(first + size, head.image_bytes)
+    return area.source_byte, area.source_byte + area.size_bytes
 
 
 def _first_bad(links: dict[str, LinkFacts]) -> str:

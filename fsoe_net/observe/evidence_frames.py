@@ -31,6 +31,7 @@ __all__ = [
 _LEGAL = frozenset(int(c) for c in Command)
 _DATA = (OutsideState.DATA_PROCESS, OutsideState.DATA_FAILSAFE)
 _DATA_COMMANDS = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
+_BEGINS = (Command.RESET, Command.SESSION)
 _KEEP = 60
 _MOST_RESETS = 1_000
 _SEARCH = 8
@@ -154,14 +155,24 @@ class LinkWatch:
     Args:
         places: Where its frames lie.
         moment_ns: Time of the trigger; frames around it are kept.
-        whole: Whether it is looked at closely: frames are searched where none are.
+        bounds: Where frames are searched when none lie where they should, by direction: first
+            byte and the one behind the last.
+        taken: Places of other frames, ``(first byte, length)``; they are not found.
     """
 
-    def __init__(self, places: Places, moment_ns: int, *, whole: bool) -> None:
+    def __init__(
+        self,
+        places: Places,
+        moment_ns: int,
+        *,
+        bounds: tuple[tuple[int, int], tuple[int, int]],
+        taken: frozenset[tuple[int, int]],
+    ) -> None:
         self._places = places
         self._areas = (places.to_sub, places.to_main)
         self._moment_ns = moment_ns
-        self._whole = whole
+        self._bounds = bounds
+        self._taken = taken
         out = safe_data_length(places.to_sub.size_bytes)
         back = safe_data_length(places.to_main.size_bytes)
         self._chunk = min(out, back)
@@ -245,7 +256,7 @@ class LinkWatch:
             self._reset(direction, pdu.safe_data[0], before, cycle, now_ns)
         if direction == 0:
             self._listen(pdu.command, pdu.safe_data, new=old[0] != pdu.command)
-        if self._whole and (not legal or verdict is Verdict.WRONG):
+        if not legal or verdict is Verdict.WRONG:
             self._search(direction, image)
         side.last_ns = now_ns
         self._verdicts[direction] = verdict
@@ -320,11 +331,14 @@ class LinkWatch:
             return
         self._searched[direction] += 1
         area = self._areas[direction]
+        first, end = self._bounds[direction]
         for offset in range(-_SEARCH, _SEARCH + 1):
             start = area.source_byte + offset
-            if start < 0 or start >= len(image) or image[start] not in (0x2A, 0x4E):
+            if not first <= start < end or image[start] not in _BEGINS:
                 continue
             for size in _sizes(area):
+                if (start, size) in self._taken or start + size > end:
+                    continue
                 data = image[start : start + size]
                 if (offset or size != area.size_bytes) and _begins(data, size):
                     self._found[direction][offset, size] += 1

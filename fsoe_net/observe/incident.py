@@ -194,7 +194,8 @@ class CycleRecord:
 class IncidentHead:
     """First line of the file. ``plan`` is ``None`` when its bytes cannot be used: see ``remarks``.
 
-    ``places`` are those of the layout the bus had; empty when it had none.
+    ``places`` are those of the layout the bus had, ``areas`` its sync managers as first byte and
+    length; both empty when it had none.
     """
 
     utc: str
@@ -212,5 +213,6 @@ class IncidentHead:
     events: tuple[IncidentEvent, ...]
     image_bytes: int
     places: tuple[Places, ...]
+    areas: tuple[tuple[int, int], ...]
     fsoe: tuple[FsoeFacts, ...]
     remarks: tuple[str, ...] = ()

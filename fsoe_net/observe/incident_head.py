@@ -64,6 +64,7 @@ def head_of(values: Values) -> IncidentHead:
         events=tuple(_event(row) for row in values.children("events")),
         image_bytes=image_bytes,
         places=places,
+        areas=tuple((row.whole("byte"), row.whole("bytes")) for row in layout.children("sms")),
         fsoe=tuple(_facts(row) for row in values.children("fsoe")),
         remarks=tuple(remarks),
     )

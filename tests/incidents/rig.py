@@ -1,0 +1,169 @@
+"""Runs on the emulated bus with something wrong, and the incident files they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from networks import EXAMPLES, resolved
+
+from fsoe_net.emul import EmulatedDevice
+from fsoe_net.load import load_scenario
+from fsoe_net.model import Resolution
+from fsoe_net.observe import IncidentReader
+from fsoe_net.observe.causes import Verdicts, judge
+from fsoe_net.observe.evidence import Evidence, gather
+from fsoe_net.plan import compile_plan
+from fsoe_net.run import IncidentRecorder, Session, counted_session_ids
+
+START = datetime(2026, 3, 1, 12, 0, 0, tzinfo=UTC)
+
+
+def network(name: str, tmp: Path, *edits: tuple[str, str]) -> Resolution:
+    """Load an example; ``edits`` replace text of its network file."""
+    text = (EXAMPLES / name / "network.yaml").read_text("utf-8")
+    for old, new in edits:
+        assert old in text, f"{old!r} is not in the network file"
+        text = text.replace(old, new)
+    folder = tmp / f"net{len(list(tmp.iterdir()))}"
+    folder.mkdir()
+    (folder / "devices").symlink_to(EXAMPLES / name / "devices")
+    (folder / "network.yaml").write_text(text, "utf-8")
+    return resolved(folder / "network.yaml")
+
+
+class Device:
+    """An emulated device that only steps when it shall."""
+
+    def __init__(self, device: EmulatedDevice, runs: Callable[[int], bool]) -> None:
+        self._device = device
+        self._runs = runs
+
+    def step(self, now_ns: int, io: Any) -> None:
+        if self._runs(now_ns):
+            self._device.step(now_ns, io)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._device, name)
+
+
+class Wire:
+    """Process data of a device with somebody else's hand in it."""
+
+    def __init__(
+        self,
+        io: Any,
+        *,
+        outputs: Callable[[int, bytes], bytes] = lambda _, data: data,
+        inputs: Callable[[int, bytes], bytes] = lambda _, data: data,
+    ) -> None:
+        self._io = io
+        self._outputs = outputs
+        self._inputs = inputs
+
+    def read_outputs(self, sm: int) -> bytes:
+        return self._outputs(sm, self._io.read_outputs(sm))
+
+    def write_inputs(self, sm: int, data: bytes) -> None:
+        self._io.write_inputs(sm, self._inputs(sm, data))
+
+
+class CoreProxy:
+    """A core whose glances somebody changes."""
+
+    def __init__(self, core: Any, change: Callable[[Any], Any]) -> None:
+        self._core = core
+        self._change = change
+
+    def glance(self) -> Any:
+        return self._change(self._core.glance())
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._core, name)
+
+
+@dataclass
+class Rig:
+    """A run step by step.
+
+    Args:
+        devices: Network the devices are made of.
+        plan: Network the plan is made of; default the same.
+        steps: Steps of a scenario as YAML.
+    """
+
+    devices: Resolution
+    tmp: Path
+    plan: Resolution | None = None
+    steps: str = ""
+    now_ns: int = 0
+    session: Session = field(init=False)
+    recorder: IncidentRecorder = field(init=False)
+
+    def __post_init__(self) -> None:
+        scenario = None
+        if self.steps:
+            path = self.tmp / "scenario.yaml"
+            path.write_text(f"version: 1\nsteps:\n{self.steps}", "utf-8")
+            scenario, found = load_scenario(str(path))
+            assert scenario is not None, found
+        data = compile_plan(self.plan or self.devices).to_bytes()
+        self.session = Session(self.devices, data, scenario, session_ids=counted_session_ids())
+        folder = self.tmp / "incidents"
+        folder.mkdir(exist_ok=True)
+        self.recorder = IncidentRecorder(self.session, folder, start=START)
+
+    def ports(self, name: str) -> tuple[Any, Any]:
+        """Return main and sub port of a connection."""
+        return self.session.network.mains[name], self.session.network.subs[name]
+
+    def runs(self, device: str, when: Callable[[int], bool]) -> None:
+        """Let a device step only at certain times."""
+        devices = self.session.network.devices
+        devices[device] = Device(devices[device], when)  # type: ignore[assignment]
+
+    def wire(self, device: str, **hands: Callable[[int, bytes], bytes]) -> None:
+        """Put a hand between bus and device."""
+        ports = self.session._ports
+        ports[device] = Wire(ports[device], **hands)  # type: ignore[assignment,arg-type]
+
+    def glances(self, change: Callable[[Any], Any]) -> None:
+        """Change what the recorder sees of the cycles."""
+        self.session.core = CoreProxy(self.session.core, change)  # type: ignore[assignment]
+
+    def run(self, duration_ms: int, extra_ns: Callable[[int], int] = lambda _: 0) -> None:
+        """Run; ``extra_ns`` says how much later than planned each cycle comes."""
+        cycle_ns = self.session.cycle_ns
+        for _ in range(duration_ms * 1_000_000 // cycle_ns):
+            self.now_ns += cycle_ns + extra_ns(self.now_ns)
+            self.session.core.cycle(self.now_ns)
+            self.recorder.cycle(self.now_ns)
+            self.session.step_devices(self.now_ns)
+
+    def end(self) -> Path:
+        """End the run and return the first file."""
+        self.recorder.finish(self.now_ns)
+        assert self.recorder.files, self.session.engine.events[-5:]
+        return self.recorder.files[0]
+
+
+def read(path: Path) -> Evidence:
+    """Read a file to its end."""
+    with open(path, "rb") as stream:
+        return gather(IncidentReader(path.name, stream))
+
+
+def judged(path: Path) -> Verdicts:
+    """Return what is said of a file."""
+    return judge(read(path))
+
+
+def config(port: Any, **changes: Any) -> None:
+    """Change the configuration of a SubInstance or MainInstance."""
+    instance = port.instance
+    port.instance = type(instance)(
+        replace(instance.config, **changes), session_ids=counted_session_ids()
+    )
