@@ -26,6 +26,7 @@ _COMMANDS = {
     "replay": "Hold recorded FSoE runs against this engine.",
     "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
     "doctor": "Check this machine for real-time EtherCAT.",
+    "incident": "Say why a connection dropped: one page from an incident file.",
     "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",
 }
 

@@ -85,7 +85,7 @@ def _when(e: Evidence, gone: list[SubDeviceSeen]) -> list[str]:
 
 
 def _back(e: Evidence) -> Iterator[Candidate]:
-    """SubDevices that were gone for a while, or have restarted."""
+    """SubDevices that were gone for a while."""
     start = e.window_ns[0]
     everybody = {s.name for s in e.head.subdevices if s.known}
     fell: dict[str, str] = {}
@@ -101,9 +101,9 @@ def _back(e: Evidence) -> Iterator[Candidate]:
     seen = e.subdevice(device)
     facts = [
         f"event: {fell[device]}",
-        f"{device} came back {seen.returns} times" if seen and seen.returns else "",
+        f"times it has come back so far: {seen.returns}" if seen and seen.returns else "",
     ]
-    yield candidate(e, "device_restarted", score, *facts, *_wkc(e), device=device)
+    yield candidate(e, "device_interrupted", score, *facts, *_wkc(e), device=device)
 
 
 def _state(e: Evidence) -> Iterator[Candidate]:

@@ -216,10 +216,11 @@ def _slow(
     if plan is None:
         return
     cycle = max(e.bus.cycle_ns, 1)
+    calm = not (e.bus.short or e.bus.lost or e.bus.late_cycles)
     for end, device in ((_MAIN, plan.main), (_SUB, plan.sub)):
         mean, other = means[end], means[1 - end]
         slow = mean > 4 * cycle and mean >= watchdog * 0.2 and mean >= 2 * other
-        uneven = most[end] >= watchdog * 0.6 and most[end] >= 3 * most[1 - end]
+        uneven = calm and most[end] >= watchdog * 0.6 and most[end] >= 3 * most[1 - end]
         if slow or uneven:
             yield candidate(e, "slow_device", 87 if slow else 66, *facts, device=device)
 

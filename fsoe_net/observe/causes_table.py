@@ -123,6 +123,14 @@ _ROWS = (
         "Mend the supply (own fuse, thicker wire, separate supply), or its firmware.",
     ),
     (
+        "device_interrupted",
+        "{device} was gone from the bus for a while and came back: loose plug or supply dip.",
+        "{device} falls out alone and returns by itself, often when something moves or switches.",
+        "Move its plugs and cables while `fsoe-net monitor` runs; measure its supply during the "
+        "machine's heaviest load; read its error memory for a restart.",
+        "Replace plug or cable, or mend the supply (own fuse, thicker wire, separate supply).",
+    ),
+    (
         "device_state",
         "{device} has left OP on its own account.",
         "Its ERR LED blinks; its inputs stand still.",

@@ -3,37 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 
 from fsoe_net.diag import Diagnostic
 from fsoe_net.model import Network
 from fsoe_net.plan import NONE, Plan, copy_end, igh_image
+from fsoe_net.report.html import html_page, table
 from fsoe_net.report.svg import copy_picture, topology_picture
 from fsoe_net.run import RunResult, state_text
 
 __all__ = ["render_report", "short_code"]
-
-_STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;color:#1f2328;max-width:1060px;margin:2em auto;
-padding:0 1em}
-h1{margin-bottom:.1em}h2{margin-top:2em;border-bottom:1px solid #d0d7de;padding-bottom:.2em}
-table{border-collapse:collapse;width:100%;margin:.6em 0}th,td{text-align:left;padding:.3em .6em;
-border-bottom:1px solid #d0d7de;vertical-align:top}th{background:#f6f8fa}code{font-size:.92em}
-.code{font:bold 1.15em ui-monospace,monospace;letter-spacing:.06em}.muted{color:#57606a}
-.note{border-left:4px solid #57606a;padding:.2em 1em;background:#f6f8fa}
-.error{color:#b00020;font-weight:600}.warning{color:#9a6700;font-weight:600}.info{color:#57606a}
-.pass{color:#1a7f37;font-weight:600}.fail{color:#b00020;font-weight:600}
-svg{width:100%;height:auto;font-family:inherit}svg.bytes{max-width:640px}
-.box{fill:#fff;stroke:#57606a;stroke-width:1.5}.box.main{fill:#ddf4ff;stroke:#0969da}
-.box.sub{fill:#fff8c5;stroke:#9a6700}.bus{stroke:#8c959f;stroke-width:5}
-.arc{fill:none;stroke-width:2.5}.name{font-size:15px;font-weight:600}
-.small{font-size:11.5px;fill:#424a53}
-.label{font-size:12px;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:4px}
-.tiny{font-size:9px;fill:#57606a}.sm{fill:#eaeef2;stroke:#8c959f}.tick{stroke:#fff;stroke-width:.8}
-.sign td{height:2.2em}
-@media print{body{max-width:none;margin:0}h2{break-after:avoid}tr{break-inside:avoid}}
-"""
 
 
 def short_code(sha256: str) -> str:
@@ -70,19 +50,7 @@ def render_report(
         *_sources(network),
         *_sign_off(),
     ]
-    title = escape(f"FSoE network {network.name}")
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head>'
-        f"<body>\n{chr(10).join(body)}\n</body></html>\n"
-    )
-
-
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]], cls: str = "") -> str:
-    """Cells are HTML; callers escape what is not theirs."""
-    top = "".join(f"<th>{h}</th>" for h in head)
-    body = "".join("<tr>" + "".join(f"<td>{c}</td>" for c in row) + "</tr>" for row in rows)
-    return f'<table class="{cls}"><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>'
+    return html_page(f"FSoE network {network.name}", body)
 
 
 def _head(network: Network, plan: Plan, sha256: str, version: str) -> list[str]:
@@ -95,7 +63,7 @@ def _head(network: Network, plan: Plan, sha256: str, version: str) -> list[str]:
         "frames and takes no part in the safety function. This tool is not certified, and this "
         "report is evidence for a review, not a certificate. The safety manuals of the devices "
         "prevail.</p>",
-        _table(
+        table(
             ("Fingerprint of the copy plan", "Network"),
             [
                 (
@@ -141,7 +109,7 @@ def _connections(plan: Plan) -> list[str]:
         "Safe data, bytes",
         "Frames, bytes",
     )
-    return ["<h2>Connections</h2>", _table(head, rows)]
+    return ["<h2>Connections</h2>", table(head, rows)]
 
 
 def _copies(plan: Plan) -> list[str]:
@@ -169,7 +137,7 @@ def _copies(plan: Plan) -> list[str]:
         "<p>Every bus cycle, unmodified and in the same cycle in which the source arrived. Each "
         "row was proved: input to output, whole bytes inside one sync manager, no byte written "
         "twice, whole frames only, both directions of each connection present.</p>",
-        _table(("Copy", "Bytes", "From", "To"), rows, "copies"),
+        table(("Copy", "Bytes", "From", "To"), rows, "copies"),
         "<h3>Bytes in the sync managers</h3>",
         *(f"<p>Copy {n}</p>{picture}" for n, picture in enumerate(pictures)),
     ]
@@ -187,7 +155,7 @@ def _findings(diagnostics: Sequence[Diagnostic]) -> list[str]:
         )
         for d in diagnostics
     ]
-    return ["<h2>Findings</h2>", _table(("Code", "Place", "Finding and mend"), rows)]
+    return ["<h2>Findings</h2>", table(("Code", "Place", "Finding and mend"), rows)]
 
 
 def _no_run() -> list[str]:
@@ -227,7 +195,7 @@ def _run(run: RunResult) -> list[str]:
         f"<p>Emulated bus, {escape(run.mode)} time, {run.duration_ms / 1000:g} s: {verdict}. "
         f"{s.cycles} bus cycles, {s.wkc_errors} with incomplete working counter, "
         f"{s.bytes_copied} bytes copied.</p>",
-        _table(head, rows),
+        table(head, rows),
     ]
     if run.verdicts:
         judged = [
@@ -240,18 +208,18 @@ def _run(run: RunResult) -> list[str]:
             )
             for v in run.verdicts
         ]
-        parts.append(_table(("Verdict", "Expectation", "Place"), judged))
+        parts.append(table(("Verdict", "Expectation", "Place"), judged))
     return parts
 
 
 def _sources(network: Network) -> list[str]:
     rows = [(f"<code>{escape(s.path)}</code>", f"<code>{s.sha256}</code>") for s in network.sources]
-    return ["<h2>Input files</h2>", _table(("File", "SHA-256"), rows)]
+    return ["<h2>Input files</h2>", table(("File", "SHA-256"), rows)]
 
 
 def _sign_off() -> list[str]:
     rows = [("Author", "", "", ""), ("Verifier (independent)", "", "", "")]
     return [
         "<h2>Sign-off</h2>",
-        _table(("Role", "Name", "Date", "Signature"), rows, "sign"),
+        table(("Role", "Name", "Date", "Signature"), rows, "sign"),
     ]

@@ -10,6 +10,7 @@ from html import escape
 from fsoe_net.core import Histogram, Statistics
 
 __all__ = ["timing_bars", "timing_csv", "timing_picture", "timing_text"]
+__all__ = ["histogram_name", "histogram_picture", "timing_csv", "timing_picture", "timing_text"]
 
 _NAMES = {
     "latency": "wake-up latency",
@@ -114,6 +115,20 @@ def timing_picture(statistics: Statistics, title: str) -> str:
     for number, (name, histogram) in enumerate(shown):
         parts.append(_panel(_NAMES[name], histogram, 40 + number * _PANEL))
     return "".join([*parts, "</svg>\n"])
+
+
+def histogram_name(key: str) -> str:
+    """Return what a histogram of the statistics is called for people."""
+    return _NAMES.get(key, key)
+
+
+def histogram_picture(key: str, histogram: Histogram) -> str:
+    """Draw one histogram for a page; its style is that of `timing_picture`."""
+    height = _PANEL - 8
+    return (
+        f'<svg viewBox="0 0 {_WIDTH} {height}" role="img" class="timing"><style>{_STYLE}</style>'
+        f"{_panel(histogram_name(key), histogram, 4)}</svg>"
+    )
 
 
 def _text(x: float, y: float, text: str, anchor: str, cls: str = "") -> str:

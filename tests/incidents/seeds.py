@@ -42,14 +42,14 @@ def _watchdog(ms: int) -> tuple[str, str]:
 def wrong_address(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
     rig.session.network.set_address("drive_1", 250)
-    rig.run(5_500)
+    rig.run(1_500)
     return rig.end()
 
 
 def wrong_address_in_the_program(tmp: Path) -> Path:
     rig = Rig(network(ESTOP, tmp), tmp)
     config(rig.ports(COUPLER)[0], address=15)
-    rig.run(2_000)
+    rig.run(1_500)
     return rig.end()
 
 
@@ -57,20 +57,20 @@ def devices_swapped(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
     rig.session.network.set_address("drive_1", 202)
     rig.session.network.set_address("drive_2", 201)
-    rig.run(2_000)
+    rig.run(1_500)
     return rig.end()
 
 
 def copies_crossed(tmp: Path) -> Path:
     crossed = network(CELL, tmp, *SLOTS_IN, *SLOTS_OUT)
     rig = Rig(network(CELL, tmp), tmp, plan=crossed)
-    rig.run(2_000)
+    rig.run(1_500)
     return rig.end()
 
 
 def copies_crossed_one_way(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp, plan=network(CELL, tmp, *SLOTS_IN))
-    rig.run(2_000)
+    rig.run(1_500)
     return rig.end()
 
 
@@ -89,7 +89,7 @@ def two_mains(tmp: Path) -> Path:
     rig = Rig(resolution, tmp)
     _, sub = rig.ports(COUPLER)
     sub.instance = main_port(choose_setups(resolution)[0], counted_session_ids()).instance
-    rig.run(3_000)
+    rig.run(1_500)
     return rig.end()
 
 
@@ -106,24 +106,24 @@ def connection_id_of_another_program(tmp: Path) -> Path:
     rig = Rig(network(ESTOP, tmp), tmp)
 
     def other_id(sm: int, data: bytes) -> bytes:
-        return data[:4] + b"\x07\0" + data[6:] if rig.now_ns > 1_000 * MS else data
+        return data[:4] + b"\x07\0" + data[6:] if rig.now_ns > 500 * MS else data
 
     rig.wire("el1918", inputs=other_id)
-    rig.run(2_500)
+    rig.run(1_700)
     return rig.end()
 
 
 def mapping_shifted_sub(tmp: Path) -> Path:
     rig = Rig(network(ESTOP, tmp), tmp)
     rig.ports(COUPLER)[1].tx_byte += 1
-    rig.run(3_000)
+    rig.run(1_500)
     return rig.end()
 
 
 def mapping_shifted_main(tmp: Path) -> Path:
     rig = Rig(network(ESTOP, tmp), tmp)
     rig.ports(COUPLER)[0].tx_byte += 1
-    rig.run(3_000)
+    rig.run(1_500)
     return rig.end()
 
 
@@ -132,7 +132,7 @@ def frame_size(tmp: Path) -> Path:
     sub = rig.ports(COUPLER)[1]
     config(sub, safe_in_bytes=2)
     sub.safe = bytearray(2)
-    rig.run(3_000)
+    rig.run(1_500)
     return rig.end()
 
 
@@ -140,46 +140,46 @@ def frame_size(tmp: Path) -> Path:
 
 
 def unplugged(tmp: Path) -> Path:
-    rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 1000, break: el2904}\n")
-    rig.run(2_500)
+    rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 500, break: el2904}\n")
+    rig.run(1_700)
     return rig.end()
 
 
 def unplugged_main(tmp: Path) -> Path:
-    rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 1000, break: el6910}\n")
-    rig.run(2_500)
+    rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 500, break: el6910}\n")
+    rig.run(1_700)
     return rig.end()
 
 
 def cable_cut(tmp: Path) -> Path:
-    steps = "".join(f"  - {{at_ms: 1000, break: {d}}}\n" for d in ("el2904", "drive_1", "drive_2"))
+    steps = "".join(f"  - {{at_ms: 500, break: {d}}}\n" for d in ("el2904", "drive_1", "drive_2"))
     rig = Rig(network(CELL, tmp), tmp, steps=steps)
-    rig.run(2_500)
+    rig.run(1_700)
     return rig.end()
 
 
 def unplugged_for_a_moment(tmp: Path) -> Path:
-    steps = "  - {at_ms: 1000, break: drive_1}\n  - {at_ms: 1400, heal: drive_1}\n"
+    steps = "  - {at_ms: 500, break: drive_1}\n  - {at_ms: 900, heal: drive_1}\n"
     rig = Rig(network(CELL, tmp), tmp, steps=steps)
-    rig.run(2_500)
+    rig.run(1_700)
     return rig.end()
 
 
 def power_cycled(tmp: Path) -> Path:
-    rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 1000, power_cycle: drive_1}\n")
-    rig.run(2_500)
+    rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 500, power_cycle: drive_1}\n")
+    rig.run(1_700)
     return rig.end()
 
 
 def logic_restarted(tmp: Path) -> Path:
-    rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 1000, power_cycle: el6910}\n")
-    rig.run(2_500)
+    rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 500, power_cycle: el6910}\n")
+    rig.run(1_700)
     return rig.end()
 
 
 def local_reset(tmp: Path) -> Path:
-    rig = Rig(network(CELL, tmp), tmp, steps=f"  - {{at_ms: 1000, local_reset: {DRIVE}}}\n")
-    rig.run(2_500)
+    rig = Rig(network(CELL, tmp), tmp, steps=f"  - {{at_ms: 500, local_reset: {DRIVE}}}\n")
+    rig.run(1_700)
     return rig.end()
 
 
@@ -187,30 +187,30 @@ def slow_device(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
     rig.runs(
         "drive_1",
-        lambda now: now // MS % 45 == 0 if now < 1_500 * MS else now // MS % 140 == 0,
+        lambda now: now // MS % 45 == 0 if now < 1_000 * MS else now // MS % 140 == 0,
     )
-    rig.run(3_500)
+    rig.run(2_400)
     return rig.end()
 
 
 def end_silent(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
-    rig.runs("drive_1", lambda now: now < 1_000 * MS)
-    rig.run(2_500)
+    rig.runs("drive_1", lambda now: now < 500 * MS)
+    rig.run(1_700)
     return rig.end()
 
 
 def main_not_running(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
     rig.runs("el6910", lambda _: False)
-    rig.run(2_000)
+    rig.run(1_500)
     return rig.end()
 
 
 def sub_silent(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
     rig.runs("el1904", lambda _: False)
-    rig.run(2_000)
+    rig.run(1_500)
     return rig.end()
 
 
@@ -218,11 +218,11 @@ def crc_damage(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
 
     def damage(sm: int, data: bytes) -> bytes:
-        bad = rig.now_ns > 1_000 * MS and sm == 3
+        bad = rig.now_ns > 500 * MS and sm == 3
         return data[:54] + bytes([data[54] ^ 0x10]) + data[55:] if bad else data
 
     rig.wire("drive_1", inputs=damage)
-    rig.run(2_500)
+    rig.run(1_700)
     return rig.end()
 
 
@@ -230,7 +230,7 @@ def parameters(code: int) -> Callable[[Path], Path]:
     def seed(tmp: Path) -> Path:
         rig = Rig(network(CELL, tmp), tmp)
         config(rig.ports(DRIVE)[1], verify=lambda _: code)
-        rig.run(2_000)
+        rig.run(1_500)
         return rig.end()
 
     return seed
@@ -240,7 +240,7 @@ def parameter_length(tmp: Path) -> Path:
     # The drive echoes in chunks of four bytes: two bytes more fit into the same number of chunks.
     rig = Rig(network(CELL, tmp), tmp)
     config(rig.ports(DRIVE)[1], app_parameter_bytes=6)
-    rig.run(2_000)
+    rig.run(1_500)
     return rig.end()
 
 
@@ -257,37 +257,37 @@ def failsafe(tmp: Path) -> Path:
 
 def watchdog_tight(tmp: Path) -> Path:
     rig = Rig(network(ESTOP, tmp, _watchdog(2)), tmp)
-    rig.run(2_000)
+    rig.run(1_500)
     return rig.end()
 
 
 def watchdog_tight_in_data(tmp: Path) -> Path:
     rig = Rig(network(ESTOP, tmp, _watchdog(4)), tmp)
-    rig.runs("ek1914", lambda now: now < 1_000 * MS or now // MS % 8 < 4)
-    rig.run(2_500)
+    rig.runs("ek1914", lambda now: now < 500 * MS or now // MS % 8 < 4)
+    rig.run(1_700)
     return rig.end()
 
 
 def lost_bursts(tmp: Path) -> Path:
     devices = ("el6910", "el1904", "el2904", "drive_1", "drive_2")
     steps = ""
-    for start, end in ((800, 830), (1000, 1060), (1075, 1190)):
+    for start, end in ((400, 430), (500, 560), (575, 690)):
         steps += "".join(f"  - {{at_ms: {start}, break: {d}}}\n" for d in devices)
         steps += "".join(f"  - {{at_ms: {end}, heal: {d}}}\n" for d in devices)
     rig = Rig(network(CELL, tmp), tmp, steps=steps)
-    rig.run(2_500)
+    rig.run(1_700)
     return rig.end()
 
 
 def stalled(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
-    rig.run(2_500, lambda now: 250 * MS if 1_000 * MS <= now < 1_001 * MS else 0)
+    rig.run(1_700, lambda now: 250 * MS if 500 * MS <= now < 501 * MS else 0)
     return rig.end()
 
 
 def overruns(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp, _watchdog(15)), tmp)
-    rig.run(1_200, lambda now: 8 * MS if now > 1_000 * MS and now // MS % 3 == 0 else 0)
+    rig.run(700, lambda now: 8 * MS if now > 500 * MS and now // MS % 3 == 0 else 0)
     rig.run(1_000)
     return rig.end()
 
@@ -296,11 +296,11 @@ def second_writer_on_the_wire(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
 
     def write(sm: int, data: bytes) -> bytes:
-        turn = rig.now_ns > 1_000 * MS and rig.now_ns // MS % 5 == 0 and sm == 2
+        turn = rig.now_ns > 500 * MS and rig.now_ns // MS % 5 == 0 and sm == 2
         return data[:36] + b"\x55\xaa" + data[38:] if turn else data
 
     rig.wire("drive_1", outputs=write)
-    rig.run(2_500)
+    rig.run(1_700)
     return rig.end()
 
 
@@ -310,17 +310,17 @@ def second_writer_in_the_image(tmp: Path) -> Path:
     rig = Rig(network(ESTOP, tmp), tmp)
 
     def write(sm: int, data: bytes) -> bytes:
-        return data[:1] + b"\xff" + data[2:] if rig.now_ns > 1_000 * MS and sm == 2 else data
+        return data[:1] + b"\xff" + data[2:] if rig.now_ns > 500 * MS and sm == 2 else data
 
     def torn(glance: Any) -> Any:
         image = glance.image
-        if rig.now_ns > 1_000 * MS:
+        if rig.now_ns > 500 * MS:
             image = image[:1] + b"\xff" + image[2:]
         return replace(glance, image=image)
 
     rig.wire("ek1914", outputs=write)
     rig.glances(torn)
-    rig.run(2_500)
+    rig.run(1_700)
     return rig.end()
 
 
@@ -331,16 +331,16 @@ def foreign_frames(tmp: Path) -> Path:
     rig.glances(
         lambda g: replace(
             g,
-            actual_wkc=g.actual_wkc + 3 * (900 * MS < rig.now_ns < 1_300 * MS),
-            old_replies=max(0, rig.now_ns // MS - 900),
+            actual_wkc=g.actual_wkc + 3 * (400 * MS < rig.now_ns < 800 * MS),
+            old_replies=max(0, rig.now_ns // MS - 400),
         )
     )
 
     def write(sm: int, data: bytes) -> bytes:
-        return bytes(len(data)) if rig.now_ns > 1_000 * MS else data
+        return bytes(len(data)) if rig.now_ns > 500 * MS else data
 
     rig.wire("drive_1", outputs=write)
-    rig.run(2_500)
+    rig.run(1_700)
     return rig.end()
 
 
@@ -349,7 +349,7 @@ def foreign_frames(tmp: Path) -> Path:
 
 def healthy(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
-    rig.run(2_000)
+    rig.run(1_500)
     rig.recorder.request("just to see")
     rig.run(1_100)
     return rig.end()
@@ -365,10 +365,10 @@ def healthy_jitter(tmp: Path) -> Path:
 
 def healthy_after_a_loss(tmp: Path) -> Path:
     devices = ("el6910", "el1904", "el2904", "drive_1", "drive_2")
-    steps = "".join(f"  - {{at_ms: 1000, break: {d}}}\n" for d in devices)
-    steps += "".join(f"  - {{at_ms: 1002, heal: {d}}}\n" for d in devices)
+    steps = "".join(f"  - {{at_ms: 500, break: {d}}}\n" for d in devices)
+    steps += "".join(f"  - {{at_ms: 502, heal: {d}}}\n" for d in devices)
     rig = Rig(network(CELL, tmp), tmp, steps=steps + "  - {at_ms: 300, press: reset}\n")
-    rig.run(3_000)
+    rig.run(1_500)
     rig.recorder.request("just to see")
     rig.run(1_100)
     return rig.end()
@@ -469,7 +469,7 @@ SEEDS: dict[str, tuple[Callable[[Path], Path], str]] = {
     "single device unplugged": (unplugged, "device_lost"),
     "logic unplugged": (unplugged_main, "device_lost"),
     "cable cut between two": (cable_cut, "cable_cut"),
-    "unplugged for a moment": (unplugged_for_a_moment, "device_restarted"),
+    "unplugged for a moment": (unplugged_for_a_moment, "device_interrupted"),
     "device power-cycled": (power_cycled, "device_restarted"),
     "logic restarted": (logic_restarted, "main_restarted"),
     "connection switched off in the program": (local_reset, "local_reset"),

@@ -1,0 +1,56 @@
+"""``fsoe-net incident``: one page about why a connection dropped or a bus did not open."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from fsoe_net import __version__
+from fsoe_net.cli.plan import write_whole
+from fsoe_net.observe import IncidentReader
+from fsoe_net.observe.evidence import gather
+from fsoe_net.report.incident_page import incident_page
+from fsoe_net.report.incident_story import story_json, story_of
+from fsoe_net.report.incident_text import incident_text
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net incident incident-20261121T154612.123Z-el1918-ek1914.fsnincident
+  fsoe-net incident FILE --format html -o incident.html
+
+Files come from fsn-master --incidents DIR and fsoe-net run --incidents DIR. Exit code 0: a cause is
+named; 1: none fits, or the file cannot be read."""
+
+
+@click.command("incident", epilog=_EPILOG)
+@click.argument("file", type=click.Path(dir_okay=False))
+@click.option(
+    "--format",
+    "fmt",
+    type=click.Choice(["text", "json", "html"]),
+    default="text",
+    show_default=True,
+)
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="File; else the terminal.")
+@click.pass_context
+def command(ctx: click.Context, file: str, fmt: str, output: str | None) -> None:
+    """Say what happened, the likely cause with its evidence, and the next step.
+
+    Sends nothing and needs no network files: all facts are in FILE.
+    """
+    with open(file, "rb") as stream:
+        story = story_of(gather(IncidentReader(file, stream)))
+    if fmt == "html":
+        text = incident_page(story, __version__)
+    elif fmt == "json":
+        text = json.dumps(story_json(story, __version__), indent=2, ensure_ascii=False) + "\n"
+    else:
+        text = incident_text(story) + "\n"
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        write_whole(output, text.encode("utf-8"))
+    ctx.exit(0 if story.verdicts.likely else 1)
