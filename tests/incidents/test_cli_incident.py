@@ -1,0 +1,98 @@
+"""`fsoe-net run --incidents` and `fsoe-net incident` from the command line."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+from networks import EXAMPLES
+
+from fsoe_net.cli.incident import command as incident
+from fsoe_net.cli.run import command as run
+from fsoe_net.errors import IncidentError
+
+ESTOP = EXAMPLES / "estop"
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("incidents")
+    scenario = ESTOP / "scenario.yaml"
+    done = CliRunner().invoke(
+        run,
+        [
+            str(ESTOP / "network.yaml"),
+            "--virtual-time",
+            f"--scenario={scenario}",
+            f"--incidents={folder}",
+        ],
+    )
+    assert done.exit_code == 0, done.output
+    (path,) = folder.iterdir()
+    assert path.name in done.output
+    return path
+
+
+def test_text_names_cause_and_next_step(file):
+    done = CliRunner().invoke(incident, [str(file)])
+    assert done.exit_code == 0
+    assert "LIKELY CAUSE\n  ek1914 was gone from the bus for a while" in done.output
+    for part in ("measure", "change", "CONNECTIONS", "TIMELINE", "FRAMES OF el1918-ek1914"):
+        assert part in done.output
+    assert max(map(len, done.output.splitlines())) <= 140
+
+
+def test_json_is_whole(file):
+    done = CliRunner().invoke(incident, [str(file), "--format=json"])
+    found = json.loads(done.output)
+    assert found["likely"]["key"] == "device_interrupted"
+    assert (found["reset_by"], found["reset_code"]) == ("main", 5)
+    assert found["frames"][-1]["changed"]
+
+
+def test_the_page_needs_nothing_else(file, tmp_path):
+    page = tmp_path / "page.html"
+    done = CliRunner().invoke(incident, [str(file), "--format=html", "-o", str(page)])
+    assert (done.exit_code, done.output) == (0, "")
+    text = page.read_text("utf-8")
+    assert "<script" not in text
+    assert "http" not in text
+    assert "<b>ek1914 was gone" in text
+
+
+def test_another_file_is_refused_with_its_place(tmp_path):
+    path = tmp_path / "x"
+    path.write_text("hello\n")
+    done = CliRunner().invoke(incident, [str(path)])
+    assert isinstance(done.exception, IncidentError)
+    assert str(done.exception).startswith(f"{path}:1: this is no JSON")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--incidents=absent"], "does not exist"),
+        (["--incidents=.", "--interface=eth0"], "fsn-master --incidents DIR"),
+    ],
+)
+def test_options_that_are_refused(options, message):
+    done = CliRunner().invoke(run, [str(ESTOP / "network.yaml"), *options])
+    assert done.exit_code == 2
+    assert message in done.output
+
+
+def test_a_live_run_writes_in_the_background(tmp_path):
+    """Only that a file comes and can be read: how fast the machine is, is not asked."""
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text("version: 1\nduration_s: 1\nsteps:\n  - {at_ms: 300, break: ek1914}\n")
+    folder = tmp_path / "incidents"
+    folder.mkdir()
+    done = CliRunner().invoke(
+        run,
+        [str(ESTOP / "network.yaml"), f"--scenario={scenario}", f"--incidents={folder}"],
+    )
+    assert "incident: " in done.output
+    (path,) = folder.iterdir()
+    told = CliRunner().invoke(incident, [str(path)])
+    assert "ek1914" in told.output
