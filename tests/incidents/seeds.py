@@ -252,7 +252,7 @@ def failsafe(tmp: Path) -> Path:
     return rig.end()
 
 
-# -- bus and MainDevice ------------------------------------------------------------------------------
+# -- bus and MainDevice ------------------------------------------------------------------------
 
 
 def watchdog_tight(tmp: Path) -> Path:
@@ -344,7 +344,7 @@ def foreign_frames(tmp: Path) -> Path:
     return rig.end()
 
 
-# -- what shall name nothing -------------------------------------------------------------------------
+# -- what shall name nothing -------------------------------------------------------------------
 
 
 def healthy(tmp: Path) -> Path:
@@ -374,7 +374,7 @@ def healthy_after_a_loss(tmp: Path) -> Path:
     return rig.end()
 
 
-# -- a bus that did not open --------------------------------------------------------------------------
+# -- a bus that did not open -------------------------------------------------------------------
 
 
 def subdevice(plan: Plan, number: int, found: str = "", detail: str = "", **more: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The page names the cause of seeded failures first, without being told, and no cause where none is.
+"""The cause of seeded failures is named first, without being told, and none where none is.
 
 Run as a program it prints the table of confusions: ``python -m incidents.test_causes`` in tests/.
 """
