@@ -159,7 +159,18 @@ def _swapped(e: Evidence, plan: Planned) -> Iterator[Candidate]:
     expected = _expected_address(e, plan, e.link)
     for other in e.planned.values():
         theirs = e.address_of(other.sub)
-        if other.sub == plan.sub or None in (mine, theirs, expected):
+        if other.sub == plan.sub:
+            continue
+        if mine is None and theirs is None and _both_refuse(e, plan, other):
+            yield candidate(
+                e,
+                "devices_swapped",
+                93,
+                f"{plan.sub} and {other.sub} are of the same type, and both refuse their address",
+                "what addresses they have could not be read",
+                other=other.sub,
+            )
+        if None in (mine, theirs, expected):
             continue
         wanted = _expected_address(e, other, e.links.get(other.name))
         if mine == wanted and theirs == expected and mine != theirs:
@@ -171,6 +182,20 @@ def _swapped(e: Evidence, plan: Planned) -> Iterator[Candidate]:
                 f"{other.sub} says it has address {theirs}, expected is {wanted}",
                 other=other.sub,
             )
+
+
+def _both_refuse(e: Evidence, one: Planned, two: Planned) -> bool:
+    """Whether two devices of the same type both reset with code 6."""
+    rows = e.head.plan.subdevices if e.head.plan else ()
+    types = {s.name: (s.vendor_id, s.product_code) for s in rows}
+    if one.sub not in types or types[one.sub] != types.get(two.sub):
+        return False
+    links = [e.links.get(p.name) for p in (one, two)]
+    return all(
+        link is not None
+        and sum(r.by == "sub" and r.code == ResetCode.ADDRESS for r in link.resets) >= 1
+        for link in links
+    )
 
 
 def _address(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:

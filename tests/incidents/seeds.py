@@ -61,6 +61,14 @@ def devices_swapped(tmp: Path) -> Path:
     return rig.end()
 
 
+def devices_swapped_unread(tmp: Path) -> Path:
+    """As above, but no device tells its address, as in files of a bus that cannot read it."""
+    path = devices_swapped(tmp)
+    first, rest = path.read_text("utf-8").split("\n", 1)
+    path.write_text(json.dumps(json.loads(first) | {"fsoe": []}) + "\n" + rest, "utf-8")
+    return path
+
+
 def copies_crossed(tmp: Path) -> Path:
     crossed = network(CELL, tmp, *SLOTS_IN, *SLOTS_OUT)
     rig = Rig(network(CELL, tmp), tmp, plan=crossed)
@@ -457,6 +465,7 @@ SEEDS: dict[str, tuple[Callable[[Path], Path], str]] = {
     "wrong FSoE address at the device": (wrong_address, "wrong_address"),
     "wrong FSoE address in the program": (wrong_address_in_the_program, "wrong_address"),
     "two devices swapped": (devices_swapped, "devices_swapped"),
+    "two devices swapped, addresses unread": (devices_swapped_unread, "devices_swapped"),
     "copies crossed, both ways": (copies_crossed, "copies_crossed"),
     "copies crossed, one way": (copies_crossed_one_way, "copies_crossed"),
     "direction exchanged": (roles_exchanged, "roles_exchanged"),
