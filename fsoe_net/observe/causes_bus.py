@@ -143,21 +143,38 @@ def _lost_frames(e: Evidence) -> Iterator[Candidate]:
     score = 84 if missing >= watchdog // 4 else 60 if missing >= 2 * e.bus.cycle_ns else 30
     errors = {s.name: sum(s.rx_errors) for s in e.head.subdevices if sum(s.rx_errors)}
     first = next(iter(errors), "")
-    score += 6 if errors else 0
     everywhere = [r for r in e.bus.short if r.least == 0 and r.expected]
-    yield candidate(
-        e,
-        "lost_frames",
-        score,
+    facts = [
         f"in the {ms(end - start)} before the moment {len(bursts) or len(lost)} bursts, "
         f"{ms(missing)} without data, the watchdog is {ms(watchdog)}",
         f"in the whole file {len(everywhere)} bursts, the longest "
         f"{ms(max(r.length_ns for r in everywhere))}"
         if everywhere
         else "",
+    ]
+    if _late(e):
+        yield candidate(
+            e,
+            "late_replies",
+            score + 2,
+            f"of {e.bus.lost_frames} frames that were not back in time {e.bus.old_replies} came "
+            "back later",
+            *facts,
+        )
+        score -= 30
+    yield candidate(
+        e,
+        "lost_frames",
+        score + (6 if errors else 0),
+        *facts,
         f"{e.bus.lost_frames} frames counted as lost" if e.bus.lost_frames else "",
         f"receive errors are counted first at {first} ({errors[first]})" if first else "",
     )
+
+
+def _late(e: Evidence) -> bool:
+    """Whether most lost frames came back, only too late."""
+    return e.bus.lost_frames > 0 and 2 * e.bus.old_replies >= e.bus.lost_frames
 
 
 def _cycle(e: Evidence) -> Iterator[Candidate]:
@@ -192,13 +209,14 @@ def _foreign(e: Evidence) -> Iterator[Candidate]:
     """Frames that are not ours."""
     start, end = e.window_ns
     much = [r for r in e.bus.short_between(start, end) if r.least > r.expected > 0]
-    old = e.bus.old_replies
-    if not much and not old:
+    # A frame that is late counts as lost first, and as an old reply when it comes.
+    old = max(0, e.bus.old_replies - e.bus.lost_frames)
+    if not much and old < 2:
         return
     yield candidate(
         e,
         "foreign_frames",
-        90 if much else 82 if old >= 2 else 55,
+        90 if much else 82,
         f"the working counter was {much[0].least}, more than the {much[0].expected} there can be"
         if much
         else "",

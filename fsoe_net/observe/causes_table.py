@@ -147,6 +147,15 @@ _ROWS = (
         "sides; for moved cables use a type made for it.",
     ),
     (
+        "late_replies",
+        "Replies came back after their cycle was over: the cycle is too short, or the machine is "
+        "too busy.",
+        "Connections drop now and then, more often under load; the devices are well.",
+        "Compare the round trip with the bus cycle below; `fsoe-net doctor` for the machine "
+        "(coalescing of the network card, priority of its interrupt, own CPU).",
+        "Lengthen the bus cycle, or mend what doctor finds.",
+    ),
+    (
         "stalled_main_device",
         "The MainDevice stood still: no cycle ran for longer than a connection bears.",
         "All connections drop at the same moment; devices report a missing sync manager watchdog.",

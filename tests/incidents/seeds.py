@@ -287,6 +287,26 @@ def lost_bursts(tmp: Path) -> Path:
     return rig.end()
 
 
+def late_replies(tmp: Path) -> Path:
+    from dataclasses import replace
+
+    devices = ("el6910", "el1904", "el2904", "drive_1", "drive_2")
+    steps = ""
+    for start in range(400, 800, 20):
+        steps += "".join(f"  - {{at_ms: {start}, break: {d}}}\n" for d in devices)
+        steps += "".join(f"  - {{at_ms: {start + 17}, heal: {d}}}\n" for d in devices)
+    rig = Rig(network(CELL, tmp, _watchdog(16)), tmp, steps=steps)
+    late = {"count": 0}
+
+    def count(glance: Any) -> Any:
+        late["count"] += glance.actual_wkc == 0
+        return replace(glance, lost_frames=late["count"], old_replies=max(0, late["count"] - 1))
+
+    rig.glances(count)
+    rig.run(1_700)
+    return rig.end()
+
+
 def stalled(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
     rig.run(1_700, lambda now: 250 * MS if 500 * MS <= now < 501 * MS else 0)
@@ -495,6 +515,7 @@ SEEDS: dict[str, tuple[Callable[[Path], Path], str]] = {
     "watchdog too tight from the start": (watchdog_tight, "watchdog_tight"),
     "watchdog too tight now and then": (watchdog_tight_in_data, "watchdog_tight"),
     "lost frames in bursts": (lost_bursts, "lost_frames"),
+    "replies later than their cycle": (late_replies, "late_replies"),
     "stalled MainDevice": (stalled, "stalled_main_device"),
     "cycle overruns": (overruns, "cycle_overruns"),
     "second writer, outside": (second_writer_on_the_wire, "second_writer"),
