@@ -152,13 +152,15 @@ def _lost_frames(e: Evidence) -> Iterator[Candidate]:
         if everywhere
         else "",
     ]
-    if _late(e):
+    there = sum(r.cycles for r in lost)
+    back = e.bus.old_between(start, end)
+    if there and 2 * back >= there:
         yield candidate(
             e,
             "late_replies",
             score + 2,
-            f"of {e.bus.lost_frames} frames that were not back in time {e.bus.old_replies} came "
-            "back later",
+            f"{there} cycles without their frames in that time, {back} replies that came later; in "
+            f"the whole file {e.bus.lost_frames} and {e.bus.old_replies}",
             *facts,
         )
         score -= 30
@@ -170,11 +172,6 @@ def _lost_frames(e: Evidence) -> Iterator[Candidate]:
         f"{e.bus.lost_frames} frames counted as lost" if e.bus.lost_frames else "",
         f"receive errors are counted first at {first} ({errors[first]})" if first else "",
     )
-
-
-def _late(e: Evidence) -> bool:
-    """Whether most lost frames came back, only too late."""
-    return e.bus.lost_frames > 0 and 2 * e.bus.old_replies >= e.bus.lost_frames
 
 
 def _cycle(e: Evidence) -> Iterator[Candidate]:

@@ -10,6 +10,7 @@ from fsoe_net.observe.incident import CycleRecord
 __all__ = ["BusFacts", "BusWatch", "Run", "SlowCycle"]
 
 _MOST_RUNS = 2_000
+_MOST_OLD = 20_000
 _WORST = 10
 _TIMELINE = 240
 
@@ -48,6 +49,7 @@ class BusFacts:
 
     ``short``: incomplete working counters; ``lost``: lost frames. ``open_short``: the working
     counter was incomplete to the end of the file. ``missed``: cycles between those of the file.
+    ``old``: time and number of replies that came too late.
     ``timeline`` are slices: ``(start_ns, cycles, incomplete, lost, most extra ns)``.
     """
 
@@ -60,6 +62,7 @@ class BusFacts:
     lost: tuple[Run, ...]
     lost_frames: int
     old_replies: int
+    old: tuple[tuple[int, int], ...]
     late_cycles: int
     missed: int
     worst: tuple[SlowCycle, ...]
@@ -73,6 +76,10 @@ class BusFacts:
     def lost_between(self, start_ns: int, end_ns: int) -> list[Run]:
         """Return the runs of lost frames that touch a time."""
         return [r for r in self.lost if r.end_ns >= start_ns and r.start_ns <= end_ns]
+
+    def old_between(self, start_ns: int, end_ns: int) -> int:
+        """Return how many replies of a time before came in a time."""
+        return sum(number for now_ns, number in self.old if start_ns <= now_ns <= end_ns)
 
     def slow_between(self, start_ns: int, end_ns: int) -> list[SlowCycle]:
         """Return the cycles that came late in a time."""
@@ -98,6 +105,7 @@ class BusWatch:
     _lost: list[Run] = field(default_factory=list)
     _lost_frames: int = 0
     _old: int = 0
+    _olds: list[tuple[int, int]] = field(default_factory=list)
     _late: int = 0
     _missed: int = 0
     _worst: list[SlowCycle] = field(default_factory=list)
@@ -113,6 +121,8 @@ class BusWatch:
             self._missed += record.cycle - last.cycle - 1
         self._cycles += 1
         self._old += record.old
+        if record.old and len(self._olds) < _MOST_OLD:
+            self._olds.append((record.now_ns, record.old))
         extra = self._timing(record, last)
         self._wkc(record)
         if record.lost:
@@ -194,6 +204,7 @@ class BusWatch:
             lost=tuple(self._lost),
             lost_frames=self._lost_frames,
             old_replies=self._old,
+            old=tuple(self._olds),
             late_cycles=self._late,
             missed=self._missed,
             worst=tuple(s for s in sorted(self._worst, reverse=True) if s.extra_ns),

@@ -103,14 +103,19 @@ def _trigger(row: Values) -> Trigger:
     return Trigger(
         kind=TriggerKind(kind),
         connection=row.label("connection"),
-        before=row.label("before"),
-        after=row.label("after"),
+        before=_state(row.label("before")),
+        after=_state(row.label("after")),
         reset_by=by if by in ("main", "sub") else "",
         reset_code=code if by in ("main", "sub") else None,
         cycle=row.whole("cycle", missing=0),
         now_ns=row.whole("now_ns", missing=0),
         text=row.label("text"),
     )
+
+
+def _state(word: str) -> str:
+    """Return a state word of ours for one of `fsn-master`."""
+    return {"process data": "data_process", "failsafe data": "data_failsafe"}.get(word, word)
 
 
 def _counters(row: Values) -> Counters:
@@ -157,7 +162,7 @@ def _link(row: Values) -> LinkSeen:
         name=row.label("name"),
         main=row.label("main"),
         sub=row.label("sub"),
-        state=row.label("state"),
+        state=_state(row.label("state")),
         to_sub=_direction(row.child("to_sub")),
         to_main=_direction(row.child("to_main")),
     )

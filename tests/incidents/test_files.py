@@ -265,3 +265,18 @@ def test_names_of_files():
     utc = START.strftime("%Y-%m-%dT%H:%M:%S.000Z")
     name = incident_name(utc, "../a b/ü")
     assert name == "incident-20260301T120000.000Z-.._a_b__.fsnincident"
+
+
+def test_what_fsn_master_writes_otherwise(whole, tmp_path):
+    """State words in its own spelling, code 0 without a reset, no facts about the ends."""
+    first, rest = whole.read_bytes().split(b"\n", 1)
+    row = json.loads(first)
+    row |= {"interface": None, "statistics": None, "unknown": {"key": [1]}}
+    row.pop("fsoe")
+    row["trigger"] |= {"before": "process data", "reset_by": None, "reset_code": 0, "cycle": 0}
+    path = tmp_path / "f"
+    path.write_bytes(json.dumps(row).encode() + b"\n" + rest)
+    e = read(path)
+    assert (e.by, e.code) == ("main", 5)  # as the frames say
+    assert "left Data · ProcessData" in story_of(e).sentence
+    assert judge(e).likely.key == "device_lost"
