@@ -40,7 +40,7 @@ def candidate(
     cause = CAUSES[key]
     plan = e.plan
     words = {
-        "sub": plan.sub if plan else "the SubInstance",
+        "sub": plan.sub if plan else device or "the SubInstance",
         "main": plan.main if plan else "the MainInstance",
         "name": e.name or "the connection",
         "device": device or "a device",

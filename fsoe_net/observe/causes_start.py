@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from fsoe_net.observe.candidate import Candidate, candidate
 from fsoe_net.observe.evidence import Evidence
 from fsoe_net.observe.incident import SubDeviceSeen, TriggerKind
+from fsoe_net.observe.incident_values import clean
 
 __all__ = ["start_causes"]
+
+_FAULT = re.compile(r"FSN_E_BUS_([A-Z]+)(?:: SubDevice \d+ \(([^)]{1,200})\))?")
+_IDENTITY = re.compile(r"found vendor 0x([0-9a-f]{1,8}) product 0x([0-9a-f]{1,8})")
+_ADDRESS = re.compile(r"it has FSoE address (\d{1,5}),")
+_STATUS = {
+    "BUSY": "other_main_device",
+    "SILENT": "bus_silent",
+    "MISSING": "device_missing",
+    "IDENTITY": "wrong_device",
+    "MAPPING": "wrong_mapping",
+    "ADDRESS": "wrong_address",
+    "SDO": "sdo_refused",
+    "STATE": "state_refused",
+}
 
 
 def start_causes(e: Evidence) -> Iterator[Candidate]:
     """Yield what fits a bus that did not open."""
     if e.head.trigger.kind is not TriggerKind.BUS_FAILED:
         return
-    text = e.head.trigger.text
+    text = _told(e.head.trigger.text)
     fault = f"the bus says: {text}"
     low = text.lower()
     if "another maindevice" in low:
@@ -24,12 +40,64 @@ def start_causes(e: Evidence) -> Iterator[Candidate]:
         yield candidate(e, "no_link", 95, fault)
     elif "no ethercat subdevice" in low or "no subdevice answers" in low:
         yield candidate(e, "bus_silent", 90, fault)
+    yield from _by_status(e, text, fault)
     wrong = [s for s in e.head.subdevices if s.known and _kind(s)]
     yield from _exchanged(e, wrong, fault)
     for number, seen in enumerate(wrong[:8]):
         # The first one is what the bus stopped at; the others may follow from it.
         named = seen.name in text
         yield _one(e, seen, 92 - 5 * number + 4 * named, fault if named else "")
+
+
+def _told(text: str) -> str:
+    """Return the fault without what every fault begins with."""
+    return text.removeprefix("the bus does not open: ")
+
+
+def _by_status(e: Evidence, text: str, fault: str) -> Iterator[Candidate]:
+    """What the name of the status and the SubDevice in the fault say."""
+    found = _FAULT.search(text)
+    key = _STATUS.get(found[1], "") if found else ""
+    if found is None or not key:
+        return
+    device = found[2] or ""
+    if not device and key not in ("other_main_device", "bus_silent"):
+        return
+    if key == "bus_silent" and "has no link" in text:
+        return
+    other = ""
+    if key == "wrong_device":
+        key, other = _identity(e, text, device)
+    elif key == "wrong_address":
+        other = _owner(e, text, device)
+        key = "devices_swapped_places" if other else key
+    why = ""
+    if key == "devices_swapped_places":
+        why = f"what stands at the place of {device} is what the plan has as {other}"
+    yield candidate(e, key, 94, fault, why, device=device, other=other)
+
+
+def _identity(e: Evidence, text: str, device: str) -> tuple[str, str]:
+    """Return which kind of another device it is, and whose identity it has."""
+    numbers = _IDENTITY.search(text)
+    rows = e.head.plan.subdevices if e.head.plan else ()
+    if numbers is None:
+        return "wrong_device", ""
+    seen = int(numbers[1], 16), int(numbers[2], 16)
+    planned = {clean(s.name): (s.vendor_id, s.product_code) for s in rows}
+    if planned.get(device) == seen:
+        return "wrong_revision", ""
+    others = [name for name, identity in planned.items() if identity == seen]
+    return ("devices_swapped_places", others[0]) if others else ("wrong_device", "")
+
+
+def _owner(e: Evidence, text: str, device: str) -> str:
+    """Return the SubDevice that should have the FSoE address which a fault tells."""
+    number = _ADDRESS.search(text)
+    if number is None:
+        return ""
+    names = [p.sub for p in e.planned.values() if p.address == int(number[1]) and p.sub != device]
+    return names[0] if names else ""
 
 
 def _kind(seen: SubDeviceSeen) -> str:

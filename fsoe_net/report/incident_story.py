@@ -117,7 +117,8 @@ def _sentence(e: Evidence) -> str:
     """Say in one sentence what happened, without any cause."""
     trigger = e.head.trigger
     if trigger.kind is TriggerKind.BUS_FAILED:
-        return f"At {_when(e)} the bus did not open: {trigger.text or 'no reason was told'}."
+        told = trigger.text.removeprefix("the bus does not open: ") or "no reason was told"
+        return f"At {_when(e)} the bus did not open: {told}."
     if trigger.kind is TriggerKind.REQUEST:
         about = f" {e.name} was in {_state(e)}." if e.name else ""
         said = f" ({trigger.text})" if trigger.text else ""

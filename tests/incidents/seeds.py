@@ -481,6 +481,87 @@ def start(text: str, *wrong: Any, fsoe: Any = ()) -> Callable[[Path], Path]:
 
 _OTHER = "found vendor 0x00000002 product 0x1afe3052 revision 0x00120000, the plan says ..."
 
+# As fsn-master tells them when it knows nothing of any SubDevice any more.
+_PLANNED = "the plan says 0x00000002 0x07703052 0x00000000 to 0xffffffff; compare the bus"
+_TOLD = {
+    "IDENTITY, swapped": (
+        "IDENTITY: SubDevice 1 (el1904): a SubDevice is another one than the plan says: found "
+        f"vendor 0x00000002 product 0x0b583052 revision 0x00000000, {_PLANNED}",
+        "devices_swapped_places",
+    ),
+    "IDENTITY, revision": (
+        "IDENTITY: SubDevice 1 (el1904): a SubDevice is another one than the plan says: found "
+        f"vendor 0x00000002 product 0x07703052 revision 0x00120000, {_PLANNED}",
+        "wrong_revision",
+    ),
+    "IDENTITY, foreign": (
+        "IDENTITY: SubDevice 1 (el1904): a SubDevice is another one than the plan says: found "
+        f"vendor 0x00000539 product 0x00000001 revision 0x00120000, {_PLANNED}",
+        "wrong_device",
+    ),
+    "MISSING": (
+        "MISSING: SubDevice 4 (drive_2): a SubDevice of the plan is missing: alias 0, position 5: "
+        "5 SubDevices answer; check cable and power behind the last SubDevice found",
+        "device_missing",
+    ),
+    "MAPPING": (
+        "MAPPING: SubDevice 3 (drive_1): a SubDevice maps other process data than the plan says: "
+        "SM2: 0x1c12:00 is 0x2, the plan says 0x3",
+        "wrong_mapping",
+    ),
+    "ADDRESS": (
+        "ADDRESS: SubDevice 3 (drive_1): a SubDevice has another FSoE address than the plan says: "
+        "it has FSoE address 250, the plan says 201",
+        "wrong_address",
+    ),
+    "ADDRESS, swapped": (
+        "ADDRESS: SubDevice 3 (drive_1): a SubDevice has another FSoE address than the plan says: "
+        "it has FSoE address 202, the plan says 201",
+        "devices_swapped_places",
+    ),
+    "SDO": (
+        "SDO: SubDevice 3 (drive_1): a SubDevice refuses a start-up SDO: 0x1c12:00: abort code "
+        "0x06090030",
+        "sdo_refused",
+    ),
+    "STATE": (
+        "STATE: SubDevice 4 (drive_2): a SubDevice does not reach the state it was asked for: "
+        "SAFEOP refused: AL status 0x12, code 0x001e",
+        "state_refused",
+    ),
+    "BUSY": (
+        "BUSY: another MainDevice is talking on this interface: near: 42 frames",
+        "other_main_device",
+    ),
+    "SILENT": (
+        "SILENT: no SubDevice answers on this interface: near has a link, but no EtherCAT "
+        "SubDevice behind it answers",
+        "bus_silent",
+    ),
+    "SILENT, link": (
+        "SILENT: no SubDevice answers on this interface: near has no link: cable, power",
+        "no_link",
+    ),
+}
+
+
+def told(text: str) -> Callable[[Path], Path]:
+    """Return a seed with the fault alone: the bus has let go of its SubDevices."""
+
+    def seed(tmp: Path) -> Path:
+        path = failed(tmp, f"the bus does not open: FSN_E_BUS_{text}")
+        head, rest = path.read_text("utf-8").split("\n", 1)
+        row = json.loads(head)
+        names = ("number", "name", "alias", "position", "stale_cycles")
+        row["subdevices"] = [
+            {key: s[key] for key in names} | {"known": False} for s in row["subdevices"]
+        ]
+        path.write_text(json.dumps(row | {"statistics": None}) + "\n" + rest, "utf-8")
+        return path
+
+    return seed
+
+
 SEEDS: dict[str, tuple[Callable[[Path], Path], str]] = {
     "wrong FSoE address at the device": (wrong_address, "wrong_address"),
     "wrong FSoE address in the program": (wrong_address_in_the_program, "wrong_address"),
@@ -596,6 +677,8 @@ SEEDS: dict[str, tuple[Callable[[Path], Path], str]] = {
         "devices_swapped_places",
     ),
 }
+
+SEEDS |= {f"told at start: {n}": (told(text), cause) for n, (text, cause) in _TOLD.items()}
 
 NOTHING: dict[str, Callable[[Path], Path]] = {
     "healthy": healthy,
