@@ -9,8 +9,14 @@ from html import escape
 
 from fsoe_net.core import Histogram, Statistics
 
-__all__ = ["timing_bars", "timing_csv", "timing_picture", "timing_text"]
-__all__ = ["histogram_name", "histogram_picture", "timing_csv", "timing_picture", "timing_text"]
+__all__ = [
+    "histogram_name",
+    "histogram_picture",
+    "timing_bars",
+    "timing_csv",
+    "timing_picture",
+    "timing_text",
+]
 
 _NAMES = {
     "latency": "wake-up latency",

@@ -1,7 +1,7 @@
 /** Incidents: what was on the bus before and after a connection left Data, written to a file each.
  *
  *  The control thread notices and copies a window out of the recorder; a thread of its own writes
- *  the file, since a disk may be slow or full. Format: docs/reference/incident-format.md. */
+ *  the file, since a disk may be slow or full. Format: docs/reference/incident-file.md. */
 #ifndef FSN_CONTROL_INCIDENT_H
 #define FSN_CONTROL_INCIDENT_H
 
