@@ -62,7 +62,7 @@ def command(
         raise click.UsageError("--run and -c exclude each other")
     if arguments and script is None and text is None:
         raise click.UsageError("arguments are for --run SCRIPT and -c")
-    path = socket_path or str(control_socket(interface or ""))
+    path = socket_path or control_socket(interface or "")
     at_prompt = script is None and text is None and sys.stdin.isatty()
     keeper = Keeper(path, lease_ms=lease_ms, reconnect=at_prompt)
     try:

@@ -75,7 +75,7 @@ def command(
     if rebuild and capture is None:
         raise click.UsageError("--rebuild belongs to --capture")
     check_target(capture, "--capture")
-    path = socket_path or str(control_socket(interface or ""))
+    path = socket_path or control_socket(interface or "")
     stop = threading.Event()
     # Not as an exception: in the middle of a request it would leave half a reply behind.
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -201,7 +201,6 @@ def command(
         "--virtual-time": virtual_time or None,
         "--capture": capture,
         "--device-period-ms": device_period_ms,
-        "--incidents": incidents,
     }
     _check_options(interface, live, emulated, wanted)
     check_target(stats, "--stats")
@@ -218,6 +217,7 @@ def command(
             priority=priority,
             cpu=cpu,
             wait_s=wait_s or 0.0,
+            incidents=incidents,
         )
         result = _on_bus(resolution, options, duration_ns, wanted)
     else:
@@ -262,10 +262,6 @@ def _check_options(
     if given == ["--capture"]:
         raise click.UsageError(
             f"--capture is for virtual runs; `tcpdump -i {interface} -w FILE` records a live bus"
-        )
-    if given == ["--incidents"]:
-        raise click.UsageError(
-            "--incidents is for emulated runs here; on a live bus: fsn-master --incidents DIR"
         )
     if given:
         raise click.UsageError(f"{given[0]} is for emulated devices: leave it or --interface out")

@@ -1,7 +1,7 @@
 """Live sessions: emulated devices, the C core and a scenario, in virtual or real time."""
 
 from fsoe_net.run.attachment import Attachment, BusView, WatchedConnection
-from fsoe_net.run.client import Client, control_socket
+from fsoe_net.run.client import Client
 from fsoe_net.run.control_layout import Layout
 from fsoe_net.run.control_values import (
     BusState,
@@ -35,6 +35,7 @@ from fsoe_net.run.session import (
     run_live,
     run_virtual,
 )
+from fsoe_net.run.sockets import control_socket
 
 __all__ = [
     "Attachment",

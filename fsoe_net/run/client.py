@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.control_layout import Layout, read_layout
@@ -38,7 +36,7 @@ from fsoe_net.run.live_snapshot import (
     read_subdevice,
 )
 
-__all__ = ["PROTOCOL", "Client", "control_socket"]
+__all__ = ["PROTOCOL", "Client"]
 
 ACYCLIC_S = 70.0
 """fsn-master ends a mailbox exchange after 60 s; others may stand before it."""
@@ -228,20 +226,6 @@ class Client(Link):
         finally:
             if not self.closed:
                 self.watch_off()
-
-
-def control_socket(interface: str) -> Path:
-    """Return where ``fsn-master`` puts its control socket for an interface.
-
-    The first that is there of ``$RUNTIME_DIRECTORY``, ``$XDG_RUNTIME_DIR``, the directory of the
-    service and ``/run``; where none is there, the one it would make now.
-    """
-    name = f"fsn-master-{interface.replace('/', '_')}.sock"
-    places = [os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]]
-    places += [os.environ.get("XDG_RUNTIME_DIR", ""), "/run/fsn-master", "/run"]
-    found = [Path(place) / name for place in places if place]
-    own = [path for path in found if path.parent != Path("/run/fsn-master")]
-    return next((path for path in found if path.exists()), own[0])
 
 
 def value_text(value: Value | str) -> str:

@@ -27,7 +27,8 @@ _BACK_S = 5.0
 class BusOptions:
     """How ``fsn-master`` is to drive the bus; ``None``: as it does by itself.
 
-    ``wait_s``: how long to try again while SubDevices are missing.
+    ``wait_s``: how long to try again while SubDevices are missing. ``incidents``: folder for the
+    files of connections that leave Data.
     """
 
     backend: str
@@ -37,6 +38,7 @@ class BusOptions:
     priority: int | None = None
     cpu: int | None = None
     wait_s: float = 0.0
+    incidents: str | None = None
 
     def arguments(self, duration_ns: int | None) -> list[str]:
         """Return the options of ``fsn-master``."""
@@ -51,6 +53,8 @@ class BusOptions:
             words += ["--cpu", str(self.cpu)]
         if self.wait_s > 0:
             words += ["--wait", f"{round(self.wait_s * 1000)}ms"]
+        if self.incidents is not None:
+            words += ["--incidents", self.incidents]
         if duration_ns is not None:
             words += ["--run-time", f"{duration_ns // 1_000_000 + _GRACE_S * 1000}ms"]
         return words

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import glob
 import json
-import os
-import socket as socketlib
-import struct
 import subprocess
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,10 +13,10 @@ from fsoe_net.load import parse_scan
 from fsoe_net.model import Scan
 from fsoe_net.run.client import Client
 from fsoe_net.run.master import REFUSED, USAGE, find_master, last_error
+from fsoe_net.run.sockets import find_socket, interface_of
 
-__all__ = ["ScanSource", "TakenScan", "find_socket", "scan_source"]
+__all__ = ["ScanSource", "TakenScan", "scan_source"]
 
-_ANSWER_S = 2.0
 _SCAN_S = 300.0
 
 
@@ -63,7 +58,7 @@ def scan_source(
             ``fsn-master`` is not there.
     """
     if socket is not None:
-        drives = _interface_of(socket)
+        drives = interface_of(socket)
         if interface is not None and drives != interface:
             raise EnvironmentFault(f"{socket} drives {drives}, not {interface}")
     elif interface is not None:
@@ -85,58 +80,6 @@ def scan_source(
         "there; else every SubDevice on it goes to PREOP: process data ends, outputs fall back",
         take=lambda: _own(program, on, bus),
     )
-
-
-def find_socket(interface: str) -> str | None:
-    """Return the control socket of the ``fsn-master`` that drives an interface, if one answers.
-
-    Raises:
-        EnvironmentFault: There is one, but this user may not connect.
-    """
-    for path in _sockets(interface):
-        if not os.access(path, os.W_OK):
-            if os.path.basename(path) != "control.sock":
-                raise EnvironmentFault(
-                    f"{path}: an fsn-master may drive {interface}, but you may not connect; "
-                    "--allow-user NAME of fsn-master permits it"
-                )
-            continue
-        try:
-            if _same_network(path) and _interface_of(path) == interface:
-                return path
-        except EnvironmentFault:
-            continue  # left behind by one that is dead, or of another version
-    return None
-
-
-def _sockets(interface: str) -> Iterator[str]:
-    """Yield the places of `fsn-master`'s own choice, and those of `fsoe-net run`."""
-    folders = [os.environ.get("RUNTIME_DIRECTORY"), os.environ.get("XDG_RUNTIME_DIR"), "/run"]
-    places = dict.fromkeys(f for f in folders if f)
-    for folder in places:
-        path = os.path.join(folder, f"fsn-master-{interface}.sock")
-        if os.path.exists(path):
-            yield path
-    for folder in dict.fromkeys((*places, tempfile.gettempdir())):
-        yield from sorted(glob.glob(os.path.join(glob.escape(folder), "fsoe-net-*/control.sock")))
-
-
-def _interface_of(socket: str) -> str:
-    with Client(socket, timeout_s=_ANSWER_S) as client:
-        return str(client.request("status").get("interface", ""))
-
-
-def _same_network(path: str) -> bool:
-    """Whether who listens has our interfaces: a container can have another of the same name."""
-    with socketlib.socket(socketlib.AF_UNIX) as probe:
-        try:
-            probe.settimeout(_ANSWER_S)
-            probe.connect(path)
-            peer = probe.getsockopt(socketlib.SOL_SOCKET, socketlib.SO_PEERCRED, 12)
-            pid, _, _ = struct.unpack("3i", peer)
-            return os.readlink(f"/proc/{pid}/ns/net") == os.readlink("/proc/self/ns/net")
-        except OSError:
-            return True  # the client will tell, or nobody can
 
 
 def _attached(socket: str) -> TakenScan:

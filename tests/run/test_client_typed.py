@@ -112,4 +112,4 @@ def test_a_reply_without_its_keys_is_one_of_another_version(master, client, monk
 def test_where_the_socket_is(tmp_path, monkeypatch):
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    assert control_socket("if/0") == tmp_path / "fsn-master-if_0.sock"
+    assert control_socket("if/0") == str(tmp_path / "fsn-master-if_0.sock")
