@@ -125,6 +125,11 @@ class ScannedSubDevice(Located):
     problems: tuple[str, ...] = ()
 
     @property
+    def is_silent(self) -> bool:
+        """Whether it was there once and answers no more, as a running ``fsn-master`` knows it."""
+        return self.al_status == 0
+
+    @property
     def in_error(self) -> bool:
         """Whether its AL status has the error flag."""
         return bool((self.al_status or 0) & _ERROR_FLAG)

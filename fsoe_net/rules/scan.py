@@ -39,12 +39,16 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
         id(s): layout for s, layout in zip(network.subdevices, resolution.layouts, strict=True)
     }
     for sub, there in match.pairs:
+        if there.is_silent:
+            _silent(out, sub, there)
+            continue
         check_revision(out, sub, there)
         layout = layouts.get(id(sub))
         if layout is not None:
             check_layout(out, sub, there, layout)
     _health(out, network, scan, found)
-    check_fsoe_values(out, network, found)
+    answering = {name: there for name, there in found.items() if not there.is_silent}
+    check_fsoe_values(out, network, answering)
     return sort_diagnostics(out.diagnostics)
 
 
@@ -54,6 +58,16 @@ def _place(sub: SubDevice) -> Span:
 
 def _title(found: ScannedSubDevice) -> str:
     return f"{found.name} ({found.identity})" if found.name else found.identity
+
+
+def _silent(out: Findings, sub: SubDevice, there: ScannedSubDevice) -> None:
+    out.add(
+        "FSN501",
+        _place(sub),
+        f"{sub.name} is missing: it was at position {there.position} and answers no more",
+        hint="look at its power and at the cable before it; the first silent one is where it broke",
+        severity=None if sub.required else Severity.INFO,
+    )
 
 
 def _missing(out: Findings, network: Network, scan: Scan, match: Match) -> None:

@@ -62,7 +62,7 @@ def check_revision(out: Findings, sub: SubDevice, found: ScannedSubDevice) -> No
 
 def check_health(out: Findings, span: Span, name: str, found: ScannedSubDevice) -> None:
     """FSN511, FSN512, FSN514: error state, lost links, what could not be read."""
-    problems = list(found.problems)
+    problems = [] if found.is_silent else list(found.problems)
     if found.in_error:
         _error_state(out, span, name, found, problems)
     for port in found.ports:

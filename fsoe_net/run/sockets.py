@@ -28,7 +28,7 @@ def control_socket(interface: str) -> str:
     if found is not None:
         return found
     choices = _own_choices(interface)
-    return next((path for path in choices if not path.startswith(_SERVICE)), choices[0])
+    return next(p for p in choices if os.path.dirname(p) != _SERVICE)
 
 
 def find_socket(interface: str) -> str | None:

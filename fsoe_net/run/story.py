@@ -81,7 +81,8 @@ class Story:
             self.resets[name] += 1
             self.last_reset[name] = code
             self.last_reset_by[name] = end
-        self.log(name, f"{end} resets: {reset_code_text(code)}", at_ns=at_ns, code=code)
+        if event.get("level") != "detail":  # one that resets again and again is told now and then
+            self.log(name, f"{end} resets: {reset_code_text(code)}", at_ns=at_ns, code=code)
 
 
 def _subdevice_text(event: Mapping[str, Any]) -> str:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -43,7 +42,7 @@ def main() -> None:
         text=True,
         check=False,
     )
-    emulator.send_signal(signal.SIGINT)
+    emulator.terminate()  # SIGINT is ignored in background jobs
     emulator.wait()
     if not done.stdout:
         sys.exit(done.returncode or 3)

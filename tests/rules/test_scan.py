@@ -360,3 +360,15 @@ def test_a_mapping_read_by_half_is_not_held_against_a_device(robot: dict[str, An
     row["sms"][0]["bytes"] = 2
     row["problems"] = ["SM2: the mapping of PDO 0x1600 cannot be read"]
     assert _codes(robot) == ["FSN514"]
+
+
+def test_one_that_answers_no_more_is_missing_and_nothing_else(robot: dict[str, Any]):
+    robot["subdevices"][3] |= {
+        "al_status": 0,
+        "sms": [],
+        "fsoe": None,
+        "problems": ["it does not answer"],
+    }
+    (found,) = _found(ROBOT, robot)
+    assert found.code == "FSN501"
+    assert "answers no more" in found.message

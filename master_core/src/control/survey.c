@@ -124,6 +124,7 @@ static void put_state(struct fsn_surveyed *of, struct fsn_json *json) {
     char room[24];
     const struct fsn_bus_member *m = &of->member;
     if (m->al_status == FSN_AL_NONE) {
+        fsn_json_put_u64(json, "al_status", FSN_AL_NONE);
         fsn_survey_problem(of, "it does not answer");
         return;
     }
