@@ -74,7 +74,7 @@ def command(
         found = [d for d in found if d.level is not Severity.INFO]
     print_diagnostics(found, fmt, runtime=present)
     if fmt == "text" and not quiet:
-        click.echo(_verdict(checked))
+        click.echo(_verdict(checked, scan))
     ctx.exit(exit_code(found))
 
 
@@ -103,7 +103,7 @@ def _scan(
     return take_scan(interface, bus=None, socket=socket, yes=yes).scan
 
 
-def _verdict(checked: Checked) -> str:
+def _verdict(checked: Checked, scan: Scan | None) -> str:
     counts = summary(checked.diagnostics)
     network = checked.network
     bad = exit_code(checked.diagnostics)
@@ -119,6 +119,8 @@ def _verdict(checked: Checked) -> str:
         f"{counted(len(network.subdevices), 'SubDevice')}, "
         f"{counted(len(checked.resolution.connections), 'FSoE connection')}"
     )
-    return f"{network.name}: {'' if bad else 'no mistake found, '}{size}" + (
+    there = counted(len(scan.subdevices), "SubDevice") if scan else ""
+    held = f", compared with {there} on the bus" if scan else ""
+    return f"{network.name}: {'' if bad else 'no mistake found, '}{size}{held}" + (
         f"; {counts}{more}" if counts else ""
     )

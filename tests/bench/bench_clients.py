@@ -8,6 +8,7 @@ Nothing is asserted.
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import statistics
@@ -27,7 +28,8 @@ from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import Client, find_master
 
-CLIENTS, TURNS, CYCLE = 20, 5, "500us"
+CLIENTS, TURNS, CYCLE, CHANGES = 20, 5, "500us", 200
+OUTPUT = "drive_1.0x6060:00"
 NETWORK = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"
 ASKED = (b"watch 1 --image", b"watch 1", b"events on")
 """A third of the clients each gets images, values, and events; all of them ask on and on."""
@@ -129,6 +131,37 @@ def turn(folder: Path, cpu: int | None, seconds: float, clients: int) -> dict[st
     return found
 
 
+def change_seen(folder: Path, cpu: int | None) -> list[float]:
+    """Return, per change of a value, the ms from the start of its cycle to a client's having it."""
+    found = []
+    with master(folder, cpu) as path, Client(path) as writer, socket.socket(socket.AF_UNIX) as wire:
+        writer.request("lease", "0")
+        wire.connect(str(path))
+        lines = wire.makefile("rwb", buffering=0)
+        lines.write(f"watch 1 {OUTPUT}\n".encode())
+        lines.readline()
+        for number in range(CHANGES):
+            wanted = number % 2
+            writer.request("set", f"{OUTPUT}={wanted}")
+            while True:
+                line = lines.readline()
+                now_ns = time.monotonic_ns()
+                told = json.loads(line)
+                if told["values"][OUTPUT] == wanted:
+                    break
+            found.append((now_ns - told["now_ns"]) / 1e6)
+            time.sleep(0.003)
+            wire.setblocking(False)
+            try:
+                while wire.recv(1 << 16):
+                    pass
+            except BlockingIOError:
+                wire.setblocking(True)
+            while lines.read(1) != b"\n":
+                pass  # the rest of a line
+    return sorted(found)
+
+
 def main() -> int:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 5.0
     cpu = int(sys.argv[2]) if len(sys.argv) > 2 else (os.cpu_count() or 1) - 1
@@ -145,6 +178,12 @@ def main() -> int:
             values = [run[key] for run in found]
             cells.append(f"{statistics.median(values):.6g} ({min(values):.6g}, {max(values):.6g})")
         print(f"{key:28}{cells[0]:>30}{cells[1]:>30}")
+    with tempfile.TemporaryDirectory(prefix="fsn-") as text:
+        late = change_seen(Path(text), cpu)
+    print(
+        f"a client has a change {late[len(late) // 2]:.2f} ms (half of {CHANGES}), "
+        f"{late[len(late) * 99 // 100]:.2f} ms (99 %) after its cycle of {CYCLE} began"
+    )
     return 0
 
 

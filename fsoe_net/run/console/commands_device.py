@@ -113,7 +113,7 @@ def _scan_lines(found: ScanReply) -> list[str]:
 DEVICE_COMMANDS = {
     "sdo": CommandForm(
         "read SUBDEVICE INDEX[:SUB] [TYPE] | write SUBDEVICE INDEX[:SUB] TYPE VALUE",
-        "read or write an object; SUB is two hex digits as in names",
+        "read or write an object; SUB is hexadecimal as in names",
         "sdo read drive_1 0x1018:01 uint32",
         _sdo,
     ),

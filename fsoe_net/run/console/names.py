@@ -153,7 +153,7 @@ def seconds(text: str) -> float:
 
 
 def object_address(text: str) -> tuple[int, int]:
-    """Return index and subindex of ``0x6041:00``; the subindex is two hex digits, as in names.
+    """Return index and subindex of ``0x6041:00``; the subindex is hexadecimal, as in names.
 
     Raises:
         ConsoleError: It is no object.
@@ -162,9 +162,9 @@ def object_address(text: str) -> tuple[int, int]:
     found = number(index, "index", 0xFFFF)
     if not colon:
         return found, 0
-    if not re.fullmatch(r"[0-9A-Fa-f]{2}", sub):
+    if not re.fullmatch(r"[0-9A-Fa-f]{1,2}", sub):
         raise ConsoleError(
-            f"{sub[:24]!r} is no subindex; two hex digits as in 0x1c12:0a", is_usage=True
+            f"{sub[:24]!r} is no subindex; hexadecimal as in 0x1c12:0a", is_usage=True
         )
     return found, int(sub, 16)
 
