@@ -66,12 +66,19 @@ static void values_have_types(void) {
 static void safety_objects_are_not_written(void) {
     static const struct build_sm sm[3][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}, {{1, 1}, {2, 1}}};
     static const struct build_copy pair[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}};
-    const struct build build = {
-        .subdevices = 3, .sm = sm, .copies = pair, .pairs = 1, .cycle_ns = 1000000};
+    static const struct build_block frames[] = {{0, 0, 6}, {1, 0, 6}, {2, 0, 6}, {3, 0, 6}};
+    const struct build build = {.subdevices = 3,
+                                .sm = sm,
+                                .copies = pair,
+                                .pairs = 1,
+                                .blocks = frames,
+                                .block_count = 4,
+                                .cycle_ns = 1000000};
     static const struct {
         uint16_t index;
         bool safety, other, other_running; /* refused on which */
     } rows[] = {
+        {0x6000, true, false, false}, /* mapped into frames, and into none */
         {0x2000, false, false, false}, {0x1011, true, false, false},  {0x15FF, false, false, false},
         {0x1600, true, false, true},   {0x1A00, true, false, true},   {0x1BFF, true, false, true},
         {0x1C00, true, false, true},   {0x1C12, true, false, true},   {0x1C3F, true, false, true},

@@ -1,5 +1,6 @@
 /** Objects that nobody writes through this program. */
 #include "job.h"
+#include "plan_internal.h"
 
 struct range {
     uint16_t from, to; /**< both included */
@@ -53,11 +54,45 @@ static bool carries_safety(const struct fsn_plan *plan, uint32_t subdevice) {
     return false;
 }
 
+/** Whether an entry with this index lies between two bits of a sync manager. */
+static bool is_between(const struct fsn_plan *plan, uint32_t sm, uint16_t index, uint32_t from,
+                       uint32_t to) {
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
+    for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
+        const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
+        for (uint32_t e = 0; e < fsn_get32(pdo + 8); e++) {
+            const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
+            const uint32_t bit = fsn_get32(entry + 8);
+            if (fsn_get16(entry) == index && bit >= from && bit < to) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+/** Whether an object is mapped into an FSoE frame: what it holds is safe data, command or CRC. */
+static bool is_in_frame(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index) {
+    struct fsn_block_info block;
+    struct fsn_sm_info sm;
+    for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {
+        if (fsn_plan_sm(plan, block.sm, &sm) == FSN_OK && sm.subdevice == subdevice &&
+            is_between(plan, block.sm, index, 8 * block.byte_offset,
+                       8 * (block.byte_offset + block.frame_bytes))) {
+            return true;
+        }
+    }
+    return false;
+}
+
 const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index,
                             bool bus_runs) {
     const char *why = find(always, sizeof always / sizeof always[0], index);
     if (why == NULL && carries_safety(plan, subdevice)) {
         why = find(safety, sizeof safety / sizeof safety[0], index);
+    }
+    if (why == NULL && index != 0 && is_in_frame(plan, subdevice, index)) {
+        why = "it is mapped into an FSoE frame";
     }
     if (why == NULL && bus_runs) {
         why = find(running, sizeof running / sizeof running[0], index);
