@@ -14,20 +14,20 @@ from fsoe_net.errors import FsnError, InputError
 __all__ = ["main"]
 
 _COMMANDS = {
-    "check": "Check files of a network and explain every mistake.",
+    "check": "Check files of a network, alone or against a live bus; explain every mistake.",
     "explain": "Explain a diagnostic code.",
     "plan": "Compile a network to a copy plan, or show a plan.",
-    "run": "Run a network on the emulated bus.",
-    "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
-    "scan": "Read what is on a live bus; write files to start from.",
-    "campaign": "Put faults into the connections of a network.",
-    "emulate": "Serve a network as emulated EtherCAT SubDevices.",
-    "report": "Write a report page for a network.",
-    "replay": "Hold recorded FSoE runs against this engine.",
+    "run": "Run a network on the emulated bus, or on a live one.",
     "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
-    "doctor": "Check this machine for real-time EtherCAT.",
+    "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
     "incident": "Say why a connection dropped: one page from an incident file.",
+    "scan": "Read what is on a live bus; write files to start from.",
+    "doctor": "Check this machine for real-time EtherCAT.",
+    "report": "Write a report page for a network.",
+    "emulate": "Serve a network as emulated EtherCAT SubDevices.",
+    "campaign": "Put faults into the connections of a network.",
     "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",
+    "replay": "Hold recorded FSoE runs against this engine.",
 }
 
 
