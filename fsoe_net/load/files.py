@@ -34,13 +34,15 @@ def read_bytes(
     out: Collector,
     *,
     named_at: Span | None = None,
+    most: int = MAX_FILE_BYTES,
 ) -> bytes | None:
-    """Return the content of a regular file of at most 32 MiB, or ``None`` with a finding.
+    """Return the content of a regular file of bounded size, or ``None`` with a finding.
 
     Args:
         path: The file.
         out: Takes FSN101, or FSN133 when another file names this one.
         named_at: Place of the reference, when another file names this one.
+        most: Largest size in bytes, 32 MiB unless told.
     """
     shown = os.fspath(path)
     try:
@@ -48,8 +50,8 @@ def read_bytes(
         if not stat.S_ISREG(info.st_mode):
             what = "a directory" if stat.S_ISDIR(info.st_mode) else "not a regular file"
             return _refuse(out, shown, named_at, f"it is {what}", "give the path of a file")
-        if info.st_size > MAX_FILE_BYTES:
-            size = f"it has {info.st_size} bytes, more than the {MAX_FILE_BYTES} allowed"
+        if info.st_size > most:
+            size = f"it has {info.st_size} bytes, more than the {most} allowed"
             return _refuse(out, shown, named_at, size, "is this really a configuration file?")
         data = Path(shown).read_bytes()
     except FileNotFoundError:

@@ -11,7 +11,7 @@ from xml.parsers import expat
 from fsoe_net.diag import Span
 from fsoe_net.load.files import Collector
 
-__all__ = ["MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_xml"]
+__all__ = ["MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_xml", "xml_hint"]
 
 MAX_DEPTH = 200
 MAX_ELEMENTS = 500_000
@@ -79,25 +79,36 @@ class _Refused(Exception):
     """The document was refused; the finding is already recorded."""
 
 
-def parse_xml(data: bytes, path: str | os.PathLike[str], out: Collector) -> Element | None:
-    """Parse a document.
+def parse_xml(
+    data: bytes,
+    path: str | os.PathLike[str],
+    out: Collector,
+    *,
+    what: str = "a robot description",
+    encoding: str | None = None,
+    skip: frozenset[str] = frozenset(),
+    begin: Span | None = None,
+) -> Element | None:
+    """Parse a document, or one element cut out of a larger one.
 
     Args:
         data: The bytes of the file; UTF-8, or what its byte order mark or declaration says.
         path: The file, for places.
         out: Takes FSN118 when the document is refused.
+        what: What the file should be, for the hint when it is far too large.
+        encoding: Of an element cut out, which has no declaration.
+        skip: Names of elements that are left out with all they contain.
+        begin: Where an element that was cut out begins.
 
     Returns:
         The root element, or ``None`` with a finding.
     """
     shown = os.fspath(path)
-    builder = _Builder(shown, data, out)
+    builder = _Builder(shown, data, out, what=what, encoding=encoding, skip=skip, begin=begin)
     try:
         return builder.parse()
     except expat.ExpatError as exc:
-        span = builder.place(exc.lineno, exc.offset)
-        reason = expat.ErrorString(exc.code)
-        out.add("FSN118", span, f"not well-formed XML: {reason}", hint=builder.hint(exc))
+        builder.refused(exc)
     except (ValueError, LookupError) as exc:
         out.add("FSN118", Span(shown, 1, 1), f"not readable as XML: {exc}", hint=_ENCODING_HINT)
     except _Refused:
@@ -108,9 +119,23 @@ def parse_xml(data: bytes, path: str | os.PathLike[str], out: Collector) -> Elem
 class _Builder:
     """Feeds expat and keeps an own stack of open elements with their pieces of text."""
 
-    def __init__(self, file: str, data: bytes, out: Collector) -> None:
+    def __init__(
+        self,
+        file: str,
+        data: bytes,
+        out: Collector,
+        *,
+        what: str,
+        encoding: str | None,
+        skip: frozenset[str],
+        begin: Span | None,
+    ) -> None:
         self._file = file
         self._data = data
+        self._what = what
+        self._skip = skip
+        self._skipped = 0  # open elements of what is left out
+        self._begin = begin or Span(file, 1, 1)
         # expat counts a byte order mark as a column of the first line; editors do not show it.
         self._mark = int(data.startswith(_BYTE_ORDER_MARKS))
         self._out = out
@@ -118,7 +143,7 @@ class _Builder:
         self._root: Element | None = None
         self._elements = 0
         self._pieces = 0
-        self._parser = expat.ParserCreate()
+        self._parser = expat.ParserCreate(encoding)
         # Unbuffered, so that the position at a piece of text is where it starts.
         self._parser.buffer_text = False
         self._parser.StartElementHandler = self._start
@@ -130,23 +155,24 @@ class _Builder:
         self._parser.Parse(self._data, True)
         return self._root
 
-    def hint(self, error: expat.ExpatError) -> str:
-        """Name the mend for what expat stumbled over."""
-        if error.code in _HINT_OF_CODE:
-            return _HINT_OF_CODE[error.code]
-        if error.code == _INVALID_TOKEN:
-            at = self._parser.ErrorByteIndex
-            return _invalid_token_hint(self._data[max(at - 1, 0) : at], self._data[at : at + 1])
-        if not self._stack:
-            return "look for a tag that is closed but was never opened"
-        top = self._stack[-1][0]
-        verb = "close it before this tag" if error.code == _TAG_MISMATCH else "close it"
-        return f"<{top.name}> of line {top.span.line} is still open here; {verb}"
+    def refused(self, error: expat.ExpatError) -> None:
+        """Record what expat stumbled over."""
+        at = self._parser.ErrorByteIndex
+        top = self._stack[-1][0] if self._stack else None
+        name = (top.name, top.span.line) if top is not None else None
+        self._out.add(
+            "FSN118",
+            self.place(error.lineno, error.offset),
+            f"not well-formed XML: {expat.ErrorString(error.code)}",
+            hint=xml_hint(error, self._data, at, name),
+        )
 
     def place(self, line: int, offset: int) -> Span:
         """Return the place for a line and an offset as expat counts them."""
-        column = offset + 1 - (self._mark if line == 1 else 0)
-        return Span(self._file, line, max(column, 1))
+        if line > 1:
+            return Span(self._file, line + self._begin.line - 1, offset + 1)
+        column = offset + self._begin.column - self._mark
+        return Span(self._file, self._begin.line, max(column, 1))
 
     def _here(self) -> Span:
         return self.place(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber)
@@ -169,10 +195,13 @@ class _Builder:
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         self._elements += 1
-        if len(self._stack) >= MAX_DEPTH:
-            self._refuse(f"more than {MAX_DEPTH} levels of tags", "is this a robot description?")
+        if len(self._stack) + self._skipped >= MAX_DEPTH:
+            self._refuse(f"more than {MAX_DEPTH} levels of tags", f"is this {self._what}?")
+        if self._skipped or name in self._skip:
+            self._skipped += 1
+            return
         if self._elements > MAX_ELEMENTS:
-            self._refuse(f"more than {MAX_ELEMENTS} tags", "is this a robot description?")
+            self._refuse(f"more than {MAX_ELEMENTS} tags", f"is this {self._what}?")
         element = Element(name, attributes, self._here())
         if self._stack:
             self._stack[-1][0].children.append(element)
@@ -181,13 +210,18 @@ class _Builder:
         self._stack.append((element, []))
 
     def _end(self, _name: str) -> None:
+        if self._skipped:
+            self._skipped -= 1
+            return
         element, pieces = self._stack.pop()
         element.text = "".join(pieces)
 
     def _characters(self, text: str) -> None:
+        if self._skipped:
+            return
         self._pieces += 1
         if self._pieces > MAX_TEXT_PIECES:
-            self._refuse(f"more than {MAX_TEXT_PIECES} lines", "is this a robot description?")
+            self._refuse(f"more than {MAX_TEXT_PIECES} lines", f"is this {self._what}?")
         element, pieces = self._stack[-1]
         pieces.append(text)
         if element.text_span is None and not text.isspace():
@@ -195,6 +229,27 @@ class _Builder:
             here = self._here()
             blanks = len(text) - len(text.lstrip())
             element.text_span = Span(self._file, here.line, here.column + blanks)
+
+
+def xml_hint(
+    error: expat.ExpatError, data: bytes, at: int, still_open: tuple[str, int] | None
+) -> str:
+    """Name the mend for what expat stumbled over.
+
+    Args:
+        error: What expat says.
+        data: The bytes it read.
+        at: Byte it stopped at.
+        still_open: Name and line of the innermost open element.
+    """
+    if error.code in _HINT_OF_CODE:
+        return _HINT_OF_CODE[error.code]
+    if error.code == _INVALID_TOKEN:
+        return _invalid_token_hint(data[max(at - 1, 0) : at], data[at : at + 1])
+    if still_open is None:
+        return "look for a tag that is closed but was never opened"
+    verb = "close it before this tag" if error.code == _TAG_MISMATCH else "close it"
+    return f"<{still_open[0]}> of line {still_open[1]} is still open here; {verb}"
 
 
 def _invalid_token_hint(before: bytes, byte: bytes) -> str:

@@ -122,6 +122,7 @@ class Pdo(Located):
 
     index: int
     entries: tuple[Entry, ...]
+    name: str = ""
 
     @property
     def bits(self) -> int:

@@ -1,0 +1,388 @@
+"""Which devices and modules an ESI file holds, and where: one fast pass that builds nothing.
+
+A file of a vendor has tens of megabytes, most of it object dictionaries. The pass looks at the head
+of each ``Device`` and ``Module`` and jumps over the rest; `esi` then reads only the piece it needs.
+"""
+
+from __future__ import annotations
+
+import codecs
+import os
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from fsoe_net.diag import Severity, Span
+from fsoe_net.load.files import Collector
+from fsoe_net.load.xml_tree import MAX_DEPTH, xml_hint
+
+__all__ = ["EsiCatalogue", "EsiRow", "esi_number", "scan_esi"]
+
+MAX_ROWS = 100_000
+_MAX_TEXT = 1000  # characters of a name that are kept
+_ENGLISH = "1033"
+
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF16_LE, "utf-16le"),
+    (codecs.BOM_UTF16_BE, "utf-16be"),
+)
+
+# What is looked into, by the element it stands in; everything else is jumped over.
+_INSIDE = {
+    "": frozenset({"EtherCATInfo", "EtherCATInfoList"}),
+    "EtherCATInfoList": frozenset({"EtherCATInfo"}),
+    "EtherCATInfo": frozenset({"Vendor", "Descriptions", "InfoReference"}),
+    "Vendor": frozenset({"Id", "Name"}),
+    "Descriptions": frozenset({"Devices", "Modules"}),
+    "Devices": frozenset({"Device"}),
+    "Device": frozenset({"Type", "Name"}),
+    "Modules": frozenset({"Module"}),
+    "Module": frozenset({"Type", "Name"}),
+}
+_FOREIGN = {
+    "EtherCATConfig": "an ENI, the configuration of a whole bus",
+    "EtherCATModule": "a file of modules without a device; name the ESI that refers to it",
+    "EtherCATDict": "an object dictionary; name the ESI that refers to it",
+    "EtherCATDiag": "texts of diagnosis messages, no device",
+    "EtherCATMailbox": "an export of start-up commands, no device",
+    "TcSmProject": "a TwinCAT project",
+    "TreeItem": "a TwinCAT export",
+    "masters": "a linuxcnc-ethercat configuration",
+    "robot": "a robot description",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EsiRow:
+    """A ``Device`` or ``Module`` of the file.
+
+    Attributes:
+        kind: ``device`` or ``module``.
+        vendor: Vendor ID; 0 when the file does not tell.
+        product: Product code, or the ident of a module.
+        revision: ``None`` for a module, or when the file leaves it open.
+        type: Order number such as ``EL1904``.
+        name: English name, else the first.
+        group: Number of the ``EtherCATInfo`` it stands in; a list has several.
+        offset: First byte of the element.
+        end: Byte behind its content.
+        line: Line of its tag, from 1.
+        column: Column of its tag, from 1.
+    """
+
+    kind: str
+    vendor: int
+    product: int
+    revision: int | None
+    type: str
+    name: str
+    group: int
+    offset: int
+    end: int
+    line: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EsiCatalogue:
+    """Everything a file describes, in its order. ``encoding`` is that of the pieces."""
+
+    vendor: str
+    encoding: str
+    is_list: bool
+    references: tuple[str, ...]
+    rows: tuple[EsiRow, ...]
+
+    @property
+    def devices(self) -> tuple[EsiRow, ...]:
+        """The devices, in the order of the file."""
+        return tuple(row for row in self.rows if row.kind == "device")
+
+    @property
+    def modules(self) -> tuple[EsiRow, ...]:
+        """The modules, in the order of the file."""
+        return tuple(row for row in self.rows if row.kind == "module")
+
+
+def esi_number(text: str) -> int | None:
+    """Return the number of a ``HexDecValue``: ``#x1a00``, ``0x1A00``, ``6656`` or ``0006656``."""
+    word = text.strip()
+    if len(word) > 40:
+        return None
+    sign = -1 if word[:1] == "-" else 1
+    word = word.removeprefix("-") if sign < 0 else word.removeprefix("+")
+    digits = word[2:] if word[:2].lower() in ("#x", "0x") else word
+    base = 10 if digits is word else 16
+    if not digits.isascii() or not digits.isalnum():
+        return None
+    try:
+        return sign * int(digits, base)
+    except ValueError:
+        return None
+
+
+def scan_esi(data: bytes, path: str | os.PathLike[str], out: Collector) -> EsiCatalogue | None:
+    """List what an ESI file describes.
+
+    Args:
+        data: The bytes of the file.
+        path: The file, for places.
+        out: Takes FSN117 for a file of another kind, FSN118 for bad XML, a warning when the text is
+            not in the encoding it claims, FSN110 and FSN111 for a device without an identity.
+
+    Returns:
+        The catalogue, or ``None`` with a finding.
+    """
+    shown = os.fspath(path)
+    attempt = _Scan(shown, data, Collector(), None)
+    catalogue = attempt.run()
+    if catalogue is None and attempt.bad_text is not None:
+        again = _Scan(shown, data, Collector(), "iso-8859-1")
+        catalogue = again.run()
+        if catalogue is not None:
+            again.out.add(
+                "FSN118",
+                attempt.bad_text,
+                f"not {attempt.encoding.upper()} text here; the file is read as ISO-8859-1",
+                hint='declare it: <?xml version="1.0" encoding="ISO-8859-1"?>',
+                severity=Severity.WARNING,
+            )
+            attempt = again
+    out.diagnostics.extend(attempt.out.diagnostics)
+    return catalogue
+
+
+class _Stop(Exception):
+    """The file is refused; the finding is recorded."""
+
+
+@dataclass(slots=True)
+class _Open:
+    """A device or module that is open."""
+
+    kind: str
+    offset: int
+    span: Span
+    attributes: dict[str, str] = field(default_factory=dict)
+    type: str = ""
+    name: str = ""
+    english: bool = False
+    vendor: int = 0
+
+
+class _Scan:
+    """Drives expat with two pairs of handlers: one that looks, one that only counts levels."""
+
+    def __init__(self, file: str, data: bytes, out: Collector, encoding: str | None) -> None:
+        self.out = out
+        self.bad_text: Span | None = None
+        self.encoding = encoding or _marked(data) or "utf-8"
+        self._file = file
+        self._data = data
+        self._mark = int(_marked(data) is not None)
+        self._forced = encoding is not None
+        self._path = [""]
+        self._lines: list[int] = []
+        self._skipped = 0
+        self._text: list[str] | None = None
+        self._attributes: dict[str, str] = {}
+        self._open: _Open | None = None
+        self._vendor_id = 0
+        self._vendor = ""
+        self._groups = 0
+        self._references: list[str] = []
+        self._rows: list[EsiRow] = []
+        self._is_list = False
+        self._parser = expat.ParserCreate(encoding)
+        self._parser.buffer_text = True
+        self._parser.XmlDeclHandler = self._declared
+        self._parser.StartDoctypeDeclHandler = self._doctype
+        self._look()
+
+    def run(self) -> EsiCatalogue | None:
+        try:
+            self._parser.Parse(self._data, True)
+        except expat.ExpatError as exc:
+            self._failed(exc)
+            return None
+        except (ValueError, LookupError) as exc:
+            self.out.add(
+                "FSN118",
+                Span(self._file, 1, 1),
+                f"not readable as XML: {exc}",
+                hint="save the file as UTF-8 and declare no other encoding",
+            )
+            return None
+        except _Stop:
+            return None
+        return EsiCatalogue(
+            vendor=self._vendor,
+            encoding=self.encoding,
+            is_list=self._is_list,
+            references=tuple(self._references),
+            rows=tuple(self._rows),
+        )
+
+    def _failed(self, error: expat.ExpatError) -> None:
+        at = self._parser.ErrorByteIndex
+        code = expat.errors.codes[expat.errors.XML_ERROR_INVALID_TOKEN]
+        partial = expat.errors.codes[expat.errors.XML_ERROR_PARTIAL_CHAR]
+        byte = self._data[at : at + 1]
+        if not self._forced and error.code in (code, partial) and byte >= b"\x80":
+            self.bad_text = self._place(error.lineno, error.offset)
+        still_open = (self._path[-1], self._lines[-1]) if self._lines else None
+        self.out.add(
+            "FSN118",
+            self._place(error.lineno, error.offset),
+            f"not well-formed XML: {expat.ErrorString(error.code)}",
+            hint=xml_hint(error, self._data, at, still_open),
+        )
+
+    def _place(self, line: int, offset: int) -> Span:
+        return Span(self._file, line, max(offset + 1 - (self._mark if line == 1 else 0), 1))
+
+    def _here(self) -> Span:
+        return self._place(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber)
+
+    def _refuse(self, code: str, message: str, hint: str) -> None:
+        self.out.add(code, self._here(), message, hint=hint)
+        raise _Stop
+
+    def _declared(self, _version: str, encoding: str | None, _alone: int) -> None:
+        if encoding and not self._forced and not self._mark:
+            self.encoding = encoding
+
+    def _doctype(self, *_arguments: object) -> None:
+        hint = "delete <!DOCTYPE …>; entities are not used"
+        self._refuse("FSN118", "a document type is declared", hint)
+
+    # -- the pair that looks ----------------------------------------------------------------------
+
+    def _look(self) -> None:
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._characters
+
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
+        parent = self._path[-1]
+        if name not in _INSIDE.get(parent, ()):
+            if parent == "":
+                self._refuse_root(name)
+            self._skipped = 1
+            self._parser.StartElementHandler = self._skip_start
+            self._parser.EndElementHandler = self._skip_end
+            self._parser.CharacterDataHandler = None
+            return
+        self._path.append(name)
+        self._lines.append(self._parser.CurrentLineNumber)
+        if name == "EtherCATInfoList":
+            self._is_list = True
+        elif name == "EtherCATInfo":
+            self._groups += 1
+            self._vendor_id = 0
+        elif name in ("Device", "Module"):
+            if len(self._rows) >= MAX_ROWS:
+                self._refuse("FSN103", f"more than {MAX_ROWS} devices", "is this an ESI file?")
+            offset = self._parser.CurrentByteIndex
+            self._open = _Open(name.lower(), offset, self._here(), vendor=self._vendor_id)
+        elif name in ("Id", "Name", "Type", "InfoReference"):
+            self._text = []
+            self._attributes = attributes
+
+    def _refuse_root(self, name: str) -> None:
+        known = _FOREIGN.get(name)
+        hint = f"this is {known}" if known else "the root element of an ESI is <EtherCATInfo>"
+        self._refuse("FSN117", f"<{name[:80]}> is not the root of an ESI file", hint)
+
+    def _characters(self, text: str) -> None:
+        if self._text is not None:
+            self._text.append(text)
+
+    def _end(self, name: str) -> None:
+        self._path.pop()
+        self._lines.pop()
+        text, self._text = "".join(self._text or ())[:_MAX_TEXT].strip(), None
+        if name in ("Device", "Module"):
+            self._close()
+        elif name in ("Id", "Name") and self._path[-1] == "Vendor":
+            self._of_vendor(name, text)
+        elif name == "InfoReference":
+            self._references.append(text)
+        elif self._open is not None and name == "Type":
+            self._open.type, self._open.attributes = text, self._attributes
+        elif self._open is not None and name == "Name":
+            english = self._attributes.get("LcId", "") == _ENGLISH
+            if not self._open.name or (english and not self._open.english):
+                self._open.name, self._open.english = text, english
+
+    def _of_vendor(self, name: str, text: str) -> None:
+        if name == "Name":
+            if not self._vendor or self._attributes.get("LcId", "") == _ENGLISH:
+                self._vendor = text
+            return
+        number = esi_number(text)
+        if number is None or not 0 <= number <= 0xFFFFFFFF:
+            hint = "write it as 2 or #x00000002"
+            self.out.add("FSN111", self._here(), f"vendor ID {text[:40]!r} is no number", hint=hint)
+            return
+        self._vendor_id = number
+
+    def _close(self) -> None:
+        row, self._open = self._open, None
+        if row is None:
+            return
+        is_module = row.kind == "module"
+        key = "ModuleIdent" if is_module else "ProductCode"
+        product = self._number(row, key)
+        if product is None:
+            return
+        revision = None
+        if not is_module and "RevisionNo" in row.attributes:
+            revision = self._number(row, "RevisionNo")
+        self._rows.append(
+            EsiRow(
+                kind=row.kind,
+                vendor=row.vendor,
+                product=product,
+                revision=revision,
+                type=row.type,
+                name=row.name,
+                group=self._groups,
+                offset=row.offset,
+                end=self._parser.CurrentByteIndex,
+                line=row.span.line,
+                column=row.span.column,
+            )
+        )
+
+    def _number(self, row: _Open, key: str) -> int | None:
+        """Return an attribute of ``Type`` as a number, or ``None`` with a finding."""
+        text = row.attributes.get(key)
+        what = row.kind
+        if text is None:
+            message = f"{what} {row.type[:80]!r} has no {key} and is left out"
+            hint = f'add {key}="#x…" to its <Type>'
+            self.out.add("FSN110", row.span, message, hint=hint, severity=Severity.WARNING)
+            return None
+        number = esi_number(text)
+        if number is not None and 0 <= number <= 0xFFFFFFFF:
+            return number
+        message = f"{key} {text[:40]!r} of {what} {row.type[:80]!r} is no number of 32 bits"
+        self.out.add("FSN111", row.span, message, hint="write it as #x07703052")
+        return None
+
+    # -- the pair that only counts ----------------------------------------------------------------
+
+    def _skip_start(self, _name: str, _attributes: dict[str, str]) -> None:
+        self._skipped += 1
+        if self._skipped > MAX_DEPTH:
+            self._refuse("FSN118", f"more than {MAX_DEPTH} levels of tags", "is this an ESI file?")
+
+    def _skip_end(self, _name: str) -> None:
+        self._skipped -= 1
+        if not self._skipped:
+            self._look()
+
+
+def _marked(data: bytes) -> str | None:
+    return next((name for mark, name in _MARKS if data.startswith(mark)), None)
