@@ -57,6 +57,11 @@ FSN131 error   address is spelled in a way that is read as another number
 FSN132 info    fsoe_config is the old name of transfer_config
 FSN133 error   referenced file cannot be read
 FSN134 error   module name used twice
+FSN135 error   device is not in this description file
+FSN136 warning revision is not in this description file
+FSN137 error   module of a modular device cannot be taken
+FSN138 error   SII image is empty, cut off or damaged
+FSN139 warning PDO assignment of a device description contradicts itself
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output

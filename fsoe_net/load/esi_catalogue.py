@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import codecs
 import os
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
@@ -15,17 +17,16 @@ from fsoe_net.diag import Severity, Span
 from fsoe_net.load.files import Collector
 from fsoe_net.load.xml_tree import MAX_DEPTH, xml_hint
 
-__all__ = ["EsiCatalogue", "EsiRow", "esi_number", "scan_esi"]
+__all__ = ["EsiCatalogue", "EsiRow", "esi_number", "plain_bytes", "scan_esi"]
 
 MAX_ROWS = 100_000
 _MAX_TEXT = 1000  # characters of a name that are kept
 _ENGLISH = "1033"
 
-_MARKS = (
-    (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF16_LE, "utf-16le"),
-    (codecs.BOM_UTF16_BE, "utf-16be"),
-)
+_UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
+_PROFILE = re.compile(rb"<Profile(?:\s[^<>]*)?(?<!/)>")
+_PROFILE_END = re.compile(rb"</Profile\s*>")
 
 # What is looked into, by the element it stands in; everything else is jumped over.
 _INSIDE = {
@@ -121,11 +122,21 @@ def esi_number(text: str) -> int | None:
         return None
 
 
+def plain_bytes(data: bytes) -> bytes:
+    """Return the text in an encoding that has ASCII inside: UTF-16 becomes UTF-8."""
+    if not data.startswith(_UTF16_MARKS):
+        return data
+    text = data.decode("utf-16", "replace")
+    head = _DECLARATION.match(text)
+    # Blanks instead of the declaration, so that columns stay.
+    return (" " * head.end() + text[head.end() :] if head else text).encode("utf-8", "replace")
+
+
 def scan_esi(data: bytes, path: str | os.PathLike[str], out: Collector) -> EsiCatalogue | None:
     """List what an ESI file describes.
 
     Args:
-        data: The bytes of the file.
+        data: The bytes of the file, from `plain_bytes`.
         path: The file, for places.
         out: Takes FSN117 for a file of another kind, FSN118 for bad XML, a warning when the text is
             not in the encoding it claims, FSN110 and FSN111 for a device without an identity.
@@ -170,17 +181,75 @@ class _Open:
     vendor: int = 0
 
 
+class _Places:
+    """Turns offsets that rise into lines and columns, without reading anything twice."""
+
+    def __init__(self, data: bytes, encoding: str) -> None:
+        self._data = data
+        self._encoding = encoding
+        self._at = len(codecs.BOM_UTF8) if data.startswith(codecs.BOM_UTF8) else 0
+        self._line, self._column = 1, 1
+
+    def of(self, offset: int) -> tuple[int, int]:
+        """Return line and column, from 1, of an offset not below the last one."""
+        data, low = self._data, self._at
+        offset = max(offset, low)
+        lines = data.count(b"\n", low, offset)
+        if lines:
+            self._line += lines
+            self._column = 1
+            low = data.rfind(b"\n", low, offset) + 1
+        if offset > low:
+            self._column += len(data[low:offset].decode(self._encoding, "replace"))
+        self._at = offset
+        return self._line, self._column
+
+
+def _pieces(data: bytes) -> Iterator[tuple[int, int]]:
+    """Yield the ranges that are parsed: all but what stands inside ``Profile``.
+
+    Nothing is left out where comments or CDATA make it uncertain that these are its tags.
+    """
+    low = 0
+    for match in _PROFILE.finditer(data):
+        begin = match.end()
+        if begin <= low:
+            continue
+        closing = _PROFILE_END.search(data, begin)
+        if closing is None:
+            break
+        end = closing.start()
+        if not _is_whole(data, begin, end):
+            break  # and not again from here: what is odd once would cost its length each time
+        yield low, begin
+        low = end
+    yield low, len(data)
+
+
+def _is_whole(data: bytes, begin: int, end: int) -> bool:
+    for opening, closing in ((b"<!--", b"-->"), (b"<![CDATA[", b"]]>")):
+        closed = data.count(closing, begin, end)
+        if closed != data.count(opening, begin, end):
+            return False
+        if closed and data.find(closing, begin, end) < data.find(opening, begin, end):
+            return False
+    if _PROFILE.search(data, begin, end):
+        return False
+    return all(data.find(tag, begin, end) < 0 for tag in (b"</Device>", b"</Module>"))
+
+
 class _Scan:
     """Drives expat with two pairs of handlers: one that looks, one that only counts levels."""
 
     def __init__(self, file: str, data: bytes, out: Collector, encoding: str | None) -> None:
         self.out = out
         self.bad_text: Span | None = None
-        self.encoding = encoding or _marked(data) or "utf-8"
+        self.encoding = encoding or "utf-8"
         self._file = file
         self._data = data
-        self._mark = int(_marked(data) is not None)
         self._forced = encoding is not None
+        self._places: _Places | None = None
+        self._left_out = 0  # bytes before the present piece that expat has not seen
         self._path = [""]
         self._lines: list[int] = []
         self._skipped = 0
@@ -197,11 +266,14 @@ class _Scan:
         self._parser.buffer_text = True
         self._parser.XmlDeclHandler = self._declared
         self._parser.StartDoctypeDeclHandler = self._doctype
+        defer = getattr(self._parser, "SetReparseDeferralEnabled", None)
+        if defer is not None:
+            defer(False)  # what ends a piece is told before the next one begins
         self._look()
 
     def run(self) -> EsiCatalogue | None:
         try:
-            self._parser.Parse(self._data, True)
+            self._feed()
         except expat.ExpatError as exc:
             self._failed(exc)
             return None
@@ -223,33 +295,49 @@ class _Scan:
             rows=tuple(self._rows),
         )
 
+    def _feed(self) -> None:
+        view, seen = memoryview(self._data), 0
+        for low, high in _pieces(self._data):
+            self._left_out = low - seen
+            self._parser.Parse(view[low:high], False)
+            seen += high - low
+        self._parser.Parse(b"", True)
+
     def _failed(self, error: expat.ExpatError) -> None:
-        at = self._parser.ErrorByteIndex
-        code = expat.errors.codes[expat.errors.XML_ERROR_INVALID_TOKEN]
-        partial = expat.errors.codes[expat.errors.XML_ERROR_PARTIAL_CHAR]
-        byte = self._data[at : at + 1]
-        if not self._forced and error.code in (code, partial) and byte >= b"\x80":
-            self.bad_text = self._place(error.lineno, error.offset)
+        at = self._parser.ErrorByteIndex + self._left_out
+        codes = expat.errors.codes
+        bad = (
+            codes[expat.errors.XML_ERROR_INVALID_TOKEN],
+            codes[expat.errors.XML_ERROR_PARTIAL_CHAR],
+        )
+        span = self._span(at)
+        if not self._forced and error.code in bad and self._data[at : at + 1] >= b"\x80":
+            self.bad_text = span
         still_open = (self._path[-1], self._lines[-1]) if self._lines else None
         self.out.add(
             "FSN118",
-            self._place(error.lineno, error.offset),
+            span,
             f"not well-formed XML: {expat.ErrorString(error.code)}",
             hint=xml_hint(error, self._data, at, still_open),
         )
 
-    def _place(self, line: int, offset: int) -> Span:
-        return Span(self._file, line, max(offset + 1 - (self._mark if line == 1 else 0), 1))
+    def _span(self, offset: int) -> Span:
+        if self._places is None:
+            self._places = _Places(self._data, self.encoding)
+        try:
+            return Span(self._file, *self._places.of(offset))
+        except LookupError:  # an encoding nobody knows
+            return Span(self._file, 1, 1)
 
     def _here(self) -> Span:
-        return self._place(self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber)
+        return self._span(self._parser.CurrentByteIndex + self._left_out)
 
     def _refuse(self, code: str, message: str, hint: str) -> None:
         self.out.add(code, self._here(), message, hint=hint)
         raise _Stop
 
     def _declared(self, _version: str, encoding: str | None, _alone: int) -> None:
-        if encoding and not self._forced and not self._mark:
+        if encoding and not self._forced and not self._data.startswith(codecs.BOM_UTF8):
             self.encoding = encoding
 
     def _doctype(self, *_arguments: object) -> None:
@@ -274,7 +362,8 @@ class _Scan:
             self._parser.CharacterDataHandler = None
             return
         self._path.append(name)
-        self._lines.append(self._parser.CurrentLineNumber)
+        span = self._here()
+        self._lines.append(span.line)
         if name == "EtherCATInfoList":
             self._is_list = True
         elif name == "EtherCATInfo":
@@ -283,8 +372,8 @@ class _Scan:
         elif name in ("Device", "Module"):
             if len(self._rows) >= MAX_ROWS:
                 self._refuse("FSN103", f"more than {MAX_ROWS} devices", "is this an ESI file?")
-            offset = self._parser.CurrentByteIndex
-            self._open = _Open(name.lower(), offset, self._here(), vendor=self._vendor_id)
+            offset = self._parser.CurrentByteIndex + self._left_out
+            self._open = _Open(name.lower(), offset, span, vendor=self._vendor_id)
         elif name in ("Id", "Name", "Type", "InfoReference"):
             self._text = []
             self._attributes = attributes
@@ -349,7 +438,7 @@ class _Scan:
                 name=row.name,
                 group=self._groups,
                 offset=row.offset,
-                end=self._parser.CurrentByteIndex,
+                end=self._parser.CurrentByteIndex + self._left_out,
                 line=row.span.line,
                 column=row.span.column,
             )
@@ -382,7 +471,3 @@ class _Scan:
         self._skipped -= 1
         if not self._skipped:
             self._look()
-
-
-def _marked(data: bytes) -> str | None:
-    return next((name for mark, name in _MARKS if data.startswith(mark)), None)

@@ -1,0 +1,158 @@
+"""Bodies of SII categories: strings, general, PDOs. What does not fit is told, never an exception.
+
+A PDO is a header of 8 bytes and entries of 8 bytes each; strings are named by number:
+
+    +-------+---------+----+------+------+-------+     +-------+-----+------+------+------+-------+
+    | index | entries | SM | sync | name | flags |  +  | index | sub | name | type | bits | flags |
+    +-------+---------+----+------+------+-------+     +-------+-----+------+------+------+-------+
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fsoe_net.diag import Span
+from fsoe_net.model import Direction, Entry, Pdo
+
+__all__ = ["SiiEntry", "SiiGeneral", "SiiPdo", "sii_general", "sii_pdos", "sii_strings"]
+
+_PDO = struct.Struct("<HBBBBH")
+_ENTRY = struct.Struct("<HBBBBH")
+_TYPES = {
+    1: "BOOL",
+    2: "SINT",
+    3: "INT",
+    4: "DINT",
+    5: "USINT",
+    6: "UINT",
+    7: "UDINT",
+    8: "REAL",
+    0x11: "LREAL",
+    0x15: "LINT",
+    0x1B: "ULINT",
+    **{0x30 + n: f"BIT{n + 1}" for n in range(8)},
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiiGeneral:
+    """Numbers of strings, and what the mailbox can; see `sii_general`."""
+
+    group: int
+    image: int
+    order: int
+    name: int
+    coe: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiiEntry:
+    """An entry of a PDO; ``name`` is the number of a string."""
+
+    index: int
+    subindex: int
+    name: int
+    kind: int
+    bits: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiiPdo:
+    """A PDO; ``sm`` 0xFF means that it is not assigned."""
+
+    index: int
+    direction: Direction
+    sm: int
+    name: int
+    entries: tuple[SiiEntry, ...]
+
+    def model(self, text: Callable[[int], str], span: Span) -> Pdo:
+        """Return the PDO of the model.
+
+        Args:
+            text: Gives a string by its number.
+            span: The image.
+        """
+        entries = (
+            Entry(
+                index=e.index,
+                subindex=e.subindex,
+                bits=e.bits,
+                type_name=_TYPES.get(e.kind, "") if e.index else "",
+                name=text(e.name),
+                span=span,
+            )
+            for e in self.entries
+            if e.bits
+        )
+        return Pdo(index=self.index, entries=tuple(entries), name=text(self.name), span=span)
+
+
+def sii_strings(body: bytes) -> tuple[list[str], str]:
+    """Return the strings, and what is wrong with the table or nothing.
+
+    Names are Latin-1 by the books and UTF-8 in some devices; NULs fill them up in others.
+    """
+    if not body:
+        return [], ""
+    found: list[str] = []
+    at = 1
+    for _ in range(body[0]):
+        if at >= len(body):
+            return found, f"it promises {body[0]} strings and has {len(found)}"
+        length = body[at]
+        raw = body[at + 1 : at + 1 + length]
+        if len(raw) < length:
+            return found, f"string {len(found) + 1} is cut off"
+        found.append(_text(raw))
+        at += 1 + length
+    return found, ""
+
+
+def _text(raw: bytes) -> str:
+    raw = raw.split(b"\0", 1)[0]
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError:
+        text = raw.decode("latin-1")
+    return "".join(c for c in text if c.isprintable()).strip()
+
+
+def sii_general(body: bytes) -> SiiGeneral | None:
+    """Return the category, or ``None`` when it is too short for its names."""
+    if len(body) < 6:
+        return None
+    return SiiGeneral(group=body[0], image=body[1], order=body[2], name=body[3], coe=body[5])
+
+
+def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:
+    """Return the PDOs that are whole, and what is wrong behind them or nothing."""
+    found: list[SiiPdo] = []
+    at = 0
+    while at < len(body):
+        if len(body) - at < _PDO.size:
+            rest = body[at:]
+            return found, f"{len(rest)} bytes are left over" if any(rest) else ""
+        index, count, sm, _, name, _ = _PDO.unpack_from(body, at)
+        if index == 0 and count == 0:
+            return found, "zeros follow the last PDO" if any(body[at:]) else ""
+        at += _PDO.size
+        if len(body) - at < count * _ENTRY.size:
+            return found, f"PDO 0x{index:04x} with {count} entries is cut off"
+        entries = (_ENTRY.unpack_from(body, at + n * _ENTRY.size) for n in range(count))
+        found.append(
+            SiiPdo(
+                index=index,
+                direction=direction,
+                sm=sm,
+                name=name,
+                entries=tuple(
+                    SiiEntry(index=i, subindex=sub, name=text, kind=kind, bits=bits)
+                    for i, sub, text, kind, bits, _ in entries
+                ),
+            )
+        )
+        at += count * _ENTRY.size
+    return found, ""
