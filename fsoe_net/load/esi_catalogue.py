@@ -25,7 +25,7 @@ _ENGLISH = "1033"
 
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
-_PROFILE = re.compile(rb"<Profile(?:\s[^<>]*)?(?<!/)>")
+_PROFILE = re.compile(rb"""<Profile(?:\s(?:[^<>"']|"[^"<]*"|'[^'<]*')*)?(?<!/)>""")
 _PROFILE_END = re.compile(rb"</Profile\s*>")
 
 # What is looked into, by the element it stands in; everything else is jumped over.
@@ -341,8 +341,12 @@ class _Scan:
             self.encoding = encoding
 
     def _doctype(self, *_arguments: object) -> None:
+        """Refuse the declaration; expat tells of it behind its name, so its start is searched."""
+        behind = self._parser.CurrentByteIndex + self._left_out
+        span = self._span(max(self._data.rfind(b"<!DOCTYPE", 0, behind), 0))
         hint = "delete <!DOCTYPE …>; entities are not used"
-        self._refuse("FSN118", "a document type is declared", hint)
+        self.out.add("FSN118", span, "a document type is declared", hint=hint)
+        raise _Stop
 
     # -- the pair that looks ----------------------------------------------------------------------
 

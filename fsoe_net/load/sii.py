@@ -261,8 +261,10 @@ def _described(image: SiiImage, path: str, span: Span, out: Collector) -> Descri
     available: list[Pdo] = []
     for pdo in image.pdos:
         model = pdo.model(image.text, span)
-        if pdo.sm == 0xFF:
+        if pdo.sm == 0xFF or pdo.virtual:
             available.append(model)
+            if pdo.virtual:
+                notes.append(f"PDO 0x{pdo.index:04x} is virtual: no place in the process data")
             continue
         _check_place(pdo, image, span, out)
         assigned.setdefault(pdo.sm, []).append(model)

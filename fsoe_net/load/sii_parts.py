@@ -20,6 +20,7 @@ __all__ = ["SiiEntry", "SiiGeneral", "SiiPdo", "sii_general", "sii_pdos", "sii_s
 
 _PDO = struct.Struct("<HBBBBH")
 _ENTRY = struct.Struct("<HBBBBH")
+_VIRTUAL = 0x0020
 _TYPES = {
     1: "BOOL",
     2: "SINT",
@@ -66,6 +67,7 @@ class SiiPdo:
     direction: Direction
     sm: int
     name: int
+    virtual: bool
     entries: tuple[SiiEntry, ...]
 
     def model(self, text: Callable[[int], str], span: Span) -> Pdo:
@@ -135,7 +137,7 @@ def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:
         if len(body) - at < _PDO.size:
             rest = body[at:]
             return found, f"{len(rest)} bytes are left over" if any(rest) else ""
-        index, count, sm, _, name, _ = _PDO.unpack_from(body, at)
+        index, count, sm, _, name, flags = _PDO.unpack_from(body, at)
         if index == 0 and count == 0:
             return found, "zeros follow the last PDO" if any(body[at:]) else ""
         at += _PDO.size
@@ -148,6 +150,7 @@ def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:
                 direction=direction,
                 sm=sm,
                 name=name,
+                virtual=bool(flags & _VIRTUAL),
                 entries=tuple(
                     SiiEntry(index=i, subindex=sub, name=text, kind=kind, bits=bits)
                     for i, sub, text, kind, bits, _ in entries

@@ -19,7 +19,22 @@ from fsoe_net.model.description import (
     DescribedSubDevice,
     Description,
 )
-from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout, find_blocks, layout_of
+from fsoe_net.model.detect import (
+    FsoeGuess,
+    FsoeNearMiss,
+    detect_fsoe,
+    guess_pdo,
+    near_misses,
+)
+from fsoe_net.model.layout import (
+    DeviceLayout,
+    FsoeBlock,
+    Placed,
+    SmLayout,
+    find_blocks,
+    layout_of,
+    place_entries,
+)
 from fsoe_net.model.network import (
     ConnectionFacts,
     Endpoint,
@@ -70,6 +85,8 @@ __all__ = [
     "EntryView",
     "Expectation",
     "FsoeBlock",
+    "FsoeGuess",
+    "FsoeNearMiss",
     "Located",
     "LogicChoice",
     "Miss",
@@ -100,10 +117,14 @@ __all__ = [
     "TransferKind",
     "Watchdog",
     "connection_signals",
+    "detect_fsoe",
     "find_blocks",
+    "guess_pdo",
     "layout_of",
     "main_instance_of",
+    "near_misses",
     "partner_block",
+    "place_entries",
     "resolve",
     "shared_modules",
     "signals_of",

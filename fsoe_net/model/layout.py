@@ -7,13 +7,23 @@ with an index:subindex, lowest sync manager first, is the one a driver gets.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from fsoe_net.fsoe import is_frame_length, safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 
-__all__ = ["DeviceLayout", "FsoeBlock", "Placed", "SmLayout", "find_blocks", "layout_of"]
+__all__ = [
+    "DeviceLayout",
+    "FsoeBlock",
+    "Placed",
+    "SmLayout",
+    "candidate_lengths",
+    "check_words",
+    "find_blocks",
+    "layout_of",
+    "place_entries",
+]
 
 _CRC_BITS = 16
 _CONNECTION_ID_BITS = 16
@@ -119,24 +129,34 @@ def layout_of(device: Device) -> DeviceLayout:
     return DeviceLayout(managers=managers, partners=_partners(managers))
 
 
-def _place(device: Device, sm: SyncManager) -> SmLayout:
+def place_entries(pdos: Iterable[Pdo]) -> tuple[Placed, ...]:
+    """Place the entries of PDOs that follow each other."""
     placed: list[Placed] = []
     bit = 0
-    known_bits: int | None = None
-    pdos = device.pdos_of(sm)
     for pdo in pdos:
-        if not pdo.entries and known_bits is None:
-            known_bits = bit
         for entry in pdo.entries:
             placed.append(Placed(entry=entry, pdo=pdo, bit_offset=bit))
             bit += entry.bits
+    return tuple(placed)
+
+
+def _place(device: Device, sm: SyncManager) -> SmLayout:
+    pdos = device.pdos_of(sm)
+    placed = place_entries(pdos)
+    bits = placed[-1].end_bit if placed else 0
+    known_bits: int | None = None
+    behind = 0
+    for pdo in pdos:
+        if not pdo.entries and known_bits is None:
+            known_bits = behind
+        behind += pdo.bits
     return SmLayout(
         sm=sm,
-        placed=tuple(placed),
-        bits=bit,
-        known_bits=bit if known_bits is None else known_bits,
+        placed=placed,
+        bits=bits,
+        known_bits=bits if known_bits is None else known_bits,
         complete=known_bits is None,
-        blocks=find_blocks(tuple(placed), sm),
+        blocks=find_blocks(placed, sm),
     )
 
 
@@ -194,7 +214,7 @@ def _block_at(
     command = placed[number]
     end_bits = placed[-1].end_bit
     best: FsoeBlock | None = None
-    for frame_bytes in _candidate_lengths((end_bits - command.bit_offset) // 8):
+    for frame_bytes in candidate_lengths((end_bits - command.bit_offset) // 8):
         match = _matches(placed, starts, command, frame_bytes)
         if match is not None:
             best = FsoeBlock(
@@ -208,7 +228,8 @@ def _block_at(
     return best
 
 
-def _candidate_lengths(room_bytes: int) -> list[int]:
+def candidate_lengths(room_bytes: int) -> list[int]:
+    """Return the lengths a frame may have in this room, in bytes, rising."""
     return [n for n in (6, *range(7, min(room_bytes, 255) + 1, 4)) if n <= room_bytes]
 
 
@@ -216,30 +237,54 @@ def _matches(
     placed: tuple[Placed, ...], starts: dict[int, int], command: Placed, frame_bytes: int
 ) -> str | None:
     """Return ``sure`` or ``likely`` when a frame of this length fits, else ``None``."""
-    if not is_frame_length(frame_bytes):
+    words = check_words(placed, starts, command, frame_bytes)
+    if words is None:
         return None
+    checks = [w.entry for w in words]
     base = command.bit_offset
-    crc_bytes = [2] if frame_bytes == 6 else list(range(3, frame_bytes - 2, 4))
-    words = [*crc_bytes, frame_bytes - 2]
-    checks: list[Entry] = []
-    for byte in words:
-        number = starts.get(base + 8 * byte)
-        if number is None or placed[number].entry.bits != _CRC_BITS:
-            return None
-        checks.append(placed[number].entry)
-    if any(e.is_gap for e in checks):
-        return None
     index = command.entry.index
     same = [e.index == index for e in checks]
     if not _subindices_differ(command.entry, checks):
         return None
     if all(same):
-        return "sure" if _data_differs(placed, starts, base, words, frame_bytes, index) else None
+        return (
+            "sure"
+            if _data_differs(
+                placed, starts, base, {w.bit_offset for w in words}, frame_bytes, index
+            )
+            else None
+        )
     # Some maps put a single CRC on a neighbouring object; the connection ID stays on the command's.
     near = all(abs(e.index - index) <= _NEIGHBOUR for e in checks)
     if near and same[-1] and sum(same) >= len(same) - 1 and len(same) > 2:
         return "likely"
     return None
+
+
+def check_words(
+    placed: tuple[Placed, ...], starts: Mapping[int, int], command: Placed, frame_bytes: int
+) -> tuple[Placed, ...] | None:
+    """Return the CRCs and the connection ID of a frame of this length by their places alone.
+
+    Args:
+        placed: All entries of the sync manager.
+        starts: Number in ``placed`` of the entry that starts at a bit.
+        command: Where the frame begins.
+        frame_bytes: Its length.
+
+    Returns:
+        The 16-bit entries, the connection ID last; ``None`` when one is missing or is padding.
+    """
+    if not is_frame_length(frame_bytes):
+        return None
+    crc_bytes = [2] if frame_bytes == 6 else range(3, frame_bytes - 2, 4)
+    words: list[Placed] = []
+    for byte in (*crc_bytes, frame_bytes - 2):
+        number = starts.get(command.bit_offset + 8 * byte)
+        if number is None or placed[number].entry.bits != _CRC_BITS:
+            return None
+        words.append(placed[number])
+    return None if any(w.entry.is_gap for w in words) else tuple(words)
 
 
 def _subindices_differ(command: Entry, checks: list[Entry]) -> bool:
@@ -251,12 +296,11 @@ def _data_differs(
     placed: tuple[Placed, ...],
     starts: dict[int, int],
     base: int,
-    words: list[int],
+    word_bits: set[int],
     frame_bytes: int,
     index: int,
 ) -> bool:
     """Safe data of a frame never stand on the index of its command; ordinary records do."""
-    word_bits = {base + 8 * byte for byte in words}
     for bit, number in starts.items():
         inside = base < bit < base + 8 * frame_bytes
         if inside and bit not in word_bits and placed[number].entry.index == index:

@@ -1,0 +1,267 @@
+"""How sure it is that a piece of process data is an FSoE frame, in numbers and in words.
+
+`find_blocks` decides by structure alone, which is what plans are built on. Files of other tools
+also have names and half-finished mappings, and a person has to decide about the doubtful ones. So
+the same structure is weighed here:
+
+    place of the CRCs and the connection ID     40
+    command, CRCs and connection ID on one index 30   (15 when one CRC is on a neighbour)
+    index where frames of the profiles are       15   (0x6xxx, 0x7xxx, 0xE6xx, 0xE7xx)
+    safe data on objects of their own             5
+    names that speak of FSoE                     10   (-40 when there are names and none does)
+
+From `SURE` on a frame may be taken without asking. A length alone is never enough: ordinary process
+data of six bytes are common. Names alone are not either: they are empty, translated or swapped.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.layout import (
+    FsoeBlock,
+    Placed,
+    candidate_lengths,
+    check_words,
+    find_blocks,
+    place_entries,
+)
+
+__all__ = ["SURE", "FsoeGuess", "FsoeNearMiss", "detect_fsoe", "guess_pdo", "near_misses"]
+
+SURE = 80
+_MOST_LIKELY = 70  # what a frame with a CRC on another index gets at best
+_LEAST = 50
+_MAX_ENTRIES = 20_000
+
+_FSOE = re.compile(r"f\W?s\W?o\W?e|safety|twinsafe", re.IGNORECASE)
+_COMMAND = re.compile(r"\bcmd|command", re.IGNORECASE)
+_CRC = re.compile(r"crc", re.IGNORECASE)
+_CONNECTION = re.compile(r"conn", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FsoeGuess:
+    """A frame with what speaks for it and against it.
+
+    Attributes:
+        block: Place, length and command.
+        score: 0 … 100, see the module.
+        reasons: What was found, in words.
+        doubts: What is not as it should be, in words.
+    """
+
+    block: FsoeBlock
+    score: int
+    reasons: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def sure(self) -> bool:
+        """Whether it may be taken without asking."""
+        return self.score >= SURE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FsoeNearMiss:
+    """Process data that are named like a frame but are none, and where they fail, in words."""
+
+    pdo: Pdo
+    why: str
+
+
+def guess_pdo(pdo: Pdo, direction: Direction) -> tuple[FsoeGuess, ...]:
+    """Weigh a PDO on its own, such as one that a device offers and nothing assigns."""
+    manager = SyncManager(
+        index=2 if direction is Direction.OUTPUT else 3, direction=direction, carries=None
+    )
+    return detect_fsoe(place_entries((pdo,)), manager)
+
+
+def detect_fsoe(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeGuess, ...]:
+    """Find and weigh the frames of a sync manager.
+
+    Args:
+        placed: Its entries, see `place_entries` and `SmLayout.placed`.
+        sm: The sync manager.
+
+    Returns:
+        Frames by rising offset; they do not overlap.
+    """
+    if len(placed) > _MAX_ENTRIES:
+        return ()
+    starts = {p.bit_offset: n for n, p in enumerate(placed)}
+    blocks = find_blocks(placed, sm)
+    taken = [(8 * b.byte_offset, 8 * b.end_byte) for b in blocks]
+    guesses = [_weigh(placed, starts, block, one_index=not block.likely) for block in blocks]
+    for command in placed:
+        if any(low <= command.bit_offset < high for low, high in taken):
+            continue
+        room = next((low for low, _ in sorted(taken) if low > command.bit_offset), None)
+        end = placed[-1].end_bit if room is None else room
+        guess = _by_names(placed, starts, command, sm, end)
+        if guess is not None:
+            guesses.append(guess)
+            taken.append((8 * guess.block.byte_offset, 8 * guess.block.end_byte))
+    found = (g for g in guesses if g.score >= _LEAST or not g.block.likely)
+    return tuple(sorted(found, key=lambda g: g.block.byte_offset))
+
+
+def near_misses(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeNearMiss, ...]:
+    """Name the PDOs that speak of CRC and connection ID and hold no frame, and what is wrong.
+
+    Args:
+        placed: The entries of a sync manager.
+        sm: The sync manager.
+    """
+    held = [(8 * g.block.byte_offset, 8 * g.block.end_byte) for g in detect_fsoe(placed, sm)]
+    found: list[FsoeNearMiss] = []
+    for pdo, rows in _by_pdo(placed):
+        inside = any(low <= r.bit_offset < high for r in rows for low, high in held)
+        has_crc = any(_CRC.search(r.entry.name) for r in rows)
+        has_id = any(_CONNECTION.search(r.entry.name) for r in rows)
+        if not inside and has_crc and has_id:
+            found.append(FsoeNearMiss(pdo=pdo, why=_why_not(rows)))
+    return tuple(found)
+
+
+def _by_pdo(placed: tuple[Placed, ...]) -> list[tuple[Pdo, list[Placed]]]:
+    groups: list[tuple[Pdo, list[Placed]]] = []
+    for row in placed:
+        if not groups or groups[-1][0] is not row.pdo:
+            groups.append((row.pdo, []))
+        groups[-1][1].append(row)
+    return groups
+
+
+def _why_not(rows: list[Placed]) -> str:
+    """Walk along the frame that the names promise to the first thing that does not fit."""
+    base = next((r for r in rows if r.entry.bits == 8 and not r.entry.is_gap), None)
+    if base is None:
+        return "there is no command of 8 bits"
+    if base.bit_offset % 8:
+        return f"its command {base.entry.address} starts at bit {base.bit_offset}, inside a byte"
+    crcs = [r for r in rows if _CRC.search(r.entry.name)]
+    for number, row in enumerate(crcs):
+        bits = row.bit_offset - base.bit_offset
+        what = f"CRC {number} ({row.entry.address})"
+        if row.entry.bits != 16:
+            return f"{what} has {row.entry.bits} bits instead of 16"
+        expected = (24,) if number or len(crcs) > 1 else (16, 24)
+        wanted = tuple(e + 32 * number for e in expected)
+        if bits not in wanted:
+            places = " or ".join(str(w) for w in wanted)
+            return f"{what} starts {bits} bits behind the command instead of {places}"
+    last = (
+        rows[-1] if not crcs else next((r for r in rows if r.bit_offset == crcs[-1].end_bit), None)
+    )
+    if last is None or last.entry.bits != 16 or last.entry.is_gap:
+        return "no connection ID of 16 bits follows the last CRC"
+    return "its command, CRCs and connection ID do not belong together"
+
+
+def _weigh(
+    placed: tuple[Placed, ...],
+    starts: dict[int, int],
+    block: FsoeBlock,
+    *,
+    one_index: bool,
+) -> FsoeGuess:
+    command = placed[starts[8 * block.byte_offset]]
+    words = check_words(placed, starts, command, block.frame_bytes) or ()
+    index = command.entry.index
+    score, most = 40, 100
+    reasons = [
+        f"{block.frame_bytes} bytes from byte {block.byte_offset}: a command, "
+        f"{block.safe_bytes} safe bytes, {len(words) - 1} CRC and a connection ID at their places"
+    ]
+    doubts: list[str] = []
+    others = [w.entry for w in words if w.entry.index != index]
+    if one_index:
+        score += 30
+        reasons.append(f"command, CRC and connection ID are on object 0x{index:04x}")
+    else:
+        near = len(others) == 1 and abs(others[0].index - index) <= 0x0F
+        score += 15 if near else 0
+        most = _MOST_LIKELY
+        places = ", ".join(e.address for e in others[:4])
+        doubts.append(f"not on the object of the command 0x{index:04x}: {places}")
+    if _is_usual(index):
+        score += 15
+    else:
+        doubts.append(f"object 0x{index:04x} is outside 0x6000 … 0x7fff and 0xe600 … 0xe7ff")
+    inside = _inside(placed, command, words, block)
+    if any(not e.is_gap for e in inside):
+        score += 5
+        reasons.append("the safe data are on objects of their own")
+    else:
+        doubts.append("the safe data are nothing but padding")
+    points, texts = _names(command, [w.entry for w in words], inside)
+    score += points
+    (reasons if points > 0 else doubts).extend(texts)
+    return FsoeGuess(
+        block=block,
+        score=max(0, min(score, most)),
+        reasons=tuple(reasons),
+        doubts=tuple(doubts),
+    )
+
+
+def _is_usual(index: int) -> bool:
+    return 0x6000 <= index <= 0x7FFF or 0xE600 <= index <= 0xE7FF
+
+
+def _inside(
+    placed: tuple[Placed, ...], command: Placed, words: tuple[Placed, ...], block: FsoeBlock
+) -> list[Entry]:
+    checks = {w.bit_offset for w in words}
+    low, high = command.bit_offset, 8 * block.end_byte
+    return [p.entry for p in placed if low < p.bit_offset < high and p.bit_offset not in checks]
+
+
+def _names(command: Placed, words: list[Entry], inside: list[Entry]) -> tuple[int, list[str]]:
+    """Return points for the names, and what they say."""
+    checks = [w.name for w in words]
+    named = [n for n in (command.entry.name, *checks) if n]
+    if not named:
+        return 0, []
+    said = [n for n in checks if _CRC.search(n) or _CONNECTION.search(n)]
+    every = [command.pdo.name, *named, *(e.name for e in inside)]
+    fsoe = next((n for n in every if _FSOE.search(n)), None)
+    if said or fsoe is not None or (len(named) == 1 and _COMMAND.search(named[0])):
+        example = said[0] if said else fsoe or named[0]
+        return 10, [f"names speak of FSoE, such as {example[:40]!r}"]
+    return -40, [f"no name speaks of FSoE, CRC or connection: {', '.join(named[:3])[:80]}"]
+
+
+def _by_names(
+    placed: tuple[Placed, ...],
+    starts: dict[int, int],
+    command: Placed,
+    sm: SyncManager,
+    end_bit: int,
+) -> FsoeGuess | None:
+    """Return a frame by its places whose indices do not agree, when names speak for it."""
+    entry = command.entry
+    if entry.bits != 8 or entry.is_gap or command.bit_offset % 8 or entry.index < 0x2000:
+        return None
+    best: FsoeGuess | None = None
+    for frame_bytes in candidate_lengths((end_bit - command.bit_offset) // 8):
+        words = check_words(placed, starts, command, frame_bytes)
+        if words is None:
+            continue
+        names = [w.entry.name for w in words]
+        if not any(_CRC.search(n) for n in names) or not any(_CONNECTION.search(n) for n in names):
+            continue
+        block = FsoeBlock(
+            byte_offset=command.bit_offset // 8,
+            frame_bytes=frame_bytes,
+            command=entry,
+            direction=sm.direction,
+            sm_index=sm.index,
+            likely=True,
+        )
+        best = _weigh(placed, starts, block, one_index=False)
+    return best

@@ -1,0 +1,126 @@
+"""FSoE frames weighed: all known devices, ordinary process data, and what is in between."""
+
+from __future__ import annotations
+
+import pytest
+from model.fsoe_table import pdo, rows
+
+from fsoe_net.model import (
+    Direction,
+    SyncManager,
+    detect_fsoe,
+    guess_pdo,
+    near_misses,
+    place_entries,
+)
+
+SM3 = SyncManager(index=3, direction=Direction.INPUT, carries=None)
+TABLE = rows()
+
+
+def guesses(text: str, name: str = ""):
+    return guess_pdo(pdo(text, name=name), Direction.INPUT)
+
+
+@pytest.mark.parametrize("row", TABLE, ids=lambda r: f"{r.device} {r.direction.value}")
+def test_every_known_frame_is_found_with_its_length(row):
+    (found,) = guess_pdo(row.pdo, row.direction)
+    assert (found.block.byte_offset, found.block.frame_bytes) == (0, row.frame_bytes)
+    assert found.block.direction is row.direction
+    neighbour = any(e.address == "0x6768:03" for e in row.pdo.entries)
+    assert found.sure is not neighbour
+    assert found.reasons
+    assert bool(found.doubts) is neighbour or "padding" in " ".join(found.doubts)
+
+
+def test_table_is_whole():
+    assert len(TABLE) == 46
+    assert {row.frame_bytes for row in TABLE} == {6, 7, 11, 15, 31}
+
+
+STANDARD = {
+    "analogue input": "6000:01/1 6000:02/1 -/6 -/8 6000:11/16 6000:12/16",
+    "record with status, two words on one object": "6000:01/8 6000:02/8 6000:11/16 6000:12/16",
+    "counter": "6000:01/8 6000:02/16 6000:03/16",
+    "drive": "6041:00/16 6064:00/32 6061:00/8 -/8 603F:00/16 6077:00/16",
+    "six bytes": "6061:00/8 -/8 603F:00/16 6077:00/16",
+    "32 digital inputs": "6000:01-20/1",
+    "words": "6000:01/16 6000:02/16 6000:03/16",
+}
+
+
+@pytest.mark.parametrize("name", STANDARD)
+def test_ordinary_process_data_are_not_taken(name):
+    assert guesses(STANDARD[name]) == ()
+
+
+def test_names_that_speak_of_something_else_make_it_doubtful():
+    text = "6000:01/8=Status -/8 6000:02/16=Counter_value 6000:03/16=Latch_value"
+    (found,) = guesses(text, name="Inputs")
+    assert not found.sure
+    assert any("Counter value" in d for d in found.doubts)
+    (unnamed,) = guesses("6000:01/8 -/8 6000:02/16 6000:03/16")
+    assert unnamed.sure
+    assert unnamed.score > found.score
+
+
+def test_swapped_names_do_not_matter():
+    text = "6000:01/8=FSoE_CMD 6001:01/8 6000:03/16=FSoE_ConnID 6000:02/16=FSoE_CRC_0"
+    (found,) = guesses(text)
+    assert found.sure
+    assert found.score == 100
+    assert not found.doubts
+
+
+def test_an_unusual_object_needs_names():
+    (plain,) = guesses("2F10:01/8 2F11:01/8 2F10:02/16 2F10:03/16")
+    assert not plain.sure
+    (named,) = guesses("2F10:01/8=FSoE_CMD 2F11:01/8 2F10:02/16=CRC 2F10:03/16=ConnID")
+    assert named.sure
+    assert any("0x2f10" in d for d in named.doubts)
+
+
+def test_places_without_a_common_object_are_likely_at_best_and_need_both_names():
+    text = "6000:01/8=Command 6001:01/16 6002:01/16=CRC_0 6003:01/16=Connection_ID"
+    (found,) = guesses(text)
+    assert (found.block.frame_bytes, found.sure, found.block.likely) == (7, False, True)
+    assert any("0x6002:01" in d for d in found.doubts)
+    assert guesses("6000:01/8=Command 6001:01/16 6002:01/16 6003:01/16=Connection_ID") == ()
+
+
+def test_frame_behind_ordinary_data_and_two_in_a_row():
+    text = (
+        "6041:00/16 6064:00/32 6760:01/8 6640:00/16 6760:03/16 6760:02/16 "
+        "6770:01/8 6641:00/8 6770:03/16 6770:02/16 6100:01/16"
+    )
+    found = guesses(text)
+    assert [(g.block.byte_offset, g.block.frame_bytes) for g in found] == [(6, 7), (13, 6)]
+
+
+def test_broken_mapping_is_named_with_the_place_that_fails():
+    five = "7050:01/8=FSoE_CMD 7051:01-05/1 7050:03/16=FSoE_CRC_0 7050:02/16=FSoE_ConnID"
+    placed = place_entries((pdo(five),))
+    assert detect_fsoe(placed, SM3) == ()
+    (miss,) = near_misses(placed, SM3)
+    assert "13 bits behind the command instead of 16 or 24" in miss.why
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("6000:01/16=CMD 6000:02/16=CRC 6000:03/16=ConnID", "no command of 8 bits"),
+        ("-/1 6000:01/8 6001:01/8 6000:02/16=CRC 6000:03/16=Conn", "inside a byte"),
+        ("6000:01/8 6001:01/8 6000:02/8=CRC 6000:03/16=Conn", "8 bits instead of 16"),
+        ("6000:01/8 6001:01/8 6000:02/16=CRC 6000:03/8=Conn", "no connection ID"),
+        ("6000:01/8 6001:01/8 6000:01/16=CRC -/16=Conn", "no connection ID"),
+    ],
+)
+def test_near_misses_say_why(text, why):
+    (miss,) = near_misses(place_entries((pdo(text),)), SM3)
+    assert why in miss.why
+
+
+def test_nothing_to_say_about_frames_and_plain_data():
+    frame = pdo("6000:01/8=CMD 6001:01/8 6000:03/16=CRC 6000:02/16=ConnID")
+    plain = pdo("6000:01/8=Status 6000:02/16=Value", index=0x1A01)
+    assert near_misses(place_entries((frame, plain)), SM3) == ()
