@@ -22,6 +22,7 @@ from unittest import mock
 
 from fsoe.pair import Bench
 from fsoe.recorded import own_run, recording_text
+from load.sii_image import category, image, strings
 
 from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.core import CorePlan, Scanner
@@ -31,6 +32,9 @@ from fsoe_net.fsoe.recording import reader as recording_reader
 from fsoe_net.fsoe.recording import replay
 from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.load import Collector, load_scenario, urdf
+from fsoe_net.load.esi import EsiChoice, load_esi
+from fsoe_net.load.sii import load_sii
+from fsoe_net.model import Description, detect_fsoe, layout_of, near_misses
 from fsoe_net.observe import CaptureWriter, follow_frames, parse_frames, read_capture
 from fsoe_net.plan import compile_plan, decode_plan, encode_plan, plan_json, plan_text
 
@@ -117,6 +121,33 @@ def _hex(data: bytes, folder: Path) -> None:
             assert 0 <= seen.sequence <= 0xFFFF
 
 
+def _described(description: Description | None, out: Collector) -> None:
+    """What was read can be placed and weighed; what was not read says why."""
+    assert description is not None or out.diagnostics
+    for diagnostic in out.diagnostics:
+        assert diagnostic.message
+        assert diagnostic.hint
+        assert diagnostic.span.line >= 0
+    for subdevice in description.subdevices if description is not None else ():
+        for manager in layout_of(subdevice.device).managers:
+            detect_fsoe(manager.placed, manager.sm)
+            near_misses(manager.placed, manager.sm)
+
+
+def _esi(data: bytes, folder: Path) -> None:
+    out = Collector()
+    _described(load_esi(data, out, cache=False), out)
+    choice = EsiChoice(product=0x10, revision=3, modules=(0xBE, None, 0xBF))
+    out = Collector()
+    _described(load_esi(data, out, choice=choice, cache=False), out)
+
+
+def _sii(data: bytes, folder: Path) -> None:
+    """The checksum is right or not; both go on."""
+    out = Collector()
+    _described(load_sii(data, out), out)
+
+
 def _capture(data: bytes, folder: Path) -> None:
     path = folder / "capture.pcapng"
     path.write_bytes(data)
@@ -186,6 +217,20 @@ def _captures() -> list[bytes]:
         return [pcap, path.read_bytes()]
 
 
+def _siis() -> list[bytes]:
+    manager = struct.pack("<HHBBBB", 0x1100, 6, 0x24, 0, 1, 3)
+    entries = ((0x7000, 1, 8), (0x7001, 1, 8), (0x7000, 3, 16), (0x7000, 2, 16))
+    pdo = struct.pack("<HBBBBH", 0x1600, len(entries), 0, 0, 2, 0)
+    for index, sub, bits in entries:
+        pdo += struct.pack("<HBBBBH", index, sub, 3, 6, bits, 0)
+    general = category(30, bytes([0, 0, 1, 1]) + bytes(28))
+    texts = strings(b"EL1", b"FSoE", b"CRC")
+    return [
+        image(texts, general, category(40, b"\1\2"), category(41, manager), category(51, pdo)),
+        image(texts, general, category(60, bytes(24)), size=256),
+    ]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
     """One kind of input.
@@ -229,6 +274,8 @@ TARGETS = {
     "recording": Target(run=_recording, seeds=_recordings),
     "hex": Target(run=_hex, seeds=_hexes),
     "capture": Target(run=_capture, seeds=_captures),
+    "esi": Target(run=_esi, seeds=_files(*sorted((ROOT / "tests" / "load" / "esi").glob("*.xml")))),
+    "sii": Target(run=_sii, seeds=_siis),
 }
 
 
