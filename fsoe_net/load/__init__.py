@@ -1,14 +1,17 @@
 """Files into the model, every value with its place; what is wrong becomes diagnostics."""
 
+from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.network import FileKind, LoadOptions, LoadResult, load_network
 from fsoe_net.load.scan import load_scan, parse_scan
 from fsoe_net.load.scenario import load_scenario
 from fsoe_net.load.schema import check_structure, read_schema
+from fsoe_net.load.sii import load_sii
 from fsoe_net.load.yaml_tree import MapNode, ScalarNode, SeqNode, load_yaml, parse_yaml
 
 __all__ = [
     "Collector",
+    "EsiChoice",
     "FileKind",
     "LoadOptions",
     "LoadResult",
@@ -16,9 +19,12 @@ __all__ = [
     "ScalarNode",
     "SeqNode",
     "check_structure",
+    "list_esi",
+    "load_esi",
     "load_network",
     "load_scan",
     "load_scenario",
+    "load_sii",
     "load_yaml",
     "parse_scan",
     "parse_yaml",

@@ -127,6 +127,8 @@ class _File:
         )
         self._data = data
         self._sha256 = sha256
+        self._modules: dict[tuple[int, int], EsiRow] = {}
+        self._parsed: dict[int, Element | None] = {}  # modules, by where they begin
 
     @classmethod
     def open(
@@ -195,14 +197,18 @@ class _File:
         )
 
     def _module(self, ident: int, group: int, at: Span, out: Collector) -> Element | None:
-        modules = self.catalogue.modules
-        found = next((m for m in modules if m.product == ident and m.group == group), None)
+        modules = self.catalogue.modules if not self._modules else ()
+        for row in modules:
+            self._modules.setdefault((row.group, row.product), row)
+        found = self._modules.get((group, ident))
         if found is not None:
-            return self._element(found, out)
+            if found.offset not in self._parsed:
+                self._parsed[found.offset] = self._element(found, out)
+            return self._parsed[found.offset]
         elsewhere = ", ".join(self.catalogue.references[:4])
         hint = f"the file refers to {elsewhere}; it may be there" if elsewhere else ""
         if not hint:
-            known = ", ".join(f"0x{m.product:x}" for m in modules[:8])
+            known = ", ".join(f"0x{m.product:x}" for m in self.catalogue.modules[:8])
             hint = f"its modules are {known}" if known else "the file describes no modules"
         out.add("FSN137", at, f"module 0x{ident:x} is not in this file", hint=hint)
         return None

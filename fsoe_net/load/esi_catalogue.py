@@ -21,6 +21,8 @@ __all__ = ["EsiCatalogue", "EsiRow", "esi_number", "plain_bytes", "scan_esi"]
 
 MAX_ROWS = 100_000
 _MAX_TEXT = 1000  # characters of a name that are kept
+_MAX_PIECES = 8  # of text, 8 KiB each as expat hands them over
+_MAX_REFERENCES = 1000
 _ENGLISH = "1033"
 
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -261,6 +263,7 @@ class _Scan:
         self._groups = 0
         self._references: list[str] = []
         self._rows: list[EsiRow] = []
+        self._met = 0  # devices and modules, also those that are left out
         self._is_list = False
         self._parser = expat.ParserCreate(encoding)
         self._parser.buffer_text = True
@@ -374,7 +377,8 @@ class _Scan:
             self._groups += 1
             self._vendor_id = 0
         elif name in ("Device", "Module"):
-            if len(self._rows) >= MAX_ROWS:
+            self._met += 1
+            if self._met > MAX_ROWS:
                 self._refuse("FSN103", f"more than {MAX_ROWS} devices", "is this an ESI file?")
             offset = self._parser.CurrentByteIndex + self._left_out
             self._open = _Open(name.lower(), offset, span, vendor=self._vendor_id)
@@ -388,7 +392,7 @@ class _Scan:
         self._refuse("FSN117", f"<{name[:80]}> is not the root of an ESI file", hint)
 
     def _characters(self, text: str) -> None:
-        if self._text is not None:
+        if self._text is not None and len(self._text) < _MAX_PIECES:
             self._text.append(text)
 
     def _end(self, name: str) -> None:
@@ -400,7 +404,8 @@ class _Scan:
         elif name in ("Id", "Name") and self._path[-1] == "Vendor":
             self._of_vendor(name, text)
         elif name == "InfoReference":
-            self._references.append(text)
+            if len(self._references) < _MAX_REFERENCES:
+                self._references.append(text)
         elif self._open is not None and name == "Type":
             self._open.type, self._open.attributes = text, self._attributes
         elif self._open is not None and name == "Name":

@@ -15,6 +15,8 @@ from fsoe_net.model import DescribedSubDevice, Device, Direction, Pdo, Sdo, Sync
 __all__ = ["read_esi_device"]
 
 _MAX_NOTES = 100
+_MAX_FINDINGS = 50
+_MAX_ENTRIES = 100_000  # of a device with its modules
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +64,9 @@ class _DeviceReader:
         self._path = path
         self._notes: list[str] = []
         self._broken = False
+        self._entries = 0
+        self._contradicted = 0
+        self._at: dict[tuple[int, Direction], int] = {}
 
     def read(
         self,
@@ -69,13 +74,14 @@ class _DeviceReader:
         module: Callable[[int, Span], Element | None],
     ) -> DescribedSubDevice | None:
         pdos, sdos = self._part(self._element, PartReader(self._out))
+        self._at = {(p.pdo.index, p.direction): n for n, p in reversed([*enumerate(pdos)])}
         idents: list[int] = []
         added = False
         for place, ident in self._chosen(modules):
             found = module(ident, place.span)
-            if found is None:
+            if found is None or self._is_too_much(place):
                 self._broken = True
-                continue
+                break
             part = PartReader(self._out, pdo_step=place.pdo_step, index_step=place.index_step)
             more, more_sdos = self._part(found, part)
             added |= self._merge(pdos, more)
@@ -84,9 +90,9 @@ class _DeviceReader:
         if added:
             pdos.sort(key=lambda p: p.pdo.index)
             self._note("PDOs of modules are put in the order of their index")
-        managers, available = self._assign(pdos)
         if self._broken:
             return None
+        managers, available = self._assign(pdos)
         row = self._row
         device = Device(
             path=self._path,
@@ -113,12 +119,20 @@ class _DeviceReader:
 
     def _part(self, element: Element, part: PartReader) -> tuple[list[EsiPdo], list[Sdo]]:
         pdos, sdos = part.pdos(element), part.sdos(element)
+        self._entries += len(sdos) + sum(1 + len(p.pdo.entries) for p in pdos)
         self._broken |= part.broken
         self._notes += part.notes
         for pdo in pdos:
             if pdo.mark:
                 self._note(f"PDO 0x{pdo.pdo.index:04x} is marked {pdo.mark}")
         return pdos, sdos
+
+    def _is_too_much(self, place: SlotPlace) -> bool:
+        if self._entries <= _MAX_ENTRIES:
+            return False
+        message = f"the modules before slot {place.number} have more than {_MAX_ENTRIES} entries"
+        self._out.add("FSN103", place.span, message, hint="choose the modules that are there")
+        return True
 
     # -- modules ----------------------------------------------------------------------------------
 
@@ -165,15 +179,9 @@ class _DeviceReader:
         """Put the PDOs of a module in; return whether one was not there before."""
         added = False
         for new in more:
-            at = next(
-                (
-                    n
-                    for n, old in enumerate(pdos)
-                    if (old.pdo.index, old.direction) == (new.pdo.index, new.direction)
-                ),
-                None,
-            )
+            at = self._at.get((new.pdo.index, new.direction))
             if at is None:
+                self._at[new.pdo.index, new.direction] = len(pdos)
                 pdos.append(new)
                 added = True
                 continue
@@ -272,23 +280,31 @@ class _DeviceReader:
 
     def _contradictions(self, assigned: list[EsiPdo]) -> None:
         seen: dict[tuple[int, Direction], EsiPdo] = {}
+        by_index: dict[int, EsiPdo] = {}
+        unwanted: dict[int, EsiPdo] = {}
         for pdo in assigned:
             index = pdo.pdo.index
             other = seen.get((index, pdo.direction))
             if other is not None:
                 message = f"PDO 0x{index:04x} is assigned twice"
                 self._contradiction(pdo, message, "take Sm from one of the two", other)
-            for low, earlier in seen.items():
-                if low[0] in pdo.excludes or index in earlier.excludes:
-                    message = f"PDO 0x{index:04x} and 0x{low[0]:04x} exclude each other"
-                    hint = "only one can be assigned; take Sm from the other"
-                    self._contradiction(pdo, message, hint, earlier)
-                    break
+            earlier = unwanted.get(index) or next(
+                (by_index[e] for e in pdo.excludes if e in by_index), None
+            )
+            if earlier is not None:
+                message = f"PDO 0x{index:04x} and 0x{earlier.pdo.index:04x} exclude each other"
+                hint = "only one can be assigned; take Sm from the other"
+                self._contradiction(pdo, message, hint, earlier)
             seen[index, pdo.direction] = pdo
+            by_index[index] = pdo
+            unwanted.update((e, pdo) for e in pdo.excludes if e != index)
 
     def _contradiction(
         self, pdo: EsiPdo, message: str, hint: str, other: EsiPdo | None = None
     ) -> None:
+        self._contradicted += 1
+        if self._contradicted > _MAX_FINDINGS:
+            return
         related = (Related(span=other.pdo.span, message="the other one"),) if other else ()
         self._out.add("FSN139", pdo.pdo.span, message, hint=hint, related=related)
 

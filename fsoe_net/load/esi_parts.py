@@ -14,6 +14,7 @@ __all__ = ["EsiPdo", "PartReader", "SlotPlace", "flag", "name_of", "slot_places"
 
 MAX_PDO_BITS = 8 * 65536
 MAX_SLOTS = 4096
+_MAX_FINDINGS = 50  # of one device; what is wrong throughout is clear by then
 _ENGLISH = "1033"
 _SDO_SIZES = (1, 2, 4, 8)
 _OTHER = {Direction.OUTPUT: "RxPdo", Direction.INPUT: "TxPdo"}
@@ -73,6 +74,7 @@ class PartReader:
     def __init__(self, out: Collector, *, pdo_step: int = 0, index_step: int = 0) -> None:
         self.broken = False
         self.notes: list[str] = []
+        self._found = 0
         self._out = out
         self._pdo_step = pdo_step
         self._index_step = index_step
@@ -183,7 +185,9 @@ class PartReader:
 
     def _wrong(self, code: str, span: Span, message: str, hint: str) -> None:
         self.broken = True
-        self._out.add(code, span, message, hint=hint)
+        self._found += 1
+        if self._found <= _MAX_FINDINGS:
+            self._out.add(code, span, message, hint=hint)
 
     # -- start-up ---------------------------------------------------------------------------------
 
@@ -234,8 +238,10 @@ def slot_places(slots: Element | None, out: Collector, most: int) -> list[SlotPl
     places: list[SlotPlace] = []
     number = 0
     for slot in slots.all("Slot"):
-        count = max(_attribute(slot, "MaxInstances", 1, out), 0)
-        least = max(_attribute(slot, "MinInstances", 0, out), 0)
+        count = _attribute(slot, "MaxInstances", 1, out)
+        least = min(_attribute(slot, "MinInstances", 0, out), count, MAX_SLOTS)
+        if len(places) >= MAX_SLOTS:
+            break
         idents = [(esi_number(m.text), m) for m in slot.all("ModuleIdent")]
         fits = tuple(i for i, _ in idents if i is not None)
         defaults = [i for i, m in idents if i is not None and flag(m, "Default")]

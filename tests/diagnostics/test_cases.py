@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import shutil
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 import yaml
 
 from fsoe_net.cli.inputs import check_files
-from fsoe_net.diag import CATALOGUE, Severity
-from fsoe_net.load import load_scan
+from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
+from fsoe_net.load import Collector, load_scan
+from fsoe_net.load.esi import EsiChoice
 from fsoe_net.rules import Runtime
 
 HERE = Path(__file__).parent
@@ -30,14 +32,31 @@ def _seed(folder: Path, case: dict) -> None:
         (folder / file).write_text(text, "utf-8")
 
 
-def _check(folder: Path, case: dict, monkeypatch: pytest.MonkeyPatch):
+def findings(case: dict) -> list[Diagnostic]:
+    """Return what is found in the files of a case, in the current folder.
+
+    `reader: module.function` reads them with one of `fsoe_net.load`, and `choice` with that choice
+    of a device; all others are checked, and compared with the bus if there is a `scan`.
+    """
+    if "reader" not in case:
+        scan = None
+        if "scan" in case:
+            scan, damage = load_scan(case["scan"])
+            assert scan is not None, damage
+        runtime = Runtime(case.get("runtime", "fsn"))
+        return check_files(case["check"], runtime=runtime, scan=scan).diagnostics
+    module, name = case["reader"].split(".")
+    read = getattr(import_module(f"fsoe_net.load.{module}"), name)
+    options = {"choice": EsiChoice(**case["choice"])} if "choice" in case else {}
+    out = Collector()
+    for file in case["check"]:
+        read(file, out, **options)
+    return out.diagnostics
+
+
+def _check(folder: Path, case: dict, monkeypatch: pytest.MonkeyPatch) -> list[Diagnostic]:
     monkeypatch.chdir(folder)
-    runtime = Runtime(case.get("runtime", "fsn"))
-    scan = None
-    if "scan" in case:
-        scan, damage = load_scan(case["scan"])
-        assert scan is not None, damage
-    return check_files(case["check"], runtime=runtime, scan=scan).diagnostics
+    return findings(case)
 
 
 def test_every_code_has_a_case_and_a_page():
@@ -73,3 +92,13 @@ def test_clean_bus_raises_nothing_of_its_own(monkeypatch: pytest.MonkeyPatch):
 def test_clean_files_raise_nothing_but_notes(files: list[str], monkeypatch: pytest.MonkeyPatch):
     found = _check(HERE / "base", {"check": files}, monkeypatch)
     assert [f"{d.span} {d.code}" for d in found if d.level is not Severity.INFO] == []
+
+
+@pytest.mark.parametrize(
+    ("reader", "file"), [("esi.load_esi", "gate.xml"), ("sii.load_sii", "gate.sii")]
+)
+def test_clean_files_of_other_tools_raise_nothing(
+    reader: str, file: str, monkeypatch: pytest.MonkeyPatch
+):
+    found = _check(HERE / "base", {"check": [file], "reader": reader}, monkeypatch)
+    assert [f"{d.span} {d.code}" for d in found] == []

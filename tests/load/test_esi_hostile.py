@@ -270,3 +270,39 @@ def test_small_files_and_files_with_findings_are_not_kept(big):
         list_esi(big, out)
         assert [d.code for d in out.diagnostics] == ["FSN111", "FSN111"]
     assert not cache_folder().exists()
+
+
+# -- as much as it can be -------------------------------------------------------------------------
+
+
+def test_slots_do_not_multiply_without_bound():
+    slot = (
+        '<Slot MinInstances="65535" MaxInstances="65535"><ModuleIdent Default="1">1</ModuleIdent>'
+    )
+    entry = "<Entry><Index>0</Index><BitLen>1</BitLen></Entry>"
+    module = module_text(1, f'<TxPdo Sm="3"><Index>#x1a00</Index>{100 * entry}</TxPdo>')
+    text = esi_text(DEVICE.format("N", f"<Slots>{slot}</Slot>{500 * (slot + '</Slot>')}</Slots>"))
+    description, out = load(text.replace("<Modules>\n", "<Modules>\n" + module))
+    assert description is None
+    assert [d.code for d in out.diagnostics] == ["FSN103"]
+
+
+def test_findings_do_not_multiply_without_bound():
+    entry = "<Entry><Index>x</Index><BitLen>1</BitLen></Entry>"
+    text = esi_text(DEVICE.format("N", f'<TxPdo Sm="3"><Index>#x1a00</Index>{500 * entry}</TxPdo>'))
+    _, out = load(text)
+    assert len(out.diagnostics) == 50
+    pdos = "".join(f'<TxPdo Sm="3"><Index>{n}</Index></TxPdo>' for n in range(1, 500))
+    description, out = load(esi_text(DEVICE.format("N", pdos)))
+    assert description is not None
+    assert len(out.diagnostics) == 50
+
+
+def test_rows_and_references_have_an_end(monkeypatch):
+    monkeypatch.setattr("fsoe_net.load.esi_catalogue.MAX_ROWS", 3)
+    no_identity = "<Device><Type>X</Type></Device>\n"
+    _, out = load(esi_text(4 * no_identity))
+    assert [d.code for d in out.diagnostics] == ["FSN110", "FSN110", "FSN110", "FSN103"]
+    out = Collector()
+    text = PLAIN.replace("</Vendor>", "</Vendor>" + 1100 * "<InfoReference>a</InfoReference>")
+    assert len(list_esi(text.encode(), out).references) == 1000
