@@ -23,9 +23,8 @@ from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.layout import (
     FsoeBlock,
     Placed,
-    candidate_lengths,
-    check_words,
     find_blocks,
+    frames_at,
     place_entries,
 )
 
@@ -170,7 +169,8 @@ def _weigh(
     one_index: bool,
 ) -> FsoeGuess:
     command = placed[starts[8 * block.byte_offset]]
-    words = check_words(placed, starts, command, block.frame_bytes) or ()
+    end_bit = 8 * block.end_byte
+    words = max(frames_at(placed, starts, command, end_bit), key=len)
     index = command.entry.index
     score, most = 40, 100
     reasons = [
@@ -248,16 +248,13 @@ def _by_names(
     if entry.bits != 8 or entry.is_gap or command.bit_offset % 8 or entry.index < 0x2000:
         return None
     best: FsoeGuess | None = None
-    for frame_bytes in candidate_lengths((end_bit - command.bit_offset) // 8):
-        words = check_words(placed, starts, command, frame_bytes)
-        if words is None:
-            continue
+    for words in frames_at(placed, starts, command, end_bit):
         names = [w.entry.name for w in words]
         if not any(_CRC.search(n) for n in names) or not any(_CONNECTION.search(n) for n in names):
             continue
         block = FsoeBlock(
             byte_offset=command.bit_offset // 8,
-            frame_bytes=frame_bytes,
+            frame_bytes=(words[-1].end_bit - command.bit_offset) // 8,
             command=entry,
             direction=sm.direction,
             sm_index=sm.index,

@@ -7,10 +7,10 @@ with an index:subindex, lowest sync manager first, is the one a driver gets.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from fsoe_net.fsoe import is_frame_length, safe_data_length
+from fsoe_net.fsoe import safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 
 __all__ = [
@@ -18,9 +18,8 @@ __all__ = [
     "FsoeBlock",
     "Placed",
     "SmLayout",
-    "candidate_lengths",
-    "check_words",
     "find_blocks",
+    "frames_at",
     "layout_of",
     "place_entries",
 ]
@@ -28,6 +27,7 @@ __all__ = [
 _CRC_BITS = 16
 _CONNECTION_ID_BITS = 16
 _COMMAND_BITS = 8
+_LONGEST_FRAME = 255  # bytes
 _NEIGHBOUR = 0x0F  # a CRC was seen eight objects away from its command, never farther
 
 
@@ -212,14 +212,13 @@ def _block_at(
 ) -> FsoeBlock | None:
     """Return the longest frame that starts at this entry, or ``None``."""
     command = placed[number]
-    end_bits = placed[-1].end_bit
     best: FsoeBlock | None = None
-    for frame_bytes in candidate_lengths((end_bits - command.bit_offset) // 8):
-        match = _matches(placed, starts, command, frame_bytes)
+    for words in frames_at(placed, starts, command, placed[-1].end_bit):
+        match = _matches(placed, starts, command, words)
         if match is not None:
             best = FsoeBlock(
                 byte_offset=command.bit_offset // 8,
-                frame_bytes=frame_bytes,
+                frame_bytes=(words[-1].end_bit - command.bit_offset) // 8,
                 command=command.entry,
                 direction=sm.direction,
                 sm_index=sm.index,
@@ -228,32 +227,20 @@ def _block_at(
     return best
 
 
-def candidate_lengths(room_bytes: int) -> list[int]:
-    """Return the lengths a frame may have in this room, in bytes, rising."""
-    return [n for n in (6, *range(7, min(room_bytes, 255) + 1, 4)) if n <= room_bytes]
-
-
 def _matches(
-    placed: tuple[Placed, ...], starts: dict[int, int], command: Placed, frame_bytes: int
+    placed: tuple[Placed, ...],
+    starts: Mapping[int, int],
+    command: Placed,
+    words: tuple[Placed, ...],
 ) -> str | None:
-    """Return ``sure`` or ``likely`` when a frame of this length fits, else ``None``."""
-    words = check_words(placed, starts, command, frame_bytes)
-    if words is None:
-        return None
+    """Return ``sure`` or ``likely`` when these words belong to the command, else ``None``."""
     checks = [w.entry for w in words]
-    base = command.bit_offset
     index = command.entry.index
     same = [e.index == index for e in checks]
     if not _subindices_differ(command.entry, checks):
         return None
     if all(same):
-        return (
-            "sure"
-            if _data_differs(
-                placed, starts, base, {w.bit_offset for w in words}, frame_bytes, index
-            )
-            else None
-        )
+        return "sure" if _data_differs(placed, starts, command, words) else None
     # Some maps put a single CRC on a neighbouring object; the connection ID stays on the command's.
     near = all(abs(e.index - index) <= _NEIGHBOUR for e in checks)
     if near and same[-1] and sum(same) >= len(same) - 1 and len(same) > 2:
@@ -261,30 +248,41 @@ def _matches(
     return None
 
 
-def check_words(
-    placed: tuple[Placed, ...], starts: Mapping[int, int], command: Placed, frame_bytes: int
-) -> tuple[Placed, ...] | None:
-    """Return the CRCs and the connection ID of a frame of this length by their places alone.
+def frames_at(
+    placed: tuple[Placed, ...], starts: Mapping[int, int], command: Placed, end_bit: int
+) -> Iterator[tuple[Placed, ...]]:
+    """Yield the CRCs and the connection ID of every frame that fits by its places alone.
 
     Args:
         placed: All entries of the sync manager.
         starts: Number in ``placed`` of the entry that starts at a bit.
         command: Where the frame begins.
-        frame_bytes: Its length.
+        end_bit: Where it has to end at the latest.
 
-    Returns:
-        The 16-bit entries, the connection ID last; ``None`` when one is missing or is padding.
+    Yields:
+        The 16-bit entries, none of them padding, the connection ID last; shorter frames first.
     """
-    if not is_frame_length(frame_bytes):
-        return None
-    crc_bytes = [2] if frame_bytes == 6 else range(3, frame_bytes - 2, 4)
-    words: list[Placed] = []
-    for byte in (*crc_bytes, frame_bytes - 2):
+
+    def word(byte: int) -> Placed | None:
         number = starts.get(command.bit_offset + 8 * byte)
-        if number is None or placed[number].entry.bits != _CRC_BITS:
+        if number is None:
             return None
-        words.append(placed[number])
-    return None if any(w.entry.is_gap for w in words) else tuple(words)
+        found = placed[number]
+        right = found.entry.bits == _CRC_BITS and not found.entry.is_gap
+        return found if right and found.end_bit <= end_bit else None
+
+    crc, connection = word(2), word(4)
+    if crc is not None and connection is not None:
+        yield crc, connection
+    crcs: list[Placed] = []
+    for byte in range(3, _LONGEST_FRAME - 3, 4):
+        crc = word(byte)
+        if crc is None:
+            return  # longer frames need it too
+        crcs.append(crc)
+        connection = word(byte + 2)
+        if connection is not None:
+            yield *crcs, connection
 
 
 def _subindices_differ(command: Entry, checks: list[Entry]) -> bool:
@@ -294,15 +292,14 @@ def _subindices_differ(command: Entry, checks: list[Entry]) -> bool:
 
 def _data_differs(
     placed: tuple[Placed, ...],
-    starts: dict[int, int],
-    base: int,
-    word_bits: set[int],
-    frame_bytes: int,
-    index: int,
+    starts: Mapping[int, int],
+    command: Placed,
+    words: tuple[Placed, ...],
 ) -> bool:
     """Safe data of a frame never stand on the index of its command; ordinary records do."""
-    for bit, number in starts.items():
-        inside = base < bit < base + 8 * frame_bytes
-        if inside and bit not in word_bits and placed[number].entry.index == index:
+    checks = {w.bit_offset for w in words}
+    for number in range(starts[command.bit_offset] + 1, starts[words[-1].bit_offset]):
+        place = placed[number]
+        if place.bit_offset not in checks and place.entry.index == command.entry.index:
             return False
     return True
