@@ -33,6 +33,15 @@ _READ_AGAIN = "read it again, e.g. ethercat sii_read -p 0 > image.bin"
 _SM_OUTPUTS, _SM_INPUTS = 3, 4
 
 
+def _crc_of_byte(value: int) -> int:
+    for _ in range(8):
+        value = (value << 1) ^ 0x107 if value & 0x80 else value << 1
+    return value
+
+
+_CRC_TABLE = bytes(_crc_of_byte(value) for value in range(256))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SiiManager:
     """A sync manager as the SII sets it up. ``use``: 1, 2 mailbox, 3 outputs, 4 inputs, 0 none."""
@@ -83,10 +92,7 @@ def sii_checksum(data: bytes) -> int:
     """Return the checksum of the first 14 bytes: CRC-8, polynomial 0x07, begun with 0xFF."""
     crc = 0xFF
     for byte in data[:14]:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc << 1) ^ 0x07 if crc & 0x80 else crc << 1
-            crc &= 0xFF
+        crc = _CRC_TABLE[crc ^ byte]
     return crc
 
 
@@ -177,8 +183,8 @@ def _shift_hint(data: bytes) -> str:
     """Name the byte where a whole image begins, if there is one."""
     for at in range(1, min(len(data) - _IDENTITY_BYTES, 256)):
         piece = data[at : at + _IDENTITY_BYTES]
-        whole = sii_checksum(piece) == piece[14] and piece[15] == 0 and any(piece[:8])
-        if whole and any(piece[0x10:0x14]) and any(piece[0x14:0x18]):
+        likely = piece[15] == 0 and any(piece[:8]) and any(piece[0x10:0x14])
+        if likely and any(piece[0x14:0x18]) and sii_checksum(piece) == piece[14]:
             return f"an image begins at byte {at}; leave out what is before"
     return ""
 
