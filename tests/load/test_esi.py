@@ -334,6 +334,58 @@ def test_modules_that_do_not_fit(modules, message, given):
     assert (description is not None) is given
 
 
+@pytest.mark.parametrize(
+    ("slots", "idents", "note"),
+    [
+        (
+            '<Slot MaxInstances="3"><ModuleIdent Default="1">1</ModuleIdent>'
+            '<ModuleIdent Default="true">2</ModuleIdent></Slot>',
+            (1, 2),
+            "",
+        ),
+        (
+            '<Slot MinInstances="2" MaxInstances="9"><ModuleIdent Default="1">2</ModuleIdent>'
+            "</Slot>"
+            '<Slot><ModuleIdent Default="1">1</ModuleIdent></Slot>',
+            (2, 2, 1),
+            "",
+        ),
+        ('<Slot MinInstances="1"><ModuleIdent>2</ModuleIdent></Slot>', (2,), "its only module"),
+        (
+            '<Slot MinInstances="1"><ModuleIdent>1</ModuleIdent><ModuleIdent>2</ModuleIdent>'
+            "</Slot>",
+            (),
+            "left empty",
+        ),
+        ("<Slot><ModuleIdent>1</ModuleIdent></Slot>", (), ""),
+        ('<ModulePdoGroup Alignment="4"/>', (), "alignment"),
+    ],
+)
+def test_modules_that_are_built_in(slots, idents, note):
+    text = esi_text(
+        device(f"<Slots>{slots}</Slots>"), modules=module_text(1, "") + module_text(2, "")
+    )
+    found = one(text)
+    assert found.module_ident == idents
+    assert note in "".join(found.notes)
+    assert bool(found.notes) is bool(note)
+
+
+def test_number_of_a_slot_counts_those_before_it():
+    slots = (
+        '<Slots SlotPdoIncrement="2"><Slot MaxInstances="10"/>'
+        '<Slot><ModuleIdent Default="1">1</ModuleIdent></Slot></Slots>'
+    )
+    module = '<TxPdo Sm="3"><Index DependOnSlot="1">#x1a00</Index></TxPdo>'
+    found = one(esi_text(device(SMS + slots), modules=module_text(1, module)))
+    assert carried(found)[3] == [0x1A14]
+
+
+def test_marks_of_the_schema_are_noted():
+    inside = SMS + pdo("TxPdo", "#x1a00", "", 'Sm="3" SafetyPdoType="FSoESlave"')
+    assert one(esi_text(device(inside))).notes == ("PDO 0x1a00 is marked FSoESlave",)
+
+
 def test_module_in_another_file_is_named():
     text = MODULAR.replace("</Vendor>", "</Vendor><InfoReference>Modules.xml</InfoReference>")
     _, out = load(text.replace('ModuleIdent="190"', 'ModuleIdent="1"'))

@@ -65,6 +65,12 @@ def test_known_foreign_files_are_named(root):
     assert "this is" in out.diagnostics[0].hint
 
 
+def test_names_that_a_tool_did_not_escape():
+    _, out = load(esi_text(DEVICE.format("Start & stop", "")))
+    assert [d.code for d in out.diagnostics] == ["FSN118"]
+    assert "&amp;" in out.diagnostics[0].hint
+
+
 def test_entities_never_expand():
     bomb = "<!DOCTYPE a [<!ENTITY b 'bbbbbbbbbb'><!ENTITY c '&b;&b;&b;'>]>"
     assert refused(bomb + PLAIN.replace(">D<", ">&c;<"))[0] == "FSN118"
