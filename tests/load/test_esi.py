@@ -218,6 +218,11 @@ def test_gaps_of_any_size_stay():
             + pdo("RxPdo", "#x1601", "<Exclude>#x1600</Exclude>", 'Sm="2"'),
             "exclude each other",
         ),
+        (
+            pdo("RxPdo", "#x1601", "<Exclude>#x1600</Exclude>", 'Sm="2"')
+            + pdo("RxPdo", "#x1600", "", 'Sm="2"'),
+            "exclude each other",
+        ),
     ],
 )
 def test_contradictions_are_told_and_the_file_is_followed(inside, message):
@@ -311,6 +316,12 @@ def test_chosen_modules_move_with_their_slot():
     assert [e.index for e in second.entries] == [0x6040, 0x6041, 0, 0x6040, 0x6040]
     assert found.module_ident == (0xBF, 0xBF)
     assert "order of their index" in found.notes[0]
+
+
+def test_module_pdo_without_a_place_takes_that_of_the_device():
+    found = one(MODULAR.replace('Fixed="1" Sm="3"', 'Fixed="1"'))
+    assert carried(found)[3] == [0x1A00, 0x1BFF]
+    assert found.device.sync_managers[3].pdos[0].bits == 48
 
 
 def test_empty_slots_leave_the_device_alone():
@@ -450,3 +461,11 @@ def test_entries_know_their_place():
     assert str(mapped.span) == "a.xml:4:1"
     assert str(mapped.entries[0].span) == "a.xml:5:3"
     assert found.device.sync_managers[3].direction is Direction.INPUT
+
+
+def test_places_in_one_line_count_from_its_begin():
+    text = esi_text(device(SMS + pdo("TxPdo", "#x1a00", FRAME.format(base="600"), 'Sm="3"')))
+    text = text.replace("\n", "")
+    (mapped,) = one(text).device.sync_managers[3].pdos
+    assert str(mapped.span) == f"a.xml:1:{text.index('<TxPdo') + 1}"
+    assert str(mapped.entries[0].span) == f"a.xml:1:{text.index('<Entry') + 1}"

@@ -158,6 +158,19 @@ def test_a_dictionary_without_an_end_is_no_end_of_the_device():
     assert code == "FSN118"
 
 
+def test_a_dictionary_across_two_devices_is_refused():
+    assert refused(esi_text(DEVICE.format("A", "<Profile>") + DEVICE.format("B", "</Profile>")))
+
+
+def test_what_stands_between_comments_counts():
+    text = esi_text(
+        '<Device><Type ProductCode="1">D</Type><!-- <Profile> --><Name>Between</Name>'
+        "<!-- </Profile> --></Device>"
+    )
+    found = list_esi(text.encode(), Collector())
+    assert [r.name for r in found.rows] == ["Between"]
+
+
 def test_file_that_is_too_large_or_not_there(tmp_path, monkeypatch):
     path = tmp_path / "a.xml"
     path.write_text(PLAIN, "utf-8")
@@ -241,6 +254,15 @@ def test_damaged_cache_is_as_good_as_none(big, how, signed):
     kept.write_bytes(head + b"\n" + body)
     assert read_big(big) == first
     assert kept.read_bytes() == good  # and written anew
+
+
+def test_cache_that_was_changed_is_not_believed(big):
+    first = read_big(big)
+    (kept,) = cache_folder().iterdir()
+    good = kept.read_bytes()
+    kept.write_bytes(good.replace(b"Device 7", b"Device 8"))
+    assert read_big(big) == first
+    assert kept.read_bytes() == good
 
 
 def test_cache_that_cannot_be_written(big, tmp_path, monkeypatch):

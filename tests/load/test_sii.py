@@ -115,6 +115,7 @@ def test_names_in_any_encoding():
     assert (found.order, found.name) == ("ELµ", "Größe")
     padded = one(image(strings(b"ABC\0\0", b"\x01\x02x"), general))
     assert (padded.order, padded.name) == ("ABC", "x")
+    assert one(image(strings(b"ABC\0DE", b"x"), general)).order == "ABC"
     assert one(image(strings(b"A"), general)).name == ""  # a number that names no string
 
 

@@ -88,6 +88,16 @@ def test_places_without_a_common_object_are_likely_at_best_and_need_both_names()
     assert guesses("6000:01/8=Command 6001:01/16 6002:01/16 6003:01/16=Connection_ID") == ()
 
 
+def test_a_crc_on_a_neighbour_is_likely_whatever_the_names():
+    text = (
+        "6760:01/8=FSoE_CMD 6640:00/16 6768:03/16=CRC_0 6641:00/16 6760:04/16=CRC_1 "
+        "6760:02/16=FSoE_ConnID"
+    )
+    (found,) = guesses(text)
+    assert (found.block.frame_bytes, found.score, found.block.likely) == (11, 70, True)
+    assert found.doubts == ("not on the object of the command 0x6760: 0x6768:03",)
+
+
 def test_frame_behind_ordinary_data_and_two_in_a_row():
     text = (
         "6041:00/16 6064:00/32 6760:01/8 6640:00/16 6760:03/16 6760:02/16 "
