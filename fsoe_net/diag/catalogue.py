@@ -62,6 +62,16 @@ FSN136 warning revision is not in this description file
 FSN137 error   module of a modular device cannot be taken
 FSN138 error   SII image is empty, cut off or damaged
 FSN139 warning PDO assignment of a device description contradicts itself
+FSN140 error   file is of another kind than the one it is read as
+FSN141 error   value in a bus description is missing or cannot be read
+FSN142 error   process data of an ENI do not stand at one distance from their commands
+FSN143 error   PDOs of a SubDevice do not fill its process data
+FSN144 error   process image has no variable where the PDOs place an entry
+FSN145 error   copy does not lie in process data
+FSN146 error   text ends too early
+FSN147 warning line is not understood
+FSN148 error   connection names a SubDevice that cannot take part
+FSN149 error   copy moves a part of an FSoE frame
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output

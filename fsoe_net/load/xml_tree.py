@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import codecs
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from fsoe_net.diag import Span
 from fsoe_net.load.files import Collector
 
-__all__ = ["MAX_DEPTH", "MAX_ELEMENTS", "Element", "parse_xml", "xml_hint"]
+__all__ = ["MAX_DEPTH", "MAX_ELEMENTS", "Closed", "Element", "parse_xml", "xml_hint"]
 
 MAX_DEPTH = 200
 MAX_ELEMENTS = 500_000
@@ -75,6 +75,9 @@ class Element:
         return self.text_span or self.span
 
 
+Closed = Callable[[Element, Element, int], bool]
+
+
 class _Refused(Exception):
     """The document was refused; the finding is already recorded."""
 
@@ -88,6 +91,7 @@ def parse_xml(
     encoding: str | None = None,
     skip: frozenset[str] = frozenset(),
     begin: Span | None = None,
+    closed: Closed | None = None,
 ) -> Element | None:
     """Parse a document, or one element cut out of a larger one.
 
@@ -99,12 +103,16 @@ def parse_xml(
         encoding: Of an element cut out, which has no declaration.
         skip: Names of elements that are left out with all they contain.
         begin: Where an element that was cut out begins.
+        closed: Called with each element as it ends, the element it stands in and its depth (1 for
+            the children of the root). When it says true, the element is forgotten, so that a long
+            file needs little memory.
 
     Returns:
         The root element, or ``None`` with a finding.
     """
     shown = os.fspath(path)
     builder = _Builder(shown, data, out, what=what, encoding=encoding, skip=skip, begin=begin)
+    builder.closed = closed
     try:
         return builder.parse()
     except expat.ExpatError as exc:
@@ -130,6 +138,7 @@ class _Builder:
         skip: frozenset[str],
         begin: Span | None,
     ) -> None:
+        self.closed: Closed | None = None
         self._file = file
         self._data = data
         self._what = what
@@ -215,6 +224,11 @@ class _Builder:
             return
         element, pieces = self._stack.pop()
         element.text = "".join(pieces)
+        if self.closed is not None and self._stack:
+            parent = self._stack[-1][0]
+            if self.closed(element, parent, len(self._stack)):
+                parent.children.pop()
+                self._elements -= sum(1 for _ in element.walk()) if element.children else 1
 
     def _characters(self, text: str) -> None:
         if self._skipped:

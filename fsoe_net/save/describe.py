@@ -1,0 +1,89 @@
+"""A network as a description, which is what the writers take."""
+
+from __future__ import annotations
+
+from fsoe_net.errors import InputError
+from fsoe_net.model import (
+    DescribedConnection,
+    DescribedCopy,
+    DescribedEnd,
+    DescribedSubDevice,
+    Description,
+    Network,
+    ResolvedEnd,
+    TransferKind,
+    resolve,
+)
+
+__all__ = ["describe"]
+
+
+def describe(network: Network) -> Description:
+    """Return what a network says, with a copy for each of its transfers.
+
+    Raises:
+        InputError: A SubDevice has no device description, or a transfer does not resolve.
+    """
+    numbers: dict[str, int] = {}
+    for number, sub in enumerate(network.subdevices):
+        numbers.setdefault(sub.name, number)
+    rows = []
+    for sub in network.subdevices:
+        if sub.device is None:
+            raise InputError(f"{sub.name}: its slave config could not be read; check the network")
+        rows.append(
+            DescribedSubDevice(
+                span=sub.span,
+                name=sub.name,
+                position=sub.position if not sub.alias else None,
+                alias=sub.alias,
+                device=sub.device,
+            )
+        )
+    resolution = resolve(network)
+    copies = []
+    for transfer in resolution.transfers:
+        if not transfer.usable:
+            ends = f"{transfer.transfer.source} to {transfer.transfer.destination}"
+            raise InputError(f"the transfer from {ends} means no bytes; run fsoe-net check first")
+        copies.append(
+            DescribedCopy(
+                span=transfer.transfer.span,
+                source=_end(transfer.source, numbers),
+                destination=_end(transfer.destination, numbers),
+                bits=8 * transfer.transfer.size_bytes,
+                fsoe=transfer.transfer.kind is TransferKind.FSOE,
+                name=transfer.net.name,
+            )
+        )
+    connections = []
+    for connection in resolution.connections:
+        facts = connection.facts
+        connections.append(
+            DescribedConnection(
+                name=connection.name,
+                main=numbers[connection.main.name],
+                sub=numbers[connection.sub.name],
+                address=None if facts is None else facts.address,
+                connection_id=None if facts is None else facts.connection_id,
+                watchdog_ms=None if facts is None else facts.watchdog_ms,
+            )
+        )
+    return Description(
+        span=network.span,
+        format="network",
+        path=network.span.file,
+        subdevices=tuple(rows),
+        copies=tuple(copies),
+        connections=tuple(connections),
+        cycle_us=None if network.cycle_ns is None else network.cycle_ns // 1000,
+    )
+
+
+def _end(end: ResolvedEnd, numbers: dict[str, int]) -> DescribedEnd:
+    return DescribedEnd(
+        span=end.endpoint.span,
+        subdevice=numbers[end.endpoint.module],
+        sm_index=-1 if end.sm is None else end.sm.sm.index,
+        bit_offset=8 * end.byte_offset,
+    )

@@ -1,0 +1,179 @@
+"""The CopyInfos of an ENI replaced, every other byte of the file as it was."""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from fsoe_net.errors import InputError
+
+__all__ = ["replace_copies"]
+
+_READS = ("10", "12")  # LRD, LRW
+_UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_BLANK = b" \t\r\n"
+_STEP = b"\t"
+
+
+@dataclass(slots=True)
+class _Cmd:
+    """A cyclic command in the bytes: where it ends, where its CopyInfos are, its numbers."""
+
+    values: dict[str, str] = field(default_factory=dict)
+    infos: list[tuple[int, int]] = field(default_factory=list)
+    end: int = 0
+
+    def bits(self, header_bits: int) -> range:
+        """Return the bits of the input image it brings; empty when it reads nothing."""
+        offset = _number(self.values.get("InputOffs", ""))
+        if self.values.get("Cmd") not in _READS or offset is None:
+            return range(0)
+        data = self.values.get("Data", "")
+        length = len(data) // 2 or _number(self.values.get("DataLength", "")) or 0
+        first = 8 * offset + header_bits
+        return range(first, first + 8 * length)
+
+
+def replace_copies(
+    data: bytes, copies: Iterable[tuple[int, int, int]], *, header_bits: int
+) -> bytes:
+    """Return the ENI with these copies instead of its own; all else byte for byte the same.
+
+    Args:
+        data: An ENI that was read without a finding.
+        copies: Source bit, destination bit and number of bits of each, in the images of this file.
+        header_bits: What this file has between the offset of a command and its data, 80 or 0.
+
+    Raises:
+        InputError: No command of the file brings the source of a copy, or it is no ENI.
+    """
+    encoding = _UTF16.get(data[:2])
+    if encoding is not None:
+        text = data[2:].decode(encoding).encode("utf-8")
+        changed = _replaced(text, list(copies), header_bits, "utf-8")
+        return data[:2] + changed.decode("utf-8").encode(encoding)
+    return _replaced(data, list(copies), header_bits, None)
+
+
+def _replaced(
+    data: bytes, copies: list[tuple[int, int, int]], header_bits: int, encoding: str | None
+) -> bytes:
+    commands = _Finder(data, encoding).commands
+    wanted: dict[int, list[tuple[int, int, int]]] = {}
+    for copy in copies:
+        number = _bringer(commands, copy, header_bits)
+        wanted.setdefault(number, []).append(copy)
+    edits: list[tuple[int, int, bytes]] = []
+    for number, command in enumerate(commands):
+        edits += _edits(data, command, wanted.get(number, []))
+    for start, end, new in sorted(edits, reverse=True):
+        data = data[:start] + new + data[end:]
+    return data
+
+
+def _bringer(commands: list[_Cmd], copy: tuple[int, int, int], header_bits: int) -> int:
+    source, _, bits = copy
+    for number, command in enumerate(commands):
+        room = command.bits(header_bits)
+        if source in room and source + bits - 1 in room:
+            return number
+    raise InputError(f"no cyclic command of this ENI brings input bits {source} to {source + bits}")
+
+
+def _edits(
+    data: bytes, command: _Cmd, copies: list[tuple[int, int, int]]
+) -> list[tuple[int, int, bytes]]:
+    """Return what to put where, in one command."""
+    last = command.end
+    while last > 0 and data[last - 1] in _BLANK:
+        last -= 1
+    blank = data[last : command.end]
+    line = blank[: blank.rfind(b"\n") + 1][-2:] if b"\n" in blank else b""
+    line = b"\r\n" if line == b"\r\n" else line[-1:]
+    indent = blank[blank.rfind(b"\n") + 1 :] if line else b""
+    new = _element(copies, line, indent + _STEP if line else b"") if copies else b""
+    if not command.infos:
+        return [(last, last, line + indent + _STEP + new if line else new)] if copies else []
+    edits = []
+    for number, (start, end) in enumerate(command.infos):
+        if copies and number == 0:
+            edits.append((start, end, new))
+            continue
+        while data[start - 1] in _BLANK:
+            start -= 1
+        edits.append((start, end, b""))
+    return edits
+
+
+def _element(copies: list[tuple[int, int, int]], line: bytes, indent: bytes) -> bytes:
+    inner = indent + _STEP if line else b""
+    rows = [b"<CopyInfos>"]
+    for source, destination, bits in copies:
+        row = (
+            f"<CopyInfo><SrcBitOffs>{source}</SrcBitOffs><DstBitOffs>{destination}</DstBitOffs>"
+            f"<BitSize>{bits}</BitSize></CopyInfo>"
+        )
+        rows.append(inner + row.encode("ascii"))
+    rows.append(indent + b"</CopyInfos>")
+    return line.join(rows)
+
+
+def _number(text: str) -> int | None:
+    text = text.strip().lower()
+    hexadecimal = text.startswith(("#x", "0x"))
+    try:
+        return int(text[2:], 16) if hexadecimal else int(text)
+    except ValueError:
+        return None
+
+
+class _Finder:
+    """Finds the cyclic commands of an ENI with their places in the bytes."""
+
+    def __init__(self, data: bytes, encoding: str | None) -> None:
+        self.commands: list[_Cmd] = []
+        self._data = data
+        self._stack: list[str] = []
+        self._text: list[str] = []
+        self._infos = 0
+        self._open_end = -1
+        self._parser = expat.ParserCreate(encoding)
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._text.append
+        self._parser.StartDoctypeDeclHandler = self._doctype
+        try:
+            self._parser.Parse(data, True)
+        except (expat.ExpatError, ValueError, LookupError) as exc:
+            raise InputError(f"this is no ENI that can be changed: {exc}") from exc
+
+    def _doctype(self, *_arguments: object) -> None:
+        raise InputError("a document type is declared; delete it first")
+
+    def _in_command(self) -> bool:
+        """Whether the element that is just open or closed stands directly in a cyclic command."""
+        above = self._stack[-2:]
+        return len(above) == 2 and above[1] == "Cmd" and above[0] in ("Cyclic", "Frame")
+
+    def _start(self, name: str, _attributes: dict[str, str]) -> None:
+        if name == "Cmd" and self._stack[-1:] in (["Cyclic"], ["Frame"]):
+            self.commands.append(_Cmd())
+        if name == "CopyInfos" and self._in_command():
+            self._infos = self._parser.CurrentByteIndex
+        self._text.clear()
+        self._stack.append(name)
+
+    def _end(self, name: str) -> None:
+        self._stack.pop()
+        here = self._parser.CurrentByteIndex
+        if self._in_command():
+            command = self.commands[-1]
+            command.values.setdefault(name, "".join(self._text).strip())
+            if name == "CopyInfos":
+                end = self._data.index(b">", here) + 1
+                command.infos.append((self._infos, end))
+        elif name == "Cmd" and self._stack[-1:] in (["Cyclic"], ["Frame"]):
+            self.commands[-1].end = here
+        self._text.clear()
