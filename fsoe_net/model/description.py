@@ -75,7 +75,10 @@ class DescribedCopy(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DescribedConnection(Located):
-    """An FSoE connection the source names; numbers of SubDevices, ``None`` where it is silent."""
+    """An FSoE connection the source names; numbers of SubDevices, ``None`` where it is silent.
+
+    ``slot`` counts the connections of a MainInstance in the order the source gives them.
+    """
 
     name: str = ""
     main: int | None = None
@@ -83,6 +86,8 @@ class DescribedConnection(Located):
     address: int | None = None
     connection_id: int | None = None
     watchdog_ms: int | None = None
+    app_parameters: bytes = b""
+    slot: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
