@@ -94,11 +94,13 @@ def test_clean_files_raise_nothing_but_notes(files: list[str], monkeypatch: pyte
     assert [f"{d.span} {d.code}" for d in found if d.level is not Severity.INFO] == []
 
 
-@pytest.mark.parametrize(
-    ("reader", "file"), [("esi.load_esi", "gate.xml"), ("sii.load_sii", "gate.sii")]
-)
-def test_clean_files_of_other_tools_raise_nothing(
-    reader: str, file: str, monkeypatch: pytest.MonkeyPatch
-):
-    found = _check(HERE / "base", {"check": [file], "reader": reader}, monkeypatch)
+READERS = {
+    case["reader"]: case["check"] for case in CASES.values() if {"reader", "edit"} <= set(case)
+}
+READERS["sii.load_sii"] = ["gate.sii"]
+
+
+@pytest.mark.parametrize("reader", sorted(READERS))
+def test_clean_files_of_other_tools_raise_nothing(reader: str, monkeypatch: pytest.MonkeyPatch):
+    found = _check(HERE / "base", {"check": READERS[reader], "reader": reader}, monkeypatch)
     assert [f"{d.span} {d.code}" for d in found] == []
