@@ -22,6 +22,7 @@ from unittest import mock
 
 from fsoe.pair import Bench
 from fsoe.recorded import own_run, recording_text
+from load import texts
 from load.sii_image import category, image, strings
 
 from fsoe_net.cli.inputs import check_files, whole_network
@@ -32,11 +33,19 @@ from fsoe_net.fsoe.recording import reader as recording_reader
 from fsoe_net.fsoe.recording import replay
 from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.load import Collector, load_scenario, urdf
+from fsoe_net.load.eni import load_eni, load_eni_images
 from fsoe_net.load.esi import EsiChoice, load_esi
+from fsoe_net.load.foreign import Source
+from fsoe_net.load.igh_text import load_igh_text
+from fsoe_net.load.lcec import load_lcec
+from fsoe_net.load.ros_slaves import load_ros_slaves
 from fsoe_net.load.sii import load_sii
+from fsoe_net.load.soem_text import load_soem_text
+from fsoe_net.load.twinsafe import load_twinsafe
 from fsoe_net.model import Description, detect_fsoe, layout_of, near_misses
 from fsoe_net.observe import CaptureWriter, follow_frames, parse_frames, read_capture
 from fsoe_net.plan import compile_plan, decode_plan, encode_plan, plan_json, plan_text
+from fsoe_net.save import replace_copies, write_eni
 
 __all__ = ["TARGETS", "Target", "mutated"]
 
@@ -44,6 +53,7 @@ ROOT = Path(__file__).parents[2]
 ESTOP = ROOT / "examples" / "estop"
 EL6910 = ROOT / "examples" / "el6910"
 URDF = ROOT / "tests" / "load" / "urdf"
+CASES = ROOT / "tests" / "diagnostics" / "base"
 
 
 def _check(path: Path) -> None:
@@ -121,33 +131,6 @@ def _hex(data: bytes, folder: Path) -> None:
             assert 0 <= seen.sequence <= 0xFFFF
 
 
-def _described(description: Description | None, out: Collector) -> None:
-    """What was read can be placed and weighed; what was not read says why."""
-    assert description is not None or out.diagnostics
-    for diagnostic in out.diagnostics:
-        assert diagnostic.message
-        assert diagnostic.hint
-        assert diagnostic.span.line >= 0
-    for subdevice in description.subdevices if description is not None else ():
-        for manager in layout_of(subdevice.device).managers:
-            detect_fsoe(manager.placed, manager.sm)
-            near_misses(manager.placed, manager.sm)
-
-
-def _esi(data: bytes, folder: Path) -> None:
-    out = Collector()
-    _described(load_esi(data, out, cache=False), out)
-    choice = EsiChoice(product=0x10, revision=3, modules=(0xBE, None, 0xBF))
-    out = Collector()
-    _described(load_esi(data, out, choice=choice, cache=False), out)
-
-
-def _sii(data: bytes, folder: Path) -> None:
-    """The checksum is right or not; both go on."""
-    out = Collector()
-    _described(load_sii(data, out), out)
-
-
 def _capture(data: bytes, folder: Path) -> None:
     path = folder / "capture.pcapng"
     path.write_bytes(data)
@@ -158,6 +141,61 @@ def _capture(data: bytes, folder: Path) -> None:
             for sighting in scanner.packet(packet, now_ns):
                 assert sighting.time_ns <= now_ns
     scanner.connections()
+
+
+def _judged(found: Description | None, out: Collector, *, binary: bool = False) -> None:
+    """Findings have places; what was read can be placed, weighed and written."""
+    for diagnostic in out.diagnostics:
+        assert diagnostic.message
+        assert diagnostic.hint
+        assert binary or diagnostic.span.line > 0
+    assert found is not None or out.diagnostics
+    if found is None:
+        return
+    for subdevice in found.subdevices:
+        for manager in layout_of(subdevice.device).managers:
+            detect_fsoe(manager.placed, manager.sm)
+            near_misses(manager.placed, manager.sm)
+    with suppress(InputError):
+        write_eni(found)
+
+
+def _described(
+    reader: Callable[[Source, Collector], Description | None],
+) -> Callable[[bytes, Path], None]:
+    """A reader of another tool's file."""
+
+    def run(data: bytes, folder: Path) -> None:
+        out = Collector()
+        _judged(reader(data, out), out)
+
+    return run
+
+
+def _esi(data: bytes, folder: Path) -> None:
+    for choice in (None, EsiChoice(product=0x10, revision=3, modules=(0xBE, None, 0xBF))):
+        out = Collector()
+        _judged(load_esi(data, out, choice=choice, cache=False), out)
+
+
+def _sii(data: bytes, folder: Path) -> None:
+    """The checksum is right or not; both go on."""
+    out = Collector()
+    _judged(load_sii(data, out), out, binary=True)
+
+
+def _eni(data: bytes, folder: Path) -> None:
+    _described(load_eni)(data, folder)
+    out = Collector()
+    images = load_eni_images(data, out)
+    if images is None or out.diagnostics:
+        return
+    rows = [bits for c in images.description.copies if (bits := images.bits_of(c)) is not None]
+    with suppress(InputError):
+        changed = replace_copies(data, rows, header_bits=images.header_bits)
+        again = load_eni_images(changed, Collector())
+        assert again is not None
+        assert set(again.description.copies) == set(images.description.copies)
 
 
 # -- good inputs ----------------------------------------------------------------------------------
@@ -224,11 +262,15 @@ def _siis() -> list[bytes]:
     for index, sub, bits in entries:
         pdo += struct.pack("<HBBBBH", index, sub, 3, 6, bits, 0)
     general = category(30, bytes([0, 0, 1, 1]) + bytes(28))
-    texts = strings(b"EL1", b"FSoE", b"CRC")
+    words = strings(b"EL1", b"FSoE", b"CRC")
     return [
-        image(texts, general, category(40, b"\1\2"), category(41, manager), category(51, pdo)),
-        image(texts, general, category(60, bytes(24)), size=256),
+        image(words, general, category(40, b"\1\2"), category(41, manager), category(51, pdo)),
+        image(words, general, category(60, bytes(24)), size=256),
     ]
+
+
+def _texts(*texts: str) -> Callable[[], list[bytes]]:
+    return lambda: [text.encode() for text in texts]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,6 +318,18 @@ TARGETS = {
     "capture": Target(run=_capture, seeds=_captures),
     "esi": Target(run=_esi, seeds=_files(*sorted((ROOT / "tests" / "load" / "esi").glob("*.xml")))),
     "sii": Target(run=_sii, seeds=_siis),
+    "eni": Target(run=_eni, seeds=_files(CASES / "bus.eni.xml")),
+    "igh-text": Target(
+        run=_described(load_igh_text),
+        seeds=_texts(
+            *(texts.PDOS, texts.TWO_PDOS, texts.cstruct(3, 16), texts.XML, texts.SLAVES),
+            *(texts.SLAVES_V, texts.CONFIG, texts.DOMAINS),
+        ),
+    ),
+    "soem-text": Target(run=_described(load_soem_text), seeds=_texts(texts.SOEM, texts.SOEM_MAP)),
+    "lcec": Target(run=_described(load_lcec), seeds=_texts(texts.LCEC)),
+    "ros-slaves": Target(run=_described(load_ros_slaves), seeds=_texts(texts.ROS_SLAVES)),
+    "twinsafe": Target(run=_described(load_twinsafe), seeds=_texts(texts.TWINSAFE)),
 }
 
 

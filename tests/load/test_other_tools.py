@@ -4,40 +4,13 @@ from __future__ import annotations
 
 import pytest
 from data_files import need
+from load.texts import LCEC, ROS_SLAVES, TWINSAFE
 
 from fsoe_net.load import Collector
 from fsoe_net.load.lcec import load_lcec
 from fsoe_net.load.ros_slaves import load_ros_slaves
 from fsoe_net.load.twinsafe import load_twinsafe
 from fsoe_net.model import layout_of
-
-LCEC = """\
-<masters>
-  <master idx="0" appTimePeriod="2000000" refClockSyncCycles="-1">
-    <slave idx="0" type="EK1100"/>
-    <slave idx="1" type="EL6900" name="logic">
-      <modParam name="fsoeSlaveIdx" value="4"/>
-      <modParam name="fsoeSlaveIdx" value="2"/>
-      <modParam name="stdInName" value="x"/>
-    </slave>
-    <slave idx="2" type="EL1904"/>
-    <slave idx="4" type="EL2904" name="out"/>
-    <slave idx="5" type="generic" vid="00000002" pid="1a5f3052" configPdos="true">
-      <dcConf assignActivate="300" sync0Cycle="*1" sync0Shift="0"/>
-      <sdoConfig idx="8000" subIdx="0a"><sdoDataRaw data="01 02"/></sdoConfig>
-      <sdoConfig idx="8000" subIdx="complete"><sdoDataRaw data="01 02"/></sdoConfig>
-      <syncManager idx="0" dir="out"/>
-      <syncManager idx="2" dir="out">
-        <pdo idx="1600">
-          <pdoEntry idx="7000" subIdx="10" bitLen="16" halPin="pin" halType="u32"/>
-          <pdoEntry idx="0000" subIdx="00" bitLen="8"/>
-        </pdo>
-      </syncManager>
-      <syncManager idx="3" dir="in"/>
-    </slave>
-  </master>
-</masters>
-"""
 
 
 def lcec(text: str, *codes: str, **options: int):
@@ -105,20 +78,6 @@ def test_lcec_masters():
     assert lcec(LCEC[:300], "FSN118")[0] is None
 
 
-SLAVES = """\
-ethercat_slaves:
-  left:
-    vendor_id: 0x00000A12
-    product_code: 0x00a986fd
-    position: 1
-    assign_activate: 0x0700
-    input_port: 0x6010
-  right: {vendor_id: 0x12, product_code: 7, alias: 3, position: 0}
-  period_ns: 500000
-  run_time: 360000
-"""
-
-
 def ros(text: str, *codes: str):
     out = Collector()
     found = load_ros_slaves(text.encode(), out, name="x.yaml")
@@ -127,7 +86,7 @@ def ros(text: str, *codes: str):
 
 
 def test_ros_slaves():
-    found = ros(SLAVES)
+    found = ros(ROS_SLAVES)
     assert found is not None
     assert found.cycle_us == 500
     assert [(s.name, s.position, s.alias) for s in found.subdevices] == [
@@ -149,26 +108,11 @@ def test_ros_slaves_of_others():
 
 
 def test_ros_slaves_that_are_wrong():
-    ros(SLAVES.replace("    position: 1\n", ""), "FSN141")
-    ros(SLAVES.replace("position: 1", "position: one"), "FSN111")
+    ros(ROS_SLAVES.replace("    position: 1\n", ""), "FSN141")
+    ros(ROS_SLAVES.replace("position: 1", "position: one"), "FSN111")
     assert ros("ethercat_slaves: []\n", "FSN140") is None
     assert ros("nets: []\n", "FSN140") is None
     assert ros("ethercat_slaves: {a: [}\n", "FSN102") is None
-
-
-TWINSAFE = """\
-<?xml version="1.0"?>
-<Project><FileVersion>1204</FileVersion><SAddress>9</SAddress>
-<Groups><Group><Name>G</Name><Vars><Var><Name>RUN</Name></Var></Vars></Group></Groups>
-<Links><Link><Alias>a</Alias></Link></Links>
-<Connections>
-<Connection><Name>Klemme 7 (EL2904)</Name><Mode>Master</Mode><SAddress>4</SAddress>
-<SWatchdog>100</SWatchdog><ConId>3</ConId><SafeUserPara><Size>4</Size><Data>06000001</Data>
-</SafeUserPara><VendorId>2</VendorId><ModuleIdent>290</ModuleIdent></Connection>
-<Connection><Name>x</Name><Mode>Slave</Mode><SAddress>5</SAddress><SWatchdog>200</SWatchdog>
-<ConId>1</ConId><VendorId>2</VendorId></Connection>
-</Connections></Project>
-"""
 
 
 def twinsafe(text: str, *codes: str):

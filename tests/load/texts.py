@@ -259,3 +259,58 @@ End program
 """
 
 SOEM_MAP = SOEM[SOEM.index("PDO mapping") : SOEM.index("End slaveinfo")]
+
+LCEC = """\
+<masters>
+  <master idx="0" appTimePeriod="2000000" refClockSyncCycles="-1">
+    <slave idx="0" type="EK1100"/>
+    <slave idx="1" type="EL6900" name="logic">
+      <modParam name="fsoeSlaveIdx" value="4"/>
+      <modParam name="fsoeSlaveIdx" value="2"/>
+      <modParam name="stdInName" value="x"/>
+    </slave>
+    <slave idx="2" type="EL1904"/>
+    <slave idx="4" type="EL2904" name="out"/>
+    <slave idx="5" type="generic" vid="00000002" pid="1a5f3052" configPdos="true">
+      <dcConf assignActivate="300" sync0Cycle="*1" sync0Shift="0"/>
+      <sdoConfig idx="8000" subIdx="0a"><sdoDataRaw data="01 02"/></sdoConfig>
+      <sdoConfig idx="8000" subIdx="complete"><sdoDataRaw data="01 02"/></sdoConfig>
+      <syncManager idx="0" dir="out"/>
+      <syncManager idx="2" dir="out">
+        <pdo idx="1600">
+          <pdoEntry idx="7000" subIdx="10" bitLen="16" halPin="pin" halType="u32"/>
+          <pdoEntry idx="0000" subIdx="00" bitLen="8"/>
+        </pdo>
+      </syncManager>
+      <syncManager idx="3" dir="in"/>
+    </slave>
+  </master>
+</masters>
+"""
+
+ROS_SLAVES = """\
+ethercat_slaves:
+  left:
+    vendor_id: 0x00000A12
+    product_code: 0x00a986fd
+    position: 1
+    assign_activate: 0x0700
+    input_port: 0x6010
+  right: {vendor_id: 0x12, product_code: 7, alias: 3, position: 0}
+  period_ns: 500000
+  run_time: 360000
+"""
+
+TWINSAFE = """\
+<?xml version="1.0"?>
+<Project><FileVersion>1204</FileVersion><SAddress>9</SAddress>
+<Groups><Group><Name>G</Name><Vars><Var><Name>RUN</Name></Var></Vars></Group></Groups>
+<Links><Link><Alias>a</Alias></Link></Links>
+<Connections>
+<Connection><Name>Klemme 7 (EL2904)</Name><Mode>Master</Mode><SAddress>4</SAddress>
+<SWatchdog>100</SWatchdog><ConId>3</ConId><SafeUserPara><Size>4</Size><Data>06000001</Data>
+</SafeUserPara><VendorId>2</VendorId><ModuleIdent>290</ModuleIdent></Connection>
+<Connection><Name>x</Name><Mode>Slave</Mode><SAddress>5</SAddress><SWatchdog>200</SWatchdog>
+<ConId>1</ConId><VendorId>2</VendorId></Connection>
+</Connections></Project>
+"""
