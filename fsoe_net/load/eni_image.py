@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fsoe_net.diag import Related, Span
-from fsoe_net.load.eni_parts import EniParts, Fmmu, RawCopy, Window
+from fsoe_net.load.eni_parts import CyclicCommand, EniParts, Fmmu, RawCopy, Window
 from fsoe_net.load.eni_slave import EniSlave
 from fsoe_net.load.files import Collector
 from fsoe_net.model import (
@@ -40,6 +40,14 @@ class Place:
     subdevice: int
     sm_index: int
     blocks: tuple[FsoeBlock, ...]
+    edges: tuple[int, ...]  # where frames begin and end, and the sync manager; bits of the image
+
+    def block_at(self, bit: int) -> FsoeBlock | None:
+        """Return the FSoE frame that holds a bit of this sync manager."""
+        number = bisect_right(self.blocks, bit, key=lambda b: 8 * b.byte_offset) - 1
+        if number < 0 or bit >= 8 * self.blocks[number].end_byte:
+            return None
+        return self.blocks[number]
 
 
 @dataclass(slots=True)
@@ -71,12 +79,16 @@ def header_bits(slaves: list[EniSlave], parts: EniParts, out: Collector) -> int 
         itself.
     """
     first: dict[int, Window] = {}
+    commands = {
+        d: sorted((c for c in parts.commands if c.offset(d) is not None), key=lambda c: c.address)
+        for d in Direction
+    }
     for slave in slaves:
         for direction in Direction:
             windows = [w for w in slave.windows if w.direction is direction]
             fmmus = [f for f in slave.fmmus if f.direction is direction]
             for window, fmmu in _paired(windows, fmmus):
-                delta = _delta(window, fmmu, parts)
+                delta = _delta(window, fmmu, commands[direction])
                 if delta is not None:
                     first.setdefault(delta, window)
     if len(first) > 1:
@@ -99,11 +111,13 @@ def _paired(windows: list[Window], fmmus: list[Fmmu]) -> Iterable[tuple[Window, 
         yield from zip(sorted(windows, key=lambda w: w.bit_start), fmmus, strict=False)
 
 
-def _delta(window: Window, fmmu: Fmmu, parts: EniParts) -> int | None:
-    for command in parts.commands:
+def _delta(window: Window, fmmu: Fmmu, commands: list[CyclicCommand]) -> int | None:
+    """Find the command of an FMMU among those of its direction, which stand by rising address."""
+    behind_last = bisect_right(commands, fmmu.logical, key=lambda c: c.address)
+    for command in reversed(commands[max(behind_last - 8, 0) : behind_last]):
         offset = command.offset(window.direction)
         behind = fmmu.logical - command.address
-        if offset is not None and 0 <= behind < command.length:
+        if offset is not None and behind < command.length:
             return window.bit_start - 8 * (offset + behind) - fmmu.start_bit
     return None
 
@@ -129,6 +143,7 @@ def map_images(
                     subdevice=number,
                     sm_index=manager.sm.index,
                     blocks=manager.blocks,
+                    edges=_edges(manager, start),
                 )
                 places.append(place)
                 _compare(slave, manager, start, parts, out)
@@ -338,28 +353,30 @@ def _end(place: Place, bit: int, span: Span) -> DescribedEnd:
 
 def _to_edge(place: Place, bit: int) -> int:
     """Return the bits from here to where an FSoE frame begins or ends, or the sync manager."""
-    edges = [place.end_bit]
-    for block in place.blocks:
-        edges += (
-            place.first_bit + 8 * block.byte_offset,
-            place.first_bit + 8 * block.end_byte,
-        )
-    return min(edge for edge in edges if edge > bit) - bit
+    return place.edges[bisect_right(place.edges, bit)] - bit
+
+
+def _edges(manager: SmLayout, start: int) -> tuple[int, ...]:
+    edges = {start + manager.bits}
+    for block in manager.blocks:
+        edges |= {start + 8 * block.byte_offset, start + 8 * block.end_byte}
+    return tuple(sorted(edges))
 
 
 def _whole_frames(piece: DescribedCopy, source: Place, destination: Place, out: Collector) -> None:
     """FSN149 when a copy touches an FSoE frame and does not move the whole of it."""
     for end, place in ((piece.source, source), (piece.destination, destination)):
-        for block in place.blocks:
-            first, behind = 8 * block.byte_offset, 8 * block.end_byte
-            inside = first <= end.bit_offset < behind
-            if inside and (end.bit_offset, piece.bits) != (first, behind - first):
-                out.add(
-                    "FSN149",
-                    piece.span,
-                    f"bits {end.bit_offset} to {end.bit_offset + piece.bits - 1} of Sm"
-                    f"{end.sm_index} are copied, a part of the FSoE frame at bits {first} to "
-                    f"{behind - 1}",
-                    hint="copy the frame as a whole, from command to connection ID",
-                )
-                return
+        block = place.block_at(end.bit_offset)
+        if block is None:
+            continue
+        first, behind = 8 * block.byte_offset, 8 * block.end_byte
+        if (end.bit_offset, piece.bits) != (first, behind - first):
+            out.add(
+                "FSN149",
+                piece.span,
+                f"bits {end.bit_offset} to {end.bit_offset + piece.bits - 1} of Sm"
+                f"{end.sm_index} are copied, a part of the FSoE frame at bits {first} to "
+                f"{behind - 1}",
+                hint="copy the frame as a whole, from command to connection ID",
+            )
+            return

@@ -171,18 +171,23 @@ def _managers(
             continue
         listed = sm.all("Pdo")
         pdos: list[Pdo] = []
+        taken: set[int] = set()
         for element in listed:
             index = xml_number(element, out, high=0xFFFF)
-            pdo = None if index is None else by_index.get((direction, index))
-            if pdo is not None:
+            if index is None:
+                continue
+            pdo = by_index.get((direction, index))
+            if pdo is not None and index not in taken:
+                taken.add(index)
                 pdos.append(pdo)
-            elif index is not None:
-                out.add(
-                    "FSN143",
-                    element.value_span,
-                    f"Sm{number} lists PDO 0x{index:04x}, which this SubDevice does not have",
-                    hint="export the ENI again; without it nothing behind this PDO can be placed",
-                )
+                continue
+            why = "a second time" if pdo is not None else "which this SubDevice does not have"
+            out.add(
+                "FSN143",
+                element.value_span,
+                f"Sm{number} lists PDO 0x{index:04x}, {why}",
+                hint="export the ENI again; nothing behind this PDO can be placed",
+            )
         marked = [o.pdo for o in offered if o.sm == number and o.direction is direction]
         if not listed and marked:
             notes.append(f"Sm{number} lists no PDOs; those marked Sm={number} are taken in order")

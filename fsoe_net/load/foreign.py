@@ -16,6 +16,7 @@ __all__ = ["Source", "is_kind", "kind_of", "source_bytes", "text_of", "xml_numbe
 Source = str | os.PathLike[str] | bytes
 
 _HEAD_BYTES = 65_536
+_MOST_FINDINGS = 500
 _XML_KINDS = {
     "EtherCATConfig": "an ENI (EtherCAT network information)",
     "EtherCATInfo": "an ESI (EtherCAT SubDevice information, or `ethercat xml` of one SubDevice)",
@@ -35,10 +36,13 @@ _TEXT_KINDS = (
     (rb"^Domain\d+: LogBaseAddr", "the output of `ethercat domains -v`"),
     (rb"SM\d+: PhysAddr 0x", "the output of `ethercat pdos`"),
     (rb"^Watchdog divider:", "the output of `ethercat config -v`"),
-    (rb"^\s+Vendor Id: +0x", "the output of `ethercat slaves -v`"),
+    (rb"^[ \t]+Vendor Id: +0x", "the output of `ethercat slaves -v`"),
     (rb"SM\d+ (in|out)puts$|PDO mapping according to", "the output of SOEM `slaveinfo -map`"),
-    (rb"^\s*ethercat_slaves\s*:", "an `ethercat_slaves.yaml` of an IgH node for ROS"),
-    (rb"^\s*(nets|subdevices|vendor_id)\s*:", "a YAML file of ethercat_driver_ros2 or fsoe-net"),
+    (rb"^[ \t]*ethercat_slaves[ \t]*:", "an `ethercat_slaves.yaml` of an IgH node for ROS"),
+    (
+        rb"^[ \t]*(nets|subdevices|vendor_id)[ \t]*:",
+        "a YAML file of ethercat_driver_ros2 or fsoe-net",
+    ),
 )
 _NUMBER = re.compile(r"(?:#[xX]|0[xX])([0-9a-fA-F]{1,16})\Z|([0-9]{1,20})\Z")
 
@@ -149,6 +153,8 @@ def xml_number(
     match = _NUMBER.match(text)
     value = None if match is None else int(match[1], 16) if match[1] else int(match[2])
     if value is None or not low <= value <= high:
+        if len(out.diagnostics) >= _MOST_FINDINGS:
+            return None
         shown = text if len(text) <= 40 else text[:37] + "..."
         why = "is no number" if value is None else f"is outside {low} ... {high}"
         out.add(

@@ -294,5 +294,5 @@ def _grouped(fmmus: list[_Fmmu], text: Pasted) -> list[DescribedSubDevice]:
 
 def _opaque(fmmu: _Fmmu) -> Pdo:
     """Bytes of which nothing but their number is known: a PDO of padding."""
-    padding = tuple(Entry(span=fmmu.span, index=0, subindex=0, bits=8) for _ in range(fmmu.size))
-    return Pdo(span=fmmu.span, index=0, entries=padding)
+    padding = Entry(span=fmmu.span, index=0, subindex=0, bits=8 * fmmu.size)
+    return Pdo(span=fmmu.span, index=0, entries=(padding,) if fmmu.size else ())

@@ -26,7 +26,7 @@ from fsoe_net.model import (
 __all__ = ["read_cstruct"]
 
 _HEAD = re.compile(r'/\* *Master (\d+), Slave ([0-9a-f]+)(?:, "(.*)")?')
-_IDENTITY = re.compile(r"\*? *(Vendor ID|Product code|Revision number): +0x([0-9a-f]{1,8})$")
+_IDENTITY = re.compile(r"(Vendor ID|Product code|Revision number): +0x([0-9a-f]{1,8})$")
 _TABLE = re.compile(r"(?:static +)?(?:const +)?ec_(pdo_entry|pdo|sync)_info_t +(\w+)\[\d*\] *= *\{")
 _HEX = r"0x([0-9a-fA-F]{1,4})"
 _ENTRY = re.compile(rf"\{{ *{_HEX} *, *{_HEX} *, *(\d{{1,5}}) *\}} *,? *(?:/\*(.*?)\*/)?")
@@ -39,6 +39,8 @@ _SYNC = re.compile(
     r" *EC_WD_(ENABLE|DISABLE|DEFAULT) *\}"
 )
 _END = re.compile(r"\};$")
+_MOST_ROWS = 255  # of one PDO, and of one sync manager
+_MOST_ENTRIES = 500_000
 _LAST = re.compile(r"\{ *(0xff|0xFF) *\}")
 _NUMBER_OF = re.compile(r"slave_(\d{1,5})_")
 _STARTS = ("ec_pdo", "ec_sync", "static ec_", "{", "};", "/* Master", "* Vendor", "* Product")
@@ -75,6 +77,10 @@ def read_cstruct(text: Pasted) -> Description:
     elif tables and tables[-1].kind != "sync":
         text.cut(text.lines[-1], f"no sync manager table follows {tables[-1].name}")
     rows = _subdevices(tables, text)
+    if text.taken > _MOST_ENTRIES:
+        what = f"its tables refer to more than {_MOST_ENTRIES} rows"
+        text.out.add("FSN103", Span(text.shown, 1, 1), what, hint="is this really a device?")
+        rows = []
     return Description(
         span=Span(text.shown, 1, 1),
         format="ethercat-cstruct",
@@ -170,7 +176,10 @@ def _slice(
 ) -> list[tuple[re.Match[str], Span]]:
     if not count or name == "NULL":
         return []
-    rows = [] if table is None else table.rows[start : start + count]
+    rows = [] if table is None else table.rows[start : start + count][:_MOST_ROWS]
+    text.taken += len(rows)
+    if text.taken > _MOST_ENTRIES:
+        return []
     if len(rows) < count:
         text.out.add(
             "FSN147",

@@ -26,8 +26,8 @@ from fsoe_net.model import (
 
 __all__ = ["read_xml"]
 
-_NAME = re.compile(r"(<Name(?: LcId=\"\d+\")?>)(?!<!\[CDATA\[)(.*?)(</Name>)")
-_TYPE = re.compile(r"(<Type ProductCode=[^>]*>)(?!<!\[CDATA\[)(.*?)(</Type>)")
+_NAME = re.compile(r"(<Name(?: LcId=\"\d+\")?>)(?!<!\[CDATA\[)(.{0,300}?)(</Name>)")
+_TYPE = re.compile(r"(<Type ProductCode=[^>]{0,200}>)(?!<!\[CDATA\[)(.{0,300}?)(</Type>)")
 _AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
 _COMMENT = re.compile(r"<!-- Slave (\d{1,5}) -->")
 _FIRST = re.compile(r"<\?xml|<EtherCATInfo")
@@ -46,7 +46,7 @@ def read_xml(data: bytes, shown: str, out: Collector) -> Description | None:
     if not ends or ("<EtherCATInfoList" in body and "</EtherCATInfoList>" not in body):
         _cut(data, shown, out)
         return None
-    body = re.sub(r"<\?xml.*?\?>", lambda m: " " * len(m[0]), body[: ends[-1]])
+    body = re.sub(r"<\?xml.{0,200}?\?>", lambda m: " " * len(m[0]), body[: ends[-1]])
     mended = "\n" * before.count("\n") + _TYPE.sub(_escaped, _NAME.sub(_escaped, body))
     root = parse_xml(
         mended.encode("utf-8", "replace"), shown, out, what="the output of `ethercat xml`"

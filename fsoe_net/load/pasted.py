@@ -17,12 +17,13 @@ from fsoe_net.load.foreign import text_of
 
 __all__ = ["Line", "Pasted", "pasted"]
 
-_MAX_LINES = 1_000_000
+_MAX_BYTES = 8 * 1024 * 1024
+_MAX_LINE = 600  # a name has at most 255 characters
 _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[@-_]|\r")
 _QUOTES = re.compile(r"^(?:[ \t]*>)+[ \t]?")
 _PROMPT = re.compile(
-    r"^\s*(?:\[?[\w.-]{1,60}@[\w.-]{1,60}[^$#%]{0,200}[$#%](?:\s.*)?$|[$#%](?:\s+.*)?$"
-    r"|\S{0,60}>?\s*(?:sudo\s+)?(?:\S*/)?(?:ethercat|slaveinfo)\s)"
+    r"(?:\[?[\w.-]{1,60}@[\w.-]{1,60}[^$#%]{0,200}[$#%](?:\s.*)?$|[$#%](?:\s+.*)?$"
+    r"|\S{0,60}>? ?(?:sudo )?(?:\S{0,60}/)?(?:ethercat|slaveinfo)\s)"
 )
 _LEFT_OUT = re.compile(r"^\s*[\[(<]?\s*(?:\.\.\.+|\u2026|--More--|truncated|snip)", re.IGNORECASE)
 _FENCE = re.compile(r"^\s*(```|~~~)")
@@ -51,6 +52,7 @@ class Pasted:
     out: Collector
     truncated: bool = False
     last_good: Line | None = None
+    taken: int = 0  # rows that tables of it referred to
     _strange: int = 0
 
     def good(self, line: Line) -> None:
@@ -112,10 +114,19 @@ def pasted(data: bytes, shown: str, out: Collector) -> Pasted:
     Quote marks of mails, colour codes, carriage returns, code fences and prompts with the command
     itself are taken away; indentation that all lines share is, too.
     """
+    if len(data) > _MAX_BYTES:
+        out.add(
+            "FSN103",
+            Span(shown, 1, 1),
+            f"a text of {len(data)} bytes, more than the {_MAX_BYTES} allowed",
+            hint="is this really the output of one command?",
+        )
+        data = b""
     rows: list[tuple[int, str]] = []
-    for number, raw in enumerate(text_of(data).split("\n")[:_MAX_LINES], 1):
-        text = _QUOTES.sub("", _ESCAPES.sub("", raw)).expandtabs(8).rstrip()
-        if text and not _FENCE.match(text) and not _PROMPT.match(text):
+    for number, raw in enumerate(text_of(data).split("\n"), 1):
+        raw = _ESCAPES.sub("", raw[:_MAX_LINE])
+        text = _QUOTES.sub("", raw).expandtabs(8).rstrip()
+        if text and not _FENCE.match(text) and not _PROMPT.match(text.lstrip()):
             rows.append((number, text))
     end = len(rows) - 1
     return Pasted(

@@ -302,3 +302,32 @@ def test_other_texts_are_refused(text: str, reader):
     out = Collector()
     assert reader(text.encode(), out) is None
     assert [d.code for d in out.diagnostics] == ["FSN140"]
+
+
+def test_long_and_many_lines_are_bounded():
+    for text in (
+        " " * 4_000_000 + "x",
+        'PDO entry 0x7000:01,  8 bit, "' * 100_000,
+        "<EtherCATInfo>" + "<Name>" * 500_000 + "</EtherCATInfo>",
+        "\n" * 4_000_000 + "SM2: PhysAddr 0x1200",
+        "* " + " " * 4_000_000 + "ec_pdo_entry_info_t",
+    ):
+        load_igh_text(text.encode(), Collector())
+    out = Collector()
+    load_igh_text(b"SM2: PhysAddr 0x1100\n" * 500_000, out)
+    assert [d.code for d in out.diagnostics][:1] == ["FSN103"]
+
+
+def test_tables_that_refer_to_each_other_without_end_are_refused():
+    entries = "    {0x7000, 0x01, 8},\n" * 255
+    pdos = "    {0x1600, 255, e + 0},\n" * 3000
+    syncs = "".join("    {2, EC_DIR_OUTPUT, 255, p + 0, EC_WD_ENABLE},\n" for _ in range(200))
+    text = (
+        f"ec_pdo_entry_info_t e[] = {{\n{entries}}};\nec_pdo_info_t p[] = {{\n{pdos}}};\n"
+        f"ec_sync_info_t s[] = {{\n{syncs}    {{0xff}}\n}};\n"
+    )
+    out = Collector()
+    found = load_igh_text(text.encode(), out)
+    assert found is not None
+    assert found.subdevices == ()
+    assert "FSN103" in [d.code for d in out.diagnostics]
