@@ -158,7 +158,12 @@ class _Reader:
         )
 
     def _one_each(self) -> None:
-        """No two SubDevices may stand at one place of the ring."""
+        """No two SubDevices may stand at one place of the ring.
+
+        Members of groups that come and go have no place of their own until they come.
+        """
+        if any(slave.hot_connect for slave in self._slaves):
+            return
         seen: dict[int | None, Span] = {}
         for slave in self._slaves:
             position = slave.described.position

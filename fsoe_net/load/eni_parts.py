@@ -105,13 +105,13 @@ class EniParts:
 
 
 def read_windows(process_data: Element, out: Collector) -> list[Window]:
-    """Return the ``Send`` and ``Recv`` windows of a SubDevice."""
+    """Return the ``Send`` and ``Recv`` windows of a SubDevice that are not empty."""
     windows = []
     for name, direction in (("Send", Direction.OUTPUT), ("Recv", Direction.INPUT)):
         for element in process_data.all(name):
             start = xml_number(element.first("BitStart"), out)
             bits = xml_number(element.first("BitLength"), out)
-            if start is not None and bits is not None:
+            if start is not None and bits:
                 window = Window(
                     direction=direction, bit_start=start, bits=bits, span=element.value_span
                 )

@@ -43,6 +43,7 @@ class EniSlave:
     windows: tuple[Window, ...]
     fmmus: tuple[Fmmu, ...]
     span: Span
+    hot_connect: bool = False
 
 
 def read_slave(element: Element, number: int, out: Collector, path: str) -> EniSlave:
@@ -84,8 +85,11 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
         serial=xml_number(info.first("SerialNo"), out),
         notes=tuple(notes),
     )
+    hot = element.first("HotConnect") is not None
     windows = () if process_data is None else tuple(read_windows(process_data, out))
-    return EniSlave(described=described, windows=windows, fmmus=fmmus, span=info.span)
+    return EniSlave(
+        described=described, windows=windows, fmmus=fmmus, span=info.span, hot_connect=hot
+    )
 
 
 def _text(element: Element | None) -> str:

@@ -237,6 +237,23 @@ def test_two_subdevices_at_one_place_are_named():
     read(text, expect=("FSN141",))
 
 
+def test_groups_that_come_and_go_have_no_place_of_their_own():
+    text = write_eni(bus(1)).replace("<AutoIncAddr>65535<", "<AutoIncAddr>0<")
+    read(
+        text.replace(
+            "<Mailbox>", "<HotConnect><GroupMemberCnt>1</GroupMemberCnt></HotConnect><Mailbox>"
+        )
+    )
+
+
+def test_empty_window_is_none():
+    text = write_eni(bus(1), header_bytes=10)
+    empty = "<Send><BitStart>0</BitStart><BitLength>0</BitLength></Send><Send>"
+    found, _ = read(text.replace("<Send>", empty))
+    assert found is not None
+    assert len(found.copies) == 2
+
+
 def test_sample_without_process_data_is_read():
     found, _ = read(
         "<EtherCATConfig><Config><Slave><Info><Name>a</Name><VendorId>2</VendorId>"
