@@ -62,6 +62,9 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
     managers = () if process_data is None else _managers(process_data, pdos, out, notes)
     assigned = {p.index for sm in managers for p in sm.pdos or ()}
     fmmus, activate = _registers(element.first("InitCmds"), out)
+    hot = element.first("HotConnect") is not None
+    if hot:
+        notes.append("it belongs to a group that comes and goes, and has no ring position")
     dc = element.first("DC")
     if dc is not None and not activate:
         notes.append("it has a DC section, but no start-up command writes register 0x0980")
@@ -78,14 +81,13 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
         span=info.span,
         fields={c.name: c.value_span for c in info.children},
         name=_text(info.first("Name")),
-        position=_position(info, number, out),
+        position=None if hot else _position(info, number, out),
         device=device,
         available=tuple(p for p in available if p.index not in assigned),
         revision=xml_number(info.first("RevisionNo"), out),
         serial=xml_number(info.first("SerialNo"), out),
         notes=tuple(notes),
     )
-    hot = element.first("HotConnect") is not None
     windows = () if process_data is None else tuple(read_windows(process_data, out))
     return EniSlave(
         described=described, windows=windows, fmmus=fmmus, span=info.span, hot_connect=hot
@@ -167,6 +169,7 @@ def _managers(
     process_data: Element, offered: list[_Offered], out: Collector, notes: list[str]
 ) -> tuple[SyncManager, ...]:
     managers = []
+    named: set[int] = set()
     by_index = {(o.direction, o.pdo.index): o.pdo for o in offered}
     for number in range(_MAX_SM + 1):
         sm = process_data.first(f"Sm{number}")
@@ -185,6 +188,9 @@ def _managers(
                 taken.add(index)
                 pdos.append(pdo)
                 continue
+            if number in named:
+                continue
+            named.add(number)
             why = "a second time" if pdo is not None else "which this SubDevice does not have"
             out.add(
                 "FSN143",

@@ -91,6 +91,8 @@ def _xml_kind(data: bytes) -> str:
         parser.Parse(data[:_HEAD_BYTES], False)
     if not names:
         return ""
+    if names[0] == "EtherCATInfo" and re.search(rb"<!-- Slave \d+ -->", data[:_HEAD_BYTES]):
+        return "the output of `ethercat xml`"
     for name, given in zip(names, attributes, strict=True):
         if name == "Slave" and "PhysAddr" in given:
             return f"<{names[0]}>, which looks like a project of an ENI builder, not its ENI"

@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Span
+from fsoe_net.diag import Severity, Span
 from fsoe_net.load.files import Collector
-from fsoe_net.load.foreign import Source, kind_of, source_bytes
+from fsoe_net.load.foreign import Source, is_kind, kind_of, source_bytes
 from fsoe_net.load.igh_config import read_config, read_domains
 from fsoe_net.load.igh_cstruct import read_cstruct
 from fsoe_net.load.igh_xml import read_xml
@@ -58,10 +58,15 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
         return None
     kind = kind_of(data)
     text = pasted(data, shown, out)
+    if kind.startswith("an ESI") and b"<Groups" in data:
+        is_kind(data, "the output of the `ethercat` tool", shown, out)
+        return None
     if kind == "the output of `ethercat cstruct`":
+        _one_master(text)
         return read_cstruct(text)
     if kind.startswith(_INPUT_KINDS) or any("<EtherCATInfo" in line.text for line in text):
         return read_xml(data, shown, out)
+    _one_master(text)
     for wanted, reader in _READERS:
         if any(wanted.search(line.text) for line in text):
             return reader(text)
@@ -73,6 +78,36 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
         hint="paste the output of ethercat pdos, cstruct, xml, slaves -v, config -v or domains -v",
     )
     return None
+
+
+_MASTER = re.compile(r"(?:=== |/\* )Master (\d{1,3}), Slave |Master ?(\d{1,3})$")
+
+
+def _one_master(text: Pasted) -> None:
+    """Keep the lines of the first master: two of them are two buses."""
+    first: str | None = None
+    current: str | None = None
+    kept: list[Line] = []
+    others: Line | None = None
+    for line in text:
+        match = _MASTER.match(line.stripped)
+        if match:
+            current = match[1] or match[2]
+            first = current if first is None else first
+        if current == first:
+            kept.append(line)
+        elif others is None:
+            others = line
+    if others is None:
+        return
+    text.out.add(
+        "FSN147",
+        others.span,
+        f"here begins another master; only master {first} is read",
+        severity=Severity.INFO,
+        hint="give each master's output on its own: ethercat -m N",
+    )
+    text.lines = tuple(kept)
 
 
 # -- pdos -----------------------------------------------------------------------------------------
@@ -206,7 +241,7 @@ def _ends_like_pdos(text: Pasted, subs: list[Building]) -> None:
     if not subs or not text.lines:
         return
     sub = subs[-1]
-    if sub.pdos and not sub.entries and (sub.done or _has_entries(subs)):
+    if sub.pdos and not sub.entries and _has_entries(subs):
         text.cut(text.lines[-1], "the last PDO has no entries")
     elif sub.number is not None and sub.number < _FIRST_PROCESS_SM and sub.control & 2:
         text.cut(text.lines[-1], f"nothing follows the mailbox SM{sub.number}")
@@ -223,7 +258,10 @@ def _ends_like_pdos(text: Pasted, subs: list[Building]) -> None:
 
 
 def _has_entries(subs: list[Building]) -> bool:
-    return any(p.entries for s in subs for m in s.managers for p in m.pdos or ())
+    done = (p for s in subs for p in s.done)
+    return any(
+        p.entries for p in (*done, *(p for s in subs for m in s.managers for p in m.pdos or ()))
+    )
 
 
 # -- slaves ---------------------------------------------------------------------------------------

@@ -239,11 +239,19 @@ def test_two_subdevices_at_one_place_are_named():
 
 def test_groups_that_come_and_go_have_no_place_of_their_own():
     text = write_eni(bus(1)).replace("<AutoIncAddr>65535<", "<AutoIncAddr>0<")
-    read(
-        text.replace(
-            "<Mailbox>", "<HotConnect><GroupMemberCnt>1</GroupMemberCnt></HotConnect><Mailbox>"
-        )
-    )
+    hot = "<HotConnect><GroupMemberCnt>1</GroupMemberCnt></HotConnect><Mailbox>"
+    found, _ = read(text.replace("<Mailbox>", hot))
+    assert found is not None
+    assert [s.position for s in found.subdevices] == [None, 0]
+
+
+def test_pdo_that_is_listed_twice_is_named():
+    text = write_eni(bus(1)).replace("<Pdo>5632</Pdo>", "<Pdo>5632</Pdo>" * 1000, 1)
+    found, named = read(text, expect=("FSN143",))
+    assert found is not None
+    assert "a second time" in named[0].message
+    assert found.subdevices[0].device.sync_managers[0].pdos is not None
+    assert len(found.subdevices[0].device.sync_managers[0].pdos) == 2
 
 
 def test_empty_window_is_none():

@@ -71,6 +71,12 @@ def test_pdos():
     assert sub.notes == ("SM2: DefaultSize 8, its PDOs 56 bits", "this text has no identity")
 
 
+def test_pdos_without_entries_are_whole():
+    quiet = "".join(line for line in PDOS.splitlines(keepends=True) if "entry" not in line)
+    (sub,) = read(quiet).subdevices
+    assert [m.complete for m in layout_of(sub.device).managers] == [False, False]
+
+
 def test_pdos_of_several():
     found = read(TWO_PDOS)
     assert [s.position for s in found.subdevices] == [3, 11]
@@ -124,6 +130,30 @@ def test_xml_with_names_that_break_it():
     assert [(m.sm.index, m.bits) for m in managers] == [(2, 16), (3, 16)]
     assert managers[0].placed[0].entry.name == "cmd < 3 & 4"
     assert managers[1].placed[0].entry.subindex == 10
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TWO_PDOS + TWO_PDOS.replace("Master 0", "Master 1"),
+        cstruct(3, 11) + cstruct(3).replace("Master 0", "Master 1"),
+    ],
+)
+def test_second_master_is_another_bus(text: str):
+    assert [s.position for s in read(text, "FSN147").subdevices] == [3, 11]
+
+
+def test_second_master_in_lists():
+    listed = "Master0\n" + SLAVES + "Master1\n" + SLAVES
+    assert len(read(listed, "FSN147").subdevices) == 4
+
+
+def test_esi_of_a_vendor_is_not_taken_for_it():
+    out = Collector()
+    esi = "<EtherCATInfo><Descriptions><Groups><Group/></Groups></Descriptions></EtherCATInfo>"
+    assert load_igh_text(esi.encode(), out) is None
+    assert [d.code for d in out.diagnostics] == ["FSN140"]
+    assert "an ESI" in out.diagnostics[0].message
 
 
 def test_xml_of_several():
