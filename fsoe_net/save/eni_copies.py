@@ -62,21 +62,24 @@ def _replaced(
 ) -> bytes:
     commands = _Finder(data, encoding).commands
     wanted: dict[int, list[tuple[int, int, int]]] = {}
+    rooms = [(number, room) for number, c in enumerate(commands) if (room := c.bits(header_bits))]
     for copy in copies:
-        number = _bringer(commands, copy, header_bits)
+        number = _bringer(rooms, copy)
         wanted.setdefault(number, []).append(copy)
     edits: list[tuple[int, int, bytes]] = []
     for number, command in enumerate(commands):
         edits += _edits(data, command, wanted.get(number, []))
-    for start, end, new in sorted(edits, reverse=True):
-        data = data[:start] + new + data[end:]
-    return data
+    pieces: list[bytes] = []
+    done = 0
+    for start, end, new in sorted(edits):
+        pieces += (data[done:start], new)
+        done = end
+    return b"".join((*pieces, data[done:]))
 
 
-def _bringer(commands: list[_Cmd], copy: tuple[int, int, int], header_bits: int) -> int:
+def _bringer(rooms: list[tuple[int, range]], copy: tuple[int, int, int]) -> int:
     source, _, bits = copy
-    for number, command in enumerate(commands):
-        room = command.bits(header_bits)
+    for number, room in rooms:
         if source in room and source + bits - 1 in room:
             return number
     raise InputError(f"no cyclic command of this ENI brings input bits {source} to {source + bits}")
