@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 
 import pytest
 from data_files import need
@@ -116,6 +117,38 @@ def test_real_file_counts_from_the_datagram_header():
     assert images is not None
     assert images.header_bits == 80
     assert images.starts[(0, 3)] == 568
+
+
+def test_inputs_and_outputs_of_a_real_file_are_two_memories():
+    """The same numbers in both images: an LRW brings and takes at one place of the frame."""
+    images = load_eni_images(need("eni", "kpierczy_test_eni.xml"), Collector())
+    assert images is not None
+    for drive in (1, 2, 3, 4):
+        assert images.starts[(drive, 2)] == images.starts[(drive, 3)]
+    bits = images.bits_of(copy((1, 3, 0), (1, 2, 0), 16))
+    assert bits is not None
+    assert bits[0] == bits[1]
+    # slots are as wide as the wider direction: the output image has holes
+    outputs = [images.starts[(drive, 2)] for drive in (1, 2, 3, 4)]
+    assert {b - a for a, b in pairwise(outputs)} == {112}
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_each_rule_of_a_real_file_is_looked_at(number: int):
+    """Move one window, or one variable with a name, of the real file: it is named."""
+    text = need("eni", "kpierczy_test_eni.xml").read_text("utf-8")
+    if number < 6:
+        places = [m.span(1) for m in re.finditer(r"<BitStart>(\d+)<", text)]
+        wanted = {"FSN142"}
+    else:
+        places = [m.span(1) for m in re.finditer(r"<BitOffs>(\d+)<", text)]
+        kept = [p for p in places if int(text[slice(*p)]) < 1000]
+        places, wanted = kept[:: len(kept) // 6], {"FSN144"}
+    start, end = places[number % 6]
+    out = Collector()
+    moved = f"{text[:start]}{int(text[start:end]) + 1}{text[end:]}"
+    load_eni(moved.encode(), out)
+    assert {d.code for d in out.diagnostics} == wanted
 
 
 # -- copies ---------------------------------------------------------------------------------------
