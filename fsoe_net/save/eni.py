@@ -12,6 +12,7 @@ from fsoe_net.model import (
     Description,
     Direction,
     Pdo,
+    SyncManager,
     Watchdog,
 )
 from fsoe_net.save.eni_layout import EniLayout, Piece, WrittenCommand, lay_out
@@ -183,6 +184,11 @@ def _slave(sub: DescribedSubDevice, pieces: list[Piece]) -> Iterator[str]:
     yield "</Slave>"
 
 
+def _control(sm: SyncManager) -> int:
+    """Return the control byte: direction, and the watchdog where it is on."""
+    return _CONTROL[sm.direction] | (_WATCHDOG_BIT if sm.watchdog is Watchdog.ENABLE else 0)
+
+
 def _station(position: int) -> int:
     """Return a station address for a ring position: 1001 for the first, never 0."""
     return (_FIRST_ADDRESS - 1 + position) % 0xFFFF + 1
@@ -198,9 +204,7 @@ def _process_data(sub: DescribedSubDevice, pieces: list[Piece]) -> Iterator[str]
             )
     managers = sorted(sub.device.sync_managers, key=lambda sm: sm.index)
     for sm in managers:
-        control = _CONTROL[sm.direction]
-        if sm.watchdog is Watchdog.ENABLE:
-            control |= _WATCHDOG_BIT
+        control = _control(sm)
         pdos = sub.device.pdos_of(sm)
         kind = "Outputs" if sm.direction is Direction.OUTPUT else "Inputs"
         size = (sum(p.bits for p in pdos) + 7) // 8
@@ -264,6 +268,13 @@ def _init_commands(sub: DescribedSubDevice, pieces: list[Piece], position: int) 
         fmmu = piece.logical.to_bytes(4, "little") + size.to_bytes(2, "little")
         fmmu += bytes((0, last_bit)) + start.to_bytes(2, "little") + bytes((0, kind, 1, 0, 0, 0))
         yield _register("PS", _FPWR, address, 0x0600 + 16 * number, fmmu)
+    for piece in pieces:
+        sm = piece.layout.sm
+        if sm.start_byte is not None:
+            data = sm.start_byte.to_bytes(2, "little")
+            data += piece.layout.size_bytes.to_bytes(2, "little")
+            data += bytes((_control(sm), 0, 1, 0))
+            yield _register("PS", _FPWR, address, 0x0800 + 8 * sm.index, data)
     if sub.device.assign_activate:
         word = sub.device.assign_activate.to_bytes(2, "little")
         yield _register("PS", _FPWR, address, 0x0980, word)

@@ -150,6 +150,19 @@ def test_network_becomes_an_eni_with_its_transfers(name: str):
         ]
 
 
+def test_registers_of_a_simple_subdevice_are_written():
+    text = write_eni(bus(1))
+    written = dict(re.findall(r"<Adp>1002</Adp><Ado>(\d+)</Ado><Data>([0-9a-f]+)</Data>", text))
+    assert written[str(0x0810)] == "0012" + "0700" + "24000100"  # 56 bits of outputs from 0x1200
+    assert written[str(0x0818)] == "001d" + "0800" + "20000100"
+    logical = 0x10000000 + 7 + 8  # behind the logic
+    assert (
+        written[str(0x0600)]
+        == logical.to_bytes(4, "little").hex() + "0700000700120002" + "01000000"
+    )
+    assert re.findall(r"<DataLength>(\d+)</DataLength><Cnt>(\d+)</Cnt>", text) == [("30", "6")]
+
+
 def test_what_cannot_be_written_is_refused():
     one = bus(1)
     sub = one.subdevices[0]
