@@ -1,6 +1,8 @@
-"""Descriptions of small buses for readers and writers: an FSoE logic and what talks to it."""
+"""For readers and writers: small buses around an FSoE logic, and devices by Hypothesis."""
 
 from __future__ import annotations
+
+from hypothesis import strategies as st
 
 from fsoe_net.model import (
     DescribedCopy,
@@ -14,6 +16,8 @@ from fsoe_net.model import (
     Sdo,
     SyncManager,
 )
+
+NAMES = st.text(st.characters(codec="latin-1", exclude_categories=("C", "Z")), max_size=12)
 
 
 def entry(index: int, subindex: int, bits: int, name: str = "") -> Entry:
@@ -93,4 +97,60 @@ def bus(terminals: int, *, per_logic: int = 40) -> Description:
         copies.append(copy((logic, 3, slot), (sub, 2, 0), 48))
     return Description(
         format="test", path="", subdevices=tuple(subs), copies=tuple(copies), cycle_us=2000
+    )
+
+
+def _entries(most_bits: int):
+    gaps = st.builds(Entry, index=st.just(0), subindex=st.just(0), bits=st.integers(1, most_bits))
+    plain = st.builds(
+        Entry,
+        index=st.integers(1, 0xFFFF),
+        subindex=st.integers(0, 255),
+        bits=st.integers(1, most_bits),
+        type_name=st.sampled_from(["", "UINT", "BOOL"]),
+        name=NAMES,
+    )
+    return st.lists(gaps | plain, max_size=6).map(tuple)
+
+
+@st.composite
+def described_devices(draw, *, most_bits: int = 255, sdos: bool = True):
+    """Return a device with 0 … 4 sync managers whose PDO indices do not repeat."""
+    indices = draw(st.lists(st.integers(1, 0xFFFF), min_size=6, max_size=6, unique=True))
+    pdos = [Pdo(index=i, entries=draw(_entries(most_bits)), name=draw(NAMES)) for i in indices]
+    count = draw(st.integers(0, 4))
+    managers = tuple(
+        SyncManager(
+            index=n,
+            direction=draw(st.sampled_from(Direction)),
+            carries=None,
+            pdos=tuple(pdos.pop() for _ in range(draw(st.integers(0, 1)))),
+            start_byte=draw(st.integers(0x1000, 0xFFFF)),
+        )
+        for n in range(count)
+    )
+    made = st.builds(
+        lambda index, sub, size, value: Sdo(
+            index=index, subindex=sub, size_bytes=size, value=value % (1 << 8 * size)
+        ),
+        st.integers(1, 0xFFFF),
+        st.integers(0, 255),
+        st.sampled_from([1, 2, 4, 8]),
+        st.integers(0, 2**64 - 1),
+    )
+    word = st.integers(0, 0xFFFF)
+    long = st.integers(1, 0xFFFFFFFF)
+    return DescribedSubDevice(
+        name=draw(NAMES),
+        order=draw(NAMES),
+        revision=draw(long),
+        device=Device(
+            path="",
+            vendor_id=draw(long),
+            product_code=draw(long),
+            assign_activate=draw(word),
+            sync_managers=managers,
+            sdos=tuple(draw(st.lists(made, max_size=3))) if sdos else (),
+        ),
+        available=tuple(pdos[:2]),
     )

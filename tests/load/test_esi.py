@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 from data_files import listed, need
+from described import described_devices
 from hypothesis import given, settings
-from load.described import described_devices
 from load.esi_text import device_text, esi_text, module_text
 
 from fsoe_net.load import Collector

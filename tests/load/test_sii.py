@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 from data_files import listed, need
+from described import described_devices
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from load.described import described_devices
 from load.sii_image import category, image, image_of, strings
 
 from fsoe_net.diag import Span
