@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import os
 from dataclasses import dataclass, replace
 
 from fsoe_net.diag import Severity, Span
 from fsoe_net.load.esi_cache import cached_catalogue, keep_catalogue
 from fsoe_net.load.esi_catalogue import EsiCatalogue, EsiRow, plain_bytes, scan_esi
 from fsoe_net.load.esi_device import read_esi_device
-from fsoe_net.load.files import Collector, read_bytes
+from fsoe_net.load.files import Collector
+from fsoe_net.load.foreign import Source, source_bytes
 from fsoe_net.load.xml_tree import Element, parse_xml
 from fsoe_net.model import DescribedSubDevice, Description
 
@@ -49,46 +49,46 @@ class EsiChoice:
 
 
 def list_esi(
-    source: str | os.PathLike[str] | bytes,
+    source: Source,
     out: Collector,
     *,
-    path: str = "ESI",
+    name: str = "<esi>",
     cache: bool = True,
 ) -> EsiCatalogue | None:
     """List the devices and modules of a file, without their dictionaries.
 
     Args:
-        source: The file, or its bytes.
+        source: Path, or the bytes of the file.
         out: Takes what is wrong with it.
-        path: Name for places, when bytes are given.
+        name: Name shown when ``source`` is bytes.
         cache: Whether the list of a large file is kept for the next time, by content.
     """
-    file = _File.open(source, out, path=path, cache=cache)
+    file = _File.open(source, out, name=name, cache=cache)
     return file.catalogue if file is not None else None
 
 
 def load_esi(
-    source: str | os.PathLike[str] | bytes,
+    source: Source,
     out: Collector,
     *,
     choice: EsiChoice | None = None,
-    path: str = "ESI",
+    name: str = "<esi>",
     cache: bool = True,
 ) -> Description | None:
     """Read one device of a file, or all of a small file when none is named.
 
     Args:
-        source: The file, or its bytes.
+        source: Path, or the bytes of the file.
         out: Takes FSN135 when the device is not there, FSN136 when another revision is taken,
             FSN137 for modules, FSN139 for contradictions, and what `scan_esi` finds.
         choice: The device wanted.
-        path: Name for places, when bytes are given.
+        name: Name shown when ``source`` is bytes.
         cache: Whether the list of a large file is kept for the next time, by content.
 
     Returns:
         The devices, or ``None`` with a finding.
     """
-    file = _File.open(source, out, path=path, cache=cache)
+    file = _File.open(source, out, name=name, cache=cache)
     if file is None:
         return None
     wanted = choice or EsiChoice()
@@ -133,17 +133,13 @@ class _File:
     @classmethod
     def open(
         cls,
-        source: str | os.PathLike[str] | bytes,
+        source: Source,
         out: Collector,
         *,
-        path: str,
+        name: str,
         cache: bool,
     ) -> _File | None:
-        if isinstance(source, bytes):
-            data: bytes | None = source
-        else:
-            path = os.fspath(source)
-            data = read_bytes(path, out, most=MAX_ESI_BYTES)
+        data, path = source_bytes(source, out, name, most=MAX_ESI_BYTES)
         if data is None:
             return None
         sha256 = next((s.sha256 for s in out.sources if s.path == path), "")

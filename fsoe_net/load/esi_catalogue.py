@@ -15,9 +15,10 @@ from xml.parsers import expat
 
 from fsoe_net.diag import Severity, Span
 from fsoe_net.load.files import Collector
+from fsoe_net.load.foreign import XML_KINDS, esi_number
 from fsoe_net.load.xml_tree import MAX_DEPTH, xml_hint
 
-__all__ = ["EsiCatalogue", "EsiRow", "esi_number", "plain_bytes", "scan_esi"]
+__all__ = ["EsiCatalogue", "EsiRow", "plain_bytes", "scan_esi"]
 
 MAX_ROWS = 100_000
 _MAX_TEXT = 1000  # characters of a name that are kept
@@ -42,17 +43,7 @@ _INSIDE = {
     "Modules": frozenset({"Module"}),
     "Module": frozenset({"Type", "Name"}),
 }
-_FOREIGN = {
-    "EtherCATConfig": "an ENI, the configuration of a whole bus",
-    "EtherCATModule": "a file of modules without a device; name the ESI that refers to it",
-    "EtherCATDict": "an object dictionary; name the ESI that refers to it",
-    "EtherCATDiag": "texts of diagnosis messages, no device",
-    "EtherCATMailbox": "an export of start-up commands, no device",
-    "TcSmProject": "a TwinCAT project",
-    "TreeItem": "a TwinCAT export",
-    "masters": "a linuxcnc-ethercat configuration",
-    "robot": "a robot description",
-}
+_REFERRED = frozenset({"EtherCATModule", "EtherCATDict"})  # by an ESI with `InfoReference`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,23 +96,6 @@ class EsiCatalogue:
     def modules(self) -> tuple[EsiRow, ...]:
         """The modules, in the order of the file."""
         return tuple(row for row in self.rows if row.kind == "module")
-
-
-def esi_number(text: str) -> int | None:
-    """Return the number of a ``HexDecValue``: ``#x1a00``, ``0x1A00``, ``6656`` or ``0006656``."""
-    word = text.strip()
-    if len(word) > 40:
-        return None
-    sign = -1 if word[:1] == "-" else 1
-    word = word.removeprefix("-") if sign < 0 else word.removeprefix("+")
-    digits = word[2:] if word[:2].lower() in ("#x", "0x") else word
-    base = 10 if digits is word else 16
-    if not digits.isascii() or not digits.isalnum():
-        return None
-    try:
-        return sign * int(digits, base)
-    except ValueError:
-        return None
 
 
 def plain_bytes(data: bytes) -> bytes:
@@ -387,8 +361,10 @@ class _Scan:
             self._attributes = attributes
 
     def _refuse_root(self, name: str) -> None:
-        known = _FOREIGN.get(name)
+        known = XML_KINDS.get(name)
         hint = f"this is {known}" if known else "the root element of an ESI is <EtherCATInfo>"
+        if name in _REFERRED:
+            hint += "; name the ESI that refers to it"
         self._refuse("FSN117", f"<{name[:80]}> is not the root of an ESI file", hint)
 
     def _characters(self, text: str) -> None:

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from fsoe_net.diag import Related, Severity, Span
-from fsoe_net.load.esi_catalogue import EsiRow, esi_number
+from fsoe_net.load.esi_catalogue import EsiRow
 from fsoe_net.load.esi_parts import EsiPdo, PartReader, SlotPlace, name_of, slot_places
 from fsoe_net.load.files import Collector
+from fsoe_net.load.foreign import esi_number
 from fsoe_net.load.xml_tree import Element
 from fsoe_net.model import DescribedSubDevice, Device, Direction, Pdo, Sdo, SyncManager
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fsoe_net.diag import Severity, Span
-from fsoe_net.load.esi_catalogue import esi_number
 from fsoe_net.load.files import Collector
+from fsoe_net.load.foreign import esi_number
 from fsoe_net.load.xml_tree import Element
 from fsoe_net.model import Direction, Entry, Pdo, Sdo
 

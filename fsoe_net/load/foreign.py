@@ -8,25 +8,36 @@ from contextlib import suppress
 from xml.parsers import expat
 
 from fsoe_net.diag import Span
-from fsoe_net.load.files import Collector, read_bytes
+from fsoe_net.load.files import MAX_FILE_BYTES, Collector, read_bytes
 from fsoe_net.load.xml_tree import Element
 
-__all__ = ["Source", "is_kind", "kind_of", "source_bytes", "text_of", "xml_number"]
+__all__ = [
+    "XML_KINDS",
+    "Source",
+    "esi_number",
+    "is_kind",
+    "kind_of",
+    "source_bytes",
+    "text_of",
+    "xml_number",
+]
 
 Source = str | os.PathLike[str] | bytes
 
 _HEAD_BYTES = 65_536
 _MOST_FINDINGS = 500
-_XML_KINDS = {
+XML_KINDS = {
     "EtherCATConfig": "an ENI (EtherCAT network information)",
     "EtherCATInfo": "an ESI (EtherCAT SubDevice information, or `ethercat xml` of one SubDevice)",
     "EtherCATInfoList": "the output of `ethercat xml` for several SubDevices",
     "EtherCATModule": "an ESI module file",
     "EtherCATDict": "an ESI dictionary file",
+    "EtherCATDiag": "texts of ESI diagnosis messages, without a device",
     "EtherCATMailbox": "an export of start-up commands from TwinCAT",
     "Network": "a network of openethercat, a format of its own",
     "TcSmProject": "a TwinCAT project",
     "TcSmItem": "a part of a TwinCAT project",
+    "TreeItem": "a part of a TwinCAT project",
     "Project": "a TwinSAFE project export",
     "masters": "a configuration of linuxcnc-ethercat",
     "robot": "a robot description (URDF)",
@@ -44,20 +55,22 @@ _TEXT_KINDS = (
         "a YAML file of ethercat_driver_ros2 or fsoe-net",
     ),
 )
-_NUMBER = re.compile(r"(?:#[xX]|0[xX])([0-9a-fA-F]{1,16})\Z|([0-9]{1,20})\Z")
 
 
-def source_bytes(source: Source, out: Collector, name: str) -> tuple[bytes | None, str]:
+def source_bytes(
+    source: Source, out: Collector, name: str, *, most: int = MAX_FILE_BYTES
+) -> tuple[bytes | None, str]:
     """Return the content and the name to show for it.
 
     Args:
         source: A path, or the bytes themselves.
         out: Takes FSN101 when a path cannot be read.
         name: Name shown for bytes that came from no file.
+        most: Largest size of a file in bytes.
     """
     if isinstance(source, bytes):
         return source, name
-    return read_bytes(source, out), os.fspath(source)
+    return read_bytes(source, out, most=most), os.fspath(source)
 
 
 def text_of(data: bytes) -> str:
@@ -82,7 +95,7 @@ def _xml_kind(data: bytes) -> str:
     def start(name: str, given: dict[str, str]) -> None:
         names.append(name)
         attributes.append(given)
-        if names[0] in _XML_KINDS or len(names) >= 200:
+        if names[0] in XML_KINDS or len(names) >= 200:
             raise _Found
 
     parser = expat.ParserCreate()
@@ -96,7 +109,7 @@ def _xml_kind(data: bytes) -> str:
     for name, given in zip(names, attributes, strict=True):
         if name == "Slave" and "PhysAddr" in given:
             return f"<{names[0]}>, which looks like a project of an ENI builder, not its ENI"
-    return _XML_KINDS.get(names[0], f"XML with the root <{names[0][:60]}>")
+    return XML_KINDS.get(names[0], f"XML with the root <{names[0][:60]}>")
 
 
 def kind_of(data: bytes) -> str:
@@ -136,6 +149,23 @@ def is_kind(data: bytes, wanted: str, shown: str, out: Collector) -> bool:
     return False
 
 
+def esi_number(text: str) -> int | None:
+    """Return the number of a ``HexDecValue``: ``#x1a00``, ``0x1A00``, ``6656`` or ``0006656``."""
+    word = text.strip()
+    if len(word) > 40:
+        return None
+    sign = -1 if word[:1] == "-" else 1
+    word = word.removeprefix("-") if sign < 0 else word.removeprefix("+")
+    digits = word[2:] if word[:2].lower() in ("#x", "0x") else word
+    base = 10 if digits is word else 16
+    if not digits.isascii() or not digits.isalnum():
+        return None
+    try:
+        return sign * int(digits, base)
+    except ValueError:
+        return None
+
+
 def xml_number(
     element: Element | None, out: Collector, *, high: int = 0xFFFFFFFF, low: int = 0
 ) -> int | None:
@@ -152,8 +182,7 @@ def xml_number(
     if element is None:
         return None
     text = element.text.strip()
-    match = _NUMBER.match(text)
-    value = None if match is None else int(match[1], 16) if match[1] else int(match[2])
+    value = esi_number(text)
     if value is None or not low <= value <= high:
         if len(out.diagnostics) >= _MOST_FINDINGS:
             return None

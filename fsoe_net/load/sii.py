@@ -11,12 +11,12 @@ words and a body; type 0xFFFF ends them:
 
 from __future__ import annotations
 
-import os
 import struct
 from dataclasses import dataclass, field
 
 from fsoe_net.diag import Severity, Span
-from fsoe_net.load.files import Collector, read_bytes
+from fsoe_net.load.files import Collector
+from fsoe_net.load.foreign import Source, source_bytes
 from fsoe_net.load.sii_parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
 from fsoe_net.model import DescribedSubDevice, Description, Device, Direction, Pdo, SyncManager
 
@@ -96,26 +96,20 @@ def sii_checksum(data: bytes) -> int:
     return crc
 
 
-def load_sii(
-    source: str | os.PathLike[str] | bytes, out: Collector, *, path: str = "SII"
-) -> Description | None:
+def load_sii(source: Source, out: Collector, *, name: str = "<sii>") -> Description | None:
     """Read an SII image.
 
     Args:
         source: The file, binary whatever its suffix, or its bytes.
         out: Takes FSN138 for an image that is empty, cut off or damaged, FSN139 for PDOs on sync
             managers that are not there, FSN117 for text.
-        path: Name for places, when bytes are given.
+        name: Name shown when ``source`` is bytes.
 
     Returns:
         One device without a place in the ring, or ``None`` with a finding. What was cut off behind
         the identity is reported and the rest returned as truncated.
     """
-    if isinstance(source, bytes):
-        data: bytes | None = source
-    else:
-        path = os.fspath(source)
-        data = read_bytes(path, out, most=MAX_SII_BYTES)
+    data, path = source_bytes(source, out, name, most=MAX_SII_BYTES)
     if data is None:
         return None
     span = Span(path)

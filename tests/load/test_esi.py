@@ -41,7 +41,7 @@ def pdo(tag: str, index: str, inside: str = "", attributes: str = "") -> str:
 def load(text: str | bytes, **choice):
     out = Collector()
     data = text.encode() if isinstance(text, str) else text
-    description = load_esi(data, out, choice=EsiChoice(**choice), path="a.xml")
+    description = load_esi(data, out, choice=EsiChoice(**choice), name="a.xml")
     return description, out
 
 

@@ -21,7 +21,7 @@ DEVICE = '<Device><Type ProductCode="#x10" RevisionNo="1">D</Type><Name>{0}</Nam
 def load(text: str | bytes, **choice):
     out = Collector()
     data = text.encode() if isinstance(text, str) else text
-    description = load_esi(data, out, choice=EsiChoice(**choice), path="a.xml")
+    description = load_esi(data, out, choice=EsiChoice(**choice), name="a.xml")
     assert all(d.hint for d in out.diagnostics)
     return description, out
 
@@ -141,7 +141,7 @@ def test_dictionaries_are_jumped_over_without_losing_the_place(profile):
         modules=module_text(1, profile),
     )
     out = Collector()
-    found = list_esi(text.encode(), out, path="a.xml")
+    found = list_esi(text.encode(), out, name="a.xml")
     assert out.diagnostics == []
     assert [r.name for r in found.devices] == ["A", "B", "Last"]
     last = found.devices[-1]

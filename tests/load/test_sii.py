@@ -19,7 +19,7 @@ from fsoe_net.load.sii import load_sii, read_sii, sii_checksum
 
 def load(data: bytes):
     out = Collector()
-    description = load_sii(data, out, path="a.bin")
+    description = load_sii(data, out, name="a.bin")
     assert all(d.hint for d in out.diagnostics)
     return description, out
 
