@@ -149,6 +149,31 @@ def unplug(network, other):
     return seen | {"last": last, "left": _is_running(running.pid)}
 
 
+def incident(network, other):
+    """The last SubDevice goes and comes back: fsn-master writes what happened into a file."""
+    emulator = Emulator(network)
+    running = Running(network, "--incidents", ".")
+    last = running.in_data().subdevices[-1].name
+
+    def written():
+        """Files that are whole and of a fault: a reset with code 0 is somebody's wish."""
+        texts = {path: path.read_text() for path in Path().glob("incident-*")}
+        whole = {p: json.loads(t.partition("\n")[0]) for p, t in texts.items() if '"end":true' in t}
+        return [p for p, head in whole.items() if head["trigger"]["reset_code"]]
+
+    until = time.monotonic() + 2 * PATIENCE_S
+    while not written() and time.monotonic() < until:  # one in ten seconds is written
+        wait_for("Data", running.in_data)
+        emulator.do(f"break {last}")
+        wait_for("its loss", lambda: not running.client.subdevices()[-1].in_op)
+        wait_for("a Reset", lambda: not running.in_data())
+        emulator.do(f"heal {last}")
+        wait_for("its return", lambda: running.client.subdevices()[-1].in_op)
+    running.end(signal.SIGINT)
+    emulator.end()
+    return {"last": last, "file": str(written()[0]) if written() else None}
+
+
 def kill_tool(network, other):
     """fsoe-net is killed: fsn-master cycles on, its socket is usable, and ends when asked."""
     emulator = Emulator(network)
@@ -204,7 +229,7 @@ def _is_running(pid):
 
 CASES = {
     f.__name__: f
-    for f in (comes_up, silent, wrong, unplug, kill_tool, kill_master, interrupt, stopped)
+    for f in (comes_up, silent, wrong, unplug, incident, kill_tool, kill_master, interrupt, stopped)
 }
 
 

@@ -135,6 +135,15 @@ def test_an_unplugged_subdevice_is_named(tmp_path):
     assert any(text.startswith("OP -> none") for text in told)
 
 
+def test_an_incident_names_its_cause_and_holds_what_the_devices_tell(tmp_path):
+    seen = on_the_wire("incident", ESTOP, tmp=tmp_path, good=lambda s: s["file"] is not None)
+    done = fsn("incident", str(tmp_path / seen["file"]), "--format", "json")
+    assert seen["last"] in json.loads(done.stdout)["likely"]["title"]
+    head = json.loads((tmp_path / seen["file"]).read_text("utf-8").splitlines()[0])
+    told = {row["subdevice"]: row for row in head["fsoe"]}
+    assert told["ek1914"]["address"] == 14
+
+
 def test_killing_the_tool_leaves_the_bus(tmp_path):
     seen = on_the_wire("kill_tool", ESTOP, tmp=tmp_path)
     assert seen == {"data": True, "socket_left": False}

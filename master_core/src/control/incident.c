@@ -13,12 +13,14 @@
 
 #include "asked.h"
 #include "incident_kept.h"
+#include "job.h"
 
 enum {
     BEFORE_MS = 5000,   /**< kept before the moment */
     AFTER_MS = 1000,    /**< and behind it */
     PAUSE_MS = 10000,   /**< between two that nobody asked for */
     PATIENCE_MS = 5000, /**< in OP and not in Data for so long */
+    ANSWER_MS = 2000,   /**< longer nobody waits for the FSoE values of the SubDevices */
     LOOK_MS = 500,      /**< between two looks for those */
     MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
 };
@@ -50,6 +52,7 @@ void fsn_incidents_free(struct fsn_incidents *incidents) {
     for (size_t i = 0; i < FSN_INCIDENT_EVENTS; i++) {
         free(incidents->event[i]);
     }
+    fsn_json_free(&incidents->fsoe);
     free(incidents->told);
     free(incidents);
 }
@@ -91,11 +94,16 @@ static void finish(struct fsn_control *control) {
     struct fsn_window window = {0};
     char stem[128];
     const uint64_t before_ns = BEFORE_MS * UINT64_C(1000000);
+    if (in->job != NULL) {
+        atomic_store(&in->job->cancelled, true);
+        in->job = NULL; /* it is freed when it is done */
+    }
     if (control->core != NULL && fsn_core_kept_cycles(control->core) > 0) {
         window = fsn_window_take(control->core, p->now_ns > before_ns ? p->now_ns - before_ns : 0);
     }
     fsn_incident_head(control, &head);
     p->active = false;
+    fsn_json_free(&in->fsoe);
     put_stem(p, stem, sizeof stem);
     snprintf(in->text, sizeof in->text, "%s", p->text);
     if (head.failed) {
@@ -171,6 +179,7 @@ bool fsn_incident_begin(struct fsn_control *control, const struct fsn_trigger *t
     if (control->core != NULL) {
         p->cycle = fsn_core_last_cycle(control->core);
     }
+    in->job = control->core != NULL ? fsn_job_fsoe(control) : NULL;
     in->last_ns = t->now_ns;
     in->files++;
     return true;
@@ -270,9 +279,22 @@ void fsn_incident_turn(struct fsn_control *control, uint64_t now_ns) {
         in->looked_ns = now_ns;
         look_for_missing(control, now_ns);
     }
+    const uint64_t patience_ns = in->job != NULL ? ANSWER_MS * UINT64_C(1000000) : 0;
     if (in->pending.active && in->file == NULL &&
-        (now_ns >= in->pending.until_ns || control->core == NULL)) {
+        (now_ns >= in->pending.until_ns + patience_ns || control->core == NULL)) {
         finish(control);
+    }
+}
+
+void fsn_incident_job_done(struct fsn_control *control, struct fsn_job *job) {
+    struct fsn_incidents *in = control->incidents;
+    if (in == NULL || in->job != job) {
+        return;
+    }
+    in->job = NULL;
+    if (job->status == FSN_OK) {
+        in->fsoe = job->json;
+        job->json = (struct fsn_json){0};
     }
 }
 

@@ -40,6 +40,9 @@ void fsn_incident_event(struct fsn_control *control, const char *json, size_t le
  *  has been written. */
 void fsn_incident_turn(struct fsn_control *control, uint64_t now_ns);
 
+/** A job is done; it may be the one that asked the SubDevices for their FSoE values. */
+void fsn_incident_job_done(struct fsn_control *control, struct fsn_job *job);
+
 /** The core is about to go: what is being kept is written with what is there. */
 void fsn_incident_detach(struct fsn_control *control);
 

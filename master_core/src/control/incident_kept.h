@@ -18,6 +18,8 @@ struct fsn_pending {
 struct fsn_incidents {
     char folder[FSN_INCIDENT_PATH / 2];
     struct fsn_pending pending;
+    struct fsn_job *job;            /**< asks the SubDevices for their FSoE values; or NULL */
+    struct fsn_json fsoe;           /**< what they told; empty without an answer */
     struct fsn_incident_file *file; /**< being written */
     char text[640];                 /**< of the one being written */
     uint64_t last_ns;               /**< when the last one began; 0: none */

@@ -133,6 +133,9 @@ fsn_status fsn_job_ask(struct fsn_control *control, struct fsn_client *client, c
                        const char *name, const char *const *argument, size_t count,
                        struct fsn_refusal *refusal);
 
+/** Asks every planned SubDevice for its FSoE values, for an incident; NULL: not possible now. */
+struct fsn_job *fsn_job_fsoe(struct fsn_control *control);
+
 /** The client is gone: nobody waits for its answer. */
 void fsn_job_forget(struct fsn_client *client);
 

@@ -161,7 +161,8 @@ static fsn_status scan(struct doing *d) {
                                       .interface = d->means->interface,
                                       .between = goes_on,
                                       .self = d};
-    return fsn_survey_write(&survey, &d->job->json);
+    return d->job->kind == FSN_JOB_FSOE ? fsn_survey_planned_fsoe(&survey, &d->job->json)
+                                        : fsn_survey_write(&survey, &d->job->json);
 }
 
 static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
@@ -174,6 +175,7 @@ static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
     case FSN_JOB_HISTORY:
         return read_history(d, abort_code);
     case FSN_JOB_SCAN:
+    case FSN_JOB_FSOE:
         return scan(d);
     default:
         return read_object(d, abort_code);

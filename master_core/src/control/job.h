@@ -17,7 +17,8 @@ enum fsn_job_kind {
     FSN_JOB_SII,
     FSN_JOB_ALIAS,
     FSN_JOB_HISTORY,
-    FSN_JOB_SCAN
+    FSN_JOB_SCAN,
+    FSN_JOB_FSOE /**< of an incident, no client's */
 };
 
 /** How the bytes of an object are read. */

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "incident.h"
 #include "internal.h"
 #include "job.h"
 #include "survey.h"
@@ -180,6 +181,23 @@ fsn_status fsn_job_ask(struct fsn_control *control, struct fsn_client *client, c
     return FSN_OK;
 }
 
+struct fsn_job *fsn_job_fsoe(struct fsn_control *control) {
+    struct fsn_refusal refusal;
+    struct fsn_job *job = calloc(1, sizeof *job);
+    if (job == NULL) {
+        return NULL;
+    }
+    atomic_init(&job->cancelled, false);
+    job->kind = FSN_JOB_FSOE;
+    job->subdevice = FSN_NONE;
+    job->json.limit_bytes = FSN_CONTROL_OUT_BYTES;
+    if (submit(control, job, &refusal) != FSN_OK) {
+        fsn_job_free(job);
+        return NULL;
+    }
+    return job;
+}
+
 void fsn_job_forget(struct fsn_client *client) {
     if (client->job != NULL) {
         atomic_store(&client->job->cancelled, true);
@@ -204,6 +222,7 @@ void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job) {
             answer(control, client, job);
         }
     }
+    fsn_incident_job_done(control, job);
     for (size_t i = 0; i < FSN_JOBS; i++) {
         if (control->job[i] == job) {
             control->job[i] = NULL;

@@ -47,30 +47,86 @@ static void put_connection(struct fsn_surveyed *of, struct fsn_json *json, uint1
     fsn_json_close(json, '}');
 }
 
-void fsn_survey_fsoe(struct fsn_surveyed *of, struct fsn_json *json) {
-    uint32_t addresses = 0;
+/** What there is to read. */
+struct told {
+    bool has_addresses;
+    uint32_t addresses;
     uint16_t object[MOST_CONNECTIONS];
-    uint32_t connections = 0;
-    const bool has_addresses = fsn_survey_number(of, ADDRESSES, 0, &addresses);
+    uint32_t connections;
+};
+
+static bool look(struct fsn_surveyed *of, struct told *told) {
+    *told = (struct told){0};
+    told->has_addresses = fsn_survey_number(of, ADDRESSES, 0, &told->addresses);
     for (uint32_t i = 0; i < MOST_CONNECTIONS && of->coe; i++) {
         uint32_t subs;
-        object[connections] = (uint16_t)(CONNECTIONS + CONNECTION_STEP * i);
-        connections += fsn_survey_number(of, object[connections], 0, &subs);
+        told->object[told->connections] = (uint16_t)(CONNECTIONS + CONNECTION_STEP * i);
+        told->connections += fsn_survey_number(of, told->object[told->connections], 0, &subs);
     }
-    fsn_json_key(json, "fsoe");
-    if (!has_addresses && connections == 0) {
-        fsn_json_null(json);
-        return;
-    }
-    fsn_json_open(json, '{');
-    if (put_addresses(of, json, addresses) == 0 && has_addresses) {
+    return told->has_addresses || told->connections > 0;
+}
+
+/** Writes the keys into an object that is open. */
+static void put_told(struct fsn_surveyed *of, const struct told *told, struct fsn_json *json) {
+    if (put_addresses(of, json, told->addresses) == 0 && told->has_addresses) {
         fsn_survey_problem(of, "0xF980 tells no FSoE address");
     }
     fsn_json_key(json, "connections");
     fsn_json_open(json, '[');
-    for (uint32_t i = 0; i < connections; i++) {
-        put_connection(of, json, object[i]);
+    for (uint32_t i = 0; i < told->connections; i++) {
+        put_connection(of, json, told->object[i]);
     }
     fsn_json_close(json, ']');
+}
+
+void fsn_survey_fsoe(struct fsn_surveyed *of, struct fsn_json *json) {
+    struct told told;
+    const bool any = look(of, &told);
+    fsn_json_key(json, "fsoe");
+    if (!any) {
+        fsn_json_null(json);
+        return;
+    }
+    fsn_json_open(json, '{');
+    put_told(of, &told, json);
     fsn_json_close(json, '}');
+}
+
+static void put_planned(const struct fsn_survey *survey, uint32_t position, struct fsn_json *json) {
+    static const struct fsn_surveyed nothing;
+    struct fsn_surveyed of = nothing;
+    struct fsn_subdevice_info info;
+    struct told told;
+    of.survey = survey;
+    of.position = position;
+    (void)survey->ops->acyclic->member(survey->bus, position, &of.member);
+    const struct fsn_bus_member *m = &of.member;
+    of.coe = m->al_status != FSN_AL_NONE && (m->mailbox & FSN_MAILBOX_COE) != 0 &&
+             survey->ops->acyclic->upload != NULL;
+    if (!of.coe || m->subdevice == FSN_NONE ||
+        fsn_plan_subdevice(survey->plan, m->subdevice, &info) != FSN_OK || !look(&of, &told)) {
+        return;
+    }
+    fsn_json_open(json, '{');
+    fsn_json_put_text(json, "subdevice", info.name);
+    put_told(&of, &told, json);
+    fsn_json_close(json, '}');
+}
+
+fsn_status fsn_survey_planned_fsoe(const struct fsn_survey *survey, struct fsn_json *json) {
+    const struct fsn_bus_acyclic *acyclic = survey->ops->acyclic;
+    if (acyclic == NULL || acyclic->member == NULL) {
+        return FSN_E_ABSENT;
+    }
+    fsn_json_key(json, "fsoe");
+    fsn_json_open(json, '[');
+    const uint32_t count = acyclic->count(survey->bus);
+    for (uint32_t position = 0; position < count; position++) {
+        if (survey->between != NULL && !survey->between(survey->self)) {
+            return FSN_E_STATE;
+        }
+        put_planned(survey, position, json);
+    }
+    fsn_json_close(json, ']');
+    return FSN_OK;
 }
