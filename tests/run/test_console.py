@@ -219,7 +219,7 @@ def test_waiting_and_expecting(master, rig):
         ("wait until connection c9 in Data", "no connection is called c9"),
         ("watch drive_1 every x", "no number of cycles"),
         ("sdo read drive_1", "usage: sdo"),
-        ("sdo read drive_1 0x1018:1", "no subindex"),
+        ("sdo read drive_1 0x1018:100", "no subindex"),
         ("alias drive_1 99999", "from 0 to 65535"),
         ("on-error x", "usage: on-error"),
         ("help nix", "no command nix"),
