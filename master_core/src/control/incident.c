@@ -25,19 +25,25 @@ enum {
     MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
 };
 
-fsn_status fsn_incidents_create(const char *folder, struct fsn_incidents **incidents,
-                                struct fsn_refusal *refusal) {
+fsn_status fsn_incidents_create(const char *folder, uint32_t connections,
+                                struct fsn_incidents **incidents, struct fsn_refusal *refusal) {
     struct stat found;
     if (stat(folder, &found) != 0 || !S_ISDIR(found.st_mode) || access(folder, W_OK | X_OK) != 0) {
         return fsn_refusal_set(refusal, FSN_E_SYS, "mkdir it, and let this user write there",
                                "incidents: %.200s is no folder to write to: %s", folder,
                                errno != 0 ? strerror(errno) : "no folder");
     }
-    *incidents = calloc(1, sizeof **incidents);
-    if (*incidents == NULL) {
+    struct fsn_incidents *in = calloc(1, sizeof *in);
+    uint8_t *told = calloc((size_t)connections + 1, 1);
+    if (in == NULL || told == NULL) {
+        free(in);
+        free(told);
         return fsn_refusal_set(refusal, FSN_E_NOMEM, NULL, "out of memory");
     }
-    snprintf((*incidents)->folder, sizeof(*incidents)->folder, "%s", folder);
+    snprintf(in->folder, sizeof in->folder, "%s", folder);
+    in->told = told;
+    in->connections = connections;
+    *incidents = in;
     return FSN_OK;
 }
 
@@ -221,15 +227,10 @@ static void look_for_missing(struct fsn_control *control, uint64_t now_ns) {
     if (now_ns - in->in_op_ns < PATIENCE_MS * UINT64_C(1000000)) {
         return;
     }
-    const uint32_t count = fsn_plan_connection_count(control->plan);
-    if (in->told == NULL) {
-        in->told = calloc((size_t)count + 1, 1);
-    }
-    if (in->told == NULL ||
-        fsn_core_snapshot(control->core, NULL, control->connections, NULL) != FSN_OK) {
+    if (fsn_core_snapshot(control->core, NULL, control->connections, NULL) != FSN_OK) {
         return;
     }
-    for (uint32_t i = 0; i < count; i++) {
+    for (uint32_t i = 0; i < in->connections; i++) {
         if (is_data(control->connections[i].outside)) {
             in->told[i] = 1; /* from here on it can only leave Data */
         } else if (in->told[i] == 0 && !in->pending.active) {
@@ -257,7 +258,8 @@ fsn_status fsn_answer_incident(struct fsn_asked *asked) {
 
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
                                       struct fsn_refusal *refusal) {
-    return fsn_incidents_create(folder, &control->incidents, refusal);
+    return fsn_incidents_create(folder, fsn_plan_connection_count(control->plan),
+                                &control->incidents, refusal);
 }
 
 void fsn_control_bus_failed(struct fsn_control *control, const char *text) {
@@ -304,8 +306,7 @@ void fsn_incident_detach(struct fsn_control *control) {
         if (in->pending.active) {
             finish(control);
         }
-        free(in->told);
-        in->told = NULL;
+        memset(in->told, 0, in->connections);
         in->in_op_ns = 0;
     }
 }

@@ -10,10 +10,11 @@
 struct fsn_incidents;
 
 /** Writes incidents from now on.
- *  @param[in] folder  where to; must exist.
+ *  @param[in] folder       where to; must exist.
+ *  @param[in] connections  how many the plan has.
  *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
-fsn_status fsn_incidents_create(const char *folder, struct fsn_incidents **incidents,
-                                struct fsn_refusal *refusal);
+fsn_status fsn_incidents_create(const char *folder, uint32_t connections,
+                                struct fsn_incidents **incidents, struct fsn_refusal *refusal);
 
 /** Waits until a file that is being written is whole. NULL is allowed. */
 void fsn_incidents_free(struct fsn_incidents *incidents);

@@ -25,6 +25,7 @@ struct fsn_incidents {
     uint64_t last_ns;               /**< when the last one began; 0: none */
     uint64_t in_op_ns, looked_ns;   /**< 0: not all are in OP */
     uint8_t *told;                  /**< per connection: it was told that it does not come */
+    uint32_t connections;
     unsigned files;
     bool full_told;
     char *event[FSN_INCIDENT_EVENTS]; /**< the last ones, a ring */
