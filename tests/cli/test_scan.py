@@ -51,8 +51,8 @@ class Bus:
         (self.folder / "err").write_text(err, "utf-8")
         path = self.folder / "fsn-master"
         path.write_text(
-            f"#!/bin/sh\necho \"$@\" >> '{self.folder}/asked'\ncat '{self.folder}/out'\n"
-            f"cat '{self.folder}/err' >&2\nexit {code}\n",
+            f"#!/bin/sh\necho \"$@\" >> '{self.folder}/asked'\n/bin/cat '{self.folder}/out'\n"
+            f"/bin/cat '{self.folder}/err' >&2\nexit {code}\n",
             "utf-8",
         )
         path.chmod(0o755)
