@@ -113,13 +113,16 @@ class Master:
         self.process = process
         self.path = path
         self.log: list[JsonObject] = []
+        self._grown = threading.Condition()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self) -> None:
         assert self.process.stderr is not None
         for raw in self.process.stderr:
-            self.log.append(json.loads(raw))
+            with self._grown:
+                self.log.append(json.loads(raw))
+                self._grown.notify_all()
 
     def client(self) -> Client:
         return Client(self.path)
@@ -130,8 +133,15 @@ class Master:
         self._reader.join(WAIT_S)
         return code
 
-    def logged(self, event: str) -> list[JsonObject]:
-        return [line for line in self.log if line["event"] == event]
+    def logged(self, *events: str) -> list[JsonObject]:
+        """Wait until each of the events is in the log, which may come after the socket's answer."""
+
+        def lines() -> list[JsonObject]:
+            return [line for line in self.log if line["event"] in events]
+
+        with self._grown:
+            self._grown.wait_for(lambda: {e["event"] for e in lines()} == set(events), WAIT_S)
+            return lines()
 
 
 def write_plan(directory: Path, name: str = "el6910") -> Path:

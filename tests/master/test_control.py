@@ -166,10 +166,7 @@ def test_an_output_that_can_restart_a_machine_takes_one_edge() -> None:
         assert (edge["output"], edge["raw"], edge["uid"]) == (START, 1, os.geteuid())
         client.good(f"set {START}=0")
         client.refused(f"set {START}=1", "FSN_E_CLOSED")
-        assert [e["event"] for e in master.log if e["event"] in ("arm", "edge")][:2] == [
-            "arm",
-            "edge",
-        ]
+        assert [e["event"] for e in master.logged("arm", "edge")][:2] == ["arm", "edge"]
 
 
 def test_stop_start_restart() -> None:
