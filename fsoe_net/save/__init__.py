@@ -1,7 +1,19 @@
 """Descriptions into files of other tools; whatever is written can be read back."""
 
 from fsoe_net.save.describe import describe
+from fsoe_net.save.driver import DriverVersion, write_driver, write_network
 from fsoe_net.save.eni import write_eni
 from fsoe_net.save.eni_copies import replace_copies
+from fsoe_net.save.slave_yaml import write_slave_yaml
+from fsoe_net.save.written import Written
 
-__all__ = ["describe", "replace_copies", "write_eni"]
+__all__ = [
+    "DriverVersion",
+    "Written",
+    "describe",
+    "replace_copies",
+    "write_driver",
+    "write_eni",
+    "write_network",
+    "write_slave_yaml",
+]

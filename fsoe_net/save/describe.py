@@ -67,6 +67,7 @@ def describe(network: Network) -> Description:
                 address=None if facts is None else facts.address,
                 connection_id=None if facts is None else facts.connection_id,
                 watchdog_ms=None if facts is None else facts.watchdog_ms,
+                app_parameters=b"" if facts is None else facts.app_parameters,
             )
         )
     return Description(

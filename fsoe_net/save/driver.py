@@ -1,0 +1,197 @@
+"""A description as YAML: for ethercat_driver_ros2, or as a network of this tool."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+
+from fsoe_net.errors import InputError
+from fsoe_net.model import DescribedSubDevice, Description, layout_of
+from fsoe_net.save.slave_yaml import write_slave_yaml
+from fsoe_net.save.written import (
+    CopyGroup,
+    Written,
+    copy_groups,
+    endpoint_of,
+    identifiers,
+    is_fsoe,
+    quoted,
+    unique_names,
+)
+
+__all__ = ["DriverVersion", "write_driver", "write_network"]
+
+_PLUGIN = "ethercat_generic_plugins/GenericEcSlave"
+
+
+class DriverVersion(enum.Enum):
+    """Versions of ethercat_driver_ros2 that spell the keys of a transfer YAML differently."""
+
+    V2025 = "2025"
+    V2026_06 = "2026-06"
+    V2026_08 = "2026-08"
+    NEWEST = "newest"
+
+    @property
+    def word(self) -> str:
+        """First word of its keys for modules and MainInstance."""
+        return "safety" if self is DriverVersion.V2025 else "transfer"
+
+
+def write_network(description: Description, *, name: str = "network") -> Written:
+    """Return ``network.yaml`` with a slave YAML for each device type.
+
+    Raises:
+        InputError: A copy begins at no entry, or a device does not fit into a slave YAML.
+    """
+    files = _Files(description)
+    lines = ["version: 1", f"name: {quoted(name)}"]
+    if description.cycle_us:
+        lines.append(f"cycle_us: {description.cycle_us}")
+    lines += ["", "subdevices:" if description.subdevices else "subdevices: []"]
+    for sub, called, place, config in files.rows():
+        row = f"name: {quoted(called)}, {place}, config: {config}"
+        if sub.revision is not None:
+            row += f", revision: 0x{sub.revision:08x}"
+        lines.append(f"  - {{{row}}}")
+    lines += files.nets("safety_master")
+    return files.written("network.yaml", lines)
+
+
+def write_driver(
+    description: Description, *, version: DriverVersion = DriverVersion.NEWEST
+) -> Written:
+    """Return ``transfers.yaml``, which declares its modules, with their slave YAMLs.
+
+    Raises:
+        InputError: A copy begins at no entry, or a device does not fit into a slave YAML.
+    """
+    files = _Files(description)
+    lines = [
+        f"{version.word}_modules:" if description.subdevices else f"{version.word}_modules: []"
+    ]
+    for sub, called, place, config in files.rows():
+        lines += [
+            f"  - name: {quoted(called)}",
+            f"    plugin: {_PLUGIN}",
+            f"    parameters: {{{place}, slave_config: {config}}}",
+        ]
+        if sub.revision is not None:
+            files.notes.append(f"{called}: revision 0x{sub.revision:08x} is not in these files")
+    lines += files.nets(f"{version.word}_master")
+    if description.cycle_us:
+        rate = 1e6 / description.cycle_us
+        files.notes.append(f"the cycle is not in these files; set control_frequency to {rate:g}")
+    if files.configs:
+        files.notes.append("the driver needs an absolute path in each slave_config")
+    return files.written("transfers.yaml", lines)
+
+
+class _Files:
+    """The parts that both kinds have."""
+
+    def __init__(self, description: Description) -> None:
+        self.notes: list[str] = []
+        self.configs: dict[str, str] = {}
+        self._description = description
+        self._layouts = [layout_of(s.device) for s in description.subdevices]
+        self._names = unique_names(description)
+        self._groups = copy_groups(description, self._layouts, self.notes)
+
+    def rows(self) -> Iterator[tuple[DescribedSubDevice, str, str, str]]:
+        """Yield each SubDevice with its name, address and slave YAML."""
+        by_text: dict[str, str] = {}
+        needed: dict[int, set[int]] = {}
+        for copy in self._description.copies:
+            for end in (copy.source, copy.destination):
+                needed.setdefault(end.subdevice, set()).add(end.sm_index)
+        words = identifiers(self._names)
+        for number, sub in enumerate(self._description.subdevices):
+            name = self._names[number]
+            text = write_slave_yaml(
+                sub.device, name, self.notes, needed=needed.get(number, frozenset())
+            )
+            if text not in by_text:
+                by_text[text] = f"devices/{words[number]}.yaml"
+                self.configs[by_text[text]] = text
+            self._lost(sub, name)
+            yield sub, name, self._place(sub, name, number), by_text[text]
+
+    def _lost(self, sub: DescribedSubDevice, name: str) -> None:
+        lost = []
+        if sub.serial:
+            lost.append("serial number")
+        if sub.available:
+            lost.append("PDOs that are offered and not assigned")
+        if sub.module_ident:
+            lost.append("modules of the slots")
+        if lost:
+            self.notes.append(f"{name}: not in these files: {', '.join(lost)}")
+
+    def _place(self, sub: DescribedSubDevice, name: str, number: int) -> str:
+        if sub.alias:
+            return f"alias: {sub.alias}, position: 0"
+        if sub.position is None:
+            self.notes.append(f"{name}: its ring position is not known; {number} is written")
+            return f"alias: 0, position: {number}"
+        return f"alias: 0, position: {sub.position}"
+
+    def nets(self, key: str) -> Iterator[str]:
+        """Yield the lines of the nets."""
+        yield ""
+        yield "nets:" if self._groups else "nets: []"
+        for group in self._groups:
+            yield f"  - name: {quoted(group.name)}"
+            if group.main is not None:
+                yield f"    {key}: {quoted(self._names[group.main])}"
+            yield "    transfers:"
+            yield from self._transfers(group)
+            yield from self._connections(group)
+        placed = {n for g in self._groups for c in g.copies for n in (c.source.subdevice,)}
+        if any(c.main not in placed or c.sub not in placed for c in self._description.connections):
+            self.notes.append("connections without copies are not in these files")
+
+    def _transfers(self, group: CopyGroup) -> Iterator[str]:
+        for copy in group.copies:
+            if copy.bits % 8:
+                raise InputError(f"a copy of {copy.bits} bits: transfers move whole bytes")
+            yield f"      - size: {copy.bits // 8}"
+            for key, end in (("in", copy.source), ("out", copy.destination)):
+                name = self._names[end.subdevice]
+                entry = endpoint_of(self._description.subdevices[end.subdevice], end, name)
+                yield (
+                    f"        {key}: {{ec_module: {quoted(name)}, index: 0x{entry.index:04x}, "
+                    f"subindex: {entry.subindex}}}"
+                )
+            if not is_fsoe(copy, self._layouts):
+                yield "        kind: standard"
+
+    def _connections(self, group: CopyGroup) -> Iterator[str]:
+        ends = {frozenset((c.source.subdevice, c.destination.subdevice)) for c in group.copies}
+        slots: dict[tuple[int, int], int] = {}
+        rows = []
+        for row in self._description.connections:
+            if row.main is None or row.sub is None or frozenset((row.main, row.sub)) not in ends:
+                continue
+            slot = slots.get((row.main, row.sub), 0)
+            slots[row.main, row.sub] = slot + 1
+            parts = [f"main: {quoted(self._names[row.main])}"]
+            parts.append(f"sub: {quoted(self._names[row.sub])}")
+            if slot:
+                parts.append(f"slot: {slot}")
+            for key in ("address", "connection_id", "watchdog_ms"):
+                value = getattr(row, key)
+                if value is not None:
+                    parts.append(f"{key}: {value}")
+            if row.app_parameters:
+                parts.append(f'app_parameters: "{row.app_parameters.hex(" ")}"')
+            if len(parts) > 2:
+                rows.append(f"      - {{{', '.join(parts)}}}")
+        if rows:
+            yield "    connections:"
+            yield from rows
+
+    def written(self, name: str, lines: list[str]) -> Written:
+        """Return all files."""
+        text = "\n".join(lines) + "\n"
+        return Written(files={name: text, **self.configs}, notes=tuple(self.notes))

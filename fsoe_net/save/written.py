@@ -1,0 +1,200 @@
+"""What the writers share: files with notes, names, the entry a copy begins at, who is the logic."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from fsoe_net.errors import InputError
+from fsoe_net.model import (
+    DescribedCopy,
+    DescribedEnd,
+    DescribedSubDevice,
+    Description,
+    DeviceLayout,
+    Entry,
+    SmLayout,
+    layout_of,
+)
+
+__all__ = [
+    "CopyGroup",
+    "Written",
+    "copy_groups",
+    "endpoint_of",
+    "identifiers",
+    "is_fsoe",
+    "manager_of",
+    "plain_text",
+    "quoted",
+    "unique_names",
+]
+
+_MARKS = (0xFEFF, 0xFFFE, 0xFFFF)
+_NOT_TEXT = dict.fromkeys(
+    (*range(0x20), *range(0x7F, 0xA0), 0x2028, 0x2029, *range(0xD800, 0xE000), *_MARKS),
+    " ",
+)
+_BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
+_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """Files by their path inside the folder, and what the format could not hold, in words."""
+
+    files: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CopyGroup:
+    """The copies of one MainInstance. ``main`` is ``None`` where the copies do not tell it."""
+
+    name: str
+    main: int | None
+    copies: tuple[DescribedCopy, ...]
+
+
+def plain_text(text: str) -> str:
+    """Return a text of one line without signs that files of text do not hold."""
+    return text.translate(_NOT_TEXT).strip()
+
+
+def quoted(text: str) -> str:
+    """Return a text as YAML reads it back."""
+    text = plain_text(text)
+    if _BARE.match(text) and text.lower() not in _WORDS:
+        return text
+    return json.dumps(text, ensure_ascii=False)
+
+
+def unique_names(description: Description) -> tuple[str, ...]:
+    """Return a name for each SubDevice: its own, else its order number, else its place."""
+    taken: set[str] = set()
+    names = []
+    for number, sub in enumerate(description.subdevices):
+        place = number if sub.position is None else sub.position
+        own = plain_text(sub.name) or plain_text(sub.order) or f"subdevice_{place}"
+        name, count = own, 2
+        while name in taken:
+            name, count = f"{own}_{count}", count + 1
+        taken.add(name)
+        names.append(name)
+    return tuple(names)
+
+
+def identifiers(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names as identifiers of C and names of files: lower case, each only once."""
+    taken: set[str] = set()
+    found = []
+    for name in names:
+        own = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:48]
+        own = own if own and not own[0].isdigit() else f"n{own}" if own else "unnamed"
+        word, count = own, 2
+        while word in taken:
+            word, count = f"{own}_{count}", count + 1
+        taken.add(word)
+        found.append(word)
+    return tuple(found)
+
+
+def manager_of(layout: DeviceLayout, end: DescribedEnd) -> SmLayout | None:
+    """Return the sync manager of an end of a copy."""
+    return next((m for m in layout.managers if m.sm.index == end.sm_index), None)
+
+
+def endpoint_of(sub: DescribedSubDevice, end: DescribedEnd, name: str) -> Entry:
+    """Return the entry that a copy begins at, which drivers find by its index and subindex.
+
+    Raises:
+        InputError: No entry begins there, it is padding, or an earlier one has the same address.
+    """
+    layout = layout_of(sub.device)
+    where = f"{name}: bit {end.bit_offset} of Sm{end.sm_index}, where a copy begins,"
+    seen: set[tuple[int, int]] = set()
+    for manager in layout.managers:
+        for placed in manager.placed:
+            entry = placed.entry
+            here = manager.sm.index == end.sm_index and placed.bit_offset == end.bit_offset
+            if here and not entry.bits:
+                continue
+            if here and not entry.registered:
+                raise InputError(f"{where} is padding, which has no address")
+            if here and (entry.index, entry.subindex) in seen:
+                raise InputError(
+                    f"{where} is {entry.address} a second time; drivers take the first"
+                )
+            if here:
+                return entry
+            if entry.registered:
+                seen.add((entry.index, entry.subindex))
+    raise InputError(f"{where} is not the begin of an entry; the layout of the device is needed")
+
+
+def is_fsoe(copy: DescribedCopy, layouts: Sequence[DeviceLayout]) -> bool:
+    """Return whether a copy moves an FSoE frame: the source says so, or both ends are a frame."""
+    if copy.fsoe is not None:
+        return copy.fsoe
+    for end in (copy.source, copy.destination):
+        manager = manager_of(layouts[end.subdevice], end)
+        block = None if manager is None else manager.block_at(end.bit_offset)
+        if block is None or (8 * block.byte_offset, 8 * block.frame_bytes) != (
+            end.bit_offset,
+            copy.bits,
+        ):
+            return False
+    return True
+
+
+def copy_groups(
+    description: Description, layouts: Sequence[DeviceLayout], notes: list[str]
+) -> tuple[CopyGroup, ...]:
+    """Return the copies by their MainInstance; which one that is, is never guessed.
+
+    Named copies stay together under their name. Others are together where they share SubDevices.
+    A SubDevice that every FSoE copy of a group begins or ends at is its MainInstance, where there
+    is only one such SubDevice or a connection names it.
+
+    Args:
+        description: SubDevices, copies, connections.
+        layouts: Layout of each SubDevice.
+        notes: Takes a line for each group whose MainInstance is not known.
+    """
+    named: dict[str, list[DescribedCopy]] = {}
+    root = list(range(len(description.subdevices)))
+
+    def top(number: int) -> int:
+        while root[number] != number:
+            root[number] = root[root[number]]
+            number = root[number]
+        return number
+
+    for copy in description.copies:
+        root[top(copy.source.subdevice)] = top(copy.destination.subdevice)
+    loose: dict[int, list[DescribedCopy]] = {}
+    for copy in description.copies:
+        if copy.name:
+            named.setdefault(copy.name, []).append(copy)
+        else:
+            loose.setdefault(top(copy.source.subdevice), []).append(copy)
+    rows = list(named.items())
+    for number, copies in enumerate(loose.values()):
+        rows.append((f"net_{number}", copies))
+    mains = {c.main for c in description.connections if c.main is not None}
+    groups = []
+    for name, copies in rows:
+        frames = [c for c in copies if is_fsoe(c, layouts)]
+        common = set.intersection(
+            *({c.source.subdevice, c.destination.subdevice} for c in frames or copies)
+        )
+        found = common & mains if common & mains else common
+        main = next(iter(found)) if len(found) == 1 and frames else None
+        if main is None and frames:
+            notes.append(
+                f"net {name}: which SubDevice is the MainInstance is not told; add safety_master"
+            )
+        groups.append(CopyGroup(name=name, main=main, copies=tuple(copies)))
+    return tuple(groups)
