@@ -43,7 +43,7 @@ XML_KINDS = {
     "robot": "a robot description (URDF)",
 }
 _TEXT_KINDS = (
-    (rb"ec_pdo_entry_info_t\b", "the output of `ethercat cstruct`"),
+    (rb"\b(?:ec|fsn)_(?:pdo_entry|sync)_info_t\b", "the output of `ethercat cstruct`"),
     (rb"^Domain\d+: LogBaseAddr", "the output of `ethercat domains -v`"),
     (rb"SM\d+: PhysAddr 0x", "the output of `ethercat pdos`"),
     (rb"^Watchdog divider:", "the output of `ethercat config -v`"),

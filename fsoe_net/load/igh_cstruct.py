@@ -27,7 +27,9 @@ __all__ = ["read_cstruct"]
 
 _HEAD = re.compile(r'/\* *Master (\d+), Slave ([0-9a-f]+)(?:, "(.*)")?')
 _IDENTITY = re.compile(r"(Vendor ID|Product code|Revision number): +0x([0-9a-f]{1,8})$")
-_TABLE = re.compile(r"(?:static +)?(?:const +)?ec_(pdo_entry|pdo|sync)_info_t +(\w+)\[\d*\] *= *\{")
+_TABLE = re.compile(
+    r"(?:static +)?(?:const +)?(?:ec|fsn)_(pdo_entry|pdo|sync)_info_t +(\w+)\[\d*\] *= *\{"
+)
 _HEX = r"0x([0-9a-fA-F]{1,4})"
 _ENTRY = re.compile(rf"\{{ *{_HEX} *, *{_HEX} *, *(\d{{1,5}}) *\}} *,? *(?:/\*(.*?)\*/)?")
 _PDO = re.compile(
@@ -35,13 +37,13 @@ _PDO = re.compile(
     r" *(?:/\*(.*?)\*/)?"
 )
 _SYNC = re.compile(
-    r"\{ *(\d{1,2}) *, *EC_DIR_(OUTPUT|INPUT) *, *(\d{1,5}) *, *(?:(\w+) *(?:\+ *(\d{1,6}))?) *,"
-    r" *EC_WD_(ENABLE|DISABLE|DEFAULT) *\}"
+    r"\{ *(\d{1,2}) *, *(?:EC|FSN)_DIR_(OUTPUT|INPUT) *, *(\d{1,5}) *,"
+    r" *(?:(\w+) *(?:\+ *(\d{1,6}))?) *, *(?:EC|FSN)_WD_(ENABLE|DISABLE|DEFAULT) *\}"
 )
 _END = re.compile(r"\};$")
 _MOST_ROWS = 255  # of one PDO, and of one sync manager
 _MOST_ENTRIES = 500_000
-_LAST = re.compile(r"\{ *(0xff|0xFF) *\}")
+_LAST = re.compile(r"\{ *(0xff|0xFF) *(?:, *(?:EC|FSN)_DIR_INVALID[^}]*)?\}")
 _NUMBER_OF = re.compile(r"slave_(\d{1,5})_")
 _STARTS = ("ec_pdo", "ec_sync", "static ec_", "{", "};", "/* Master", "* Vendor", "* Product")
 _DIRECTIONS = {"OUTPUT": Direction.OUTPUT, "INPUT": Direction.INPUT}
@@ -112,6 +114,8 @@ def _tables(text: Pasted) -> list[_Table]:
             table.ended = True
         elif table is not None and (match := _ROWS[table.kind].match(shown)):
             table.rows.append((match, line.span))
+        elif table is None and shown in ("{", "}", "};"):
+            continue  # the end of something else in a header
         elif not _is_plain(shown, table):
             text.strange(line, "`ethercat cstruct`", _STARTS)
             continue

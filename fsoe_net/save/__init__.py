@@ -1,5 +1,6 @@
 """Descriptions into files of other tools; whatever is written can be read back."""
 
+from fsoe_net.save.c_header import write_c_header
 from fsoe_net.save.describe import describe
 from fsoe_net.save.driver import DriverVersion, write_driver, write_network
 from fsoe_net.save.eni import write_eni
@@ -12,6 +13,7 @@ __all__ = [
     "Written",
     "describe",
     "replace_copies",
+    "write_c_header",
     "write_driver",
     "write_eni",
     "write_network",

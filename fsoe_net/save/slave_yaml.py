@@ -201,4 +201,4 @@ def _scale(row: Entry | EntryView) -> list[str]:
 
 
 def _float(value: float) -> str:
-    return ".nan" if value != value else repr(value)  # noqa: PLR0124  (nan differs from itself)
+    return ".nan" if value != value else repr(value)
