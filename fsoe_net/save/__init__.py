@@ -5,6 +5,7 @@ from fsoe_net.save.describe import describe
 from fsoe_net.save.driver import DriverVersion, write_driver, write_network
 from fsoe_net.save.eni import write_eni
 from fsoe_net.save.eni_copies import replace_copies
+from fsoe_net.save.lcec import write_lcec
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import Written
 
@@ -16,6 +17,7 @@ __all__ = [
     "write_c_header",
     "write_driver",
     "write_eni",
+    "write_lcec",
     "write_network",
     "write_slave_yaml",
 ]
