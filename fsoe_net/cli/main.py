@@ -16,6 +16,7 @@ __all__ = ["main"]
 _COMMANDS = {
     "check": "Check files of a network, alone or against a live bus; explain every mistake.",
     "explain": "Explain a diagnostic code.",
+    "convert": "Write a bus in the format of another tool.",
     "plan": "Compile a network to a copy plan, or show a plan.",
     "run": "Run a network on the emulated bus, or on a live one.",
     "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",

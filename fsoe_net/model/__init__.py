@@ -26,6 +26,7 @@ from fsoe_net.model.detect import (
     guess_pdo,
     near_misses,
 )
+from fsoe_net.model.join import fill_devices, has_layout, join_buses
 from fsoe_net.model.layout import (
     DeviceLayout,
     FsoeBlock,
@@ -118,8 +119,11 @@ __all__ = [
     "Watchdog",
     "connection_signals",
     "detect_fsoe",
+    "fill_devices",
     "find_blocks",
     "guess_pdo",
+    "has_layout",
+    "join_buses",
     "layout_of",
     "main_instance_of",
     "near_misses",

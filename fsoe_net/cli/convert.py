@@ -1,0 +1,201 @@
+"""``fsoe-net convert``: descriptions of a bus from one format into another."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import click
+
+from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.plan import write_whole
+from fsoe_net.diag import Severity, sort_diagnostics
+from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.load import Collector, LoadOptions, load_network
+from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.model import Description, fill_devices, has_layout, join_buses
+from fsoe_net.save import (
+    DriverVersion,
+    Written,
+    describe,
+    write_c_header,
+    write_driver,
+    write_eni,
+    write_lcec,
+    write_network,
+)
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net convert machine.xml -o machine/network.yaml
+  fsoe-net convert pdos.txt Beckhoff_EL19xx.xml -o network.yaml
+  fsoe-net convert network.yaml -o driver/
+  fsoe-net convert network.yaml -o bus.h --to c"""
+
+_Writer = Callable[[Description, str], Written]
+
+
+def _eni(description: Description, file: str) -> Written:
+    facts = any(c.address is not None or c.watchdog_ms for c in description.connections)
+    notes = ("addresses and watchdogs of connections are not in this file",) if facts else ()
+    return Written(files={file: write_eni(description)}, notes=notes)
+
+
+def _network(description: Description, file: str) -> Written:
+    written = write_network(description, name=Path(file).stem)
+    files = {file if n == "network.yaml" else n: text for n, text in written.files.items()}
+    return replace(written, files=files)
+
+
+def _driver(version: DriverVersion) -> _Writer:
+    return lambda description, _file: write_driver(description, version=version)
+
+
+_WRITERS: dict[str, _Writer] = {
+    "network": _network,
+    "driver": _driver(DriverVersion.NEWEST),
+    **{f"driver-{v.value}": _driver(v) for v in DriverVersion if v is not DriverVersion.NEWEST},
+    "eni": _eni,
+    "igh": lambda d, file: write_c_header(d, igh=True, file=file),
+    "c": lambda d, file: write_c_header(d, igh=False, file=file),
+    "lcec": lambda d, file: write_lcec(d, file=file),
+}
+
+
+@click.command("convert", epilog=_EPILOG)
+@click.argument("files", nargs=-1, required=True, type=click.Path())
+@click.option(
+    "-o", "--output", required=True, type=click.Path(), help="File, or folder for the driver."
+)
+@click.option(
+    "--from",
+    "source",
+    type=click.Choice([k.value for k in InputKind]),
+    help="Format of all FILES; else by content, then by extension.",
+)
+@click.option("--to", "target", type=click.Choice(list(_WRITERS)), help="Else by extension of OUT.")
+def command(files: tuple[str, ...], output: str, source: str | None, target: str | None) -> None:
+    """Write a description of a bus in another format; several FILES of one bus are joined.
+
+    FILES: network, transfer and slave YAML, URDF, ENI, ESI, SII image, output of the `ethercat`
+    tool and of SOEM, linuxcnc-ethercat XML, `ethercat_slaves.yaml`, TwinSAFE export, or a folder
+    that this command wrote. An ESI or SII image gives the process data of devices named elsewhere.
+
+    What the format of OUT cannot hold is told as a note. Nothing is overwritten.
+    """
+    chosen = target or _target(output)
+    notes: list[str] = []
+    description = _read(files, InputKind(source) if source else None, notes)
+    notes += [f"{s.name or s.order}: {n}" for s in description.subdevices for n in s.notes]
+    written = _WRITERS[chosen](description, Path(output).name)
+    folder = Path(output) if chosen.startswith("driver") else Path(output).parent
+    _write(written, folder)
+    for note in dict.fromkeys((*notes, *written.notes)):
+        click.echo(f"note: {note}", err=True)
+    click.echo(
+        f"{output}: {counted(len(description.subdevices), 'SubDevice')}, "
+        f"{counted(len(description.copies), 'copy')}, {counted(len(written.files), 'file')}"
+    )
+
+
+def _target(output: str) -> str:
+    name = Path(output).name.lower()
+    if output.endswith(os.sep) or Path(output).is_dir() or "." not in name:
+        return "driver"
+    for suffix, target in (
+        (".eni.xml", "eni"),
+        (".eni", "eni"),
+        (".esi.xml", ""),
+        (".sii", ""),
+        (".xml", "lcec"),
+        (".yaml", "network"),
+        (".yml", "network"),
+        (".h", "igh"),
+    ):
+        if name.endswith(suffix) and target:
+            return target
+        if name.endswith(suffix):
+            raise click.UsageError(f"{suffix} is read and not written: a vendor makes such files")
+    raise click.UsageError(f"the format of {output!r} is not known; say it with --to")
+
+
+# -- input ----------------------------------------------------------------------------------------
+
+
+def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> Description:
+    out = Collector()
+    kinds = [(f, kind or find_kind(f, out)) for f in map(_file_of, dict.fromkeys(files))]
+    _refuse_errors(out)
+    buses: list[Description] = []
+    types: list[Description] = []
+    own = [f for f, k in kinds if k is InputKind.YAML]
+    if own:
+        loaded = load_network(own, LoadOptions())
+        out.diagnostics += loaded.diagnostics
+        _refuse_errors(out)
+        if loaded.network is None:
+            raise InputError("nothing written: nothing was read")
+        buses.append(describe(loaded.network))
+    for file, found in kinds:
+        if found not in (InputKind.YAML, InputKind.ESI, None):
+            made = load_foreign(file, found, out)
+            if made is not None:
+                (types if found.is_device_type else buses).append(made)
+    bus = join_buses(buses, notes) if buses else None
+    for file in (f for f, k in kinds if k is InputKind.ESI):
+        if bus is None:
+            made = load_foreign(file, InputKind.ESI, out)
+        else:
+            lacking = [s for s in bus.subdevices if not has_layout(s.device)]
+            made = load_devices(file, lacking, out)
+            if made is None:
+                notes.append(f"{file}: no SubDevice needs a device of it")
+        types += () if made is None else (made,)
+    _refuse_errors(out)
+    print_diagnostics(sort_diagnostics(out.diagnostics), err=True)
+    if bus is not None:
+        joined = fill_devices(bus, types, notes)
+    elif types:
+        joined = replace(types[0], subdevices=tuple(s for t in types for s in t.subdevices))
+    else:
+        raise InputError("nothing written: nothing was read")
+    if joined.truncated or any(s.truncated for s in joined.subdevices):
+        raise InputError("nothing written: a file is cut off; what is missing is not guessed")
+    return joined
+
+
+def _file_of(path: str) -> str:
+    """Return the file to read of a folder that `convert` or `scan` wrote."""
+    for name in ("network.yaml", "transfers.yaml"):
+        inside = os.path.join(path, name)
+        if os.path.isdir(path) and os.path.isfile(inside):
+            return inside
+    return path
+
+
+def _refuse_errors(out: Collector) -> None:
+    errors = [d for d in out.diagnostics if d.level is Severity.ERROR]
+    if errors:
+        raise InputError("nothing written", sort_diagnostics(errors))
+
+
+# -- output ---------------------------------------------------------------------------------------
+
+
+def _write(written: Written, folder: Path) -> None:
+    paths = {folder / name: text for name, text in written.files.items()}
+    present = next((p for p in paths if os.path.lexists(p)), None)
+    if present is not None:
+        raise InputError(f"nothing written: {present} exists; name another place")
+    try:
+        for path in paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise EnvironmentFault(f"cannot make the folder of {path}: {exc.strerror}") from exc
+    # The file that names the others comes last: it is never there without them.
+    for path, text in reversed(paths.items()):
+        write_whole(str(path), text.encode("utf-8"))

@@ -1,0 +1,152 @@
+"""One file of another tool, whichever it is: the kind by content, then its reader."""
+
+from __future__ import annotations
+
+import enum
+import os
+from collections.abc import Callable, Iterable
+
+from fsoe_net.diag import Span
+from fsoe_net.load.eni import load_eni
+from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
+from fsoe_net.load.files import Collector
+from fsoe_net.load.foreign import kind_of
+from fsoe_net.load.igh_text import load_igh_text
+from fsoe_net.load.lcec import load_lcec
+from fsoe_net.load.ros_slaves import load_ros_slaves
+from fsoe_net.load.sii import load_sii
+from fsoe_net.load.soem_text import load_soem_text
+from fsoe_net.load.twinsafe import load_twinsafe
+from fsoe_net.model import DescribedSubDevice, Description
+
+__all__ = ["InputKind", "find_kind", "load_devices", "load_foreign"]
+
+_HEAD_BYTES = 65_536
+
+
+class InputKind(enum.Enum):
+    """Formats that are read."""
+
+    YAML = "yaml"  # network, transfer and slave YAML, URDF: `load_network` reads them
+    ESI = "esi"
+    ENI = "eni"
+    SII = "sii"
+    ETHERCAT = "ethercat"
+    SOEM = "soem"
+    LCEC = "lcec"
+    ROS_SLAVES = "ros-slaves"
+    TWINSAFE = "twinsafe"
+
+    @property
+    def is_device_type(self) -> bool:
+        """Whether such a file describes device types, without a place in a ring."""
+        return self in (InputKind.ESI, InputKind.SII)
+
+
+# How the words of `kind_of` begin, the longer ones first.
+_BY_WORDS = (
+    ("an ENI", InputKind.ENI),
+    ("the output of SOEM", InputKind.SOEM),
+    ("the output of `ethercat", InputKind.ETHERCAT),
+    ("an ESI", InputKind.ESI),
+    ("a configuration of linuxcnc-ethercat", InputKind.LCEC),
+    ("a TwinSAFE project export", InputKind.TWINSAFE),
+    ("an `ethercat_slaves.yaml`", InputKind.ROS_SLAVES),
+    ("a robot description", InputKind.YAML),
+    ("a YAML file", InputKind.YAML),
+)
+_BY_SUFFIX = {
+    ".yaml": InputKind.YAML,
+    ".yml": InputKind.YAML,
+    ".urdf": InputKind.YAML,
+    ".xacro": InputKind.YAML,
+    ".sii": InputKind.SII,
+    ".bin": InputKind.SII,
+}
+_READERS: dict[InputKind, Callable[[str, Collector], Description | None]] = {
+    InputKind.ENI: load_eni,
+    InputKind.SII: load_sii,
+    InputKind.ETHERCAT: load_igh_text,
+    InputKind.SOEM: load_soem_text,
+    InputKind.LCEC: load_lcec,
+    InputKind.ROS_SLAVES: load_ros_slaves,
+    InputKind.TWINSAFE: load_twinsafe,
+}
+
+
+def find_kind(path: str, out: Collector) -> InputKind | None:
+    """Return the format of a file, by content and only then by suffix.
+
+    Args:
+        path: The file.
+        out: Takes FSN101 when it cannot be read, FSN140 when nothing knows it.
+    """
+    try:
+        with open(path, "rb") as stream:
+            head = stream.read(_HEAD_BYTES)
+    except (OSError, ValueError) as exc:
+        why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
+        out.add("FSN101", Span(path), f"cannot read {path!r}: {why}", hint="check the path")
+        return None
+    words = kind_of(head)
+    for begin, kind in _BY_WORDS:
+        if words.startswith(begin):
+            return kind
+    suffix = _BY_SUFFIX.get(os.path.splitext(path)[1].lower())
+    if suffix is InputKind.YAML and not words:
+        return suffix
+    if not words and (suffix is InputKind.SII or b"\0" in head[:128]):
+        return InputKind.SII
+    out.add(
+        "FSN140",
+        Span(path, 1, 1),
+        f"this is {words}, which is not read" if words else "no reader knows this file",
+        hint="give an ENI, ESI, SII image, YAML, URDF, output of `ethercat` or SOEM; or say --from",
+    )
+    return None
+
+
+def load_foreign(path: str, kind: InputKind, out: Collector) -> Description | None:
+    """Read a file of another tool that describes a bus, or all devices of a small ESI.
+
+    Args:
+        path: The file.
+        kind: Its format, not `InputKind.YAML`.
+        out: Takes what is wrong with it.
+    """
+    if kind is InputKind.ESI:
+        return load_esi(path, out)
+    return _READERS[kind](path, out)
+
+
+def load_devices(
+    path: str, wanted: Iterable[DescribedSubDevice], out: Collector
+) -> Description | None:
+    """Read from an ESI of any size the devices that somebody has; ``None`` when it has none.
+
+    Args:
+        path: The ESI.
+        wanted: SubDevices; their identity, revision and modules count.
+        out: Takes what is wrong with it.
+    """
+    catalogue = list_esi(path, out)
+    if catalogue is None:
+        return None
+    offered = {(r.vendor, r.product) for r in catalogue.rows if r.kind == "device"}
+    choices = {
+        EsiChoice(
+            vendor=sub.device.vendor_id,
+            product=sub.device.product_code,
+            revision=sub.revision,
+            modules=sub.module_ident or None,
+        )
+        for sub in wanted
+        if (sub.device.vendor_id, sub.device.product_code) in offered
+    }
+    rows: list[DescribedSubDevice] = []
+    for choice in sorted(choices, key=repr):
+        found = load_esi(path, out, choice=choice)
+        rows += () if found is None else found.subdevices
+    if not rows:
+        return None
+    return Description(span=Span(path, 1, 1), format="esi", path=path, subdevices=tuple(rows))

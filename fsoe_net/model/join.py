@@ -1,0 +1,174 @@
+"""Several descriptions of one bus joined: what one says fills what another leaves open.
+
+Nothing is replaced: a layout is filled in where there is none, copies and connections where no
+description before had any. Descriptions that contradict each other are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fsoe_net.errors import InputError
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedEnd, DescribedSubDevice, Description
+
+__all__ = ["fill_devices", "has_layout", "join_buses"]
+
+
+def has_layout(device: Device) -> bool:
+    """Whether it is known which process data the device has."""
+    return any(device.pdos_of(sm) for sm in device.sync_managers)
+
+
+def join_buses(buses: Sequence[Description], notes: list[str]) -> Description:
+    """Join descriptions whose SubDevices have a place in the ring.
+
+    A SubDevice of one is that of another when position, or alias, is the same.
+
+    Args:
+        buses: At least one; the first one leads.
+        notes: Takes what could not be joined.
+
+    Raises:
+        InputError: Two descriptions name different devices for one place.
+    """
+    joined = buses[0]
+    for other in buses[1:]:
+        joined = _joined(joined, other, notes)
+    return joined
+
+
+def _place(sub: DescribedSubDevice) -> tuple[str, int] | None:
+    if sub.alias:
+        return ("alias", sub.alias)
+    return None if sub.position is None else ("position", sub.position)
+
+
+def _joined(first: Description, other: Description, notes: list[str]) -> Description:
+    subs = list(first.subdevices)
+    places = {p: n for n, s in enumerate(subs) if (p := _place(s)) is not None}
+    numbers: dict[int, int] = {}
+    for number, sub in enumerate(other.subdevices):
+        place = _place(sub)
+        if place is None:
+            notes.append(f"{other.path}: {_shown(sub)} has no place in the ring; it is left out")
+        elif place in places:
+            numbers[number] = places[place]
+            subs[places[place]] = _filled(subs[places[place]], sub, other.path)
+        else:
+            numbers[number] = places[place] = len(subs)
+            subs.append(sub)
+    copies = first.copies
+    if not copies and other.copies:
+        usable = [
+            c
+            for c in other.copies
+            if c.source.subdevice in numbers and c.destination.subdevice in numbers
+        ]
+        copies = tuple(
+            replace(c, source=_moved(c.source, numbers), destination=_moved(c.destination, numbers))
+            for c in usable
+        )
+    elif other.copies:
+        notes.append(f"{other.path}: its copies are left out; those of {first.path} are taken")
+    connections = first.connections
+    if not connections and other.connections:
+        connections = tuple(
+            replace(c, main=numbers[c.main], sub=numbers[c.sub])
+            for c in other.connections
+            if c.main in numbers and c.sub in numbers
+        )
+        if len(connections) < len(other.connections):
+            notes.append(f"{other.path}: connections without known SubDevices are left out")
+    elif other.connections:
+        notes.append(f"{other.path}: its connections are left out; {first.path} has some")
+    return replace(
+        first,
+        subdevices=tuple(subs),
+        copies=copies,
+        connections=connections,
+        cycle_us=first.cycle_us or other.cycle_us,
+        truncated=first.truncated or other.truncated,
+    )
+
+
+def _moved(end: DescribedEnd, numbers: dict[int, int]) -> DescribedEnd:
+    return replace(end, subdevice=numbers[end.subdevice])
+
+
+def _shown(sub: DescribedSubDevice) -> str:
+    return sub.name or sub.order or "a SubDevice"
+
+
+def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> DescribedSubDevice:
+    """Return the SubDevice with what the other one knows in addition."""
+    for key, word in (("vendor_id", "vendor"), ("product_code", "product")):
+        one, two = getattr(sub.device, key), getattr(other.device, key)
+        if one and two and one != two:
+            raise InputError(
+                f"{_shown(sub)}: {word} 0x{one:08x}, but 0x{two:08x} in {path}; "
+                "are these files of one bus?"
+            )
+    device = sub.device
+    if not has_layout(device) and has_layout(other.device):
+        device = replace(
+            other.device,
+            sdos=device.sdos or other.device.sdos,
+            assign_activate=device.assign_activate or other.device.assign_activate,
+        )
+    return replace(
+        sub,
+        name=sub.name or other.name,
+        order=sub.order or other.order,
+        device=replace(
+            device,
+            vendor_id=sub.device.vendor_id or other.device.vendor_id,
+            product_code=sub.device.product_code or other.device.product_code,
+        ),
+        revision=other.revision if sub.revision is None else sub.revision,
+        serial=sub.serial or other.serial,
+        available=sub.available or other.available,
+        module_ident=sub.module_ident or other.module_ident,
+    )
+
+
+def fill_devices(bus: Description, types: Sequence[Description], notes: list[str]) -> Description:
+    """Fill SubDevices without process data from device types of the same identity.
+
+    Args:
+        bus: SubDevices in a ring.
+        types: Device types, as ESI and SII give them; an exact revision comes first.
+        notes: Takes the revisions that differ, and the types nobody has.
+    """
+    rows = [(sub, t.path) for t in types for sub in t.subdevices]
+    used: set[int] = set()
+    subs = []
+    for sub in bus.subdevices:
+        same = [
+            (n, row, path)
+            for n, (row, path) in enumerate(rows)
+            if (row.device.vendor_id, row.device.product_code)
+            == (sub.device.vendor_id, sub.device.product_code)
+        ]
+        used.update(n for n, _, _ in same)
+        if has_layout(sub.device) or not same:
+            subs.append(sub)
+            continue
+        exact = [r for r in same if r[1].revision == sub.revision]
+        _, row, path = (exact or same)[0]
+        if not exact and sub.revision is not None and row.revision is not None:
+            notes.append(
+                f"{_shown(sub)}: revision 0x{sub.revision:08x} is not in {path}; the process data "
+                f"of 0x{row.revision:08x} are taken"
+            )
+        if not has_layout(row.device):
+            notes.append(f"{_shown(sub)}: {path} names the device and no process data")
+        filled = _filled(sub, row, path)
+        subs.append(replace(filled, revision=sub.revision))
+    notes += [
+        f"{path}: no SubDevice is a {_shown(row)}; it is left out"
+        for n, (row, path) in enumerate(rows)
+        if n not in used
+    ]
+    return replace(bus, subdevices=tuple(subs))

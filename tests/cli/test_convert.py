@@ -1,0 +1,153 @@
+"""``convert``: each format to each other, joined inputs, refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from cli.tool import fsn
+
+ROOT = Path(__file__).parents[2]
+NETWORK = ROOT / "examples" / "el6910" / "network.yaml"
+URDF = ROOT / "examples" / "estop" / "estop.urdf.xacro"
+
+ESI = """<?xml version="1.0"?>
+<EtherCATInfo><Vendor><Id>#x2</Id></Vendor><Descriptions><Groups/><Devices><Device>
+<Type ProductCode="#x07703052" RevisionNo="#x00120000">EL1904</Type><Name>EL1904</Name>
+<Sm>MBoxOut</Sm><Sm>MBoxIn</Sm><Sm StartAddress="#x1200">Outputs</Sm>
+<Sm StartAddress="#x1D00">Inputs</Sm>
+<RxPdo Sm="2" Fixed="1"><Index>#x1600</Index><Name>Out</Name>
+<Entry><Index>#x7000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen><Name>Cmd</Name></Entry>
+<Entry><Index>0</Index><BitLen>8</BitLen></Entry>
+<Entry><Index>#x7000</Index><SubIndex>2</SubIndex><BitLen>16</BitLen><Name>CRC</Name></Entry>
+<Entry><Index>#x7000</Index><SubIndex>3</SubIndex><BitLen>16</BitLen><Name>ID</Name></Entry>
+</RxPdo></Device></Devices></Descriptions></EtherCATInfo>
+"""
+SLAVES = """\
+ethercat_slaves:
+  stop: {vendor_id: 0x00000002, product_code: 0x07703052, position: 4}
+"""
+
+
+def converted(*arguments: object):
+    return fsn("convert", *map(str, arguments))
+
+
+@pytest.mark.parametrize("out", ["bus.eni.xml", "folder/", "deep/down/network.yaml"])
+def test_there_and_back_compiles_to_the_same_plan(out: str, tmp_path: Path):
+    there = converted(NETWORK, "-o", f"{tmp_path}/{out}")
+    assert there.returncode == 0, there.stderr
+    assert "5 SubDevices, 8 copies" in there.stdout
+    back = converted(f"{tmp_path}/{out}", "-o", tmp_path / "back" / "network.yaml")
+    assert back.returncode == 0, back.stderr
+    assert copies(tmp_path / "back" / "network.yaml") == copies(NETWORK)
+
+
+def copies(network: Path) -> list[dict]:
+    shown = fsn("plan", str(network), "--format", "json")
+    assert shown.returncode == 0, shown.stderr
+    rows = json.loads(shown.stdout)["copies"]
+    assert len(rows) == 8
+    return [{k: v for k, v in row.items() if k != "net"} for row in rows]
+
+
+@pytest.mark.parametrize(
+    ("out", "to", "begin"),
+    [
+        ("bus.h", (), "#include <ecrt.h>"),
+        ("bus.h", ("--to", "c"), "fsn_pdo_entry_info_t;"),
+        ("hal.xml", (), '<modParam name="fsoeSlaveIdx" value="2"/>'),
+        ("net.yaml", (), "name: net"),
+        ("any.thing", ("--to", "eni"), "<EtherCATConfig"),
+    ],
+)
+def test_targets(out: str, to: tuple[str, ...], begin: str, tmp_path: Path):
+    done = converted(NETWORK, "-o", tmp_path / out, *to)
+    assert done.returncode == 0, done.stderr
+    assert begin in (tmp_path / out).read_text("utf-8")
+
+
+@pytest.mark.parametrize("out", ["bus.h", "hal.xml"])
+def test_what_was_written_is_read_by_content(out: str, tmp_path: Path):
+    assert converted(URDF, "-o", tmp_path / out).returncode == 0
+    again = converted(tmp_path / out, "-o", tmp_path / "n" / "network.yaml")
+    assert again.returncode == 0, again.stderr
+    assert "2 SubDevices" in again.stdout
+
+
+def test_older_keys_for_an_older_driver(tmp_path: Path):
+    done = converted(URDF, "-o", tmp_path / "d", "--to", "driver-2025")
+    assert done.returncode == 0, done.stderr
+    assert "safety_modules:" in (tmp_path / "d" / "transfers.yaml").read_text("utf-8")
+    assert "note: the cycle is not in these files; set control_frequency" in done.stderr
+
+
+def test_an_esi_gives_the_process_data_of_a_device_named_elsewhere(tmp_path: Path):
+    (tmp_path / "a.yaml").write_text(SLAVES, "utf-8")
+    (tmp_path / "b.xml").write_text(ESI, "utf-8")
+    done = converted(tmp_path / "b.xml", tmp_path / "a.yaml", "-o", tmp_path / "o" / "network.yaml")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "o" / "network.yaml").read_text("utf-8")
+    assert "name: stop, alias: 0, position: 4" in text
+    assert "index: 0x7000, sub_index: 2, type: uint16" in (
+        tmp_path / "o" / "devices" / "stop.yaml"
+    ).read_text("utf-8")
+
+
+def test_an_esi_alone_gives_devices_without_a_place(tmp_path: Path):
+    (tmp_path / "b.xml").write_text(ESI, "utf-8")
+    done = converted(tmp_path / "b.xml", "-o", tmp_path / "o" / "network.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "its ring position is not known; 0 is written" in done.stderr
+    eni = converted(tmp_path / "b.xml", "-o", tmp_path / "x.eni.xml")
+    assert eni.returncode == 1
+    assert "no ring position" in eni.stderr
+
+
+def test_nothing_is_overwritten(tmp_path: Path):
+    (tmp_path / "devices").mkdir()
+    (tmp_path / "devices" / "el1904.yaml").write_text("mine", "utf-8")
+    done = converted(NETWORK, "-o", tmp_path / "network.yaml")
+    assert done.returncode == 1
+    assert "devices/el1904.yaml exists" in done.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["devices"]
+    assert (tmp_path / "devices" / "el1904.yaml").read_text("utf-8") == "mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "why"),
+    [
+        ("a.xml", b"<Project1/>", "FSN140"),
+        ("a.txt", b"hello", "no reader knows this file"),
+        ("a.yaml", b"x: [", "FSN1"),
+        ("a.sii", b"\0" * 20, "FSN138"),
+        ("a.eni.xml", b"<EtherCATConfig><Config>", "FSN118"),
+        ("a.h", b"ec_pdo_entry_info_t a[] = {\n{0x7000, 0x01, 8},\n", "FSN146"),
+    ],
+)
+def test_foreign_and_damaged_files_are_refused(name: str, content: bytes, why: str, tmp_path: Path):
+    (tmp_path / name).write_bytes(content)
+    done = converted(tmp_path / name, "-o", tmp_path / "o" / "network.yaml")
+    assert done.returncode == 1, done.stdout
+    assert why in done.stderr
+    assert not (tmp_path / "o").exists()
+
+
+def test_usage(tmp_path: Path):
+    assert converted(NETWORK, "-o", tmp_path / "x.esi.xml").returncode == 2
+    assert converted(NETWORK, "-o", tmp_path / "x.what").returncode == 2
+    missing = converted(tmp_path / "none.yaml", "-o", tmp_path / "n.yaml")
+    assert missing.returncode == 1
+    assert "FSN101" in missing.stderr
+    wrong = converted(NETWORK, "--from", "eni", "-o", tmp_path / "n.yaml")
+    assert wrong.returncode == 1
+    assert "FSN140" in wrong.stderr
+
+
+def test_two_files_of_different_buses_are_refused(tmp_path: Path):
+    other = SLAVES.replace("position: 4", "position: 1")
+    (tmp_path / "a.yaml").write_text(other, "utf-8")
+    done = converted(NETWORK, tmp_path / "a.yaml", "-o", tmp_path / "o" / "network.yaml")
+    assert done.returncode == 1
+    assert "are these files of one bus?" in done.stderr
