@@ -41,8 +41,10 @@ _Writer = Callable[[Description, str], Written]
 
 def _eni(description: Description, file: str) -> Written:
     facts = any(c.address is not None or c.watchdog_ms for c in description.connections)
-    notes = ("addresses and watchdogs of connections are not in this file",) if facts else ()
-    return Written(files={file: write_eni(description)}, notes=notes)
+    notes = ["mailbox addresses are not in this file"]
+    if facts:
+        notes.append("addresses and watchdogs of connections are not in this file")
+    return Written(files={file: write_eni(description)}, notes=tuple(notes))
 
 
 def _network(description: Description, file: str) -> Written:
@@ -91,6 +93,8 @@ def command(files: tuple[str, ...], output: str, source: str | None, target: str
     notes: list[str] = []
     description = _read(files, InputKind(source) if source else None, notes)
     notes += [f"{s.name or s.order}: {n}" for s in description.subdevices for n in s.notes]
+    if not description.copies:
+        notes.append("no copies are known, so no safety frame would be moved")
     written = _WRITERS[chosen](description, Path(output).name)
     folder = Path(output) if chosen.startswith("driver") else Path(output).parent
     _write(written, folder)
@@ -134,27 +138,16 @@ def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> D
     types: list[Description] = []
     own = [f for f, k in kinds if k is InputKind.YAML]
     if own:
-        loaded = load_network(own, LoadOptions())
-        out.diagnostics += loaded.diagnostics
-        _refuse_errors(out)
-        if loaded.network is None:
-            raise InputError("nothing written: nothing was read")
-        buses.append(describe(loaded.network))
+        made, is_bus = _read_yaml(own, out)
+        (buses if is_bus else types).append(made)
     for file, found in kinds:
         if found not in (InputKind.YAML, InputKind.ESI, None):
-            made = load_foreign(file, found, out)
-            if made is not None:
-                (types if found.is_device_type else buses).append(made)
+            read = load_foreign(file, found, out)
+            if read is not None:
+                (types if found.is_device_type else buses).append(read)
+    _refuse_errors(out)
     bus = join_buses(buses, notes) if buses else None
-    for file in (f for f, k in kinds if k is InputKind.ESI):
-        if bus is None:
-            made = load_foreign(file, InputKind.ESI, out)
-        else:
-            lacking = [s for s in bus.subdevices if not has_layout(s.device)]
-            made = load_devices(file, lacking, out)
-            if made is None:
-                notes.append(f"{file}: no SubDevice needs a device of it")
-        types += () if made is None else (made,)
+    types += _read_esi([f for f, k in kinds if k is InputKind.ESI], bus, out, notes)
     _refuse_errors(out)
     print_diagnostics(sort_diagnostics(out.diagnostics), err=True)
     if bus is not None:
@@ -166,6 +159,42 @@ def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> D
     if joined.truncated or any(s.truncated for s in joined.subdevices):
         raise InputError("nothing written: a file is cut off; what is missing is not guessed")
     return joined
+
+
+def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:
+    """Return what YAML and URDF say, and whether it is a bus: slave YAMLs are device types."""
+    loaded = load_network(files, LoadOptions())
+    out.diagnostics += loaded.diagnostics
+    _refuse_errors(out)
+    network = loaded.network
+    if network is None:
+        raise InputError("nothing written: nothing was read")
+    if network.partial and network.nets:
+        raise InputError(
+            "nothing written: these files alone are no whole network; name the URDF or network "
+            "file too"
+        )
+    made = describe(network)
+    if network.partial:  # nobody has said where the devices are
+        made = replace(made, subdevices=tuple(replace(s, position=None) for s in made.subdevices))
+    return made, not network.partial
+
+
+def _read_esi(
+    files: list[str], bus: Description | None, out: Collector, notes: list[str]
+) -> list[Description]:
+    """Return the devices that the bus lacks; without a bus all of each file."""
+    types = []
+    for file in files:
+        if bus is None:
+            made = load_foreign(file, InputKind.ESI, out)
+        else:
+            lacking = [s for s in bus.subdevices if not has_layout(s.device)]
+            made = load_devices(file, lacking, out)
+            if made is None:
+                notes.append(f"{file}: no SubDevice needs a device of it")
+        types += [] if made is None else [made]
+    return types
 
 
 def _file_of(path: str) -> str:

@@ -70,6 +70,8 @@ def _joined(first: Description, other: Description, notes: list[str]) -> Descrip
             replace(c, source=_moved(c.source, numbers), destination=_moved(c.destination, numbers))
             for c in usable
         )
+        if len(copies) < len(other.copies):
+            notes.append(f"{other.path}: copies without known SubDevices are left out")
     elif other.copies:
         notes.append(f"{other.path}: its copies are left out; those of {first.path} are taken")
     connections = first.connections

@@ -151,3 +151,20 @@ def test_two_files_of_different_buses_are_refused(tmp_path: Path):
     done = converted(NETWORK, tmp_path / "a.yaml", "-o", tmp_path / "o" / "network.yaml")
     assert done.returncode == 1
     assert "are these files of one bus?" in done.stderr
+
+
+def test_a_slave_yaml_is_a_device_type(tmp_path: Path):
+    (tmp_path / "a.yaml").write_text(SLAVES, "utf-8")
+    device = ROOT / "examples" / "el6910" / "devices" / "el1904.yaml"
+    done = converted(tmp_path / "a.yaml", device, "-o", tmp_path / "o" / "network.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "1 SubDevice," in done.stdout
+    assert "note: no copies are known" in done.stderr
+    assert "rpdo:" in (tmp_path / "o" / "devices" / "stop.yaml").read_text("utf-8")
+
+
+def test_transfers_without_their_modules_are_no_network(tmp_path: Path):
+    part = ROOT / "examples" / "estop" / "transfers.yaml"
+    done = converted(part, "-o", tmp_path / "o" / "network.yaml")
+    assert done.returncode == 1
+    assert "name the URDF or network file too" in done.stderr
