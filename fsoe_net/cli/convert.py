@@ -144,7 +144,7 @@ def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> D
         if found not in (InputKind.YAML, InputKind.ESI, None):
             read = load_foreign(file, found, out)
             if read is not None:
-                (types if found.is_device_type else buses).append(read)
+                (types if found.is_device_type or _is_placeless(read) else buses).append(read)
     _refuse_errors(out)
     bus = join_buses(buses, notes) if buses else None
     types += _read_esi([f for f, k in kinds if k is InputKind.ESI], bus, out, notes)
@@ -159,6 +159,12 @@ def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> D
     if joined.truncated or any(s.truncated for s in joined.subdevices):
         raise InputError("nothing written: a file is cut off; what is missing is not guessed")
     return joined
+
+
+def _is_placeless(read: Description) -> bool:
+    """Whether a text is of one device, as `ethercat xml -p 3` prints it: only its type counts."""
+    placed = any(s.alias or s.position is not None for s in read.subdevices)
+    return not placed and not read.copies and not read.connections
 
 
 def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:

@@ -92,6 +92,8 @@ def find_kind(path: str, out: Collector) -> InputKind | None:
     for begin, kind in _BY_WORDS:
         if words.startswith(begin):
             return kind
+    if not words and b"<EtherCATInfo" in head:
+        return InputKind.ETHERCAT  # XML behind a prompt
     suffix = _BY_SUFFIX.get(os.path.splitext(path)[1].lower())
     if suffix is InputKind.YAML and not words:
         return suffix

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
+from load.texts import XML
 
 ROOT = Path(__file__).parents[2]
 NETWORK = ROOT / "examples" / "el6910" / "network.yaml"
@@ -160,6 +161,17 @@ def test_a_slave_yaml_is_a_device_type(tmp_path: Path):
     assert done.returncode == 0, done.stderr
     assert "1 SubDevice," in done.stdout
     assert "note: no copies are known" in done.stderr
+    assert "rpdo:" in (tmp_path / "o" / "devices" / "stop.yaml").read_text("utf-8")
+
+
+@pytest.mark.parametrize("comment", ["<!-- Slave 4 -->", ""])
+def test_output_of_the_tool_for_one_device_gives_its_process_data(comment: str, tmp_path: Path):
+    (tmp_path / "a.yaml").write_text(SLAVES.replace("0x07703052", "0x077a2c52"), "utf-8")
+    text = "$ ethercat xml -p 4\n" + XML.replace("<!-- Slave 4 -->", comment)
+    (tmp_path / "b.txt").write_text(text, "utf-8")
+    done = converted(tmp_path / "a.yaml", tmp_path / "b.txt", "-o", tmp_path / "o" / "network.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "1 SubDevice," in done.stdout
     assert "rpdo:" in (tmp_path / "o" / "devices" / "stop.yaml").read_text("utf-8")
 
 
