@@ -19,7 +19,7 @@ from fsoe_net.model import (
     SyncManager,
     layout_of,
 )
-from fsoe_net.save.written import Written, endpoint_of, manager_of, plain_text, unique_names
+from fsoe_net.save.written import Endpoints, Written, manager_of, plain_text, unique_names
 
 __all__ = ["write_c_header"]
 
@@ -83,6 +83,7 @@ class _Header:
         self._igh = igh
         self._kind = "ec" if igh else "fsn"
         self._names = unique_names(description)
+        self._layouts = [layout_of(s.device) for s in description.subdevices]
         places = [s.position for s in description.subdevices]
         known = [p for p in places if p is not None]
         if len(set(known)) == len(places):
@@ -203,8 +204,7 @@ class _Header:
     # -- copies -----------------------------------------------------------------------------------
 
     def _byte(self, end: DescribedEnd, bits: int) -> int:
-        sub = self._description.subdevices[end.subdevice]
-        manager = manager_of(layout_of(sub.device), end)
+        manager = manager_of(self._layouts[end.subdevice], end)
         if end.bit_offset % 8 or bits % 8:
             raise InputError(f"{self._names[end.subdevice]}: a copy of parts of bytes")
         if manager is None or end.bit_offset + bits > manager.known_bits:
@@ -214,14 +214,14 @@ class _Header:
 
     def _igh_copies(self) -> Iterator[str]:
         numbers: dict[tuple[int, int, int], int] = {}
+        endpoints = Endpoints(self._description, self._names)
         rows: list[tuple[DescribedEnd, Entry]] = []
         copies = []
         for copy in self._description.copies:
             pair = []
             for end in (copy.source, copy.destination):
                 self._byte(end, copy.bits)
-                sub = self._description.subdevices[end.subdevice]
-                entry = endpoint_of(sub, end, self._names[end.subdevice])
+                entry = endpoints.at(end)
                 key = (end.subdevice, end.sm_index, end.bit_offset)
                 if key not in numbers:
                     numbers[key] = len(rows)

@@ -10,9 +10,9 @@ from fsoe_net.model import DescribedSubDevice, Description, layout_of
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import (
     CopyGroup,
+    Endpoints,
     Written,
     copy_groups,
-    endpoint_of,
     identifiers,
     is_fsoe,
     quoted,
@@ -96,6 +96,7 @@ class _Files:
         self._description = description
         self._layouts = [layout_of(s.device) for s in description.subdevices]
         self._names = unique_names(description)
+        self._endpoints = Endpoints(description, self._names)
         self._groups = copy_groups(description, self._layouts, self.notes)
 
     def rows(self) -> Iterator[tuple[DescribedSubDevice, str, str, str]]:
@@ -158,7 +159,7 @@ class _Files:
             yield f"      - size: {copy.bits // 8}"
             for key, end in (("in", copy.source), ("out", copy.destination)):
                 name = self._names[end.subdevice]
-                entry = endpoint_of(self._description.subdevices[end.subdevice], end, name)
+                entry = self._endpoints.at(end)
                 yield (
                     f"        {key}: {{ec_module: {quoted(name)}, index: 0x{entry.index:04x}, "
                     f"subindex: {entry.subindex}}}"

@@ -11,7 +11,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.model import (
     DescribedCopy,
     DescribedEnd,
-    DescribedSubDevice,
     Description,
     DeviceLayout,
     Entry,
@@ -21,9 +20,9 @@ from fsoe_net.model import (
 
 __all__ = [
     "CopyGroup",
+    "Endpoints",
     "Written",
     "copy_groups",
-    "endpoint_of",
     "identifiers",
     "is_fsoe",
     "manager_of",
@@ -106,32 +105,52 @@ def manager_of(layout: DeviceLayout, end: DescribedEnd) -> SmLayout | None:
     return next((m for m in layout.managers if m.sm.index == end.sm_index), None)
 
 
-def endpoint_of(sub: DescribedSubDevice, end: DescribedEnd, name: str) -> Entry:
-    """Return the entry that a copy begins at, which drivers find by its index and subindex.
+class Endpoints:
+    """The entries that copies may begin at; each device is walked through once."""
 
-    Raises:
-        InputError: No entry begins there, it is padding, or an earlier one has the same address.
-    """
-    layout = layout_of(sub.device)
-    where = f"{name}: bit {end.bit_offset} of Sm{end.sm_index}, where a copy begins,"
+    def __init__(self, description: Description, names: Sequence[str]) -> None:
+        self._subs = description.subdevices
+        self._names = names
+        self._tables: dict[int, dict[tuple[int, int], tuple[Entry, bool]]] = {}
+
+    def at(self, end: DescribedEnd) -> Entry:
+        """Return the entry that a copy begins at, which drivers find by index and subindex.
+
+        Raises:
+            InputError: No entry begins there, it is padding, or an earlier one has its address.
+        """
+        device = self._subs[end.subdevice].device
+        if id(device) not in self._tables:
+            self._tables[id(device)] = _entries_by_place(layout_of(device))
+        name = self._names[end.subdevice]
+        where = f"{name}: bit {end.bit_offset} of Sm{end.sm_index}, where a copy begins,"
+        entry, first = self._tables[id(device)].get((end.sm_index, end.bit_offset), (None, False))
+        if entry is None:
+            raise InputError(
+                f"{where} is not the begin of an entry; the layout of the device is needed"
+            )
+        if not entry.registered:
+            raise InputError(f"{where} is padding, which has no address")
+        if not first:
+            raise InputError(
+                f"{where} is {entry.address} a second time; drivers take the first one"
+            )
+        return entry
+
+
+def _entries_by_place(layout: DeviceLayout) -> dict[tuple[int, int], tuple[Entry, bool]]:
+    """Return each entry with a length, and whether it is the first one with its address."""
     seen: set[tuple[int, int]] = set()
+    table = {}
     for manager in layout.managers:
         for placed in manager.placed:
             entry = placed.entry
-            here = manager.sm.index == end.sm_index and placed.bit_offset == end.bit_offset
-            if here and not entry.bits:
-                continue
-            if here and not entry.registered:
-                raise InputError(f"{where} is padding, which has no address")
-            if here and (entry.index, entry.subindex) in seen:
-                raise InputError(
-                    f"{where} is {entry.address} a second time; drivers take the first"
-                )
-            if here:
-                return entry
+            key = (entry.index, entry.subindex)
+            if entry.bits and placed.bit_offset < manager.known_bits:
+                table[manager.sm.index, placed.bit_offset] = (entry, key not in seen)
             if entry.registered:
-                seen.add((entry.index, entry.subindex))
-    raise InputError(f"{where} is not the begin of an entry; the layout of the device is needed")
+                seen.add(key)
+    return table
 
 
 def is_fsoe(copy: DescribedCopy, layouts: Sequence[DeviceLayout]) -> bool:
