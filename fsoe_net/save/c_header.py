@@ -17,9 +17,15 @@ from fsoe_net.model import (
     Entry,
     Pdo,
     SyncManager,
-    layout_of,
 )
-from fsoe_net.save.written import Endpoints, Written, manager_of, plain_text, unique_names
+from fsoe_net.save.written import (
+    Endpoints,
+    Written,
+    layouts_of,
+    manager_of,
+    plain_text,
+    unique_names,
+)
 
 __all__ = ["write_c_header"]
 
@@ -83,7 +89,7 @@ class _Header:
         self._igh = igh
         self._kind = "ec" if igh else "fsn"
         self._names = unique_names(description)
-        self._layouts = [layout_of(s.device) for s in description.subdevices]
+        self._layouts = layouts_of(description)
         places = [s.position for s in description.subdevices]
         known = [p for p in places if p is not None]
         if len(set(known)) == len(places):

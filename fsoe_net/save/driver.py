@@ -6,7 +6,7 @@ import enum
 from collections.abc import Iterator
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import DescribedSubDevice, Description, layout_of
+from fsoe_net.model import DescribedSubDevice, Description
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import (
     CopyGroup,
@@ -15,6 +15,7 @@ from fsoe_net.save.written import (
     copy_groups,
     identifiers,
     is_fsoe,
+    layouts_of,
     quoted,
     unique_names,
 )
@@ -94,7 +95,7 @@ class _Files:
         self.notes: list[str] = []
         self.configs: dict[str, str] = {}
         self._description = description
-        self._layouts = [layout_of(s.device) for s in description.subdevices]
+        self._layouts = layouts_of(description)
         self._names = unique_names(description)
         self._endpoints = Endpoints(description, self._names)
         self._groups = copy_groups(description, self._layouts, self.notes)

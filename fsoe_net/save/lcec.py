@@ -18,9 +18,15 @@ from fsoe_net.model import (
     Pdo,
     Sdo,
     SyncManager,
-    layout_of,
 )
-from fsoe_net.save.written import Written, copy_groups, is_fsoe, plain_text, unique_names
+from fsoe_net.save.written import (
+    Written,
+    copy_groups,
+    is_fsoe,
+    layouts_of,
+    plain_text,
+    unique_names,
+)
 
 __all__ = ["write_lcec"]
 
@@ -82,7 +88,7 @@ class _Configuration:
         for row in self._description.connections:
             if row.main is not None and row.sub is not None:
                 partners.setdefault(row.main, []).append(row.sub)
-        layouts = [layout_of(s.device) for s in self._description.subdevices]
+        layouts = layouts_of(self._description)
         for group in copy_groups(self._description, layouts, self._notes):
             frames = [c for c in group.copies if is_fsoe(c, layouts)]
             if len(frames) < len(group.copies):

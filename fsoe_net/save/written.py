@@ -25,6 +25,7 @@ __all__ = [
     "copy_groups",
     "identifiers",
     "is_fsoe",
+    "layouts_of",
     "manager_of",
     "plain_text",
     "quoted",
@@ -98,6 +99,17 @@ def identifiers(names: Sequence[str]) -> tuple[str, ...]:
         taken.add(word)
         found.append(word)
     return tuple(found)
+
+
+def layouts_of(description: Description) -> list[DeviceLayout]:
+    """Return the layout of each SubDevice; those of one type share theirs."""
+    known: dict[int, DeviceLayout] = {}
+    return [
+        known[id(s.device)]
+        if id(s.device) in known
+        else known.setdefault(id(s.device), layout_of(s.device))
+        for s in description.subdevices
+    ]
 
 
 def manager_of(layout: DeviceLayout, end: DescribedEnd) -> SmLayout | None:
