@@ -18,6 +18,8 @@ _COMMANDS = {
     "explain": "Explain a diagnostic code.",
     "convert": "Write a bus in the format of another tool.",
     "plan": "Compile a network to a copy plan, or show a plan.",
+    "diff": "Compare two descriptions or plans: what moved, came, went or changed.",
+    "devices": "What is known about FSoE devices: process data, frames, figures.",
     "run": "Run a network on the emulated bus, or on a live one.",
     "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
     "console": "Set, watch, start and stop a running fsn-master, by hand or script.",

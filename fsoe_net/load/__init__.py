@@ -2,6 +2,7 @@
 
 from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.load.files import Collector, read_bytes
+from fsoe_net.load.library import builtin_library, load_library, parse_library_device
 from fsoe_net.load.network import FileKind, LoadOptions, LoadResult, load_network
 from fsoe_net.load.scan import load_scan, parse_scan
 from fsoe_net.load.scenario import load_scenario
@@ -18,14 +19,17 @@ __all__ = [
     "MapNode",
     "ScalarNode",
     "SeqNode",
+    "builtin_library",
     "check_structure",
     "list_esi",
     "load_esi",
+    "load_library",
     "load_network",
     "load_scan",
     "load_scenario",
     "load_sii",
     "load_yaml",
+    "parse_library_device",
     "parse_scan",
     "parse_yaml",
     "read_bytes",

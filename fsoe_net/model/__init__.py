@@ -36,6 +36,15 @@ from fsoe_net.model.layout import (
     layout_of,
     place_entries,
 )
+from fsoe_net.model.library import (
+    Library,
+    LibraryDevice,
+    LibraryFigure,
+    LibraryFrame,
+    LibraryIdentity,
+    LibraryMapping,
+    contradictions,
+)
 from fsoe_net.model.network import (
     ConnectionFacts,
     Endpoint,
@@ -88,6 +97,12 @@ __all__ = [
     "FsoeBlock",
     "FsoeGuess",
     "FsoeNearMiss",
+    "Library",
+    "LibraryDevice",
+    "LibraryFigure",
+    "LibraryFrame",
+    "LibraryIdentity",
+    "LibraryMapping",
     "Located",
     "LogicChoice",
     "Miss",
@@ -118,6 +133,7 @@ __all__ = [
     "TransferKind",
     "Watchdog",
     "connection_signals",
+    "contradictions",
     "detect_fsoe",
     "fill_devices",
     "find_blocks",

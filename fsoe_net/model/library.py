@@ -1,0 +1,202 @@
+"""What is known about FSoE devices beforehand: identity, process data, frames, figures, sources.
+
+A library helps to propose and to explain. What a device or its files say always counts more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.fsoe import safe_data_length
+from fsoe_net.model.bus import Device, Direction, Located, SyncManager
+from fsoe_net.model.layout import DeviceLayout, layout_of
+
+__all__ = [
+    "Library",
+    "LibraryDevice",
+    "LibraryFigure",
+    "LibraryFrame",
+    "LibraryIdentity",
+    "LibraryMapping",
+    "contradictions",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryIdentity(Located):
+    """One identity that shares the facts of a library device."""
+
+    order: str
+    vendor_id: int
+    product_code: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryFrame(Located):
+    """One FSoE frame as the library states it; ``byte_offset`` inside the sync manager."""
+
+    sm_index: int
+    byte_offset: int
+    frame_bytes: int
+    safe_bytes: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryMapping(Located):
+    """Process data a device was seen with.
+
+    Attributes:
+        name: Tells the mappings of a device apart.
+        role: ``sub`` (SubInstance) or ``main`` (MainInstance, safety logic).
+        source: Key of `LibraryDevice.sources`.
+        sync_managers: With their PDOs. PDO 0, which is padding only, stands for PDOs in front that
+            are not known.
+        frames: Stated frames, by sync manager and place.
+        restart_relevant: Index and subindex of standard outputs that can start a machine.
+        revision_from: First revision it was seen on; ``None``: not known.
+        revision_to: Last revision it is for; ``None``: open.
+        module_ident: Module that brings it; ``None``: PDOs of the device itself.
+        notes: What a user has to know.
+    """
+
+    name: str
+    role: str
+    source: str
+    sync_managers: tuple[SyncManager, ...]
+    frames: tuple[LibraryFrame, ...]
+    restart_relevant: tuple[tuple[int, int], ...] = ()
+    revision_from: int | None = None
+    revision_to: int | None = None
+    module_ident: int | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def slots(self) -> int:
+        """Connections of a safety logic in this mapping; 0 for a SubInstance."""
+        if self.role != "main":
+            return 0
+        outputs = {s.index for s in self.sync_managers if s.direction is Direction.OUTPUT}
+        return sum(f.sm_index in outputs for f in self.frames)
+
+    def fits(self, revision: int | None) -> bool:
+        """Whether it may be that of a revision; every one when the revision is not known."""
+        if revision is None:
+            return True
+        return (self.revision_from or 0) <= revision and (
+            self.revision_to is None or revision <= self.revision_to
+        )
+
+    def device(self, identity: LibraryIdentity, path: str) -> Device:
+        """Return a device with this mapping."""
+        return Device(
+            path=path,
+            vendor_id=identity.vendor_id,
+            product_code=identity.product_code,
+            sync_managers=self.sync_managers,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryFigure(Located):
+    """A device time (``…_ms``) or ``pfh_per_hour`` of a public source; never verified here."""
+
+    name: str
+    value: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryDevice(Located):
+    """One device; ``sources`` maps keys to where the facts were found."""
+
+    name: str
+    about: str
+    identities: tuple[LibraryIdentity, ...]
+    sources: dict[str, str]
+    mappings: tuple[LibraryMapping, ...]
+    figures: tuple[LibraryFigure, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Library:
+    """All devices, by name."""
+
+    devices: tuple[LibraryDevice, ...]
+
+    def find(self, vendor_id: int, product_code: int) -> LibraryDevice | None:
+        """Return the device with an identity, or ``None``."""
+        wanted = (vendor_id, product_code)
+        for device in self.devices:
+            if any((i.vendor_id, i.product_code) == wanted for i in device.identities):
+                return device
+        return None
+
+    def named(self, name: str) -> LibraryDevice | None:
+        """Return the device of a name or order number, case aside, or ``None``."""
+        wanted = name.casefold()
+        for device in self.devices:
+            words = [device.name, *(i.order for i in device.identities)]
+            if wanted in (w.casefold() for w in words):
+                return device
+        return None
+
+
+def contradictions(device: LibraryDevice) -> list[tuple[Located, str]]:
+    """Return where a device contradicts itself or FSoE, with the object that is wrong.
+
+    The frames the structural detector finds have to be exactly the stated ones, with the lengths
+    FSoE allows, and each output frame needs its partner.
+    """
+    found: list[tuple[Located, str]] = []
+    names = [m.name for m in device.mappings]
+    for mapping in device.mappings:
+        if names.count(mapping.name) > 1:
+            found.append((mapping, f"mapping {mapping.name!r} is there twice"))
+        if mapping.source not in device.sources:
+            found.append((mapping, f"source {mapping.source!r} is not among the sources"))
+        found += _frames(device, mapping)
+    for figure in device.figures:
+        if figure.source not in device.sources:
+            found.append((figure, f"source {figure.source!r} is not among the sources"))
+    return found
+
+
+def _frames(device: LibraryDevice, mapping: LibraryMapping) -> list[tuple[Located, str]]:
+    found: list[tuple[Located, str]] = []
+    stated = {(f.sm_index, f.byte_offset): f for f in mapping.frames}
+    layout = layout_of(mapping.device(device.identities[0], ""))
+    seen = {b.key: b for sm in layout.managers for b in sm.blocks}
+    for key in sorted(seen.keys() - stated.keys()):
+        at = f"byte {key[1]} of sync manager {key[0]}"
+        found.append((mapping, f"the entries have a frame at {at} that is not stated"))
+    for key, frame in stated.items():
+        block = seen.get(key)
+        at = f"frame at byte {key[1]} of sync manager {key[0]}"
+        if block is None:
+            found.append((frame, f"{at}: the entries have none there"))
+            continue
+        if block.frame_bytes != frame.frame_bytes:
+            found.append((frame, f"{at}: {frame.frame_bytes} bytes, {block.frame_bytes} by entry"))
+        elif safe_data_length(frame.frame_bytes) != frame.safe_bytes:
+            right = safe_data_length(frame.frame_bytes)
+            found.append((frame, f"{at}: {frame.safe_bytes} safe bytes, FSoE has {right} in it"))
+        if block.direction is Direction.OUTPUT and key not in layout.partners:
+            found.append((frame, f"{at}: no frame in the other direction belongs to it"))
+    found += _restart(mapping, layout)
+    return found
+
+
+def _restart(mapping: LibraryMapping, layout: DeviceLayout) -> list[tuple[Located, str]]:
+    outputs = {
+        (p.entry.index, p.entry.subindex)
+        for sm in layout.managers
+        if sm.sm.direction is Direction.OUTPUT
+        for p in sm.placed
+        if sm.block_at(p.bit_offset) is None
+    }
+    return [
+        (mapping, f"restart relevant {index:04X}:{sub:02X} is no standard output of the mapping")
+        for index, sub in mapping.restart_relevant
+        if (index, sub) not in outputs
+    ]
