@@ -15,7 +15,14 @@ from fsoe_net.load import LoadOptions, load_network
 from fsoe_net.model import Network, Resolution, Scan, resolve
 from fsoe_net.rules import Runtime, check, check_scan
 
-__all__ = ["Checked", "check_files", "input_options", "runtime_option", "whole_network"]
+__all__ = [
+    "Checked",
+    "check_files",
+    "input_options",
+    "reference_options",
+    "runtime_option",
+    "whole_network",
+]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -37,8 +44,13 @@ def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
 
 def input_options(function: _F) -> _F:
     """Add FILES, ``--package`` and ``--arg`` to a command."""
+    argument = click.argument("files", nargs=-1, required=True, type=click.Path())
+    return reference_options(argument(function))
+
+
+def reference_options(function: _F) -> _F:
+    """Add ``--package`` and ``--arg`` to a command."""
     for decorate in (
-        click.argument("files", nargs=-1, required=True, type=click.Path()),
         click.option(
             "--package",
             "packages",

@@ -1,6 +1,6 @@
 """Compile a network to a copy plan; write, read and show `.fsnplan` files."""
 
-from fsoe_net.plan.codec import decode_plan, encode_plan
+from fsoe_net.plan.codec import MAGIC, decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.image import IghDatagram, IghDomain, IghFmmu, igh_image, igh_text
 from fsoe_net.plan.model import (
@@ -19,6 +19,7 @@ from fsoe_net.plan.model import (
 from fsoe_net.plan.show import copy_end, entry_at, plan_json, plan_text
 
 __all__ = [
+    "MAGIC",
     "NONE",
     "IghDatagram",
     "IghDomain",

@@ -22,7 +22,7 @@ from fsoe_net.plan.model import (
     PlanSyncManager,
 )
 
-__all__ = ["decode_plan", "encode_plan"]
+__all__ = ["MAGIC", "decode_plan", "encode_plan"]
 
 MAGIC = b"FSNPLAN\0"
 MAJOR, MINOR = 1, 0

@@ -1,5 +1,25 @@
-"""What a safety engineer hands in: the configuration as one page."""
+"""What a safety engineer hands in: the configuration as one page, and what changed in it."""
 
+from fsoe_net.report.diff import Difference, compare
+from fsoe_net.report.diff_read import (
+    side_of_description,
+    side_of_network,
+    side_of_plan,
+    side_of_scan,
+)
+from fsoe_net.report.diff_side import Side
+from fsoe_net.report.diff_types import Change
 from fsoe_net.report.page import render_report, short_code
 
-__all__ = ["render_report", "short_code"]
+__all__ = [
+    "Change",
+    "Difference",
+    "Side",
+    "compare",
+    "render_report",
+    "short_code",
+    "side_of_description",
+    "side_of_network",
+    "side_of_plan",
+    "side_of_scan",
+]

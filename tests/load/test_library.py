@@ -127,6 +127,13 @@ def test_a_device_of_the_users_own():
         ('"6760:01/8', '"6790:01/8', "FSN139", "none there"),
         ("source: file\n    sync", "source: book\n    sync", "FSN139", "'book'"),
         ('["2000:00"]', '["6640:00"]', "FSN139", "no standard output"),
+        (
+            '"6760:01/8 6641:01-08/1 6760:03/16 6760:02/16"',
+            '"6900:01/8 6641:01-08/1 6900:03/16 6900:02/16"',
+            "FSN139",
+            "other direction",
+        ),
+        ("2000:00/16", "2000:00-FF/1x99", "FSN141", "more than 4096"),
         ('["2000:00"]', '["2000"]', "FSN141", "no address"),
         ("2000:00/16", "2000:0/16", "FSN141", "'2000:0/16'"),
         ("unverified: true", "unverified: false", "FSN116", "never verified"),
@@ -142,6 +149,13 @@ def test_a_contradiction_is_named_with_its_place(old, new, code, words):
     hits = [f for f in found if f.startswith(code) and words in f]
     assert hits, found
     assert " 0 " not in hits[0][:9]
+
+
+def test_two_mappings_of_one_name_are_refused():
+    start, end = OWN.index("  - name: map"), OWN.index("figures:")
+    device, found = read(OWN[:end] + OWN[start:end] + OWN[end:])
+    assert device is None
+    assert any("'map' is there twice" in f for f in found)
 
 
 def test_own_files_stand_before_the_library(tmp_path):

@@ -1,0 +1,179 @@
+"""``fsoe-net diff``: compare two descriptions or plans."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import click
+
+from fsoe_net.cli.inputs import reference_options
+from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.errors import InputError
+from fsoe_net.load import (
+    MAX_DESCRIPTION_BYTES,
+    Collector,
+    LoadOptions,
+    description_reader,
+    load_network,
+    parse_scan,
+    read_bytes,
+)
+from fsoe_net.model import resolve
+from fsoe_net.plan import MAGIC, decode_plan
+from fsoe_net.report import (
+    Change,
+    Difference,
+    Side,
+    compare,
+    side_of_description,
+    side_of_network,
+    side_of_plan,
+    side_of_scan,
+)
+
+__all__ = ["command"]
+
+_SHOWN_ENTRIES = 6
+_MARK = {"added": "+", "removed": "-"}
+_COLOUR = {"added": "green", "removed": "red"}
+_EPILOG = """\b
+Examples:
+  fsoe-net diff old/network.yaml new/network.yaml
+  fsoe-net diff machine.fsnplan network.yaml
+  fsoe-net diff network.yaml machine.eni.xml --format json
+  fsoe-net diff before/scan.json after/scan.json -q
+
+A and B: network YAML, URDF or xacro, .fsnplan, scan.json, ENI, ESI, SII, output of the ethercat
+tool or of slaveinfo -map, linuxcnc-ethercat XML, TwinSAFE export; known by content.
+
+Exit codes: 0 same, 1 differs, 2 a file cannot be read or wrong use."""
+
+
+@click.command("diff", epilog=_EPILOG)
+@click.argument("a", type=click.Path())
+@click.argument("b", type=click.Path())
+@reference_options
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing, only the exit code.")
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    a: str,
+    b: str,
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    quiet: bool,
+    fmt: str,
+) -> None:
+    """Compare two descriptions or plans of a bus, by meaning.
+
+    Comments, order of keys and names that do not matter to a bus are no difference; moved offsets,
+    other devices, sizes, addresses and watchdogs are.
+    """
+    options = LoadOptions(packages=packages, xacro_args=xacro_args)
+    sides = []
+    for path in (a, b):
+        side, found = _side(path, options)
+        if side is None:
+            errors = [d for d in found if d.level is Severity.ERROR]
+            click.echo(f"error: {path} cannot be compared", err=True)
+            print_diagnostics(errors, err=True)
+            ctx.exit(2)
+        sides.append(side)
+    difference = compare(sides[0], sides[1])
+    if not quiet:
+        show = _print_json if fmt == "json" else _print_text
+        show(sides[0], sides[1], difference)
+    ctx.exit(0 if difference.same else 1)
+
+
+def _side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
+    """Read one side; ``None`` when a part of it could not be read."""
+    out = Collector()
+    data = read_bytes(path, out, most=MAX_DESCRIPTION_BYTES)
+    if data is None:
+        return None, out.diagnostics
+    if data.startswith(MAGIC):
+        try:
+            return side_of_plan(decode_plan(data), path), []
+        except InputError as exc:
+            out.add("FSN117", Span(path), f"damaged plan: {exc}", hint="compile it again")
+            return None, out.diagnostics
+    if data.lstrip()[:1] == b"{":
+        scan, found = parse_scan(data, path)
+        return (None if scan is None else side_of_scan(scan, path)), found
+    reader = description_reader(data)
+    side = None
+    if reader is not None:
+        description = reader(data, out, path)
+        if description is not None and not description.truncated:
+            side = side_of_description(description)
+    else:
+        loaded = load_network([os.fspath(path)], options)
+        out.diagnostics += loaded.diagnostics
+        if loaded.network is not None:
+            side = side_of_network(resolve(loaded.network), path)
+    found = sort_diagnostics(out.diagnostics)
+    return (None if any(d.level is Severity.ERROR for d in found) else side), found
+
+
+def _print_text(a: Side, b: Side, difference: Difference) -> None:
+    click.echo(f"A: {a.path} ({a.format}), {counted(len(a.subdevices), 'SubDevice')}")
+    click.echo(f"B: {b.path} ({b.format}), {counted(len(b.subdevices), 'SubDevice')}")
+    for change in difference.changes:
+        mark = _MARK.get(change.kind, "~")
+        colour = _COLOUR.get(change.kind, "yellow")
+        click.echo(click.style(f"{mark} {_line(change)}", fg=colour))
+    for words in difference.not_compared:
+        click.echo(f"not compared: {words}")
+    count = len(difference.changes)
+    click.echo(counted(count, "difference") if count else "no difference")
+
+
+def _line(change: Change) -> str:
+    area = change.area.replace("_", " ")
+    text = " ".join(w for w in (area, change.where, change.kind) if w)
+    if change.entries:
+        shown = ", ".join(change.entries[:_SHOWN_ENTRIES])
+        more = len(change.entries) - _SHOWN_ENTRIES
+        text += f": {shown}" + (f" and {more} more" if more > 0 else "")
+    value = _value(change)
+    if change.what and value:
+        return f"{text}: {change.what} {value}"
+    return f"{text}: {value}" if value else text
+
+
+def _value(change: Change) -> str:
+    before, after = change.before, change.after
+    if change.kind in ("added", "removed"):
+        return str(after if before is None else before) if (before, after) != (None, None) else ""
+    if change.kind == "moved" and before is None:
+        return f"{after}"
+    words = ["not stated" if v is None else "empty" if v == "" else str(v) for v in (before, after)]
+    return " -> ".join(words)
+
+
+def _print_json(a: Side, b: Side, difference: Difference) -> None:
+    document = {
+        "same": difference.same,
+        "a": {"path": a.path, "format": a.format},
+        "b": {"path": b.path, "format": b.format},
+        "changes": [
+            {
+                "kind": c.kind,
+                "area": c.area,
+                "where": c.where,
+                "what": c.what or None,
+                "before": c.before,
+                "after": c.after,
+                "entries": list(c.entries),
+            }
+            for c in difference.changes
+        ],
+        "not_compared": list(difference.not_compared),
+    }
+    click.echo(json.dumps(document, indent=2, ensure_ascii=False))
