@@ -233,11 +233,28 @@ def test_unnamed_devices_are_paired_by_identity_and_order_and_then_by_place():
     assert rows(compare(bare, exchanged)) == [("exchanged", "subdevice", "")]
 
 
+def test_a_device_gone_from_the_middle_is_not_an_exchange_of_all_behind_it():
+    side = described(bus(2))
+    logic, first, second = (replace(s, name="", managers=None) for s in side.subdevices)
+    second = replace(second, identity=(2, 0x0B583052))
+    three = replace(side, subdevices=(logic, first, second), copies=None)
+    two = replace(three, subdevices=(logic, replace(second, position=1)))
+    assert rows(compare(three, two)) == [
+        ("removed", "subdevice", ""),
+        ("moved", "subdevice", "position"),
+    ]
+
+
 def test_a_connection_with_another_main_instance_is_the_same_by_its_address():
     side = side_of_network(example("el6910"), "a")
     first = side.connections[0]
-    other = replace(side, connections=(replace(first, main=first.sub), *side.connections[1:]))
-    assert rows(compare(side, other)) == [("changed", "connection", "main")]
+    facts = first.facts | {"connection_id": 999}
+    changed = replace(first, main=first.sub, facts=facts)
+    other = replace(side, connections=(changed, *side.connections[1:]))
+    assert rows(compare(side, other)) == [
+        ("changed", "connection", "main"),
+        ("changed", "connection", "connection_id"),
+    ]
 
 
 def test_data_in_front_of_a_frame_move_it_and_what_is_behind(copied):
