@@ -13,8 +13,15 @@ from fsoe_net.cli.output import counted, print_diagnostics
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.diag import Severity, sort_diagnostics
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.load import Collector, LoadOptions, load_network
-from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.load import (
+    Collector,
+    InputKind,
+    LoadOptions,
+    find_kind,
+    load_devices,
+    load_foreign,
+    load_network,
+)
 from fsoe_net.model import Description, fill_devices, has_layout, join_buses
 from fsoe_net.save import (
     DriverVersion,

@@ -12,10 +12,11 @@ from fsoe_net.cli.output import counted, print_diagnostics
 from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import (
-    MAX_DESCRIPTION_BYTES,
     Collector,
+    InputKind,
     LoadOptions,
-    description_reader,
+    find_kind,
+    load_foreign,
     load_network,
     parse_scan,
     read_bytes,
@@ -36,6 +37,7 @@ from fsoe_net.report import (
 __all__ = ["command"]
 
 _SHOWN_ENTRIES = 6
+_MAX_BYTES = 256 * 1024 * 1024
 _MARK = {"added": "+", "removed": "-"}
 _COLOUR = {"added": "green", "removed": "red"}
 _EPILOG = """\b
@@ -94,7 +96,7 @@ def command(
 def _side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
     """Read one side; ``None`` when a part of it could not be read."""
     out = Collector()
-    data = read_bytes(path, out, most=MAX_DESCRIPTION_BYTES)
+    data = read_bytes(path, out, most=_MAX_BYTES)
     if data is None:
         return None, out.diagnostics
     if data.startswith(MAGIC):
@@ -106,10 +108,12 @@ def _side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic
     if data.lstrip()[:1] == b"{":
         scan, found = parse_scan(data, path)
         return (None if scan is None else side_of_scan(scan, path)), found
-    reader = description_reader(data)
+    kind = find_kind(data, out, name=path)
     side = None
-    if reader is not None:
-        description = reader(data, out, path)
+    if kind is None:
+        return None, out.diagnostics
+    if kind is not InputKind.YAML:
+        description = load_foreign(data, kind, out, name=path)
         if description is not None and not description.truncated:
             side = side_of_description(description)
     else:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import enum
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from typing import Protocol
 
 from fsoe_net.diag import Span
 from fsoe_net.load.eni import load_eni
 from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.load.files import Collector
-from fsoe_net.load.foreign import kind_of
+from fsoe_net.load.foreign import Source, kind_of
 from fsoe_net.load.igh_text import load_igh_text
 from fsoe_net.load.lcec import load_lcec
 from fsoe_net.load.ros_slaves import load_ros_slaves
@@ -63,8 +64,15 @@ _BY_SUFFIX = {
     ".sii": InputKind.SII,
     ".bin": InputKind.SII,
 }
-_READERS: dict[InputKind, Callable[[str, Collector], Description | None]] = {
+
+
+class _Reader(Protocol):
+    def __call__(self, source: Source, out: Collector, *, name: str) -> Description | None: ...
+
+
+_READERS: dict[InputKind, _Reader] = {
     InputKind.ENI: load_eni,
+    InputKind.ESI: load_esi,
     InputKind.SII: load_sii,
     InputKind.ETHERCAT: load_igh_text,
     InputKind.SOEM: load_soem_text,
@@ -74,21 +82,26 @@ _READERS: dict[InputKind, Callable[[str, Collector], Description | None]] = {
 }
 
 
-def find_kind(path: str, out: Collector) -> InputKind | None:
+def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputKind | None:
     """Return the format of a file, by content and only then by suffix.
 
     Args:
-        path: The file.
+        source: Path, or the bytes of the file.
         out: Takes FSN101 when it cannot be read, FSN140 when nothing knows it.
+        name: Name shown when ``source`` is bytes.
     """
-    try:
-        with open(path, "rb") as stream:
-            head = stream.read(_HEAD_BYTES)
-    except (OSError, ValueError) as exc:
-        why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
-        out.add("FSN101", Span(path), f"cannot read {path!r}: {why}", hint="check the path")
-        return None
-    words = kind_of(head)
+    if isinstance(source, bytes):
+        head, path = source[:_HEAD_BYTES], name
+    else:
+        path = os.fspath(source)
+        try:
+            with open(path, "rb") as stream:
+                head = stream.read(_HEAD_BYTES)
+        except (OSError, ValueError) as exc:
+            why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
+            out.add("FSN101", Span(path), f"cannot read {path!r}: {why}", hint="check the path")
+            return None
+    words = kind_of(head) if head.strip() else "an empty file"
     for begin, kind in _BY_WORDS:
         if words.startswith(begin):
             return kind
@@ -108,17 +121,18 @@ def find_kind(path: str, out: Collector) -> InputKind | None:
     return None
 
 
-def load_foreign(path: str, kind: InputKind, out: Collector) -> Description | None:
+def load_foreign(
+    source: Source, kind: InputKind, out: Collector, *, name: str = "<file>"
+) -> Description | None:
     """Read a file of another tool that describes a bus, or all devices of a small ESI.
 
     Args:
-        path: The file.
+        source: Path, or the bytes of the file.
         kind: Its format, not `InputKind.YAML`.
         out: Takes what is wrong with it.
+        name: Name shown when ``source`` is bytes.
     """
-    if kind is InputKind.ESI:
-        return load_esi(path, out)
-    return _READERS[kind](path, out)
+    return _READERS[kind](source, out, name=name)
 
 
 def load_devices(

@@ -70,7 +70,7 @@ def test_each_kind_of_file_is_known_by_its_content(tmp_path: Path):
     ("content", "words"),
     [
         (None, "no such file"),
-        (b"", "FSN104"),
+        (b"", "an empty file"),
         (b"FSNPLAN\0cut off", "FSN117"),
         (b"{}", "FSN110"),
         (b"<EtherCATConfig><Config>", "FSN118"),
