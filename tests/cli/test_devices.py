@@ -7,11 +7,13 @@ from pathlib import Path
 
 from cli.tool import fsn
 
+import fsoe_net
+
 
 def test_the_list_has_every_device_once():
     done = fsn("devices")
     assert (done.returncode, done.stderr) == (0, "")
-    files = sorted((Path(__file__).parents[2] / "fsoe_net" / "devices").glob("*.yaml"))
+    files = sorted((Path(fsoe_net.__file__).parent / "devices").glob("*.yaml"))
     assert len(done.stdout.splitlines()) == len(files) + 2
     assert "EL6900               main      6 x 6/6" in done.stdout
 
@@ -47,7 +49,7 @@ def test_a_name_that_is_not_there_gets_a_hint():
 
 
 def test_an_own_file_with_a_mistake_is_refused_with_its_line(tmp_path: Path):
-    library = Path(__file__).parents[2] / "fsoe_net" / "devices"
+    library = Path(fsoe_net.__file__).parent / "devices"
     text = (library / "el2911.yaml").read_text("utf-8")
     own = tmp_path / "own.yaml"
     own.write_text(text.replace("frame_bytes: 6", "frame_bytes: 8", 1), "utf-8")

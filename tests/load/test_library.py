@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 from model.fsoe_table import rows
 
+import fsoe_net
 from fsoe_net.load import Collector, builtin_library, load_library, parse_library_device
 from fsoe_net.load.schema import read_schema
 from fsoe_net.model import Direction, layout_of
 
-FOLDER = Path(__file__).parents[2] / "fsoe_net" / "devices"
+FOLDER = Path(fsoe_net.__file__).parent / "devices"
 FILES = sorted(p.name for p in FOLDER.glob("*.yaml"))
 
 OWN = """\
