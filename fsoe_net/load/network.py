@@ -13,11 +13,12 @@ from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.load.device import device_from_yaml, load_device
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.numbers import Reader, read_float, read_int
+from fsoe_net.load.safety import safety_functions_from_yaml
 from fsoe_net.load.schema import check_structure, schema_keys
 from fsoe_net.load.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.load.urdf import DriverSystem, ModuleDecl, known_plugin_findings, load_urdf
 from fsoe_net.load.yaml_tree import MapNode, parse_yaml
-from fsoe_net.model import Device, Net, Network, SubDevice
+from fsoe_net.model import Device, Net, Network, SafetyFunction, SubDevice
 
 __all__ = ["FileKind", "LoadOptions", "LoadResult", "load_network"]
 
@@ -203,6 +204,8 @@ class _Assembly:
             cycle_ns=self._cycle_ns(root),
             subdevices=subs,
             nets=nets,
+            safety_functions=safety_functions_from_yaml(root, self.out),
+            project=root.text("project") or "",
         )
 
     def _cycle_ns(self, root: MapNode) -> int | None:
@@ -433,6 +436,8 @@ class _Assembly:
         cycle_ns: int | None,
         subdevices: Sequence[SubDevice],
         nets: tuple[Net, ...],
+        safety_functions: tuple[SafetyFunction, ...] = (),
+        project: str = "",
         partial: bool = False,
     ) -> Network:
         return Network(
@@ -441,6 +446,8 @@ class _Assembly:
             cycle_ns=cycle_ns,
             subdevices=tuple(subdevices),
             nets=nets,
+            safety_functions=safety_functions,
+            project=project,
             sources=tuple(sorted(self.out.sources, key=lambda s: s.path)),
             partial=partial,
         )

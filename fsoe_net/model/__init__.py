@@ -65,6 +65,7 @@ from fsoe_net.model.resolve import (
     resolve,
     shared_modules,
 )
+from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
 from fsoe_net.model.scan import (
     Scan,
     ScannedConnection,
@@ -90,6 +91,8 @@ __all__ = [
     "Device",
     "DeviceLayout",
     "Direction",
+    "Element",
+    "ElementKind",
     "Endpoint",
     "Entry",
     "EntryView",
@@ -113,6 +116,7 @@ __all__ = [
     "Resolution",
     "ResolvedEnd",
     "ResolvedTransfer",
+    "SafetyFunction",
     "Scan",
     "ScannedConnection",
     "ScannedEntry",

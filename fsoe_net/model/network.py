@@ -6,6 +6,7 @@ import enum
 from dataclasses import dataclass
 
 from fsoe_net.model.bus import Located, SubDevice
+from fsoe_net.model.safety import SafetyFunction
 
 __all__ = [
     "ConnectionFacts",
@@ -92,12 +93,15 @@ class Network(Located):
 
     ``subdevices`` stand in the order in which a driver adds them to its master, which is the order
     of the process image. ``cycle_ns`` is ``None`` when no file states it. ``partial``: modules may
-    be declared in a file that was not given, so unknown names are no mistakes.
+    be declared in a file that was not given, so unknown names are no mistakes. ``project`` heads
+    reports; empty when not stated.
     """
 
     name: str
     cycle_ns: int | None
     subdevices: tuple[SubDevice, ...]
     nets: tuple[Net, ...]
+    safety_functions: tuple[SafetyFunction, ...] = ()
+    project: str = ""
     sources: tuple[SourceFile, ...] = ()
     partial: bool = False

@@ -1,0 +1,66 @@
+"""Safety functions as the user states them: what shall stop, by which parts, how soon."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Located
+
+__all__ = ["Element", "ElementKind", "SafetyFunction"]
+
+
+class ElementKind(enum.Enum):
+    """Which part of a safety function an element is, in the order of the signal."""
+
+    SENSOR = "sensor"
+    INPUT = "input"
+    LOGIC = "logic"
+    OUTPUT = "output"
+    ACTUATOR = "actuator"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Element(Located):
+    """One part of a safety function.
+
+    Attributes:
+        kind: Its part.
+        sub: Name of the SubDevice; empty for what is no SubDevice, such as a contactor.
+        name: What people call it; the name of the SubDevice when nothing else is given.
+        time_ms: Processing time in ms as its manual states it; ``None`` when not stated.
+        pfh_per_hour: PFH_D per hour as its manual states it; ``None`` when not stated.
+        source: Where both come from, in words.
+        manual: Revision of the manual that somebody has read; empty when nobody says so.
+    """
+
+    kind: ElementKind
+    sub: str = ""
+    name: str
+    time_ms: float | None = None
+    pfh_per_hour: float | None = None
+    source: str = ""
+    manual: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyFunction(Located):
+    """What the user asks for.
+
+    Attributes:
+        name: Unique in the network.
+        trigger: The event, in words.
+        reaction: The state that is reached, in words.
+        elements: Parts in the order of the signal.
+        required_reaction_ms: Longest time allowed by the risk assessment, ms.
+        pl: Required performance level, ``a`` … ``e``; empty when not stated.
+        sil: Required safety integrity level, 1 … 3; ``None`` when not stated.
+    """
+
+    name: str
+    trigger: str = ""
+    reaction: str = ""
+    elements: tuple[Element, ...]
+    required_reaction_ms: float | None = None
+    pl: str = ""
+    sil: int | None = None
