@@ -1,31 +1,28 @@
-"""Times of a safety function: what the formulas say, what limits them."""
+"""Times of a safety function: what the formulas say, what limits them, sums of PFH_D."""
 
-from fsoe_net.timing.formulas import (
-    RESERVE,
-    PartTimes,
-    beckhoff_typical,
-    beckhoff_worst_case,
-    error_free,
-    lost_frames_survived,
-    round_trip_input,
-    round_trip_output,
-    watchdog_input,
-    watchdog_output,
-    worst_case_input,
-    worst_case_output,
+from fsoe_net.timing.budget import (
+    Budget,
+    ConnectionBudget,
+    FunctionBudget,
+    Limit,
+    Reaction,
+    make_budget,
 )
+from fsoe_net.timing.elements import ElementRow, FunctionParts, Quantity, parts_of
+from fsoe_net.timing.pfh import FSOE_PFH, NOT_ASSESSED, PfhSum
 
 __all__ = [
-    "RESERVE",
-    "PartTimes",
-    "beckhoff_typical",
-    "beckhoff_worst_case",
-    "error_free",
-    "lost_frames_survived",
-    "round_trip_input",
-    "round_trip_output",
-    "watchdog_input",
-    "watchdog_output",
-    "worst_case_input",
-    "worst_case_output",
+    "FSOE_PFH",
+    "NOT_ASSESSED",
+    "Budget",
+    "ConnectionBudget",
+    "ElementRow",
+    "FunctionBudget",
+    "FunctionParts",
+    "Limit",
+    "PfhSum",
+    "Quantity",
+    "Reaction",
+    "make_budget",
+    "parts_of",
 ]

@@ -45,8 +45,10 @@ class PartTimes:
         output: T_O, of the SubDevice that drives the actuator.
         actuator: T_A, until the machine is in the state that was asked for.
         cycle: T_Com, the EtherCAT cycle.
-        copy_factor: Bus cycles that a frame needs from one SubDevice to another: 2 when it is
-            copied in the cycle in which it arrived, 3 when one cycle later.
+        cycles_in: Bus cycles a frame needs from the input to the logic, the k of the sources: 2
+            when it is copied in the cycle in which it arrived, 3 when one cycle later; 0 when both
+            are one SubDevice.
+        cycles_out: The same from the logic to the output.
     """
 
     sensor: float = 0.0
@@ -55,34 +57,40 @@ class PartTimes:
     output: float
     actuator: float = 0.0
     cycle: float
-    copy_factor: int = 2
+    cycles_in: int = 2
+    cycles_out: int = 2
 
     def __post_init__(self) -> None:
         """Refuse what is no time.
 
         Raises:
-            ValueError: A time is negative or not finite, the cycle is 0, the factor below 1.
+            ValueError: A time or count is negative or not finite, or the cycle is 0.
         """
         times = (self.sensor, self.input, self.logic, self.output, self.actuator, self.cycle)
         if any(not math.isfinite(t) or t < 0 for t in times) or self.cycle == 0:
             raise ValueError(f"times are finite and not negative, the cycle is not 0: {times}")
-        if self.copy_factor < 1:
-            raise ValueError(f"a copy takes at least one cycle, not {self.copy_factor}")
+        if self.cycles_in < 0 or self.cycles_out < 0:
+            raise ValueError(f"bus cycles are not negative: {self.cycles_in}, {self.cycles_out}")
 
     @property
-    def transfer(self) -> float:
-        """Time of a frame from one SubDevice to the other, k times T_Com."""
-        return self.copy_factor * self.cycle
+    def transfer_in(self) -> float:
+        """Time of a frame between input and logic, k times T_Com, ms."""
+        return self.cycles_in * self.cycle
+
+    @property
+    def transfer_out(self) -> float:
+        """Time of a frame between logic and output, k times T_Com, ms."""
+        return self.cycles_out * self.cycle
 
 
 def round_trip_input(t: PartTimes) -> float:
     """Return the longest time between two frames of a healthy connection to an input device."""
-    return 2 * t.input + 2 * t.transfer + 2 * t.logic
+    return 2 * t.input + 2 * t.transfer_in + 2 * t.logic
 
 
 def round_trip_output(t: PartTimes) -> float:
     """Return the longest time between two frames of a healthy connection to an output device."""
-    return 2 * t.transfer + 2 * t.logic + 2 * t.output
+    return 2 * t.transfer_out + 2 * t.logic + 2 * t.output
 
 
 def watchdog_input(t: PartTimes) -> float:
@@ -103,10 +111,10 @@ def error_free(t: PartTimes) -> float:
     return (
         2 * t.sensor
         + 2 * t.input
-        + t.transfer
+        + t.transfer_in
         + 2 * t.logic
         + 2 * t.logic
-        + t.transfer
+        + t.transfer_out
         + 2 * t.output
         + 2 * t.actuator
     )
@@ -119,7 +127,7 @@ def worst_case_input(t: PartTimes, watchdog: float) -> float:
         t: Times of the parts.
         watchdog: Watchdog of that connection, ms.
     """
-    return 2 * t.sensor + watchdog + 2 * t.logic + t.transfer + 2 * t.output + 2 * t.actuator
+    return 2 * t.sensor + watchdog + 2 * t.logic + t.transfer_out + 2 * t.output + 2 * t.actuator
 
 
 def worst_case_output(t: PartTimes, watchdog: float) -> float:
@@ -132,7 +140,7 @@ def worst_case_output(t: PartTimes, watchdog: float) -> float:
     return (
         2 * t.sensor
         + 2 * t.input
-        + t.transfer
+        + t.transfer_in
         + 2 * t.logic
         + 2 * t.logic
         + watchdog
@@ -145,7 +153,9 @@ def beckhoff_typical(t: PartTimes) -> float:
 
     The factor of 3 is Beckhoff's and holds for a copy in the same cycle or in the next.
     """
-    return t.sensor + t.input + 3 * t.cycle + t.logic + 3 * t.cycle + t.output + t.actuator
+    there = 3 * t.cycle if t.cycles_in else 0.0
+    back = 3 * t.cycle if t.cycles_out else 0.0
+    return t.sensor + t.input + there + t.logic + back + t.output + t.actuator
 
 
 def beckhoff_worst_case(watchdog_in: float, watchdog_out: float, actuator: float) -> float:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fsoe_net.timing import (
+from fsoe_net.timing.formulas import (
     PartTimes,
     beckhoff_typical,
     beckhoff_worst_case,
@@ -21,9 +21,9 @@ from fsoe_net.timing import (
 )
 
 
-def parts(cycle: float, copy_factor: int) -> PartTimes:
+def parts(cycle: float, k: int) -> PartTimes:
     return PartTimes(
-        sensor=5, input=4, logic=2, output=3, actuator=20, cycle=cycle, copy_factor=copy_factor
+        sensor=5, input=4, logic=2, output=3, actuator=20, cycle=cycle, cycles_in=k, cycles_out=k
     )
 
 
@@ -73,7 +73,8 @@ def test_a_watchdog_that_is_too_short_survives_nothing() -> None:
         {"cycle": 0.0},
         {"logic": math.nan},
         {"output": math.inf},
-        {"copy_factor": 0},
+        {"cycles_in": -1},
+        {"cycles_out": -1},
     ],
 )
 def test_what_is_no_time_is_refused(wrong: dict[str, float]) -> None:

@@ -1,0 +1,195 @@
+"""Parts of a safety function with their times and PFH: as stated, else as the library has them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fsoe_net.model import (
+    Connection,
+    Element,
+    ElementKind,
+    Library,
+    LibraryDevice,
+    Resolution,
+    SafetyFunction,
+    SubDevice,
+)
+
+__all__ = ["ElementRow", "FunctionParts", "Quantity", "parts_of"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """A number with its unit and where it comes from.
+
+    Attributes:
+        value: ``None``: not stated.
+        unit: ``ms`` or ``1/h``.
+        source: In words; empty when nobody says.
+        verified: Whether somebody answers for it: the network file states it with a source, or
+            names the manual that confirms the value of the library.
+    """
+
+    value: float | None
+    unit: str
+    source: str = ""
+    verified: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ElementRow:
+    """One element with what is known about it."""
+
+    element: Element
+    time: Quantity
+    pfh: Quantity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FunctionParts:
+    """Elements with times, and the connections between input, logic and output.
+
+    Several elements of one kind work in parallel: the slowest one counts.
+
+    Attributes:
+        rows: In the order of the function.
+        to_input: Connections between inputs and logic; empty when they are one SubDevice.
+        to_output: Connections between logic and outputs.
+        missing: What has to be stated before times can be worked out, in words.
+        unverified: Elements with a time or PFH that nobody answers for, in words.
+    """
+
+    rows: tuple[ElementRow, ...]
+    to_input: tuple[Connection, ...]
+    to_output: tuple[Connection, ...]
+    missing: tuple[str, ...]
+    unverified: tuple[str, ...]
+
+    def slowest(self, kind: ElementKind) -> float:
+        """Return the longest time of a kind, ms; 0 while it is missing."""
+        return max((r.time.value or 0.0 for r in self.rows if r.element.kind is kind), default=0.0)
+
+    @property
+    def sensor(self) -> float:
+        """T_S, ms."""
+        return self.slowest(ElementKind.SENSOR)
+
+    @property
+    def input(self) -> float:
+        """T_I, ms."""
+        return self.slowest(ElementKind.INPUT)
+
+    @property
+    def logic(self) -> float:
+        """T_L, ms."""
+        return self.slowest(ElementKind.LOGIC)
+
+    @property
+    def output(self) -> float:
+        """T_O, ms."""
+        return self.slowest(ElementKind.OUTPUT)
+
+    @property
+    def actuator(self) -> float:
+        """T_A, ms."""
+        return self.slowest(ElementKind.ACTUATOR)
+
+
+def parts_of(function: SafetyFunction, resolution: Resolution, library: Library) -> FunctionParts:
+    """Look up the elements of a safety function.
+
+    Args:
+        function: As the network file states it.
+        resolution: The network.
+        library: Where the network states no time or PFH.
+    """
+    subs = {s.name: s for s in resolution.network.subdevices}
+    rows = tuple(_row(e, subs, library) for e in function.elements)
+    missing = [
+        f"no {kind.value} is stated; write time_ms: 0 for what takes no time"
+        for kind in ElementKind
+        if all(e.kind is not kind for e in function.elements)
+    ]
+    missing += [
+        f"the time of {r.element.kind.value} {r.element.name} is not stated"
+        for r in rows
+        if r.time.value is None
+    ]
+    logic = _named(function, ElementKind.LOGIC, subs)
+    to_input, lost_in = _between(_named(function, ElementKind.INPUT, subs), logic, resolution)
+    to_output, lost_out = _between(_named(function, ElementKind.OUTPUT, subs), logic, resolution)
+    return FunctionParts(
+        rows=rows,
+        to_input=to_input,
+        to_output=to_output,
+        missing=(*missing, *lost_in, *lost_out),
+        unverified=tuple(
+            dict.fromkeys(
+                r.element.name
+                for r in rows
+                for q in (r.time, r.pfh)
+                if q.value is not None and not q.verified
+            )
+        ),
+    )
+
+
+def _named(function: SafetyFunction, kind: ElementKind, subs: dict[str, SubDevice]) -> list[str]:
+    names = [e.sub for e in function.elements if e.kind is kind and e.sub in subs]
+    return list(dict.fromkeys(names))
+
+
+def _between(
+    ends: Sequence[str], logic: Sequence[str], resolution: Resolution
+) -> tuple[tuple[Connection, ...], list[str]]:
+    """Return the connections between SubDevices and the logic, and the ones that are not there."""
+    found: list[Connection] = []
+    lost: list[str] = []
+    for end in ends:
+        if end in logic:
+            continue
+        there = [
+            c
+            for c in resolution.connections
+            if end in (c.main.name, c.sub.name)
+            and any(name in (c.main.name, c.sub.name) for name in logic)
+        ]
+        found += there
+        if logic and not there:
+            lost.append(f"no FSoE connection joins {end} and {' or '.join(logic)}")
+    return tuple(found), lost
+
+
+def _row(element: Element, subs: dict[str, SubDevice], library: Library) -> ElementRow:
+    sub = subs.get(element.sub)
+    device = None
+    if sub is not None and sub.device is not None:
+        device = library.find(sub.device.vendor_id, sub.device.product_code)
+    return ElementRow(
+        element=element,
+        time=_quantity(element, element.time_ms, "ms", device, f"{element.kind.value}_ms"),
+        pfh=_quantity(element, element.pfh_per_hour, "1/h", device, "pfh_per_hour"),
+    )
+
+
+def _quantity(
+    element: Element,
+    stated: float | None,
+    unit: str,
+    device: LibraryDevice | None,
+    figure: str,
+) -> Quantity:
+    if stated is not None:
+        words = [element.source, f"manual {element.manual}" if element.manual else ""]
+        source = ", ".join(w for w in words if w)
+        return Quantity(value=stated, unit=unit, source=source, verified=bool(source))
+    for known in () if device is None else device.figures:
+        if known.name == figure and device is not None:
+            source = f"device library: {device.sources.get(known.source, known.source)}"
+            if element.manual:
+                source += f"; confirmed by manual {element.manual}"
+            return Quantity(
+                value=known.value, unit=unit, source=source, verified=bool(element.manual)
+            )
+    return Quantity(value=None, unit=unit)

@@ -1,0 +1,82 @@
+"""Sums of PFH_D: vendor values are added up and never worked out here.
+
+The residual error of FSoE itself belongs to ETG and its certifier; Beckhoff's application guide
+charges 1.00E-09 per hour for Safety over EtherCAT, once per safety function.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.model import SafetyFunction
+from fsoe_net.timing.elements import FunctionParts
+
+__all__ = ["FSOE_PFH", "NOT_ASSESSED", "PfhSum", "limit_of", "sum_pfh"]
+
+FSOE_PFH = 1.0e-9  # Beckhoff, Application Guide TwinSAFE, row "Safety over EtherCAT"
+NOT_ASSESSED = "category, diagnostic coverage and common causes not assessed"
+
+# Upper bounds per hour: ISO 13849-1 table 2 and IEC 62061 table 3 for high demand.
+_PL = {"a": 1e-4, "b": 1e-5, "c": 3e-6, "d": 1e-6, "e": 1e-7}
+_SIL = {1: 1e-5, 2: 1e-6, 3: 1e-7}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PfhSum:
+    """Sum of the dangerous failures per hour of a safety function.
+
+    Attributes:
+        total: Of the values that are there, FSoE among them, per hour.
+        fsoe: Charged for FSoE, per hour; 0 when no connection is used.
+        limit: Upper bound of the required level, per hour; ``None`` when none is required.
+        missing: Elements without a value.
+        unverified: Elements whose value nobody answers for.
+    """
+
+    total: float
+    fsoe: float
+    limit: float | None
+    missing: tuple[str, ...]
+    unverified: tuple[str, ...]
+
+    @property
+    def verdict(self) -> str:
+        """What is said about the sum, in words; never that a function is good enough."""
+        if self.limit is None:
+            return f"no level is required; {NOT_ASSESSED}"
+        if self.total >= self.limit:
+            return f"PFH_D sum above the limit; {NOT_ASSESSED}"
+        if self.missing:
+            return f"not judged: no PFH of {', '.join(self.missing)}; {NOT_ASSESSED}"
+        if self.unverified:
+            return f"not judged: unverified PFH of {', '.join(self.unverified)}; {NOT_ASSESSED}"
+        return f"PFH_D sum within the limit; {NOT_ASSESSED}"
+
+
+def limit_of(function: SafetyFunction) -> float | None:
+    """Return the upper bound of PFH_D of the required level; the stricter one of PL and SIL."""
+    bounds = [
+        bound for bound in (_PL.get(function.pl), _SIL.get(function.sil or 0)) if bound is not None
+    ]
+    return min(bounds) if bounds else None
+
+
+def sum_pfh(function: SafetyFunction, parts: FunctionParts, *, crosses_bus: bool) -> PfhSum:
+    """Add up the PFH_D of all elements.
+
+    Args:
+        function: As stated.
+        parts: Its elements with their values.
+        crosses_bus: Whether an FSoE connection belongs to it.
+    """
+    fsoe = FSOE_PFH if crosses_bus else 0.0
+    known = [r.pfh.value for r in parts.rows if r.pfh.value is not None]
+    return PfhSum(
+        total=fsoe + sum(known),
+        fsoe=fsoe,
+        limit=limit_of(function),
+        missing=tuple(r.element.name for r in parts.rows if r.pfh.value is None),
+        unverified=tuple(
+            r.element.name for r in parts.rows if r.pfh.value is not None and not r.pfh.verified
+        ),
+    )

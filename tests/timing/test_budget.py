@@ -1,0 +1,175 @@
+"""Budgets of a network whose numbers were worked out by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fsoe_net.load import builtin_library, load_network
+from fsoe_net.model import Library, Resolution, resolve
+from fsoe_net.timing import Budget, make_budget
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"
+NONE = Library(devices=())
+
+# T_S 5, T_I 4, T_L 2, T_O 3, T_A 20 ms; watchdogs 100 ms; cycle 1 ms, copied in the same cycle
+FUNCTION = """\
+safety_functions:
+  - name: estop
+    required_reaction_ms: 230
+    required: {pl: d}
+    elements:
+      - {kind: sensor, name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, source: sheet}
+      - {kind: input, sub: el1904, time_ms: 4, pfh_per_hour: 1.11e-9, source: manual}
+      - {kind: logic, sub: el6910, time_ms: 2, pfh_per_hour: 1.03e-9, source: manual}
+      - {kind: output, sub: el2904, time_ms: 3, pfh_per_hour: 1.25e-9, source: manual}
+      - {kind: actuator, name: K1, time_ms: 20, pfh_per_hour: 0, source: sheet}
+"""
+
+
+Maker = Callable[..., Resolution]
+
+
+@pytest.fixture
+def resolution_of(tmp_path: Path) -> Maker:
+    def make(functions: str = FUNCTION, network: tuple[str, str] = ("", "")) -> Resolution:
+        text = EXAMPLE.read_text().replace("devices/", f"{EXAMPLE.parent}/devices/")
+        path = tmp_path / "network.yaml"
+        path.write_text(text.replace(*network) + functions)
+        loaded = load_network([path])
+        assert loaded.network is not None
+        assert [d for d in loaded.diagnostics if d.code == "FSN113"] == []
+        return resolve(loaded.network)
+
+    return make
+
+
+def budget_of(resolution: Resolution, **more: object) -> Budget:
+    return make_budget(resolution, NONE, **more)  # type: ignore[arg-type]
+
+
+def test_a_function_by_both_schools(resolution_of: Maker) -> None:
+    budget = budget_of(resolution_of())
+    (row,) = budget.functions
+    assert row.reaction is not None
+    assert row.reaction.error_free == 76
+    assert row.reaction.typical == 5 + 4 + 3 + 2 + 3 + 3 + 20
+    assert row.reaction.worst_input == 10 + 100 + 4 + 2 + 6 + 40
+    assert row.reaction.worst_output == 10 + 8 + 2 + 8 + 100 + 40
+    assert row.reaction.worst_beckhoff == 220
+    assert (row.reaction.worst_etg, row.reaction.worst) == (168, 220)
+    assert row.verdict == "within the required reaction time"
+    assert row.pfh.total == pytest.approx(1e-8 + 4.39e-9)
+    assert row.pfh.verdict.startswith("PFH_D sum within the limit; category")
+
+
+def test_each_watchdog_has_its_interval(resolution_of: Maker) -> None:
+    budget = budget_of(resolution_of())
+    rows = {c.connection.sub.name: c for c in budget.connections}
+    one, two = rows["el1904"], rows["el2904"]
+    assert (one.round_trip, two.round_trip) == (16, 14)
+    assert one.least is not None
+    assert one.least.ms == pytest.approx(19.2)
+    assert two.least is not None
+    assert two.least.ms == pytest.approx(16.8)
+    # 230 - 100 - 20 by Beckhoff is stricter than 230 - 62 and 230 - 68 by ETG.5100.
+    assert one.greatest is not None
+    assert (one.greatest.ms, "Beckhoff" in one.greatest.why) == (110, True)
+    assert one.margin == pytest.approx(100 / 19.2)
+    assert (one.lost_frames, two.lost_frames) == (83, 85)
+    assert one.spdus_per_hour == 1.8e6
+    assert rows["drive_1"].least is None
+    assert rows["drive_1"].functions == ()
+
+
+def test_an_empty_interval_is_told(resolution_of: Maker) -> None:
+    text = FUNCTION.replace("required_reaction_ms: 230", "required_reaction_ms: 130")
+    budget = budget_of(resolution_of(text))
+    one = next(c for c in budget.connections if c.connection.sub.name == "el1904")
+    assert one.greatest is not None
+    assert one.greatest.ms == 10
+    assert one.empty
+    assert budget.functions[0].verdict == "above the required reaction time"
+
+
+def test_a_measurement_only_makes_it_worse(resolution_of: Maker) -> None:
+    resolution = resolution_of()
+    name = next(c.name for c in resolution.connections if c.sub.name == "el1904")
+    better = budget_of(resolution, measured={name: 2.0})
+    worse = budget_of(resolution, measured={name: 30.0})
+    rows = [next(c for c in b.connections if c.connection.name == name) for b in (better, worse)]
+    assert [r.round_trip for r in rows] == [16, 30]
+    least = rows[1].least
+    assert least is not None
+    assert least.ms == 36
+    assert "measured" in least.why
+
+
+def test_a_slow_clock_makes_watchdogs_longer(resolution_of: Maker) -> None:
+    (row,) = budget_of(resolution_of(), drift=0.01).functions
+    assert row.reaction is not None
+    assert row.reaction.worst_beckhoff == pytest.approx(222)
+
+
+def test_a_copy_one_cycle_later(resolution_of: Maker) -> None:
+    (row,) = budget_of(resolution_of(), copy_cycles=3).functions
+    assert row.reaction is not None
+    assert row.reaction.error_free == 78
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("sub: el1904, time_ms: 4,", "sub: el1904,", "the time of input el1904 is not stated"),
+        ("{kind: sensor, name: ES1,", "{kind: actuator, name: K2,", "no sensor is stated"),
+        ("logic, sub: el6910", "logic, sub: drive_1", "no FSoE connection joins el1904"),
+    ],
+)
+def test_what_is_missing_is_never_zero(
+    resolution_of: Maker, old: str, new: str, words: str
+) -> None:
+    (row,) = budget_of(resolution_of(FUNCTION.replace(old, new))).functions
+    assert row.reaction is None
+    assert words in row.verdict
+    assert row.verdict.startswith("not judged")
+
+
+def test_without_a_watchdog_or_cycle_there_is_no_verdict(resolution_of: Maker) -> None:
+    (row,) = budget_of(resolution_of(network=("watchdog_ms: 100}", "slot: 0}"))).functions
+    assert "the watchdog of" in row.verdict
+    resolution = resolution_of()
+    nowhere = replace(resolution, network=replace(resolution.network, cycle_ns=None))
+    (row,) = budget_of(nowhere).functions
+    assert "the bus cycle is not stated" in row.verdict
+    (row,) = budget_of(nowhere, cycle=4.0).functions
+    assert row.reaction is not None
+    assert row.reaction.error_free == 88
+
+
+def test_values_of_the_library_pass_only_with_a_manual(resolution_of: Maker) -> None:
+    bare = FUNCTION.replace("pfh_per_hour: 1.11e-9, source: manual", "source: manual")
+    (row,) = make_budget(resolution_of(bare), builtin_library()).functions
+    assert row.pfh.total == pytest.approx(1e-8 + 4.39e-9)
+    assert "not judged: unverified PFH of el1904" in row.pfh.verdict
+    assert "not judged: unverified: el1904" in row.verdict
+    read = bare.replace("time_ms: 4, source: manual", 'time_ms: 4, source: m, manual: "3.0.0"')
+    (row,) = make_budget(resolution_of(read), builtin_library()).functions
+    assert row.pfh.verdict.startswith("PFH_D sum within the limit")
+
+
+def test_sums_above_the_limit(resolution_of: Maker) -> None:
+    text = FUNCTION.replace("pfh_per_hour: 1.0e-8", "pfh_per_hour: 1.0e-6")
+    (row,) = budget_of(resolution_of(text)).functions
+    assert row.pfh.verdict.startswith("PFH_D sum above the limit")
+
+
+def test_input_and_logic_in_one_subdevice(resolution_of: Maker) -> None:
+    text = FUNCTION.replace("sub: el1904", "sub: el6910")
+    (row,) = budget_of(resolution_of(text)).functions
+    assert row.reaction is not None
+    assert row.reaction.error_free == 74
+    assert row.reaction.worst_input is None
+    assert row.reaction.worst_beckhoff == 120
