@@ -11,9 +11,10 @@ import click
 from fsoe_net.cli.output import summary
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import LoadOptions, load_network
+from fsoe_net.load import LoadOptions, builtin_library, load_network
 from fsoe_net.model import Network, Resolution, Scan, resolve
-from fsoe_net.rules import Runtime, check, check_scan
+from fsoe_net.rules import Runtime, check, check_scan, check_timing
+from fsoe_net.timing import make_budget
 
 __all__ = [
     "Checked",
@@ -134,6 +135,9 @@ def check_files(
     resolution = resolve(loaded.network) if loaded.network is not None else None
     if resolution is not None:
         found += check(resolution, runtime=runtime)
+        if resolution.network.safety_functions:
+            budget = make_budget(resolution, builtin_library())
+            found += check_timing(resolution.network, budget)
         if scan is not None:
             found += check_scan(resolution, scan)
     return Checked(resolution=resolution, diagnostics=sort_diagnostics(found))

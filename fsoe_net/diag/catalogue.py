@@ -151,6 +151,15 @@ FSN513 info    FSoE values cannot be read over the bus
 FSN514 info    SubDevice was not read completely
 FSN515 error   station alias is held by two SubDevices
 FSN601 warning FSoE watchdog is too short for the bus cycle
+FSN602 error   FSoE watchdog does not survive a healthy round trip
+FSN603 error   no FSoE watchdog fits: too short and too long at once
+FSN604 error   safety function may take longer than required
+FSN605 error   element of a safety function is not in the network
+FSN606 warning safety function cannot be judged: values are missing
+FSN607 warning nobody answers for a value of a safety function
+FSN608 error   sum of PFH_D is above the limit
+FSN609 error   two safety functions of one name
+FSN610 info    connection belongs to no safety function
 """
 
 CATALOGUE: dict[str, CodeInfo] = {

@@ -13,8 +13,9 @@ from fsoe_net.rules.fsoe import check_fsoe
 from fsoe_net.rules.nets import check_nets
 from fsoe_net.rules.runtime import Runtime, check_runtime, effect_today
 from fsoe_net.rules.scan import check_scan
+from fsoe_net.rules.timing import check_timing
 
-__all__ = ["Runtime", "check", "check_scan", "effect_today"]
+__all__ = ["Runtime", "check", "check_scan", "check_timing", "effect_today"]
 
 
 def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Diagnostic]:

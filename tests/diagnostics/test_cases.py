@@ -88,7 +88,9 @@ def test_clean_bus_raises_nothing_of_its_own(monkeypatch: pytest.MonkeyPatch):
     assert [d.code for d in found if d.code.startswith("FSN5")] == []
 
 
-@pytest.mark.parametrize("files", [["network.yaml"], ["robot.urdf"], ["devices/drive.yaml"]])
+@pytest.mark.parametrize(
+    "files", [["network.yaml"], ["timed.yaml"], ["robot.urdf"], ["devices/drive.yaml"]]
+)
 def test_clean_files_raise_nothing_but_notes(files: list[str], monkeypatch: pytest.MonkeyPatch):
     found = _check(HERE / "base", {"check": files}, monkeypatch)
     assert [f"{d.span} {d.code}" for d in found if d.level is not Severity.INFO] == []

@@ -1,0 +1,150 @@
+"""FSN602 … FSN610: watchdogs and safety functions against the timing budget."""
+
+from __future__ import annotations
+
+from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
+from fsoe_net.model import Network, SafetyFunction
+from fsoe_net.rules.context import nearest
+from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget
+
+__all__ = ["check_timing"]
+
+
+def check_timing(network: Network, budget: Budget) -> list[Diagnostic]:
+    """Return what the budget of a network shows, sorted by place.
+
+    Args:
+        network: With its safety functions; without one nothing is found.
+        budget: Worked out from this network.
+    """
+    out = Findings()
+    if not network.safety_functions:
+        return []
+    _names(out, network)
+    broken = {f.name for f in network.safety_functions if _elements(out, network, f)}
+    hopeless = {name for c in budget.connections if c.empty for name in c.functions}
+    for row in budget.functions:
+        if row.function.name not in broken:
+            _function(out, row, hopeless=row.function.name in hopeless)
+    for connection in budget.connections:
+        _connection(out, connection)
+    return sort_diagnostics(out.diagnostics)
+
+
+def _names(out: Findings, network: Network) -> None:
+    seen: dict[str, SafetyFunction] = {}
+    for function in network.safety_functions:
+        first = seen.setdefault(function.name, function)
+        if first is not function:
+            out.add(
+                "FSN609",
+                function.at("name"),
+                f"safety function {function.name!r} is there twice",
+                hint="give each its own name",
+                related=(Related(span=first.at("name"), message="the first one"),),
+            )
+
+
+def _elements(out: Findings, network: Network, function: SafetyFunction) -> bool:
+    """Name elements that are no SubDevice; return whether there is one."""
+    names = [s.name for s in network.subdevices]
+    wrong = [e for e in function.elements if e.sub and e.sub not in names]
+    for element in wrong:
+        near = nearest(element.sub, names)
+        out.add(
+            "FSN605",
+            element.at("sub"),
+            f"{function.name}: {element.sub} is no SubDevice of this network",
+            hint=f"did you mean {near}?" if near else f"SubDevices: {', '.join(names[:8])}",
+        )
+    return bool(wrong)
+
+
+def _function(out: Findings, row: FunctionBudget, *, hopeless: bool) -> None:
+    function, reaction = row.function, row.reaction
+    apart = [m for m in row.missing if m.startswith("no FSoE connection joins")]
+    for words in apart:
+        out.add(
+            "FSN605",
+            function.span,
+            f"{function.name}: {words}",
+            hint="name the SubDevices that talk to the logic, and state their connections",
+        )
+    open_points = [m for m in row.missing if m not in apart]
+    open_points += [f"the PFH of {name} is not stated" for name in row.pfh.missing]
+    if row.pfh.limit is None:
+        open_points = [p for p in open_points if not p.startswith("the PFH")]
+    if open_points and not apart:
+        out.add(
+            "FSN606",
+            function.span,
+            f"{function.name} cannot be judged: {'; '.join(open_points)}",
+            hint="state it with its source; nothing is taken as zero",
+        )
+    names = list(dict.fromkeys((*row.parts.unverified, *row.pfh.unverified)))
+    if names:
+        out.add(
+            "FSN607",
+            function.span,
+            f"{function.name}: nobody answers for values of {', '.join(names)}",
+            hint="read the manual and add source: for own values, manual: with its revision for "
+            "those of the device library",
+        )
+    required = function.required_reaction_ms
+    late = required is not None and reaction is not None and reaction.worst > required
+    if late and not hopeless and required is not None and reaction is not None:
+        school = "ETG.5100" if reaction.worst_etg >= reaction.worst_beckhoff else "Beckhoff"
+        out.add(
+            "FSN604",
+            function.at("required_reaction_ms"),
+            f"{function.name} may take {reaction.worst:g} ms ({school}), {required:g} ms are "
+            "required",
+            hint="shorter watchdogs where their interval allows, a shorter bus cycle, faster "
+            "parts; `fsoe-net timing` shows what each costs",
+        )
+    if row.pfh.limit is not None and row.pfh.total >= row.pfh.limit:
+        out.add(
+            "FSN608",
+            function.at("required"),
+            f"{function.name}: PFH_D sum {row.pfh.total:.3g}/h is above the limit "
+            f"{row.pfh.limit:.3g}/h",
+            hint="the elements with the largest PFH_D come first",
+        )
+
+
+def _connection(out: Findings, row: ConnectionBudget) -> None:
+    facts = row.connection.facts
+    name = row.connection.name
+    place = facts.at("watchdog_ms") if facts is not None else _place(row)
+    if row.empty and row.least is not None and row.greatest is not None:
+        out.add(
+            "FSN603",
+            place,
+            f"no watchdog fits {name}: at least {row.least.ms:g} ms ({row.least.why}), at most "
+            f"{row.greatest.ms:g} ms ({row.greatest.why})",
+            hint="a shorter bus cycle, faster parts, or a longer required reaction time",
+        )
+        return
+    if not row.functions:
+        out.add(
+            "FSN610",
+            facts.span if facts is not None else place,
+            f"{name} belongs to no safety function",
+            hint="name its SubDevices as elements, or leave it as it is",
+        )
+    if row.configured is None or row.least is None or row.configured >= row.least.ms:
+        return
+    breaks = row.round_trip is not None and row.configured < row.round_trip
+    out.add(
+        "FSN602",
+        place,
+        f"watchdog {row.configured:g} ms of {name} is below {row.least.ms:g} ms ({row.least.why})",
+        hint="it would expire without a fault"
+        if breaks
+        else "less than the reserve of 20 % is left: it may expire without a fault",
+        severity=Severity.ERROR if breaks else Severity.WARNING,
+    )
+
+
+def _place(row: ConnectionBudget) -> Span:
+    return row.connection.to_sub.transfer.span
