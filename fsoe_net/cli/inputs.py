@@ -127,15 +127,19 @@ def check_files(
     xacro_args: dict[str, str] | None = None,
     runtime: Runtime = Runtime.FSN,
     scan: Scan | None = None,
+    timed: bool = True,
 ) -> Checked:
-    """Load, resolve and check the files a user named, and compare them with what is on a bus."""
+    """Load, resolve and check the files a user named, and compare them with what is on a bus.
+
+    ``timed``: check the safety functions too; a caller with a budget of its own does that itself.
+    """
     options = LoadOptions(packages=packages or {}, xacro_args=xacro_args or {})
     loaded = load_network(files, options)
     found = list(loaded.diagnostics)
     resolution = resolve(loaded.network) if loaded.network is not None else None
     if resolution is not None:
         found += check(resolution, runtime=runtime)
-        if resolution.network.safety_functions:
+        if timed and resolution.network.safety_functions:
             budget = make_budget(resolution, builtin_library())
             found += check_timing(resolution.network, budget)
         if scan is not None:

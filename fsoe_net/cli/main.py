@@ -26,6 +26,7 @@ _COMMANDS = {
     "incident": "Say why a connection dropped: one page from an incident file.",
     "scan": "Read what is on a live bus; write files to start from.",
     "doctor": "Check this machine for real-time EtherCAT.",
+    "timing": "Timing budget: watchdogs, reaction times, what limits them.",
     "report": "Write a report page for a network.",
     "emulate": "Serve a network as emulated EtherCAT SubDevices.",
     "campaign": "Put faults into the connections of a network.",

@@ -1,5 +1,6 @@
 """What a safety engineer hands in: the configuration as one page, and what changed in it."""
 
+from fsoe_net.report.budget import budget_document, budget_picture, budget_text
 from fsoe_net.report.diff import Difference, compare
 from fsoe_net.report.diff_read import (
     side_of_description,
@@ -15,6 +16,9 @@ __all__ = [
     "Change",
     "Difference",
     "Side",
+    "budget_document",
+    "budget_picture",
+    "budget_text",
     "compare",
     "render_report",
     "short_code",

@@ -7,6 +7,7 @@ from fsoe_net.timing.budget import (
     Limit,
     Reaction,
     make_budget,
+    with_cycle,
 )
 from fsoe_net.timing.elements import ElementRow, FunctionParts, Quantity, parts_of
 from fsoe_net.timing.pfh import FSOE_PFH, NOT_ASSESSED, PfhSum
@@ -25,4 +26,5 @@ __all__ = [
     "Reaction",
     "make_budget",
     "parts_of",
+    "with_cycle",
 ]

@@ -10,7 +10,7 @@ A value that nobody states stays open and is named; what is missing is never tak
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fsoe_net.model import Connection, Library, Resolution, SafetyFunction
 from fsoe_net.timing.elements import FunctionParts, parts_of
@@ -35,6 +35,7 @@ __all__ = [
     "Limit",
     "Reaction",
     "make_budget",
+    "with_cycle",
 ]
 
 COPY_CYCLES = 2  # this core copies in the cycle in which a frame arrived
@@ -287,6 +288,22 @@ def _reaction(times: PartTimes, parts: FunctionParts, drift: float) -> Reaction:
         worst_output=None if two is None else worst_case_output(times, two),
         worst_beckhoff=beckhoff_worst_case(one or 0.0, two or 0.0, times.actuator),
     )
+
+
+def with_cycle(row: FunctionBudget, cycle: float, drift: float) -> Reaction:
+    """Return the response times of a judged function at another bus cycle.
+
+    Args:
+        row: With times and watchdogs.
+        cycle: Bus cycle, ms.
+        drift: As in `Budget`.
+
+    Raises:
+        ValueError: Its times are not complete.
+    """
+    if row.times is None or row.missing:
+        raise ValueError(f"{row.function.name} has no reaction time")
+    return _reaction(replace(row.times, cycle=cycle), row.parts, drift)
 
 
 # -- connections ----------------------------------------------------------------------------------

@@ -1,0 +1,149 @@
+"""``fsoe-net timing``: watchdogs and reaction times, and what limits them."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import click
+
+from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.output import exit_code, print_diagnostics
+from fsoe_net.cli.plan import write_whole
+from fsoe_net.errors import InputError
+from fsoe_net.load import builtin_library
+from fsoe_net.report import budget_document, budget_picture, budget_text
+from fsoe_net.rules import check_timing
+from fsoe_net.timing import make_budget
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net timing network.yaml
+  fsoe-net timing network.yaml --cycle 4ms --drift 1%
+  fsoe-net timing network.yaml --plot reaction.svg
+  fsoe-net timing network.yaml --measured run.json    # of fsoe-net run --format json
+
+Exit codes: 0 no error, 1 a watchdog or a reaction time does not fit, or a file has an error."""
+
+_UNITS = {"us": 0.001, "ms": 1.0, "s": 1000.0}
+
+
+class _Cycle(click.ParamType[float]):
+    """A time such as 1ms or 250us, in ms."""
+
+    name = "time"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        if isinstance(value, float):
+            return value
+        match = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(us|ms|s)", str(value))
+        ms = float(match[1]) * _UNITS[match[2]] if match else 0.0
+        if not 0.01 <= ms <= 4000:
+            self.fail(f"{value!r} is no bus cycle; write 250us, 1ms or 4ms", param, ctx)
+        return ms
+
+
+class _Share(click.ParamType[float]):
+    """A share such as 1% or 0.01."""
+
+    name = "share"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        if isinstance(value, float):
+            return value
+        match = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(%?)", str(value))
+        share = float(match[1]) / (100 if match[2] else 1) if match else -1.0
+        if not 0 <= share <= 0.1:
+            self.fail(f"{value!r} is no share up to 10%; write 1% or 0.01", param, ctx)
+        return share
+
+
+@click.command("timing", epilog=_EPILOG)
+@input_options
+@click.option("--cycle", type=_Cycle(), help="Another bus cycle, such as 250us or 4ms.")
+@click.option(
+    "--copy-cycles",
+    type=click.IntRange(1, 10),
+    default=2,
+    show_default=True,
+    help="Bus cycles per direction: 2 for fsn-master, 3 for a program that copies a cycle later.",
+)
+@click.option(
+    "--drift",
+    type=_Share(),
+    default="0",
+    show_default=True,
+    help="By how much clocks of devices may be slow: watchdogs count that much longer.",
+)
+@click.option(
+    "--measured", type=click.Path(), help="Result of a run (JSON): its FSoE cycles count if longer."
+)
+@click.option("--plot", type=click.Path(dir_okay=False), help="Picture to write (SVG).")
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    cycle: float | None,
+    copy_cycles: int,
+    drift: float,
+    measured: str | None,
+    plot: str | None,
+    fmt: str,
+) -> None:
+    """Print the timing budget: each watchdog with its interval, each safety function.
+
+    FILES as for `fsoe-net check`; times and requirements stand in `safety_functions` of the network
+    file, devices of the library fill in as unverified.
+    """
+    checked = check_files(files, packages=packages, xacro_args=xacro_args, timed=False)
+    resolution = whole_network(checked, "no budget")
+    budget = make_budget(
+        resolution,
+        builtin_library(),
+        cycle=cycle,
+        copy_cycles=copy_cycles,
+        drift=drift,
+        measured=None if measured is None else _measured(measured),
+    )
+    found = check_timing(resolution.network, budget)
+    if plot is not None:
+        picture = budget_picture(budget, f"Reaction times of {resolution.network.name}")
+        write_whole(plot, picture.encode("utf-8"))
+    if fmt == "json":
+        click.echo(json.dumps(budget_document(budget), indent=2, ensure_ascii=False))
+    else:
+        click.echo(budget_text(budget))
+        click.echo("")
+    print_diagnostics(found, err=fmt == "json")
+    ctx.exit(exit_code(found))
+
+
+def _measured(path: str) -> dict[str, float]:
+    """Return the longest FSoE cycle of each connection of a run, ms.
+
+    Raises:
+        InputError: It is no result of a run.
+    """
+    try:
+        with open(path, encoding="utf-8") as stream:
+            document = json.load(stream)
+        return {
+            str(c["name"]): float(c["fsoe_cycle_ms"]["max"])
+            for c in document["connections"]
+            if c["fsoe_cycle_ms"]["max"] is not None
+        }
+    except (ValueError, KeyError, TypeError, RecursionError) as exc:
+        raise InputError(
+            f"{path} is no result of a run; make one with fsoe-net run --format json"
+        ) from exc

@@ -1,0 +1,338 @@
+"""The timing budget as text, as JSON and as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Limit, Quantity, with_cycle
+
+__all__ = ["budget_document", "budget_picture", "budget_text"]
+
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 300, 64, 190, 30, 44
+_CYCLES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 8.0, 10.0)
+_DASHES = {
+    "error-free": "",
+    "ETG.5100, one failure": "7 4",
+    "Beckhoff, two watchdogs": "2 3",
+    "required": "12 3 2 3",
+}
+_STYLE = (
+    "text{font:12px system-ui,sans-serif;fill:#1f2328}.small{font-size:11px;fill:#57606a}"
+    ".line{fill:none;stroke:#1f2328;stroke-width:1.8}.grid{stroke:#d0d7de}.axis{stroke:#57606a}"
+    ".here{stroke:#57606a;stroke-dasharray:1 3}.back{fill:#fff}"
+    "@media(prefers-color-scheme:dark){text{fill:#e6edf3}.small{fill:#9198a1}"
+    ".line{stroke:#e6edf3}.grid{stroke:#30363d}.axis,.here{stroke:#9198a1}.back{fill:#0d1117}}"
+)
+
+
+# -- text -----------------------------------------------------------------------------------------
+
+
+def budget_text(budget: Budget) -> str:
+    """Return watchdogs as a table, then each safety function with every part of its sum."""
+    lines = [_assumptions(budget), ""]
+    rows = [["connection", "watchdog", "least", "greatest", "margin", "lost cycles", "functions"]]
+    for c in budget.connections:
+        rows.append(
+            [
+                c.connection.name,
+                _ms(c.configured),
+                _limit(c.least),
+                "EMPTY" if c.empty else _limit(c.greatest),
+                "-" if c.margin is None else f"{c.margin:.1f}x",
+                "-" if c.lost_frames is None else str(c.lost_frames),
+                ", ".join(c.functions) or "-",
+            ]
+        )
+    lines += _columns(rows)
+    for c in budget.connections:
+        for word, limit in (("at least", c.least), ("at most", c.greatest)):
+            if limit is not None:
+                lines.append(f"  {c.connection.name} {word} {limit.ms:.1f} ms: {limit.why}")
+    for row in budget.functions:
+        lines += ["", *_function_lines(row)]
+    if not budget.functions:
+        lines += ["", "no safety_functions in the network file: nothing is judged"]
+    return "\n".join(lines)
+
+
+def _assumptions(budget: Budget) -> str:
+    cycle = "bus cycle not stated" if budget.cycle is None else f"bus cycle {budget.cycle:g} ms"
+    drift = f"clocks of devices up to {budget.drift:.2%} slow" if budget.drift else "clocks exact"
+    return f"{cycle}, {budget.copy_cycles} bus cycles per direction, {drift}"
+
+
+def _function_lines(row: FunctionBudget) -> list[str]:
+    f, r = row.function, row.reaction
+    title = f"{f.name}: {f.trigger or '?'} -> {f.reaction or '?'}"
+    cells = [
+        [
+            f"  {e.element.kind.value}",
+            e.element.name,
+            _quantity(e.time),
+            _quantity(e.pfh),
+            e.time.source or e.pfh.source or "no source",
+        ]
+        for e in row.parts.rows
+    ]
+    lines = [title, *_columns(cells)]
+    if r is not None:
+        both = " and ".join(
+            f"{w} {_ms(v)}" for w, v in (("input", r.worst_input), ("output", r.worst_output)) if v
+        )
+        times = [
+            ["  error-free", _ms(r.error_free), "ETG.5100 9.3"],
+            ["  worst case, one failure", _ms(r.worst_etg), f"ETG.5100 9.3 ({both or 'no bus'})"],
+            ["  typical", _ms(r.typical), "Beckhoff"],
+            ["  worst case, two watchdogs", _ms(r.worst_beckhoff), "Beckhoff"],
+        ]
+        lines += _columns(times)
+    required = f.required_reaction_ms
+    lines.append(f"  required {_ms(required)}: {row.verdict}" if required else f"  {row.verdict}")
+    limit = "" if row.pfh.limit is None else f" of {row.pfh.limit:.0e} 1/h"
+    fsoe = f", {row.pfh.fsoe:.2e} of it for FSoE" if row.pfh.fsoe else ""
+    lines.append(f"  PFH_D {row.pfh.total:.2e} 1/h{limit}{fsoe}: {row.pfh.verdict}")
+    return lines
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    if not rows:
+        return []
+    widths = [max(len(r[n]) for r in rows) for n in range(len(rows[0]))]
+    return ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in rows]
+
+
+def _ms(value: float | None) -> str:
+    return "not stated" if value is None else f"{value:.1f} ms"
+
+
+def _limit(limit: Limit | None) -> str:
+    return "-" if limit is None else f"{limit.ms:.1f} ms"
+
+
+def _quantity(quantity: Quantity) -> str:
+    if quantity.value is None:
+        return "not stated"
+    number = f"{quantity.value:g} {quantity.unit}"
+    return number if quantity.verified else f"{number} (unverified)"
+
+
+# -- JSON -----------------------------------------------------------------------------------------
+
+
+def budget_document(budget: Budget) -> dict[str, Any]:
+    """Return the budget as plain data; times in ms, PFH per hour, ``None`` for what is open."""
+    return {
+        "cycle_ms": budget.cycle,
+        "copy_cycles": budget.copy_cycles,
+        "drift": budget.drift,
+        "connections": [_connection_document(c) for c in budget.connections],
+        "functions": [_function_document(f) for f in budget.functions],
+    }
+
+
+def _limit_document(limit: Limit | None) -> dict[str, Any] | None:
+    return None if limit is None else {"ms": limit.ms, "why": limit.why}
+
+
+def _connection_document(c: ConnectionBudget) -> dict[str, Any]:
+    return {
+        "name": c.connection.name,
+        "watchdog_ms": c.configured,
+        "round_trip_ms": c.round_trip,
+        "measured_round_trip_ms": c.measured,
+        "least": _limit_document(c.least),
+        "greatest": _limit_document(c.greatest),
+        "empty": c.empty,
+        "margin": c.margin,
+        "lost_cycles_survived": c.lost_frames,
+        "functions": list(c.functions),
+        "spdus_per_hour": c.spdus_per_hour,
+    }
+
+
+def _quantity_document(q: Quantity) -> dict[str, Any]:
+    return {"value": q.value, "unit": q.unit, "source": q.source, "verified": q.verified}
+
+
+def _function_document(row: FunctionBudget) -> dict[str, Any]:
+    f, r = row.function, row.reaction
+    reaction = None
+    if r is not None:
+        reaction = {
+            "error_free_ms": r.error_free,
+            "typical_ms": r.typical,
+            "worst_input_ms": r.worst_input,
+            "worst_output_ms": r.worst_output,
+            "worst_etg_ms": r.worst_etg,
+            "worst_beckhoff_ms": r.worst_beckhoff,
+            "watchdog_in_ms": r.watchdog_in,
+            "watchdog_out_ms": r.watchdog_out,
+        }
+    return {
+        "name": f.name,
+        "trigger": f.trigger,
+        "reaction": f.reaction,
+        "required_reaction_ms": f.required_reaction_ms,
+        "required": {"pl": f.pl or None, "sil": f.sil},
+        "elements": [
+            {
+                "kind": e.element.kind.value,
+                "sub": e.element.sub or None,
+                "name": e.element.name,
+                "time": _quantity_document(e.time),
+                "pfh": _quantity_document(e.pfh),
+            }
+            for e in row.parts.rows
+        ],
+        "connections": sorted({c.name for c in (*row.parts.to_input, *row.parts.to_output)}),
+        "times": reaction,
+        "missing": list(row.missing),
+        "verdict": row.verdict,
+        "pfh": {
+            "total": row.pfh.total,
+            "fsoe": row.pfh.fsoe,
+            "limit": row.pfh.limit,
+            "missing": list(row.pfh.missing),
+            "unverified": list(row.pfh.unverified),
+            "verdict": row.pfh.verdict,
+        },
+    }
+
+
+# -- picture --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    name: str
+    points: tuple[tuple[float, float], ...]
+
+
+def budget_picture(budget: Budget, title: str) -> str:
+    """Draw reaction times of each judged function over the bus cycle and over its watchdogs.
+
+    Curves differ in their dashes and carry their names, so that no colour is needed.
+    """
+    panels: list[str] = []
+    for row in budget.functions:
+        if row.reaction is None or budget.cycle is None:
+            continue
+        panels.append(
+            _panel(
+                f"{row.function.name}: over the bus cycle, ms",
+                _over_cycle(row, budget.drift),
+                here=budget.cycle,
+            )
+        )
+        watchdog = max(row.reaction.watchdog_in or 0.0, row.reaction.watchdog_out or 0.0)
+        if watchdog:
+            panels.append(
+                _panel(
+                    f"{row.function.name}: over both watchdogs, ms",
+                    _over_watchdog(row, watchdog),
+                    here=watchdog,
+                )
+            )
+    height = _HEIGHT * max(1, len(panels)) + 34
+    body = "".join(
+        f'<g transform="translate(0 {34 + n * _HEIGHT})">{p}</g>' for n, p in enumerate(panels)
+    )
+    if not panels:
+        body = _text(20, 80, "no safety function has a reaction time", "start")
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" role="img" '
+        f'aria-label="{escape(title)}"><title>{escape(title)}</title><style>{_STYLE}</style>'
+        f'<rect class="back" width="{_WIDTH}" height="{height}"/>{_text(20, 22, title, "start")}'
+        f"{body}</svg>\n"
+    )
+
+
+def _over_cycle(row: FunctionBudget, drift: float) -> list[_Curve]:
+    found = [(c, with_cycle(row, c, drift)) for c in _CYCLES]
+    curves = [
+        _Curve("error-free", tuple((c, r.error_free) for c, r in found)),
+        _Curve("ETG.5100, one failure", tuple((c, r.worst_etg) for c, r in found)),
+        _Curve("Beckhoff, two watchdogs", tuple((c, r.worst_beckhoff) for c, r in found)),
+    ]
+    return curves + _required(row, _CYCLES)
+
+
+def _over_watchdog(row: FunctionBudget, now: float) -> list[_Curve]:
+    r = row.reaction
+    if r is None:
+        return []
+    spots = [now * n / 10 for n in range(1, 21)]
+    sides = [(r.worst_input, r.watchdog_in), (r.worst_output, r.watchdog_out)]
+    rests = [worst - dog for worst, dog in sides if worst is not None and dog is not None]
+    actuator = r.worst_beckhoff - (r.watchdog_in or 0.0) - (r.watchdog_out or 0.0)
+    curves = [
+        _Curve("error-free", tuple((w, r.error_free) for w in spots)),
+        _Curve(
+            "ETG.5100, one failure",
+            tuple((w, max(r.error_free, *(rest + w for rest in rests))) for w in spots),
+        ),
+        _Curve("Beckhoff, two watchdogs", tuple((w, actuator + len(rests) * w) for w in spots)),
+    ]
+    return curves + _required(row, spots)
+
+
+def _required(row: FunctionBudget, spots: Sequence[float]) -> list[_Curve]:
+    required = row.function.required_reaction_ms
+    return [] if required is None else [_Curve("required", tuple((s, required) for s in spots))]
+
+
+def _text(x: float, y: float, text: str, anchor: str, cls: str = "") -> str:
+    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{cls}">{escape(text)}</text>'
+
+
+def _ticks(most: float) -> Iterable[float]:
+    step = 1.0
+    while most / step > 6:
+        step *= 2.5 if str(step)[0] == "2" and step != 2.5 else 2
+    n = 0
+    while n * step <= most:
+        yield n * step
+        n += 1
+
+
+def _panel(title: str, curves: Sequence[_Curve], *, here: float) -> str:
+    right = max(x for c in curves for x, _ in c.points)
+    top = 1.05 * max(y for c in curves for _, y in c.points)
+    wide, tall = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
+
+    def at(x: float, y: float) -> tuple[float, float]:
+        return _LEFT + wide * x / right, _TOP + tall * (1 - y / top)
+
+    parts = [_text(_LEFT, 16, title, "start")]
+    for y in _ticks(top):
+        _, place = at(0, y)
+        parts.append(
+            f'<line class="grid" x1="{_LEFT}" y1="{place:.1f}" x2="{_LEFT + wide}" '
+            f'y2="{place:.1f}"/>{_text(_LEFT - 6, place + 4, f"{y:g} ms", "end", "small")}'
+        )
+    for x in _ticks(right):
+        place, _ = at(x, 0)
+        parts.append(_text(place, _TOP + tall + 16, f"{x:g}", "middle", "small"))
+    place, _ = at(min(here, right), 0)
+    parts.append(
+        f'<line class="here" x1="{place:.1f}" y1="{_TOP}" x2="{place:.1f}" y2="{_TOP + tall}"/>'
+        + _text(place, _TOP + tall + 32, f"now {here:g}", "middle", "small")
+    )
+    parts.append(
+        f'<line class="axis" x1="{_LEFT}" y1="{_TOP + tall}" x2="{_LEFT + wide}" '
+        f'y2="{_TOP + tall}"/>'
+    )
+    labels: list[float] = []
+    for curve in sorted(curves, key=lambda c: -c.points[-1][1]):
+        line = " ".join("{:.1f},{:.1f}".format(*at(x, y)) for x, y in curve.points)
+        dash = _DASHES.get(curve.name, "")
+        parts.append(f'<polyline class="line" stroke-dasharray="{dash}" points="{line}"/>')
+        _, y = at(0, curve.points[-1][1])
+        y = max(y, labels[-1] + 14) if labels else y
+        labels.append(y)
+        parts.append(_text(_LEFT + wide + 6, y + 4, curve.name, "start", "small"))
+    return "".join(parts)

@@ -1,0 +1,95 @@
+"""`fsoe-net timing`: what it prints, what it refuses, its exit codes."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from cli.tool import fsn
+
+TIMED = Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml"
+
+
+def test_the_budget_as_text() -> None:
+    done = fsn("timing", str(TIMED))
+    assert done.returncode == 0
+    assert "bus cycle 1 ms, 2 bus cycles per direction, clocks exact" in done.stdout
+    assert "worst case, two watchdogs  220.0 ms  Beckhoff" in done.stdout
+    assert "required 230.0 ms: within the required reaction time" in done.stdout
+    assert "category, diagnostic coverage and common causes not assessed" in done.stdout
+
+
+def test_every_number_of_the_text_is_in_the_document() -> None:
+    document = json.loads(fsn("timing", str(TIMED), "--format", "json").stdout)
+    one, two = document["connections"]
+    assert (one["name"], one["least"]["ms"], one["greatest"]["ms"]) == ("logic-io", 19.2, 110.0)
+    assert two["lost_cycles_survived"] == 85
+    (function,) = document["functions"]
+    assert function["times"]["worst_etg_ms"] == 168
+    assert function["elements"][0]["time"] == {
+        "value": 5.0,
+        "unit": "ms",
+        "source": "sheet of the maker",
+        "verified": True,
+    }
+    assert function["pfh"]["total"] == pytest.approx(2.439e-8)
+
+
+def test_another_cycle_may_not_fit() -> None:
+    done = fsn("timing", str(TIMED), "--cycle", "40ms", "--copy-cycles", "3")
+    assert done.returncode == 1
+    assert "EMPTY" in done.stdout
+    assert "error[FSN603]" in done.stdout
+
+
+def test_a_run_counts_where_it_was_slower(tmp_path: Path) -> None:
+    run = tmp_path / "run.json"
+    rows = [{"name": "logic-io", "fsoe_cycle_ms": {"max": 90.0}}]
+    run.write_text(json.dumps({"connections": rows}))
+    done = fsn("timing", str(TIMED), "--measured", str(run))
+    assert "logic-io at least 108.0 ms: 1.2 x 90 ms round trip as measured" in done.stdout
+    assert "warning[FSN602]" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        (("--cycle", "4"), "write 250us, 1ms or 4ms"),
+        (("--drift", "50%"), "no share up to 10%"),
+        (("--copy-cycles", "0"), "copy-cycles"),
+    ],
+)
+def test_wrong_options_are_usage(option: tuple[str, str], words: str) -> None:
+    done = fsn("timing", str(TIMED), *option)
+    assert done.returncode == 2
+    assert words in done.stderr
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"connections": [{}]}', "[" * 100_000])
+def test_what_is_no_run_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "run.json"
+    path.write_text(text)
+    done = fsn("timing", str(TIMED), "--measured", str(path))
+    assert done.returncode == 1
+    assert "is no result of a run" in done.stderr
+
+
+def test_the_picture_has_a_curve_of_each_school(tmp_path: Path) -> None:
+    path = tmp_path / "reaction.svg"
+    assert fsn("timing", str(TIMED), "--plot", str(path)).returncode == 0
+    root = ET.fromstring(path.read_text())
+    svg = "{http://www.w3.org/2000/svg}"
+    words = [t.text for t in root.iter(f"{svg}text")]
+    for name in ("error-free", "ETG.5100, one failure", "Beckhoff, two watchdogs", "required"):
+        assert words.count(name) == 2
+    dashes = {p.get("stroke-dasharray") for p in root.iter(f"{svg}polyline")}
+    assert len(dashes) == 4
+
+
+def test_without_safety_functions_nothing_is_judged() -> None:
+    example = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"
+    done = fsn("timing", str(example))
+    assert done.returncode == 0
+    assert "nothing is judged" in done.stdout
