@@ -18,7 +18,7 @@ _EPILOG = """\b
 Examples:
   fsoe-net check network.yaml
   fsoe-net check robot.urdf.xacro --package my_robot=src/my_robot
-  fsoe-net check transfers.yaml --runtime ros2-2026
+  fsoe-net check transfers.yaml --runtime ros2-2026-08
   fsoe-net check network.yaml --interface eth1    # and the bus
   fsoe-net check network.yaml --format sarif > findings.sarif"""
 

@@ -103,7 +103,7 @@ def _side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic
         try:
             return side_of_plan(decode_plan(data), path), []
         except InputError as exc:
-            out.add("FSN117", Span(path), f"damaged plan: {exc}", hint="compile it again")
+            out.add("FSN101", Span(path), f"damaged plan: {exc}", hint="compile it again")
             return None, out.diagnostics
     if data.lstrip()[:1] == b"{":
         scan, found = parse_scan(data, path)

@@ -10,6 +10,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from fsoe_net.diag import CATALOGUE, nearest_code
+from fsoe_net.rules import effects_today
 
 __all__ = ["command", "page_text"]
 
@@ -41,6 +42,15 @@ def page_text(code: str) -> str | None:
     return inside.read_text("utf-8") if inside.is_file() else None
 
 
+def _other_programs(code: str) -> str:
+    """Return what the programs of ``--runtime`` do today with such a mistake."""
+    rows = [
+        f"- `{'`, `'.join(r.value for r in runtimes)}`: {text}"
+        for runtimes, text in effects_today(code)
+    ]
+    return "\n".join(["", "", "## Other programs today", "", *rows]) if rows else ""
+
+
 @click.command("explain", epilog=_EPILOG)
 @click.argument("code", type=_Code(), required=False)
 def command(code: str | None) -> None:
@@ -56,8 +66,8 @@ def command(code: str | None) -> None:
     text = page_text(known)
     if text is None:
         info = CATALOGUE[known]
-        click.echo(f"{known} ({info.severity}): {info.title}")
-        return
+        text = f"{known} ({info.severity}): {info.title}\n"
+    text = text.rstrip("\n") + _other_programs(known)
     if sys.stdout.isatty():
         import rich.console
         import rich.markdown

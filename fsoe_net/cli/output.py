@@ -64,7 +64,7 @@ def print_diagnostics(
     if fmt == "json":
         click.echo(json.dumps(_json(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
     elif fmt == "sarif":
-        click.echo(json.dumps(_sarif(diagnostics), indent=2, ensure_ascii=False), err=err)
+        click.echo(json.dumps(_sarif(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
     else:
         one = _github if fmt == "github" else _text
         for diagnostic in diagnostics:
@@ -78,7 +78,7 @@ def _text(d: Diagnostic, runtime: Runtime) -> str:
     if d.hint:
         lines.append(f"  hint: {d.hint}")
     today = effect_today(d.code, runtime)
-    if today and d.level is Severity.ERROR:
+    if today and d.level is not Severity.INFO:
         lines.append(f"  today: {runtime.value} {today}")
     return "\n".join(lines)
 
@@ -116,7 +116,7 @@ def _escape(text: str, *, prop: bool = False) -> str:
     return text.replace(":", "%3A").replace(",", "%2C") if prop else text
 
 
-def _sarif(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
+def _sarif(diagnostics: Sequence[Diagnostic], runtime: Runtime) -> dict[str, object]:
     level = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
     codes = sorted({d.code for d in diagnostics})
     return {
@@ -144,6 +144,7 @@ def _sarif(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
                         "ruleIndex": codes.index(d.code),
                         "level": level[d.level],
                         "message": {"text": d.message + (f"\nhint: {d.hint}" if d.hint else "")},
+                        **_today(d, runtime),
                         "locations": [_sarif_place(d.span.file, d.span.line, d.span.column)],
                         "relatedLocations": [
                             {
@@ -158,6 +159,12 @@ def _sarif(diagnostics: Sequence[Diagnostic]) -> dict[str, object]:
             }
         ],
     }
+
+
+def _today(d: Diagnostic, runtime: Runtime) -> dict[str, object]:
+    """Return what the present runtime does, as a property bag of SARIF."""
+    today = effect_today(d.code, runtime)
+    return {"properties": {"runtime": runtime.value, "today": today}} if today else {}
 
 
 def _sarif_place(file: str, line: int, column: int) -> dict[str, object]:

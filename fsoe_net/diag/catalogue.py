@@ -39,7 +39,7 @@ FSN113 error   number is out of range
 FSN114 error   leading zero: octal in one file, decimal in the other
 FSN115 warning index without 0x
 FSN116 error   value is not one of the allowed words
-FSN117 error   kind of file not recognised
+FSN117 error   file is of no kind that is read here
 FSN118 error   not well-formed XML, or a document type is declared
 FSN119 error   xacro cannot be expanded
 FSN120 error   ec_module without a plugin
@@ -62,7 +62,7 @@ FSN136 warning revision is not in this description file
 FSN137 error   module of a modular device cannot be taken
 FSN138 error   SII image is empty, cut off or damaged
 FSN139 warning PDO assignment of a device description contradicts itself
-FSN140 error   file is of another kind than the one it is read as
+FSN140 error   file is not of the kind it is named or read as
 FSN141 error   value in a bus description is missing or cannot be read
 FSN142 error   process data of an ENI do not stand at one distance from their commands
 FSN143 error   PDOs of a SubDevice do not fill its process data
@@ -128,13 +128,22 @@ FSN418 error   start-up SDO cannot be written
 FSN419 warning process data with an FSoE frame do not end on a byte
 FSN420 error   sync manager does not fit into one datagram
 FSN421 info    process image needs several datagrams
+FSN422 error   data_mapping item is not a run of bits inside its channel
 FSN423 error   interface given both for the channel and for its data_mapping
+FSN424 warning receive and transmit objects of the FSoE frames look exchanged
+FSN425 warning bus cycle is as long as the sync manager watchdog
 FSN427 warning type cannot be accessed as a value
 FSN429 warning   interface on a PDO of the wrong direction
 FSN460 info    drive that waits for STO release blocks the start of the driver
 FSN461 info    stopping and starting the driver doubles the transfers
 FSN462 info    driver that writes every default would destroy the copied frame
+FSN463 warning key is not known to this version of the driver
+FSN464 warning linuxcnc-ethercat copies another length for this device type
 FSN465 info    linuxcnc-ethercat has no FSoE support for this device
+FSN466 warning linuxcnc-ethercat would connect other slots
+FSN467 warning  FSoE partners are in different sync units
+FSN468 info    branch that registers transmit PDOs first shows other offsets
+FSN469 info    driver does not compare the identity behind an alias
 FSN501 error   SubDevice is missing on the bus
 FSN502 warning SubDevice on the bus that the network does not name
 FSN503 error   SubDevices on the bus are in another order

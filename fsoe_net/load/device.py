@@ -56,7 +56,7 @@ def load_device(
     if named_at is not None and not schema_keys("slave") & set(root.pairs):
         keys = ", ".join(list(root.pairs)[:5])
         out.add(
-            "FSN117",
+            "FSN140",
             named_at,
             f"{os.fspath(path)!r} is no slave YAML; its keys are: {keys}",
             hint="name the file with vendor_id, rpdo and tpdo of this device",
@@ -155,7 +155,7 @@ def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
 
 
 def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
-    """Read an item of ``data_mapping``; ``None`` when its bits are not one run in the entry."""
+    """Read an item of ``data_mapping``; ``None`` with FSN422 when it is no run in the entry."""
     word = node.text("type") or ""
     bits = type_bits(word, node.at("type"), out) if word else None
     first = _int(node, "addr_offset", 0xFFFF, out) or 0
@@ -168,8 +168,25 @@ def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
         shift = (mask & -mask).bit_length() - 1
         bits = mask.bit_count()
         if mask >> shift != (1 << bits) - 1:
+            out.add(
+                "FSN422",
+                node.at("mask"),
+                f"mask 0x{mask:02x} selects bits that do not lie side by side; no value is made "
+                "of them",
+                hint="give each run of bits an item of its own, or all of them one mask",
+            )
             return None
-    if 8 * first + shift + bits > entry_bits:
+    end = 8 * first + shift + bits
+    if end > entry_bits:
+        out.add(
+            "FSN422",
+            node.at("addr_offset" if first else "mask" if shift else "type"),
+            f"this item takes bits {8 * first + shift} … {end - 1} of a channel of {entry_bits} "
+            "bits; the driver would use what lies behind it",
+            hint=f"addr_offset counts bytes inside the channel, from 0 to {-(-entry_bits // 8) - 1}"
+            if first
+            else "write a shorter type or mask, or correct the type of the channel",
+        )
         return None
     return EntryView(
         span=node.span,

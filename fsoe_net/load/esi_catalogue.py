@@ -114,7 +114,7 @@ def scan_esi(data: bytes, path: str | os.PathLike[str], out: Collector) -> EsiCa
     Args:
         data: The bytes of the file, from `plain_bytes`.
         path: The file, for places.
-        out: Takes FSN117 for a file of another kind, FSN118 for bad XML, a warning when the text is
+        out: Takes FSN140 for a file of another kind, FSN118 for bad XML, a warning when the text is
             not in the encoding it claims, FSN110 and FSN111 for a device without an identity.
 
     Returns:
@@ -365,7 +365,7 @@ class _Scan:
         hint = f"this is {known}" if known else "the root element of an ESI is <EtherCATInfo>"
         if name in _REFERRED:
             hint += "; name the ESI that refers to it"
-        self._refuse("FSN117", f"<{name[:80]}> is not the root of an ESI file", hint)
+        self._refuse("FSN140", f"<{name[:80]}> is not the root of an ESI file", hint)
 
     def _characters(self, text: str) -> None:
         if self._text is not None and len(self._text) < _MAX_PIECES:

@@ -87,7 +87,7 @@ def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputK
 
     Args:
         source: Path, or the bytes of the file.
-        out: Takes FSN101 when it cannot be read, FSN140 when nothing knows it.
+        out: Takes FSN101 when it cannot be read, FSN117 when nothing knows it.
         name: Name shown when ``source`` is bytes.
     """
     if isinstance(source, bytes):
@@ -113,7 +113,7 @@ def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputK
     if not words and (suffix is InputKind.SII or b"\0" in head[:128]):
         return InputKind.SII
     out.add(
-        "FSN140",
+        "FSN117",
         Span(path, 1, 1),
         f"this is {words}, which is not read" if words else "no reader knows this file",
         hint="give an ENI, ESI, SII image, YAML, URDF, output of `ethercat` or SOEM; or say --from",

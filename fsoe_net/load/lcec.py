@@ -113,6 +113,7 @@ class _Master:
         self._element = element
         self._shown = shown
         self._out = out
+        self._units: list[str] = []  # sync unit of each SubDevice
 
     def description(self) -> Description:
         """Return what the master says."""
@@ -120,6 +121,7 @@ class _Master:
         logics: list[_Logic] = []
         for number, element in enumerate(self._element.all("slave")):
             subs.append(self._slave(element, number))
+            self._units.append(element.attributes.get("syncUnit", "").strip() or "default")
             wanted = [
                 (index, p.span)
                 for p in element.all("modParam")
@@ -165,6 +167,8 @@ class _Master:
                         "a SubDevice has one connection",
                         (Related(span=taken[index], message="the first one"),),
                     )
+                if target is not None:
+                    self._check_unit(subs, logic.number, target, span)
                 taken.setdefault(index, span)
                 connections.append(
                     DescribedConnection(
@@ -176,6 +180,20 @@ class _Master:
                     )
                 )
         return connections
+
+    def _check_unit(self, subs: list[DescribedSubDevice], main: int, sub: int, span: Span) -> None:
+        """FSN467: the copy knows one process image, but each sync unit has its own."""
+        units = self._units
+        if units[main] == units[sub]:
+            return
+        self._out.add(
+            "FSN467",
+            span,
+            f"{subs[sub].name} is in sync unit {units[sub]!r}, its logic {subs[main].name} in "
+            f"{units[main]!r}; frames are copied inside one sync unit only",
+            hint=f'write syncUnit="{units[main]}" at {subs[sub].name}, or leave it out at both',
+            related=(Related(span=subs[sub].span, message=f"{subs[sub].name} is here"),),
+        )
 
     def _wrong(
         self, span: Span, message: str, hint: str, related: tuple[Related, ...] = ()

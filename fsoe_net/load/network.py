@@ -201,6 +201,7 @@ class _Assembly:
         return self._network(
             name=root.text("name") or Path(file.path).stem,
             span=root.span,
+            fields=root.places(),
             cycle_ns=self._cycle_ns(root),
             subdevices=subs,
             nets=nets,
@@ -303,6 +304,7 @@ class _Assembly:
         return self._network(
             name=self._systems[0].name or Path(path).stem,
             span=self._systems[0].span,
+            fields={key: at for s in reversed(self._systems) for key, at in s.fields.items()},
             cycle_ns=cycle_ns,
             subdevices=subs,
             nets=nets,
@@ -438,10 +440,12 @@ class _Assembly:
         nets: tuple[Net, ...],
         safety_functions: tuple[SafetyFunction, ...] = (),
         project: str = "",
+        fields: Mapping[str, Span] | None = None,
         partial: bool = False,
     ) -> Network:
         return Network(
             span=span,
+            fields=fields or {},
             name=name,
             cycle_ns=cycle_ns,
             subdevices=tuple(subdevices),

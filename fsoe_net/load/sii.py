@@ -102,7 +102,7 @@ def load_sii(source: Source, out: Collector, *, name: str = "<sii>") -> Descript
     Args:
         source: The file, binary whatever its suffix, or its bytes.
         out: Takes FSN138 for an image that is empty, cut off or damaged, FSN139 for PDOs on sync
-            managers that are not there, FSN117 for text.
+            managers that are not there, FSN140 for text.
         name: Name shown when ``source`` is bytes.
 
     Returns:
@@ -163,7 +163,7 @@ def _is_image(data: bytes, span: Span, out: Collector) -> bool:
         out.add("FSN138", span, message, hint=hint)
     elif data[:64].isascii() and data[:64].decode().isprintable():
         hint = "an Intel HEX or text dump has to be made binary first"
-        out.add("FSN117", Span(span.file, 1, 1), "this is text, not an SII image", hint=hint)
+        out.add("FSN140", Span(span.file, 1, 1), "this is text, not an SII image", hint=hint)
     elif data[0x10:0x18] == bytes(8):
         message = "vendor ID and product code are both 0"
         hint = _shift_hint(data) or "the EEPROM is not programmed; " + _READ_AGAIN

@@ -7,15 +7,23 @@ from fsoe_net.model import Resolution
 from fsoe_net.rules.bus import check_bus
 from fsoe_net.rules.context import Context
 from fsoe_net.rules.devices import check_devices
+from fsoe_net.rules.effects import effect_today, effects_today
 from fsoe_net.rules.ends import check_ends
 from fsoe_net.rules.frames import check_frames
 from fsoe_net.rules.fsoe import check_fsoe
 from fsoe_net.rules.nets import check_nets
-from fsoe_net.rules.runtime import Runtime, check_runtime, effect_today
+from fsoe_net.rules.runtime import Runtime, check_runtime
 from fsoe_net.rules.scan import check_scan
 from fsoe_net.rules.timing import check_timing
 
-__all__ = ["Runtime", "check", "check_scan", "check_timing", "effect_today"]
+__all__ = [
+    "Runtime",
+    "check",
+    "check_scan",
+    "check_timing",
+    "effect_today",
+    "effects_today",
+]
 
 
 def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Diagnostic]:

@@ -9,6 +9,7 @@ from fsoe_net.model import (
     Device,
     DeviceLayout,
     Direction,
+    Entry,
     Pdo,
     Placed,
     SmLayout,
@@ -34,6 +35,7 @@ def check_devices(ctx: Context) -> None:
             _entries(ctx, sm)
             _sync_manager_size(ctx, sm, sub)
         _entries_twice(ctx, layout)
+        _frame_objects(ctx, device, layout)
         _interfaces(ctx, device)
     _image_size(ctx)
 
@@ -232,6 +234,26 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
             f"mapped more than once, as padding it seems: {names}",
             severity=Severity.INFO,
             hint="index 0x0000 says padding more clearly",
+        )
+
+
+def _frame_objects(ctx: Context, device: Device, layout: DeviceLayout) -> None:
+    """FSN424: 0x6nnn objects are what a device sends, 0x7nnn what it takes, when it has both."""
+    commands: dict[Direction, list[Entry]] = {Direction.OUTPUT: [], Direction.INPUT: []}
+    for sm in layout.managers:
+        for block in sm.blocks:
+            commands[block.direction].append(block.command)
+    taken, sent = commands[Direction.OUTPUT], commands[Direction.INPUT]
+    if id(device) in ctx.exchanged or not taken or not sent:
+        return
+    if all(e.index >> 12 == 6 for e in taken) and all(e.index >> 12 == 7 for e in sent):
+        ctx.add(
+            "FSN424",
+            taken[0].at("index"),
+            f"the frame at {taken[0].address} stands under rpdo and the one at {sent[0].address} "
+            "under tpdo; 0x6nnn objects are what a device sends, 0x7nnn what it takes",
+            hint="exchange the channels of rpdo and tpdo; compare with `ethercat pdos` or the ESI",
+            related=(Related(span=sent[0].at("index"), message="the other frame"),),
         )
 
 

@@ -1,12 +1,12 @@
-"""FSN301 … FSN306 and FSN601: the FSoE facts of the connections, and time."""
+"""FSN301 … FSN306, FSN425 and FSN601: the FSoE facts of the connections, and time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from fsoe_net.diag import Related
-from fsoe_net.model import ConnectionFacts, Net, TransferKind
-from fsoe_net.rules.context import Context
+from fsoe_net.model import ConnectionFacts, Direction, Net, TransferKind, Watchdog
+from fsoe_net.rules.context import Context, few
 
 __all__ = ["check_fsoe"]
 
@@ -14,6 +14,7 @@ __all__ = ["check_fsoe"]
 # frame), plus one for jitter: below that the watchdog expires without any fault.
 WATCHDOG_BUS_CYCLES = 5
 _TWINSAFE_DEFAULT_MS = 100
+_SM_WATCHDOG_MS = 100  # what every EtherCAT device starts with
 _MAX_APP_PARAMETER_BYTES = 256
 
 
@@ -91,6 +92,8 @@ def _timing(ctx: Context) -> None:
     if network.cycle_ns is None:
         return
     cycle_ms = network.cycle_ns / 1e6
+    if cycle_ms >= _SM_WATCHDOG_MS:
+        _sync_manager_watchdog(ctx, cycle_ms)
     least_ms = WATCHDOG_BUS_CYCLES * cycle_ms
     for net in network.nets:
         for fact in net.connections:
@@ -115,3 +118,28 @@ def _timing(ctx: Context) -> None:
                 hint=f"control_frequency of at least {least_hz} Hz, or longer watchdogs "
                 "(then state them as watchdog_ms)",
             )
+
+
+def _sync_manager_watchdog(ctx: Context, cycle_ms: float) -> None:
+    """FSN425: SubDevices whose outputs need a frame more often than the bus cycle brings one."""
+    network = ctx.resolution.network
+    names = [
+        sub.name
+        for sub, layout in zip(network.subdevices, ctx.resolution.layouts, strict=True)
+        if layout is not None
+        and any(
+            sm.sm.direction is Direction.OUTPUT
+            and sm.sm.watchdog is not Watchdog.DISABLE
+            and sm.registered
+            for sm in layout.managers
+        )
+    ]
+    if names:
+        ctx.add(
+            "FSN425",
+            network.at("cycle_us" if "cycle_us" in network.fields else "control_frequency"),
+            f"the bus cycle is {cycle_ms:g} ms; the sync manager watchdog of {few(names)} expires "
+            f"after {_SM_WATCHDOG_MS} ms unless the device was told another time, and the "
+            "SubDevice leaves OP (AL status 0x001b)",
+            hint=f"a bus cycle well below {_SM_WATCHDOG_MS} ms, as FSoE needs anyway",
+        )

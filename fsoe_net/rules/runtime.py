@@ -1,17 +1,20 @@
-"""What the user's *present* runtime does today with a mistake, and what only some runtimes mind.
+"""What only some of the user's *present* runtimes mind (FSN460 … FSN469).
 
-``fsn`` is this project's own runtime. ``ros2-2025`` is ethercat_driver_ros2 as of PR 187/188,
-``ros2-2026`` its newest versions with the bus manager, ``lcec`` linuxcnc-ethercat.
+``fsn`` is this project's own runtime, ``lcec`` linuxcnc-ethercat. The others are versions of
+ethercat_driver_ros2: ``ros2-2025`` has transfers since PR 187/188, ``ros2-2026-06`` is the first
+with the bus manager (PR 223), ``ros2-2026-08`` with master plugins (PR 236/238), ``ros2-newest``
+clears its transfers on deactivation and knows ``required: false``.
 """
 
 from __future__ import annotations
 
 import enum
 
-from fsoe_net.model import TransferKind
+from fsoe_net.diag import Severity
+from fsoe_net.model import Direction, Network, ResolvedTransfer, SubDevice, TransferKind
 from fsoe_net.rules.context import Context
 
-__all__ = ["Runtime", "check_runtime", "effect_today"]
+__all__ = ["ROS2", "Runtime", "check_runtime"]
 
 
 class Runtime(enum.Enum):
@@ -19,86 +22,44 @@ class Runtime(enum.Enum):
 
     FSN = "fsn"
     ROS2_2025 = "ros2-2025"
-    ROS2_2026 = "ros2-2026"
+    ROS2_2026_06 = "ros2-2026-06"
+    ROS2_2026_08 = "ros2-2026-08"
+    ROS2_NEWEST = "ros2-newest"
     LCEC = "lcec"
 
 
-_CRASH = "copies through an uninitialised pointer each cycle: crash or silent memory corruption"
-_NOTHING = "starts, copies nothing, reports nothing"
-_NEVER = "starts and copies; the connection never reaches Data, no message"
-_EXCEPTION = "stops with an uncaught exception at start"
-_LAYOUT = "starts with wrong offsets: other bytes are copied and shown"
+# Versions of ethercat_driver_ros2, the oldest first.
+ROS2 = (Runtime.ROS2_2025, Runtime.ROS2_2026_06, Runtime.ROS2_2026_08, Runtime.ROS2_NEWEST)
 
-_ROS2_EFFECT = {
-    "FSN105": "reads the first document only",
-    "FSN106": "takes the first of the two values",
-    "FSN107": _EXCEPTION,
-    "FSN108": "does not find the key",
-    "FSN109": "ignores the key",
-    "FSN110": _EXCEPTION,
-    "FSN112": "reads another number, then " + _CRASH,
-    "FSN114": "reads octal in slave YAML, decimal in transfer YAML",
-    "FSN120": _EXCEPTION,
-    "FSN121": "skips the module; every later module is addressed as its neighbour",
-    "FSN123": _EXCEPTION,
-    "FSN124": _NOTHING,
-    "FSN125": _NOTHING,
-    "FSN127": "never exports the interface; the output stays 0",
-    "FSN201": _EXCEPTION,
-    "FSN202": _CRASH,
-    "FSN203": _NEVER,
-    "FSN204": "lets the last transfer win",
-    "FSN205": _NEVER,
-    "FSN206": _CRASH,
-    "FSN207": _CRASH,
-    "FSN208": "copies a wrong length: CRC errors and an endless reset loop",
-    "FSN209": "overwrites what lies behind the frame; past the image it crashes",
-    "FSN210": "copies a wrong length: CRC errors and an endless reset loop",
-    "FSN211": "copies a shifted frame; the connection never reaches Data",
-    "FSN212": "copies other data inside the frame",
-    "FSN213": "copies the neighbouring bits too",
-    "FSN214": "overwrites the copied frame: CRC errors",
-    "FSN215": _NEVER,
-    "FSN216": _NEVER,
-    "FSN217": "copies in file order, one cycle late or not",
-    "FSN218": "ignores the name",
-    "FSN222": "copies nothing for this transfer",
-    "FSN223": _NOTHING,
-    "FSN225": _NEVER,
-    "FSN230": _CRASH,
-    "FSN401": "starts with kernel warnings or AL error 0x001d/0x001e",
-    "FSN402": _LAYOUT,
-    "FSN403": _LAYOUT,
-    "FSN404": _LAYOUT,
-    "FSN405": "reads and writes other bits",
-    "FSN407": "maps the second list into the first PDO; all offsets are wrong",
-    "FSN409": "stops: PDO entry is not mapped",
-    "FSN410": "starts; the working counter stays incomplete",
-    "FSN412": "stops at configuration",
-    "FSN414": "reconfigures the first or refuses the second",
-    "FSN415": "configures the SubDevice twice",
+# Keys that not every version knows: the first that does, and whether nothing is copied without.
+_NEW_KEYS = {
+    "transfer_config": (Runtime.ROS2_2026_06, True),
+    "transfer_modules": (Runtime.ROS2_2026_06, True),
+    "transfer_master": (Runtime.ROS2_2026_06, False),
+    "master_plugin": (Runtime.ROS2_2026_08, False),
+    "readiness_timeout_s": (Runtime.ROS2_NEWEST, False),
+    "required": (Runtime.ROS2_NEWEST, False),
+    "sdo_check": (Runtime.ROS2_NEWEST, False),
+    "factor_from_sdo": (Runtime.ROS2_NEWEST, False),
 }
 
 
-def effect_today(code: str, runtime: Runtime) -> str:
-    """Return what a runtime does with files that raise this code, or an empty text."""
-    if runtime in (Runtime.ROS2_2025, Runtime.ROS2_2026):
-        return _ROS2_EFFECT.get(code, "")
-    return ""
-
-
-# Product codes with FSoE support in linuxcnc-ethercat: EL1904, EL2904, EL6900, EL1918, AX5805.
-_LCEC_PRODUCTS = {0x07703052, 0x0B583052, 0x1AF43052, 0x077E3052, 0x16AD6012}
-
-
 def check_runtime(ctx: Context, runtime: Runtime) -> None:
-    """Add what only the chosen runtime minds (FSN460 … FSN465)."""
-    if runtime is Runtime.FSN:
-        return
-    for net in ctx.resolution.network.nets:
-        if not any(t.kind is TransferKind.FSOE for t in net.transfers):
-            continue
-        if runtime in (Runtime.ROS2_2025, Runtime.ROS2_2026):
+    """Add what only the chosen runtime minds."""
+    if runtime in ROS2:
+        _ros2(ctx, runtime)
+    elif runtime is Runtime.LCEC:
+        _lcec(ctx)
+
+
+# -- ethercat_driver_ros2 -------------------------------------------------------------------------
+
+
+def _ros2(ctx: Context, runtime: Runtime) -> None:
+    network = ctx.resolution.network
+    nets = [n for n in network.nets if any(t.kind is TransferKind.FSOE for t in n.transfers)]
+    for net in nets:
+        if runtime is not Runtime.ROS2_NEWEST:
             ctx.add(
                 "FSN461",
                 net.span,
@@ -106,7 +67,7 @@ def check_runtime(ctx: Context, runtime: Runtime) -> None:
                 "pointers among them",
                 hint="restart the process instead of re-activating",
             )
-        if runtime is Runtime.ROS2_2026:
+        if runtime is not Runtime.ROS2_2025:
             ctx.add(
                 "FSN462",
                 net.span,
@@ -114,10 +75,19 @@ def check_runtime(ctx: Context, runtime: Runtime) -> None:
                 "also inside the copied frames",
                 hint="do not use that branch for safety networks",
             )
-    if runtime is Runtime.ROS2_2026:
+    if nets and runtime is Runtime.ROS2_2025:
+        ctx.add(
+            "FSN468",
+            nets[0].span,
+            "the branch humble-issue-147 registers tpdo before rpdo: its log shows other offsets "
+            "than `fsoe-net plan --show`; the copies are the same",
+            hint="compare addresses (index and subindex), not offsets, when you use that branch",
+        )
+    if runtime is Runtime.ROS2_2026_08:
         _drives(ctx)
-    if runtime is Runtime.LCEC:
-        _lcec(ctx)
+    if runtime in (Runtime.ROS2_2026_08, Runtime.ROS2_NEWEST):
+        _aliases(ctx)
+    _new_keys(ctx, network, runtime)
 
 
 def _drives(ctx: Context) -> None:
@@ -126,27 +96,135 @@ def _drives(ctx: Context) -> None:
             ctx.add(
                 "FSN460",
                 sub.at("plugin"),
-                f"{sub.name}: versions of mid 2026 do not copy while they wait for OP; a drive "
-                "that waits for STO release then never gets ready",
+                f"{sub.name}: this version does not copy while it waits for OP; a drive that "
+                "waits for STO release then never gets ready",
                 hint="use a version whose activation runs the copies (readiness_timeout_s exists)",
             )
 
 
-def _lcec(ctx: Context) -> None:
-    touched = {
-        end.subdevice.name
-        for row in ctx.resolution.transfers
-        for end in (row.source, row.destination)
-        if end.subdevice is not None and row.transfer.kind is TransferKind.FSOE
-    }
+def _aliases(ctx: Context) -> None:
     for sub in ctx.resolution.network.subdevices:
-        if sub.name not in touched or sub.device is None:
-            continue
-        if sub.device.product_code not in _LCEC_PRODUCTS:
+        if sub.alias:
             ctx.add(
-                "FSN465",
-                sub.span,
-                f"{sub.name} (product 0x{sub.device.product_code:08x}) has no FSoE support in "
-                "linuxcnc-ethercat",
-                hint="supported: EL1904, EL2904, EL6900, EL1918 logic, AX5805",
+                "FSN469",
+                sub.at("alias"),
+                f"{sub.name} has alias {sub.alias}: the driver compares vendor and product with "
+                "the bus only for SubDevices with alias 0",
+                hint="`fsoe-net check NETWORK --interface IF` compares it too",
+            )
+
+
+def _new_keys(ctx: Context, network: Network, runtime: Runtime) -> None:
+    """FSN463: keys this version does not know, each once."""
+    rows = [network, *network.nets, *network.subdevices]
+    rows += [sub.device for sub in network.subdevices if sub.device is not None]
+    for device, _, _ in ctx.devices():
+        rows += [e for pdo in (*device.rpdos, *device.tpdos) for e in pdo.entries]
+    for key, (since, needed) in _NEW_KEYS.items():
+        if ROS2.index(since) <= ROS2.index(runtime):
+            continue
+        places = [row.at(key) for row in rows if key in row.fields]
+        if key == "transfer_modules":
+            places = [s.span for s in network.subdevices if s.origin == key]
+        if not places:
+            continue
+        ctx.add(
+            "FSN463",
+            min(places),
+            f"{key} is known since {since.value}; {runtime.value} ignores it"
+            + (", and copies nothing" if key == "transfer_config" else ""),
+            severity=Severity.WARNING if needed else Severity.INFO,
+            hint=_OLD_KEYS.get(key, "leave it out, or use a newer version"),
+        )
+
+
+_OLD_KEYS = {
+    "transfer_config": "its name there is fsoe_config",
+    "transfer_modules": "its name there is safety_modules",
+    "transfer_master": "its name there is safety_master",
+}
+
+
+# -- linuxcnc-ethercat ----------------------------------------------------------------------------
+
+# Product codes of Beckhoff that linuxcnc-ethercat has FSoE support for.
+_LCEC_MAINS = {0x1AF43052: "EL6900", 0x077E3052: "EL1918"}
+_LCEC_SUBS = {0x07703052: "EL1904", 0x0B583052: "EL2904", 0x16AD6012: "AX5805"}
+_LCEC_FRAME_BYTES = {"EL1904": (6,), "EL2904": (6,), "AX5805": (7, 11)}
+
+
+def _lcec(ctx: Context) -> None:
+    rows = [r for r in ctx.resolution.transfers if r.transfer.kind is TransferKind.FSOE]
+    mains = {c.main.name for c in ctx.resolution.connections}
+    seen: set[str] = set()
+    for row in rows:
+        for end in (row.source, row.destination):
+            sub = end.subdevice
+            if sub is not None and sub.name not in seen:
+                seen.add(sub.name)
+                _lcec_type(ctx, sub, is_main=sub.name in mains)
+    _lcec_order(ctx, rows, mains)
+    _lcec_lengths(ctx, rows)
+
+
+def _lcec_type(ctx: Context, sub: SubDevice, *, is_main: bool) -> None:
+    if sub.device is None:
+        return
+    known = _LCEC_MAINS if is_main else _LCEC_SUBS
+    if sub.device.product_code in known:
+        return
+    role = "MainInstance" if is_main else "SubInstance"
+    ctx.add(
+        "FSN465",
+        sub.span,
+        f"{sub.name} (product 0x{sub.device.product_code:08x}) has no FSoE support as {role} in "
+        "linuxcnc-ethercat",
+        hint="MainInstances: EL6900, EL1918 logic; SubInstances: EL1904, EL2904, AX51xx and AX52xx "
+        "with AX5805",
+    )
+
+
+def _lcec_order(ctx: Context, rows: list[ResolvedTransfer], mains: set[str]) -> None:
+    """FSN466: the n-th fsoeSlaveIdx of a logic gets its n-th slot, whatever the network says."""
+    for name in sorted(mains):
+        taken: list[tuple[int, ResolvedTransfer]] = []
+        for row in rows:
+            end = row.destination
+            if end.subdevice is None or end.subdevice.name != name or end.layout is None:
+                continue
+            blocks = [b for sm in end.layout.managers for b in sm.blocks]
+            slots = [b.key for b in blocks if b.direction is Direction.OUTPUT]
+            if end.block is not None and end.block.key in slots:
+                taken.append((slots.index(end.block.key), row))
+        taken.sort(key=lambda item: item[0])
+        wrong = next((n for n, (slot, _) in enumerate(taken) if slot > n), None)
+        if wrong is None:
+            continue
+        slot, row = taken[wrong]
+        ctx.add(
+            "FSN466",
+            row.transfer.destination.at("index"),
+            f"{row.transfer.source.module} is connected to slot {slot} of {name}; as its "
+            f"fsoeSlaveIdx number {wrong + 1}, linuxcnc-ethercat would connect it to slot {wrong}",
+            hint="fill the slots of the safety project from the first on, without a gap",
+        )
+
+
+def _lcec_lengths(ctx: Context, rows: list[ResolvedTransfer]) -> None:
+    """FSN464: the frame of a type is built in."""
+    for row in rows:
+        for end in (row.source, row.destination):
+            sub = end.subdevice
+            if sub is None or sub.device is None or end.block is None:
+                continue
+            kind = _LCEC_SUBS.get(sub.device.product_code)
+            if kind is None or end.block.frame_bytes in _LCEC_FRAME_BYTES[kind]:
+                continue
+            lengths = " or ".join(str(n) for n in _LCEC_FRAME_BYTES[kind])
+            ctx.add(
+                "FSN464",
+                end.endpoint.at("index"),
+                f"{end.endpoint} starts a frame of {end.block.frame_bytes} bytes; "
+                f"linuxcnc-ethercat copies {lengths} bytes for an {kind}",
+                hint=f"correct the PDO of {sub.name}, if the device does send {lengths} bytes",
             )

@@ -1,4 +1,4 @@
-"""FSN501 … FSN515: what is on the bus against what the files of a network say."""
+"""FSN414, FSN501 … FSN515: what is on the bus against what the files of a network say."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
     }
     match = match_scan(network, scan, addresses)
     _aliases(out, network, scan)
+    _same_place(out, match)
     _missing(out, network, scan, match)
     _order(out, match)
     _other(out, match)
@@ -181,6 +182,24 @@ def _aliases(out: Findings, network: Network, scan: Scan) -> None:
                 f"{sub.name} was looked for from the first",
                 hint="give each its own; the new one counts after power is off and on",
             )
+
+
+def _same_place(out: Findings, match: Match) -> None:
+    """FSN414 that only the bus shows: one SubDevice named by its alias and by its position."""
+    first: dict[int, SubDevice] = {}
+    for sub, found in sorted((*match.pairs, *match.other), key=lambda row: row[0].alias):
+        there = first.setdefault(found.position, sub)
+        if there is sub:
+            continue
+        out.add(
+            "FSN414",
+            _place(sub),
+            f"{sub.name} (alias {sub.alias}, position {sub.position}) and {there.name} are the "
+            f"same SubDevice, at position {found.position} of this bus; it would be configured "
+            "twice",
+            hint="keep one of them",
+            related=(Related(span=_place(there), message=f"{there.name} is found here too"),),
+        )
 
 
 def _health(

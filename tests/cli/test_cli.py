@@ -48,8 +48,8 @@ def test_mistake_is_printed_as_the_design_says(tmp_path: Path):
         "  hint: in and out look exchanged; the opposite copy ek1914 0x6000:01 -> el1918 0x7080:01 "
         "would fit (6 bytes)\n"
     )
-    today = fsn("check", "estop.yaml", "--runtime", "ros2-2026", cwd=tmp_path).stdout
-    assert "today: ros2-2026" in today
+    today = fsn("check", "estop.yaml", "--runtime", "ros2-newest", cwd=tmp_path).stdout
+    assert "  today: ros2-newest starts and copies; the connection never reaches Data" in today
 
 
 def test_machine_formats(tmp_path: Path):
@@ -59,6 +59,11 @@ def test_machine_formats(tmp_path: Path):
     assert {"code", "message", "file", "line", "column", "hint"} <= set(rows["diagnostics"][0])
     sarif = json.loads(fsn("check", "a.yaml", "--format", "sarif", cwd=tmp_path).stdout)
     result = sarif["runs"][0]["results"][0]
+    assert "properties" not in result
+    today = ("check", "a.yaml", "--format", "sarif", "--runtime", "ros2-2025")
+    result = json.loads(fsn(*today, cwd=tmp_path).stdout)["runs"][0]["results"][0]
+    assert result["properties"]["runtime"] == "ros2-2025"
+    assert result["properties"]["today"]
     assert result["locations"][0]["physicalLocation"]["region"]["startLine"] >= 1
     github = fsn("check", "a.yaml", "--format", "github", cwd=tmp_path).stdout
     assert github.startswith("::error file=a.yaml,line=2,col=5,title=FSN")
@@ -92,6 +97,10 @@ def test_wrong_use(arguments: tuple[str, ...], code: int, words: str):
 def test_explain():
     assert "FSN203" in fsn("explain", "203").stdout
     assert "FSN601" in fsn("explain").stdout
+    optional = fsn("explain", "FSN230").stdout
+    assert "- `ros2-2025`, `ros2-2026-06`, `ros2-2026-08`: ignores required: false" in optional
+    assert "- `ros2-newest`: leaves the module out" in optional
+    assert "Other programs" not in fsn("explain", "FSN501").stdout
     assert fsn("--version").stdout.startswith("fsoe-net, version ")
 
 

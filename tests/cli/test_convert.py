@@ -119,7 +119,7 @@ def test_nothing_is_overwritten(tmp_path: Path):
 @pytest.mark.parametrize(
     ("name", "content", "why"),
     [
-        ("a.xml", b"<Project1/>", "FSN140"),
+        ("a.xml", b"<Project1/>", "FSN117"),
         ("a.txt", b"hello", "no reader knows this file"),
         ("a.yaml", b"x: [", "FSN1"),
         ("a.sii", b"\0" * 20, "FSN138"),

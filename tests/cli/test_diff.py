@@ -71,7 +71,7 @@ def test_each_kind_of_file_is_known_by_its_content(tmp_path: Path):
     [
         (None, "no such file"),
         (b"", "an empty file"),
-        (b"FSNPLAN\0cut off", "FSN117"),
+        (b"FSNPLAN\0cut off", "FSN101"),
         (b"{}", "FSN110"),
         (b"<EtherCATConfig><Config>", "FSN118"),
         (b"<other/>", "FSN1"),

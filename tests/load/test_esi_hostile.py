@@ -40,8 +40,8 @@ PLAIN = esi_text(DEVICE.format("N", ""))
     ("text", "code", "span"),
     [
         ("", "FSN118", "a.xml:1:1"),
-        ("<EtherCATConfig/>", "FSN117", "a.xml:1:1"),
-        ("\n <robot name='a'/>", "FSN117", "a.xml:2:2"),
+        ("<EtherCATConfig/>", "FSN140", "a.xml:1:1"),
+        ("\n <robot name='a'/>", "FSN140", "a.xml:2:2"),
         ("<EtherCATInfo/>", "FSN135", "a.xml:1:1"),
         ("<EtherCATInfo>\n<Descriptions></EtherCATInfo>", "FSN118", "a.xml:2:17"),
         (PLAIN[: PLAIN.index("</Device>")], "FSN118", "a.xml:3:71"),

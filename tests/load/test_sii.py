@@ -150,7 +150,7 @@ def test_damage_is_told(data, message):
 def test_text_is_no_image(text):
     description, out = load(text)
     assert description is None
-    assert [d.code for d in out.diagnostics] == ["FSN117"]
+    assert [d.code for d in out.diagnostics] == ["FSN140"]
 
 
 def test_wrong_checksum_is_a_warning():

@@ -39,7 +39,7 @@ SEEDED = {
     "size too large": ("network.yaml", "size: 31   # drive 1", "size: 32   # drive 1", {"FSN209"}),
     "name used twice": ("network.yaml", "{name: drive_2,", "{name: drive_1,", {"FSN134"}),
     "transfers misspelt": ("network.yaml", "    transfers:", "    transferz:", {"FSN109"}),
-    "wrong kind of file": ("network.yaml", "devices/el1904.yaml", "network.yaml", {"FSN117"}),
+    "wrong kind of file": ("network.yaml", "devices/el1904.yaml", "network.yaml", {"FSN140"}),
     "underscore in a number": (
         "network.yaml",
         "ec_module: el6910, index: 0x7030",
