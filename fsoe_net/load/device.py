@@ -155,27 +155,17 @@ def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
 
 
 def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
-    """Read an item of ``data_mapping``; ``None`` with FSN422 when it is no run in the entry."""
+    """Read an item of ``data_mapping``; ``None`` when it is no run of bits in the entry."""
     word = node.text("type") or ""
     bits = type_bits(word, node.at("type"), out) if word else None
     first = _int(node, "addr_offset", 0xFFFF, out) or 0
     mask = _int(node, "mask", 0xFF, out)
     if bits is None:
         return None
-    shift = 0
-    if bits <= 8 and mask not in (None, 0):  # the driver masks the whole byte
-        assert mask is not None  # noqa: S101  (the line above)
-        shift = (mask & -mask).bit_length() - 1
-        bits = mask.bit_count()
-        if mask >> shift != (1 << bits) - 1:
-            out.add(
-                "FSN422",
-                node.at("mask"),
-                f"mask 0x{mask:02x} selects bits that do not lie side by side; no value is made "
-                "of them",
-                hint="give each run of bits an item of its own, or all of them one mask",
-            )
-            return None
+    run = _run_of_bits(node, word, bits, mask, out)
+    if run is None:
+        return None
+    shift, bits = run
     end = 8 * first + shift + bits
     if end > entry_bits:
         out.add(
@@ -201,6 +191,42 @@ def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
         factor=_scale(node, "factor", 1.0, out),
         offset=_scale(node, "offset", 0.0, out),
     )
+
+
+def _run_of_bits(
+    node: MapNode, word: str, bits: int, mask: int | None, out: Collector
+) -> tuple[int, int] | None:
+    """Return first bit and number of bits that an item takes in its byte, ``None`` with FSN422."""
+    if word.startswith("bit") and bits > 8:
+        out.add(
+            "FSN427",
+            node.at("type"),
+            f"the driver reads and writes only one byte of {word}",
+            hint="use uint16 … uint64, or two items",
+        )
+    if word == "bool" and (mask or 0).bit_count() != 1:
+        said = "no mask" if mask is None else f"mask {mask}"
+        out.add(
+            "FSN405",
+            node.at("mask"),
+            f"a bool of data_mapping has {said}, which is not one bit; the driver would use others",
+            hint="write the mask of its bit: 1, 2, 4, 8, 16, 32, 64 or 128",
+        )
+        return 0, 1
+    if bits > 8 or mask is None:
+        return 0, bits
+    shift = (mask & -mask).bit_length() - 1 if mask else 0
+    run = mask >> shift
+    if run == 0 or run & (run + 1):
+        what = "bits that do not lie side by side" if run else "no bit"
+        out.add(
+            "FSN422",
+            node.at("mask"),
+            f"mask 0x{mask:02x} selects {what}; no value is made of it",
+            hint="give each run of bits an item of its own",
+        )
+        return None
+    return shift, run.bit_length()
 
 
 def _interface(node: MapNode, groups: list[MapNode], key: str, out: Collector) -> str | None:

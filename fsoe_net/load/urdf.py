@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from fsoe_net.diag import Diagnostic, Related
 from fsoe_net.load.files import Collector, read_bytes
+from fsoe_net.load.foreign import XML_KINDS
 from fsoe_net.load.urdf_params import DRIVER_PLUGIN, known_plugin_findings
 from fsoe_net.load.urdf_system import COMPONENTS, DriverSystem, ModuleDecl, plugin_of, read_system
 from fsoe_net.load.xacro_expand import expand_xacro, uses_xacro
@@ -84,6 +85,8 @@ def _document(
         return None
     if root.name != "robot":
         other = (f"an XML file with the root <{root.name[:80]}>", "name the robot's URDF or xacro")
+        if root.name in XML_KINDS:
+            other = (XML_KINDS[root.name], "`fsoe-net convert` reads many other formats")
         kind, hint = _OTHER_ROOTS.get(root.name, other)
         out.add("FSN117", root.span, f"this is {kind}, not a URDF", hint=hint)
         return None
