@@ -141,7 +141,7 @@ FSN463 warning key is not known to this version of the driver
 FSN464 warning linuxcnc-ethercat copies another length for this device type
 FSN465 info    linuxcnc-ethercat has no FSoE support for this device
 FSN466 warning linuxcnc-ethercat would connect other slots
-FSN467 warning  FSoE partners are in different sync units
+FSN467 warning FSoE partners are in different sync units
 FSN468 info    branch that registers transmit PDOs first shows other offsets
 FSN469 info    driver does not compare the identity behind an alias
 FSN501 error   SubDevice is missing on the bus

@@ -156,6 +156,7 @@ _LCEC_FRAME_BYTES = {"EL1904": (6,), "EL2904": (6,), "AX5805": (7, 11)}
 def _lcec(ctx: Context) -> None:
     rows = [r for r in ctx.resolution.transfers if r.transfer.kind is TransferKind.FSOE]
     mains = {c.main.name for c in ctx.resolution.connections}
+    mains |= {net.safety_master for net in ctx.resolution.network.nets if net.safety_master}
     seen: set[str] = set()
     for row in rows:
         for end in (row.source, row.destination):
