@@ -78,6 +78,7 @@ def test_machine_formats(tmp_path: Path):
         (("check",), 2, "Missing argument"),
         (("check", "nowhere.yaml"), 1, "no such file"),
         (("explain", "FSN999"), 2, "no code"),
+        (("check", ESTOP, "--runtime", "ros2-2026"), 2, "'ros2-2026-06', 'ros2-2026-08'"),
         (("plan", "--show", ESTOP), 1, "no .fsnplan file"),
         (("plan", "--show", "nowhere"), 1, "no such file"),
         (("plan", ESTOP, "-o", "/nonexistent/x.fsnplan"), 3, "No such file"),
