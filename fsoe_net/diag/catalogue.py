@@ -101,6 +101,12 @@ FSN228 error   transfer_master and safety_master disagree
 FSN230 error   transfer uses a module that may be left out
 FSN232 info    FSoE frame that no transfer serves
 FSN233 error   standard transfer touches an FSoE frame
+FSN234 error   connection is unconfirmed
+FSN235 error   slot does not exist
+FSN236 error   frames of a connection do not fit
+FSN237 error   slot is needed to tell which frame is meant
+FSN238 error   FSoE frame used by two connections
+FSN239 error   connection does not start at the MainInstance of its net
 FSN301 error   FSoE address used twice
 FSN302 error   connection ID used twice
 FSN303 warning FSoE address is unusual

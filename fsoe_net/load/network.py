@@ -391,12 +391,13 @@ class _Assembly:
         first = self._transfer_files[0]
         known = {s.name for s in subs}
         used = {
-            end.module: end
+            end.module
             for net in nets
             for transfer in net.transfers
             for end in (transfer.destination, transfer.source)
         }
-        missing = sorted(set(used) - known)
+        used |= {name for net in nets for c in net.connections for name in (c.main, c.sub)}
+        missing = sorted(used - known)
         if missing:
             self.out.add(
                 "FSN201",

@@ -57,29 +57,43 @@ def _net(node: MapNode, out: Collector) -> Net:
             related=(Related(span=node.at("safety_master"), message="safety_master"),),
         )
     transfers = [_transfer(item, out) for item in node.maps("transfers")]
-    rows = node.get("transfers")
-    known = {"name", "safety_master", "transfer_master", "transfers", "connections"}
-    misspelt = rows is None and any(
-        nearest_key(k, known - set(node.pairs)) == "transfers" for k in node.pairs if k not in known
+    connections = [_connection(item, out) for item in node.maps("connections")]
+    listed = node.get("connections")
+    broken = None in connections or (
+        listed is not None and len(connections) != _length(listed)  # not a list, or not of maps
     )
-    if not misspelt and (rows is None or (isinstance(rows, SeqNode) and not rows.items)):
-        out.add(
-            "FSN223",
-            node.at("transfers") if rows is not None else node.span,
-            f"net {name!r} has no transfers; the driver would copy nothing for it",
-            hint="add transfers: with one copy per direction and connection",
-        )
+    misspelt = _transfers_missing(node, name, out, quiet=broken or bool(connections))
     return Net(
         span=node.span,
         fields=node.places(),
         name=name,
         safety_master=new if new is not None else old,
         transfers=tuple(t for t in transfers if t is not None),
-        incomplete=None in transfers or misspelt,
-        connections=tuple(
-            c for c in (_connection(item, out) for item in node.maps("connections")) if c
-        ),
+        incomplete=None in transfers or misspelt or broken,
+        connections=tuple(c for c in connections if c is not None),
     )
+
+
+def _length(node: Node) -> int:
+    return len(node.items) if isinstance(node, SeqNode) else -1
+
+
+def _transfers_missing(node: MapNode, name: str, out: Collector, *, quiet: bool) -> bool:
+    """FSN223; return whether another key was probably meant to be ``transfers``."""
+    rows = node.get("transfers")
+    known = {"name", "safety_master", "transfer_master", "transfers", "connections"}
+    unknown = [k for k in node.pairs if k not in known]
+    meant = {nearest_key(k, known - set(node.pairs)) for k in unknown}
+    if rows is None and meant & {"transfers", "connections"}:
+        return True
+    if not quiet and (rows is None or _length(rows) == 0):
+        out.add(
+            "FSN223",
+            node.at("transfers") if rows is not None else node.span,
+            f"net {name!r} has no transfers; the driver would copy nothing for it",
+            hint="add transfers: with one copy per direction and connection, or connections:",
+        )
+    return False
 
 
 def _transfer(node: MapNode, out: Collector) -> Transfer | None:
@@ -124,28 +138,44 @@ def _endpoint(node: Node | None, out: Collector) -> Endpoint | None:
     )
 
 
+_FACTS = ("address", "connection_id", "watchdog_ms", "app_parameters", "unconfirmed")
+
+
 def _connection(node: MapNode, out: Collector) -> ConnectionFacts | None:
     main, sub = node.text("main"), node.text("sub")
 
-    def number(key: str, high: int = 0xFFFF) -> int | None:
-        return read_int(node.get(key), out, what=key, low=0, high=high, reader=Reader.OWN)
+    def number(key: str) -> int | None:
+        return read_int(node.get(key), out, what=key, low=0, high=0xFFFF, reader=Reader.OWN)
 
-    facts = {key: number(key) for key in ("address", "connection_id", "watchdog_ms")}
-    slot = number("slot", 255)
+    facts = {key: number(key) for key in _FACTS[:3]}
+    slots = {key: number(key) for key in ("slot", "sub_slot")}
     parameters = _parameters(node, out)
-    if main is None or sub is None:
+    if main is None or sub is None or any(slots[k] is None for k in slots if k in node.pairs):
         return None
+    unknown = set(node.pairs) - {"main", "sub", *slots, *_FACTS}
+    if any(nearest_key(k, slots) for k in unknown):
+        return None  # a slot is meant, so which frames is not known
     return ConnectionFacts(
         span=node.span,
         fields=node.places(),
         main=main,
         sub=sub,
-        slot=slot or 0,
+        slot=slots["slot"],
+        sub_slot=slots["sub_slot"],
+        unconfirmed=_unconfirmed(node),
         address=facts["address"],
         connection_id=facts["connection_id"],
         watchdog_ms=facts["watchdog_ms"],
         app_parameters=parameters,
     )
+
+
+def _unconfirmed(node: MapNode) -> str | None:
+    """Return why a connection is unconfirmed, maybe an empty text; ``None`` when it is not."""
+    text = node.text("unconfirmed")
+    if "unconfirmed" not in node.pairs or (text or "").lower() in ("false", "no", "off"):
+        return None
+    return "" if text is None or node.truth("unconfirmed") else text
 
 
 def _parameters(node: MapNode, out: Collector) -> bytes:

@@ -26,6 +26,8 @@ from fsoe_net.model.detect import (
     guess_pdo,
     near_misses,
 )
+from fsoe_net.model.ends import Miss, ResolvedEnd, ResolvedTransfer
+from fsoe_net.model.expand import ConnectionTrouble, Hitch
 from fsoe_net.model.join import fill_devices, has_layout, join_buses
 from fsoe_net.model.layout import (
     DeviceLayout,
@@ -56,10 +58,8 @@ from fsoe_net.model.network import (
 )
 from fsoe_net.model.resolve import (
     Connection,
-    Miss,
     Resolution,
-    ResolvedEnd,
-    ResolvedTransfer,
+    UnmatchedFacts,
     main_instance_of,
     partner_block,
     resolve,
@@ -78,11 +78,13 @@ from fsoe_net.model.scan import (
 )
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
 from fsoe_net.model.signals import Signal, connection_signals, signals_of, split_name, write_bits
+from fsoe_net.model.slots import FramePair, frame_pairs, slot_numbers
 
 __all__ = [
     "Action",
     "Connection",
     "ConnectionFacts",
+    "ConnectionTrouble",
     "DescribedConnection",
     "DescribedCopy",
     "DescribedEnd",
@@ -97,9 +99,11 @@ __all__ = [
     "Entry",
     "EntryView",
     "Expectation",
+    "FramePair",
     "FsoeBlock",
     "FsoeGuess",
     "FsoeNearMiss",
+    "Hitch",
     "Library",
     "LibraryDevice",
     "LibraryFigure",
@@ -135,12 +139,14 @@ __all__ = [
     "SyncManager",
     "Transfer",
     "TransferKind",
+    "UnmatchedFacts",
     "Watchdog",
     "connection_signals",
     "contradictions",
     "detect_fsoe",
     "fill_devices",
     "find_blocks",
+    "frame_pairs",
     "guess_pdo",
     "has_layout",
     "join_buses",
@@ -152,6 +158,7 @@ __all__ = [
     "resolve",
     "shared_modules",
     "signals_of",
+    "slot_numbers",
     "split_name",
     "write_bits",
 ]

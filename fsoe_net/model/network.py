@@ -50,15 +50,19 @@ class Transfer(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionFacts(Located):
-    """FSoE facts that no PDO holds. ``None``: not stated.
+    """A connection as the user states it: which frames, and what no PDO holds. ``None``: not said.
 
-    ``main`` and ``sub`` are SubDevice names; ``slot`` tells several connections between the same
-    two apart, counted from 0 in the order of their transfers.
+    ``main`` and ``sub`` are SubDevice names. ``slot`` is the number of the frame pair of ``main``,
+    from 0 in the order of the process image (`frame_pairs`); ``sub_slot`` the same for ``sub``.
+    Transfers that the net does not have are made from it (`expand`). ``unconfirmed``: nobody has
+    held it against the safety project yet; the text says why, and may be empty.
     """
 
     main: str
     sub: str
-    slot: int = 0
+    slot: int | None = None
+    sub_slot: int | None = None
+    unconfirmed: str | None = None
     address: int | None = None
     connection_id: int | None = None
     watchdog_ms: int | None = None
@@ -69,7 +73,8 @@ class ConnectionFacts(Located):
 class Net(Located):
     """One FSoE MainInstance with its transfers.
 
-    ``incomplete``: a transfer could not be read, so what is missing is no finding of its own.
+    ``incomplete``: a transfer or a connection could not be read or made, so what is missing is no
+    finding of its own.
     """
 
     name: str

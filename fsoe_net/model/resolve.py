@@ -6,19 +6,19 @@ does.
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
 
-from fsoe_net.model.bus import Device, Direction, SubDevice
-from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout, layout_of
-from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, Network, Transfer, TransferKind
+from fsoe_net.model.bus import Direction, SubDevice
+from fsoe_net.model.ends import Finder, Layouts, ResolvedEnd, ResolvedTransfer
+from fsoe_net.model.expand import ConnectionTrouble, Hitch, expand
+from fsoe_net.model.layout import DeviceLayout
+from fsoe_net.model.network import ConnectionFacts, Net, Network, TransferKind
+from fsoe_net.model.slots import frame_pairs, slot_numbers
 
 __all__ = [
     "Connection",
-    "Miss",
     "Resolution",
-    "ResolvedEnd",
-    "ResolvedTransfer",
+    "UnmatchedFacts",
     "main_instance_of",
     "partner_block",
     "resolve",
@@ -26,87 +26,42 @@ __all__ = [
 ]
 
 
-class Miss(enum.Enum):
-    """Why an end of a transfer means no bytes."""
-
-    MODULE = "module is not known"
-    DEVICE = "device description could not be read"
-    ENTRY = "entry is not mapped"
-    SKIPPED = "entry is marked skip"
-    GAP = "entry is padding"
-    LAYOUT = "layout is not known offline"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResolvedEnd:
-    """One end of a transfer. ``miss`` is ``None`` when all other fields are set."""
-
-    endpoint: Endpoint
-    subdevice: SubDevice | None = None
-    layout: DeviceLayout | None = None
-    sm: SmLayout | None = None
-    placed: Placed | None = None
-    miss: Miss | None = None
-
-    @property
-    def block(self) -> FsoeBlock | None:
-        """The recognised FSoE frame the entry lies in, or ``None``."""
-        if self.sm is None or self.placed is None:
-            return None
-        return self.sm.block_at(self.placed.bit_offset)
-
-    @property
-    def byte_offset(self) -> int:
-        """Byte inside the sync manager where the copy starts (bits are dropped, as memcpy does)."""
-        return self.placed.bit_offset // 8 if self.placed is not None else 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResolvedTransfer:
-    """A transfer of a net with both ends looked up."""
-
-    net: Net
-    transfer: Transfer
-    source: ResolvedEnd
-    destination: ResolvedEnd
-
-    @property
-    def found(self) -> bool:
-        """Whether both ends mean bytes."""
-        return self.source.miss is None and self.destination.miss is None
-
-    @property
-    def usable(self) -> bool:
-        """Whether both ends mean bytes and the direction is input to output."""
-        return (
-            self.found
-            and self.source.sm is not None
-            and self.destination.sm is not None
-            and self.source.sm.sm.direction is Direction.INPUT
-            and self.destination.sm.sm.direction is Direction.OUTPUT
-        )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Connection:
-    """Two FSoE transfers in opposite directions between a MainInstance and a SubInstance."""
+    """Two FSoE transfers in opposite directions between a MainInstance and a SubInstance.
+
+    ``slot`` and ``sub_slot`` number the frame pairs it uses (`frame_pairs`); ``None`` where a frame
+    is not recognised, or both directions use different pairs. ``made``: from a shorthand.
+    """
 
     name: str
     net: Net
     main: SubDevice
     sub: SubDevice
-    slot: int
+    slot: int | None
+    sub_slot: int | None
     to_sub: ResolvedTransfer
     to_main: ResolvedTransfer
     facts: ConnectionFacts | None
+    made: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnmatchedFacts:
+    """Facts of a connection that the net does not have, or that another one has (``twin``)."""
+
+    net: Net
+    facts: ConnectionFacts
+    twin: ConnectionFacts | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resolution:
     """A network with every layout, transfer and connection worked out.
 
-    ``layouts`` has one row per SubDevice, in bus order. ``single`` are FSoE transfers that found no
-    partner in the opposite direction.
+    ``network`` has the transfers made from its connections (`expand`); ``troubles`` are those that
+    could not be made. ``layouts`` has one row per SubDevice, in bus order. ``single`` are FSoE
+    transfers that found no partner in the opposite direction.
     """
 
     network: Network
@@ -114,17 +69,44 @@ class Resolution:
     transfers: tuple[ResolvedTransfer, ...]
     connections: tuple[Connection, ...]
     single: tuple[ResolvedTransfer, ...]
-    unmatched_facts: tuple[tuple[Net, ConnectionFacts], ...]
+    unmatched_facts: tuple[UnmatchedFacts, ...]
+    troubles: tuple[ConnectionTrouble, ...] = ()
 
 
 def resolve(network: Network) -> Resolution:
     """Work out layouts, transfer ends and connections of a network. Never raises."""
-    layouts = _Layouts()
+    layouts = Layouts()
     by_name: dict[str, SubDevice] = {}
     for sub in network.subdevices:
         by_name.setdefault(sub.name, sub)
-    finder = _Finder(by_name, layouts)
-    transfers = tuple(
+    finder = Finder(by_name, layouts)
+    transfers = _transfers(network, finder)
+    expansion = expand(network, transfers, by_name, finder, layouts)
+    if expansion.network is not network:
+        network = expansion.network
+        transfers = _transfers(network, finder)
+    pairing = _Pairing(by_name, layouts, expansion.made)
+    per_net: dict[int, _Rows] = {}
+    for row in transfers:
+        if row.transfer.kind is TransferKind.FSOE:
+            per_net.setdefault(id(row.net), []).append(row)
+    for net in network.nets:
+        pairing.add(net, per_net.get(id(net), []), expansion.left_out)
+    return Resolution(
+        network=network,
+        layouts=tuple(
+            layouts.of(s.device) if s.device is not None else None for s in network.subdevices
+        ),
+        transfers=transfers,
+        connections=tuple(pairing.connections),
+        single=tuple(pairing.single),
+        unmatched_facts=tuple(pairing.unmatched),
+        troubles=(*expansion.troubles, *pairing.troubles),
+    )
+
+
+def _transfers(network: Network, finder: Finder) -> tuple[ResolvedTransfer, ...]:
+    return tuple(
         ResolvedTransfer(
             net=net,
             transfer=transfer,
@@ -134,82 +116,6 @@ def resolve(network: Network) -> Resolution:
         for net in network.nets
         for transfer in net.transfers
     )
-    connections, single, unmatched = _pair(network, transfers, by_name)
-    return Resolution(
-        network=network,
-        layouts=tuple(
-            layouts.of(s.device) if s.device is not None else None for s in network.subdevices
-        ),
-        transfers=transfers,
-        connections=connections,
-        single=single,
-        unmatched_facts=unmatched,
-    )
-
-
-class _Layouts:
-    """Layouts by device object: a hundred equal terminals are placed once."""
-
-    def __init__(self) -> None:
-        self._known: dict[int, DeviceLayout] = {}
-
-    def of(self, device: Device) -> DeviceLayout:
-        found = self._known.get(id(device))
-        if found is None:
-            found = self._known[id(device)] = layout_of(device)
-        return found
-
-
-class _Finder:
-    """Looks up transfer ends the way the driver does."""
-
-    def __init__(self, by_name: dict[str, SubDevice], layouts: _Layouts) -> None:
-        self._by_name = by_name
-        self._layouts = layouts
-        self._entries: dict[int, dict[tuple[int, int], tuple[SmLayout, Placed]]] = {}
-
-    def end(self, endpoint: Endpoint) -> ResolvedEnd:
-        sub = self._by_name.get(endpoint.module)
-        if sub is None:
-            return ResolvedEnd(endpoint=endpoint, miss=Miss.MODULE)
-        if sub.device is None:
-            return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=Miss.DEVICE)
-        layout = self._layouts.of(sub.device)
-        if endpoint.index == 0:
-            return ResolvedEnd(endpoint=endpoint, subdevice=sub, layout=layout, miss=Miss.GAP)
-        hit = self._index(sub.device, layout).get((endpoint.index, endpoint.subindex))
-        if hit is None:
-            complete = all(sm.complete for sm in layout.managers)
-            miss = Miss.ENTRY if complete else Miss.LAYOUT
-            return ResolvedEnd(endpoint=endpoint, subdevice=sub, layout=layout, miss=miss)
-        sm, placed = hit
-        return ResolvedEnd(
-            endpoint=endpoint,
-            subdevice=sub,
-            layout=layout,
-            sm=sm,
-            placed=placed,
-            miss=_doubt(sm, placed),
-        )
-
-    def _index(
-        self, device: Device, layout: DeviceLayout
-    ) -> dict[tuple[int, int], tuple[SmLayout, Placed]]:
-        known = self._entries.get(id(device))
-        if known is None:
-            known = {}
-            for sm in layout.managers:
-                for placed in sm.placed:
-                    if not placed.entry.is_gap:
-                        known.setdefault((placed.entry.index, placed.entry.subindex), (sm, placed))
-            self._entries[id(device)] = known
-        return known
-
-
-def _doubt(sm: SmLayout, placed: Placed) -> Miss | None:
-    if placed.entry.skip:
-        return Miss.SKIPPED
-    return Miss.LAYOUT if placed.end_bit > sm.known_bits else None
 
 
 def shared_modules(ends: list[tuple[str, str]]) -> set[str]:
@@ -228,58 +134,152 @@ def main_instance_of(net: Net, ends: list[tuple[str, str]]) -> str | None:
     return common.pop() if len(common) == 1 else None
 
 
-def _pair(
-    network: Network, transfers: tuple[ResolvedTransfer, ...], by_name: dict[str, SubDevice]
-) -> tuple[
-    tuple[Connection, ...],
-    tuple[ResolvedTransfer, ...],
-    tuple[tuple[Net, ConnectionFacts], ...],
-]:
-    per_net: dict[int, list[ResolvedTransfer]] = {}
-    for item in transfers:
-        if item.transfer.kind is TransferKind.FSOE:
-            per_net.setdefault(id(item.net), []).append(item)
-    connections: list[Connection] = []
-    single: list[ResolvedTransfer] = []
-    unmatched: list[tuple[Net, ConnectionFacts]] = []
-    names: dict[str, int] = {}
-    for net in network.nets:
-        rows = per_net.get(id(net), [])
+_Rows = list[ResolvedTransfer]
+
+
+@dataclass(frozen=True, slots=True)
+class _Couple:
+    """Two transfers that belong together, with the slots their frames stand in."""
+
+    down: ResolvedTransfer
+    up: ResolvedTransfer
+    slots: frozenset[int]
+    sub_slots: frozenset[int]
+
+    def may_be(self, facts: ConnectionFacts) -> bool:
+        """Whether facts can be those of this connection; frames that nobody sees speak for it."""
+        return _allows(self.slots, facts.slot) and _allows(self.sub_slots, facts.sub_slot)
+
+
+def _allows(slots: frozenset[int], stated: int | None) -> bool:
+    return stated is None or not slots or stated in slots
+
+
+def _only(slots: frozenset[int]) -> int | None:
+    return next(iter(slots)) if len(slots) == 1 else None
+
+
+class _Pairing:
+    """Finds the two transfers of each connection, and the facts that are stated of it."""
+
+    def __init__(
+        self, by_name: dict[str, SubDevice], layouts: Layouts, made: frozenset[int]
+    ) -> None:
+        self._by_name = by_name
+        self._layouts = layouts
+        self._made = made
+        self._numbers: dict[int, dict[tuple[int, int], int]] = {}
+        self._names: dict[str, int] = {}
+        self.connections: list[Connection] = []
+        self.single: _Rows = []
+        self.unmatched: list[UnmatchedFacts] = []
+        self.troubles: list[ConnectionTrouble] = []
+
+    def add(self, net: Net, rows: _Rows, left_out: frozenset[int]) -> None:
+        """Add the connections of a net; the facts in ``left_out`` are of none."""
         ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
-        main_name = main_instance_of(net, ends)
-        facts: dict[tuple[str, str, int], ConnectionFacts] = {}
+        groups = _by_partner(rows, main_instance_of(net, ends))
+        stated: dict[tuple[str, str], list[ConnectionFacts]] = {}
         for fact in net.connections:
-            if facts.setdefault((fact.main, fact.sub, fact.slot), fact) is not fact:
-                unmatched.append((net, fact))  # stated twice
-        for (main, sub), (to_sub, to_main) in _by_partner(rows, main_name).items():
-            couples, alone = _couple(to_sub, to_main)
-            single.extend(alone)
-            for slot, (down, up) in enumerate(couples):
-                known = facts.pop((main, sub, slot), None)
-                if main not in by_name or sub not in by_name:
-                    continue
-                connections.append(
-                    Connection(
-                        name=_unique(f"{main}-{sub}", names),
-                        net=net,
-                        main=by_name[main],
-                        sub=by_name[sub],
-                        slot=slot,
-                        to_sub=down,
-                        to_main=up,
-                        facts=known,
-                    )
+            if id(fact) not in left_out:
+                stated.setdefault((fact.main, fact.sub), []).append(fact)
+        for (main, sub), (to_sub, to_main) in groups.items():
+            both, alone = _couple(to_sub, to_main)
+            self.single.extend(alone)
+            couples = [self._numbered(down, up) for down, up in both]
+            facts = self._assign(net, stated.pop((main, sub), []), couples)
+            if main in self._by_name and sub in self._by_name:
+                self._connect(net, main, sub, couples, facts)
+        for facts_of_pair in stated.values():
+            self.unmatched += [UnmatchedFacts(net=net, facts=f) for f in facts_of_pair]
+
+    def _numbered(self, down: ResolvedTransfer, up: ResolvedTransfer) -> _Couple:
+        return _Couple(
+            down,
+            up,
+            slots=self._slots(down.source, up.destination),
+            sub_slots=self._slots(up.source, down.destination),
+        )
+
+    def _slots(self, *ends: ResolvedEnd) -> frozenset[int]:
+        found: set[int] = set()
+        for end in ends:
+            if end.block is None or end.layout is None:
+                continue
+            numbers = self._numbers.get(id(end.layout))
+            if numbers is None:
+                numbers = self._numbers[id(end.layout)] = slot_numbers(end.layout)
+            if end.block.key in numbers:
+                found.add(numbers[end.block.key])
+        return frozenset(found)
+
+    def _assign(
+        self, net: Net, stated: list[ConnectionFacts], couples: list[_Couple]
+    ) -> dict[int, ConnectionFacts]:
+        """Return the facts of each couple; those that name a slot choose first."""
+        taken: dict[int, ConnectionFacts] = {}
+        stated = sorted(stated, key=lambda f: f.slot is None and f.sub_slot is None)
+        for fact in stated:
+            meant = [n for n, couple in enumerate(couples) if couple.may_be(fact)]
+            seen = [n for n in meant if couples[n].slots or fact.slot is None]
+            free = [n for n in seen or meant if n not in taken]
+            if not free:
+                twin = taken[meant[0]] if meant else None
+                self.unmatched.append(UnmatchedFacts(net=net, facts=fact, twin=twin))
+            elif len(free) > 1:
+                self._several(net, fact, [couples[n] for n in free])
+            else:
+                taken[free[0]] = fact
+        return taken
+
+    def _several(self, net: Net, fact: ConnectionFacts, couples: list[_Couple]) -> None:
+        main, sub = self._by_name.get(fact.main), self._by_name.get(fact.sub)
+        if main is None or sub is None:
+            return  # said of the name
+        slots = frozenset().union(*(c.slots for c in couples))
+        key, there, numbers = "main", main, slots
+        if fact.slot is not None or len(slots) < len(couples):
+            key, there, numbers = "sub", sub, frozenset().union(*(c.sub_slots for c in couples))
+        pairs = frame_pairs(self._layouts.of(there.device)) if there.device is not None else ()
+        self.troubles.append(
+            ConnectionTrouble(
+                net=net,
+                facts=fact,
+                hitch=Hitch.SEVERAL,
+                key=key,
+                pairs=tuple(p for p in pairs if p.slot in numbers),
+                name=there.name,
+            )
+        )
+
+    def _connect(
+        self,
+        net: Net,
+        main: str,
+        sub: str,
+        couples: list[_Couple],
+        facts: dict[int, ConnectionFacts],
+    ) -> None:
+        for number, couple in enumerate(couples):
+            self.connections.append(
+                Connection(
+                    name=_unique(f"{main}-{sub}", self._names),
+                    net=net,
+                    main=self._by_name[main],
+                    sub=self._by_name[sub],
+                    slot=_only(couple.slots),
+                    sub_slot=_only(couple.sub_slots),
+                    to_sub=couple.down,
+                    to_main=couple.up,
+                    facts=facts.get(number),
+                    made=id(couple.down.transfer) in self._made,
                 )
-        unmatched.extend((net, fact) for fact in facts.values())
-    return tuple(connections), tuple(single), tuple(unmatched)
+            )
 
 
 def _unique(name: str, used: dict[str, int]) -> str:
     used[name] = used.get(name, 0) + 1
     return name if used[name] == 1 else f"{name}-{used[name]}"
-
-
-_Rows = list[ResolvedTransfer]
 
 
 def _by_partner(rows: _Rows, main_name: str | None) -> dict[tuple[str, str], tuple[_Rows, _Rows]]:

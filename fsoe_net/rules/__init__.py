@@ -5,6 +5,7 @@ from __future__ import annotations
 from fsoe_net.diag import Diagnostic, sort_diagnostics
 from fsoe_net.model import Resolution
 from fsoe_net.rules.bus import check_bus
+from fsoe_net.rules.connections import check_connections
 from fsoe_net.rules.context import Context
 from fsoe_net.rules.devices import check_devices
 from fsoe_net.rules.effects import effect_today, effects_today
@@ -37,6 +38,7 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     # Order matters: a mistake in one place is named there, and not again by the rules behind it.
     check_devices(ctx)
     check_bus(ctx)
+    check_connections(ctx)
     check_ends(ctx)
     check_frames(ctx)
     check_nets(ctx)

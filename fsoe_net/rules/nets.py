@@ -279,20 +279,16 @@ def _crossed(ctx: Context, connection: Connection) -> None:
 def _facts(ctx: Context) -> None:
     pairs = {(c.main.name, c.sub.name) for c in ctx.resolution.connections}
     singles = {module_pair(row) for row in ctx.resolution.single}
-    for net, fact in ctx.resolution.unmatched_facts:
+    for row in ctx.resolution.unmatched_facts:
+        net, fact = row.net, row.facts
         named = frozenset((fact.main, fact.sub))
-        first = next(
-            c
-            for c in net.connections
-            if (c.main, c.sub, c.slot) == (fact.main, fact.sub, fact.slot)
-        )
-        if first is not fact:
+        if row.twin is not None:
             ctx.add(
                 "FSN227",
                 fact.at("sub"),
                 f"the connection {fact.main}-{fact.sub} is stated twice",
-                hint="correct main or sub; slot: 1 is the second connection between the same two",
-                related=(Related(span=first.span, message="first stated here"),),
+                hint="correct main or sub; slot tells several connections of the same two apart",
+                related=(Related(span=row.twin.span, message="first stated here"),),
             )
             continue
         if id(net) in ctx.unsure_nets or named in ctx.blamed_pairs or named in singles:
@@ -307,7 +303,9 @@ def _facts(ctx: Context) -> None:
             hint = (
                 f"did you mean {close}?" if close else f"connections: {', '.join(ours) or 'none'}"
             )
-        slot = f" (slot {fact.slot})" if fact.slot else ""
+        keys = [("slot", fact.slot), ("sub_slot", fact.sub_slot)]
+        stated = ", ".join(f"{key} {value}" for key, value in keys if value is not None)
+        slot = f" ({stated})" if stated else ""
         ctx.add(
             "FSN227",
             fact.at("main"),

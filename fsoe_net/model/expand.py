@@ -1,0 +1,458 @@
+"""Shorthand connections to ordinary transfers: the one place where that happens.
+
+A connection names two SubDevices and, where several frames could be meant, slots. When its net
+moves nothing between these frames, the two transfers are made here, by structure alone
+(`layout_of`, `frame_pairs`). Pure; what cannot be made is a trouble with its cause, for the rules.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+from fsoe_net.model.bus import Located, SubDevice
+from fsoe_net.model.ends import Finder, Layouts, ResolvedTransfer
+from fsoe_net.model.layout import FsoeBlock
+from fsoe_net.model.network import (
+    ConnectionFacts,
+    Endpoint,
+    Net,
+    Network,
+    Transfer,
+    TransferKind,
+)
+from fsoe_net.model.slots import FramePair, frame_pairs
+
+__all__ = ["ConnectionTrouble", "Expansion", "Hitch", "expand"]
+
+
+class Hitch(enum.Enum):
+    """Why no transfers can be made from a connection."""
+
+    MODULE = "no SubDevice has this name"
+    SAME = "main and sub are one SubDevice"
+    NOT_MAIN = "main is not the MainInstance of the net"
+    MASTERS = "main and sub are on two masters"
+    NO_FRAMES = "the device shows no FSoE frame"
+    NO_SLOT = "the device has no such frame pair"
+    UNMATCHED = "the frames of this slot do not belong together"
+    LENGTHS = "the frames of the two ends have other lengths"
+    SEVERAL = "several frames could be meant"
+    USED = "the frame belongs to another connection"
+    HIDDEN = "a driver would get another entry than the frame"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConnectionTrouble:
+    """A connection of which no transfers were made.
+
+    Attributes:
+        net: The net, as `Resolution.network` has it.
+        facts: The connection.
+        hitch: Why.
+        key: Key of the connection it hangs on, e.g. ``sub_slot``.
+        pairs: Frame pairs to tell of: those of this device, or those that could be meant.
+        partners: With LENGTHS the pairs of the SubInstance.
+        name: SubDevice whose frames these are; with NOT_MAIN the MainInstance of the net.
+        other: What uses the frame, or states the MainInstance.
+    """
+
+    net: Net
+    facts: ConnectionFacts
+    hitch: Hitch
+    key: str = "main"
+    pairs: tuple[FramePair, ...] = ()
+    partners: tuple[FramePair, ...] = ()
+    name: str = ""
+    other: Located | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expansion:
+    """A network with the transfers of its connections.
+
+    ``made`` holds the `id` of each new transfer, ``left_out`` of each connection that has none,
+    with a trouble or because something else is wrong before.
+    """
+
+    network: Network
+    troubles: tuple[ConnectionTrouble, ...] = ()
+    made: frozenset[int] = frozenset()
+    left_out: frozenset[int] = frozenset()
+
+
+_Frame = tuple[str, tuple[int, int]]  # SubDevice, FsoeBlock.key
+_Couple = tuple[FramePair, FramePair]
+
+
+class _Refusal(Exception):
+    """Why a connection cannot be made."""
+
+    def __init__(
+        self,
+        hitch: Hitch,
+        key: str = "main",
+        *,
+        pairs: tuple[FramePair, ...] = (),
+        partners: tuple[FramePair, ...] = (),
+        name: str = "",
+        other: Located | None = None,
+    ) -> None:
+        super().__init__(hitch.value)
+        self.hitch, self.key, self.name, self.other = hitch, key, name, other
+        self.pairs, self.partners = pairs, partners
+
+
+@dataclass(slots=True, kw_only=True)
+class _Wish:
+    """A connection to make transfers of, with the frames it may mean."""
+
+    net: Net
+    facts: ConnectionFacts
+    main: SubDevice
+    sub: SubDevice
+    couples: list[_Couple] = field(default_factory=list)
+
+    def frames(self, couple: _Couple) -> list[_Frame]:
+        """Return the frames of both ends."""
+        return [
+            (end.name, block.key)
+            for end, pair in zip((self.main, self.sub), couple, strict=True)
+            for block in pair.blocks
+        ]
+
+
+def expand(
+    network: Network,
+    rows: tuple[ResolvedTransfer, ...],
+    by_name: dict[str, SubDevice],
+    finder: Finder,
+    layouts: Layouts,
+) -> Expansion:
+    """Make the transfers that the connections of a network stand for. Never raises.
+
+    Args:
+        network: As it was read.
+        rows: Its transfers with their ends.
+        by_name: Its SubDevices.
+        finder: Looks up entries the way a driver does.
+        layouts: Of its devices.
+    """
+    if not any(net.connections for net in network.nets):
+        return Expansion(network=network)
+    return _Expander(network, rows, by_name, finder, layouts).expand()
+
+
+class _Expander:
+    def __init__(
+        self,
+        network: Network,
+        rows: tuple[ResolvedTransfer, ...],
+        by_name: dict[str, SubDevice],
+        finder: Finder,
+        layouts: Layouts,
+    ) -> None:
+        self._network = network
+        self._by_name = by_name
+        self._finder = finder
+        self._layouts = layouts
+        self._pairs_of: dict[int, tuple[FramePair, ...]] = {}
+        self._rows: dict[int, list[ResolvedTransfer]] = defaultdict(list)
+        self._used: dict[_Frame, Located] = {}
+        for row in rows:
+            if row.transfer.kind is TransferKind.FSOE:
+                self._rows[id(row.net)].append(row)
+            for end in (row.source, row.destination):
+                if end.block is not None:
+                    self._used.setdefault((end.endpoint.module, end.block.key), row.transfer)
+
+    def expand(self) -> Expansion:
+        """Make what can be made, net by net, in the order of the file."""
+        refused: dict[int, _Refusal] = {}
+        silent: set[int] = set()
+        wishes: list[_Wish] = []
+        mains: dict[int, str] = {}
+        for net in self._network.nets:
+            self._collect(net, wishes, refused, silent, mains)
+        reserved = self._reserved(wishes)
+        made: dict[int, tuple[ConnectionFacts, tuple[Transfer, Transfer]]] = {}
+        for wish in wishes:
+            try:
+                couple = self._choose(wish, reserved)
+                made[id(wish.facts)] = self._make(wish, couple)
+            except _Refusal as refusal:
+                refused[id(wish.facts)] = refusal
+                continue
+            for frame in wish.frames(couple):
+                self._used.setdefault(frame, wish.facts)
+        return self._result(made, refused, silent, mains)
+
+    def _result(
+        self,
+        made: dict[int, tuple[ConnectionFacts, tuple[Transfer, Transfer]]],
+        refused: dict[int, _Refusal],
+        silent: set[int],
+        mains: dict[int, str],
+    ) -> Expansion:
+        nets: list[Net] = []
+        troubles: list[ConnectionTrouble] = []
+        for net in self._network.nets:
+            new = [made[id(f)] for f in net.connections if id(f) in made]
+            bad = [f for f in net.connections if id(f) in refused or id(f) in silent]
+            done = net
+            if new or bad:
+                done = replace(
+                    net,
+                    safety_master=net.safety_master or mains.get(id(net)),
+                    transfers=net.transfers + tuple(t for _, both in new for t in both),
+                    connections=tuple(
+                        made[id(f)][0] if id(f) in made else f for f in net.connections
+                    ),
+                    incomplete=net.incomplete or bool(bad),
+                )
+            nets.append(done)
+            for facts in bad:
+                if (why := refused.get(id(facts))) is not None:
+                    troubles.append(
+                        ConnectionTrouble(
+                            net=done,
+                            facts=facts,
+                            hitch=why.hitch,
+                            key=why.key,
+                            pairs=why.pairs,
+                            partners=why.partners,
+                            name=why.name,
+                            other=why.other,
+                        )
+                    )
+        return Expansion(
+            network=replace(self._network, nets=tuple(nets)),
+            troubles=tuple(troubles),
+            made=frozenset(id(t) for _, both in made.values() for t in both),
+            left_out=frozenset({*refused, *silent}),
+        )
+
+    # -- which connections ------------------------------------------------------------------------
+
+    def _collect(
+        self,
+        net: Net,
+        wishes: list[_Wish],
+        refused: dict[int, _Refusal],
+        silent: set[int],
+        mains: dict[int, str],
+    ) -> None:
+        for facts in net.connections:
+            if self._is_stated(net, facts):
+                continue
+            if net.incomplete:  # what could not be read may be its transfers, or have its frames
+                silent.add(id(facts))
+                continue
+            try:
+                wish = self._wish(net, facts, mains)
+            except _Refusal as refusal:
+                refused[id(facts)] = refusal
+                continue
+            if wish is None:
+                silent.add(id(facts))
+            else:
+                wishes.append(wish)
+
+    def _is_stated(self, net: Net, facts: ConnectionFacts) -> bool:
+        """Whether the net has transfers of this connection, which then only states facts."""
+        two = {facts.main, facts.sub}
+        between = [
+            row
+            for row in self._rows[id(net)]
+            if {row.transfer.source.module, row.transfer.destination.module} == two
+        ]
+        if not between:
+            return False
+        wanted = self._stated_frames(facts)
+        if wanted is None:
+            return True
+        for row in between:
+            for end in (row.source, row.destination):
+                if end.block is None or (end.endpoint.module, end.block.key) in wanted:
+                    return True
+        return False
+
+    def _stated_frames(self, facts: ConnectionFacts) -> set[_Frame] | None:
+        """Return the frames that the slots of a connection name; ``None`` when it names none."""
+        if facts.slot is None and facts.sub_slot is None:
+            return None
+        found: set[_Frame] = set()
+        for name, slot in ((facts.main, facts.slot), (facts.sub, facts.sub_slot)):
+            sub = self._by_name.get(name)
+            pairs = self._pairs(sub) if sub is not None and slot is not None else ()
+            found |= {(name, b.key) for pair in pairs if pair.slot == slot for b in pair.blocks}
+        return found
+
+    def _wish(self, net: Net, facts: ConnectionFacts, mains: dict[int, str]) -> _Wish | None:
+        """Return what a connection may mean; ``None`` when something else has gone wrong before.
+
+        Raises:
+            _Refusal: It cannot mean anything.
+        """
+        for key, name in (("main", facts.main), ("sub", facts.sub)):
+            if name not in self._by_name and self._network.partial:
+                return None
+            if name not in self._by_name:
+                raise _Refusal(Hitch.MODULE, key, name=name)
+        if facts.main == facts.sub:
+            raise _Refusal(Hitch.SAME, "sub", name=facts.sub)
+        main_name, said = self._main_of(net, mains)
+        if main_name is None:
+            return None
+        if main_name != facts.main:
+            raise _Refusal(Hitch.NOT_MAIN, "main", name=main_name, other=said)
+        main, sub = self._by_name[facts.main], self._by_name[facts.sub]
+        if main.device is None or sub.device is None:
+            return None
+        if main.master_id != sub.master_id:
+            raise _Refusal(Hitch.MASTERS, "sub")
+        wish = _Wish(net=net, facts=facts, main=main, sub=sub)
+        ours = self._eligible(main, facts.slot, "main", "slot")
+        theirs = self._eligible(sub, facts.sub_slot, "sub", "sub_slot")
+        wish.couples = [(one, two) for one, two in product(ours, theirs) if one.fits(two)]
+        if not wish.couples:
+            raise _Refusal(
+                Hitch.LENGTHS,
+                "slot" if facts.slot is not None else "main",
+                pairs=self._pairs(main),
+                partners=tuple(theirs),
+            )
+        return wish
+
+    def _main_of(self, net: Net, mains: dict[int, str]) -> tuple[str | None, Located]:
+        """Return the MainInstance of a net and what says so; no name when that is wrong itself."""
+        if net.safety_master is not None:
+            there = net.safety_master in self._by_name
+            return net.safety_master if there else None, net
+        ends = [
+            {row.transfer.source.module, row.transfer.destination.module}
+            for row in self._rows[id(net)]
+        ]
+        shared = set.intersection(*ends) if ends else set()
+        known = [c for c in net.connections if c.main in self._by_name]
+        first = next((c for c in known if not ends or c.main in shared), known[0])
+        name = mains.setdefault(id(net), shared.pop() if len(shared) == 1 else first.main)
+        return name, first
+
+    def _pairs(self, sub: SubDevice) -> tuple[FramePair, ...]:
+        if sub.device is None:
+            return ()
+        found = self._pairs_of.get(id(sub.device))
+        if found is None:
+            found = self._pairs_of[id(sub.device)] = frame_pairs(self._layouts.of(sub.device))
+        return found
+
+    def _eligible(
+        self, sub: SubDevice, slot: int | None, key: str, slot_key: str
+    ) -> list[FramePair]:
+        """Return the pairs a connection may mean on one device.
+
+        Raises:
+            _Refusal: There is none.
+        """
+        pairs = self._pairs(sub)
+        if not pairs:
+            raise _Refusal(Hitch.NO_FRAMES, key, name=sub.name)
+        if slot is not None:
+            if slot >= len(pairs):
+                raise _Refusal(Hitch.NO_SLOT, slot_key, pairs=pairs, name=sub.name)
+            if not pairs[slot].matched:
+                raise _Refusal(Hitch.UNMATCHED, slot_key, pairs=(pairs[slot],), name=sub.name)
+            return [pairs[slot]]
+        matched = [pair for pair in pairs if pair.matched]
+        if not matched:
+            raise _Refusal(Hitch.UNMATCHED, key, pairs=pairs[:1], name=sub.name)
+        return matched
+
+    # -- which frames -----------------------------------------------------------------------------
+
+    def _reserved(self, wishes: list[_Wish]) -> dict[_Frame, list[ConnectionFacts]]:
+        """Return the frames that connections name by their slots."""
+        reserved: dict[_Frame, list[ConnectionFacts]] = defaultdict(list)
+        for wish in wishes:
+            for frame in self._stated_frames(wish.facts) or ():
+                reserved[frame].append(wish.facts)
+        return reserved
+
+    def _choose(self, wish: _Wish, reserved: dict[_Frame, list[ConnectionFacts]]) -> _Couple:
+        """Return the one pair of frame pairs that a connection can mean.
+
+        Raises:
+            _Refusal: There is none, or there are several.
+        """
+
+        def user(frame: _Frame, *, early: bool) -> Located | None:
+            """Return what has the frame; ``early``: also connections that stand before."""
+            used = self._used.get(frame)
+            if used is not None and (early or isinstance(used, Transfer)):
+                return used
+            others = [f for f in reserved.get(frame, ()) if f is not wish.facts]
+            return others[0] if others and not early else None
+
+        free = [
+            c for c in wish.couples if not any(user(f, early=False) for f in wish.frames(c))
+        ] or wish.couples
+        if len(free) > 1:
+            ours = {main.slot for main, _ in free}
+            if len(ours) > 1:
+                pairs = {main.slot: main for main, _ in free}
+                key, name = "main", wish.main.name
+            else:
+                pairs = {sub.slot: sub for _, sub in free}
+                key, name = "sub", wish.sub.name
+            raise _Refusal(Hitch.SEVERAL, key, pairs=tuple(pairs.values()), name=name)
+        for frame in wish.frames(free[0]):
+            other = user(frame, early=True)
+            if other is not None:
+                key = "main" if frame[0] == wish.main.name else "sub"
+                pair = free[0][0] if key == "main" else free[0][1]
+                stated = f"{key}_slot" if key == "sub" else "slot"
+                at = stated if stated in wish.facts.fields else key
+                raise _Refusal(Hitch.USED, at, pairs=(pair,), name=frame[0], other=other)
+        return free[0]
+
+    def _make(
+        self, wish: _Wish, couple: _Couple
+    ) -> tuple[ConnectionFacts, tuple[Transfer, Transfer]]:
+        main, sub = couple
+        facts = replace(wish.facts, slot=main.slot, sub_slot=sub.slot)
+        to_main = self._transfer(facts, wish.sub, sub.sends, wish.main, main.takes)
+        to_sub = self._transfer(facts, wish.main, main.sends, wish.sub, sub.takes)
+        return facts, (to_main, to_sub)
+
+    def _transfer(
+        self,
+        facts: ConnectionFacts,
+        source: SubDevice,
+        sends: FsoeBlock | None,
+        destination: SubDevice,
+        takes: FsoeBlock | None,
+    ) -> Transfer:
+        assert sends is not None  # noqa: S101  (only matched pairs are chosen)
+        assert takes is not None  # noqa: S101
+        return Transfer(
+            span=facts.span,
+            size_bytes=sends.frame_bytes,
+            source=self._endpoint(facts, source, sends),
+            destination=self._endpoint(facts, destination, takes),
+        )
+
+    def _endpoint(self, facts: ConnectionFacts, sub: SubDevice, block: FsoeBlock) -> Endpoint:
+        key = "main" if sub.name == facts.main else "sub"
+        end = Endpoint(
+            span=facts.at(key),
+            module=sub.name,
+            index=block.command.index,
+            subindex=block.command.subindex,
+        )
+        found = self._finder.end(end).block
+        if found is None or found.key != block.key:
+            raise _Refusal(Hitch.HIDDEN, key, name=str(end))
+        return end

@@ -1,0 +1,212 @@
+"""FSN234 … FSN239: connections as the user writes them, and why they mean no frames."""
+
+from __future__ import annotations
+
+from fsoe_net.diag import Related
+from fsoe_net.model import ConnectionTrouble, FramePair, Hitch, Net, Transfer
+from fsoe_net.rules.context import Context, count_of, few, nearest
+from fsoe_net.rules.ends import is_main_device
+
+__all__ = ["check_connections"]
+
+
+def check_connections(ctx: Context) -> None:
+    """Check what `connections` of the nets say, apart from the values."""
+    for net in ctx.resolution.network.nets:
+        for fact in net.connections:
+            if fact.unconfirmed is not None:
+                why = f" ({fact.unconfirmed})" if fact.unconfirmed else ""
+                ctx.add(
+                    "FSN234",
+                    fact.at("unconfirmed"),
+                    f"the connection {fact.main}-{fact.sub} is marked unconfirmed{why}; no plan is "
+                    "made of it",
+                    hint="compare main, sub, slot, address and connection ID with the safety "
+                    "project and the devices, then delete unconfirmed",
+                )
+    suspects = {
+        sub.name
+        for sub in ctx.resolution.network.subdevices
+        if id(sub.device) in ctx.exchanged | ctx.unassigned
+    }
+    for trouble in ctx.resolution.troubles:
+        # The PDOs of such a device are another finding, and its frames follow from them.
+        if not suspects & {trouble.facts.main, trouble.facts.sub}:
+            _say(ctx, trouble)
+
+
+def _say(ctx: Context, trouble: ConnectionTrouble) -> None:
+    match trouble.hitch:
+        case Hitch.MODULE:
+            _module(ctx, trouble)
+        case Hitch.SAME | Hitch.NOT_MAIN:
+            _main(ctx, trouble)
+        case Hitch.MASTERS:
+            _masters(ctx, trouble)
+        case Hitch.NO_FRAMES | Hitch.NO_SLOT:
+            _no_slot(ctx, trouble)
+        case Hitch.UNMATCHED | Hitch.HIDDEN:
+            _unmatched(ctx, trouble)
+        case Hitch.LENGTHS:
+            _lengths(ctx, trouble)
+        case Hitch.SEVERAL:
+            _several(ctx, trouble)
+        case Hitch.USED:
+            _used(ctx, trouble)
+
+
+def _module(ctx: Context, trouble: ConnectionTrouble) -> None:
+    span = trouble.facts.at(trouble.key)
+    if trouble.key == "main" and is_main_device(trouble.name):
+        ctx.add(
+            "FSN226",
+            span,
+            f"{trouble.name!r} means the MainDevice itself: an FSoE MainInstance on the MainDevice "
+            "(centralized topology) needs certified software on certified hardware, which this "
+            "PC is not",
+            hint="name the safety terminal on the bus (for example EL6910, EL1918) that holds it",
+        )
+        return
+    if any(d.code == "FSN134" for d in ctx.diagnostics):
+        return  # a name used twice is missing elsewhere
+    names = sorted({s.name for s in ctx.resolution.network.subdevices})
+    meant = nearest(trouble.name, names)
+    ctx.add(
+        "FSN201",
+        span,
+        f"no module is named {trouble.name!r}",
+        hint=f"write {meant}" if meant else f"known: {few(names) or 'none'}",
+    )
+
+
+def _main(ctx: Context, trouble: ConnectionTrouble) -> None:
+    facts = trouble.facts
+    if trouble.hitch is Hitch.SAME:
+        ctx.add(
+            "FSN239",
+            facts.at("sub"),
+            f"main and sub are both {facts.main}; a connection joins two SubDevices",
+            hint="main holds the MainInstance, sub the SubInstance",
+        )
+        return
+    if facts.sub == trouble.name:
+        hint = "main and sub look exchanged; slot then counts the frames of the other device"
+    else:
+        hint = f"write main: {trouble.name}, or put it into the net of its own safety master"
+    said = trouble.other
+    key = "main"
+    if isinstance(said, Net):
+        key = "transfer_master" if "transfer_master" in said.fields else "safety_master"
+    ctx.add(
+        "FSN239",
+        facts.at("main"),
+        f"main is {facts.main}, but {trouble.name} holds the MainInstance of net "
+        f"{trouble.net.name!r}",
+        hint=hint,
+        related=(Related(span=said.at(key), message="said here"),) if said is not None else (),
+    )
+
+
+def _masters(ctx: Context, trouble: ConnectionTrouble) -> None:
+    by_name = {s.name: s for s in reversed(ctx.resolution.network.subdevices)}
+    main, sub = by_name[trouble.facts.main], by_name[trouble.facts.sub]
+    ctx.add(
+        "FSN129",
+        trouble.facts.span,
+        f"{main.name} is on master {main.master_id}, {sub.name} on master {sub.master_id}; a copy "
+        "moves bytes inside one process image",
+        hint="put both SubDevices on one master",
+    )
+
+
+def _no_slot(ctx: Context, trouble: ConnectionTrouble) -> None:
+    facts, name, pairs = trouble.facts, trouble.name, trouble.pairs
+    if trouble.hitch is Hitch.NO_FRAMES:
+        ctx.add(
+            "FSN235",
+            facts.at(trouble.key),
+            f"{name} shows no FSoE frame (command, data, CRC, connection ID) in its process data",
+            hint="name another SubDevice, map the entries of its frames one by one, or write the "
+            "two transfers",
+        )
+        return
+    stated = facts.slot if trouble.key == "slot" else facts.sub_slot
+    last = pairs[-1].slot
+    there = f"its {count_of(len(pairs), 'frame pair')} count from 0 to {last}"
+    ctx.add(
+        "FSN235",
+        facts.at(trouble.key),
+        f"{name} has no slot {stated}; " + (there if last else "its only frame pair is slot 0"),
+        hint=f"write {trouble.key}: with a number up to {last}" if last else "write 0 or nothing",
+    )
+
+
+def _unmatched(ctx: Context, trouble: ConnectionTrouble) -> None:
+    name, hint = trouble.name, "write the two transfers out"
+    if trouble.hitch is Hitch.HIDDEN:
+        message = f"{name} is mapped twice, and a driver would get the other place than the frame"
+        hint = "map it once"
+    else:
+        pair = trouble.pairs[0]
+        if pair.sends is None or pair.takes is None:
+            way = "to" if pair.sends is None else "from"
+            message = f"slot {pair.slot} of {name} has no frame {way} the MainDevice"
+            hint = "compare the PDOs of both directions; one is missing or has no frame structure"
+        else:
+            message = (
+                f"slot {pair.slot} of {name}: by their object numbers {pair.sends.command.address} "
+                f"and {pair.takes.command.address} belong to two connections"
+            )
+            hint = f"list the PDOs of both directions in one order, or {hint}"
+    ctx.add("FSN236", trouble.facts.at(trouble.key), message, hint=hint)
+
+
+def _lengths(ctx: Context, trouble: ConnectionTrouble) -> None:
+    facts, theirs = trouble.facts, trouble.partners
+    ours = [p for p in trouble.pairs if facts.slot in (None, p.slot)]
+    message = f"no slot of {facts.main} fits {facts.sub}"
+    if len(ours) == 1:
+        message = (
+            f"slot {ours[0].slot} of {facts.main} sends {ours[0].sent_bytes} and takes "
+            f"{ours[0].taken_bytes} bytes"
+        )
+    if len(theirs) == 1:
+        message += (
+            f"; {facts.sub} takes {theirs[0].taken_bytes} and sends {theirs[0].sent_bytes} bytes"
+        )
+    elif len(ours) == 1:
+        message += f"; no slot of {facts.sub} fits that"
+    fitting = [
+        str(p.slot) for p in trouble.pairs if p.matched and any(p.fits(other) for other in theirs)
+    ]
+    hint = "the safety project must give this connection the frame sizes of both devices"
+    if fitting:
+        hint = f"slots of {facts.main} that fit: {few(fitting)}"
+    ctx.add("FSN236", facts.at(trouble.key), message, hint=hint)
+
+
+def _several(ctx: Context, trouble: ConnectionTrouble) -> None:
+    key = "slot" if trouble.key == "main" else "sub_slot"
+    ctx.add(
+        "FSN237",
+        trouble.facts.at(trouble.key),
+        f"several frame pairs of {trouble.name} could be meant: slots "
+        f"{few([_named(p) for p in trouble.pairs])}",
+        hint=f"add {key}: with the number it has in the safety project",
+    )
+
+
+def _named(pair: FramePair) -> str:
+    return f"{pair.slot} ({', '.join(b.command.address for b in pair.blocks)})"
+
+
+def _used(ctx: Context, trouble: ConnectionTrouble) -> None:
+    other = trouble.other
+    what = "a transfer" if isinstance(other, Transfer) else "another connection"
+    ctx.add(
+        "FSN238",
+        trouble.facts.at(trouble.key),
+        f"slot {trouble.pairs[0].slot} of {trouble.name} is used by {what} already",
+        hint="give each connection frames of its own, or delete one of the two",
+        related=(Related(span=other.span, message="used here"),) if other is not None else (),
+    )
