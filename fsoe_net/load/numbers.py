@@ -94,6 +94,8 @@ def read_int(
     elif reader is Reader.ENDPOINT:
         _misread(text, node.span, out, what=what, mend=_mend_of(text))
         return None
+    elif any(d.code == "FSN111" and d.span == node.span for d in out.diagnostics):
+        return None  # the schema has said so
     else:
         out.add(
             "FSN112" if re.search(r"[0-9]", text) else "FSN111",

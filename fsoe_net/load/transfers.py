@@ -173,9 +173,9 @@ def _connection(node: MapNode, out: Collector) -> ConnectionFacts | None:
 def _unconfirmed(node: MapNode) -> str | None:
     """Return why a connection is unconfirmed, maybe an empty text; ``None`` when it is not."""
     text = node.text("unconfirmed")
-    if "unconfirmed" not in node.pairs or (text or "").lower() in ("false", "no", "off"):
-        return None
-    return "" if text is None or node.truth("unconfirmed") else text
+    if text is None or text.lower() in ("false", "no", "off"):
+        return None  # a list, a map or nothing is an error of its own
+    return "" if node.truth("unconfirmed") else text
 
 
 def _parameters(node: MapNode, out: Collector) -> bytes:

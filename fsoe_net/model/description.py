@@ -77,7 +77,8 @@ class DescribedCopy(Located):
 class DescribedConnection(Located):
     """An FSoE connection the source names; numbers of SubDevices, ``None`` where it is silent.
 
-    ``slot`` counts the connections of a MainInstance in the order the source gives them.
+    ``slot`` is the number of the frame pair of the MainInstance (`frame_pairs`); sources that list
+    the connections of a logic in that order tell it by their order.
     """
 
     name: str = ""

@@ -296,6 +296,7 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
         )
         for n, c in enumerate(b.connections or ())
     }
+    alone = _lone_pairs(left.values()) & _lone_pairs(right.values())
     changes: list[Change] = []
     keys: tuple[Callable[[SideConnection], Hashable | None], ...] = (
         lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
@@ -303,6 +304,7 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
         lambda c: _pair_key(c.sub, c.facts.get("address")),
         lambda c: _pair_key(c.main, c.facts.get("connection_id")),
         lambda c: c.facts.get("connection_id"),
+        lambda c: (c.main, c.sub) if (c.main, c.sub) in alone else None,
     )
     for key in keys:
         waiting = {k: n for n, c in right.items() if (k := key(c)) is not None}
@@ -317,6 +319,12 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
     changes += [_connection_row("removed", c, label) for c in left.values()]
     changes += [_connection_row("added", c, label) for c in right.values()]
     return changes
+
+
+def _lone_pairs(rows: Iterable[SideConnection]) -> set[tuple[int | None, int | None]]:
+    """Return the SubDevices with one connection between them, whatever its slot."""
+    counts = Counter((c.main, c.sub) for c in rows if None not in (c.main, c.sub))
+    return {pair for pair, count in counts.items() if count == 1}
 
 
 def _pair_key(number: int | None, fact: Fact) -> Hashable | None:

@@ -285,11 +285,15 @@ def _plan_subdevice(
 
 
 def _plan_connections(plan: Plan) -> list[SideConnection]:
-    slots: Counter[tuple[int, int]] = Counter()
+    numbers = _plan_slots(plan)
     rows = []
     for c in plan.connections:
-        slot = slots[c.main, c.sub]
-        slots[c.main, c.sub] += 1
+        down, up = plan.copies[c.copy_to_sub], plan.copies[c.copy_to_main]
+        used = {
+            numbers.get((down.source_sm, down.source_bit // 8)),
+            numbers.get((up.destination_sm, up.destination_bit // 8)),
+        }
+        slot = used.pop() if len(used) == 1 else None
         rows.append(
             SideConnection(
                 name=c.name,
@@ -304,6 +308,19 @@ def _plan_connections(plan: Plan) -> list[SideConnection]:
             )
         )
     return rows
+
+
+def _plan_slots(plan: Plan) -> dict[tuple[int, int], int]:
+    """Return the number of each frame among those of its device and direction."""
+    seen: Counter[tuple[int, bool]] = Counter()
+    found = {}
+    order = sorted(plan.blocks, key=lambda b: (plan.sync_managers[b.sm].index, b.byte_offset))
+    for block in order:
+        sm = plan.sync_managers[block.sm]
+        key = (sm.subdevice, sm.is_output)
+        found[block.sm, block.byte_offset] = seen[key]
+        seen[key] += 1
+    return found
 
 
 def side_of_description(description: Description) -> Side:

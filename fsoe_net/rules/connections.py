@@ -181,7 +181,7 @@ def _lengths(ctx: Context, trouble: ConnectionTrouble) -> None:
     ]
     hint = "the safety project must give this connection the frame sizes of both devices"
     if fitting:
-        hint = f"slots of {facts.main} that fit: {few(fitting)}"
+        hint = f"slots of {facts.main} with these sizes: {few(fitting)}"
     ctx.add("FSN236", facts.at(trouble.key), message, hint=hint)
 
 

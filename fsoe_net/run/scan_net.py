@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 
 from fsoe_net.model import (
     DeviceLayout,
@@ -12,6 +13,7 @@ from fsoe_net.model import (
     Scan,
     ScannedConnection,
     SubDevice,
+    slot_numbers,
 )
 
 __all__ = ["proposed_net", "yaml_word"]
@@ -39,7 +41,7 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
             if (other := _partner(row, slot, sub, ends, scan)) is not None
         ]
         if found:
-            lines += _net(sub, found)
+            lines += _net(sub, slot_numbers(layout), found)
     if not lines:
         return ""
     return "\n".join(
@@ -86,7 +88,9 @@ def _partner(
 
 
 def _net(
-    main: SubDevice, found: list[tuple[ScannedConnection, _Pair, tuple[SubDevice, _Pair]]]
+    main: SubDevice,
+    numbers: Mapping[tuple[int, int], int],
+    found: list[tuple[ScannedConnection, _Pair, tuple[SubDevice, _Pair]]],
 ) -> list[str]:
     lines = [
         f"  - name: {yaml_word(main.name + '_safety')}",
@@ -96,8 +100,9 @@ def _net(
     facts: list[str] = []
     for row, (main_in, main_out), (sub, (sub_in, sub_out)) in found:
         lines += _transfer(sub, sub_out, main, main_in) + _transfer(main, main_out, sub, sub_in)
-        values = [("address", row.address), ("connection_id", row.connection_id)]
-        values.append(("watchdog_ms", row.watchdog_ms))
+        slots = {numbers.get(main_in.key), numbers.get(main_out.key)}
+        values = [("slot", slots.pop() if len(slots) == 1 else None), ("address", row.address)]
+        values += [("connection_id", row.connection_id), ("watchdog_ms", row.watchdog_ms)]
         stated = "".join(f", {key}: {value}" for key, value in values if value is not None)
         facts.append(
             f"      - {{main: {yaml_word(main.name)}, sub: {yaml_word(sub.name)}{stated}}}"

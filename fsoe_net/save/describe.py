@@ -22,7 +22,8 @@ def describe(network: Network) -> Description:
     """Return what a network says, with a copy for each of its transfers.
 
     Raises:
-        InputError: A SubDevice has no device description, or a transfer does not resolve.
+        InputError: A SubDevice has no device description, a transfer does not resolve, or a
+            connection is unconfirmed or means no frames.
     """
     numbers: dict[str, int] = {}
     for number, sub in enumerate(network.subdevices):
@@ -41,6 +42,15 @@ def describe(network: Network) -> Description:
             )
         )
     resolution = resolve(network)
+    for trouble in resolution.troubles:
+        raise InputError(f"{trouble.facts.span}: {trouble.hitch.value}; run fsoe-net check first")
+    for net in resolution.network.nets:
+        for stated in net.connections:
+            if stated.unconfirmed is not None:  # no other format could say so
+                raise InputError(
+                    f"{stated.at('unconfirmed')}: the connection {stated.main}-{stated.sub} is "
+                    "marked unconfirmed; compare it with the safety project first"
+                )
     copies = []
     for transfer in resolution.transfers:
         if not transfer.usable:
@@ -64,6 +74,7 @@ def describe(network: Network) -> Description:
                 name=connection.name,
                 main=numbers[connection.main.name],
                 sub=numbers[connection.sub.name],
+                slot=connection.slot,
                 address=None if facts is None else facts.address,
                 connection_id=None if facts is None else facts.connection_id,
                 watchdog_ms=None if facts is None else facts.watchdog_ms,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import enum
+from collections import Counter
 from collections.abc import Iterator
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import DescribedSubDevice, Description
+from fsoe_net.model import DescribedConnection, DescribedSubDevice, Description, slot_numbers
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import (
     CopyGroup,
@@ -170,16 +171,32 @@ class _Files:
 
     def _connections(self, group: CopyGroup) -> Iterator[str]:
         ends = {frozenset((c.source.subdevice, c.destination.subdevice)) for c in group.copies}
-        slots: dict[tuple[int, int], int] = {}
         rows = []
-        for row in self._description.connections:
-            if row.main is None or row.sub is None or frozenset((row.main, row.sub)) not in ends:
+        ours = [
+            row
+            for row in self._description.connections
+            if row.main is not None
+            and row.sub is not None
+            and frozenset((row.main, row.sub)) in ends
+        ]
+        several = Counter(
+            (c.source.subdevice, c.destination.subdevice)
+            for c in group.copies
+            if is_fsoe(c, self._layouts)
+        )
+        for row in ours:
+            if row.main is None or row.sub is None:
                 continue
-            slot = slots.get((row.main, row.sub), 0)
-            slots[row.main, row.sub] = slot + 1
             parts = [f"main: {quoted(self._names[row.main])}"]
             parts.append(f"sub: {quoted(self._names[row.sub])}")
-            if slot:
+            if several[row.main, row.sub] > 1:
+                slot = self._slot(row, group)
+                if slot is None:
+                    self.notes.append(
+                        f"{', '.join(parts)}: its frames are not told, so this connection is not "
+                        "in these files"
+                    )
+                    continue
                 parts.append(f"slot: {slot}")
             for key in ("address", "connection_id", "watchdog_ms"):
                 value = getattr(row, key)
@@ -192,6 +209,20 @@ class _Files:
         if rows:
             yield "    connections:"
             yield from rows
+
+    def _slot(self, row: DescribedConnection, group: CopyGroup) -> int | None:
+        """Return the slot of one of several connections of the same two, where it has copies."""
+        if row.main is None:
+            return None
+        layout = self._layouts[row.main]
+        numbers = slot_numbers(layout)
+        copied = set()
+        for copy in group.copies:
+            for end, other in ((copy.source, copy.destination), (copy.destination, copy.source)):
+                if (end.subdevice, other.subdevice) == (row.main, row.sub):
+                    copied.add((end.sm_index, end.bit_offset // 8))
+        known = {numbers[key] for key in copied if key in numbers}
+        return row.slot if row.slot in known else None
 
     def written(self, name: str, lines: list[str]) -> Written:
         """Return all files."""

@@ -85,7 +85,10 @@ class _Configuration:
     def _find_partners(self) -> dict[int, list[int]]:
         """Return the SubInstances of each logic, in the order of its slots."""
         partners: dict[int, list[int]] = {}
-        for row in self._description.connections:
+        rows = list(self._description.connections)
+        if all(row.slot is not None for row in rows):
+            rows.sort(key=lambda row: row.slot or 0)  # their order is all that tells the slot
+        for row in rows:
             if row.main is not None and row.sub is not None:
                 partners.setdefault(row.main, []).append(row.sub)
         layouts = layouts_of(self._description)
