@@ -5,7 +5,7 @@ from __future__ import annotations
 from fsoe_net.diag import Diagnostic, sort_diagnostics
 from fsoe_net.model import Resolution
 from fsoe_net.rules.bus import check_bus
-from fsoe_net.rules.connections import check_connections
+from fsoe_net.rules.connections import check_connections, check_drivers
 from fsoe_net.rules.context import Context
 from fsoe_net.rules.devices import check_devices
 from fsoe_net.rules.effects import effect_today, effects_today
@@ -43,5 +43,6 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     check_frames(ctx)
     check_nets(ctx)
     check_fsoe(ctx)
+    check_drivers(ctx, runtime)
     check_runtime(ctx, runtime)
     return sort_diagnostics(ctx.diagnostics)

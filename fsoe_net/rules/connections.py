@@ -6,8 +6,9 @@ from fsoe_net.diag import Related
 from fsoe_net.model import ConnectionTrouble, FramePair, Hitch, Net, Transfer
 from fsoe_net.rules.context import Context, count_of, few, nearest
 from fsoe_net.rules.ends import is_main_device
+from fsoe_net.rules.runtime import Runtime
 
-__all__ = ["check_connections"]
+__all__ = ["check_connections", "check_drivers"]
 
 
 def check_connections(ctx: Context) -> None:
@@ -33,6 +34,22 @@ def check_connections(ctx: Context) -> None:
         # The PDOs of such a device are another finding, and its frames follow from them.
         if not suspects & {trouble.facts.main, trouble.facts.sub}:
             _say(ctx, trouble)
+
+
+def check_drivers(ctx: Context, runtime: Runtime) -> None:
+    """Say what a driver makes of connections without transfers: nothing (FSN223)."""
+    if runtime not in (Runtime.ROS2_2025, Runtime.ROS2_2026):
+        return
+    for net in ctx.resolution.network.nets:
+        made = [c for c in ctx.resolution.connections if c.net is net and c.made]
+        if made:
+            ctx.add(
+                "FSN223",
+                net.span,
+                f"the driver knows no connections: it would copy nothing for "
+                f"{few([c.name for c in made])}",
+                hint="`fsoe-net convert` writes their transfers out for the driver",
+            )
 
 
 def _say(ctx: Context, trouble: ConnectionTrouble) -> None:

@@ -31,6 +31,7 @@ from fsoe_net.model import (
     resolve,
 )
 from fsoe_net.plan import compile_plan
+from fsoe_net.save import describe, write_network
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 
@@ -427,3 +428,34 @@ def test_connections_must_be_a_list(tmp_path: Path):
         )
         found = check_files([str(path)]).diagnostics
         assert [d.code for d in found] == ["FSN111"], wrong
+
+
+def test_written_files_tell_connections_of_the_same_two_apart(tmp_path: Path):
+    devices = {**TWO, "right": device((1, 1))}
+    stated = (
+        replace(facts("left", 2, 0), address=5),
+        replace(facts("left", 0, 1), address=6),
+        replace(facts("right", 1), address=7),
+    )
+    network = bus(devices, *stated)
+    written = write_network(describe(network))
+    for name, text in written.files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, "utf-8")
+    again = resolved(tmp_path / "network.yaml")
+    told = {c.slot: c.facts.address for c in again.connections if c.facts is not None}
+    assert told == {2: 5, 0: 6, 1: 7}
+    assert [c.made for c in again.connections] == [False] * 3
+
+
+def test_slots_of_transfers_are_those_of_the_frames():
+    two = (facts("left", 3, 0), facts("left", 1, 1))
+    made = resolve(bus(TWO, *two)).network
+    (net,) = made.nets
+    turned = replace(net, connections=(facts("left", 1), facts("left", sub_slot=0)))
+    found = resolve(replace(made, nets=(turned,)))
+    assert [(c.slot, c.facts and c.facts.slot) for c in found.connections] == [(3, None), (1, 1)]
+    assert (found.troubles, found.unmatched_facts) == ((), ())
+    unclear = replace(net, connections=(facts("left"),))
+    (trouble,) = resolve(replace(made, nets=(unclear,))).troubles
+    assert (trouble.hitch, [p.slot for p in trouble.pairs]) == (Hitch.SEVERAL, [1, 3])
