@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import islice, product
 
 from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.ends import Finder, Layouts, ResolvedTransfer
@@ -82,6 +82,8 @@ class Expansion:
     made: frozenset[int] = frozenset()
     left_out: frozenset[int] = frozenset()
 
+
+_MOST_NAMED = 64  # frame pairs in one finding
 
 _Frame = tuple[str, tuple[int, int]]  # SubDevice, FsoeBlock.key
 _Couple = tuple[FramePair, FramePair]
@@ -196,6 +198,8 @@ class _Expander:
         silent: set[int],
         mains: dict[int, str],
     ) -> Expansion:
+        if not (made or refused or silent):
+            return Expansion(network=self._network)
         nets: list[Net] = []
         troubles: list[ConnectionTrouble] = []
         for net in self._network.nets:
@@ -396,9 +400,8 @@ class _Expander:
             others = [f for f in reserved.get(frame, ()) if f is not wish.facts]
             return others[0] if others and not early else None
 
-        free = [
-            c for c in wish.couples if not any(user(f, early=False) for f in wish.frames(c))
-        ] or wish.couples
+        unused = (c for c in wish.couples if not any(user(f, early=False) for f in wish.frames(c)))
+        free = list(islice(unused, _MOST_NAMED)) or wish.couples[:1]
         if len(free) > 1:
             ours = {main.slot for main, _ in free}
             if len(ours) > 1:

@@ -221,8 +221,9 @@ class _Pairing:
         stated = sorted(stated, key=lambda f: f.slot is None and f.sub_slot is None)
         for fact in stated:
             meant = [n for n, couple in enumerate(couples) if couple.may_be(fact)]
-            seen = [n for n in meant if couples[n].slots or fact.slot is None]
-            free = [n for n in seen or meant if n not in taken]
+            # Frames nobody can number are meant only when no others are.
+            meant = [n for n in meant if couples[n].slots or fact.slot is None] or meant
+            free = [n for n in meant if n not in taken]
             if not free:
                 twin = taken[meant[0]] if meant else None
                 self.unmatched.append(UnmatchedFacts(net=net, facts=fact, twin=twin))

@@ -11,6 +11,7 @@ from xml.sax.saxutils import escape
 
 from fsoe_net.errors import InputError
 from fsoe_net.model import (
+    DescribedConnection,
     DescribedSubDevice,
     Description,
     Direction,
@@ -88,6 +89,7 @@ class _Configuration:
         rows = list(self._description.connections)
         if all(row.slot is not None for row in rows):
             rows.sort(key=lambda row: row.slot or 0)  # their order is all that tells the slot
+            self._gaps(rows)
         for row in rows:
             if row.main is not None and row.sub is not None:
                 partners.setdefault(row.main, []).append(row.sub)
@@ -103,6 +105,20 @@ class _Configuration:
             into.sort(key=lambda c: (c.destination.sm_index, c.destination.bit_offset))
             partners[group.main] = list(dict.fromkeys(c.source.subdevice for c in into))
         return partners
+
+    def _gaps(self, rows: list[DescribedConnection]) -> None:
+        """Note the logics of which a slot is left out."""
+        slots: dict[int, list[int]] = {}
+        for row in rows:
+            if row.main is not None and row.slot is not None:
+                slots.setdefault(row.main, []).append(row.slot)
+        for main, numbers in slots.items():
+            if numbers != list(range(len(numbers))):
+                listed = ", ".join(map(str, numbers))
+                self._notes.append(
+                    f"{self._names[main]}: slots {listed} are connected; linuxcnc-ethercat counts "
+                    "from 0 without gaps and would serve others"
+                )
 
     def _type(self, number: int) -> str:
         """Return the type the driver has for this SubDevice; empty for ``generic``."""

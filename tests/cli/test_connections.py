@@ -92,6 +92,9 @@ def test_slots_are_written_in_their_order_for_linuxcnc(short: Path, tmp_path: Pa
     assert done.returncode == 0, done.stderr
     numbers = re.findall(r'name="fsoeSlaveIdx" value="(\d+)"', out.read_text("utf-8"))
     assert numbers == ["2", "3", "4", "5"]
+    short.write_text("".join(line for line in lines if "slot: 1," not in line), "utf-8")
+    done = fsn("convert", str(short), "-o", str(tmp_path / "gap.xml"), "--to", "lcec")
+    assert "el6910: slots 0, 2, 3 are connected" in done.stderr
 
 
 def test_a_driver_copies_nothing_for_it(short: Path):

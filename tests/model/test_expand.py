@@ -249,6 +249,9 @@ def test_frames_are_used_once():
     devices = {"logic": device((1, 1), (1, 1)), "a": device((1, 1)), "b": device((1, 1))}
     assert hitches(bus(devices, facts("a", 0), facts("b", 0))) == [(Hitch.USED, "main")]
     assert hitches(bus(devices, facts("a", 0), facts("a", 1))) == [(Hitch.USED, "sub")]
+    third = {**devices, "c": device((1, 1))}
+    full = bus(third, facts("a", 0), facts("b", 1), facts("c"))
+    assert hitches(full) == [(Hitch.USED, "main")]
     one, other = bus(devices, facts("a", 0)), bus(devices, facts("a", 0), name="other")
     two = replace(one, nets=one.nets + other.nets)
     assert hitches(two) == [(Hitch.USED, "main")]
