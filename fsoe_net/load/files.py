@@ -18,9 +18,13 @@ MAX_FILE_BYTES = 32 * 1024 * 1024
 
 @dataclass(slots=True)
 class Collector(Findings):
-    """Findings, and the files that were read."""
+    """Findings, and the files that were read.
+
+    ``decimal_files`` are those of which FSN115 has spoken.
+    """
 
     sources: list[SourceFile] = field(default_factory=list)
+    decimal_files: set[str] = field(default_factory=set)
 
     def source(self, path: str, data: bytes) -> None:
         """Remember a file that was read, once."""

@@ -9,6 +9,7 @@ spellings every reader takes for the same number, and name what would be read ot
 from __future__ import annotations
 
 import enum
+import functools
 import math
 import re
 
@@ -76,24 +77,28 @@ def read_int(
     """
     if not isinstance(node, ScalarNode) or node.is_null:
         return None
+    value = _agreed(node.text, reader)
+    if value is None:
+        value = _disputed(node, out, what=what, reader=reader)
+    if value is not None and not low <= value <= high:
+        _out_of_range(
+            value, node.text, node.span, out, what=what, low=low, high=high, reader=reader
+        )
+        return None
+    return value
+
+
+def _disputed(node: ScalarNode, out: Collector, *, what: str, reader: Reader) -> int | None:
+    """Name what is wrong with a spelling; return the number where one is sure all the same."""
     text = node.text
     if len(text) > _MAX_DIGITS:
         out.add("FSN113", node.span, f"{what} has {len(text)} digits", hint="correct the number")
-        return None
-    if _LEADING_ZERO.match(text):
-        value = _leading_zero(text, node.span, out, what=what, reader=reader)
-        if value is None:
-            return None
-    elif _HEX.match(text):
-        if reader is Reader.ENDPOINT and text.startswith("0X"):
-            _misread(text, node.span, out, what=what, mend="0x" + text[2:])
-            return None
-        value = int(text, 16)
-    elif _DECIMAL.match(text):
-        value = int(text)
+    elif _LEADING_ZERO.match(text):
+        return _leading_zero(text, node.span, out, what=what, reader=reader)
+    elif _HEX.match(text):  # with 0X: all others are agreed on
+        _misread(text, node.span, out, what=what, mend="0x" + text[2:])
     elif reader is Reader.ENDPOINT:
         _misread(text, node.span, out, what=what, mend=_mend_of(text))
-        return None
     elif any(d.code == "FSN111" and d.span == node.span for d in out.diagnostics):
         return None  # the schema has said so
     else:
@@ -103,11 +108,19 @@ def read_int(
             f"{what} {text!r} is no integer",
             hint=f"write {_mend_of(text)}" if _mend_of(text) else "write 0x6000 or 24576",
         )
+    return None
+
+
+@functools.lru_cache(maxsize=8192)
+def _agreed(text: str, reader: Reader) -> int | None:
+    """Return the number of a spelling that needs no remark, the usual case; else ``None``."""
+    if len(text) > _MAX_DIGITS:
         return None
-    if not low <= value <= high:
-        _out_of_range(value, text, node.span, out, what=what, low=low, high=high, reader=reader)
-        return None
-    return value
+    if _DECIMAL.match(text):
+        return int(text)
+    if _HEX.match(text) and not (reader is Reader.ENDPOINT and text.startswith("0X")):
+        return int(text, 16)
+    return None
 
 
 def _leading_zero(
@@ -221,9 +234,9 @@ def warn_decimal_index(node: Node | None, out: Collector, value: int | None) -> 
     if value is None or not isinstance(node, ScalarNode) or node.text[:2].lower() == "0x":
         return
     likely = len(node.text) == 4
-    named = any(d.code == "FSN115" and d.span.file == node.span.file for d in out.diagnostics)
-    if value == 0 or (named and not likely):
+    if value == 0 or (node.file in out.decimal_files and not likely):
         return  # one remark per file is enough
+    out.decimal_files.add(node.file)
     out.add(
         "FSN115",
         node.span,

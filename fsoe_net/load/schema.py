@@ -87,11 +87,10 @@ def check_structure(root: MapNode, name: str, out: Collector) -> None:
         name: Schema, e.g. ``transfers``.
         out: Takes FSN109, FSN110, FSN111, FSN116.
     """
-    plain = _plain(root)
     validator = _validator(name)
-    if validator.is_valid(_without_repeats(plain, _worded_keys(name))):
+    if validator.is_valid(_Shapes(_worded_keys(name)).sample(root)):
         return  # the usual case: thousands of transfers of one shape, checked once
-    for error in validator.iter_errors(plain):
+    for error in validator.iter_errors(_plain(root)):
         if error.validator not in _SKIPPED:
             _translate(error, root, out)
 
@@ -113,22 +112,44 @@ def _worded_keys(name: str) -> frozenset[str]:
     return frozenset(found)
 
 
-def _without_repeats(value: Any, worded: frozenset[str]) -> Any:
-    """Return a document whose lists keep one item of each shape (keys and types)."""
-    if isinstance(value, dict):
-        return {key: _without_repeats(item, worded) for key, item in value.items()}
-    if not isinstance(value, list):
-        return value
-    kept = {_shape(item, worded): item for item in value}
-    return [_without_repeats(item, worded) for item in kept.values()]
+class _Shapes:
+    """Numbers the shapes of values: two of one shape have the same keys and types throughout."""
 
+    def __init__(self, worded: frozenset[str]) -> None:
+        self._worded = worded
+        self._numbers: dict[object, int] = {}
+        self._kinds: dict[tuple[str, bool], int] = {}
 
-def _shape(value: Any, worded: frozenset[str], key: str = "") -> Any:
-    if isinstance(value, dict):
-        return tuple((k, _shape(v, worded, k)) for k, v in value.items())
-    if isinstance(value, list):
-        return ("list", *dict.fromkeys(_shape(item, worded) for item in value))
-    return value if key in worded else type(value)
+    def sample(self, node: Node) -> Any:
+        """Return the document as plain values, its lists with one item of each shape."""
+        if isinstance(node, MapNode):
+            return {key: self.sample(value) for key, value in node.pairs.items()}
+        if isinstance(node, SeqNode):
+            kept = {self._of(item): item for item in node.items}
+            return [self.sample(item) for item in kept.values()]
+        return _plain(node)
+
+    def _of(self, node: Node, key: str = "") -> int:
+        shape: object
+        if isinstance(node, ScalarNode):
+            if key not in self._worded:
+                return self._kind(node)
+            shape = _plain(node)
+            shape = (type(shape), shape)
+        elif isinstance(node, MapNode):
+            pairs = node.pairs
+            shape = (*pairs, *[self._of(value, name) for name, value in pairs.items()])
+        else:
+            shape = frozenset([self._of(item) for item in node.items])
+        return self._numbers.setdefault(shape, len(self._numbers))
+
+    def _kind(self, node: ScalarNode) -> int:
+        known = self._kinds.get((node.text, node.plain))
+        if known is None:
+            kind = type(_plain(node))
+            known = self._numbers.setdefault(kind, len(self._numbers))
+            self._kinds[node.text, node.plain] = known
+        return known
 
 
 def _plain(node: Node) -> Any:

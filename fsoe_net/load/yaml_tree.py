@@ -9,55 +9,93 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Any, NoReturn
 
 import yaml
 
 from fsoe_net.diag import Related, Severity, Span
 from fsoe_net.load.files import Collector, read_bytes
 
-__all__ = ["MapNode", "Node", "ScalarNode", "SeqNode", "load_yaml", "parse_yaml"]
+__all__ = ["MapNode", "Node", "Places", "ScalarNode", "SeqNode", "load_yaml", "parse_yaml"]
 
 MAX_DEPTH = 64
-MAX_NODES = 1_000_000
+MAX_PARTS = 4_000_000  # of about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
+MAX_ALIASED = 1_000_000
+
+_COLUMN_BITS = 26  # a line is no longer than the file
+_COLUMN_MASK = (1 << _COLUMN_BITS) - 1
+_NULLS = frozenset(("", "~", "null", "Null", "NULL"))
 
 _LOADER = getattr(yaml, "CLoader", yaml.Loader)
+
+
+def _place(line: int, column: int) -> int:
+    """Return line and column, both from 0, as one number: millions of them are kept."""
+    return line << _COLUMN_BITS | column
+
+
+def _span(file: str, place: int) -> Span:
+    return Span(file, (place >> _COLUMN_BITS) + 1, (place & _COLUMN_MASK) + 1)
 
 
 @dataclass(slots=True, eq=False)
 class ScalarNode:
     """A scalar as written. ``plain`` is false for quoted and block scalars."""
 
-    span: Span
+    file: str
+    place: int
     text: str
     plain: bool
-    weight: int = 1
+
+    @property
+    def span(self) -> Span:
+        """Where it stands."""
+        return _span(self.file, self.place)
 
     @property
     def is_null(self) -> bool:
         """Whether YAML reads this as nothing (empty, ``~``, ``null``)."""
-        return self.plain and self.text in ("", "~", "null", "Null", "NULL")
+        return self.text in _NULLS and self.plain
 
 
 @dataclass(slots=True, eq=False)
 class SeqNode:
     """A list."""
 
-    span: Span
-    items: list[Node]
-    weight: int = 1
+    file: str
+    place: int
+    items: list[Node] = field(default_factory=list)
+
+    @property
+    def span(self) -> Span:
+        """Where it starts."""
+        return _span(self.file, self.place)
 
 
 @dataclass(slots=True, eq=False)
 class MapNode:
     """A map. Keys are scalars; of a key given twice the first counts, as in yaml-cpp."""
 
-    span: Span
-    pairs: dict[str, Node]
-    keys: dict[str, Span]
-    weight: int = 1
+    file: str
+    place: int
+    pairs: dict[str, Node] = field(default_factory=dict)
+    key_places: list[int] = field(default_factory=list)  # in the order of ``pairs``
+
+    @property
+    def span(self) -> Span:
+        """Where it starts."""
+        return _span(self.file, self.place)
+
+    @property
+    def keys(self) -> dict[str, Span]:
+        """The place of every key."""
+        return {
+            key: _span(self.file, place)
+            for key, place in zip(self.pairs, self.key_places, strict=True)
+        }
 
     def get(self, key: str) -> Node | None:
         """Return a value, or ``None``."""
@@ -68,9 +106,9 @@ class MapNode:
         node = self.pairs.get(key)
         return node.span if node is not None else self.span
 
-    def places(self) -> dict[str, Span]:
+    def places(self) -> Places:
         """Return the place of every value, for `fsoe_net.model.Located.fields`."""
-        return {key: value.span for key, value in self.pairs.items()}
+        return Places(self.pairs)
 
     def maps(self, key: str) -> list[MapNode]:
         """Return the maps in the list under a key; nothing when it is no list."""
@@ -90,6 +128,27 @@ class MapNode:
 
 
 Node = ScalarNode | SeqNode | MapNode
+
+
+class Places(Mapping[str, Span]):
+    """The place of each value of a map, made when it is asked for: most never are."""
+
+    __slots__ = ("_pairs",)
+
+    def __init__(self, pairs: dict[str, Node]) -> None:
+        self._pairs = pairs
+
+    def __getitem__(self, key: str) -> Span:
+        return self._pairs[key].span
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._pairs)
+
+    def __len__(self) -> int:
+        return len(self._pairs)
+
+    def __or__(self, other: Mapping[str, Span]) -> dict[str, Span]:
+        return {**self, **other}
 
 
 class _Refused(Exception):
@@ -156,7 +215,7 @@ def _decode(data: bytes, file: str, out: Collector) -> str | None:
         good = data[: exc.start].decode("utf-8", "replace")
         out.add(
             "FSN102",
-            _place(file, good, len(good)),
+            _place_in(file, good, len(good)),
             f"byte 0x{data[exc.start]:02x} is not UTF-8",
             hint="save the file as UTF-8",
         )
@@ -165,7 +224,7 @@ def _decode(data: bytes, file: str, out: Collector) -> str | None:
     if bad:
         out.add(
             "FSN102",
-            _place(file, text, bad.start()),
+            _place_in(file, text, bad.start()),
             f"control character U+{ord(bad.group()):04X}",
             hint="delete it; the file may be binary or damaged",
         )
@@ -173,7 +232,7 @@ def _decode(data: bytes, file: str, out: Collector) -> str | None:
     return text
 
 
-def _place(file: str, text: str, offset: int) -> Span:
+def _place_in(file: str, text: str, offset: int) -> Span:
     line_start = text.rfind("\n", 0, offset) + 1
     return Span(file, text.count("\n", 0, offset) + 1, offset - line_start + 1)
 
@@ -195,49 +254,76 @@ def _syntax_error(exc: yaml.YAMLError, file: str, text: str, out: Collector) -> 
     out.add("FSN102", span, f"not valid YAML: {problem}", hint=hint, related=related)
 
 
-@dataclass(slots=True)
 class _Open:
-    """A collection that is still being read."""
+    """A collection that is still being read, and where counting stood when it began."""
 
-    node: SeqNode | MapNode
-    anchor: str | None
-    key: ScalarNode | None = None
+    __slots__ = ("aliased", "anchor", "count", "key", "key_place", "key_plain", "node", "pairs")
+
+    def __init__(self, node: SeqNode | MapNode, anchor: str | None, count: int, aliased: int):
+        self.node = node
+        self.pairs = node.pairs if isinstance(node, MapNode) else None
+        self.anchor = anchor
+        self.count = count
+        self.aliased = aliased
+        self.key: str | None = None
+        self.key_place = 0
+        self.key_plain = True
 
 
 class _Builder:
-    """Turns libyaml events into nodes."""
+    """Turns libyaml events into nodes.
+
+    What is written cannot be more than the bytes of the file; what aliases repeat is counted on its
+    own, as if it were written there, since a few lines can stand for billions of values.
+    """
 
     def __init__(self, file: str, out: Collector) -> None:
         self._file = file
         self._out = out
         self._stack: list[_Open] = []
-        self._anchors: dict[str, Node] = {}
-        self._total = 0
+        self._top: _Open | None = None
+        self._anchors: dict[str, tuple[Node, int]] = {}  # with the number of its parts
+        self._count = 0
+        self._aliased = 0
         self._root: Node | None = None
         self._documents = 0
+        self._texts: dict[str, str] = {}
+        self._good_keys: set[str] = set()
 
     def build(self, text: str) -> Node | None:
-        events: Iterator[Any] = yaml.parse(text, Loader=_LOADER)
-        for event in events:
-            if isinstance(event, yaml.ScalarEvent):
-                node = ScalarNode(self._span(event), event.value, not event.style)
-                self._remember(event.anchor, node)
-                self._attach(node)
-            elif isinstance(event, (yaml.SequenceStartEvent, yaml.MappingStartEvent)):
-                self._open(event)
-            elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):
-                self._close()
-            elif isinstance(event, yaml.AliasEvent):
-                self._alias(event)
-            elif isinstance(event, yaml.DocumentStartEvent):
-                self._document(event)
+        parser: Any = _LOADER(text)
+        events: Iterator[Any] = iter(parser.get_event, None)
+        scalar = self._scalar
+        try:
+            for self._count, event in enumerate(islice(events, MAX_PARTS)):
+                kind = type(event)
+                if kind is yaml.ScalarEvent:
+                    scalar(event)
+                elif kind is yaml.MappingStartEvent or kind is yaml.SequenceStartEvent:
+                    self._open(event, is_map=kind is yaml.MappingStartEvent)
+                elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
+                    self._close()
+                elif kind is yaml.AliasEvent:
+                    self._alias(event)
+                elif kind is yaml.DocumentStartEvent:
+                    self._document(event)
+            rest = next(events, None)
+        finally:
+            parser.dispose()
+        if rest is not None:
+            self._refuse(
+                "FSN103",
+                _span(self._file, self._place_of(rest)),
+                f"the document has more than {MAX_PARTS} keys, values and ends of lists and maps",
+                "no network needs that many: 65535 SubDevices with their transfers have 2.5 million",
+            )
         return self._root
 
-    def _span(self, event: Any) -> Span:
+    def _place_of(self, event: Any) -> int:
         mark = event.start_mark
-        return Span(self._file, mark.line + 1, mark.column + 1)
+        return _place(mark.line, mark.column)
 
-    def _refuse(self, code: str, span: Span, message: str, hint: str) -> None:
+    def _refuse(self, code: str, span: Span, message: str, hint: str) -> NoReturn:
         self._out.add(code, span, message, hint=hint)
         raise _Refused
 
@@ -246,105 +332,126 @@ class _Builder:
         if self._documents > 1:
             self._refuse(
                 "FSN105",
-                self._span(event),
+                _span(self._file, self._place_of(event)),
                 "a second document starts here; the driver reads only the first",
                 "merge the documents and delete the `---` line",
             )
 
-    def _open(self, event: Any) -> None:
+    def _scalar(self, event: Any) -> None:
+        mark = event.start_mark
+        place = mark.line << _COLUMN_BITS | mark.column
+        # One object per spelling: the same keys, names and numbers come thousands of times.
+        text = self._texts.setdefault(event.value, event.value)
+        top = self._top
+        if top is not None and top.key is None and top.pairs is not None and event.anchor is None:
+            top.key, top.key_place, top.key_plain = text, place, not event.style
+            return
+        node = ScalarNode(self._file, place, text, not event.style)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = (node, 1)
+        self._attach(node)
+
+    def _open(self, event: Any, *, is_map: bool) -> None:
+        place = self._place_of(event)
         if len(self._stack) >= MAX_DEPTH:
             self._refuse(
                 "FSN103",
-                self._span(event),
+                _span(self._file, place),
                 f"nested deeper than {MAX_DEPTH} levels",
                 "no file of this kind needs more than a dozen levels",
             )
-        node: SeqNode | MapNode
-        if isinstance(event, yaml.SequenceStartEvent):
-            node = SeqNode(self._span(event), [])
-        else:
-            node = MapNode(self._span(event), {}, {})
-        self._stack.append(_Open(node, event.anchor))
+        node = MapNode(self._file, place) if is_map else SeqNode(self._file, place)
+        self._top = _Open(node, event.anchor, self._count, self._aliased)
+        self._stack.append(self._top)
 
     def _close(self) -> None:
         done = self._stack.pop()
-        self._remember(done.anchor, done.node)
+        self._top = self._stack[-1] if self._stack else None
+        if done.anchor is not None:
+            parts = self._count - done.count + self._aliased - done.aliased
+            self._anchors[done.anchor] = (done.node, parts)
         self._attach(done.node)
 
-    def _remember(self, anchor: str | None, node: Node) -> None:
-        if anchor is not None:
-            self._anchors[anchor] = node
-
     def _alias(self, event: Any) -> None:
-        node = self._anchors.get(event.anchor)
+        place = self._place_of(event)
+        node, parts = self._anchors.get(event.anchor, (None, 0))
         if node is None:
             inside = any(o.anchor == event.anchor for o in self._stack)
             why = "refers to the node it stands in" if inside else "has no anchor before it"
             self._refuse(
                 "FSN103" if inside else "FSN102",
-                self._span(event),
+                _span(self._file, place),
                 f"alias *{event.anchor} {why}",
                 "write the value out",
             )
-            return
-        self._attach(node, node.weight)
-
-    def _attach(self, node: Node, count: int = 1) -> None:
-        self._total += count
-        if self._total > MAX_NODES:
+        self._aliased += parts
+        if self._aliased > MAX_ALIASED:
             self._refuse(
                 "FSN103",
                 node.span,
-                f"the document holds more than {MAX_NODES} values",
+                f"the document holds more than {MAX_ALIASED} values that only aliases repeat",
                 "no file of this kind needs that many; aliases multiply what they refer to",
             )
-        if not self._stack:
+        self._attach(node)
+
+    def _attach(self, node: Node) -> None:
+        top = self._top
+        if top is None:
             self._root = node
-            return
-        top = self._stack[-1]
-        if isinstance(top.node, SeqNode):
-            top.node.items.append(node)
+        elif top.pairs is None:
+            top.node.items.append(node)  # type: ignore[union-attr]
         elif top.key is None:
             self._key(top, node)
-            return
         else:
-            self._pair(top.node, top.key, node)
+            self._pair(top, top.key, node)
             top.key = None
-        top.node.weight += node.weight
 
     def _key(self, top: _Open, node: Node) -> None:
         if not isinstance(node, ScalarNode):
             self._refuse("FSN111", node.span, "a key must be a word", "quote it or check brackets")
-            return
-        top.key = node
+        top.key, top.key_place, top.key_plain = node.text, node.place, node.plain
 
-    def _pair(self, into: MapNode, key: ScalarNode, node: Node) -> None:
-        text = key.text
-        if text == "<<" and key.plain:
-            self._out.add(
-                "FSN107",
-                key.span,
-                "merge key `<<`: the driver's YAML parser does not merge, keys would be missing",
-                hint="write the keys out here",
-            )
-            return
-        strange = re.search(r"[^\x20-\x7e]", text)
-        if strange:
-            text = re.sub(r"[^\x21-\x7e]", "", text)
-            self._out.add(
-                "FSN108",
-                key.span,
-                f"key {key.text!r} holds the character U+{ord(strange.group()):04X}",
-                hint=f"type the key anew: {text}",
-            )
+    def _pair(self, top: _Open, text: str, node: Node) -> None:
+        into = top.node
+        assert isinstance(into, MapNode)  # noqa: S101  (only maps have keys)
+        if text not in self._good_keys:
+            mended = self._look_at_key(top, text)
+            if mended is None:
+                return
+            text = mended
         if text in into.pairs:
             self._out.add(
                 "FSN106",
-                key.span,
+                _span(self._file, top.key_place),
                 f"key {text!r} is given twice; the driver takes the first",
                 hint="delete one of them",
                 related=(Related(span=into.keys[text], message="first given here"),),
             )
             return
         into.pairs[text] = node
-        into.keys[text] = key.span
+        into.key_places.append(top.key_place)
+
+    def _look_at_key(self, top: _Open, text: str) -> str | None:
+        """Return the key to use; ``None`` when the pair is left out."""
+        span = _span(self._file, top.key_place)
+        if text == "<<" and top.key_plain:
+            self._out.add(
+                "FSN107",
+                span,
+                "merge key `<<`: the driver's YAML parser does not merge, keys would be missing",
+                hint="write the keys out here",
+            )
+            return None
+        strange = re.search(r"[^\x20-\x7e]", text)
+        if strange is None:
+            if text != "<<":
+                self._good_keys.add(text)
+            return text
+        mended = re.sub(r"[^\x21-\x7e]", "", text)
+        self._out.add(
+            "FSN108",
+            span,
+            f"key {text!r} holds the character U+{ord(strange.group()):04X}",
+            hint=f"type the key anew: {mended}",
+        )
+        return mended

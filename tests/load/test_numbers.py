@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from fsoe_net.diag import Span
 from fsoe_net.load.files import Collector
 from fsoe_net.load.numbers import Reader, driver_endpoint_number, read_int
 from fsoe_net.load.yaml_tree import ScalarNode
@@ -12,7 +11,7 @@ from fsoe_net.load.yaml_tree import ScalarNode
 
 def read(text: str, reader: Reader, high: int = 0xFFFF) -> tuple[int | None, list[str]]:
     out = Collector()
-    node = ScalarNode(Span("f", 1, 1), text, True)
+    node = ScalarNode("f", 0, text, True)
     value = read_int(node, out, what="index", low=0, high=high, reader=reader)
     return value, [d.code for d in out.diagnostics]
 
