@@ -6,7 +6,7 @@ import click
 
 from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_option
 from fsoe_net.cli.output import FORMATS, counted, exit_code, print_diagnostics, summary
-from fsoe_net.diag import Severity
+from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.load import load_scan
 from fsoe_net.model import Scan
@@ -40,6 +40,7 @@ Examples:
 @click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
 @click.option("-q", "--quiet", is_flag=True, help="No notes and no summary.")
 @click.pass_context
+@without_collector
 def command(
     ctx: click.Context,
     files: tuple[str, ...],

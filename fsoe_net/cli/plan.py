@@ -11,7 +11,7 @@ import click
 
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import counted, print_diagnostics
-from fsoe_net.diag import Severity
+from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, read_bytes
 from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_text, plan_json, plan_text
@@ -38,6 +38,7 @@ Examples:
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )
+@without_collector
 def command(
     files: tuple[str, ...],
     packages: dict[str, str],

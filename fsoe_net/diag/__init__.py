@@ -2,6 +2,7 @@
 
 from fsoe_net.diag.catalogue import CATALOGUE, CodeInfo, code_info, nearest_code
 from fsoe_net.diag.diagnostic import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
+from fsoe_net.diag.pause import without_collector
 
 __all__ = [
     "CATALOGUE",
@@ -14,4 +15,5 @@ __all__ = [
     "code_info",
     "nearest_code",
     "sort_diagnostics",
+    "without_collector",
 ]

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics, without_collector
 from fsoe_net.load.device import device_from_yaml, load_device
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.numbers import Reader, read_float, read_int
@@ -52,6 +52,7 @@ class LoadResult:
     diagnostics: tuple[Diagnostic, ...]
 
 
+@without_collector
 def load_network(
     paths: Sequence[str | os.PathLike[str]], options: LoadOptions | None = None
 ) -> LoadResult:

@@ -314,8 +314,8 @@ class _Builder:
             self._refuse(
                 "FSN103",
                 _span(self._file, self._place_of(rest)),
-                f"the document has more than {MAX_PARTS} keys, values and ends of lists and maps",
-                "no network needs that many: 65535 SubDevices with their transfers have 2.5 million",
+                f"more than {MAX_PARTS} keys, values and ends of lists and maps",
+                "the largest bus has 2.5 million, with 65535 SubDevices and all their transfers",
             )
         return self._root
 

@@ -25,21 +25,18 @@ class Miss(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResolvedEnd:
-    """One end of a transfer. ``miss`` is ``None`` when all other fields are set."""
+    """One end of a transfer. ``miss`` is ``None`` when all other fields are set.
+
+    ``block`` is the recognised FSoE frame the entry lies in, or ``None``.
+    """
 
     endpoint: Endpoint
     subdevice: SubDevice | None = None
     layout: DeviceLayout | None = None
     sm: SmLayout | None = None
     placed: Placed | None = None
+    block: FsoeBlock | None = None
     miss: Miss | None = None
-
-    @property
-    def block(self) -> FsoeBlock | None:
-        """The recognised FSoE frame the entry lies in, or ``None``."""
-        if self.sm is None or self.placed is None:
-            return None
-        return self.sm.block_at(self.placed.bit_offset)
 
     @property
     def byte_offset(self) -> int:
@@ -87,13 +84,16 @@ class Layouts:
         return found
 
 
+_Hit = tuple[SmLayout, Placed, FsoeBlock | None]
+
+
 class Finder:
     """Looks up transfer ends the way the driver does."""
 
     def __init__(self, by_name: dict[str, SubDevice], layouts: Layouts) -> None:
         self._by_name = by_name
         self._layouts = layouts
-        self._entries: dict[int, dict[tuple[int, int], tuple[SmLayout, Placed]]] = {}
+        self._entries: dict[int, dict[tuple[int, int], _Hit]] = {}
 
     def end(self, endpoint: Endpoint) -> ResolvedEnd:
         """Look up one end; what it does not mean is in ``miss``."""
@@ -110,26 +110,26 @@ class Finder:
             complete = all(sm.complete for sm in layout.managers)
             miss = Miss.ENTRY if complete else Miss.LAYOUT
             return ResolvedEnd(endpoint=endpoint, subdevice=sub, layout=layout, miss=miss)
-        sm, placed = hit
+        sm, placed, block = hit
         return ResolvedEnd(
             endpoint=endpoint,
             subdevice=sub,
             layout=layout,
             sm=sm,
             placed=placed,
+            block=block,
             miss=_doubt(sm, placed),
         )
 
-    def _index(
-        self, device: Device, layout: DeviceLayout
-    ) -> dict[tuple[int, int], tuple[SmLayout, Placed]]:
+    def _index(self, device: Device, layout: DeviceLayout) -> dict[tuple[int, int], _Hit]:
         known = self._entries.get(id(device))
         if known is None:
             known = {}
             for sm in layout.managers:
                 for placed in sm.placed:
-                    if not placed.entry.is_gap:
-                        known.setdefault((placed.entry.index, placed.entry.subindex), (sm, placed))
+                    key = (placed.entry.index, placed.entry.subindex)
+                    if not placed.entry.is_gap and key not in known:
+                        known[key] = (sm, placed, sm.block_at(placed.bit_offset))
             self._entries[id(device)] = known
         return known
 

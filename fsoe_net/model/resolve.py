@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fsoe_net.diag import without_collector
 from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.ends import Finder, Layouts, ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.expand import ConnectionTrouble, Hitch, expand
@@ -73,6 +74,7 @@ class Resolution:
     troubles: tuple[ConnectionTrouble, ...] = ()
 
 
+@without_collector
 def resolve(network: Network) -> Resolution:
     """Work out layouts, transfer ends and connections of a network. Never raises."""
     layouts = Layouts()

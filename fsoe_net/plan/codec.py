@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
+from fsoe_net.diag import without_collector
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.model import (
     NONE,
@@ -69,6 +70,7 @@ class _Strings:
         return known
 
 
+@without_collector
 def encode_plan(plan: Plan) -> bytes:
     """Return the bytes of a plan. Equal plans give equal bytes on every platform."""
     strings = _Strings()
@@ -92,10 +94,7 @@ def _encode_sections(plan: Plan, strings: _Strings) -> list[tuple[bytes, int]]:
         [_pack_subdevice(s, strings) for s in plan.subdevices],
         [_pack_sync_manager(s) for s in plan.sync_managers],
         [_PDO.pack(p.index, 0, p.first_entry, p.entry_count, p.bit_offset) for p in plan.pdos],
-        [
-            _ENTRY.pack(e.index, e.subindex, e.registered, e.bits, e.kind, 0, e.bit_offset)
-            for e in plan.entries
-        ],
+        _pack_entries(plan.entries),
         [_pack_sdo(s) for s in plan.sdos],
         [_pack_symbol(s, strings) for s in plan.symbols],
         [
@@ -139,6 +138,16 @@ def _pack_sync_manager(s: PlanSyncManager) -> bytes:
         s.pdo_count,
         0,
     )
+
+
+def _pack_entries(entries: Iterable[PlanEntry]) -> Iterator[bytes]:
+    known: dict[int, bytes] = {}  # SubDevices of one type share their records
+    for e in entries:
+        packed = known.get(id(e))
+        if packed is None:
+            packed = _ENTRY.pack(e.index, e.subindex, e.registered, e.bits, e.kind, 0, e.bit_offset)
+            known[id(e)] = packed
+        yield packed
 
 
 def _pack_sdo(s: PlanSdo) -> bytes:
@@ -197,6 +206,7 @@ def _pack_connection(c: PlanConnection, strings: _Strings) -> bytes:
 # -- reading --------------------------------------------------------------------------------------
 
 
+@without_collector
 def decode_plan(data: bytes) -> Plan:
     """Read a plan for showing it. The C core proves more before it copies anything.
 
@@ -262,6 +272,7 @@ class _Reader:
         self._data = data
         self._sections = sections
         self._strings_at, self._strings_bytes = sections[-1]
+        self._entries: dict[bytes, PlanEntry] = {}  # thousands of SubDevices are of one type
 
     def rows(self, kind: int, make: Callable[[int], _T]) -> tuple[_T, ...]:
         offset, count = self._sections[kind - 1]
@@ -310,7 +321,14 @@ class _Reader:
         return PlanPdo(index=index, first_entry=first, entry_count=count, bit_offset=bit)
 
     def entry(self, at: int) -> PlanEntry:
-        index, subindex, flags, bits, kind, _, bit = _ENTRY.unpack_from(self._data, at)
+        raw = self._data[at : at + _ENTRY.size]
+        known = self._entries.get(raw)
+        if known is None:
+            known = self._entries[raw] = self._new_entry(raw)
+        return known
+
+    def _new_entry(self, raw: bytes) -> PlanEntry:
+        index, subindex, flags, bits, kind, _, bit = _ENTRY.unpack(raw)
         return PlanEntry(
             index=index,
             subindex=subindex,

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from fsoe_net.diag import without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe import safe_data_length
 from fsoe_net.model import (
@@ -45,6 +47,7 @@ _SIGNED, _REAL = 2, 4
 _REAL_FORMAT = {32: "<f", 64: "<d"}
 
 
+@without_collector
 def compile_plan(resolution: Resolution) -> Plan:
     """Compile a network whose rules found no error.
 
@@ -64,6 +67,34 @@ def compile_plan(resolution: Resolution) -> Plan:
     return _Compiler(resolution).compile()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _SharedSymbol:
+    """A symbol but for its name and sync manager."""
+
+    interface: str | None
+    entry: Entry
+    bit_offset: int
+    bits: int
+    kind: int
+    output: bool
+    stop_value: int
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Shared:
+    """What one sync manager gives to the plan, the same for every SubDevice of a type.
+
+    ``pdos`` count their entries from the first of this sync manager.
+    """
+
+    registered: bool
+    pdos: tuple[PlanPdo, ...]
+    entries: tuple[PlanEntry, ...]
+    symbols: tuple[_SharedSymbol, ...]
+
+
 @dataclass(slots=True)
 class _Compiler:
     """Numbers records in bus order."""
@@ -78,6 +109,7 @@ class _Compiler:
     sm_numbers: dict[tuple[int, int], int] = field(default_factory=dict)
     subdevice_numbers: dict[int, int] = field(default_factory=dict)
     symbol_names: set[str] = field(default_factory=set)
+    shared: dict[int, _Shared] = field(default_factory=dict)
 
     def compile(self) -> Plan:
         used = self._used()
@@ -157,73 +189,52 @@ class _Compiler:
     ) -> None:
         sm_number = len(self.sync_managers)
         self.sm_numbers[id(sub), sm.sm.index] = sm_number
-        first_pdo = len(self.pdos)
-        self._pdos(sub, sm)
+        shared = self.shared.get(id(sm))
+        if shared is None:
+            shared = self.shared[id(sm)] = _shared(sub, sm)
         self.sync_managers.append(
             PlanSyncManager(
                 subdevice=number,
                 index=sm.sm.index,
                 direction=1 if sm.sm.direction is Direction.OUTPUT else 2,
                 watchdog=_WATCHDOG[sm.sm.watchdog],
-                registered=sm.registered,
+                registered=shared.registered,
                 bits=sm.bits,
-                first_pdo=first_pdo,
-                pdo_count=len(self.pdos) - first_pdo,
+                first_pdo=len(self.pdos),
+                pdo_count=len(shared.pdos),
             )
         )
-        for block in sm.blocks:
-            self.blocks.append(_block(sm_number, block, (id(sub), block.key) in used))
-        self._symbols(sub, sm, sm_number)
-
-    def _pdos(self, sub: SubDevice, sm: SmLayout) -> None:
-        bit = 0
-        for pdo in sub.device.pdos_of(sm.sm) if sub.device else ():
+        first_entry = len(self.entries)
+        for pdo in shared.pdos:
             self.pdos.append(
                 PlanPdo(
                     index=pdo.index,
-                    first_entry=len(self.entries),
-                    entry_count=len(pdo.entries),
-                    bit_offset=bit,
+                    first_entry=first_entry + pdo.first_entry,
+                    entry_count=pdo.entry_count,
+                    bit_offset=pdo.bit_offset,
                 )
             )
-            for entry in pdo.entries:
-                self.entries.append(
-                    PlanEntry(
-                        index=entry.index,
-                        subindex=entry.subindex,
-                        registered=entry.registered,
-                        bits=entry.bits,
-                        kind=entry_kind(entry),
-                        bit_offset=bit,
-                    )
-                )
-                bit += entry.bits
+        self.entries += shared.entries
+        for block in sm.blocks:
+            self.blocks.append(_block(sm_number, block, (id(sub), block.key) in used))
+        for symbol in shared.symbols:
+            self._symbol(sub, symbol, sm_number)
 
-    def _symbols(self, sub: SubDevice, sm: SmLayout, sm_number: int) -> None:
-        for placed in sm.placed:
-            entry = placed.entry
-            first, last = placed.bit_offset, max(placed.bit_offset, placed.end_bit - 1)
-            free = sm.block_at(first) is None and sm.block_at(last) is None
-            if not entry.registered or not free or not 0 < entry.bits <= _MAX_SYMBOL_BITS:
-                continue
-            output = sm.sm.direction is Direction.OUTPUT
-            for view in entry.views or (_whole(entry),):
-                interface = view.command_interface or view.state_interface or entry.name
-                scale = 2.0**-view.shift if output else 2.0**view.shift
-                self.symbols.append(
-                    PlanSymbol(
-                        name=self._symbol_name(sub.name, interface, entry),
-                        sm=sm_number,
-                        bit_offset=first + view.bit,
-                        bits=view.bits,
-                        kind=entry_kind(view),
-                        output=output,
-                        restart_relevant=entry.restart_relevant,
-                        stop_value=0 if entry.restart_relevant or not output else stop_value(view),
-                        factor=view.factor * scale,
-                        offset=view.offset * scale if output else view.offset,
-                    )
-                )
+    def _symbol(self, sub: SubDevice, shared: _SharedSymbol, sm_number: int) -> None:
+        self.symbols.append(
+            PlanSymbol(
+                name=self._symbol_name(sub.name, shared.interface, shared.entry),
+                sm=sm_number,
+                bit_offset=shared.bit_offset,
+                bits=shared.bits,
+                kind=shared.kind,
+                output=shared.output,
+                restart_relevant=shared.entry.restart_relevant,
+                stop_value=shared.stop_value,
+                factor=shared.factor,
+                offset=shared.offset,
+            )
+        )
 
     def _symbol_name(self, sub: str, interface: str | None, entry: Entry) -> str:
         """Return a unique name: the interface, else the address, else with a counter."""
@@ -287,6 +298,62 @@ class _Compiler:
             )
             for c in self.resolution.connections
         )
+
+
+def _shared(sub: SubDevice, sm: SmLayout) -> _Shared:
+    pdos: list[PlanPdo] = []
+    entries: list[PlanEntry] = []
+    bit = 0
+    for pdo in sub.device.pdos_of(sm.sm) if sub.device else ():
+        pdos.append(
+            PlanPdo(
+                index=pdo.index,
+                first_entry=len(entries),
+                entry_count=len(pdo.entries),
+                bit_offset=bit,
+            )
+        )
+        for entry in pdo.entries:
+            entries.append(
+                PlanEntry(
+                    index=entry.index,
+                    subindex=entry.subindex,
+                    registered=entry.registered,
+                    bits=entry.bits,
+                    kind=entry_kind(entry),
+                    bit_offset=bit,
+                )
+            )
+            bit += entry.bits
+    return _Shared(
+        registered=sm.registered,
+        pdos=tuple(pdos),
+        entries=tuple(entries),
+        symbols=tuple(_symbols(sm)),
+    )
+
+
+def _symbols(sm: SmLayout) -> Iterator[_SharedSymbol]:
+    for placed in sm.placed:
+        entry = placed.entry
+        first, last = placed.bit_offset, max(placed.bit_offset, placed.end_bit - 1)
+        free = sm.block_at(first) is None and sm.block_at(last) is None
+        if not entry.registered or not free or not 0 < entry.bits <= _MAX_SYMBOL_BITS:
+            continue
+        output = sm.sm.direction is Direction.OUTPUT
+        for view in entry.views or (_whole(entry),):
+            scale = 2.0**-view.shift if output else 2.0**view.shift
+            yield _SharedSymbol(
+                interface=view.command_interface or view.state_interface or entry.name,
+                entry=entry,
+                bit_offset=first + view.bit,
+                bits=view.bits,
+                kind=entry_kind(view),
+                output=output,
+                stop_value=0 if entry.restart_relevant or not output else stop_value(view),
+                factor=view.factor * scale,
+                offset=view.offset * scale if output else view.offset,
+            )
 
 
 def _block(sm_number: int, block: FsoeBlock, copied: bool) -> PlanBlock:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Diagnostic, sort_diagnostics
+from fsoe_net.diag import Diagnostic, sort_diagnostics, without_collector
 from fsoe_net.model import Resolution
 from fsoe_net.rules.bus import check_bus
 from fsoe_net.rules.connections import check_connections, check_drivers
@@ -27,6 +27,7 @@ __all__ = [
 ]
 
 
+@without_collector
 def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Diagnostic]:
     """Return everything that is wrong in a network, sorted by place.
 

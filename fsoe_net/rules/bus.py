@@ -53,6 +53,7 @@ def _name_twice(ctx: Context, sub: SubDevice, first: SubDevice) -> None:
             related=related,
         )
         return
+    ctx.name_twice = True
     ctx.add(
         "FSN134",
         sub.at("name"),

@@ -6,7 +6,7 @@ from fsoe_net.diag import Related
 from fsoe_net.model import ConnectionTrouble, FramePair, Hitch, Net, Transfer
 from fsoe_net.rules.context import Context, count_of, few, nearest
 from fsoe_net.rules.ends import is_main_device
-from fsoe_net.rules.runtime import Runtime
+from fsoe_net.rules.runtime import ROS2, Runtime
 
 __all__ = ["check_connections", "check_drivers"]
 
@@ -38,7 +38,7 @@ def check_connections(ctx: Context) -> None:
 
 def check_drivers(ctx: Context, runtime: Runtime) -> None:
     """Say what a driver makes of connections without transfers: nothing (FSN223)."""
-    if runtime not in (Runtime.ROS2_2025, Runtime.ROS2_2026):
+    if runtime not in ROS2:
         return
     for net in ctx.resolution.network.nets:
         made = [c for c in ctx.resolution.connections if c.net is net and c.made]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from fsoe_net.diag import Findings
@@ -11,6 +11,7 @@ from fsoe_net.model import (
     Device,
     DeviceLayout,
     FsoeBlock,
+    Placed,
     Resolution,
     ResolvedEnd,
     ResolvedTransfer,
@@ -20,6 +21,7 @@ from fsoe_net.model import (
 
 __all__ = [
     "Context",
+    "Guesses",
     "block_text",
     "count_of",
     "describe_end",
@@ -30,6 +32,8 @@ __all__ = [
     "touched_bytes",
 ]
 
+_MOST_COMPARISONS = 200_000  # of two words; a second or two
+
 
 @dataclass(slots=True, kw_only=True)
 class Context(Findings):
@@ -37,6 +41,7 @@ class Context(Findings):
 
     The sets keep one mistake from being named twice: module pairs that already have an error,
     devices whose PDO groups are exchanged or on no sync manager, nets of which a part is unknown.
+    ``name_twice`` is set with FSN134.
     """
 
     resolution: Resolution
@@ -44,6 +49,11 @@ class Context(Findings):
     exchanged: set[int] = field(default_factory=set)
     unassigned: set[int] = field(default_factory=set)
     unsure_nets: set[int] = field(default_factory=set)
+    name_twice: bool = False
+    _written: dict[int, tuple[Placed, ...]] = field(default_factory=dict)
+    _names: dict[str, str] = field(default_factory=dict)
+    _used: set[tuple[str, tuple[int, int]]] | None = None
+    _guesses: Guesses | None = None
 
     def devices(self) -> Iterator[tuple[Device, DeviceLayout, SubDevice]]:
         """Yield each device description once, with the first SubDevice that uses it."""
@@ -54,6 +64,40 @@ class Context(Findings):
                 continue
             seen.add(id(sub.device))
             yield sub.device, layout, sub
+
+    @property
+    def names(self) -> Collection[str]:
+        """The names of all SubDevices, in bus order."""
+        if not self._names:
+            self._names = {s.name: s.name for s in self.resolution.network.subdevices}
+        return self._names.keys()
+
+    def nearest_name(self, name: str) -> str | None:
+        """Return the SubDevice that was probably meant, or ``None``."""
+        if self._guesses is None:
+            self._guesses = Guesses(self.names)
+        return self._guesses.of(name)
+
+    def used_blocks(self) -> set[tuple[str, tuple[int, int]]]:
+        """Return (SubDevice, frame) of every frame that a transfer means; gathered once."""
+        if self._used is None:
+            self._used = {
+                (end.subdevice.name, end.block.key)
+                for row in self.resolution.transfers
+                for end in (row.source, row.destination)
+                if end.block is not None and end.subdevice is not None
+            }
+        return self._used
+
+    def written_entries(self, sm: SmLayout) -> tuple[Placed, ...]:
+        """Return the entries of a sync manager that a driver writes itself; looked up once."""
+        found = self._written.get(id(sm))
+        if found is None:
+            found = tuple(
+                p for p in sm.placed if p.entry.registered and p.entry.written_by is not None
+            )
+            self._written[id(sm)] = found
+        return found
 
     def blame(self, row: ResolvedTransfer) -> None:
         """Remember that the two modules of a transfer already have an error of their own."""
@@ -75,15 +119,41 @@ def module_pair(row: ResolvedTransfer) -> frozenset[str]:
     return frozenset((row.transfer.source.module, row.transfer.destination.module))
 
 
+class Guesses:
+    """Guesses at what a misspelt name means, over names that may be tens of thousands.
+
+    Each word is compared once. Of many names only the first words get the slow comparison: by then
+    the cause is one mistake made everywhere, and the user needs no further guess.
+    """
+
+    def __init__(self, known: Collection[str]) -> None:
+        self._folded = {k.lower(): k for k in known}
+        self._letters: dict[str, str] = {}
+        for folded in self._folded:
+            self._letters.setdefault("".join(sorted(folded)), folded)
+        self._slow_left = max(_MOST_COMPARISONS // max(len(self._folded), 1), 3)
+        self._known: dict[str, str | None] = {}
+
+    def of(self, name: str) -> str | None:
+        """Return the name that was probably meant, or ``None``."""
+        if name not in self._known:
+            self._known[name] = self._guess(name.lower())
+        return self._known[name]
+
+    def _guess(self, name: str) -> str | None:
+        if name in self._folded:
+            return self._folded[name]
+        best = self._letters.get("".join(sorted(name)))
+        if best is None and self._slow_left > 0:
+            self._slow_left -= 1
+            close = difflib.get_close_matches(name, self._folded, n=1, cutoff=0.6)
+            best = close[0] if close else None
+        return self._folded[best] if best is not None else None
+
+
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """Return the name that was probably meant, or ``None``."""
-    folded = {k.lower(): k for k in known}
-    if name.lower() in folded:
-        return folded[name.lower()]
-    swapped = [k for k in folded if sorted(k) == sorted(name.lower())]
-    close = difflib.get_close_matches(name.lower(), folded, n=1, cutoff=0.6)
-    best = swapped or close
-    return folded[best[0]] if best else None
+    return Guesses(list(known)).of(name)
 
 
 def describe_sm(sm: SmLayout) -> str:

@@ -12,7 +12,7 @@ from fsoe_net.model import (
     SmLayout,
     TransferKind,
 )
-from fsoe_net.rules.context import Context, block_text, describe_end, nearest
+from fsoe_net.rules.context import Context, block_text, describe_end, few
 
 __all__ = ["check_ends", "is_main_device"]
 
@@ -37,12 +37,11 @@ def is_main_device(name: str) -> bool:
 
 def check_ends(ctx: Context) -> None:
     """Check both ends of every transfer."""
-    names = {s.name for s in ctx.resolution.network.subdevices}
     written = _written_by_transfers(ctx)
     for row in ctx.resolution.transfers:
         before = len(ctx.diagnostics)
         for end, wanted in ((row.source, Direction.INPUT), (row.destination, Direction.OUTPUT)):
-            _lookup(ctx, row, end, wanted, names)
+            _lookup(ctx, row, end, wanted)
         if row.found:
             _direction(ctx, row, written)
             for end in (row.source, row.destination):
@@ -66,15 +65,13 @@ def _written_by_transfers(ctx: Context) -> dict[tuple[int, int, int], ResolvedTr
     }
 
 
-def _lookup(
-    ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direction, names: set[str]
-) -> None:
+def _lookup(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direction) -> None:
     if end.miss is None or end.miss is Miss.DEVICE:
         return
     endpoint = end.endpoint
     if end.miss is Miss.MODULE:
         ctx.unsure_nets.add(id(row.net))
-        _unknown_module(ctx, end, names)
+        _unknown_module(ctx, end)
         return
     if end.miss is Miss.ENTRY and ctx.is_unassigned(end):
         return  # FSN409 has named the cause
@@ -108,20 +105,20 @@ def _lookup(
         _unknown_entry(ctx, row, end, wanted)
 
 
-def _unknown_module(ctx: Context, end: ResolvedEnd, names: set[str]) -> None:
+def _unknown_module(ctx: Context, end: ResolvedEnd) -> None:
     name = end.endpoint.module
     span = end.endpoint.at("ec_module")
     if is_main_device(name):
         _centralized(ctx, end, name)
     elif not ctx.resolution.network.partial:
-        if any(d.code == "FSN134" for d in ctx.diagnostics):
-            return  # a name used twice is missing elsewhere
-        meant = nearest(name, names)
+        if ctx.name_twice:
+            return  # the name is missing elsewhere
+        meant = ctx.nearest_name(name)
         ctx.add(
             "FSN201",
             span,
             f"no module is named {name!r}",
-            hint=f"write {meant}" if meant else f"known: {', '.join(sorted(names)) or 'none'}",
+            hint=f"write {meant}" if meant else f"known: {few(sorted(ctx.names), 20) or 'none'}",
         )
 
 

@@ -132,12 +132,7 @@ def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmL
 
 def _is_used(ctx: Context, end: ResolvedEnd, block: FsoeBlock) -> bool:
     """Whether another transfer means this frame of the same SubDevice."""
-    return any(
-        other.block is not None and other.block.key == block.key
-        for row in ctx.resolution.transfers
-        for other in (row.source, row.destination)
-        if other.subdevice is end.subdevice
-    )
+    return end.subdevice is not None and (end.subdevice.name, block.key) in ctx.used_blocks()
 
 
 def _blocks_of(end: ResolvedEnd, direction: Direction) -> list[FsoeBlock]:
@@ -206,15 +201,10 @@ def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
 
 def _matching_block(ctx: Context, row: ResolvedTransfer, source: FsoeBlock) -> str:
     """Name a free slot of the receiver that has the right length, if there is exactly one."""
-    used = {
-        r.destination.block.key
-        for r in ctx.resolution.transfers
-        if r.destination.block is not None and r.destination.subdevice is row.destination.subdevice
-    }
     fits = [
         b
         for b in _blocks_of(row.destination, Direction.OUTPUT)
-        if b.frame_bytes == source.frame_bytes and b.key not in used
+        if b.frame_bytes == source.frame_bytes and not _is_used(ctx, row.destination, b)
     ]
     if len(fits) != 1:
         return ""
@@ -299,10 +289,10 @@ def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:
     first, behind = touched_bytes(end, row.transfer.size_bytes)
     if end.block is not None:
         behind = min(behind, end.block.end_byte)  # a size that is too large is another finding
-    for placed in end.sm.placed:
+    for placed in ctx.written_entries(end.sm):
         inside = placed.bit_offset < 8 * behind and 8 * first < placed.end_bit
         why = placed.entry.written_by
-        if inside and why is not None and placed.entry.registered:
+        if inside and why is not None:
             ctx.add(
                 "FSN214",
                 placed.entry.at(why),

@@ -20,6 +20,7 @@ from fsoe_net.model import (
 )
 from fsoe_net.rules.context import (
     Context,
+    Guesses,
     block_text,
     count_of,
     few,
@@ -97,7 +98,7 @@ def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: 
 
 def _other_slot(ctx: Context, row: ResolvedTransfer) -> str:
     """Name a slot of the receiver that has the right size and that nobody uses."""
-    used = _used_blocks(ctx)
+    used = ctx.used_blocks()
     end, source = row.destination, row.source.block
     if end.layout is None or end.subdevice is None:
         return "let each transfer write a place of its own"
@@ -108,16 +109,6 @@ def _other_slot(ctx: Context, row: ResolvedTransfer) -> str:
             if block.direction is Direction.OUTPUT and fits and free:
                 return f"{block_text(end.endpoint.module, block)} is free and has the right size"
     return "let each transfer write a place of its own"
-
-
-def _used_blocks(ctx: Context) -> set[tuple[str, tuple[int, int]]]:
-    used: set[tuple[str, tuple[int, int]]] = set()
-    for row in ctx.resolution.transfers:
-        for end in (row.source, row.destination):
-            block = end.block
-            if block is not None and end.subdevice is not None:
-                used.add((end.subdevice.name, block.key))
-    return used
 
 
 def _names(ctx: Context) -> None:
@@ -135,12 +126,11 @@ def _names(ctx: Context) -> None:
 
 
 def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None:
-    names = {s.name for s in ctx.resolution.network.subdevices}
     used = sorted({m for row in rows for m in module_pair(row)})
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     stated = net.safety_master
-    if stated is not None and stated not in names:
-        _unknown_master(ctx, net, rows, names, used)
+    if stated is not None and stated not in ctx.names:
+        _unknown_master(ctx, net, rows, used)
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     main = main_instance_of(net, ends)
@@ -180,9 +170,7 @@ def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None
         )
 
 
-def _unknown_master(
-    ctx: Context, net: Net, rows: list[ResolvedTransfer], names: set[str], used: list[str]
-) -> None:
+def _unknown_master(ctx: Context, net: Net, rows: list[ResolvedTransfer], used: list[str]) -> None:
     stated = net.safety_master or ""
     ctx.unsure_nets.add(id(net))
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
@@ -196,16 +184,18 @@ def _unknown_master(
             hint="name the safety terminal on the bus (for example EL6910, EL1918) that holds it",
         )
         return
-    if ctx.resolution.network.partial and (stated in used or not names):
+    if ctx.resolution.network.partial and (stated in used or not ctx.names):
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     shared = shared_modules(ends)
-    meant = nearest(stated, shared or names) or (next(iter(shared)) if len(shared) == 1 else None)
+    meant = nearest(stated, shared) if shared else ctx.nearest_name(stated)
+    if meant is None and len(shared) == 1:
+        meant = next(iter(shared))
     ctx.add(
         "FSN218",
         span,
         f"safety_master {stated!r} is no module of this network",
-        hint=f"write {meant}" if meant else f"known: {', '.join(sorted(names)) or 'none'}",
+        hint=f"write {meant}" if meant else f"known: {few(sorted(ctx.names), 20) or 'none'}",
     )
 
 
@@ -260,9 +250,11 @@ def _crossed(ctx: Context, connection: Connection) -> None:
     if module_pair(down) in ctx.blamed_pairs:
         return
     for out_row, in_row in ((up, down), (down, up)):
+        sends, key = in_row.source.block, partner_block(out_row.destination)
+        if sends is None or key is None or key == sends.key:
+            continue
         wanted = _input_partner(out_row.destination)
-        sends = in_row.source.block
-        if wanted is None or sends is None or wanted.key == sends.key:
+        if wanted is None:
             continue
         module = in_row.transfer.source.module
         ctx.add(
@@ -278,6 +270,7 @@ def _crossed(ctx: Context, connection: Connection) -> None:
 
 def _facts(ctx: Context) -> None:
     pairs = {(c.main.name, c.sub.name) for c in ctx.resolution.connections}
+    ours = Guesses({f"{main}-{sub}": None for main, sub in sorted(pairs)})
     singles = {module_pair(row) for row in ctx.resolution.single}
     for row in ctx.resolution.unmatched_facts:
         net, fact = row.net, row.facts
@@ -298,11 +291,9 @@ def _facts(ctx: Context) -> None:
         elif (fact.sub, fact.main) in pairs:
             hint = "main and sub look exchanged"
         else:
-            ours = [f"{main}-{sub}" for main, sub in sorted(pairs)]
-            close = nearest(f"{fact.main}-{fact.sub}", ours)
-            hint = (
-                f"did you mean {close}?" if close else f"connections: {', '.join(ours) or 'none'}"
-            )
+            close = ours.of(f"{fact.main}-{fact.sub}")
+            known = few([f"{main}-{sub}" for main, sub in sorted(pairs)], 20)
+            hint = f"did you mean {close}?" if close else f"connections: {known or 'none'}"
         keys = [("slot", fact.slot), ("sub_slot", fact.sub_slot)]
         stated = ", ".join(f"{key} {value}" for key, value in keys if value is not None)
         slot = f" ({stated})" if stated else ""
@@ -319,7 +310,8 @@ def _unserved(ctx: Context) -> None:
     network = ctx.resolution.network
     if not network.nets or network.partial or ctx.unsure_nets:
         return
-    used = _used_blocks(ctx)
+    used = ctx.used_blocks()
+    blamed = set().union(*ctx.blamed_pairs)
     touched = {name for name, _ in used}
     without: list[SubDevice] = []
     for sub, layout in zip(network.subdevices, ctx.resolution.layouts, strict=True):
@@ -329,7 +321,7 @@ def _unserved(ctx: Context) -> None:
             for block in sm.blocks
             if (sub.name, block.key) not in used
         ]
-        if not idle or any(sub.name in pair for pair in ctx.blamed_pairs):
+        if not idle or sub.name in blamed:
             continue
         if sub.name not in touched:
             without.append(sub)

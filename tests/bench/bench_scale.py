@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from itertools import pairwise
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -27,7 +28,7 @@ STAGES = ("start", "load", "resolve", "rules", "plan", "encode")
 
 def stages(path: str) -> None:
     """Check and plan one network in this process; print seconds per stage and MiB at most."""
-    from fsoe_net.diag import Severity
+    from fsoe_net.diag import Severity, without_collector
     from fsoe_net.load import load_network
     from fsoe_net.model import resolve
     from fsoe_net.plan import compile_plan
@@ -47,7 +48,7 @@ def stages(path: str) -> None:
     size = len(plan.to_bytes())
     marks.append(time.process_time())
     kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(*(b - a for a, b in zip(marks, marks[1:], strict=False)), kib / 1024, size)
+    print(*(b - a for a, b in pairwise(marks)), kib / 1024, size)
 
 
 def parser_alone(path: str) -> None:
@@ -63,9 +64,10 @@ def parser_alone(path: str) -> None:
 
 def core(path: str) -> None:
     """Load a plan with the C core, and read it back in Python; print seconds of both."""
+    from networks import resolved
+
     from fsoe_net.core import CorePlan
     from fsoe_net.plan import compile_plan, decode_plan
-    from networks import resolved
 
     data = compile_plan(resolved(path)).to_bytes()
     begin = time.process_time()
