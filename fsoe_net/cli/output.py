@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from urllib.parse import quote
 
@@ -13,6 +14,8 @@ from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
 from fsoe_net.rules import Runtime, effect_today
 
 __all__ = ["FORMATS", "counted", "exit_code", "print_diagnostics", "summary"]
+
+_MOST_OF_A_CODE = 100  # shown as text; one mistake made everywhere is read once
 
 FORMATS = ("text", "json", "sarif", "github")
 
@@ -65,10 +68,24 @@ def print_diagnostics(
         click.echo(json.dumps(_json(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
     elif fmt == "sarif":
         click.echo(json.dumps(_sarif(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
-    else:
-        one = _github if fmt == "github" else _text
+    elif fmt == "github":
         for diagnostic in diagnostics:
-            click.echo(one(diagnostic, runtime), err=err)
+            click.echo(_github(diagnostic, runtime), err=err)
+    else:
+        _print_text(diagnostics, runtime, err=err)
+
+
+def _print_text(diagnostics: Sequence[Diagnostic], runtime: Runtime, *, err: bool) -> None:
+    """Print the first findings of each code, then how many more there are."""
+    counts: Counter[str] = Counter()
+    for diagnostic in diagnostics:
+        counts[diagnostic.code] += 1
+        if counts[diagnostic.code] <= _MOST_OF_A_CODE:
+            click.echo(_text(diagnostic, runtime), err=err)
+    for code, count in sorted(counts.items()):
+        if count > _MOST_OF_A_CODE:
+            more = f"{code}: {count - _MOST_OF_A_CODE} more ({CATALOGUE[code].title})"
+            click.echo(f"{more}; `fsoe-net check --format json` lists all", err=err)
 
 
 def _text(d: Diagnostic, runtime: Runtime) -> str:

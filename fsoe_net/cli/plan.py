@@ -25,6 +25,8 @@ Examples:
   fsoe-net plan --show machine.fsnplan --image igh
   fsoe-net plan --show machine.fsnplan --format json"""
 
+_MOST_PLAN_BYTES = 64 * 1024 * 1024  # as fsn-master takes them
+
 
 @click.command("plan", epilog=_EPILOG)
 @input_options
@@ -79,7 +81,7 @@ def _read(files: tuple[str, ...]) -> Plan:
     if len(files) != 1:
         raise click.UsageError("--show takes one plan file")
     out = Collector()
-    data = read_bytes(files[0], out)
+    data = read_bytes(files[0], out, most=_MOST_PLAN_BYTES)
     if data is None:
         raise InputError("no plan to show", out.diagnostics)
     try:

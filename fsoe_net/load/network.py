@@ -87,6 +87,7 @@ class _Assembly:
         self.out = Collector()
         self._options = options
         self._devices: dict[str, Device | None] = {}
+        self._located: dict[tuple[str, str], str] = {}
         self._network_file: _Yaml | None = None
         self._transfer_files: list[_Yaml] = []
         self._slaves: list[tuple[str, Device | None]] = []
@@ -257,7 +258,9 @@ class _Assembly:
 
     def _device(self, config: str, named_in: str, named_at: Span) -> Device | None:
         """Read a slave YAML once, however many SubDevices share it."""
-        path = self._locate(config, named_in)
+        path = self._located.get((config, named_in))
+        if path is None:
+            path = self._located[config, named_in] = self._locate(config, named_in)
         if path not in self._devices:
             self._devices[path] = load_device(path, self.out, named_at=named_at)
         return self._devices[path]

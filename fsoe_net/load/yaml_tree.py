@@ -349,7 +349,10 @@ class _Builder:
         node = ScalarNode(self._file, place, text, not event.style)
         if event.anchor is not None:
             self._anchors[event.anchor] = (node, 1)
-        self._attach(node)
+        if top is not None and top.pairs is None:
+            top.node.items.append(node)  # type: ignore[union-attr]
+        else:
+            self._attach(node)
 
     def _open(self, event: Any, *, is_map: bool) -> None:
         place = self._place_of(event)

@@ -89,6 +89,8 @@ class _Shared:
     ``pdos`` count their entries from the first of this sync manager.
     """
 
+    direction: int
+    watchdog: int
     registered: bool
     pdos: tuple[PlanPdo, ...]
     entries: tuple[PlanEntry, ...]
@@ -196,8 +198,8 @@ class _Compiler:
             PlanSyncManager(
                 subdevice=number,
                 index=sm.sm.index,
-                direction=1 if sm.sm.direction is Direction.OUTPUT else 2,
-                watchdog=_WATCHDOG[sm.sm.watchdog],
+                direction=shared.direction,
+                watchdog=shared.watchdog,
                 registered=shared.registered,
                 bits=sm.bits,
                 first_pdo=len(self.pdos),
@@ -326,6 +328,8 @@ def _shared(sub: SubDevice, sm: SmLayout) -> _Shared:
             )
             bit += entry.bits
     return _Shared(
+        direction=1 if sm.sm.direction is Direction.OUTPUT else 2,
+        watchdog=_WATCHDOG[sm.sm.watchdog],
         registered=sm.registered,
         pdos=tuple(pdos),
         entries=tuple(entries),

@@ -20,15 +20,17 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from networks import write_big_network
 
+from fsoe_net.diag import Severity, without_collector
+
 SIZES = (4_096, 16_384, 65_535)
 LIMIT_S = 10.0
 LIMIT_MIB = 1024.0
 STAGES = ("start", "load", "resolve", "rules", "plan", "encode")
 
 
+@without_collector
 def stages(path: str) -> None:
-    """Check and plan one network in this process; print seconds per stage and MiB at most."""
-    from fsoe_net.diag import Severity, without_collector
+    """Check and plan one network as `plan` does; print seconds per stage and MiB at most."""
     from fsoe_net.load import load_network
     from fsoe_net.model import resolve
     from fsoe_net.plan import compile_plan

@@ -9,7 +9,9 @@ import pytest
 from cli.tool import fsn
 from networks import EXAMPLES
 
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.core import CorePlan
+from fsoe_net.diag import Diagnostic, Span
 from fsoe_net.errors import CoreMissing, PlanFormatError
 
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
@@ -154,3 +156,14 @@ def test_report_is_one_file_and_repeatable(tmp_path: Path):
         assert words in pages[0]
     for outside in ("<script", "http://", "src=", "@import"):
         assert outside not in pages[0]
+
+
+def test_thousands_of_findings_of_one_kind_are_counted_not_printed(capsys):
+    found = [
+        Diagnostic(code="FSN202", span=Span("n.yaml", n, 1), message=f"m{n}") for n in range(1, 251)
+    ]
+    print_diagnostics([*found, Diagnostic(code="FSN304", span=Span("n.yaml", 9), message="other")])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 102
+    assert lines[-1].startswith("FSN202: 150 more")
+    assert "other" in lines[-2]

@@ -1,0 +1,80 @@
+"""The YAML tree: the same from both parsers of PyYAML; places are made when asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from fsoe_net.diag import Span
+from fsoe_net.load import Collector, yaml_tree
+from fsoe_net.load.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted(
+    path
+    for folder in ("examples", "fsoe_net/devices", "tests/diagnostics")
+    for path in (ROOT / folder).rglob("*.yaml")
+)
+
+
+def flat(node: Node | None) -> object:
+    """Return all that a tree tells: values, spellings, places of values and keys."""
+    if node is None:
+        return None
+    if isinstance(node, ScalarNode):
+        return (node.span, node.text, node.plain)
+    if isinstance(node, MapNode):
+        return (node.span, node.keys, {key: flat(value) for key, value in node.pairs.items()})
+    return (node.span, [flat(item) for item in node.items])
+
+
+def read(path: Path) -> tuple[object, list[tuple[str, Span, str]]]:
+    out = Collector()
+    root = parse_yaml(path.read_bytes(), path.name, out)
+    return flat(root), [(d.code, d.span, d.message) for d in out.diagnostics]
+
+
+@pytest.mark.skipif(not hasattr(yaml, "CLoader"), reason="PyYAML was built without libyaml")
+def test_both_parsers_give_the_same_tree_of_every_file(monkeypatch: pytest.MonkeyPatch):
+    assert len(FILES) > 20
+    with_libyaml = [read(path) for path in FILES]
+    monkeypatch.setattr(yaml_tree, "_LOADER", yaml.Loader)
+    for path, (tree, found) in zip(FILES, with_libyaml, strict=True):
+        slow_tree, slow_found = read(path)
+        assert slow_tree == tree, path
+        # libyaml words a mistake in the syntax in its own way, and may see it a word later.
+        assert [c for c, _, _ in slow_found] == [c for c, _, _ in found], path
+        if tree is not None:
+            assert slow_found == found, path
+
+
+def test_places_are_those_of_keys_and_values():
+    out = Collector()
+    root = parse_yaml(b"a: 1\nlist:\n  - {b: x, c: [y]}\n", "f", out)
+    assert root is not None
+    assert root.keys == {"a": Span("f", 1, 1), "list": Span("f", 2, 1)}
+    inner = root.maps("list")[0]
+    assert dict(inner.places()) == {"b": Span("f", 3, 9), "c": Span("f", 3, 15)}
+    assert inner.keys["c"] == Span("f", 3, 12)
+    assert inner.places() | {"d": inner.span} == {**inner.places(), "d": Span("f", 3, 5)}
+    assert "z" not in inner.places()
+    assert len(inner.places()) == 2
+
+
+def test_what_aliases_repeat_is_counted_as_if_it_were_written(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(yaml_tree, "MAX_ALIASED", 30)
+    text = b"a: &a {b: [1, 2, 3, 4]}\nc: [" + b"*a, " * 3 + b"]\n"
+    out = Collector()
+    assert parse_yaml(text, "f", out) is not None
+    assert parse_yaml(text.replace(b"*a, *a", b"*a, *a, *a"), "f", out) is None
+    assert [d.code for d in out.diagnostics] == ["FSN103"]
+
+
+def test_a_key_with_an_anchor_is_a_key():
+    out = Collector()
+    root = parse_yaml(b"&k a: 1\nb: *k\n", "f", out)
+    assert root is not None
+    assert (root.text("a"), root.text("b")) == ("1", "a")
+    assert root.keys["a"].line == 1
