@@ -7,7 +7,13 @@ from collections import Counter
 from collections.abc import Iterator
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import DescribedConnection, DescribedSubDevice, Description, slot_numbers
+from fsoe_net.model import (
+    DescribedConnection,
+    DescribedSubDevice,
+    Description,
+    Device,
+    slot_numbers,
+)
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import (
     CopyGroup,
@@ -95,7 +101,12 @@ class _Files:
     def __init__(self, description: Description) -> None:
         self.notes: list[str] = []
         self.configs: dict[str, str] = {}
+        self._texts: dict[tuple[int, frozenset[int]], str] = {}
         self._description = description
+        # Numbers of the connections between two SubDevices.
+        self._between: dict[frozenset[int | None], list[int]] = {}
+        for number, row in enumerate(description.connections):
+            self._between.setdefault(frozenset((row.main, row.sub)), []).append(number)
         self._layouts = layouts_of(description)
         self._names = unique_names(description)
         self._endpoints = Endpoints(description, self._names)
@@ -111,14 +122,23 @@ class _Files:
         words = identifiers(self._names)
         for number, sub in enumerate(self._description.subdevices):
             name = self._names[number]
-            text = write_slave_yaml(
-                sub.device, name, self.notes, needed=needed.get(number, frozenset())
-            )
+            text = self._slave_yaml(sub.device, name, frozenset(needed.get(number, ())))
             if text not in by_text:
                 by_text[text] = f"devices/{words[number]}.yaml"
                 self.configs[by_text[text]] = text
             self._lost(sub, name)
             yield sub, name, self._place(sub, name, number), by_text[text]
+
+    def _slave_yaml(self, device: Device, name: str, needed: frozenset[int]) -> str:
+        """Return a slave YAML, written once for equal SubDevices unless it needs a note."""
+        key = (id(device), needed)
+        text = self._texts.get(key)
+        if text is None:
+            before = len(self.notes)
+            text = write_slave_yaml(device, name, self.notes, needed=needed)
+            if len(self.notes) == before:
+                self._texts[key] = text
+        return text
 
     def _lost(self, sub: DescribedSubDevice, name: str) -> None:
         lost = []
@@ -170,21 +190,17 @@ class _Files:
                 yield "        kind: standard"
 
     def _connections(self, group: CopyGroup) -> Iterator[str]:
-        ends = {frozenset((c.source.subdevice, c.destination.subdevice)) for c in group.copies}
-        rows = []
-        ours = [
-            row
-            for row in self._description.connections
-            if row.main is not None
-            and row.sub is not None
-            and frozenset((row.main, row.sub)) in ends
-        ]
+        ends: set[frozenset[int | None]] = {
+            frozenset((c.source.subdevice, c.destination.subdevice)) for c in group.copies
+        }
         several = Counter(
             (c.source.subdevice, c.destination.subdevice)
             for c in group.copies
             if is_fsoe(c, self._layouts)
         )
-        for row in ours:
+        rows = []
+        for number in sorted(n for pair in ends for n in self._between.get(pair, ())):
+            row = self._description.connections[number]
             if row.main is None or row.sub is None:
                 continue
             parts = [f"main: {quoted(self._names[row.main])}"]
