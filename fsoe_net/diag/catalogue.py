@@ -72,6 +72,11 @@ FSN146 error   text ends too early
 FSN147 warning line is not understood
 FSN148 error   connection names a SubDevice that cannot take part
 FSN149 error   copy moves a part of an FSoE frame
+FSN150 error   capture holds no EtherCAT
+FSN151 warning capture is damaged or ends inside a packet
+FSN152 warning packets of a capture were cut short
+FSN153 warning capture does not show everything
+FSN154 error   PDOs seen in a capture do not fill their sync manager
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output

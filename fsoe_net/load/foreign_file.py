@@ -8,12 +8,14 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from fsoe_net.diag import Span
+from fsoe_net.load.capture import load_capture
 from fsoe_net.load.eni import load_eni
 from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import Source, kind_of
 from fsoe_net.load.igh_text import load_igh_text
 from fsoe_net.load.lcec import load_lcec
+from fsoe_net.load.packets import is_capture
 from fsoe_net.load.ros_slaves import load_ros_slaves
 from fsoe_net.load.sii import load_sii
 from fsoe_net.load.soem_text import load_soem_text
@@ -37,6 +39,7 @@ class InputKind(enum.Enum):
     LCEC = "lcec"
     ROS_SLAVES = "ros-slaves"
     TWINSAFE = "twinsafe"
+    CAPTURE = "capture"
 
     @property
     def is_device_type(self) -> bool:
@@ -79,6 +82,7 @@ _READERS: dict[InputKind, _Reader] = {
     InputKind.LCEC: load_lcec,
     InputKind.ROS_SLAVES: load_ros_slaves,
     InputKind.TWINSAFE: load_twinsafe,
+    InputKind.CAPTURE: load_capture,
 }
 
 
@@ -101,6 +105,8 @@ def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputK
             why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
             out.add("FSN101", Span(path), f"cannot read {path!r}: {why}", hint="check the path")
             return None
+    if is_capture(head):
+        return InputKind.CAPTURE
     words = kind_of(head) if head.strip() else "an empty file"
     for begin, kind in _BY_WORDS:
         if words.startswith(begin):
@@ -116,7 +122,8 @@ def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputK
         "FSN117",
         Span(path, 1, 1),
         f"this is {words}, which is not read" if words else "no reader knows this file",
-        hint="give an ENI, ESI, SII image, YAML, URDF, output of `ethercat` or SOEM; or say --from",
+        hint="give an ENI, ESI, SII image, YAML, URDF, capture, output of `ethercat` or SOEM; or say "
+        "--from",
     )
     return None
 

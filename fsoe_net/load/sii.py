@@ -20,7 +20,15 @@ from fsoe_net.load.foreign import Source, source_bytes
 from fsoe_net.load.sii_parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
 from fsoe_net.model import DescribedSubDevice, Description, Device, Direction, Pdo, SyncManager
 
-__all__ = ["MAX_SII_BYTES", "SiiImage", "load_sii", "read_sii", "sii_checksum"]
+__all__ = [
+    "MAX_SII_BYTES",
+    "SiiImage",
+    "describe_sii",
+    "load_sii",
+    "read_sii",
+    "read_sii_categories",
+    "sii_checksum",
+]
 
 MAX_SII_BYTES = 4 * 1024 * 1024
 _HEADER_BYTES = 0x80
@@ -116,7 +124,7 @@ def load_sii(source: Source, out: Collector, *, name: str = "<sii>") -> Descript
     image = read_sii(data, span, out)
     if image is None:
         return None
-    device = _described(image, path, span, out)
+    device = describe_sii(image, path, span, out)
     return Description(
         format="sii",
         path=path,
@@ -149,6 +157,19 @@ def read_sii(data: bytes, span: Span, out: Collector) -> SiiImage | None:
         )
         hint = _shift_hint(data) or "the SubDevice would ignore it; " + _READ_AGAIN
         out.add("FSN138", span, message, hint=hint, severity=Severity.WARNING)
+    _categories(data, image, span, out)
+    return image
+
+
+def read_sii_categories(data: bytes, span: Span, out: Collector) -> SiiImage:
+    """Read an image of which only the categories are to be trusted, such as one pieced together.
+
+    Args:
+        data: The image, with a header.
+        span: Its place.
+        out: Takes FSN138 for damaged categories.
+    """
+    image = SiiImage(vendor=0, product=0, revision=0, serial=0, alias=0, checksum_right=False)
     _categories(data, image, span, out)
     return image
 
@@ -255,7 +276,15 @@ def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out:
 # -- into the model -------------------------------------------------------------------------------
 
 
-def _described(image: SiiImage, path: str, span: Span, out: Collector) -> DescribedSubDevice:
+def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> DescribedSubDevice:
+    """Return what an image says about its device.
+
+    Args:
+        image: The image.
+        path: Where it came from.
+        span: Its place.
+        out: Takes FSN139 for PDOs on sync managers that are not there.
+    """
     notes: list[str] = []
     assigned: dict[int, list[Pdo]] = {}
     available: list[Pdo] = []

@@ -1,0 +1,102 @@
+"""EtherCAT datagrams in captured Ethernet packets.
+
++-----------+------------------+------------------------------------------+-----+---------+
+| Ethernet, | length, type 1   | command, index, address, length + flags, | ... | padding |
+| VLAN tags | (16 bits)        | interrupt, data, working counter         |     |         |
++-----------+------------------+------------------------------------------+-----+---------+
+"""
+
+from __future__ import annotations
+
+import enum
+import struct
+from typing import NamedTuple
+
+__all__ = ["Command", "Datagram", "datagrams"]
+
+_ETHERCAT, _IPV4, _VLANS, _UDP_PORT = 0x88A4, 0x0800, (0x8100, 0x88A8, 0x9100), 0x88A4
+_MOST_TAGS = 4
+_HEAD = struct.Struct("<BBHHHH")
+_COMMANDS_TYPE = 1
+_LENGTH, _MORE = 0x07FF, 0x8000
+
+
+class Command(enum.IntEnum):
+    """What a datagram asks for: a SubDevice by ring position, by station address, all, logical."""
+
+    APRD, APWR, APRW = 1, 2, 3
+    FPRD, FPWR, FPRW = 4, 5, 6
+    BRD, BWR, BRW = 7, 8, 9
+    LRD, LWR, LRW = 10, 11, 12
+    ARMW, FRMW = 13, 14
+
+
+class Datagram(NamedTuple):
+    """One datagram; ``address`` is that of a SubDevice, ``register`` a place in its memory."""
+
+    command: int
+    index: int
+    address: int
+    register: int
+    data: bytes
+    counter: int
+
+    @property
+    def logical(self) -> int:
+        """The logical address of LRD, LWR and LRW."""
+        return self.register << 16 | self.address
+
+
+def datagrams(packet: bytes) -> tuple[list[Datagram], bool] | None:
+    """Return the datagrams of a packet, and whether something is missing at its end.
+
+    Args:
+        packet: From the destination MAC on.
+
+    Returns:
+        ``None`` when the packet is none of EtherCAT.
+    """
+    start = _begin(packet)
+    if start is None:
+        return None
+    if start + 2 > len(packet):
+        return [], True
+    head = packet[start] | packet[start + 1] << 8
+    if head >> 12 != _COMMANDS_TYPE:
+        return None
+    at, found, size = start + 2, [], len(packet)
+    while True:
+        if at + 12 > size:
+            return found, True
+        command, index, address, register, length, _ = _HEAD.unpack_from(packet, at)
+        end = at + 12 + (length & _LENGTH)
+        if end > size:
+            return found, True
+        counter = packet[end - 2] | packet[end - 1] << 8
+        data = packet[at + 10 : end - 2]
+        found.append(Datagram(command, index, address, register, data, counter))
+        if not length & _MORE:
+            return found, False
+        at = end
+
+
+def _begin(packet: bytes) -> int | None:
+    """Return where the EtherCAT header begins."""
+    at = 12
+    for _ in range(_MOST_TAGS + 1):
+        kind = int.from_bytes(packet[at : at + 2], "big")
+        if kind == _ETHERCAT:
+            return at + 2
+        if kind not in _VLANS:
+            return _begin_udp(packet, at + 2) if kind == _IPV4 else None
+        at += 4
+    return None
+
+
+def _begin_udp(packet: bytes, at: int) -> int | None:
+    head = packet[at : at + 20]
+    if len(head) < 20 or head[0] >> 4 != 4 or head[9] != 17 or (head[6] & 0x1F or head[7]):
+        return None
+    udp = at + 4 * (head[0] & 0x0F)
+    port = int.from_bytes(packet[udp + 2 : udp + 4], "big")
+    return udp + 8 if port == _UDP_PORT else None

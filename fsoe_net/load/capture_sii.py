@@ -1,0 +1,106 @@
+"""The EEPROM of a SubDevice, put together from the reads of a MainDevice (registers 0x0502 …).
+
+A read is a command with a word address, then 4 or 8 bytes of data once the SubDevice is no longer
+busy. Data count only when all of that was seen: a lost packet must not move words elsewhere.
+"""
+
+from __future__ import annotations
+
+import struct
+
+__all__ = ["SII_REGISTERS", "SiiReads"]
+
+SII_REGISTERS = range(0x0502, 0x0510)
+_CONTROL, _ADDRESS, _DATA = 0x0502, 0x0504, 0x0508
+_BUSY, _REFUSED, _WIDE, _READ = 0x8000, 0x2000, 0x0040, 1
+_HEADER_WORDS, _END, _MOST_WORDS = 0x40, 0xFFFF, 0x10000
+
+
+class SiiReads:
+    """What is known of an EEPROM.
+
+    Attributes:
+        words: By word address.
+        conflicts: Words that were read with two values.
+    """
+
+    def __init__(self) -> None:
+        self.words: dict[int, int] = {}
+        self.conflicts: set[int] = set()
+        self._address = bytearray(4)  # as the MainDevice wrote it
+        self._at: int | None = None
+        self._ready = self._wide = False
+
+    def lost(self) -> None:
+        """A command is under way: until it has come back, no data belong to an address."""
+        self._at = None
+
+    def written(self, register: int, data: bytes) -> None:
+        """Take a write of the MainDevice that the SubDevice has taken."""
+        end = register + len(data)
+        for place in range(max(register, _ADDRESS), min(end, _DATA)):
+            self._address[place - _ADDRESS] = data[place - register]
+        if register <= _CONTROL + 1 < end:
+            operation = data[_CONTROL + 1 - register] & 7
+            if operation == _READ:
+                self._at = int.from_bytes(self._address, "little")
+            elif operation:
+                self._at = None
+            self._ready = False
+
+    def status(self, control: int) -> None:
+        """Take the control word as somebody has read it."""
+        self._ready = not control & (_BUSY | _REFUSED)
+        self._wide = bool(control & _WIDE)
+
+    def read(self, register: int, data: bytes) -> None:
+        """Take what the MainDevice has read from the SubDevice."""
+        end = register + len(data)
+        if register <= _CONTROL and _CONTROL + 2 <= end:
+            at = _CONTROL - register
+            self.status(data[at] | data[at + 1] << 8)
+        if register <= _ADDRESS and _DATA <= end and self._at is not None:
+            at = _ADDRESS - register
+            self._at = int.from_bytes(data[at : at + 4], "little")
+        if register > _DATA or end < _DATA + 4 or not self._ready or self._at is None:
+            return
+        words = data[_DATA - register : _DATA - register + (8 if self._wide else 4)]
+        for number, word in enumerate(
+            struct.unpack(f"<{len(words) // 2}H", words[: len(words) & ~1])
+        ):
+            self._take(self._at + number, word)
+
+    def _take(self, place: int, word: int) -> None:
+        if place < _MOST_WORDS:
+            if self.words.get(place, word) != word:
+                self.conflicts.add(place)
+            self.words[place] = word
+
+    def number(self, place: int) -> int | None:
+        """Return the 32 bits at a word address, or ``None`` where they were not read."""
+        low, high = self.words.get(place), self.words.get(place + 1)
+        return None if low is None or high is None else high << 16 | low
+
+    def image(self) -> tuple[bytes, bool]:
+        """Return an image of the categories that were read whole, and whether these are all."""
+        header = [self.words.get(place, 0) for place in range(_HEADER_WORDS)]
+        found: list[int] = []
+        at, whole = _HEADER_WORDS, True
+        while True:
+            kind, length = self.words.get(at), self.words.get(at + 1)
+            if kind == _END:
+                break
+            if kind is None or length is None or at + 2 + length > _MOST_WORDS:
+                whole = False
+                break
+            if kind == 0 and length == 0:
+                break
+            body = [self.words.get(place) for place in range(at + 2, at + 2 + length)]
+            known = [word for word in body if word is not None]
+            if len(known) == length:
+                found += [kind, length, *known]
+            else:
+                whole = False
+            at += 2 + length
+        words = (*header, *found, _END)
+        return struct.pack(f"<{len(words)}H", *words), whole
