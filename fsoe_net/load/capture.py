@@ -235,8 +235,8 @@ class _Capture:
         placed = [s for s in stations if s.position is not None]
         if ring.count is not None and len(placed) < ring.count:
             self._remark(
-                f"{ring.count} SubDevices answered broadcasts, {len(placed)} of them are shown with "
-                "their place in the ring",
+                f"{ring.count} SubDevices answered broadcasts, {len(placed)} of them are shown "
+                "with their place in the ring",
                 Severity.WARNING,
             )
         if ring.full:
@@ -285,7 +285,7 @@ def _logical(station: Station, start: int, size: int, sm: SyncManager) -> int | 
     """Return the logical address of some bytes of a SubDevice's memory."""
     for fmmu in station.fmmus():
         at = start - fmmu.physical
-        if fmmu.direction is sm.direction and 0 <= at and at + size <= fmmu.length:
+        if fmmu.direction is sm.direction and at >= 0 and at + size <= fmmu.length:
             return fmmu.logical + at
     return None
 

@@ -16,7 +16,7 @@ from fsoe_net.fsoe import Command as FsoeCommand
 from fsoe_net.fsoe import Monitor, safe_data_length
 from fsoe_net.load.capture_datagrams import Command, Datagram
 
-__all__ = ["ENOUGH_FRAMES", "CyclicWindow", "Cycles", "FramePlace"]
+__all__ = ["ENOUGH_FRAMES", "Cycles", "CyclicWindow", "FramePlace"]
 
 ENOUGH_FRAMES = 20
 _REMEMBERED = 6  # frames a copy may lie behind its source, and a lost packet between
@@ -28,9 +28,7 @@ _COMMANDS = frozenset(int(c) for c in FsoeCommand)
 
 
 class FramePlace(NamedTuple):
-    """A place with the shape of an FSoE frame; ``owner`` is the number of the first packet of its
-    SubDevice, which names it while the capture is read.
-    """
+    """A place with the shape of an FSoE frame; ``owner`` is the number of its `Station`."""
 
     owner: int
     manager: int

@@ -35,7 +35,7 @@ class Datagram(NamedTuple):
     """One datagram; ``address`` is that of a SubDevice, ``register`` a place in its memory."""
 
     command: int
-    index: int
+    number: int
     address: int
     register: int
     data: bytes
@@ -64,17 +64,18 @@ def datagrams(packet: bytes) -> tuple[list[Datagram], bool] | None:
     head = packet[start] | packet[start + 1] << 8
     if head >> 12 != _COMMANDS_TYPE:
         return None
-    at, found, size = start + 2, [], len(packet)
+    at, size = start + 2, len(packet)
+    found: list[Datagram] = []
     while True:
         if at + 12 > size:
             return found, True
-        command, index, address, register, length, _ = _HEAD.unpack_from(packet, at)
+        command, number, address, register, length, _ = _HEAD.unpack_from(packet, at)
         end = at + 12 + (length & _LENGTH)
         if end > size:
             return found, True
         counter = packet[end - 2] | packet[end - 1] << 8
         data = packet[at + 10 : end - 2]
-        found.append(Datagram(command, index, address, register, data, counter))
+        found.append(Datagram(command, number, address, register, data, counter))
         if not length & _MORE:
             return found, False
         at = end

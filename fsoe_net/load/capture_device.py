@@ -1,4 +1,4 @@
-"""What was seen of a SubDevice in a capture, into the model. What was not seen is said, not guessed."""
+"""What a capture shows of a SubDevice, into the model. What it does not show is said."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _judge(read: _Read, told: Collector, nameless: bool) -> None:
             "FSN153",
             read.span,
             f"{_who(station)}: the capture does not show {', '.join(lacking)}",
-            hint="begin the capture before the MainDevice starts, or give the ESI of the device too",
+            hint="capture from before the MainDevice starts, or give the ESI of the device too",
         )
 
 
@@ -206,16 +206,17 @@ def _pdos(
 ) -> tuple[Pdo, ...] | None:
     """Return the PDOs of a sync manager: of the object dictionary, else of the EEPROM."""
     if listed is None:
-        pdos = None if sii is None else sii.pdos
-        if pdos and row is not None and _bytes(pdos) != row.length:
+        stored_pdos = None if sii is None else sii.pdos
+        if stored_pdos and row is not None and _bytes(stored_pdos) != row.length:
             read.notes.append(
-                f"SM{number} has {row.length} bytes, the PDOs of the EEPROM {_bytes(pdos)}: "
+                f"SM{number} has {row.length} bytes, the PDOs of the EEPROM {_bytes(stored_pdos)}: "
                 "they are not what is used"
             )
             return None
-        return pdos or None
+        return stored_pdos or None
     stored = {} if sii is None else {p.index: p for p in sii.pdos or ()}
-    pdos, missing = [], []
+    pdos: list[Pdo] = []
+    missing: list[str] = []
     for index in listed:
         mapping = read.station.mapping(index)
         if mapping is not None:
@@ -233,7 +234,7 @@ def _pdos(
             _place(read, 0x1C10 + number),
             f"{_who(read.station)}: SM{number} has {row.length} bytes, its PDOs have "
             f"{_bytes(pdos)}",
-            hint="the mapping was changed unseen: capture a whole start-up, or give the ESI instead",
+            hint="the mapping was changed unseen: capture a whole start-up, or give the ESI",
         )
     return tuple(pdos)
 

@@ -1,8 +1,8 @@
 """All SubDevices of a capture: who is meant by an address, and what was asked of all of them.
 
 A datagram counts once it has come back, which its working counter shows: its copy on the way out
-has 0. Auto-increment addresses are counted on by every SubDevice they pass, so the one that comes
-back is (number of SubDevices − position); a broadcast, sent with 0, comes back with their number.
+has 0. Auto-increment addresses are counted on by every SubDevice they pass, so the one that comes back is
+their number less the position; a broadcast, sent with 0, comes back with their number.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Ring:
         """Remember a datagram that has not been answered yet, or never was."""
         if datagram.command in _POSITIONAL:
             key = (datagram.command, datagram.address, datagram.register)
-            self._sent[datagram.index] = key
+            self._sent[datagram.number] = key
         end = datagram.register + len(datagram.data)
         if datagram.register >= SII_REGISTERS.stop or end <= SII_REGISTERS.start:
             return
@@ -96,9 +96,8 @@ class Ring:
         self.count = datagram.address or None
         register, data = datagram.register, datagram.data
         if datagram.command == Command.BWR:
-            if register in FMMUS or register in MANAGERS:
-                if len(self._for_all) < len(FMMUS):
-                    self._for_all[register] = data
+            if (register in FMMUS or register in MANAGERS) and len(self._for_all) < len(FMMUS):
+                self._for_all[register] = data
             for station in self.stations:
                 station.wrote(register, data, packet)
             self.changed = True
@@ -107,7 +106,7 @@ class Ring:
                 station.sii.status(data[0] | data[1] << 8)
 
     def _position(self, datagram: Datagram) -> int | None:
-        sent = self._sent.get(datagram.index)
+        sent = self._sent.get(datagram.number)
         if sent is not None and (sent[0], sent[2]) == (datagram.command, datagram.register):
             position = -sent[1] & 0xFFFF
             fits = self.count is None or (position + datagram.address) & 0xFFFF == self.count

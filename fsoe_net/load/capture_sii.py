@@ -13,6 +13,7 @@ __all__ = ["SII_REGISTERS", "SiiReads"]
 SII_REGISTERS = range(0x0502, 0x0510)
 _CONTROL, _ADDRESS, _DATA = 0x0502, 0x0504, 0x0508
 _BUSY, _REFUSED, _WIDE, _READ = 0x8000, 0x2000, 0x0040, 1
+_PROCESS_DATA = (41, 50, 51)  # categories: sync managers, TxPDO, RxPDO
 _HEADER_WORDS, _END, _MOST_WORDS = 0x40, 0xFFFF, 0x10000
 
 
@@ -56,10 +57,10 @@ class SiiReads:
     def read(self, register: int, data: bytes) -> None:
         """Take what the MainDevice has read from the SubDevice."""
         end = register + len(data)
-        if register <= _CONTROL and _CONTROL + 2 <= end:
+        if register <= _CONTROL and end >= _CONTROL + 2:
             at = _CONTROL - register
             self.status(data[at] | data[at + 1] << 8)
-        if register <= _ADDRESS and _DATA <= end and self._at is not None:
+        if register <= _ADDRESS and end >= _DATA and self._at is not None:
             at = _ADDRESS - register
             self._at = int.from_bytes(data[at : at + 4], "little")
         if register > _DATA or end < _DATA + 4 or not self._ready or self._at is None:
@@ -82,7 +83,11 @@ class SiiReads:
         return None if low is None or high is None else high << 16 | low
 
     def image(self) -> tuple[bytes, bool]:
-        """Return an image of the categories that were read whole, and whether these are all."""
+        """Return an image of the categories that were read whole.
+
+        And whether all that say something about process data are among them: MainDevices jump over
+        what they do not want to know, such as most strings.
+        """
         header = [self.words.get(place, 0) for place in range(_HEADER_WORDS)]
         found: list[int] = []
         at, whole = _HEADER_WORDS, True
@@ -99,7 +104,7 @@ class SiiReads:
             known = [word for word in body if word is not None]
             if len(known) == length:
                 found += [kind, length, *known]
-            else:
+            elif kind in _PROCESS_DATA:
                 whole = False
             at += 2 + length
         words = (*header, *found, _END)

@@ -1,4 +1,4 @@
-"""One SubDevice of a capture: its registers, EEPROM and object dictionary, as far as they were seen."""
+"""One SubDevice of a capture: its registers, EEPROM and objects, as far as seen."""
 
 from __future__ import annotations
 

@@ -122,8 +122,8 @@ def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputK
         "FSN117",
         Span(path, 1, 1),
         f"this is {words}, which is not read" if words else "no reader knows this file",
-        hint="give an ENI, ESI, SII image, YAML, URDF, capture, output of `ethercat` or SOEM; or say "
-        "--from",
+        hint="give an ENI, ESI, SII image, YAML, URDF, capture, output of `ethercat` or SOEM; "
+        "or say --from",
     )
     return None
 
