@@ -1,7 +1,7 @@
 """All SubDevices of a capture: who is meant by an address, and what was asked of all of them.
 
 A datagram counts once it has come back, which its working counter shows: its copy on the way out
-has 0. Auto-increment addresses are counted on by every SubDevice they pass, so the one that comes back is
+has 0. Auto-increment addresses are counted on by every SubDevice they pass, so what comes back is
 their number less the position; a broadcast, sent with 0, comes back with their number.
 """
 

@@ -13,6 +13,8 @@ __all__ = ["SII_REGISTERS", "SiiReads"]
 SII_REGISTERS = range(0x0502, 0x0510)
 _CONTROL, _ADDRESS, _DATA = 0x0502, 0x0504, 0x0508
 _BUSY, _REFUSED, _WIDE, _READ = 0x8000, 0x2000, 0x0040, 1
+_STRINGS, _GENERAL = 10, 30
+_GENERAL_WORDS = 3  # up to what the mailbox can
 _PROCESS_DATA = (41, 50, 51)  # categories: sync managers, TxPDO, RxPDO
 _HEADER_WORDS, _END, _MOST_WORDS = 0x40, 0xFFFF, 0x10000
 
@@ -77,6 +79,16 @@ class SiiReads:
                 self.conflicts.add(place)
             self.words[place] = word
 
+    def _beginning(self, at: int, length: int) -> list[int]:
+        """Return the words from an address on, up to the first one that was not read."""
+        found = []
+        for place in range(at, at + length):
+            word = self.words.get(place)
+            if word is None:
+                break
+            found.append(word)
+        return found
+
     def number(self, place: int) -> int | None:
         """Return the 32 bits at a word address, or ``None`` where they were not read."""
         low, high = self.words.get(place), self.words.get(place + 1)
@@ -100,12 +112,27 @@ class SiiReads:
                 break
             if kind == 0 and length == 0:
                 break
-            body = [self.words.get(place) for place in range(at + 2, at + 2 + length)]
-            known = [word for word in body if word is not None]
-            if len(known) == length:
-                found += [kind, length, *known]
-            elif kind in _PROCESS_DATA:
-                whole = False
+            known = self._beginning(at + 2, length)
+            if len(known) < length:
+                whole &= kind not in _PROCESS_DATA
+                known = _usable(kind, known)
+            if known:
+                found += [kind, len(known), *known]
             at += 2 + length
         words = (*header, *found, _END)
         return struct.pack(f"<{len(words)}H", *words), whole
+
+
+def _usable(kind: int, words: list[int]) -> list[int]:
+    """Return what the begin of a category says on its own: the first strings, or the names."""
+    if kind == _GENERAL:
+        return words if len(words) >= _GENERAL_WORDS else []
+    if kind != _STRINGS or not words:
+        return []
+    body = bytearray(struct.pack(f"<{len(words)}H", *words))
+    at, count = 1, 0
+    while count < body[0] and at < len(body) and at + 1 + body[at] <= len(body):
+        at += 1 + body[at]
+        count += 1
+    body[0] = count
+    return [word for (word,) in struct.iter_unpack("<H", body)] if count else []

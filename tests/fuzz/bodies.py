@@ -24,6 +24,7 @@ from fsoe.pair import Bench
 from fsoe.recorded import own_run, recording_text
 from load import texts
 from load.sii_image import category, image, strings
+from load.startup import startup
 
 from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.core import CorePlan, Scanner
@@ -33,6 +34,7 @@ from fsoe_net.fsoe.recording import reader as recording_reader
 from fsoe_net.fsoe.recording import replay
 from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.load import Collector, load_scenario, urdf
+from fsoe_net.load.capture import load_capture_content
 from fsoe_net.load.eni import load_eni, load_eni_images
 from fsoe_net.load.esi import EsiChoice, load_esi
 from fsoe_net.load.foreign import Source
@@ -172,6 +174,16 @@ def _described(
     return run
 
 
+def _startup(data: bytes, folder: Path) -> None:
+    """A capture as a description of a bus; its copies have places in the process data."""
+    out = Collector()
+    content = load_capture_content(data, out)
+    _judged(None if content is None else content.description, out, binary=True)
+    for copy in () if content is None else content.description.copies:
+        ends = {(w.subdevice, w.sm_index) for w in content.windows}
+        assert {(e.subdevice, e.sm_index) for e in (copy.source, copy.destination)} <= ends
+
+
 def _esi(data: bytes, folder: Path) -> None:
     for choice in (None, EsiChoice(product=0x10, revision=3, modules=(0xBE, None, 0xBF))):
         out = Collector()
@@ -255,6 +267,11 @@ def _captures() -> list[bytes]:
         return [pcap, path.read_bytes()]
 
 
+def _startups() -> list[bytes]:
+    made = [startup(how="segments", cycles=4, wide=True), startup(vlan=True, count=1)]
+    return [startup(cycles=60, replies_only=True), *made]
+
+
 def _siis() -> list[bytes]:
     manager = struct.pack("<HHBBBB", 0x1100, 6, 0x24, 0, 1, 3)
     entries = ((0x7000, 1, 8), (0x7001, 1, 8), (0x7000, 3, 16), (0x7000, 2, 16))
@@ -316,6 +333,7 @@ TARGETS = {
     "recording": Target(run=_recording, seeds=_recordings),
     "hex": Target(run=_hex, seeds=_hexes),
     "capture": Target(run=_capture, seeds=_captures),
+    "startup": Target(run=_startup, seeds=_startups),
     "esi": Target(run=_esi, seeds=_files(*sorted((ROOT / "tests" / "load" / "esi").glob("*.xml")))),
     "sii": Target(run=_sii, seeds=_siis),
     "eni": Target(run=_eni, seeds=_files(CASES / "bus.eni.xml")),

@@ -1,0 +1,87 @@
+"""Captures a start-up of the emulated segment, in a network namespace of its own.
+
+Run as a program: ``capture_rig.py soem|fsn near|far NETWORK CAPTURE``. On ``near`` a listener sees
+what comes back only, since MainDevices pass by the queues; on ``far`` what goes out as well.
+"""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+from segment.peers import Devices, make_link, soem
+
+from fsoe_net.observe import CaptureWriter
+
+ALL_PROTOCOLS = 3
+PATIENCE_S = 60.0
+SOCKET_BYTES = 64 << 20
+
+
+class Listener:
+    """Writes every packet of an interface into a capture."""
+
+    def __init__(self, interface, path):
+        self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ALL_PROTOCOLS))
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BYTES)
+        self._socket.bind((interface, ALL_PROTOCOLS))
+        self._socket.settimeout(0.1)
+        self._writer = CaptureWriter(path, interface=interface)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        while True:
+            try:
+                data = self._socket.recv(2048)
+            except TimeoutError:
+                if self._stop.is_set():
+                    return
+                continue
+            self._writer.packet(time.time_ns(), data)
+            if self._stop.is_set():
+                return
+
+    def end(self):
+        self._stop.set()
+        self._thread.join()
+        self._writer.close()
+
+
+def fsn(network, capture):
+    """Run the network with the MainDevice of this project until its connections are in Data."""
+    from run.live_rig import FSN, Emulator
+
+    emulator = Emulator(network)
+    done = subprocess.run(
+        [*FSN, "run", network, "--interface", "near", "--wait", "30", "--duration", "3"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE_S,
+    )
+    emulator.end()
+    return done.stdout[-2000:] + done.stderr[-2000:]
+
+
+def main():
+    who, where, network, capture = sys.argv[1:5]
+    make_link()
+    listener = Listener(where, capture)
+    if who == "soem":
+        devices = Devices(network, None)
+        seen = soem(devices)
+        devices.end()
+    else:
+        seen = fsn(network, capture)
+    listener.end()
+    print(seen, Path(capture).stat().st_size)
+
+
+if __name__ == "__main__":
+    main()
