@@ -37,7 +37,13 @@ from fsoe_net.model import (
     layout_of,
 )
 
-__all__ = ["CaptureContent", "ProcessDataWindow", "load_capture", "load_capture_content"]
+__all__ = [
+    "CaptureContent",
+    "ProcessDataWindow",
+    "load_capture",
+    "load_capture_content",
+    "read_stream",
+]
 
 _LOGICAL = (Command.LRD, Command.LWR, Command.LRW)
 _AGAIN = "capture from before the MainDevice starts until some seconds of OP have passed"
@@ -85,7 +91,7 @@ def load_capture_content(
         name: Name shown when ``source`` is bytes.
     """
     if isinstance(source, bytes):
-        return _Capture(name, out).read(io.BytesIO(source))
+        return read_stream(name, io.BytesIO(source), out)
     path = os.fspath(source)
     try:
         with open(path, "rb") as stream:
@@ -96,11 +102,16 @@ def load_capture_content(
             row = SourceFile(path=path, sha256=digest)
             if row not in out.sources:
                 out.sources.append(row)
-            return _Capture(path, out).read(stream)
+            return read_stream(path, stream, out)
     except (OSError, ValueError) as exc:
         why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
         out.add("FSN101", Span(path), f"cannot read {path!r}: {why}", hint="check the path")
         return None
+
+
+def read_stream(name: str, stream: BinaryIO, out: Collector) -> CaptureContent | None:
+    """Read a capture from a stream, which need not be seekable; see `load_capture_content`."""
+    return _Capture(name, out).read(stream)
 
 
 class _Capture:

@@ -13,7 +13,7 @@ from fsoe_net.load.capture_station import FMMUS, MANAGERS, Station
 
 __all__ = ["Ring"]
 
-_STATION_ADDRESS = 0x0010
+_STATION_ADDRESS, _AL_CONTROL = 0x0010, 0x0120
 _SII_CONTROL = 0x0502
 _MOST_STATIONS = 8192
 _POSITIONAL = (Command.APRD, Command.APWR, Command.APRW, Command.ARMW)
@@ -96,7 +96,8 @@ class Ring:
         self.count = datagram.address or None
         register, data = datagram.register, datagram.data
         if datagram.command == Command.BWR:
-            if (register in FMMUS or register in MANAGERS) and len(self._for_all) < len(FMMUS):
+            kept = register in FMMUS or register in MANAGERS or register == _AL_CONTROL
+            if kept and len(self._for_all) < len(FMMUS):
                 self._for_all[register] = data
             for station in self.stations:
                 station.wrote(register, data, packet)
