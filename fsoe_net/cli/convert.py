@@ -41,7 +41,8 @@ Examples:
   fsoe-net convert machine.xml -o machine/network.yaml
   fsoe-net convert pdos.txt Beckhoff_EL19xx.xml -o network.yaml
   fsoe-net convert network.yaml -o driver/
-  fsoe-net convert network.yaml -o bus.h --to c"""
+  fsoe-net convert network.yaml -o bus.h --to c
+  fsoe-net convert start-up.pcapng -o network.yaml"""
 
 _Writer = Callable[[Description, str], Written]
 
@@ -91,8 +92,8 @@ def command(files: tuple[str, ...], output: str, source: str | None, target: str
     """Write a description of a bus in another format; several FILES of one bus are joined.
 
     FILES: network, transfer and slave YAML, URDF, ENI, ESI, SII image, output of the `ethercat`
-    tool and of SOEM, linuxcnc-ethercat XML, `ethercat_slaves.yaml`, TwinSAFE export, or a folder
-    that this command wrote. An ESI or SII image gives the process data of devices named elsewhere.
+    tool and of SOEM, linuxcnc-ethercat XML, `ethercat_slaves.yaml`, TwinSAFE export, capture of a
+    start-up (pcap, pcapng), or a folder that this command wrote. An ESI or SII image gives the process data of devices named elsewhere.
 
     What the format of OUT cannot hold is told as a note. Nothing is overwritten.
     """

@@ -96,6 +96,8 @@ def command(
 def _side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
     """Read one side; ``None`` when a part of it could not be read."""
     out = Collector()
+    if os.path.isfile(path) and find_kind(path, Collector()) is InputKind.CAPTURE:
+        return _side_of_description(path, InputKind.CAPTURE, out, path)  # of any size
     data = read_bytes(path, out, most=_MAX_BYTES)
     if data is None:
         return None, out.diagnostics
@@ -109,18 +111,25 @@ def _side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic
         scan, found = parse_scan(data, path)
         return (None if scan is None else side_of_scan(scan, path)), found
     kind = find_kind(data, out, name=path)
-    side = None
     if kind is None:
         return None, out.diagnostics
     if kind is not InputKind.YAML:
-        description = load_foreign(data, kind, out, name=path)
-        if description is not None and not description.truncated:
-            side = side_of_description(description)
-    else:
-        loaded = load_network([os.fspath(path)], options)
-        out.diagnostics += loaded.diagnostics
-        if loaded.network is not None:
-            side = side_of_network(resolve(loaded.network), path)
+        return _side_of_description(data, kind, out, path)
+    loaded = load_network([os.fspath(path)], options)
+    out.diagnostics += loaded.diagnostics
+    network = loaded.network
+    return _judged(None if network is None else side_of_network(resolve(network), path), out)
+
+
+def _side_of_description(
+    source: str | bytes, kind: InputKind, out: Collector, path: str
+) -> tuple[Side | None, list[Diagnostic]]:
+    description = load_foreign(source, kind, out, name=path)
+    whole = description is not None and not description.truncated
+    return _judged(side_of_description(description) if description and whole else None, out)
+
+
+def _judged(side: Side | None, out: Collector) -> tuple[Side | None, list[Diagnostic]]:
     found = sort_diagnostics(out.diagnostics)
     return (None if any(d.level is Severity.ERROR for d in found) else side), found
 

@@ -30,6 +30,14 @@ def _seed(folder: Path, case: dict) -> None:
         path.write_text(text.replace(find, put, 1), "utf-8")
     for file, text in case.get("write", ()):
         (folder / file).write_text(text, "utf-8")
+    for file, find, put in case.get("patch", ()):
+        path = folder / file
+        data = path.read_bytes()
+        assert bytes.fromhex(find) in data, f"{find} is not in {file}"
+        path.write_bytes(data.replace(bytes.fromhex(find), bytes.fromhex(put)))
+    for file, size in case.get("cut", ()):
+        path = folder / file
+        path.write_bytes(path.read_bytes()[:size])
 
 
 def findings(case: dict) -> list[Diagnostic]:
@@ -100,6 +108,7 @@ READERS = {
     case["reader"]: case["check"] for case in CASES.values() if {"reader", "edit"} <= set(case)
 }
 READERS["sii.load_sii"] = ["gate.sii"]
+READERS["capture.load_capture"] = ["start-up.pcap"]
 
 
 @pytest.mark.parametrize("reader", sorted(READERS))
