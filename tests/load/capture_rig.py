@@ -6,12 +6,12 @@ what comes back only, since MainDevices pass by the queues; on ``far`` what goes
 
 from __future__ import annotations
 
+import json
 import socket
 import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 from segment.peers import Devices, make_link, soem
 
@@ -80,7 +80,7 @@ def main():
     else:
         seen = fsn(network, capture)
     listener.end()
-    print(seen, Path(capture).stat().st_size)
+    print(json.dumps(seen))
 
 
 if __name__ == "__main__":

@@ -126,9 +126,7 @@ class Startup:
             self.tell(station, head + data.ljust(4, b"\0"))
             return
         first = len(data) if not segments else 0
-        self.tell(
-            station, struct.pack("<BHBI", 0x41 | flag, index, sub, len(data)) + data[:first]
-        )
+        self.tell(station, struct.pack("<BHBI", 0x41 | flag, index, sub, len(data)) + data[:first])
         toggle = 0
         for at in range(first, len(data), segments or 1):
             piece = data[at : at + segments]

@@ -85,7 +85,9 @@ def test_start_up_tells_everything(how, replies_only, wide):
 
 def test_windows_place_process_data():
     content, _ = read(startup(cycles=3))
-    assert [(w.subdevice, w.sm_index, w.logical, w.size_bytes, w.seen) for w in content.windows] == [
+    assert [
+        (w.subdevice, w.sm_index, w.logical, w.size_bytes, w.seen) for w in content.windows
+    ] == [
         (0, 2, 150, 6, True),
         (0, 3, 20, 6, True),
         (1, 2, 100, 6, True),
@@ -118,7 +120,10 @@ def test_same_bytes_with_wrong_crcs_are_no_copy():
     last = [bytes(6), bytes(6)]
     for n in range(300):
         image = bytearray(200)
-        now = [struct.pack("<BBHH", 0x36, n & 1, n * 7 % 65521, 7), struct.pack("<BBHH", 0x36, 0, n, 7)]
+        now = [
+            struct.pack("<BBHH", 0x36, n & 1, n * 7 % 65521, 7),
+            struct.pack("<BBHH", 0x36, 0, n, 7),
+        ]
         for at, data in ((20, now[0]), (60, now[1]), (100, last[0]), (150, last[1])):
             image[at : at + 6] = data
         made.packets.append(packet(datagram(LRW, 0, bytes(image), 6)))
@@ -132,7 +137,9 @@ def test_lost_packets_and_retries_change_nothing():
     """Every fifth packet is there twice, and of the process data some are lost."""
     made = Startup()
     made.configure()
-    made.packets = [row for n, p in enumerate(made.packets) for row in [p] * (2 if n % 5 == 0 else 1)]
+    made.packets = [
+        row for n, p in enumerate(made.packets) for row in [p] * (2 if n % 5 == 0 else 1)
+    ]
     begin = len(made.packets)
     made.cycle(Bus(), 800)
     made.packets[begin:] = [p for n, p in enumerate(made.packets[begin:]) if n % 97]
