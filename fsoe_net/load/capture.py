@@ -302,12 +302,15 @@ def _logical(station: Station, start: int, size: int, sm: SyncManager) -> int | 
 
 
 def _frames(station: Station, described: DescribedSubDevice) -> Iterator[FramePlace]:
-    """Yield where the FSoE frames of a SubDevice are in the logical address space."""
+    """Yield where FSoE frames of a SubDevice may be in the logical address space.
+
+    The likely ones too: what is in them will show it.
+    """
     for manager in layout_of(described.device).managers:
         start = manager.sm.start_byte
         for guess in detect_fsoe(manager.placed, manager.sm):
             block = guess.block
-            if start is None or not guess.sure:
+            if start is None:
                 continue
             logical = _logical(station, start + block.byte_offset, block.frame_bytes, manager.sm)
             if logical is not None:

@@ -19,6 +19,7 @@ from fsoe_net.load.capture_datagrams import Command, Datagram
 __all__ = ["ENOUGH_FRAMES", "Cycles", "CyclicWindow", "FramePlace"]
 
 ENOUGH_FRAMES = 20
+_LIKELY_FRAMES = 4  # from then on the CRCs are followed
 _REMEMBERED = 6  # frames a copy may lie behind its source, and a lost packet between
 _MOST_WINDOWS = 4096
 _MOST_MONITORS = 256
@@ -62,8 +63,9 @@ class _Destination:
     changes: int = 0
     from_source: dict[FramePlace, int] = field(default_factory=dict)
 
-    def proven(self) -> list[FramePlace]:
-        need = max(ENOUGH_FRAMES, _SHARE * self.changes)
+    def sources(self, least: int) -> list[FramePlace]:
+        """Return where nearly all of its frames come from, once there were enough of them."""
+        need = max(least, _SHARE * self.changes)
         return [place for place, count in self.from_source.items() if count >= need]
 
 
@@ -180,7 +182,12 @@ class Cycles:
         self._begin(source)
 
     def _begin(self, source: FramePlace) -> None:
-        copies = [c for c in self._by_values() if c not in self._sure]
+        copies = [
+            (found, destination)
+            for destination, row in self._destinations.items()
+            for found in row.sources(_LIKELY_FRAMES)
+            if (found, destination) not in self._sure
+        ]
         for there in copies:
             for back in copies:
                 ends = (back[1].owner, back[0].owner)
@@ -194,7 +201,7 @@ class Cycles:
     def _by_values(self) -> list[_Copy]:
         found = []
         for destination, row in self._destinations.items():
-            sources = row.proven()
+            sources = row.sources(ENOUGH_FRAMES)
             if len(sources) == 1:
                 found.append((sources[0], destination))
         return found
