@@ -93,7 +93,8 @@ def command(files: tuple[str, ...], output: str, source: str | None, target: str
 
     FILES: network, transfer and slave YAML, URDF, ENI, ESI, SII image, output of the `ethercat`
     tool and of SOEM, linuxcnc-ethercat XML, `ethercat_slaves.yaml`, TwinSAFE export, capture of a
-    start-up (pcap, pcapng), or a folder that this command wrote. An ESI or SII image gives the process data of devices named elsewhere.
+    start-up (pcap, pcapng), or a folder that this command wrote. An ESI or SII image gives the
+    process data of devices named elsewhere.
 
     What the format of OUT cannot hold is told as a note. Nothing is overwritten.
     """

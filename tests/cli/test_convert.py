@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
+from load.startup import LOGIC, TERMINAL, Startup, startup
 from load.texts import XML
+from observe.traffic import Bus
 
 ROOT = Path(__file__).parents[2]
 NETWORK = ROOT / "examples" / "el6910" / "network.yaml"
@@ -180,3 +182,38 @@ def test_transfers_without_their_modules_are_no_network(tmp_path: Path):
     done = converted(part, "-o", tmp_path / "o" / "network.yaml")
     assert done.returncode == 1
     assert "name the URDF or network file too" in done.stderr
+
+
+def test_capture_becomes_a_network(tmp_path: Path):
+    capture = tmp_path / "start-up.pcap"
+    capture.write_bytes(startup(cycles=300, alias=0))
+    done = converted(capture, "-o", tmp_path / "network.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "2 SubDevices, 2 copies" in done.stdout
+    same = fsn("diff", str(capture), str(tmp_path / "network.yaml"))
+    assert same.stdout.endswith("no difference\n"), same.stdout + same.stderr
+
+
+def test_capture_without_a_start_up_is_refused_with_the_next_step(tmp_path: Path):
+    made = Startup()
+    made.cycle(Bus(), 30)
+    capture = tmp_path / "middle.pcap"
+    capture.write_bytes(made.pcap())
+    done = converted(capture, "-o", tmp_path / "network.yaml")
+    assert done.returncode != 0
+    assert "FSN153" in done.stderr
+    assert "fsoe-net decode" in done.stderr
+    assert fsn("diff", str(capture), str(capture)).returncode == 2
+
+
+def test_esi_fills_what_a_capture_does_not_show(tmp_path: Path):
+    made = Startup()
+    made.addresses()
+    made.eeprom(LOGIC)
+    made.eeprom(TERMINAL)
+    capture, esi = tmp_path / "scan.pcap", tmp_path / "el1904.xml"
+    capture.write_bytes(made.pcap())
+    esi.write_text(ESI, "utf-8")
+    done = converted(capture, esi, "-o", tmp_path / "network.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "0x7000" in (tmp_path / "devices" / "terminal.yaml").read_text("utf-8")

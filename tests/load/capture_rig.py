@@ -80,7 +80,7 @@ def main():
     else:
         seen = fsn(network, capture)
     listener.end()
-    print(json.dumps(seen))
+    sys.stdout.write(json.dumps(seen) + "\n")
 
 
 if __name__ == "__main__":

@@ -41,11 +41,12 @@ def sii(station):
 class Startup:
     """Packets one after the other; see the module."""
 
-    def __init__(self, count=2, *, replies_only=False, vlan=False):
+    def __init__(self, count=2, *, replies_only=False, vlan=False, alias=7):
         self.packets = []
         self.count = count
         self.replies_only = replies_only
         self.vlan = vlan
+        self.alias = alias
         self.mailbox = 0
 
     def datagram(self, command, address, register, data, back=None, counter=1):
@@ -71,7 +72,7 @@ class Startup:
         for position, station in enumerate((LOGIC, TERMINAL)[: self.count]):
             self.datagram(APWR, -position, 0x0010, struct.pack("<H", station))
             self.datagram(APRD, -position, 0x0010, b"\0\0", struct.pack("<H", station))
-            self.datagram(FPRD, station, 0x0012, b"\0\0", b"\x07\0" if position else b"\0\0")
+            self.datagram(FPRD, station, 0x0012, b"\0\0", struct.pack("<H", position * self.alias))
 
     def eeprom(self, station, first=0, last=None, *, wide=False, busy=1):
         """Read words of an EEPROM."""

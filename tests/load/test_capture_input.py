@@ -218,7 +218,7 @@ def test_mapping_that_does_not_fill_its_room_is_refused():
     made.download(TERMINAL, 0x1C12, 1, struct.pack("<H", 0x1601))
     made.upload(TERMINAL, 0x1601, 0, b"\1")
     made.upload(TERMINAL, 0x1601, 1, struct.pack("<I", 0x70100110))
-    found, findings = described(made.pcap())
+    _, findings = described(made.pcap())
     assert [(code, level) for code, level, *_ in findings] == [("FSN154", Severity.ERROR)]
     assert findings[0][2] == at + 1  # the answer to the write
 
@@ -286,8 +286,6 @@ def test_another_ring_makes_a_new_start():
 
 
 def test_short_packets_are_named():
-    found, findings = described(startup(cycles=3))
-    assert findings == []
     made = Startup()
     made.configure()
     content, rows = read(made.pcap(snap=120))

@@ -138,10 +138,10 @@ def captured(who, where, network, path):
     link = ["ip", "link", "add", "near", "type", "veth", "peer", "name", "far"]
     if subprocess.run([*NAMESPACE, *link], capture_output=True, check=False).returncode:
         pytest.skip("no network namespace with veth")
+    rig = str(Path(__file__).with_name("capture_rig.py"))
     for _ in range(ATTEMPTS):
         done = subprocess.run(
-            [*NAMESPACE, sys.executable, str(Path(__file__).with_name("capture_rig.py"))]
-            + [who, where, str(network), str(path)],
+            [*NAMESPACE, sys.executable, rig, who, where, str(network), str(path)],
             env={**os.environ, "PYTHONPATH": str(ROOT / "tests")},
             capture_output=True,
             text=True,
