@@ -252,9 +252,9 @@ class _Capture:
             )
         if ring.full:
             self._remark("more SubDevices than can be kept; the rest is left out", Severity.WARNING)
-        for packet in ring.restarts[-1:]:
+        if ring.restarted is not None:
             message = "the number of SubDevices had changed here; what was before is left out"
-            self._remark(message, Severity.WARNING, packet)
+            self._remark(message, Severity.WARNING, ring.restarted)
         if not any(w.returned for w in self._cycles.windows.values()):
             self._remark("no process data came back, so no copies can be found", Severity.INFO)
             return

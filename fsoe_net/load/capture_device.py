@@ -147,8 +147,10 @@ def _managers(
     for number in range(16):
         row = registers.get(number)
         listed = station.assigned(number) if number in _PROCESS_DATA else None
-        if row is not None and (row.is_mailbox or not row.enabled):
+        if row is not None and row.is_mailbox:
             continue
+        if row is not None and not row.enabled:
+            row = None  # written to be switched off
         sii = stored.get(number)
         if row is None and not listed and (sii is None or not sii.pdos or registers):
             continue
@@ -234,7 +236,7 @@ def _pdos(
             _place(read, 0x1C10 + number),
             f"{_who(read.station)}: SM{number} has {row.length} bytes, its PDOs have "
             f"{_bytes(pdos)}",
-            hint="the mapping was changed unseen: capture a whole start-up, or give the ESI",
+            hint="the mapping was changed unseen: capture a whole start-up, or use the ESI alone",
         )
     return tuple(pdos)
 

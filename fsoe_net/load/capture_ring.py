@@ -28,14 +28,14 @@ class Ring:
 
     Attributes:
         count: SubDevices in the ring, as the last broadcast showed; ``None`` before one.
-        restarts: Packets where the number of SubDevices had changed and addresses were given anew.
+        restarted: Last packet where the number of SubDevices had changed and addresses came anew.
         full: More SubDevices than are kept.
         changed: Something that decides about layouts has changed since this was last cleared.
     """
 
     def __init__(self) -> None:
         self.count: int | None = None
-        self.restarts: list[int] = []
+        self.restarted: int | None = None
         self.full = False
         self.changed = False
         self._born = 0
@@ -150,7 +150,7 @@ class Ring:
         if len(data) < 2 or not address:
             return
         if self._assigned_with not in (None, self.count) and station.address != address:
-            self.restarts.append(packet)
+            self.restarted = packet
             place = station.position
             self._by_position, self._by_address = {}, {}
             station = self._new(packet, place)

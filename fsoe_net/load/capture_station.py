@@ -19,6 +19,7 @@ _OPERATIONAL = 8
 _ASSIGNMENTS = range(0x1C10, 0x1C30)
 _IDENTITY, _NAME, _MODULES = 0x1018, 0x1008, (0xF030, 0xF050)
 _PLAIN_BYTES = (1, 2, 4, 8)
+_MOST_BYTES = 64  # of a value that is kept
 _MOST_SDOS = 4096
 _MOST_ABORTS = 64
 
@@ -143,7 +144,9 @@ class Station:
             if value.written:
                 self._download(value, packet)
             return
-        parts = _parts(value, width) if value.complete else {value.subindex: value.data}
+        parts = (
+            _parts(value, width) if value.complete else {value.subindex: value.data[:_MOST_BYTES]}
+        )
         for subindex, data in parts.items():
             key = (value.index, subindex)
             if self.objects.get(key) != data:
@@ -256,7 +259,7 @@ def _width(index: int) -> int | None:
 def _parts(value: SdoValue, width: int) -> dict[int, bytes]:
     """Take a complete access apart: the count in 16 bits, or in 8, then entries of one width."""
     if not width:
-        return {value.subindex: value.data}
+        return {value.subindex: value.data[:_MOST_BYTES]}
     data, parts = value.data, {}
     if value.subindex == 0:
         if not data:
