@@ -19,6 +19,7 @@ Examples:
   fsoe-net check network.yaml
   fsoe-net check robot.urdf.xacro --package my_robot=src/my_robot
   fsoe-net check transfers.yaml --runtime ros2-2026-08
+  fsoe-net check network.yaml machine.eni.xml Beckhoff*.xml TwinSAFE-Project.xml
   fsoe-net check network.yaml --interface eth1    # and the bus
   fsoe-net check network.yaml --format sarif > findings.sarif"""
 
@@ -57,13 +58,20 @@ def command(
     """Check files of a network and explain every mistake.
 
     FILES: one network.yaml; or one URDF or xacro, with the transfer YAML it needs or without; or a
-    transfer YAML or slave YAML on its own. With a bus or its scan, also every difference between
-    the two.
+    transfer YAML or slave YAML on its own. Any other files beside them are compared with it: ESI,
+    ENI, SII image, output of the ethercat tool or of slaveinfo -map, linuxcnc-ethercat XML,
+    ethercat_slaves.yaml, TwinSAFE export; known by content. With a bus or its scan, also every
+    difference between the two.
     """
     present = Runtime(runtime)
     scan = _scan(interface, socket, scan_file, yes=yes)
     checked = check_files(
-        files, packages=packages, xacro_args=xacro_args, runtime=present, scan=scan
+        files,
+        packages=packages,
+        xacro_args=xacro_args,
+        runtime=present,
+        scan=scan,
+        compared=True,
     )
     if scan is not None and (checked.network is None or checked.network.partial):
         raise InputError(
@@ -122,6 +130,9 @@ def _verdict(checked: Checked, scan: Scan | None) -> str:
     )
     there = counted(len(scan.subdevices), "SubDevice") if scan else ""
     held = f", compared with {there} on the bus" if scan else ""
+    if checked.references:
+        held += f"{' and' if held else ', compared with'} "
+        held += counted(len(checked.references), "other file")
     return f"{network.name}: {'' if bad else 'no mistake found, '}{size}{held}" + (
         f"; {counts}{more}" if counts else ""
     )

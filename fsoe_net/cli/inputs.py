@@ -9,11 +9,19 @@ from typing import Any, TypeVar
 import click
 
 from fsoe_net.cli.output import summary
+from fsoe_net.cli.references import References, read_references, split_files
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, builtin_library, load_network
-from fsoe_net.model import Network, Resolution, Scan, resolve
-from fsoe_net.rules import Runtime, check, check_scan, check_timing
+from fsoe_net.model import Description, Network, Resolution, Scan, resolve
+from fsoe_net.rules import (
+    Runtime,
+    check,
+    check_library,
+    check_references,
+    check_scan,
+    check_timing,
+)
 from fsoe_net.timing import make_budget
 
 __all__ = [
@@ -86,10 +94,14 @@ def runtime_option(function: _F) -> _F:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checked:
-    """A network with everything found in it. ``resolution`` is ``None`` when nothing was read."""
+    """A network with everything found in it. ``resolution`` is ``None`` when nothing was read.
+
+    ``references`` are the other files it was compared with.
+    """
 
     resolution: Resolution | None
     diagnostics: list[Diagnostic]
+    references: tuple[Description, ...] = ()
 
     @property
     def network(self) -> Network | None:
@@ -127,16 +139,26 @@ def check_files(
     xacro_args: dict[str, str] | None = None,
     runtime: Runtime = Runtime.FSN,
     scan: Scan | None = None,
+    compared: bool = False,
     timed: bool = True,
 ) -> Checked:
     """Load, resolve and check the files a user named, and compare them with what is on a bus.
 
-    ``timed``: check the safety functions too; a caller with a budget of its own does that itself.
+    Args:
+        files: Files of the network.
+        packages: Folders of ROS packages by name.
+        xacro_args: Arguments of a xacro file.
+        runtime: Also what this runtime minds.
+        scan: What is on the bus.
+        compared: There may be other files among ``files``, and the device library is asked too.
+        timed: Check the safety functions too; a caller with a budget of its own does that itself.
     """
     options = LoadOptions(packages=packages or {}, xacro_args=xacro_args or {})
-    loaded = load_network(files, options)
+    own, others = split_files(files) if compared else (files, [])
+    loaded = load_network(own, options)
     found = list(loaded.diagnostics)
     resolution = resolve(loaded.network) if loaded.network is not None else None
+    references = References()
     if resolution is not None:
         found += check(resolution, runtime=runtime)
         if timed and resolution.network.safety_functions:
@@ -144,4 +166,16 @@ def check_files(
             found += check_timing(resolution.network, budget)
         if scan is not None:
             found += check_scan(resolution, scan)
-    return Checked(resolution=resolution, diagnostics=sort_diagnostics(found))
+        if compared:
+            library = builtin_library()
+            references = read_references(others, resolution.network)
+            found += references.diagnostics
+            found += check_references(
+                resolution, references.descriptions, library=library, found=found
+            )
+            found += check_library(resolution, library, found=found, notes=bool(others))
+    return Checked(
+        resolution=resolution,
+        diagnostics=sort_diagnostics(found),
+        references=tuple(references.descriptions),
+    )

@@ -145,6 +145,25 @@ FSN424 warning receive and transmit objects of the FSoE frames look exchanged
 FSN425 warning bus cycle is as long as the sync manager watchdog
 FSN427 warning type cannot be accessed as a value
 FSN429 warning   interface on a PDO of the wrong direction
+FSN431 error   another file has another device at this place
+FSN432 warning another file is of another revision
+FSN433 warning another file assigns other PDOs
+FSN434 warning another file maps other entries
+FSN435 error   padding of a PDO is shorter or longer than in another file
+FSN436 error   fixed PDO is described with other entries
+FSN437 error   mandatory PDO is not assigned
+FSN438 error   PDOs that exclude each other are both assigned
+FSN439 error   PDO belongs to another sync manager
+FSN440 warning sync manager differs from another file
+FSN441 info    default size of a sync manager is not the length of its PDOs
+FSN442 error   another file has this SubDevice elsewhere, or not at all
+FSN443 warning file describes nothing of this network
+FSN444 error   another file copies other bytes
+FSN445 warning another file has another bus cycle
+FSN446 error   safety project has another value for a connection
+FSN447 error   connection is missing in the safety project, or here
+FSN448 warning FSoE frames differ from those the device library knows
+FSN449 info    what the device library knows about a device
 FSN460 info    drive that waits for STO release blocks the start of the driver
 FSN461 info    stopping and starting the driver doubles the transfers
 FSN462 info    driver that writes every default would destroy the copied frame

@@ -7,11 +7,20 @@ from dataclasses import dataclass, replace
 
 from fsoe_net.diag import Related, Severity, Span
 from fsoe_net.load.esi_catalogue import EsiRow
-from fsoe_net.load.esi_parts import EsiPdo, PartReader, SlotPlace, name_of, slot_places
+from fsoe_net.load.esi_parts import EsiPdo, PartReader, SlotPlace, flag, name_of, slot_places
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import esi_number
 from fsoe_net.load.xml_tree import Element
-from fsoe_net.model import DescribedSubDevice, Device, Direction, Pdo, Sdo, SyncManager
+from fsoe_net.model import (
+    DescribedSubDevice,
+    Device,
+    Direction,
+    Pdo,
+    PdoFacts,
+    Sdo,
+    SyncManager,
+    TypeFacts,
+)
 
 __all__ = ["read_esi_device"]
 
@@ -28,6 +37,7 @@ class _Manager:
     direction: Direction | None
     mailbox: bool
     start: int | None
+    default_bytes: int
     span: Span
 
 
@@ -112,8 +122,44 @@ class _DeviceReader:
             revision=row.revision,
             module_ident=tuple(idents),
             notes=tuple(dict.fromkeys(self._notes))[:_MAX_NOTES],
+            facts=self._facts(pdos),
             span=self._element.span,
         )
+
+    def _facts(self, pdos: list[EsiPdo]) -> TypeFacts:
+        mailbox = self._element.first("Mailbox")
+        coe = mailbox.first("CoE") if mailbox is not None else None
+        return TypeFacts(
+            pdos=tuple(
+                PdoFacts(
+                    index=p.pdo.index,
+                    direction=p.direction,
+                    sm=p.sm,
+                    fixed=p.fixed,
+                    mandatory=p.mandatory,
+                    excludes=p.excludes,
+                )
+                for p in pdos
+                if not p.virtual
+            ),
+            assignable=None if coe is None else flag(coe, "PdoAssign"),
+            modular=self._has_choice(),
+            default_bytes={
+                m.index: m.default_bytes
+                for m in self._managers()
+                if m.default_bytes > 0 and not m.mailbox
+            },
+        )
+
+    def _has_choice(self) -> bool:
+        """Whether other modules than the default ones may be in the slots."""
+        slots = self._element.first("Slots")
+        for slot in slots.all("Slot") if slots is not None else ():
+            idents = slot.all("ModuleIdent")
+            most = slot.attributes.get("MaxInstances", "1").strip()
+            if len(idents) != 1 or not flag(idents[0], "Default") or most != "1":
+                return True
+        return False
 
     def _note(self, text: str) -> None:
         self._notes.append(text)
@@ -218,6 +264,7 @@ class _DeviceReader:
                     direction=direction,
                     mailbox=mailbox,
                     start=start or None,
+                    default_bytes=esi_number(element.attributes.get("DefaultSize", "")) or 0,
                     span=element.span,
                 )
             )

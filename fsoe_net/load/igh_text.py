@@ -24,6 +24,7 @@ from fsoe_net.model import (
     Entry,
     Pdo,
     SyncManager,
+    TypeFacts,
     Watchdog,
 )
 
@@ -131,6 +132,7 @@ class Building:
     default_size: int = 0
     direction: Direction = Direction.OUTPUT
     watchdog: Watchdog = Watchdog.DEFAULT
+    sizes: dict[int, int] = field(default_factory=dict)
 
     def end_pdo(self) -> None:
         """Close the PDO whose entries were read."""
@@ -156,6 +158,8 @@ class Building:
                     start_byte=self.start,
                 )
             )
+            if self.default_size:
+                self.sizes[self.number] = self.default_size
             bits = sum(p.bits for p in self.done)
             if self.done and (bits + 7) // 8 != self.default_size:
                 self.notes.append(
@@ -173,6 +177,7 @@ class Building:
             device=device,
             truncated=truncated,
             notes=(*self.notes, "this text has no identity"),
+            facts=TypeFacts(default_bytes=self.sizes),
         )
 
 

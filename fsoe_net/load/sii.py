@@ -18,7 +18,15 @@ from fsoe_net.diag import Severity, Span
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import Source, source_bytes
 from fsoe_net.load.sii_parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
-from fsoe_net.model import DescribedSubDevice, Description, Device, Direction, Pdo, SyncManager
+from fsoe_net.model import (
+    DescribedSubDevice,
+    Description,
+    Device,
+    Direction,
+    Pdo,
+    SyncManager,
+    TypeFacts,
+)
 
 __all__ = [
     "MAX_SII_BYTES",
@@ -324,6 +332,13 @@ def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> Desc
         serial=image.serial,
         truncated=image.broken,
         notes=tuple(notes),
+        facts=TypeFacts(
+            default_bytes={
+                n: m.length
+                for n, m in enumerate(image.managers)
+                if m.length and m.use not in (1, 2)
+            }
+        ),
         span=span,
     )
 

@@ -18,6 +18,8 @@ from fsoe_net.model.description import (
     DescribedEnd,
     DescribedSubDevice,
     Description,
+    PdoFacts,
+    TypeFacts,
 )
 from fsoe_net.model.detect import (
     FsoeGuess,
@@ -116,6 +118,7 @@ __all__ = [
     "Net",
     "Network",
     "Pdo",
+    "PdoFacts",
     "Placed",
     "Resolution",
     "ResolvedEnd",
@@ -140,6 +143,7 @@ __all__ = [
     "Transfer",
     "TransferKind",
     "UnmatchedFacts",
+    "TypeFacts",
     "Watchdog",
     "connection_signals",
     "contradictions",

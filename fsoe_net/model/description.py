@@ -6,9 +6,10 @@ be a mere type without a place in the ring.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from fsoe_net.model.bus import Device, Located, Pdo
+from fsoe_net.model.bus import Device, Direction, Located, Pdo
 
 __all__ = [
     "DescribedConnection",
@@ -16,7 +17,47 @@ __all__ = [
     "DescribedEnd",
     "DescribedSubDevice",
     "Description",
+    "PdoFacts",
+    "TypeFacts",
 ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PdoFacts:
+    """What a device type says about one of its PDOs.
+
+    Attributes:
+        index: Its number.
+        direction: Whether it is an RxPDO or a TxPDO.
+        sm: Sync manager it belongs to; ``None``: open.
+        fixed: Its entries cannot be changed.
+        mandatory: It has to be assigned.
+        excludes: PDOs that cannot be assigned together with it.
+    """
+
+    index: int
+    direction: Direction
+    sm: int | None = None
+    fixed: bool = False
+    mandatory: bool = False
+    excludes: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TypeFacts:
+    """What a source says about a device beyond its process data as they are.
+
+    Attributes:
+        pdos: Facts about PDOs.
+        assignable: Whether a MainDevice may assign other PDOs; ``None``: not said.
+        modular: Its PDOs depend on the modules in its slots.
+        default_bytes: ``DefaultSize`` of sync managers by number, those that are not 0.
+    """
+
+    pdos: tuple[PdoFacts, ...] = ()
+    assignable: bool | None = None
+    modular: bool = False
+    default_bytes: Mapping[int, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +76,7 @@ class DescribedSubDevice(Located):
         module_ident: Modules chosen for the slots, in order, for modular devices.
         truncated: The source ends in the middle of this SubDevice.
         notes: What a reader had to assume, in words, for people.
+        facts: What is said beside the process data; no part of a comparison.
     """
 
     name: str = ""
@@ -48,6 +90,7 @@ class DescribedSubDevice(Located):
     module_ident: tuple[int, ...] = ()
     truncated: bool = False
     notes: tuple[str, ...] = ()
+    facts: TypeFacts = field(default_factory=TypeFacts, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,9 @@ from fsoe_net.rules.effects import effect_today, effects_today
 from fsoe_net.rules.ends import check_ends
 from fsoe_net.rules.frames import check_frames
 from fsoe_net.rules.fsoe import check_fsoe
+from fsoe_net.rules.library import check_library
 from fsoe_net.rules.nets import check_nets
+from fsoe_net.rules.references import check_references
 from fsoe_net.rules.runtime import Runtime, check_runtime
 from fsoe_net.rules.scan import check_scan
 from fsoe_net.rules.timing import check_timing
@@ -20,6 +22,8 @@ from fsoe_net.rules.timing import check_timing
 __all__ = [
     "Runtime",
     "check",
+    "check_library",
+    "check_references",
     "check_scan",
     "check_timing",
     "effect_today",

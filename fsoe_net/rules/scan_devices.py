@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 from fsoe_net.diag import Findings, Span
 from fsoe_net.model import (
     DeviceLayout,
     Direction,
-    Entry,
     Pdo,
-    ScannedEntry,
     ScannedPdo,
     ScannedSm,
     ScannedSubDevice,
@@ -18,32 +14,11 @@ from fsoe_net.model import (
     SubDevice,
 )
 from fsoe_net.rules.context import count_of, few
+from fsoe_net.rules.entries import assignment_words, first_difference, listed
 
 __all__ = ["check_health", "check_layout", "check_revision"]
 
 _SCAN = "`fsoe-net scan --interface IF -o DIR` writes the files of what is there"
-
-
-@dataclass(frozen=True, slots=True)
-class _Item:
-    """An entry as both sides are compared: padding that stands side by side is one."""
-
-    index: int
-    subindex: int
-    bits: int
-    span: Span
-
-    @property
-    def key(self) -> tuple[int, int, int]:
-        return (self.index, self.subindex, self.bits)
-
-    def __str__(self) -> str:
-        bits = count_of(self.bits, "bit")
-        return (
-            f"0x{self.index:04x}:{self.subindex:02x} with {bits}"
-            if self.index
-            else (f"{bits} of padding")
-        )
 
 
 def check_revision(out: Findings, sub: SubDevice, found: ScannedSubDevice) -> None:
@@ -181,8 +156,8 @@ def _pdos_differ(
         out.add(
             "FSN506",
             pdos[0].span,
-            f"{sub.name}: SM{planned.sm.index} carries {_listed(ours)} by the file, "
-            f"{_listed(theirs)} on the device" + _assignment_words(ours, theirs),
+            f"{sub.name}: SM{planned.sm.index} carries {listed(ours)} by the file, "
+            f"{listed(theirs)} on the device" + assignment_words(ours, theirs),
             hint=f"{fixed}; {_SCAN}",
         )
         return True
@@ -190,7 +165,7 @@ def _pdos_differ(
     for pdo, there in zip(pdos, found, strict=True):
         if not pdo.entries or there.entries is None:
             continue
-        first = _first_difference(pdo, there.entries)
+        first = first_difference(pdo, there.entries)
         if first is None:
             continue
         different = True
@@ -203,44 +178,3 @@ def _pdos_differ(
             hint=f"{fixed}; {_SCAN}",
         )
     return different
-
-
-def _listed(indices: list[int]) -> str:
-    return few([f"0x{i:04x}" for i in indices], 8) or "no PDO"
-
-
-def _assignment_words(ours: list[int], theirs: list[int]) -> str:
-    if sorted(ours) == sorted(theirs):
-        return ", in another order"
-    less = [i for i in ours if i not in theirs]
-    more = [i for i in theirs if i not in ours]
-    parts = []
-    if less:
-        parts.append(f"without {_listed(less)}")
-    if more:
-        parts.append(f"with {_listed(more)} besides")
-    return f" ({', '.join(parts)})" if parts else ""
-
-
-def _first_difference(
-    pdo: Pdo, there: tuple[ScannedEntry, ...]
-) -> tuple[int, Span, str, str] | None:
-    """Return number, place and both sides of the first entry that differs."""
-    ours, theirs = _items(pdo.entries), _items(there)
-    for number in range(max(len(ours), len(theirs))):
-        mine = ours[number] if number < len(ours) else None
-        other = theirs[number] if number < len(theirs) else None
-        if mine is None or other is None or mine.key != other.key:
-            span = mine.span if mine is not None else pdo.span
-            return number + 1, span, str(mine or "not there"), str(other or "not there")
-    return None
-
-
-def _items(entries: tuple[Entry, ...] | tuple[ScannedEntry, ...]) -> list[_Item]:
-    items: list[_Item] = []
-    for e in entries:
-        if e.index == 0 and items and items[-1].index == 0:
-            items[-1] = replace(items[-1], bits=items[-1].bits + e.bits)
-        else:
-            items.append(_Item(e.index, e.subindex if e.index else 0, e.bits, e.span))
-    return items

@@ -44,7 +44,8 @@ def findings(case: dict) -> list[Diagnostic]:
     """Return what is found in the files of a case, in the current folder.
 
     `reader: module.function` reads them with one of `fsoe_net.load`, and `choice` with that choice
-    of a device; all others are checked, and compared with the bus if there is a `scan`.
+    of a device; all others are checked, and compared with the bus if there is a `scan`
+    and with all files in `check` that are not of the network itself.
     """
     if "reader" not in case:
         scan = None
@@ -52,7 +53,7 @@ def findings(case: dict) -> list[Diagnostic]:
             scan, damage = load_scan(case["scan"])
             assert scan is not None, damage
         runtime = Runtime(case.get("runtime", "fsn"))
-        return check_files(case["check"], runtime=runtime, scan=scan).diagnostics
+        return check_files(case["check"], runtime=runtime, scan=scan, compared=True).diagnostics
     module, name = case["reader"].split(".")
     read = getattr(import_module(f"fsoe_net.load.{module}"), name)
     options = {"choice": EsiChoice(**case["choice"])} if "choice" in case else {}

@@ -1,0 +1,75 @@
+"""Other files a network is compared with: told apart from its own by content, then read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from fsoe_net.diag import Diagnostic
+from fsoe_net.load import Collector, InputKind, find_kind, load_devices, load_foreign, read_bytes
+from fsoe_net.model import DescribedSubDevice, Description, Network
+
+__all__ = ["References", "read_references", "split_files"]
+
+_MAX_BYTES = 256 * 1024 * 1024
+_NOT_FOUND = frozenset({"FSN135", "FSN136"})  # the comparison says it, at the user's revision
+
+
+@dataclass(slots=True)
+class References:
+    """What the other files say, and what is wrong with them."""
+
+    descriptions: list[Description] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+
+def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, InputKind]]]:
+    """Return the files of the network itself, and the other ones with their formats.
+
+    A file that nothing knows counts as one of the network, whose reader then says what is wrong.
+    """
+    own: list[str] = []
+    others: list[tuple[str, InputKind]] = []
+    for path in files:
+        kind = find_kind(path, Collector())
+        if kind in (None, InputKind.YAML):
+            own.append(path)
+        elif kind is not None:
+            others.append((path, kind))
+    if not own:
+        return [path for path, _ in others], []
+    return own, others
+
+
+def read_references(files: Sequence[tuple[str, InputKind]], network: Network) -> References:
+    """Read the other files; of an ESI only the devices of the network."""
+    found = References()
+    for path, kind in files:
+        out = Collector()
+        if kind is InputKind.ESI:
+            description = _devices(path, network, out)
+        else:
+            data = read_bytes(path, out, most=_MAX_BYTES)
+            description = None if data is None else load_foreign(data, kind, out, name=path)
+        found.diagnostics += out.diagnostics
+        if description is not None:
+            found.descriptions.append(description)
+    return found
+
+
+def _devices(path: str, network: Network, out: Collector) -> Description | None:
+    wanted = [
+        DescribedSubDevice(device=sub.device, revision=sub.revision)
+        for sub in network.subdevices
+        if sub.device is not None
+    ]
+    mine = Collector()
+    description = load_devices(path, wanted, mine)
+    if any(d.code == "FSN135" for d in mine.diagnostics):
+        # A revision older than all of the file: the newest is compared, and that is said.
+        mine = Collector()
+        description = load_devices(path, [replace(w, revision=None) for w in wanted], mine)
+    out.diagnostics += [d for d in mine.diagnostics if d.code not in _NOT_FOUND]
+    if description is None and not out.diagnostics:
+        description = Description(format="esi", path=path)
+    return description

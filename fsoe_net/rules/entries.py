@@ -1,0 +1,79 @@
+"""Entries of a PDO as two sides have them, for rules that compare."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from fsoe_net.diag import Span
+from fsoe_net.model import Entry, Pdo, ScannedEntry
+from fsoe_net.rules.context import count_of, few
+
+__all__ = ["Item", "assignment_words", "first_difference", "items_of", "listed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """An entry as both sides are compared: padding that stands side by side is one."""
+
+    index: int
+    subindex: int
+    bits: int
+    span: Span
+
+    @property
+    def key(self) -> tuple[int, int, int]:
+        """What has to agree."""
+        return (self.index, self.subindex, self.bits)
+
+    def __str__(self) -> str:
+        bits = count_of(self.bits, "bit")
+        return (
+            f"0x{self.index:04x}:{self.subindex:02x} with {bits}"
+            if self.index
+            else (f"{bits} of padding")
+        )
+
+
+def items_of(entries: Sequence[Entry] | Sequence[ScannedEntry]) -> list[Item]:
+    """Return entries with the padding between them put together."""
+    items: list[Item] = []
+    for e in entries:
+        if e.index == 0 and items and items[-1].index == 0:
+            items[-1] = replace(items[-1], bits=items[-1].bits + e.bits)
+        else:
+            items.append(Item(e.index, e.subindex if e.index else 0, e.bits, e.span))
+    return items
+
+
+def first_difference(
+    pdo: Pdo, there: Sequence[Entry] | Sequence[ScannedEntry]
+) -> tuple[int, Span, str, str] | None:
+    """Return number, place and both sides of the first entry that differs."""
+    ours, theirs = items_of(pdo.entries), items_of(there)
+    for number in range(max(len(ours), len(theirs))):
+        mine = ours[number] if number < len(ours) else None
+        other = theirs[number] if number < len(theirs) else None
+        if mine is None or other is None or mine.key != other.key:
+            span = mine.span if mine is not None else pdo.span
+            return number + 1, span, str(mine or "not there"), str(other or "not there")
+    return None
+
+
+def listed(indices: list[int]) -> str:
+    """``0x1600, 0x1601``."""
+    return few([f"0x{i:04x}" for i in indices], 8) or "no PDO"
+
+
+def assignment_words(ours: list[int], theirs: list[int]) -> str:
+    """Say in what two assignments of PDOs differ; begins with a blank or comma."""
+    if sorted(ours) == sorted(theirs):
+        return ", in another order"
+    less = [i for i in ours if i not in theirs]
+    more = [i for i in theirs if i not in ours]
+    parts = []
+    if less:
+        parts.append(f"without {listed(less)}")
+    if more:
+        parts.append(f"with {listed(more)} besides")
+    return f" ({', '.join(parts)})" if parts else ""

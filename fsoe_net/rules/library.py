@@ -1,0 +1,107 @@
+"""FSN448, FSN449: what the device library knows about the devices of a network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fsoe_net.diag import Diagnostic, Findings, Severity, sort_diagnostics
+from fsoe_net.model import (
+    DeviceLayout,
+    Library,
+    LibraryDevice,
+    LibraryMapping,
+    Resolution,
+    SubDevice,
+)
+from fsoe_net.rules.context import Context, few
+
+__all__ = ["check_library"]
+
+
+def check_library(
+    resolution: Resolution, library: Library, *, found: Iterable[Diagnostic] = (), notes: bool
+) -> list[Diagnostic]:
+    """Return where frames differ from those of the library, and what it has to say, by type.
+
+    Args:
+        resolution: The network, resolved.
+        library: Devices by identity. What is in it is not verified, so that nothing of it is an
+            error.
+        found: What is already known to be wrong; nothing is said about a device whose file has an
+            error or warning.
+        notes: Whether to tell its notes too.
+    """
+    out = Findings()
+    told: set[str] = set()
+    wrong = {d.span.file for d in found if d.level is not Severity.INFO}
+    for device, layout, sub in Context(resolution=resolution).devices():
+        known = library.find(device.vendor_id, device.product_code)
+        if known is None:
+            continue
+        mapping = None if device.path in wrong else _frames(out, sub, layout, known)
+        if notes and known.name not in told:
+            told.add(known.name)
+            _notes(out, sub, known, mapping)
+    return sort_diagnostics(out.diagnostics)
+
+
+def _frames(
+    out: Findings, sub: SubDevice, layout: DeviceLayout, known: LibraryDevice
+) -> LibraryMapping | None:
+    """FSN448; return the mapping that fits."""
+    frames = _sizes((*b.key, b.frame_bytes) for sm in layout.managers for b in sm.blocks)
+    fitting = [m for m in known.mappings if m.fits(sub.revision)]
+    if not frames or not fitting or not all(sm.complete for sm in layout.managers):
+        return None
+    for mapping in fitting:
+        stated = _stated(mapping)
+        if stated == frames:
+            return mapping
+        # A safety logic has as many frames as its project has connections.
+        if mapping.role == "main" and frames.keys() <= stated.keys():
+            return mapping
+    nearest = fitting[0]
+    modular = any(m.module_ident is not None or m.role == "main" for m in fitting)
+    source = known.sources.get(nearest.source, nearest.source)
+    out.add(
+        "FSN448",
+        sub.device.span if sub.device is not None else sub.span,
+        f"{sub.name} has FSoE frames of {_listed(frames)}; the library has {known.name} with "
+        f"{_listed(_stated(nearest))} (unverified; {nearest.name}, from {source})",
+        hint="the library may be wrong or know other modules: compare with the manual and ESI",
+        severity=Severity.INFO if modular else None,
+    )
+    return None
+
+
+def _sizes(frames: Iterable[tuple[int, int, int]]) -> dict[int, list[int]]:
+    """Return lengths by sync manager. Where they are depends on PDOs that a user may choose."""
+    found: dict[int, list[int]] = {}
+    for sm, _, size in sorted(frames):
+        found.setdefault(sm, []).append(size)
+    return found
+
+
+def _stated(mapping: LibraryMapping) -> dict[int, list[int]]:
+    return _sizes((f.sm_index, f.byte_offset, f.frame_bytes) for f in mapping.frames)
+
+
+def _listed(frames: dict[int, list[int]]) -> str:
+    return ", ".join(
+        f"{few([str(s) for s in sizes])} bytes on SM{sm}" for sm, sizes in sorted(frames.items())
+    )
+
+
+def _notes(
+    out: Findings, sub: SubDevice, known: LibraryDevice, mapping: LibraryMapping | None
+) -> None:
+    """FSN449: all notes of a device type in one finding."""
+    notes = [*known.notes, *(mapping.notes if mapping is not None else ())]
+    if not notes or sub.device is None:
+        return
+    out.add(
+        "FSN449",
+        sub.device.span,
+        f"{sub.name} is {known.name}: {' '.join(notes)}",
+        hint=f"`fsoe-net devices '{known.name}'` says where that comes from; it is unverified",
+    )

@@ -1,0 +1,223 @@
+"""FSN444: what another file copies, and which connection it puts into which slot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fsoe_net.diag import Findings, Related, Span
+from fsoe_net.model import (
+    Connection,
+    DescribedCopy,
+    DescribedEnd,
+    Description,
+    Direction,
+    Resolution,
+    ResolvedEnd,
+    ResolvedTransfer,
+    SubDevice,
+)
+from fsoe_net.rules.context import count_of
+
+__all__ = ["check_copies", "check_slots", "slot_of"]
+
+_Byte = tuple[str, int, int]  # SubDevice, sync manager, byte
+
+
+@dataclass(frozen=True, slots=True)
+class _Copied:
+    """Where a byte comes from by the other file, and by which of its copies."""
+
+    source: _Byte
+    number: int
+
+
+def check_copies(
+    out: Findings,
+    resolution: Resolution,
+    file: Description,
+    subs: Mapping[int, SubDevice],
+    blamed: set[str],
+) -> None:
+    """Compare copies byte by byte; those of SubDevices that differ already are left out.
+
+    Args:
+        out: Takes the findings.
+        resolution: The network.
+        file: The other file; without copies it says nothing about them.
+        subs: SubDevice of the network by its number in the file.
+        blamed: Names of SubDevices that have a finding.
+    """
+    if not file.copies:
+        return
+    copied = _bytes_of(file, subs)
+    names = {s.name for s in subs.values()} - blamed
+    seen = _Seen({}, set(), set())
+    for row in resolution.transfers:
+        if not row.usable:
+            continue
+        size = row.transfer.size_bytes
+        seen.covered.update(_own(row.destination, n) for n in range(size))
+        if {row.transfer.source.module, row.transfer.destination.module} <= names:
+            _transfer(out, row, file, copied, seen)
+    for number, copy in enumerate(file.copies):
+        source, destination = subs.get(copy.source.subdevice), subs.get(copy.destination.subdevice)
+        if source is None or destination is None or not {source.name, destination.name} <= names:
+            continue
+        if number in seen.used:
+            _longer(out, seen.used[number], file, number, subs, seen)
+        elif not copy.source.bit_offset % 8 and not copy.destination.bit_offset % 8:
+            _unknown(out, resolution, file, copy, source, destination)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Copies of the file by their first transfer, transfers with a finding, bytes written here."""
+
+    used: dict[int, ResolvedTransfer]
+    told: set[int]
+    covered: set[_Byte]
+
+
+def _bytes_of(file: Description, subs: Mapping[int, SubDevice]) -> dict[_Byte, _Copied]:
+    found: dict[_Byte, _Copied] = {}
+    for number, copy in enumerate(file.copies):
+        source, destination = copy.source, copy.destination
+        if source.subdevice not in subs or destination.subdevice not in subs:
+            continue
+        if source.bit_offset % 8 or destination.bit_offset % 8:
+            continue  # single bits: no frame
+        for byte in range((copy.bits + 7) // 8):
+            found[_byte(subs, destination, byte)] = _Copied(_byte(subs, source, byte), number)
+    return found
+
+
+def _byte(subs: Mapping[int, SubDevice], end: DescribedEnd, byte: int) -> _Byte:
+    return (subs[end.subdevice].name, end.sm_index, end.bit_offset // 8 + byte)
+
+
+def _own(end: ResolvedEnd, byte: int) -> _Byte:
+    index = end.sm.sm.index if end.sm is not None else 0
+    return (end.endpoint.module, index, end.byte_offset + byte)
+
+
+def _transfer(
+    out: Findings,
+    row: ResolvedTransfer,
+    file: Description,
+    copied: dict[_Byte, _Copied],
+    seen: _Seen,
+) -> None:
+    size = row.transfer.size_bytes
+    rows = [copied.get(_own(row.destination, n)) for n in range(size)]
+    for found in rows:
+        if found is not None:
+            seen.used.setdefault(found.number, row)
+    missing = sum(c is None for c in rows)
+    there = file.span
+    text = ""
+    for n, found in enumerate(rows):
+        if found is not None and found.source != _own(row.source, n):
+            there = file.copies[found.number].span
+            module, sm, byte = found.source
+            text = f"byte {n} of it comes from {module} SM{sm} byte {byte}"
+            break
+    else:
+        if missing == size:
+            text = "it is not copied"
+        elif missing:
+            text = f"only {count_of(size - missing, 'byte')} of it are copied"
+    if text:
+        seen.told.add(id(row))
+        _other(out, row, f"{text} in {file.path}", there)
+
+
+def _other(out: Findings, row: ResolvedTransfer, text: str, there: Span) -> None:
+    out.add(
+        "FSN444",
+        row.transfer.span,
+        f"{count_of(row.transfer.size_bytes, 'byte')} from {row.transfer.source} to "
+        f"{row.transfer.destination}: {text}",
+        hint="one of the two connects other frames; compare both with the safety project",
+        related=(Related(span=there, message="the other file"),),
+    )
+
+
+def _longer(
+    out: Findings,
+    row: ResolvedTransfer,
+    file: Description,
+    number: int,
+    subs: Mapping[int, SubDevice],
+    seen: _Seen,
+) -> None:
+    """Name a copy that writes bytes which no transfer writes; two transfers may be one copy."""
+    copy = file.copies[number]
+    size = (copy.bits + 7) // 8
+    more = sum(_byte(subs, copy.destination, n) not in seen.covered for n in range(size))
+    if more and id(row) not in seen.told:
+        text = f"{count_of(size, 'byte')} are copied in {file.path}, {more} of them by no transfer"
+        _other(out, row, text, copy.span)
+
+
+def _unknown(
+    out: Findings,
+    resolution: Resolution,
+    file: Description,
+    copy: DescribedCopy,
+    source: SubDevice,
+    destination: SubDevice,
+) -> None:
+    nets = resolution.network.nets
+    out.add(
+        "FSN444",
+        nets[0].span if nets else destination.span,
+        f"{file.path} copies {count_of((copy.bits + 7) // 8, 'byte')} from {source.name} "
+        f"SM{copy.source.sm_index} byte {copy.source.bit_offset // 8} to {destination.name} "
+        f"SM{copy.destination.sm_index} byte {copy.destination.bit_offset // 8}; no transfer does",
+        hint="add the transfer here, or take the copy out there",
+        related=(Related(span=copy.span, message="the copy"),),
+    )
+
+
+def slot_of(connection: Connection) -> int | None:
+    """Return which frame of its MainInstance a connection uses, from 0 in process data order."""
+    end = connection.to_sub.source
+    if end.block is None or end.layout is None:
+        return None
+    frames = [
+        b.key for sm in end.layout.managers if sm.sm.direction is Direction.INPUT for b in sm.blocks
+    ]
+    return frames.index(end.block.key) if end.block.key in frames else None
+
+
+def check_slots(
+    out: Findings,
+    resolution: Resolution,
+    file: Description,
+    subs: Mapping[int, SubDevice],
+    blamed: set[str],
+) -> None:
+    """Compare the connections of a file that gives each slot a partner: ``fsoeSlaveIdx``."""
+    wanted: dict[tuple[str, int], int] = {}
+    for number, row in enumerate(file.connections):
+        if row.main is None or row.slot is None or row.sub not in subs:
+            continue
+        if row.main in subs:
+            wanted.setdefault((subs[row.main].name, row.slot), number)
+    for connection in resolution.connections:
+        slot = slot_of(connection)
+        if slot is None or {connection.main.name, connection.sub.name} & blamed:
+            continue
+        found = wanted.get((connection.main.name, slot))
+        other = file.connections[found] if found is not None else None
+        if other is None or other.sub is None or subs[other.sub].name == connection.sub.name:
+            continue
+        out.add(
+            "FSN444",
+            connection.to_sub.transfer.span,
+            f"slot {slot} of {connection.main.name} is connected to {connection.sub.name}, to "
+            f"{subs[other.sub].name} in {file.path}",
+            hint="the order in the safety project decides; compare both with it",
+            related=(Related(span=other.span, message="the connection there"),),
+        )

@@ -1,0 +1,239 @@
+"""FSN443, FSN446, FSN447: connections of a network against a safety project."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+from fsoe_net.diag import Findings, Related, Span
+from fsoe_net.model import (
+    Connection,
+    DescribedConnection,
+    Description,
+    Library,
+    LibraryDevice,
+    Resolution,
+)
+from fsoe_net.rules.context import count_of
+from fsoe_net.rules.reference_copies import slot_of
+
+__all__ = ["check_twinsafe"]
+
+_HINT = "the logic runs with its safety project: write its value here, or change the project"
+
+
+@dataclass(frozen=True, slots=True)
+class _Project:
+    """A safety project beside the connections of one MainInstance."""
+
+    out: Findings
+    resolution: Resolution
+    file: Description
+    library: Library
+
+    def order(self, row: DescribedConnection) -> str:
+        """Order number of the SubInstance of a row."""
+        return "" if row.sub is None else self.file.subdevices[row.sub].order
+
+    def title(self, row: DescribedConnection) -> str:
+        """``connection 2 (EL1904, FSoE address 5)``."""
+        known = [self.order(row) or row.name[:60]]
+        if row.address is not None:
+            known.append(f"FSoE address {row.address}")
+        return f"connection {(row.slot or 0) + 1} ({', '.join(k for k in known if k)})"
+
+    def device(self, connection: Connection) -> LibraryDevice | None:
+        """Library device of the SubInstance."""
+        device = connection.sub.device
+        if device is None:
+            return None
+        return self.library.find(device.vendor_id, device.product_code)
+
+    def another(self, connection: Connection, row: DescribedConnection) -> bool:
+        """Whether both are known to be different devices."""
+        mine = self.device(connection)
+        other = self.library.named(self.order(row)) if self.order(row) else None
+        return mine is not None and other is not None and mine is not other
+
+
+def check_twinsafe(
+    out: Findings, resolution: Resolution, file: Description, library: Library
+) -> None:
+    """Compare slot order, FSoE address, connection ID, watchdog and parameters.
+
+    Args:
+        out: Takes the findings.
+        resolution: The network.
+        file: The export.
+        library: Tells which device an order number is.
+    """
+    project = _Project(out, resolution, file, library)
+    # Connections in which the logic is itself the SubInstance are in another network.
+    rows = [c for c in file.connections if c.main == 0]
+    ours = _of_main(resolution, rows)
+    if not rows:
+        if not file.connections or ours:
+            out.add(
+                "FSN443",
+                resolution.network.span,
+                f"no SubDevice of this network is in {file.path}: it has no connections",
+                hint="export the project that has the connections of the logic",
+            )
+        return
+    pairs = _pairs(project, ours, rows)
+    if ours and not pairs:
+        out.add(
+            "FSN443",
+            resolution.network.span,
+            f"no SubDevice of this network is in {file.path}, which has "
+            f"{count_of(len(rows), 'connection')}",
+            hint="is this the safety project of another machine?",
+        )
+        return
+    _missing(project, ours, rows, pairs)
+    whole = len(pairs) == len(ours) == len(rows)
+    _slots(project, pairs, whole=whole)
+    for connection, row in pairs:
+        _values(project, connection, row)
+
+
+_Pairs = list[tuple[Connection, DescribedConnection]]
+
+
+def _of_main(resolution: Resolution, rows: list[DescribedConnection]) -> list[Connection]:
+    """Return the connections of the MainInstance whose facts agree most with the project."""
+    ids = {r.connection_id for r in rows} - {None}
+    addresses = {r.address for r in rows} - {None}
+    score: Counter[str] = Counter()
+    for c in resolution.connections:
+        score[c.main.name] += 1
+        if c.facts is not None:
+            score[c.main.name] += 1000 * (c.facts.connection_id in ids)
+            score[c.main.name] += 1000 * (c.facts.address in addresses)
+    if not score:
+        return []
+    main = score.most_common(1)[0][0]
+    return [c for c in resolution.connections if c.main.name == main]
+
+
+def _pairs(project: _Project, ours: list[Connection], rows: list[DescribedConnection]) -> _Pairs:
+    """Pair by connection ID and address, then by one of them, then by slot."""
+    left, free = list(ours), list(rows)
+    pairs: _Pairs = []
+
+    def by(keys: tuple[str, ...]) -> None:
+        waiting: dict[tuple[object, ...], DescribedConnection] = {}
+        for row in free:
+            values = tuple(getattr(row, k) for k in keys)
+            if None not in values:
+                waiting.setdefault(values, row)
+        for c in list(left):
+            values = tuple(getattr(c.facts, k, None) for k in keys)
+            found = None if None in values else waiting.pop(values, None)
+            if found is not None and not project.another(c, found):
+                pairs.append((c, found))
+                left.remove(c)
+                free.remove(found)
+
+    by(("connection_id", "address"))
+    by(("address",))
+    by(("connection_id",))
+    by_slot = {row.slot: row for row in free}
+    for c in list(left):
+        row = by_slot.pop(slot_of(c), None)
+        if row is not None and not project.another(c, row):
+            pairs.append((c, row))
+            left.remove(c)
+            free.remove(row)
+    order = {id(c): n for n, c in enumerate(ours)}
+    return sorted(pairs, key=lambda pair: order[id(pair[0])])
+
+
+def _missing(
+    project: _Project, ours: list[Connection], rows: list[DescribedConnection], pairs: _Pairs
+) -> None:
+    """FSN447."""
+    here = {id(c) for c, _ in pairs}
+    there = {id(r) for _, r in pairs}
+    for c in ours:
+        if id(c) not in here:
+            project.out.add(
+                "FSN447",
+                _place(c, "main"),
+                f"the connection of {c.main.name} with {c.sub.name} is not in {project.file.path}",
+                hint="add it to the safety project, or take its transfers out here",
+                related=(Related(span=project.file.span, message="the safety project"),),
+            )
+    for row in rows:
+        if id(row) not in there:
+            net = ours[0].net.span if ours else project.resolution.network.span
+            project.out.add(
+                "FSN447",
+                net,
+                f"{project.title(row)} of {project.file.path} has no transfers here",
+                hint="add its two transfers, or delete it in the safety project: the logic waits "
+                "for each of its connections",
+                related=(Related(span=row.span, message="the connection there"),),
+            )
+
+
+def _place(connection: Connection, key: str) -> Span:
+    facts = connection.facts
+    return connection.to_sub.transfer.span if facts is None else facts.at(key)
+
+
+def _slots(project: _Project, pairs: _Pairs, *, whole: bool) -> None:
+    """Compare the order of slots; a missing connection alone, which is told, moves the others."""
+    known = [(slot_of(c), c, row) for c, row in pairs]
+    rows = [(slot, c, row) for slot, c, row in known if slot is not None and row.slot is not None]
+    rows.sort(key=lambda item: item[0] or 0)
+    wanted = sorted(row.slot or 0 for _, _, row in rows)
+    for (slot, c, row), in_order in zip(rows, wanted, strict=True):
+        if row.slot == slot or (not whole and row.slot == in_order):
+            continue
+        project.out.add(
+            "FSN446",
+            _place(c, "slot"),
+            f"{c.main.name} with {c.sub.name} uses slot {slot}, slot {row.slot} in "
+            f"{project.file.path}",
+            hint="the n-th connection of the project is the n-th frame pair of the logic: put the "
+            "transfers to that pair, or change the order in the project",
+            related=(Related(span=row.span, message="the connection there"),),
+        )
+
+
+def _values(project: _Project, connection: Connection, row: DescribedConnection) -> None:
+    facts = connection.facts
+    title = f"{connection.main.name} with {connection.sub.name}"
+    for key, words, unit, name in (
+        ("address", "FSoE address", "", "SAddress"),
+        ("connection_id", "connection ID", "", "ConId"),
+        ("watchdog_ms", "FSoE watchdog", " ms", "SWatchdog"),
+    ):
+        mine, other = getattr(facts, key, None), getattr(row, key)
+        if mine is not None and other is not None and mine != other:
+            _differ(
+                project, connection, row, key, name, f"{title}: {words} {mine}{unit}, {other}{unit}"
+            )
+    if facts is not None and facts.app_parameters and row.app_parameters:
+        own, there = facts.app_parameters, row.app_parameters
+        if own != there:
+            text = f"{title}: parameters {own.hex(' ')}, {there.hex(' ')}"
+            _differ(project, connection, row, "app_parameters", "SafeUserPara", text)
+
+
+def _differ(
+    project: _Project,
+    connection: Connection,
+    row: DescribedConnection,
+    key: str,
+    name: str,
+    text: str,
+) -> None:
+    project.out.add(
+        "FSN446",
+        _place(connection, key),
+        f"{text} in {project.file.path}",
+        hint=_HINT,
+        related=(Related(span=row.at(name), message="the value there"),),
+    )
