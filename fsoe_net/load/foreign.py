@@ -48,6 +48,10 @@ _TEXT_KINDS = (
     (rb"SM\d+: PhysAddr 0x", "the output of `ethercat pdos`"),
     (rb"^Watchdog divider:", "the output of `ethercat config -v`"),
     (rb"^[ \t]+Vendor Id: +0x", "the output of `ethercat slaves -v`"),
+    (
+        rb"^[ \t]*\d{1,5}[ \t]+\d{1,5}:\d{1,5}[ \t]+(INIT|PREOP|BOOT|SAFEOP|OP|\?\?\?)(\+ERROR)?[ \t]",
+        "the output of `ethercat slaves`",
+    ),
     (rb"SM\d+ (in|out)puts$|PDO mapping according to", "the output of SOEM `slaveinfo -map`"),
     (rb"^[ \t]*ethercat_slaves[ \t]*:", "an `ethercat_slaves.yaml` of an IgH node for ROS"),
     (

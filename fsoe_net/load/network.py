@@ -6,7 +6,7 @@ import difflib
 import enum
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics, without_collector
@@ -200,7 +200,7 @@ class _Assembly:
         nets = nets_from_yaml(root, self.out)
         for extra in self._transfer_files:
             nets += nets_from_yaml(extra.root, self.out)
-        return self._network(
+        network = self._network(
             name=root.text("name") or Path(file.path).stem,
             span=root.span,
             fields=root.places(),
@@ -210,6 +210,7 @@ class _Assembly:
             safety_functions=safety_functions_from_yaml(root, self.out),
             project=root.text("project") or "",
         )
+        return replace(network, fields=root.places())
 
     def _cycle_ns(self, root: MapNode) -> int | None:
         cycle_us = read_float(root.get("cycle_us"), self.out, what="cycle_us")

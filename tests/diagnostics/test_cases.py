@@ -97,8 +97,18 @@ def test_clean_bus_raises_nothing_of_its_own(monkeypatch: pytest.MonkeyPatch):
     assert [d.code for d in found if d.code.startswith("FSN5")] == []
 
 
+OTHERS = ["cell.eni.xml", "coupler.xml", "safety.xml", "slaves.txt"]
+
+
 @pytest.mark.parametrize(
-    "files", [["network.yaml"], ["timed.yaml"], ["robot.urdf"], ["devices/drive.yaml"]]
+    "files",
+    [
+        ["network.yaml"],
+        ["timed.yaml"],
+        ["robot.urdf"],
+        ["devices/drive.yaml"],
+        ["network.yaml", *OTHERS],
+    ],
 )
 def test_clean_files_raise_nothing_but_notes(files: list[str], monkeypatch: pytest.MonkeyPatch):
     found = _check(HERE / "base", {"check": files}, monkeypatch)
