@@ -49,7 +49,7 @@ _TEXT_KINDS = (
     (rb"^Watchdog divider:", "the output of `ethercat config -v`"),
     (rb"^[ \t]+Vendor Id: +0x", "the output of `ethercat slaves -v`"),
     (
-        rb"^[ \t]*\d{1,5}[ \t]+\d{1,5}:\d{1,5}[ \t]+(INIT|PREOP|BOOT|SAFEOP|OP|\?\?\?)(\+ERROR)?[ \t]",
+        rb"^[ \t]*\d{1,5} +\d{1,5}:\d{1,5} +(INIT|PREOP|BOOT|SAFEOP|OP|\?\?\?)(\+ERROR)? ",
         "the output of `ethercat slaves`",
     ),
     (rb"SM\d+ (in|out)puts$|PDO mapping according to", "the output of SOEM `slaveinfo -map`"),

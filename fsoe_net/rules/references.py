@@ -13,6 +13,7 @@ from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_di
 from fsoe_net.model import (
     DescribedSubDevice,
     Description,
+    Device,
     DeviceLayout,
     Library,
     Network,
@@ -74,6 +75,7 @@ class _Check:
     broken: set[str]
     out: Findings
     blamed: set[str] = field(default_factory=set)
+    guessed: str = ""
     remarks: dict[tuple[str, Span, str], tuple[Remark, list[str]]] = field(default_factory=dict)
 
     def run(self) -> None:
@@ -169,12 +171,19 @@ class _Check:
         return None
 
     def _lone(self) -> list[_Pair] | None:
-        """Pair a text without any identity with the only device type there is."""
-        devices = {id(s.device) for s in self.network.subdevices if s.device is not None}
+        """Pair a text without any identity with the one device type that has its PDOs.
+
+        Where there is only one device type, it is that one.
+        """
         rows = self.file.subdevices
-        if len(devices) != 1 or len(rows) != 1 or self.identity(rows[0]) is not None:
+        subs = {id(s.device): s for s in reversed(self.network.subdevices) if s.device is not None}
+        if len(rows) != 1 or self.identity(rows[0]) is not None:
             return None
-        return [(next(s for s in self.network.subdevices if s.device is not None), 0)]
+        if len(subs) > 1:
+            wanted = _numbers(rows[0].device)
+            subs = {k: s for k, s in subs.items() if s.device and _numbers(s.device) == wanted}
+            self.guessed = " (which names no device; its PDO numbers are those of this one)"
+        return [(next(iter(subs.values())), 0)] if len(subs) == 1 else None
 
     def _bus(self) -> list[_Pair] | None:
         known = [self.identity(r) for r in self.file.subdevices]
@@ -188,13 +197,13 @@ class _Check:
             self._nothing(f", which has {what}", "is this the file of another machine?")
             return None
         if self.network.partial:
+            first = {k: n for n, k in reversed([*enumerate(known)])}
             return [
-                (s, n)
+                (s, first[k])
                 for s in self.network.subdevices
                 if s.device is not None
-                for n, k in enumerate(known)
-                if k == (s.device.vendor_id, s.device.product_code)
-            ][:1]
+                and (k := (s.device.vendor_id, s.device.product_code)) in first
+            ]
         if self.file.format in _WHOLE and not self.file.truncated:
             return self._whole(known)
         return self._by_place(known)
@@ -329,7 +338,7 @@ class _Check:
         device = sub.device
         if device is None or device.path in self.broken or not has_layout(device):
             return
-        source = self.file.path
+        source = self.file.path + self.guessed
         if self.is_type and sub.revision is None and row.revision is not None:
             source += f" (revision 0x{row.revision:08x})"
         remarks = compare_layout(
@@ -370,6 +379,12 @@ class _Check:
             hint="FSoE watchdogs are chosen for one cycle time; say the one the bus runs with",
             related=(Related(span=self.file.span, message="the other file"),),
         )
+
+
+def _numbers(device: Device) -> dict[int, list[int]]:
+    """Return the PDO numbers by sync manager."""
+    rows = {sm.index: [p.index for p in device.pdos_of(sm)] for sm in device.sync_managers}
+    return {sm: numbers for sm, numbers in rows.items() if numbers}
 
 
 def _as_scanned(

@@ -1,0 +1,512 @@
+"""What another file says, taken from the network itself, gives no finding; each change its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from described import entry
+from networks import EXAMPLES, example, resolved
+
+from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.load import builtin_library
+from fsoe_net.model import (
+    DescribedConnection,
+    DescribedSubDevice,
+    Description,
+    Device,
+    Direction,
+    Pdo,
+    PdoFacts,
+    Resolution,
+    SyncManager,
+    TypeFacts,
+    Watchdog,
+)
+from fsoe_net.rules import check_library, check_references
+from fsoe_net.save import describe
+
+ROBOT = example("el6910")  # 1 el6910, 2 el1904, 3 el2904, 4 drive_1, 5 drive_2; 0 is a coupler
+LIBRARY = builtin_library()
+COUPLER = DescribedSubDevice(
+    position=0, device=Device(path="", vendor_id=2, product_code=0x044C2C52)
+)
+
+Change = Callable[[DescribedSubDevice], DescribedSubDevice]
+
+
+def bus(resolution: Resolution = ROBOT, **more) -> Description:
+    """What an ENI of exactly this network says."""
+    made = describe(resolution.network)
+    rows = tuple(_resolved(s) for s in made.subdevices)
+    return replace(made, format="eni", path="other", subdevices=rows, **more)
+
+
+def _resolved(sub: DescribedSubDevice) -> DescribedSubDevice:
+    """Give each sync manager its PDOs, as files of other tools do."""
+    device = sub.device
+    managers = tuple(replace(sm, pdos=device.pdos_of(sm)) for sm in device.sync_managers)
+    return replace(sub, device=replace(device, sync_managers=managers, rpdos=(), tpdos=()))
+
+
+def types(change: Change | None = None, *, facts: TypeFacts | None = None) -> Description:
+    """What an ESI with the EL1904 says."""
+    row = replace(bus().subdevices[1], position=None, revision=0x100000)
+    row = replace(row, facts=facts or TypeFacts())
+    return Description(format="esi", path="esi", subdevices=(change(row) if change else row,))
+
+
+def changed(number: int, change: Change) -> Description:
+    made = bus()
+    rows = list(made.subdevices)
+    rows[number] = change(rows[number])
+    return replace(made, subdevices=tuple(rows))
+
+
+def found(reference: Description, resolution: Resolution = ROBOT) -> list[Diagnostic]:
+    return check_references(resolution, [reference], library=LIBRARY)
+
+
+def codes(reference: Description, resolution: Resolution = ROBOT) -> list[str]:
+    return [d.code for d in found(reference, resolution)]
+
+
+def pdos(sm: int, *new: Pdo) -> Change:
+    """Replace the PDOs of a sync manager."""
+
+    def change(sub: DescribedSubDevice) -> DescribedSubDevice:
+        managers = tuple(
+            replace(m, pdos=new) if m.index == sm else m for m in sub.device.sync_managers
+        )
+        return replace(sub, device=replace(sub.device, sync_managers=managers))
+
+    return change
+
+
+def out_pdo() -> Pdo:
+    """The PDO of the EL1904 with the frame to it."""
+    sub = bus().subdevices[1]
+    return next(m.pdos[0] for m in sub.device.sync_managers if m.index == 2 and m.pdos)
+
+
+def fact(**more) -> TypeFacts:
+    return TypeFacts(
+        pdos=(PdoFacts(index=0x1600, direction=Direction.OUTPUT, sm=2, **more),), assignable=True
+    )
+
+
+@pytest.mark.parametrize("name", ["estop", "el6910"])
+def test_the_network_itself_raises_nothing(name: str):
+    assert codes(bus(example(name)), example(name)) == []
+
+
+def test_a_device_type_of_its_own_raises_nothing():
+    assert codes(types()) == []
+
+
+def test_several_files_are_all_compared():
+    both = check_references(
+        ROBOT, [bus(cycle_us=7), types(pdos(2, Pdo(index=0x1601, entries=())))], library=LIBRARY
+    )
+    assert sorted(d.code for d in both) == ["FSN433", "FSN445"]
+
+
+# -- identity, revision, place --------------------------------------------------------------------
+
+
+def product(number: int) -> Change:
+    return lambda s: replace(s, device=replace(s.device, product_code=number))
+
+
+def test_another_device_is_named_once_and_its_copies_are_not():
+    one = found(changed(1, product(0x12345678)))
+    assert [d.code for d in one] == ["FSN431"]
+    assert "el1904 at position 2" in one[0].message
+    assert "product 0x12345678 in other" in one[0].message
+
+
+def test_unknown_identity_is_no_difference():
+    assert codes(changed(1, product(0))) == []
+
+
+def test_order_number_stands_for_an_identity():
+    lcec = replace(bus(), format="lcec", connections=(), copies=())
+    rows = [replace(product(0)(s), order="") for s in lcec.subdevices]
+    rows[1] = replace(rows[1], order="EL2904")
+    assert codes(replace(lcec, subdevices=tuple(rows))) == ["FSN431"]
+
+
+def test_revision_counts_where_both_say_one(tmp_path: Path):
+    text = (EXAMPLES / "el6910" / "network.yaml").read_text("utf-8")
+    folder = tmp_path / "net"
+    folder.mkdir()
+    (folder / "devices").symlink_to(EXAMPLES / "el6910" / "devices")
+    with_revision = text.replace(
+        "{name: el1904, position: 2", "{name: el1904, revision: 5, position: 2"
+    )
+    assert with_revision != text
+    (folder / "network.yaml").write_text(with_revision, "utf-8")
+    network = resolved(folder / "network.yaml")
+    assert codes(types(), network) == ["FSN432"]
+    two = types()
+    exact = replace(two.subdevices[0], revision=5)
+    assert codes(replace(two, subdevices=(*two.subdevices, exact)), network) == []
+    assert codes(types(lambda s: replace(s, revision=None)), network) == []
+
+
+def at(place: int, sub: DescribedSubDevice) -> DescribedSubDevice:
+    return replace(sub, position=place)
+
+
+def test_exchanged_devices_are_one_finding():
+    made = bus()
+    rows = list(made.subdevices)
+    rows[1], rows[2] = at(2, made.subdevices[2]), at(3, made.subdevices[1])
+    # Copies go by number, so that they follow the exchange here.
+    one = found(replace(made, subdevices=tuple(rows), copies=()))
+    assert [d.code for d in one] == ["FSN442"]
+    assert "exchanged" in one[0].message
+
+
+def test_missing_device_is_one_finding_unless_the_text_is_cut():
+    made = replace(bus(), copies=(), connections=())
+    short = replace(made, subdevices=made.subdevices[:-1])
+    one = found(short)
+    assert [(d.code, "drive_2 is not in other" in d.message) for d in one] == [("FSN442", True)]
+    assert codes(replace(short, truncated=True)) == []
+    assert codes(replace(short, format="ethercat-pdos")) == []  # names only some
+
+
+def test_more_devices_are_a_note():
+    made = bus()
+    more = at(6, made.subdevices[2])
+    notes = found(
+        replace(made, subdevices=(COUPLER, *map(_next, made.subdevices), more), copies=())
+    )
+    assert [(d.code, d.level) for d in notes] == [("FSN442", Severity.INFO)]
+
+
+def _next(sub: DescribedSubDevice) -> DescribedSubDevice:
+    return sub
+
+
+def test_file_of_another_machine_is_told_in_one_line():
+    made = bus()
+    rows = tuple(product(7 + n)(s) for n, s in enumerate(made.subdevices))
+    one = found(replace(made, subdevices=rows, cycle_us=77))
+    assert [(d.code, d.level) for d in one] == [("FSN443", Severity.WARNING)]
+    one = found(types(product(7)))
+    assert [(d.code, d.level) for d in one] == [("FSN443", Severity.INFO)]
+
+
+def test_text_that_names_no_device_is_paired_by_its_pdo_numbers():
+    row = replace(product(0)(bus().subdevices[0]), position=None)
+    row = replace(row, device=replace(row.device, vendor_id=0))
+    text = Description(format="ethercat-pdos", path="pdos.txt", subdevices=(row,))
+    assert codes(text) == []
+    other = replace(out_pdo(), entries=(*out_pdo().entries, entry(0x7001, 9, 8)))
+    assert other.index == 0x1600
+    managers = row.device.sync_managers
+    first = next(m.pdos or () for m in managers if m.index == 2)
+    two = found(replace(text, subdevices=(pdos(2, other, *first[1:])(row),)))
+    assert [d.code for d in two] == ["FSN434"]
+    assert "names no device" in two[0].message
+    lone = replace(text, subdevices=(pdos(2, Pdo(index=0x1777, entries=()))(row),))
+    assert codes(lone) == ["FSN443"]
+
+
+# -- process data ---------------------------------------------------------------------------------
+
+
+def test_unknown_pdo_is_an_error_by_a_type_and_a_warning_by_a_bus():
+    other = replace(out_pdo(), index=0x1605)
+    one = found(types(pdos(2, other)))
+    assert [(d.code, d.level) for d in one] == [("FSN433", Severity.ERROR)]
+    one = found(changed(1, pdos(2, other)))
+    assert [(d.code, d.level) for d in one] == [("FSN433", Severity.WARNING)]
+
+
+def test_order_of_pdos_counts():
+    logic = bus().subdevices[0]
+    there = next(m.pdos or () for m in logic.device.sync_managers if m.index == 2)
+    one = found(changed(0, pdos(2, *reversed(there))))
+    assert [d.code for d in one] == ["FSN433"]
+    assert "in another order" in one[0].message
+
+
+def test_optional_pdos_may_be_assigned_where_the_device_lets_one():
+    bare = pdos(2)
+
+    def offered(sub: DescribedSubDevice) -> DescribedSubDevice:
+        return replace(bare(sub), available=(out_pdo(),))
+
+    assert codes(types(offered, facts=TypeFacts(assignable=True))) == []
+    assert codes(types(offered, facts=TypeFacts(assignable=False))) == ["FSN433"]
+
+
+def more_entries(pdo: Pdo) -> Pdo:
+    return replace(pdo, entries=(*pdo.entries, entry(0x7002, 1, 8)))
+
+
+@pytest.mark.parametrize(
+    ("facts", "code", "level"),
+    [
+        (fact(fixed=True), "FSN436", Severity.ERROR),
+        (fact(), "FSN434", Severity.INFO),
+        (TypeFacts(), "FSN434", Severity.WARNING),
+        (replace(fact(fixed=True), modular=True), "FSN436", Severity.INFO),
+    ],
+)
+def test_other_entries_of_fixed_free_and_unknown_pdos(facts: TypeFacts, code: str, level: Severity):
+    one = found(types(pdos(2, more_entries(out_pdo())), facts=facts))
+    assert [(d.code, d.level) for d in one] == [(code, level)]
+    assert one[0].span.file.endswith("el1904.yaml")
+    assert one[0].related[0].message == "the other file"
+
+
+def test_padding_alone_is_a_code_of_its_own():
+    pdo = out_pdo()
+    longer = replace(pdo, entries=(*pdo.entries, entry(0, 0, 8)))
+    assert codes(types(pdos(2, longer), facts=fact(fixed=True))) == ["FSN435"]
+    assert codes(changed(1, pdos(2, longer))) == ["FSN435"]
+
+
+def test_names_do_not_count_and_padding_may_be_cut():
+    pdo = out_pdo()
+    halves = []
+    for e in pdo.entries:
+        if e.is_gap and e.bits > 1:
+            halves += [replace(e, bits=1), replace(e, bits=e.bits - 1)]
+        else:
+            halves.append(replace(e, name="x"))
+    assert len(halves) >= len(pdo.entries)
+    assert codes(types(pdos(2, replace(pdo, entries=tuple(halves))))) == []
+
+
+def test_mandatory_pdo_that_is_not_assigned():
+    other = Pdo(index=0x1605, entries=(entry(0x7050, 1, 8),))
+    facts = TypeFacts(
+        pdos=(PdoFacts(index=0x1605, direction=Direction.OUTPUT, sm=2, mandatory=True),),
+        assignable=True,
+    )
+    assert codes(types(pdos(2, out_pdo(), other), facts=facts)) == ["FSN437"]
+
+
+def test_pdos_that_exclude_each_other():
+    logic = bus().subdevices[0]
+    excluding = PdoFacts(index=0x1600, direction=Direction.OUTPUT, excludes=frozenset({0x1601}))
+    row = replace(logic, facts=TypeFacts(pdos=(excluding,)))
+    esi = Description(format="esi", path="esi", subdevices=(row,))
+    assert codes(esi) == ["FSN438"]
+
+
+def test_two_sync_managers_for_outputs_are_one_finding():
+    """Hazards 46 and 49: the FSoE frame of EP1957 is on SM6."""
+
+    def move(sub: DescribedSubDevice) -> DescribedSubDevice:
+        bare = pdos(2)(sub)
+        six = SyncManager(index=6, direction=Direction.OUTPUT, carries=None, pdos=(out_pdo(),))
+        managers = (*bare.device.sync_managers, six)
+        return replace(bare, device=replace(bare.device, sync_managers=managers))
+
+    one = found(types(move))
+    assert [d.code for d in one] == ["FSN439"]
+    assert "is on SM2, on SM6 in esi" in one[0].message
+
+
+def test_lengths_of_sync_managers_where_nothing_else_is_known():
+    opaque = Pdo(index=0, entries=(entry(0, 0, 64),))
+    one = found(replace(changed(1, pdos(2, opaque)), copies=()))
+    assert [d.code for d in one] == ["FSN440"]
+    assert "6 bytes, 8 bytes in other" in one[0].message
+
+
+def test_direction_and_watchdog_of_sync_managers():
+    def turn(sub: DescribedSubDevice) -> DescribedSubDevice:
+        managers = tuple(
+            replace(m, direction=Direction.INPUT) if m.index == 2 else m
+            for m in sub.device.sync_managers
+        )
+        return replace(sub, device=replace(sub.device, sync_managers=managers))
+
+    assert codes(changed(1, turn)) == ["FSN440"]
+
+
+def test_watchdogs_are_compared_with_configurations_only(tmp_path: Path):
+    folder = EXAMPLES.parent / "tests" / "diagnostics" / "base"
+    network = resolved(folder / "network.yaml")
+    made = bus(network)
+    row = made.subdevices[0]
+    managers = tuple(
+        replace(m, watchdog=Watchdog.DISABLE) if m.index == 2 else m
+        for m in row.device.sync_managers
+    )
+    other = replace(row, device=replace(row.device, sync_managers=managers))
+    rows = (other, *made.subdevices[1:])
+    assert codes(replace(made, subdevices=rows), network) == ["FSN440"]
+    assert codes(replace(made, subdevices=rows, format="soem-slaveinfo"), network) == []
+
+
+def test_default_size_is_a_note_and_only_without_other_findings():
+    wrong = TypeFacts(default_bytes={2: 99})
+    one = found(types(facts=wrong))
+    assert [(d.code, d.level) for d in one] == [("FSN441", Severity.INFO)]
+    assert codes(types(facts=TypeFacts(default_bytes={2: 6}))) == []
+    assert codes(types(pdos(2, more_entries(out_pdo())), facts=wrong)) == ["FSN434"]
+
+
+def test_a_device_that_is_cut_off_is_not_compared():
+    cut = types(lambda s: replace(pdos(2)(s), truncated=True))
+    assert codes(cut) == []
+
+
+def test_a_device_with_errors_of_its_own_is_not_compared():
+    device = ROBOT.network.subdevices[1].device
+    assert device is not None
+    known = [Diagnostic(code="FSN401", message="x", span=device.span)]
+    reference = types(pdos(2, more_entries(out_pdo())))
+    assert check_references(ROBOT, [reference], library=LIBRARY, found=known) == []
+
+
+# -- copies, slots, cycle -------------------------------------------------------------------------
+
+
+def test_one_copy_may_be_two_transfers_but_not_more():
+    made = bus()
+    assert len(made.copies) == 8
+    missing = found(replace(made, copies=made.copies[1:]))
+    assert [(d.code, "it is not copied" in d.message) for d in missing] == [("FSN444", True)]
+    at_end = next(n for n, c in enumerate(made.copies) if c.destination.subdevice == 1)
+    copies = list(made.copies)
+    copies[at_end] = replace(copies[at_end], bits=copies[at_end].bits + 8)
+    longer = found(replace(made, copies=tuple(copies)))
+    assert [(d.code, "7 bytes are copied" in d.message) for d in longer] == [("FSN444", True)]
+    assert codes(replace(made, copies=())) == []
+
+
+def test_copy_from_another_byte_and_copy_of_nobody():
+    made = bus()
+    first = made.copies[0]
+    moved = replace(first, source=replace(first.source, bit_offset=first.source.bit_offset + 8))
+    one = found(replace(made, copies=(moved, *made.copies[1:])))
+    assert [d.code for d in one] == ["FSN444"]
+    assert "byte 0 of it comes from" in one[0].message
+
+
+def test_copies_of_two_adjacent_transfers_may_be_one():
+    network = example("estop")
+    made = bus(network)
+    first = made.copies[0]
+    half = first.bits // 2
+    parts = [
+        replace(first, bits=half),
+        replace(
+            first,
+            bits=half,
+            source=replace(first.source, bit_offset=first.source.bit_offset + half),
+            destination=replace(first.destination, bit_offset=first.destination.bit_offset + half),
+        ),
+    ]
+    assert codes(replace(made, copies=(*parts, *made.copies[1:])), network) == []
+
+
+def slots(*subs: int) -> Description:
+    rows = tuple(DescribedConnection(main=0, sub=s, slot=n) for n, s in enumerate(subs))
+    return replace(bus(), format="lcec", copies=(), connections=rows)
+
+
+def test_order_of_slots_in_linuxcnc():
+    assert codes(slots(1, 2, 3, 4)) == []
+    two = found(slots(2, 1, 3, 4))
+    assert [d.code for d in two] == ["FSN444", "FSN444"]
+    assert "slot 0 of el6910 is connected to el1904, to el2904 in other" in two[0].message
+
+
+def test_cycle_time():
+    made = bus()
+    assert made.cycle_us is not None
+    assert codes(replace(made, cycle_us=made.cycle_us + 1)) == ["FSN445"]
+    assert codes(replace(made, cycle_us=None)) == []
+
+
+# -- safety project -------------------------------------------------------------------------------
+
+
+def project(*rows: DescribedConnection, orders: tuple[str, ...] = ()) -> Description:
+    """A TwinSAFE export with these connections in this order."""
+    device = Device(path="", vendor_id=0, product_code=0)
+    subs = [DescribedSubDevice(name="logic", device=device)]
+    subs += [
+        DescribedSubDevice(device=device, order=orders[n] if n < len(orders) else "")
+        for n in range(len(rows))
+    ]
+    numbered = tuple(replace(r, main=0, sub=n + 1, slot=n) for n, r in enumerate(rows))
+    return Description(
+        format="twinsafe", path="safety.xml", subdevices=tuple(subs), connections=numbered
+    )
+
+
+def ours() -> list[DescribedConnection]:
+    return list(describe(ROBOT.network).connections)
+
+
+def test_the_same_safety_project_raises_nothing():
+    assert codes(project(*ours())) == []
+
+
+@pytest.mark.parametrize("key", ["address", "connection_id", "watchdog_ms"])
+def test_each_value_of_a_safety_project(key: str):
+    rows = ours()
+    assert getattr(rows[1], key) is not None
+    rows[1] = replace(rows[1], **{key: 999})
+    one = found(project(*rows))
+    assert [d.code for d in one] == ["FSN446"]
+    assert "999" in one[0].message
+    rows[1] = replace(rows[1], **{key: None})
+    assert codes(project(*rows)) == []
+
+
+def test_order_of_slots_of_a_safety_project():
+    rows = ours()
+    rows[0], rows[1] = rows[1], rows[0]
+    assert codes(project(*rows)) == ["FSN446", "FSN446"]
+
+
+def test_connection_that_only_one_side_has_moves_no_others():
+    rows = ours()
+    one = found(project(rows[0], *rows[2:]))
+    assert [d.code for d in one] == ["FSN447"]
+    assert "is not in safety.xml" in one[0].message
+    more = DescribedConnection(address=77, connection_id=77, watchdog_ms=100)
+    one = found(project(rows[0], more, *rows[1:]))
+    assert [d.code for d in one] == ["FSN447"]
+    assert "FSoE address 77" in one[0].message
+
+
+def test_another_device_in_a_slot_is_no_pair():
+    rows = ours()
+    kinds = ("EL2904", "EL2904")
+    assert codes(project(*rows, orders=("EL1904", "EL2904"))) == []
+    assert "FSN447" in codes(project(*rows, orders=kinds))
+
+
+def test_empty_and_foreign_safety_projects_are_one_line():
+    assert codes(project()) == ["FSN443"]
+    foreign = [
+        DescribedConnection(address=900 + n, connection_id=900 + n, watchdog_ms=5) for n in range(9)
+    ]
+    kinds = ("EK1960",) * 9
+    assert codes(project(*foreign, orders=kinds)) == ["FSN443"]
+
+
+# -- library --------------------------------------------------------------------------------------
+
+
+def test_the_library_has_nothing_to_say_about_the_examples_but_notes():
+    for network in (ROBOT, example("estop")):
+        assert check_library(network, LIBRARY, notes=False) == []
+        told = check_library(network, LIBRARY, notes=True)
+        assert {d.code for d in told} == {"FSN449"}
+        assert len(told) == len({d.span.file for d in told})
