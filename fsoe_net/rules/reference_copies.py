@@ -205,19 +205,34 @@ def check_slots(
             continue
         if row.main in subs:
             wanted.setdefault((subs[row.main].name, row.slot), number)
+    wrong: dict[tuple[str, int], tuple[Connection, str, int]] = {}
     for connection in resolution.connections:
         slot = slot_of(connection)
         if slot is None or {connection.main.name, connection.sub.name} & blamed:
             continue
         found = wanted.get((connection.main.name, slot))
-        other = file.connections[found] if found is not None else None
-        if other is None or other.sub is None or subs[other.sub].name == connection.sub.name:
+        other = file.connections[found].sub if found is not None else None
+        if found is None or other is None or subs[other].name == connection.sub.name:
             continue
+        wrong[connection.main.name, slot] = (connection, subs[other].name, found)
+    told: set[str] = set()
+    for (main, slot), (connection, partner, found) in wrong.items():
+        if connection.sub.name in told:
+            continue
+        back = [
+            c.sub.name
+            for (m, _), (c, name, _) in wrong.items()
+            if m == main and name == connection.sub.name
+        ]
+        more = ""
+        if back == [partner]:
+            told.add(partner)
+            more = ", and the other way round"
         out.add(
             "FSN444",
             connection.to_sub.transfer.span,
-            f"slot {slot} of {connection.main.name} is connected to {connection.sub.name}, to "
-            f"{subs[other.sub].name} in {file.path}",
+            f"slot {slot} of {main} is connected to {connection.sub.name}, to {partner} in "
+            f"{file.path}{more}",
             hint="the order in the safety project decides; compare both with it",
-            related=(Related(span=other.span, message="the connection there"),),
+            related=(Related(span=file.connections[found].span, message="the connection there"),),
         )

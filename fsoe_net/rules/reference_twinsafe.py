@@ -71,30 +71,29 @@ def check_twinsafe(
     # Connections in which the logic is itself the SubInstance are in another network.
     rows = [c for c in file.connections if c.main == 0]
     ours = _of_main(resolution, rows)
-    if not rows:
-        if not file.connections or ours:
-            out.add(
-                "FSN443",
-                resolution.network.span,
-                f"no SubDevice of this network is in {file.path}: it has no connections",
-                hint="export the project that has the connections of the logic",
-            )
+    if not ours and resolution.network.partial:
+        return  # the transfers are in a file that was not given
+    if file.connections and not rows:
+        return
+    if not rows or not ours:
+        why = "it has no connections" if not rows else "the network has no FSoE connection"
+        _nothing(out, resolution, f"{file.path}: {why}", "is this the safety project you mean?")
         return
     pairs = _pairs(project, ours, rows)
-    if ours and not pairs:
-        out.add(
-            "FSN443",
-            resolution.network.span,
-            f"no SubDevice of this network is in {file.path}, which has "
-            f"{count_of(len(rows), 'connection')}",
-            hint="is this the safety project of another machine?",
-        )
+    if not pairs:
+        what = f"{file.path}, which has {count_of(len(rows), 'connection')}"
+        _nothing(out, resolution, what, "is this the safety project of another machine?")
         return
     _missing(project, ours, rows, pairs)
     whole = len(pairs) == len(ours) == len(rows)
     _slots(project, pairs, whole=whole)
     for connection, row in pairs:
         _values(project, connection, row)
+
+
+def _nothing(out: Findings, resolution: Resolution, where: str, hint: str) -> None:
+    text = f"no SubDevice of this network is in {where}"
+    out.add("FSN443", resolution.network.span, text, hint=hint)
 
 
 _Pairs = list[tuple[Connection, DescribedConnection]]
@@ -164,12 +163,13 @@ def _missing(
                 hint="add it to the safety project, or take its transfers out here",
                 related=(Related(span=project.file.span, message="the safety project"),),
             )
+    if project.resolution.single or any(n.incomplete for n in project.resolution.network.nets):
+        return  # a transfer is missing here, which has a finding of its own
     for row in rows:
         if id(row) not in there:
-            net = ours[0].net.span if ours else project.resolution.network.span
             project.out.add(
                 "FSN447",
-                net,
+                ours[0].net.span,
                 f"{project.title(row)} of {project.file.path} has no transfers here",
                 hint="add its two transfers, or delete it in the safety project: the logic waits "
                 "for each of its connections",
@@ -188,14 +188,25 @@ def _slots(project: _Project, pairs: _Pairs, *, whole: bool) -> None:
     rows = [(slot, c, row) for slot, c, row in known if slot is not None and row.slot is not None]
     rows.sort(key=lambda item: item[0] or 0)
     wanted = sorted(row.slot or 0 for _, _, row in rows)
-    for (slot, c, row), in_order in zip(rows, wanted, strict=True):
-        if row.slot == slot or (not whole and row.slot == in_order):
-            continue
+    wrong = {
+        slot: (c, row)
+        for (slot, c, row), in_order in zip(rows, wanted, strict=True)
+        if row.slot != slot and (whole or row.slot != in_order)
+    }
+    for slot, (c, row) in list(wrong.items()):
+        if slot not in wrong:
+            continue  # told with its partner
+        text = f"{c.main.name} with {c.sub.name} uses slot {slot}, slot {row.slot}"
+        partner, its_row = wrong.get(row.slot or 0, (None, None))
+        if partner is not None and its_row is not None and its_row.slot == slot:
+            del wrong[row.slot or 0]
+            text += f" in {project.file.path}; {partner.sub.name} the other way round"
+        else:
+            text += f" in {project.file.path}"
         project.out.add(
             "FSN446",
             _place(c, "slot"),
-            f"{c.main.name} with {c.sub.name} uses slot {slot}, slot {row.slot} in "
-            f"{project.file.path}",
+            text,
             hint="the n-th connection of the project is the n-th frame pair of the logic: put the "
             "transfers to that pair, or change the order in the project",
             related=(Related(span=row.span, message="the connection there"),),

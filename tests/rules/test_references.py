@@ -179,6 +179,12 @@ def test_missing_device_is_one_finding_unless_the_text_is_cut():
     assert codes(replace(short, format="ethercat-pdos")) == []  # names only some
 
 
+def test_device_of_a_group_that_comes_and_goes_is_not_missing():
+    made = replace(bus(), copies=(), connections=())
+    free = replace(made.subdevices[-1], position=None)
+    assert codes(replace(made, subdevices=(*made.subdevices[:-1], free))) == []
+
+
 def test_more_devices_are_a_note():
     made = bus()
     more = at(6, made.subdevices[2])
@@ -420,8 +426,9 @@ def slots(*subs: int) -> Description:
 def test_order_of_slots_in_linuxcnc():
     assert codes(slots(1, 2, 3, 4)) == []
     two = found(slots(2, 1, 3, 4))
-    assert [d.code for d in two] == ["FSN444", "FSN444"]
-    assert "slot 0 of el6910 is connected to el1904, to el2904 in other" in two[0].message
+    assert [d.code for d in two] == ["FSN444"]
+    assert "slot 0 of el6910 is connected to el1904, to el2904 in other, and" in two[0].message
+    assert codes(slots(2, 3, 1, 4)) == ["FSN444"] * 3
 
 
 def test_cycle_time():
@@ -471,7 +478,11 @@ def test_each_value_of_a_safety_project(key: str):
 def test_order_of_slots_of_a_safety_project():
     rows = ours()
     rows[0], rows[1] = rows[1], rows[0]
-    assert codes(project(*rows)) == ["FSN446", "FSN446"]
+    one = found(project(*rows))
+    assert [d.code for d in one] == ["FSN446"]
+    assert "the other way round" in one[0].message
+    first, second, third, *rest = ours()
+    assert codes(project(third, first, second, *rest)) == ["FSN446"] * 3
 
 
 def test_connection_that_only_one_side_has_moves_no_others():
