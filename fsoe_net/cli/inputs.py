@@ -13,7 +13,7 @@ from fsoe_net.cli.references import References, read_references, split_files
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, builtin_library, load_network
-from fsoe_net.model import Description, Network, Resolution, Scan, resolve
+from fsoe_net.model import Network, Resolution, Scan, SourceFile, resolve
 from fsoe_net.rules import (
     Runtime,
     check,
@@ -101,7 +101,7 @@ class Checked:
 
     resolution: Resolution | None
     diagnostics: list[Diagnostic]
-    references: tuple[Description, ...] = ()
+    references: tuple[SourceFile, ...] = ()
 
     @property
     def network(self) -> Network | None:
@@ -177,5 +177,5 @@ def check_files(
     return Checked(
         resolution=resolution,
         diagnostics=sort_diagnostics(found),
-        references=tuple(references.descriptions),
+        references=tuple(references.sources),
     )

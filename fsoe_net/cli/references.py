@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag import Diagnostic
 from fsoe_net.load import Collector, InputKind, find_kind, load_devices, load_foreign, read_bytes
-from fsoe_net.model import DescribedSubDevice, Description, Network
+from fsoe_net.model import DescribedSubDevice, Description, Network, SourceFile
 
 __all__ = ["References", "read_references", "split_files"]
 
@@ -20,6 +21,7 @@ class References:
     """What the other files say, and what is wrong with them."""
 
     descriptions: list[Description] = field(default_factory=list)
+    sources: list[SourceFile] = field(default_factory=list)
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
 
@@ -48,13 +50,24 @@ def read_references(files: Sequence[tuple[str, InputKind]], network: Network) ->
         out = Collector()
         if kind is InputKind.ESI:
             description = _devices(path, network, out)
+            sha256 = _sha256(path)
         else:
             data = read_bytes(path, out, most=_MAX_BYTES)
             description = None if data is None else load_foreign(data, kind, out, name=path)
+            sha256 = hashlib.sha256(data or b"").hexdigest()
         found.diagnostics += out.diagnostics
         if description is not None:
             found.descriptions.append(description)
+            found.sources.append(SourceFile(path=path, sha256=sha256))
     return found
+
+
+def _sha256(path: str) -> str:
+    try:
+        with open(path, "rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""  # it was there when it was read
 
 
 def _devices(path: str, network: Network, out: Collector) -> Description | None:

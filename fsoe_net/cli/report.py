@@ -41,9 +41,10 @@ def command(
 ) -> None:
     """Write a report page: topology, connections, copy table with byte ranges, findings, run.
 
-    FILES as for `fsoe-net check`. A network with an error gets no page.
+    FILES as for `fsoe-net check`, also other files to compare with: the page then names them. A
+    network with an error gets no page.
     """
-    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    checked = check_files(files, packages=packages, xacro_args=xacro_args, compared=True)
     resolution = whole_network(checked, "no page written")
     result = None
     if scenario_file is not None:
@@ -58,6 +59,7 @@ def command(
         checked.diagnostics,
         version=__version__,
         run=result,
+        references=checked.references,
     )
     write_whole(output, page.encode("utf-8"))
     verdict = "" if result is None else f"; run {'passed' if result.passed else 'FAILED'}"

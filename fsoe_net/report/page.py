@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 
 from fsoe_net.diag import Diagnostic
-from fsoe_net.model import Network
+from fsoe_net.model import Network, SourceFile
 from fsoe_net.plan import NONE, Plan, copy_end, igh_image
 from fsoe_net.report.html import html_page, table
 from fsoe_net.report.svg import copy_picture, topology_picture
@@ -28,6 +28,7 @@ def render_report(
     *,
     version: str,
     run: RunResult | None = None,
+    references: Sequence[SourceFile] = (),
 ) -> str:
     """Return the page. The same input gives the same bytes: no date, no machine name.
 
@@ -37,6 +38,7 @@ def render_report(
         diagnostics: Everything found.
         version: Version of fsoe-net.
         run: Result of a run of this plan, if there was one.
+        references: Other files the network was compared with.
     """
     sha256 = hashlib.sha256(plan.to_bytes()).hexdigest()
     body = [
@@ -47,7 +49,8 @@ def render_report(
         *_copies(plan),
         *_findings(diagnostics),
         *(_run(run) if run is not None else _no_run()),
-        *_sources(network),
+        *_files("Input files", network.sources),
+        *(_files("Compared with", references) if references else ()),
         *_sign_off(),
     ]
     return html_page(f"FSoE network {network.name}", body)
@@ -212,9 +215,9 @@ def _run(run: RunResult) -> list[str]:
     return parts
 
 
-def _sources(network: Network) -> list[str]:
-    rows = [(f"<code>{escape(s.path)}</code>", f"<code>{s.sha256}</code>") for s in network.sources]
-    return ["<h2>Input files</h2>", table(("File", "SHA-256"), rows)]
+def _files(title: str, files: Sequence[SourceFile]) -> list[str]:
+    rows = [(f"<code>{escape(f.path)}</code>", f"<code>{f.sha256}</code>") for f in files]
+    return [f"<h2>{title}</h2>", table(("File", "SHA-256"), rows)]
 
 
 def _sign_off() -> list[str]:

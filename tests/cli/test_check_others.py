@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from pathlib import Path
@@ -104,6 +105,21 @@ def test_files_that_are_nothing(cell: Path):
         one = [d for d in found(cell, "network.yaml", name) if d["severity"] == "error"]
         assert one, name
         assert all(d["file"] == name for d in one), one
+
+
+def test_report_names_what_the_network_was_compared_with(cell: Path):
+    done = fsn("report", "network.yaml", "safety.xml", "coupler.xml", "-o", "page.html", cwd=cell)
+    assert done.returncode == 0, done.stderr
+    page = (cell / "page.html").read_text("utf-8")
+    compared = page.split("<h2>Compared with</h2>")[1]
+    for name in ("safety.xml", "coupler.xml"):
+        assert hashlib.sha256((cell / name).read_bytes()).hexdigest() in compared
+    assert fsn("report", "network.yaml", "-o", "page.html", cwd=cell).returncode == 0
+    assert "Compared with" not in (cell / "page.html").read_text("utf-8")
+    edit(cell / "safety.xml", "<ConId>10<", "<ConId>12<")
+    done = fsn("report", "network.yaml", "safety.xml", "-o", "none.html", cwd=cell)
+    assert (done.returncode, (cell / "none.html").exists()) == (1, False)
+    assert "FSN446" in done.stderr
 
 
 def test_only_other_files_are_no_network(cell: Path):
