@@ -120,19 +120,19 @@ def _verdict(checked: Checked, scan: Scan | None) -> str:
     more = f"; `fsoe-net explain {codes[0]}` says more" if codes else ""
     if network is None or checked.resolution is None:
         return f"nothing checked: {counts}{more}"
+    there = counted(len(scan.subdevices), "SubDevice") if scan else ""
+    held = f", compared with {there} on the bus" if scan else ""
+    if checked.references:
+        held += f"{' and' if held else ', compared with'} "
+        held += counted(len(checked.references), "other file")
     if network.partial:
-        return f"{network.name}: checked as far as this file goes" + (
+        return f"{network.name}: checked as far as this file goes{held}" + (
             f"; {counts}{more}" if counts else ", no mistake found"
         )
     size = (
         f"{counted(len(network.subdevices), 'SubDevice')}, "
         f"{counted(len(checked.resolution.connections), 'FSoE connection')}"
     )
-    there = counted(len(scan.subdevices), "SubDevice") if scan else ""
-    held = f", compared with {there} on the bus" if scan else ""
-    if checked.references:
-        held += f"{' and' if held else ', compared with'} "
-        held += counted(len(checked.references), "other file")
     return f"{network.name}: {'' if bad else 'no mistake found, '}{size}{held}" + (
         f"; {counts}{more}" if counts else ""
     )

@@ -303,7 +303,7 @@ class _Side:
         self.add(
             "FSN433",
             next((p.span for p in ours if p.index in unknown), span),
-            f"SM{number} carries {listed(mine)}, {listed(other)} in {self.source}"
+            f"SM{number} carries {listed(mine)} here, {listed(other)} in {self.source}"
             f"{assignment_words(mine, other)}",
             theirs[0].span if theirs else self.row.span,
             sm=(number,),
