@@ -7,10 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from described import entry
+from described import described_devices, entry
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from networks import EXAMPLES, example, resolved
 
-from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
 from fsoe_net.load import builtin_library
 from fsoe_net.model import (
     DescribedConnection,
@@ -30,6 +32,7 @@ from fsoe_net.save import describe
 
 ROBOT = example("el6910")  # 1 el6910, 2 el1904, 3 el2904, 4 drive_1, 5 drive_2; 0 is a coupler
 LIBRARY = builtin_library()
+MADE = describe(ROBOT.network)
 COUPLER = DescribedSubDevice(
     position=0, device=Device(path="", vendor_id=2, product_code=0x044C2C52)
 )
@@ -39,7 +42,7 @@ Change = Callable[[DescribedSubDevice], DescribedSubDevice]
 
 def bus(resolution: Resolution = ROBOT, **more) -> Description:
     """What an ENI of exactly this network says."""
-    made = describe(resolution.network)
+    made = MADE if resolution is ROBOT else describe(resolution.network)
     rows = tuple(_resolved(s) for s in made.subdevices)
     return replace(made, format="eni", path="other", subdevices=rows, **more)
 
@@ -521,3 +524,45 @@ def test_the_library_has_nothing_to_say_about_the_examples_but_notes():
         told = check_library(network, LIBRARY, notes=True)
         assert {d.code for d in told} == {"FSN449"}
         assert len(told) == len({d.span.file for d in told})
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(described_devices(), max_size=5),
+    st.sampled_from(["esi", "sii", "eni", "lcec", "ethercat-config", "ethercat-slaves"]),
+    st.booleans(),
+    st.data(),
+)
+def test_no_description_breaks_the_comparison(
+    rows: list[DescribedSubDevice], kind: str, placed: bool, data: st.DataObject
+):
+    made = bus()
+    mixed = []
+    for n, row in enumerate(rows):
+        mine = made.subdevices[n]
+        device = replace(
+            row.device,
+            vendor_id=mine.device.vendor_id,
+            product_code=data.draw(st.sampled_from([mine.device.product_code, 0, 5])),
+        )
+        position = data.draw(st.integers(0, 9)) if placed else None
+        mixed.append(replace(row, device=device, position=position, alias=n % 2))
+    reference = replace(made, format=kind, subdevices=tuple(mixed))
+    numbers = range(len(mixed))
+    reference = replace(
+        reference,
+        copies=tuple(
+            c
+            for c in made.copies
+            if c.source.subdevice in numbers and c.destination.subdevice in numbers
+        ),
+        connections=tuple(
+            replace(c, slot=n)
+            for n, c in enumerate(made.connections)
+            if c.main in numbers and c.sub in numbers
+        ),
+    )
+    for one in found(reference):
+        assert one.code in CATALOGUE
+        assert one.message
+        assert one.hint
