@@ -218,7 +218,7 @@ static void mappings_are_checked(void) {
 static void sdos_are_written(void) {
     struct rig *rig = set_up();
     fake_object(1, 0x8000, 1, 0, 4, true);
-    refuses(rig, FSN_E_BUS_SDO, "0x8000:01: abort code 0x06010002");
+    refuses(rig, FSN_E_BUS_SDO, "0x8000:01: abort code 0x06010002 read only");
     rig = set_up();
     fake.device[1].object_count = 0;
     refuses(rig, FSN_E_BUS_SDO, "it has no CoE");

@@ -294,7 +294,8 @@ static void who_refuses_is_asked_again(void) {
     while (look(rig, 3).found != FSN_FOUND_SDO) {
         CHECK(flows(rig, 1) && flows(rig, 2));
     }
-    CHECK(strstr(look(rig, 3).detail, "0x8000:01: abort code 0x06090030 Value range") != NULL);
+    CHECK(strstr(look(rig, 3).detail, "0x8000:01: abort code 0x06090030 value out of range") !=
+          NULL);
     CHECK(look(rig, 3).al_status == FSN_AL_PREOP);
     CHECK(fsn_segment_set_sdo_abort(rig->segment, 3, 0x8000, 1, 0) == FSN_OK);
     CHECK(fsn_segment_set_al_delay(rig->segment, 3, 300000000) == FSN_OK);

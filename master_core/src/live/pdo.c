@@ -3,8 +3,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "plan_internal.h"
-
 enum { ASSIGNMENT = 0x1C10, MOST_PDOS = 64, LONGEST_PADDING = 248 };
 
 /** A mapping as objects hold it. */
@@ -81,8 +79,8 @@ static void join_padding(struct mapping *m) {
 /* -- as found ------------------------------------------------------------------------------- */
 
 static bool read_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t *value) {
-    uint8_t bytes[8] = {0};
-    if (!at->objects->upload(at->objects->context, index, sub, bytes)) {
+    uint8_t bytes[8];
+    if (fsn_objects_read(at->objects, index, sub, bytes) != FSN_OK) {
         return false;
     }
     *value = fsn_get32(bytes);
@@ -125,10 +123,11 @@ static bool read_mapping(const struct at *at, uint16_t pdo, struct mapping *m) {
 /* -- writing -------------------------------------------------------------------------------- */
 
 static bool write_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t value,
-                         size_t size) {
+                         uint32_t size) {
     const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16),
                               (uint8_t)(value >> 24)};
-    return at->objects->download(at->objects->context, index, sub, bytes, size);
+    uint32_t abort_code;
+    return fsn_objects_write(at->objects, index, sub, bytes, size, &abort_code) == FSN_OK;
 }
 
 /** The order ETG.1000 asks for: empty it, fill it, state how many. */
@@ -156,7 +155,7 @@ static bool same_assignment(const struct assignment *a, const struct assignment 
 }
 
 static fsn_status differs(const struct at *at, const char *what, uint32_t found, uint32_t planned) {
-    snprintf(at->detail, FSN_PDO_DETAIL, "SM%u: %s is 0x%x, the plan says 0x%x",
+    snprintf(at->detail, FSN_DETAIL_BYTES, "SM%u: %s is 0x%x, the plan says 0x%x",
              at->assigned - ASSIGNMENT, what, found, planned);
     return FSN_E_BUS_MAPPING;
 }
@@ -188,14 +187,14 @@ static fsn_status compare_mapping(const struct at *at, uint16_t pdo, struct mapp
     join_padding(found);
     for (uint32_t i = 0; i < planned.count && i < found->count; i++) {
         if (planned.entries[i] != found->entries[i]) {
-            snprintf(at->detail, FSN_PDO_DETAIL,
+            snprintf(at->detail, FSN_DETAIL_BYTES,
                      "PDO 0x%04x, entry %u is 0x%08x, the plan says 0x%08x (index, subindex, bits)",
                      pdo, i + 1, found->entries[i], planned.entries[i]);
             return FSN_E_BUS_MAPPING;
         }
     }
     if (planned.count != found->count) {
-        snprintf(at->detail, FSN_PDO_DETAIL, "PDO 0x%04x has %u entries, the plan says %u", pdo,
+        snprintf(at->detail, FSN_DETAIL_BYTES, "PDO 0x%04x has %u entries, the plan says %u", pdo,
                  found->count, planned.count);
         return FSN_E_BUS_MAPPING;
     }
@@ -215,7 +214,7 @@ static fsn_status check_mapping(const struct at *at, uint32_t number) {
 }
 
 fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
-                         const struct fsn_objects *objects, char detail[FSN_PDO_DETAIL]) {
+                         const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]) {
     const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
     const struct at at = {plan, objects, sm, (uint16_t)(ASSIGNMENT + r[4]), detail};
     fsn_status status = check_assignment(&at);
@@ -226,13 +225,14 @@ fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
 }
 
 fsn_status fsn_pdo_check_bits(const struct fsn_plan *plan, uint32_t sm, uint32_t found_bits,
-                              char detail[FSN_PDO_DETAIL]) {
+                              char detail[FSN_DETAIL_BYTES]) {
     const uint32_t planned = fsn_sm_bits(plan, sm);
     const uint8_t number = fsn_record(plan, FSN_SEC_SM, sm)[4];
     if (found_bits == planned) {
         return FSN_OK;
     }
-    snprintf(detail, FSN_PDO_DETAIL, "SM%u: its length in bits by the SII is %u, the plan says %u",
-             number, found_bits, planned);
+    snprintf(detail, FSN_DETAIL_BYTES,
+             "SM%u: its length in bits by the SII is %u, the plan says %u", number, found_bits,
+             planned);
     return FSN_E_BUS_MAPPING;
 }

@@ -2,21 +2,9 @@
 #ifndef FSN_LIVE_PDO_H
 #define FSN_LIVE_PDO_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "live/check.h"
 
-#include "fsn/plan.h"
-
-enum { FSN_PDO_ENTRIES = 254, FSN_PDO_DETAIL = 120 };
-
-/** How the objects of one SubDevice are reached. Values are little-endian. */
-struct fsn_objects {
-    void *context;
-    /** Reads at most 8 bytes; false without an answer or with an abort. */
-    bool (*upload)(void *context, uint16_t index, uint8_t sub, uint8_t bytes[8]);
-    bool (*download)(void *context, uint16_t index, uint8_t sub, const uint8_t *bytes, size_t size);
-};
+enum { FSN_PDO_ENTRIES = 254 };
 
 /** Record of a PDO of a sync manager. */
 const uint8_t *fsn_pdo_record(const struct fsn_plan *plan, uint32_t sm, uint32_t number);
@@ -34,11 +22,11 @@ uint32_t fsn_pdo_entries(const struct fsn_plan *plan, const uint8_t *pdo,
  *  @retval FSN_E_BUS_MAPPING  it differs and cannot be changed.
  *  Context: set-up; may block. */
 fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
-                         const struct fsn_objects *objects, char detail[FSN_PDO_DETAIL]);
+                         const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]);
 
 /** Length of the process data of a sync manager by the SII against the plan; for SubDevices without
  *  objects. @retval FSN_E_BUS_MAPPING  it differs. */
 fsn_status fsn_pdo_check_bits(const struct fsn_plan *plan, uint32_t sm, uint32_t found_bits,
-                              char detail[FSN_PDO_DETAIL]);
+                              char detail[FSN_DETAIL_BYTES]);
 
 #endif

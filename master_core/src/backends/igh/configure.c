@@ -5,62 +5,40 @@
 
 #include <string.h>
 
-enum {
-    DEVICE_TYPE = 0x1000,
-    FSOE_ADDRESS = 0xF980,
-    KNOWN_ADDRESS = 2, /**< bit of fsn_connection_info.known */
-};
+enum { DEVICE_TYPE = 0x1000 };
 
 /* -- checks --------------------------------------------------------------------------------- */
 
 /** Whether it has CoE: an abort code is an answer as well. */
 static bool has_coe(struct fsn_igh *bus, const struct igh_node *node) {
+    const struct fsn_objects objects = igh_objects(bus, node);
     uint8_t bytes[8];
-    uint32_t code = 0;
-    return igh_upload(bus, node, DEVICE_TYPE, 0, bytes, sizeof bytes, &code) || code != 0;
+    const fsn_status status = fsn_objects_read(&objects, DEVICE_TYPE, 0, bytes);
+    return status == FSN_OK || status == FSN_E_BUS_SDO;
 }
 
 /** IgH writes them again whenever it leads the SubDevice up; here it is seen whether it takes them,
  *  since afterwards only the kernel log would tell. */
 static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
-    for (uint32_t i = 0; i < node->info.sdo_count; i++) {
-        const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SDO, node->info.first_sdo + i);
-        uint32_t code = 0;
-        if (!node->coe) {
-            igh_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x is to be written, but it has no CoE",
-                     fsn_get16(r), r[2]);
-            return FSN_E_BUS_SDO;
-        }
-        if (!igh_download(bus, node, fsn_get16(r), r[2], r + 8, r[3], &code)) {
-            igh_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x: %s 0x%08x", fsn_get16(r), r[2],
-                     code != 0 ? "abort code" : "no answer", code);
-            return FSN_E_BUS_SDO;
-        }
+    const struct fsn_objects objects = igh_objects(bus, node);
+    char detail[FSN_DETAIL_BYTES];
+    const fsn_status status =
+        fsn_check_sdos(bus->plan, &node->info, node->coe ? &objects : NULL, detail);
+    if (status != FSN_OK) {
+        igh_note(bus, node, FSN_FOUND_SDO, "%s", detail);
     }
-    return FSN_OK;
+    return status;
 }
 
 fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable) {
-    *readable = false;
-    for (uint32_t i = 0; i < fsn_plan_connection_count(bus->plan) && node->coe; i++) {
-        struct fsn_connection_info c;
-        if (fsn_plan_connection(bus->plan, i, &c) != FSN_OK || c.sub_subdevice != node->number ||
-            (c.known & KNOWN_ADDRESS) == 0) {
-            continue;
-        }
-        uint8_t bytes[8] = {0};
-        uint32_t code;
-        if (!igh_upload(bus, node, FSOE_ADDRESS, 1, bytes, sizeof bytes, &code)) {
-            continue;
-        }
-        *readable = true;
-        if (fsn_get16(bytes) != c.address) {
-            igh_note(bus, node, FSN_FOUND_ADDRESS, "it has FSoE address %u, the plan says %u",
-                     fsn_get16(bytes), c.address);
-            return FSN_E_BUS_ADDRESS;
-        }
+    const struct fsn_objects objects = igh_objects(bus, node);
+    char detail[FSN_DETAIL_BYTES];
+    const fsn_status status =
+        fsn_check_address(bus->plan, node->number, node->coe ? &objects : NULL, readable, detail);
+    if (status != FSN_OK) {
+        igh_note(bus, node, FSN_FOUND_ADDRESS, "%s", detail);
     }
-    return FSN_OK;
+    return status;
 }
 
 fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node) {

@@ -22,27 +22,21 @@ static void pause_a_little(void) {
     clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, NULL);
 }
 
-/** IgH attaches its configurations by vendor and product code alone; the revision is ours to see.
- */
-static bool is_expected(const struct fsn_subdevice_info *info, const ec_slave_info_t *slave) {
-    return slave->vendor_id == info->vendor_id && slave->product_code == info->product_code &&
-           slave->revision_number >= info->revision_low &&
-           slave->revision_number <= info->revision_high;
-}
-
 /** A scan that went wrong leaves zeros. */
 static bool is_read(const ec_slave_info_t *slave) {
     return slave->vendor_id != 0 || slave->product_code != 0;
 }
 
+/* IgH attaches its configurations by vendor and product code alone; the revision is ours to see. */
 bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
+    char detail[FSN_DETAIL_BYTES];
     pthread_mutex_lock(&bus->seen_lock);
     node->seen.vendor_id = slave->vendor_id;
     node->seen.product_code = slave->product_code;
     node->seen.revision = slave->revision_number;
     pthread_mutex_unlock(&bus->seen_lock);
-    const struct fsn_subdevice_info *info = &node->info;
-    if (is_expected(info, slave)) {
+    if (fsn_check_identity(&node->info, slave->vendor_id, slave->product_code,
+                           slave->revision_number, detail)) {
         return true;
     }
     if (!is_read(slave)) {
@@ -50,11 +44,7 @@ bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slav
                  "IgH could not read who it is; `ethercat rescan` makes it try again");
         return false;
     }
-    igh_note(bus, node, FSN_FOUND_IDENTITY,
-             "found vendor 0x%08x product 0x%08x revision 0x%08x, the plan says 0x%08x 0x%08x "
-             "0x%08x to 0x%08x",
-             slave->vendor_id, slave->product_code, slave->revision_number, info->vendor_id,
-             info->product_code, info->revision_low, info->revision_high);
+    igh_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
     return false;
 }
 

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_MASTERS = 32, MOST_TRIES = 100 };
+enum { MOST_MASTERS = 32 };
 
 /* -- helpers -------------------------------------------------------------------------------- */
 
@@ -42,27 +42,11 @@ fsn_status igh_refuse_call(struct fsn_fault *fault, int error, const char *rule)
     return FSN_E_SYS;
 }
 
-bool igh_upload(struct fsn_igh *bus, const struct igh_node *node, uint16_t index, uint8_t sub,
-                uint8_t *data, size_t room_bytes, uint32_t *abort_code) {
-    size_t size = 0;
-    int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
-        *abort_code = 0;
-        result = ecrt_master_sdo_upload(bus->master, node->ring, index, sub, data, room_bytes,
-                                        &size, abort_code);
-    }
-    return result == 0;
-}
-
-bool igh_download(struct fsn_igh *bus, const struct igh_node *node, uint16_t index, uint8_t sub,
-                  const uint8_t *data, size_t size_bytes, uint32_t *abort_code) {
-    int result = -EINTR;
-    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
-        *abort_code = 0;
-        result = ecrt_master_sdo_download(bus->master, node->ring, index, sub, data, size_bytes,
-                                          abort_code);
-    }
-    return result == 0;
+struct fsn_objects igh_objects(struct fsn_igh *bus, const struct igh_node *node) {
+    return (struct fsn_objects){.bus = bus,
+                                .position = node->ring,
+                                .upload = igh_acyclic.upload,
+                                .download = igh_acyclic.download};
 }
 
 /* -- life ----------------------------------------------------------------------------------- */

@@ -14,9 +14,9 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-#include "fsn/acyclic.h"
 #include "fsn/live.h"
 #include "image.h"
+#include "live/check.h"
 
 #include <ecrt.h>
 
@@ -140,11 +140,7 @@ void igh_note(struct fsn_igh *bus, struct igh_node *node, uint8_t found, const c
 fsn_status igh_refuse(struct fsn_fault *fault, fsn_status status, const struct igh_node *node);
 /** Refuses because a call of ecrt.h failed. */
 fsn_status igh_refuse_call(struct fsn_fault *fault, int error, const char *rule);
-/** Reads an object; false with an abort code, 0 for no answer. At most `room` bytes. */
-bool igh_upload(struct fsn_igh *bus, const struct igh_node *node, uint16_t index, uint8_t sub,
-                uint8_t *data, size_t room_bytes, uint32_t *abort_code);
-/** Writes an object; false with an abort code, 0 for no answer. */
-bool igh_download(struct fsn_igh *bus, const struct igh_node *node, uint16_t index, uint8_t sub,
-                  const uint8_t *data, size_t size_bytes, uint32_t *abort_code);
+/** How its objects are reached. */
+struct fsn_objects igh_objects(struct fsn_igh *bus, const struct igh_node *node);
 
 #endif

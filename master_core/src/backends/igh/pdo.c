@@ -5,25 +5,6 @@
 
 #include "live/pdo.h"
 
-/** Whose objects are reached. */
-struct whose {
-    struct fsn_igh *bus;
-    const struct igh_node *node;
-};
-
-static bool upload(void *context, uint16_t index, uint8_t sub, uint8_t bytes[8]) {
-    const struct whose *w = context;
-    uint32_t code;
-    return igh_upload(w->bus, w->node, index, sub, bytes, 8, &code);
-}
-
-static bool download(void *context, uint16_t index, uint8_t sub, const uint8_t *bytes,
-                     size_t size) {
-    const struct whose *w = context;
-    uint32_t code;
-    return igh_download(w->bus, w->node, index, sub, bytes, size, &code);
-}
-
 /** Bits that IgH knows for a sync manager; 0 when it says nothing. */
 static uint32_t sii_bits(struct fsn_igh *bus, const struct igh_node *node, uint8_t number) {
     ec_master_t *master = bus->master;
@@ -51,11 +32,10 @@ static uint32_t sii_bits(struct fsn_igh *bus, const struct igh_node *node, uint8
 }
 
 fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node) {
-    struct whose whose = {bus, node};
-    const struct fsn_objects objects = {&whose, upload, download};
+    const struct fsn_objects objects = igh_objects(bus, node);
     for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
         const uint8_t number = fsn_record(bus->plan, FSN_SEC_SM, sm)[4];
-        char detail[FSN_PDO_DETAIL];
+        char detail[FSN_DETAIL_BYTES];
         fsn_status status = FSN_OK;
         if (!node->coe) {
             /* A SubDevice that says nothing is not judged. */

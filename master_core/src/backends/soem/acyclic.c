@@ -129,9 +129,13 @@ static bool mailbox_receive(void *context, uint8_t *message) {
     return ecx_mbxreceive(&w->bus->context, w->slave, (ec_mbxbuft *)message, EC_TIMEOUTRXM) > 0;
 }
 
-/* SOEM's own SDO transfers believe the lengths that a SubDevice states. */
-fsn_status soem_transfer(struct fsn_soem *bus, uint16_t slave, struct fsn_transfer *transfer,
-                         soem_sdo_fn transfer_it) {
+typedef fsn_status (*sdo_fn)(const struct fsn_mailbox *mailbox, struct fsn_transfer *transfer);
+
+/** One transfer with a SubDevice that has a mailbox.
+ *  SOEM's own SDO transfers believe the lengths that a SubDevice states. */
+static fsn_status transfer_by_mailbox(struct fsn_soem *bus, struct fsn_transfer *transfer,
+                                      sdo_fn transfer_it) {
+    const uint16_t slave = (uint16_t)(transfer->position + 1);
     struct whose whose = {bus, slave};
     const struct fsn_mailbox mailbox = {
         .context = &whose,
@@ -148,8 +152,23 @@ fsn_status soem_transfer(struct fsn_soem *bus, uint16_t slave, struct fsn_transf
     return status;
 }
 
+static fsn_status upload_by_mailbox(void *context, struct fsn_transfer *transfer) {
+    return transfer_by_mailbox(context, transfer, fsn_sdo_upload);
+}
+
+static fsn_status download_by_mailbox(void *context, struct fsn_transfer *transfer) {
+    return transfer_by_mailbox(context, transfer, fsn_sdo_download);
+}
+
+struct fsn_objects soem_objects(struct fsn_soem *bus, uint16_t slave) {
+    return (struct fsn_objects){.bus = bus,
+                                .position = slave - 1u,
+                                .upload = upload_by_mailbox,
+                                .download = download_by_mailbox};
+}
+
 static fsn_status transfer_object(struct fsn_soem *bus, struct fsn_transfer *transfer,
-                                  soem_sdo_fn transfer_it) {
+                                  sdo_fn transfer_it) {
     if (!is_there(bus, transfer->position)) {
         return FSN_E_BUS_MISSING;
     }
@@ -160,7 +179,7 @@ static fsn_status transfer_object(struct fsn_soem *bus, struct fsn_transfer *tra
     }
     return state == FSN_AL_INIT || state == FSN_AL_BOOT
                ? FSN_E_BUS_STATE
-               : soem_transfer(bus, slave, transfer, transfer_it);
+               : transfer_by_mailbox(bus, transfer, transfer_it);
 }
 
 static fsn_status soem_upload_object(void *context, struct fsn_transfer *transfer) {

@@ -11,8 +11,6 @@ enum {
     SM_WATCHDOG = 0x40,
     SM_OUTPUT = 0x24,
     SM_INPUT = 0x20,
-    FSOE_ADDRESS = 0xF980,
-    KNOWN_ADDRESS = 2, /**< bit of fsn_connection_info.known */
 };
 
 static void put16(uint8_t *at, uint32_t value) {
@@ -23,43 +21,27 @@ static void put16(uint8_t *at, uint32_t value) {
 /* -- objects -------------------------------------------------------------------------------- */
 
 static fsn_status write_sdos(struct fsn_soem *bus, struct node *node) {
-    for (uint32_t i = 0; i < node->info.sdo_count; i++) {
-        const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SDO, node->info.first_sdo + i);
-        uint32_t code = 0;
-        if (!soem_has_coe(bus, node->slave)) {
-            soem_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x is to be written, but it has no CoE",
-                      fsn_get16(r), r[2]);
-            return FSN_E_BUS_SDO;
-        }
-        if (!soem_download(bus, node->slave, fsn_get16(r), r[2], r + 8, r[3], &code)) {
-            soem_note(bus, node, FSN_FOUND_SDO, "0x%04x:%02x: %s 0x%08x %s", fsn_get16(r), r[2],
-                      code != 0 ? "abort code" : "no answer", code,
-                      code != 0 ? ec_sdoerror2string(code) : "");
-            return FSN_E_BUS_SDO;
-        }
+    const struct fsn_objects objects = soem_objects(bus, node->slave);
+    const bool coe = soem_has_coe(bus, node->slave);
+    char detail[FSN_DETAIL_BYTES];
+    const fsn_status status = fsn_check_sdos(bus->plan, &node->info, coe ? &objects : NULL, detail);
+    if (status != FSN_OK) {
+        soem_note(bus, node, FSN_FOUND_SDO, "%s", detail);
     }
-    return FSN_OK;
+    return status;
 }
 
-/** The FSoE address of a SubInstance, where plan and device both tell it. */
 static fsn_status check_address(struct fsn_soem *bus, struct node *node) {
-    for (uint32_t i = 0; i < fsn_plan_connection_count(bus->plan); i++) {
-        struct fsn_connection_info c;
-        if (fsn_plan_connection(bus->plan, i, &c) != FSN_OK || c.sub_subdevice != node->number ||
-            (c.known & KNOWN_ADDRESS) == 0 || !soem_has_coe(bus, node->slave)) {
-            continue;
-        }
-        uint8_t bytes[8] = {0};
-        int size = sizeof bytes;
-        uint32_t code;
-        if (soem_upload(bus, node->slave, FSOE_ADDRESS, 1, bytes, &size, &code) &&
-            fsn_get16(bytes) != c.address) {
-            soem_note(bus, node, FSN_FOUND_ADDRESS, "it has FSoE address %u, the plan says %u",
-                      fsn_get16(bytes), c.address);
-            return FSN_E_BUS_ADDRESS;
-        }
+    const struct fsn_objects objects = soem_objects(bus, node->slave);
+    const bool coe = soem_has_coe(bus, node->slave);
+    char detail[FSN_DETAIL_BYTES];
+    bool readable;
+    const fsn_status status =
+        fsn_check_address(bus->plan, node->number, coe ? &objects : NULL, &readable, detail);
+    if (status != FSN_OK) {
+        soem_note(bus, node, FSN_FOUND_ADDRESS, "%s", detail);
     }
-    return FSN_OK;
+    return status;
 }
 
 /* -- registers ------------------------------------------------------------------------------ */

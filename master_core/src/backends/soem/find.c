@@ -21,28 +21,18 @@ static uint16_t slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_
     return at < (uint32_t)bus->slave_count ? (uint16_t)(at + 1) : 0;
 }
 
-static bool is_expected(const struct fsn_subdevice_info *info, uint32_t vendor, uint32_t product,
-                        uint32_t revision) {
-    return vendor == info->vendor_id && product == info->product_code &&
-           revision >= info->revision_low && revision <= info->revision_high;
-}
-
 static void note_identity(struct fsn_soem *bus, struct node *node, uint32_t vendor,
                           uint32_t product, uint32_t revision) {
+    char detail[FSN_DETAIL_BYTES];
     pthread_mutex_lock(&bus->seen_lock);
     node->seen.vendor_id = vendor;
     node->seen.product_code = product;
     node->seen.revision = revision;
     pthread_mutex_unlock(&bus->seen_lock);
-    const struct fsn_subdevice_info *info = &node->info;
-    if (is_expected(info, vendor, product, revision)) {
+    if (fsn_check_identity(&node->info, vendor, product, revision, detail)) {
         soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
     } else {
-        soem_note(bus, node, FSN_FOUND_IDENTITY,
-                  "found vendor 0x%08x product 0x%08x revision 0x%08x, the plan says 0x%08x 0x%08x "
-                  "0x%08x to 0x%08x",
-                  vendor, product, revision, info->vendor_id, info->product_code,
-                  info->revision_low, info->revision_high);
+        soem_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
     }
 }
 

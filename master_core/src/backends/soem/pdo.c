@@ -10,29 +10,9 @@ enum {
     TX_CATEGORY = 0,
 };
 
-/** Whose objects are reached. */
-struct whose {
-    struct fsn_soem *bus;
-    uint16_t slave;
-};
-
-static bool upload(void *context, uint16_t index, uint8_t sub, uint8_t bytes[8]) {
-    const struct whose *w = context;
-    int size = 8;
-    uint32_t code;
-    return soem_upload(w->bus, w->slave, index, sub, bytes, &size, &code);
-}
-
-static bool download(void *context, uint16_t index, uint8_t sub, const uint8_t *bytes,
-                     size_t size) {
-    const struct whose *w = context;
-    uint32_t code;
-    return soem_download(w->bus, w->slave, index, sub, bytes, (int)size, &code);
-}
-
 /** A SubDevice whose SII says nothing about process data is not judged. */
 static fsn_status check_sii(struct fsn_soem *bus, const struct node *node, uint32_t sm,
-                            char detail[FSN_PDO_DETAIL]) {
+                            char detail[FSN_DETAIL_BYTES]) {
     const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
     ec_eepromPDOt *sii = &bus->eeprom_pdo;
     memset(sii, 0, sizeof *sii);
@@ -43,11 +23,10 @@ static fsn_status check_sii(struct fsn_soem *bus, const struct node *node, uint3
 }
 
 fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node) {
-    struct whose whose = {bus, node->slave};
-    const struct fsn_objects objects = {&whose, upload, download};
+    const struct fsn_objects objects = soem_objects(bus, node->slave);
     const bool coe = soem_has_coe(bus, node->slave);
     for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
-        char detail[FSN_PDO_DETAIL];
+        char detail[FSN_DETAIL_BYTES];
         if (bus->slaves[node->slave].mbx_l > 0 && fsn_record(bus->plan, FSN_SEC_SM, sm)[4] < 2) {
             continue; /* a mailbox */
         }

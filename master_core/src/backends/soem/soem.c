@@ -38,27 +38,6 @@ void soem_drain(struct fsn_soem *bus) {
     }
 }
 
-bool soem_upload(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub, void *data,
-                 int *size, uint32_t *abort_code) {
-    struct fsn_transfer transfer = {
-        .index = index, .sub = sub, .data = data, .size_bytes = (uint32_t)*size};
-    const fsn_status status = soem_transfer(bus, slave, &transfer, fsn_sdo_upload);
-    *size = (int)transfer.size_bytes;
-    *abort_code = transfer.abort_code;
-    return status == FSN_OK;
-}
-
-bool soem_download(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub,
-                   const void *data, int size, uint32_t *abort_code) {
-    struct fsn_transfer transfer = {.index = index,
-                                    .sub = sub,
-                                    .data = (uint8_t *)(uintptr_t)data,
-                                    .size_bytes = (uint32_t)size};
-    const fsn_status status = soem_transfer(bus, slave, &transfer, fsn_sdo_download);
-    *abort_code = transfer.abort_code;
-    return status == FSN_OK;
-}
-
 bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave) {
     return bus->slaves[slave].mbx_l > 0 && (bus->slaves[slave].mbx_proto & MBX_COE) != 0;
 }

@@ -4,10 +4,9 @@
 
 #include <pthread.h>
 
-#include "fsn/acyclic.h"
 #include "fsn/live.h"
+#include "live/check.h"
 #include "live/frames.h"
-#include "live/sdo.h"
 
 #include <ethercat.h>
 
@@ -102,10 +101,9 @@ bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns);
 
 /* Objects, SII and registers (acyclic.c). */
 extern const struct fsn_bus_acyclic soem_acyclic;
-typedef fsn_status (*soem_sdo_fn)(const struct fsn_mailbox *mailbox, struct fsn_transfer *transfer);
-/** One transfer with a SubDevice that has a mailbox. */
-fsn_status soem_transfer(struct fsn_soem *bus, uint16_t slave, struct fsn_transfer *transfer,
-                         soem_sdo_fn transfer_it);
+/** How the objects of a SubDevice with CoE are reached. Unlike soem_acyclic it asks for no AL state
+ *  before: at open() nobody has looked at them yet. */
+struct fsn_objects soem_objects(struct fsn_soem *bus, uint16_t slave);
 
 /* Shared (soem.c). */
 
@@ -126,12 +124,6 @@ void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const cha
 void soem_drain(struct fsn_soem *bus);
 /** Refuses because of a node; the detail is what was noted about it. */
 fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node);
-/** Reads an object; false with an abort code, 0 for no answer. `size` goes in and out. */
-bool soem_upload(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub, void *data,
-                 int *size, uint32_t *abort_code);
-/** Writes an object; false with an abort code, 0 for no answer. */
-bool soem_download(struct fsn_soem *bus, uint16_t slave, uint16_t index, uint8_t sub,
-                   const void *data, int size, uint32_t *abort_code);
 /** Asks for an AL state and waits for it, milliseconds. */
 bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned most_ms);
 bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave);

@@ -1,0 +1,89 @@
+#include "live/check.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum {
+    FSOE_ADDRESS = 0xF980,
+    KNOWN_ADDRESS = 2, /**< bit of fsn_connection_info.known */
+};
+
+fsn_status fsn_objects_read(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
+                            uint8_t bytes[8]) {
+    struct fsn_transfer transfer = {
+        .position = objects->position, .index = index, .sub = sub, .data = bytes, .size_bytes = 8};
+    memset(bytes, 0, 8);
+    return objects->upload(objects->bus, &transfer);
+}
+
+fsn_status fsn_objects_write(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
+                             const uint8_t *bytes, uint32_t size_bytes, uint32_t *abort_code) {
+    /* A transfer has one pointer for both ways; a download only reads from it. */
+    struct fsn_transfer transfer = {.position = objects->position,
+                                    .index = index,
+                                    .sub = sub,
+                                    .data = (uint8_t *)(uintptr_t)bytes,
+                                    .size_bytes = size_bytes};
+    const fsn_status status = objects->download(objects->bus, &transfer);
+    *abort_code = transfer.abort_code;
+    return status;
+}
+
+bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_id,
+                        uint32_t product_code, uint32_t revision, char detail[FSN_DETAIL_BYTES]) {
+    if (vendor_id == info->vendor_id && product_code == info->product_code &&
+        revision >= info->revision_low && revision <= info->revision_high) {
+        return true;
+    }
+    snprintf(detail, FSN_DETAIL_BYTES,
+             "found vendor 0x%08x product 0x%08x revision 0x%08x, the plan says 0x%08x 0x%08x "
+             "0x%08x to 0x%08x",
+             vendor_id, product_code, revision, info->vendor_id, info->product_code,
+             info->revision_low, info->revision_high);
+    return false;
+}
+
+fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
+                          const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]) {
+    for (uint32_t i = 0; i < info->sdo_count; i++) {
+        const uint8_t *r = fsn_record(plan, FSN_SEC_SDO, info->first_sdo + i);
+        const uint16_t index = fsn_get16(r);
+        uint32_t code = 0;
+        if (objects == NULL) {
+            snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x is to be written, but it has no CoE",
+                     index, r[2]);
+            return FSN_E_BUS_SDO;
+        }
+        if (fsn_objects_write(objects, index, r[2], r + 8, r[3], &code) != FSN_OK) {
+            if (code == 0) {
+                snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: no answer", index, r[2]);
+            } else {
+                snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: abort code 0x%08x %s", index, r[2],
+                         code, fsn_abort_text(code));
+            }
+            return FSN_E_BUS_SDO;
+        }
+    }
+    return FSN_OK;
+}
+
+fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
+                             const struct fsn_objects *objects, bool *readable,
+                             char detail[FSN_DETAIL_BYTES]) {
+    struct fsn_connection_info c;
+    *readable = false;
+    for (uint32_t i = 0; objects != NULL && fsn_plan_connection(plan, i, &c) == FSN_OK; i++) {
+        uint8_t bytes[8];
+        if (c.sub_subdevice != subdevice || (c.known & KNOWN_ADDRESS) == 0 ||
+            fsn_objects_read(objects, FSOE_ADDRESS, 1, bytes) != FSN_OK) {
+            continue;
+        }
+        *readable = true;
+        if (fsn_get16(bytes) != c.address) {
+            snprintf(detail, FSN_DETAIL_BYTES, "it has FSoE address %u, the plan says %u",
+                     fsn_get16(bytes), c.address);
+            return FSN_E_BUS_ADDRESS;
+        }
+    }
+    return FSN_OK;
+}

@@ -1,0 +1,45 @@
+/** What every live bus checks of a SubDevice against the plan, however it reaches it. */
+#ifndef FSN_LIVE_CHECK_H
+#define FSN_LIVE_CHECK_H
+
+#include "fsn/acyclic.h"
+#include "plan_internal.h"
+
+/** How the objects of one SubDevice are reached: as in fsn_bus_acyclic. Values are little-endian.
+ */
+struct fsn_objects {
+    void *bus;
+    uint32_t position;
+    fsn_status (*upload)(void *bus, struct fsn_transfer *transfer);
+    fsn_status (*download)(void *bus, struct fsn_transfer *transfer);
+};
+
+/** Reads an object of at most 8 bytes, the rest of them 0. Returns as upload(). */
+fsn_status fsn_objects_read(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
+                            uint8_t bytes[8]);
+/** Writes an object.
+ *  @param[out] abort_code  why it was refused, or 0.   Returns as download(). */
+fsn_status fsn_objects_write(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
+                             const uint8_t *bytes, uint32_t size_bytes, uint32_t *abort_code);
+
+/** Whether a device is the one of the plan; if not, `detail` says both. */
+bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_id,
+                        uint32_t product_code, uint32_t revision, char detail[FSN_DETAIL_BYTES]);
+
+/** Writes the start-up SDOs of a SubDevice.
+ *  @param[in]  objects  NULL: it has no CoE.
+ *  @param[out] detail   which one, and why not.
+ *  @retval FSN_E_BUS_SDO  one was refused.   Context: may block. */
+fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
+                          const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]);
+
+/** Compares the FSoE address of a SubInstance with the plan, where both tell it.
+ *  @param[in]  subdevice  its number in the plan.
+ *  @param[in]  objects    NULL: it has no CoE.
+ *  @param[out] readable   whether it told one.
+ *  @retval FSN_E_BUS_ADDRESS  another one; `detail` says both.   Context: may block. */
+fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
+                             const struct fsn_objects *objects, bool *readable,
+                             char detail[FSN_DETAIL_BYTES]);
+
+#endif
