@@ -31,8 +31,9 @@ static bool is_allowed(const struct fsn_transfer *transfer) {
            transfer->size_bytes <= FSN_SDO_BYTES;
 }
 
-fsn_status fsn_core_upload(struct fsn_core *core, uint32_t subdevice,
-                           struct fsn_transfer *transfer) {
+/** Upload or download. */
+static fsn_status transfer_object(struct fsn_core *core, uint32_t subdevice,
+                                  struct fsn_transfer *transfer, bool writes) {
     const struct fsn_bus_acyclic *acyclic;
     if (!is_allowed(transfer)) {
         return FSN_E_ARG;
@@ -41,20 +42,19 @@ fsn_status fsn_core_upload(struct fsn_core *core, uint32_t subdevice,
     if (status != FSN_OK) {
         return status;
     }
-    return acyclic->upload != NULL ? acyclic->upload(core->rt.bus, transfer) : FSN_E_ABSENT;
+    fsn_status (*transfer_it)(void *bus, struct fsn_transfer *transfer) =
+        writes ? acyclic->download : acyclic->upload;
+    return transfer_it != NULL ? transfer_it(core->rt.bus, transfer) : FSN_E_ABSENT;
+}
+
+fsn_status fsn_core_upload(struct fsn_core *core, uint32_t subdevice,
+                           struct fsn_transfer *transfer) {
+    return transfer_object(core, subdevice, transfer, false);
 }
 
 fsn_status fsn_core_download(struct fsn_core *core, uint32_t subdevice,
                              struct fsn_transfer *transfer) {
-    const struct fsn_bus_acyclic *acyclic;
-    if (!is_allowed(transfer)) {
-        return FSN_E_ARG;
-    }
-    const fsn_status status = reach(core, subdevice, &acyclic, &transfer->position);
-    if (status != FSN_OK) {
-        return status;
-    }
-    return acyclic->download != NULL ? acyclic->download(core->rt.bus, transfer) : FSN_E_ABSENT;
+    return transfer_object(core, subdevice, transfer, true);
 }
 
 /* -- SII ------------------------------------------------------------------------------------ */
