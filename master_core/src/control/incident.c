@@ -210,10 +210,6 @@ static void not_connected(struct fsn_control *control, uint32_t number, uint64_t
     (void)fsn_incident_begin(control, &trigger);
 }
 
-static bool is_data(uint32_t outside) {
-    return outside == FSN_OUTSIDE_DATA_PROCESS || outside == FSN_OUTSIDE_DATA_FAILSAFE;
-}
-
 /** Every SubDevice works and a connection does not: nobody else would say so. */
 static void look_for_missing(struct fsn_control *control, uint64_t now_ns) {
     struct fsn_incidents *in = control->incidents;
@@ -231,7 +227,7 @@ static void look_for_missing(struct fsn_control *control, uint64_t now_ns) {
         return;
     }
     for (uint32_t i = 0; i < in->connections; i++) {
-        if (is_data(control->connections[i].outside)) {
+        if (fsn_outside_is_data(control->connections[i].outside)) {
             in->told[i] = 1; /* from here on it can only leave Data */
         } else if (in->told[i] == 0 && !in->pending.active) {
             in->told[i] = 1;

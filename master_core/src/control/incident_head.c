@@ -1,5 +1,3 @@
-#define _GNU_SOURCE
-
 /** The first line of an incident file. */
 #include <stdlib.h>
 #include <string.h>
@@ -69,18 +67,6 @@ static void put_events(const struct fsn_incidents *in, struct fsn_json *json) {
     fsn_json_close(json, ']');
 }
 
-/** The list out of the answer of the job; left out where nobody has told anything. */
-static void put_fsoe(const struct fsn_json *answer, struct fsn_json *json) {
-    const char *from = answer->len_bytes > 0 ? memchr(answer->bytes, '[', answer->len_bytes) : NULL;
-    const char *to = from != NULL
-                         ? memrchr(from, ']', answer->len_bytes - (size_t)(from - answer->bytes))
-                         : NULL;
-    if (to != NULL) {
-        fsn_json_key(json, "fsoe");
-        fsn_json_raw(json, from, (size_t)(to - from) + 1);
-    }
-}
-
 void fsn_incident_head(struct fsn_control *control, struct fsn_json *json) {
     const struct fsn_incidents *in = control->incidents;
     struct fsn_control_status status = {0};
@@ -97,14 +83,7 @@ void fsn_incident_head(struct fsn_control *control, struct fsn_json *json) {
     fsn_json_put_text(json, "plan_sha256", control->sha256);
     fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
     put_trigger(json, &in->pending);
-    if (fsn_report_snapshot(control, json) != FSN_OK) {
-        fsn_json_key(json, "statistics");
-        fsn_json_null(json);
-        fsn_json_key(json, "connections");
-        fsn_json_open(json, '[');
-        fsn_json_close(json, ']');
-        fsn_report_subdevices(control, json);
-    }
+    fsn_report_last_cycle(control, json);
     fsn_json_key(json, "layout");
     if (control->core == NULL) {
         fsn_json_null(json);
@@ -113,7 +92,10 @@ void fsn_incident_head(struct fsn_control *control, struct fsn_json *json) {
         (void)fsn_report_layout(control, json);
         fsn_json_close(json, '}');
     }
-    put_fsoe(&in->fsoe, json);
+    if (in->fsoe.len_bytes > 0) {
+        fsn_json_key(json, "fsoe");
+        fsn_json_raw(json, in->fsoe.bytes, in->fsoe.len_bytes);
+    }
     put_events(in, json);
     put_base64(json, "plan", control->plan->bytes, control->plan->len_bytes);
     fsn_json_close(json, '}');

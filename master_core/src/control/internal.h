@@ -149,6 +149,8 @@ void fsn_report_symbols(struct fsn_control *control, struct fsn_json *json);
 
 /** Statistics and connections of one cycle, and the SubDevices. FSN_E_STATE without a core. */
 fsn_status fsn_report_snapshot(struct fsn_control *control, struct fsn_json *json);
+/** The same for a file that is written in any case: without a core null and no connections. */
+void fsn_report_last_cycle(struct fsn_control *control, struct fsn_json *json);
 
 /* report_layout.c */
 
@@ -162,6 +164,7 @@ void fsn_report_name(struct fsn_control *control, struct fsn_json *json, const c
 /* report_text.c */
 
 const char *fsn_outside_text(uint32_t outside);
+bool fsn_outside_is_data(uint32_t outside);
 const char *fsn_reset_text(uint8_t code);
 const char *fsn_command_name(uint8_t command);
 

@@ -154,15 +154,23 @@ static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
     return FSN_OK;
 }
 
+static struct fsn_survey survey_of(struct doing *d) {
+    return (struct fsn_survey){.ops = d->means->ops,
+                               .bus = d->means->bus,
+                               .plan = d->means->plan,
+                               .interface = d->means->interface,
+                               .between = goes_on,
+                               .self = d};
+}
+
 static fsn_status scan(struct doing *d) {
-    const struct fsn_survey survey = {.ops = d->means->ops,
-                                      .bus = d->means->bus,
-                                      .plan = d->means->plan,
-                                      .interface = d->means->interface,
-                                      .between = goes_on,
-                                      .self = d};
-    return d->job->kind == FSN_JOB_FSOE ? fsn_survey_planned_fsoe(&survey, &d->job->json)
-                                        : fsn_survey_write(&survey, &d->job->json);
+    const struct fsn_survey survey = survey_of(d);
+    return fsn_survey_write(&survey, &d->job->json);
+}
+
+static fsn_status read_fsoe(struct doing *d) {
+    const struct fsn_survey survey = survey_of(d);
+    return fsn_survey_planned_fsoe(&survey, &d->job->json);
 }
 
 static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
@@ -175,11 +183,29 @@ static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
     case FSN_JOB_HISTORY:
         return read_history(d, abort_code);
     case FSN_JOB_SCAN:
-    case FSN_JOB_FSOE:
         return scan(d);
+    case FSN_JOB_FSOE:
+        return read_fsoe(d);
     default:
         return read_object(d, abort_code);
     }
+}
+
+/** Into the line of the answer for a client; the FSoE values of an incident go without one. */
+static fsn_status write_answer(struct doing *d, uint32_t *abort_code) {
+    struct fsn_json *json = &d->job->json;
+    if (d->job->kind == FSN_JOB_FSOE) {
+        return do_it(d, abort_code);
+    }
+    fsn_json_open(json, '{');
+    fsn_json_put_bool(json, "ok", true);
+    if (d->job->tag != NULL) {
+        fsn_json_put_text(json, "tag", d->job->tag);
+    }
+    const fsn_status status = do_it(d, abort_code);
+    fsn_json_close(json, '}');
+    fsn_json_end(json);
+    return status;
 }
 
 void fsn_job_run(struct fsn_job *job, const struct fsn_job_means *means) {
@@ -190,16 +216,9 @@ void fsn_job_run(struct fsn_job *job, const struct fsn_job_means *means) {
     if (atomic_load(&job->cancelled)) {
         return;
     }
-    fsn_json_open(&job->json, '{');
-    fsn_json_put_bool(&job->json, "ok", true);
-    if (job->tag != NULL) {
-        fsn_json_put_text(&job->json, "tag", job->tag);
-    }
     if (means->core != NULL) {
-        job->status = do_it(&d, &abort_code);
+        job->status = write_answer(&d, &abort_code);
     }
-    fsn_json_close(&job->json, '}');
-    fsn_json_end(&job->json);
     if (job->status == FSN_OK && job->json.failed) {
         job->status = FSN_E_SPACE;
     }

@@ -41,7 +41,7 @@ struct fsn_job {
     char *tag;             /**< of the request, or NULL */
     atomic_bool cancelled; /**< nobody waits for the answer any more */
     uint64_t until_ns;     /**< broken off then; set when it begins; 0: never */
-    struct fsn_json json;  /**< the answer, open */
+    struct fsn_json json;  /**< the line of the answer; FSN_JOB_FSOE: the array alone */
     fsn_status status;
     struct fsn_refusal refusal;
 };

@@ -109,22 +109,37 @@ static void put_connection(struct fsn_control *control, struct fsn_json *json, u
     fsn_json_close(json, '}');
 }
 
-fsn_status fsn_report_snapshot(struct fsn_control *control, struct fsn_json *json) {
-    if (control->core == NULL) {
-        return FSN_E_STATE;
+static fsn_status take_snapshot(struct fsn_control *control) {
+    return control->core == NULL
+               ? FSN_E_STATE
+               : fsn_core_snapshot(control->core, &control->statistics, control->connections, NULL);
+}
+
+static void put_snapshot(struct fsn_control *control, struct fsn_json *json, bool taken) {
+    const uint32_t connections = taken ? fsn_plan_connection_count(control->plan) : 0;
+    if (taken) {
+        put_statistics(json, &control->statistics);
+    } else {
+        fsn_json_key(json, "statistics");
+        fsn_json_null(json);
     }
-    const fsn_status status =
-        fsn_core_snapshot(control->core, &control->statistics, control->connections, NULL);
-    if (status != FSN_OK) {
-        return status;
-    }
-    put_statistics(json, &control->statistics);
     fsn_json_key(json, "connections");
     fsn_json_open(json, '[');
-    for (uint32_t i = 0; i < fsn_plan_connection_count(control->plan); i++) {
+    for (uint32_t i = 0; i < connections; i++) {
         put_connection(control, json, i);
     }
     fsn_json_close(json, ']');
     fsn_report_subdevices(control, json);
-    return FSN_OK;
+}
+
+fsn_status fsn_report_snapshot(struct fsn_control *control, struct fsn_json *json) {
+    const fsn_status status = take_snapshot(control);
+    if (status == FSN_OK) {
+        put_snapshot(control, json, true);
+    }
+    return status;
+}
+
+void fsn_report_last_cycle(struct fsn_control *control, struct fsn_json *json) {
+    put_snapshot(control, json, take_snapshot(control) == FSN_OK);
 }

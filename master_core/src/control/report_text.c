@@ -13,6 +13,10 @@ const char *fsn_outside_text(uint32_t outside) {
     return text[outside <= FSN_OUTSIDE_UNKNOWN ? outside : FSN_OUTSIDE_UNKNOWN];
 }
 
+bool fsn_outside_is_data(uint32_t outside) {
+    return outside == FSN_OUTSIDE_DATA_PROCESS || outside == FSN_OUTSIDE_DATA_FAILSAFE;
+}
+
 const char *fsn_reset_text(uint8_t code) {
     static const char *const text[] = {
         "local reset or acknowledgement",

@@ -118,7 +118,6 @@ fsn_status fsn_survey_planned_fsoe(const struct fsn_survey *survey, struct fsn_j
     if (acyclic == NULL || acyclic->member == NULL) {
         return FSN_E_ABSENT;
     }
-    fsn_json_key(json, "fsoe");
     fsn_json_open(json, '[');
     const uint32_t count = acyclic->count(survey->bus);
     for (uint32_t position = 0; position < count; position++) {

@@ -73,13 +73,32 @@ static enum fsn_log_level connection_level(struct fsn_control *control,
     return again ? FSN_LOG_WARNING : FSN_LOG_INFO;
 }
 
+static void left_data(struct fsn_control *control, const struct fsn_event *event, const char *name,
+                      const char *reset_by, const char *cause) {
+    char text[300];
+    snprintf(text, sizeof text, "connection %.120s left Data: %s%s", name,
+             fsn_outside_text(event->after), cause);
+    const struct fsn_trigger trigger = {
+        .kind = "left_data",
+        .connection = name,
+        .before = fsn_outside_text(event->before),
+        .after = fsn_outside_text(event->after),
+        .reset_by = reset_by,
+        .reset_text = reset_by != NULL ? fsn_reset_text(event->reset_code) : NULL,
+        .reset_code = reset_by != NULL ? event->reset_code : 0,
+        .now_ns = event->now_ns,
+        .text = text};
+    (void)fsn_incident_begin(control, &trigger);
+}
+
 static void connection_event(struct fsn_control *control, const struct fsn_event *event) {
     struct fsn_connection_info info;
     if (fsn_plan_connection(control->plan, event->connection, &info) != FSN_OK) {
         return;
     }
     const bool reset = event->after == FSN_OUTSIDE_RESET && event->by != 0;
-    const char *by = event->by == FSN_TO_SUB + 1 ? "main" : "sub";
+    const char *by = !reset ? NULL : event->by == FSN_TO_SUB + 1 ? "main" : "sub";
+    char cause[120] = "";
     struct fsn_json *json = fsn_event_begin(control, "connection", event->now_ns);
     fsn_json_put_text(json, "connection", info.name);
     fsn_json_put_text(json, "before", fsn_outside_text(event->before));
@@ -88,32 +107,15 @@ static void connection_event(struct fsn_control *control, const struct fsn_event
         fsn_json_put_text(json, "reset_by", by);
         fsn_json_put_u64(json, "reset_code", event->reset_code);
         fsn_json_put_text(json, "reset_text", fsn_reset_text(event->reset_code));
+        snprintf(cause, sizeof cause, ", by the %s: %s", by, fsn_reset_text(event->reset_code));
     }
-    const bool left =
-        event->before == FSN_OUTSIDE_DATA_PROCESS || event->before == FSN_OUTSIDE_DATA_FAILSAFE;
-    const bool data =
-        event->after == FSN_OUTSIDE_DATA_PROCESS || event->after == FSN_OUTSIDE_DATA_FAILSAFE;
+    const bool left = fsn_outside_is_data(event->before);
+    const bool data = fsn_outside_is_data(event->after);
     fsn_event_tell(control, connection_level(control, event, left, data),
-                   "connection %.120s: %s -> %s%s%s%s%s", info.name,
-                   fsn_outside_text(event->before), fsn_outside_text(event->after),
-                   reset ? ", by the " : "", reset ? by : "", reset ? ": " : "",
-                   reset ? fsn_reset_text(event->reset_code) : "");
+                   "connection %.120s: %s -> %s%s", info.name, fsn_outside_text(event->before),
+                   fsn_outside_text(event->after), cause);
     if (left && !data) {
-        char text[300];
-        snprintf(text, sizeof text, "connection %.120s left Data: %s%s%s%s%s", info.name,
-                 fsn_outside_text(event->after), reset ? ", by the " : "", reset ? by : "",
-                 reset ? ": " : "", reset ? fsn_reset_text(event->reset_code) : "");
-        const struct fsn_trigger trigger = {.kind = "left_data",
-                                            .connection = info.name,
-                                            .before = fsn_outside_text(event->before),
-                                            .after = fsn_outside_text(event->after),
-                                            .reset_by = reset ? by : NULL,
-                                            .reset_text =
-                                                reset ? fsn_reset_text(event->reset_code) : NULL,
-                                            .reset_code = reset ? event->reset_code : 0,
-                                            .now_ns = event->now_ns,
-                                            .text = text};
-        (void)fsn_incident_begin(control, &trigger);
+        left_data(control, event, info.name, by, cause);
     }
 }
 
