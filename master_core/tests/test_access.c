@@ -6,44 +6,16 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#include "builder.h"
 #include "core_internal.h"
-#include "fsn/fsn.h"
+#include "emulated_rig.h"
 
-struct rig {
-    struct fsn_plan *plan;
-    struct fsn_emulated *bus;
-    struct fsn_core *core;
-    uint64_t now_ns;
-};
-
-static struct rig set_up(uint8_t *bytes, size_t len) {
-    struct rig rig = {0};
-    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
-    free(bytes);
-    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
-    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
-    return rig;
-}
-
-static struct rig set_up_full(void) {
+static struct emulated_rig set_up_full(void) {
     size_t len;
     uint8_t *bytes = build_full(&len);
-    return set_up(bytes, len);
+    return emulated_rig_load(bytes, len);
 }
 
-static void tear_down(struct rig *rig) {
-    fsn_core_free(rig->core);
-    fsn_emulated_free(rig->bus);
-    fsn_plan_free(rig->plan);
-}
-
-static void cycle(struct rig *rig) {
-    rig->now_ns += 1000000;
-    CHECK(fsn_core_cycle(rig->core, rig->now_ns) == FSN_OK);
-}
-
-static void send(struct rig *rig, uint32_t sm, const char *frame) {
+static void send(struct emulated_rig *rig, uint32_t sm, const char *frame) {
     uint8_t inputs[8] = {0};
     memcpy(inputs, frame, 6);
     inputs[6] = 0x34;
@@ -51,7 +23,7 @@ static void send(struct rig *rig, uint32_t sm, const char *frame) {
     CHECK(fsn_emulated_write_inputs(rig->bus, sm, inputs, sizeof inputs) == FSN_OK);
 }
 
-static struct fsn_statistics statistics(struct rig *rig) {
+static struct fsn_statistics statistics(struct emulated_rig *rig) {
     struct fsn_statistics s;
     CHECK(fsn_core_snapshot(rig->core, &s, NULL, NULL) == FSN_OK);
     return s;
@@ -60,30 +32,30 @@ static struct fsn_statistics statistics(struct rig *rig) {
 /** Bits 52 to 59 of the main's outputs, beside its frame and beside bits that are not the symbol's.
  */
 static void outputs_touch_their_bits_only(void) {
-    struct rig rig = set_up_full();
+    struct emulated_rig rig = set_up_full();
     uint8_t out[9];
     send(&rig, 3, "\x36\xFF\xFF\xFF\xFF\xFF");
     CHECK(fsn_core_set_output(rig.core, 0, 0xFFFFFFFFFFFFFFFFu) == FSN_OK);
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, NULL) == FSN_OK);
     CHECK(memcmp(out, "\x36\xFF\xFF\xFF\xFF\xFF\xF0\x0F\x00", 9) == 0);
     CHECK(fsn_core_set_output(rig.core, 0, 0xA5) == FSN_OK);
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, NULL) == FSN_OK);
     CHECK(memcmp(out, "\x36\xFF\xFF\xFF\xFF\xFF\x50\x0A\x00", 9) == 0);
-    cycle(&rig); /* and it stays */
+    emulated_rig_cycle(&rig); /* and it stays */
     uint8_t image[33];
     uint64_t value;
     CHECK(fsn_core_snapshot(rig.core, NULL, NULL, image) == FSN_OK);
     CHECK(fsn_core_read_symbol(rig.core, image, 0, &value) == FSN_OK && value == 0xA5);
     send(&rig, 1, "\x36\x00\x00\x00\x00\x00");
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(fsn_core_snapshot(rig.core, NULL, NULL, image) == FSN_OK);
     CHECK(fsn_core_read_symbol(rig.core, image, 1, &value) == FSN_OK && value == 0x1234);
     CHECK(fsn_core_read_symbol(rig.core, image, 2, &value) == FSN_E_ARG);
     CHECK(fsn_core_set_output(rig.core, 1, 1) == FSN_E_CLOSED); /* an input */
     CHECK(fsn_core_set_output(rig.core, 2, 1) == FSN_E_ARG);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 /** A symbol under a standard copy belongs to the copy. */
@@ -102,25 +74,25 @@ static void copied_outputs_are_closed(void) {
                                 .symbol_count = 4};
     size_t len;
     uint8_t *bytes = build_plan(&build, &len);
-    struct rig rig = set_up(bytes, len);
+    struct emulated_rig rig = emulated_rig_load(bytes, len);
     CHECK(fsn_core_set_output(rig.core, 0, 1) == FSN_OK);
     CHECK(fsn_core_set_output(rig.core, 1, 1) == FSN_E_CLOSED);
     CHECK(fsn_core_set_output(rig.core, 2, 1) == FSN_E_CLOSED);
     CHECK(fsn_core_set_output(rig.core, 3, 1) == FSN_OK);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 static void age_and_news_are_told(void) {
-    struct rig rig = set_up_full();
+    struct emulated_rig rig = set_up_full();
     uint8_t out[9];
     bool fresh = true;
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, &fresh) == FSN_OK && !fresh);
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, &fresh) == FSN_OK && fresh);
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, out, sizeof out, &fresh) == FSN_OK && !fresh);
     CHECK(fsn_emulated_set_present(rig.bus, 1, false) == FSN_OK);
     for (int i = 0; i < 3; i++) {
-        cycle(&rig);
+        emulated_rig_cycle(&rig);
     }
     CHECK(fsn_core_stale_cycles(rig.core, 3) == 3 && fsn_core_stale_cycles(rig.core, 1) == 0);
     CHECK(fsn_core_stale_cycles(rig.core, 2) == 0); /* an output has no age */
@@ -128,7 +100,7 @@ static void age_and_news_are_told(void) {
     CHECK(statistics(&rig).wkc_errors == 3);
     CHECK(fsn_emulated_read_outputs(rig.bus, 2, out, sizeof out, &fresh) == FSN_OK);
     CHECK(fsn_emulated_read_outputs(rig.bus, 2, out, sizeof out, &fresh) == FSN_OK && !fresh);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 /** Three SubDevices with 800 bytes each way: a cut before each sync manager that would not fit. */
@@ -138,17 +110,17 @@ static void datagrams_are_cut_at_sync_managers(void) {
     const struct build build = {.subdevices = 3, .sm = sm};
     size_t len;
     uint8_t *bytes = build_plan(&build, &len);
-    struct rig rig = set_up(bytes, len);
+    struct emulated_rig rig = emulated_rig_load(bytes, len);
     static const uint32_t base[] = {0, 800, 1486, 2972, 2973, 2976};
     for (uint32_t i = 0; i < 6; i++) {
         CHECK(fsn_core_sm_base(rig.core, i) == base[i]);
     }
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(statistics(&rig).expected_wkc == 9 && statistics(&rig).actual_wkc == 9);
     CHECK(fsn_emulated_set_present(rig.bus, 1, false) == FSN_OK); /* in two datagrams */
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(statistics(&rig).actual_wkc == 6 && statistics(&rig).wkc_errors == 1);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 /** 1 486 bytes fit a datagram, 1 487 do not. */
@@ -176,7 +148,7 @@ static void datagrams_end_at_their_limit(void) {
 
 /** A Reset lasts several frames; it counts once, and its last code is kept. */
 static void resets_are_counted_once(void) {
-    struct rig rig = set_up_full();
+    struct emulated_rig rig = set_up_full();
     static const char *const frames[] = {
         "\x2a\x05\x01\x00\x00\x00", "\x2a\x05\x02\x00\x00\x00", "\x2a\x04\x03\x00\x00\x00",
         "\x4e\x05\x01\x00\x00\x00", "\x2a\x01\x01\x00\x00\x00",
@@ -184,34 +156,34 @@ static void resets_are_counted_once(void) {
     struct fsn_connection_status c;
     for (size_t i = 0; i < 5; i++) {
         send(&rig, 1, frames[i]);
-        cycle(&rig);
+        emulated_rig_cycle(&rig);
         CHECK(fsn_core_snapshot(rig.core, NULL, &c, NULL) == FSN_OK);
         CHECK(c.direction[0].resets == (i < 4 ? 1u : 2u) && c.direction[0].frames == i + 1);
     }
     CHECK(c.direction[0].reset_code == 1 && c.direction[1].frames == 0);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 static void one_core_per_bus(void) {
-    struct rig rig = set_up_full();
+    struct emulated_rig rig = set_up_full();
     struct fsn_core *second;
     struct fsn_fault fault;
     CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &second, &fault) == FSN_E_STATE);
-    cycle(&rig); /* the first one is not harmed */
+    emulated_rig_cycle(&rig); /* the first one is not harmed */
     fsn_core_free(rig.core);
     CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, &fault) == FSN_OK);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 /** A writer that stopped in the middle of a snapshot does not hang its readers. */
 static void stuck_writer_is_told(void) {
-    struct rig rig = set_up_full();
+    struct emulated_rig rig = set_up_full();
     struct fsn_statistics s;
     atomic_fetch_add(&rig.core->rt.snapshot.sequence, 1);
     CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_E_BUSY);
     atomic_fetch_add(&rig.core->rt.snapshot.sequence, 1);
     CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_OK);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 static void nothing_is_refused(void) {
@@ -227,7 +199,7 @@ static void nothing_is_refused(void) {
 }
 
 struct shared {
-    struct rig rig;
+    struct emulated_rig rig;
     atomic_bool done;
 };
 
@@ -258,7 +230,7 @@ static void *writer(void *argument) {
 /** The real thread with a device, an output writer, an event consumer and a reader beside it. */
 static void everyone_at_once(void) {
     struct shared shared = {.rig = set_up_full()};
-    struct rig *rig = &shared.rig;
+    struct emulated_rig *rig = &shared.rig;
     pthread_t threads[2];
     CHECK(pthread_create(&threads[0], NULL, device, &shared) == 0);
     CHECK(pthread_create(&threads[1], NULL, writer, &shared) == 0);
@@ -296,7 +268,7 @@ static void everyone_at_once(void) {
     printf("%llu cycles, %llu events, real-time %u, latency %llu to %llu ns\n",
            (unsigned long long)s.cycles, (unsigned long long)events, s.realtime,
            (unsigned long long)s.latency.min_ns, (unsigned long long)s.latency.max_ns);
-    tear_down(rig);
+    emulated_rig_end(rig);
 }
 
 int main(void) {

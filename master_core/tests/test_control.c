@@ -1,12 +1,11 @@
 /** Requests, values, JSON and leases of the control socket, without a socket. */
 #include <string.h>
 
-#include "builder.h"
 #include "control/json.h"
 #include "control/outputs.h"
 #include "control/value.h"
 #include "control/words.h"
-#include "fsn/fsn.h"
+#include "emulated_rig.h"
 
 /** The line gets exactly the room it may use, so that ASan sees a reach beyond it. */
 static const char *split(const char *text, size_t len, struct fsn_words *words, char **room) {
@@ -238,11 +237,8 @@ static void values_are_scaled(void) {
 enum { OUTPUT, INPUT, COPIED, START, SYMBOLS };
 
 struct rig {
-    struct fsn_plan *plan;
-    struct fsn_emulated *bus;
-    struct fsn_core *core;
+    struct emulated_rig on;
     struct fsn_outputs *outputs;
-    uint64_t now_ns;
     unsigned fell;
     struct fsn_refusal refusal;
 };
@@ -263,36 +259,27 @@ static struct rig set_up(void) {
                                 .standard = 1,
                                 .symbols = symbols,
                                 .symbol_count = SYMBOLS};
-    struct rig rig = {0};
-    size_t len;
-    uint8_t *bytes = build_plan(&build, &len);
-    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
-    free(bytes);
-    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
-    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
-    rig.outputs = fsn_outputs_create(rig.plan);
+    struct rig rig = {.on = emulated_rig_build(&build)};
+    rig.outputs = fsn_outputs_create(rig.on.plan);
     CHECK(rig.outputs != NULL);
     return rig;
 }
 
 static void tear_down(struct rig *rig) {
     fsn_outputs_free(rig->outputs);
-    fsn_core_free(rig->core);
-    fsn_emulated_free(rig->bus);
-    fsn_plan_free(rig->plan);
+    emulated_rig_end(&rig->on);
 }
 
 static uint8_t sent(struct rig *rig, size_t byte) {
     uint8_t out[9];
-    rig->now_ns += 1000000;
-    CHECK(fsn_core_cycle(rig->core, rig->now_ns) == FSN_OK);
-    CHECK(fsn_emulated_read_outputs(rig->bus, 0, out, sizeof out, NULL) == FSN_OK);
+    emulated_rig_cycle(&rig->on);
+    CHECK(fsn_emulated_read_outputs(rig->on.bus, 0, out, sizeof out, NULL) == FSN_OK);
     return out[byte];
 }
 
 static fsn_status write_one(struct rig *rig, uint32_t symbol, uint32_t client, uint64_t raw) {
     const fsn_status status =
-        fsn_outputs_check(rig->outputs, symbol, client, raw, rig->now_ns, &rig->refusal);
+        fsn_outputs_check(rig->outputs, symbol, client, raw, rig->on.now_ns, &rig->refusal);
     if (status == FSN_OK) {
         struct fsn_wanted wanted = {.symbol = symbol, .raw = raw};
         fsn_outputs_write(rig->outputs, client, &wanted, 1);
@@ -309,7 +296,7 @@ static void count(void *self, uint32_t symbol) {
 static void an_output_belongs_to_one_client(void) {
     struct rig rig = set_up();
     CHECK(write_one(&rig, OUTPUT, 1, 1) == FSN_E_STATE); /* no core yet */
-    fsn_outputs_attach(rig.outputs, rig.core);
+    fsn_outputs_attach(rig.outputs, rig.on.core);
     CHECK(sent(&rig, 6) == 0x5A); /* nobody writes it: its stop value */
     CHECK(write_one(&rig, OUTPUT, 1, 7) == FSN_OK && sent(&rig, 6) == 7);
     CHECK(write_one(&rig, OUTPUT, 2, 8) == FSN_E_CLOSED);
@@ -331,12 +318,12 @@ static void an_output_belongs_to_one_client(void) {
 }
 
 static fsn_status arm(struct rig *rig, uint32_t symbol, uint32_t client) {
-    return fsn_outputs_arm(rig->outputs, symbol, client, rig->now_ns, &rig->refusal);
+    return fsn_outputs_arm(rig->outputs, symbol, client, rig->on.now_ns, &rig->refusal);
 }
 
 static void arming_allows_one_edge(void) {
     struct rig rig = set_up();
-    fsn_outputs_attach(rig.outputs, rig.core);
+    fsn_outputs_attach(rig.outputs, rig.on.core);
     CHECK(write_one(&rig, START, 1, 1) == FSN_E_CLOSED);
     CHECK(write_one(&rig, START, 1, 0) == FSN_OK); /* no edge */
     CHECK(arm(&rig, OUTPUT, 1) == FSN_E_ARG && arm(&rig, INPUT, 1) == FSN_E_CLOSED);
@@ -348,7 +335,7 @@ static void arming_allows_one_edge(void) {
     CHECK(write_one(&rig, START, 1, 0) == FSN_OK && sent(&rig, 7) == 0);
     CHECK(write_one(&rig, START, 1, 1) == FSN_E_CLOSED);
     CHECK(arm(&rig, START, 1) == FSN_OK);
-    rig.now_ns += (uint64_t)FSN_ARM_MS * 1000000;
+    rig.on.now_ns += (uint64_t)FSN_ARM_MS * 1000000;
     CHECK(write_one(&rig, START, 1, 1) == FSN_E_CLOSED); /* too late */
     CHECK(arm(&rig, START, 1) == FSN_OK);
     CHECK(fsn_outputs_take_back(rig.outputs, 1, count, &rig) == 1);
@@ -363,7 +350,7 @@ static void arming_allows_one_edge(void) {
  */
 static void values_go_out_together(void) {
     struct rig rig = set_up();
-    fsn_outputs_attach(rig.outputs, rig.core);
+    fsn_outputs_attach(rig.outputs, rig.on.core);
     CHECK(arm(&rig, START, 1) == FSN_OK);
     struct fsn_wanted wanted[] = {{.symbol = OUTPUT, .raw = 9}, {.symbol = START, .raw = 1}};
     fsn_outputs_write(rig.outputs, 1, wanted, 2);

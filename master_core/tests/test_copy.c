@@ -2,8 +2,7 @@
  */
 #include <string.h>
 
-#include "builder.h"
-#include "fsn/fsn.h"
+#include "emulated_rig.h"
 
 enum { SUBS = 12, SM_BYTES = 400 };
 
@@ -131,21 +130,11 @@ static void neighbours_are_merged(void) {
                                               {0, 13, 1, 14, 7}, {1, 13, 0, 13, 7}};
     const struct build build = {
         .subdevices = 2, .sm = sm, .copies = pairs, .pairs = 3, .cycle_ns = 1000};
-    size_t len;
-    uint8_t *bytes = build_plan(&build, &len);
-    struct fsn_plan *plan;
-    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
-    struct fsn_emulated *bus;
-    CHECK(fsn_emulated_create(plan, &bus) == FSN_OK);
-    struct fsn_core *core;
-    CHECK(fsn_core_create(plan, fsn_emulated_ops(), bus, &core, NULL) == FSN_OK);
+    struct emulated_rig rig = emulated_rig_build(&build);
     struct fsn_statistics statistics;
-    CHECK(fsn_core_snapshot(core, &statistics, NULL, NULL) == FSN_OK);
+    CHECK(fsn_core_snapshot(rig.core, &statistics, NULL, NULL) == FSN_OK);
     CHECK(statistics.copies == 6 && statistics.merged_copies == 3);
-    fsn_core_free(core);
-    fsn_emulated_free(bus);
-    fsn_plan_free(plan);
-    free(bytes);
+    emulated_rig_end(&rig);
 }
 
 /** A bus that lays inputs over outputs, or leaves its image, is refused before a byte moves. */

@@ -1,52 +1,27 @@
 /** Freshness, working counter, monitor and outputs on the emulated bus. */
 #include <string.h>
 
-#include "builder.h"
-#include "fsn/fsn.h"
+#include "emulated_rig.h"
 
-struct rig {
-    uint8_t *bytes;
-    struct fsn_plan *plan;
-    struct fsn_emulated *bus;
-    struct fsn_core *core;
-    uint64_t now_ns;
-};
-
-static struct rig set_up(void) {
-    struct rig rig = {0};
+static struct emulated_rig set_up(void) {
     size_t len;
-    rig.bytes = build_estop(&len);
-    CHECK(fsn_plan_load(rig.bytes, len, &rig.plan, NULL) == FSN_OK);
-    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
-    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
-    return rig;
+    uint8_t *bytes = build_estop(&len);
+    return emulated_rig_load(bytes, len);
 }
 
-static void tear_down(struct rig *rig) {
-    fsn_core_free(rig->core);
-    fsn_emulated_free(rig->bus);
-    fsn_plan_free(rig->plan);
-    free(rig->bytes);
-}
-
-static void cycle(struct rig *rig) {
-    rig->now_ns += 1000000;
-    CHECK(fsn_core_cycle(rig->core, rig->now_ns) == FSN_OK);
-}
-
-static void send(struct rig *rig, uint32_t sm, const char *frame) {
+static void send(struct emulated_rig *rig, uint32_t sm, const char *frame) {
     uint8_t inputs[8] = {0};
     memcpy(inputs, frame, 6);
     CHECK(fsn_emulated_write_inputs(rig->bus, sm, inputs, sizeof inputs) == FSN_OK);
 }
 
-static struct fsn_statistics statistics(struct rig *rig) {
+static struct fsn_statistics statistics(struct emulated_rig *rig) {
     struct fsn_statistics s;
     CHECK(fsn_core_snapshot(rig->core, &s, NULL, NULL) == FSN_OK);
     return s;
 }
 
-static struct fsn_connection_status connection(struct rig *rig) {
+static struct fsn_connection_status connection(struct emulated_rig *rig) {
     struct fsn_connection_status c;
     CHECK(fsn_core_snapshot(rig->core, NULL, &c, NULL) == FSN_OK);
     return c;
@@ -55,26 +30,26 @@ static struct fsn_connection_status connection(struct rig *rig) {
 /* Sync managers of the e-stop plan: 0 and 1 of the main (outputs, inputs), 2 and 3 of the sub. */
 
 static void frames_arrive_in_the_same_cycle(void) {
-    struct rig rig = set_up();
+    struct emulated_rig rig = set_up();
     uint8_t outputs[9];
     CHECK(fsn_emulated_read_outputs(rig.bus, 2, outputs, sizeof outputs, NULL) == FSN_OK);
     CHECK(outputs[0] == 0); /* no frame before the source has delivered */
     send(&rig, 1, "\x2a\x01\x02\x03\x04\x05");
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(fsn_emulated_read_outputs(rig.bus, 2, outputs, sizeof outputs, NULL) == FSN_OK);
     CHECK(memcmp(outputs, "\x2a\x01\x02\x03\x04\x05\x00\x00", 8) == 0);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 static void absent_subdevice_keeps_its_last_frame_whole(void) {
-    struct rig rig = set_up();
+    struct emulated_rig rig = set_up();
     send(&rig, 3, "\x36\x11\x22\x33\x07\x00");
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(statistics(&rig).wkc_errors == 0 && statistics(&rig).expected_wkc == 6);
     CHECK(fsn_emulated_set_present(rig.bus, 1, false) == FSN_OK);
     send(&rig, 3, "\x36\xAA\xBB\xCC\x07\x00"); /* written while unplugged: must not come through */
     send(&rig, 1, "\x36\x55\x66\x77\x07\x00");
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     uint8_t outputs[9];
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, outputs, sizeof outputs, NULL) == FSN_OK);
     CHECK(memcmp(outputs, "\x36\x11\x22\x33\x07\x00", 6) == 0);
@@ -82,15 +57,15 @@ static void absent_subdevice_keeps_its_last_frame_whole(void) {
     CHECK(outputs[0] == 0); /* nor does it get anything */
     CHECK(statistics(&rig).wkc_errors == 1 && statistics(&rig).actual_wkc == 3);
     CHECK(fsn_emulated_set_present(rig.bus, 1, true) == FSN_OK);
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, outputs, sizeof outputs, NULL) == FSN_OK);
     CHECK(outputs[1] == 0xAA);
     CHECK(statistics(&rig).wkc_errors == 1);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 static void monitor_follows_a_connection(void) {
-    struct rig rig = set_up();
+    struct emulated_rig rig = set_up();
     static const struct {
         const char *to_sub, *to_main;
         enum fsn_outside outside;
@@ -109,7 +84,7 @@ static void monitor_follows_a_connection(void) {
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
         send(&rig, 1, steps[i].to_sub);
         send(&rig, 3, steps[i].to_main);
-        cycle(&rig);
+        emulated_rig_cycle(&rig);
         CHECK(connection(&rig).outside == (uint32_t)steps[i].outside);
     }
     const struct fsn_connection_status c = connection(&rig);
@@ -124,25 +99,25 @@ static void monitor_follows_a_connection(void) {
         events++;
     }
     CHECK(events == 7); /* the first and the fourth step change nothing */
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 /** An event ring nobody reads counts what it drops and keeps what it has. */
 static void full_ring_counts_losses(void) {
-    struct rig rig = set_up();
+    struct emulated_rig rig = set_up();
     for (int i = 0; i < 400; i++) {
         send(&rig, 1, i % 2 ? "\x2a\x00\x01\x00\x00\x00" : "\x4e\x00\x01\x00\x00\x00");
         send(&rig, 3, i % 2 ? "\x2a\x00\x01\x00\x00\x00" : "\x4e\x00\x01\x00\x00\x00");
-        cycle(&rig);
+        emulated_rig_cycle(&rig);
     }
     CHECK(statistics(&rig).events_lost == 400 - 256);
     struct fsn_event event;
     CHECK(fsn_core_event(rig.core, &event) && event.now_ns == 1000000);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 static void thread_runs_and_stops(void) {
-    struct rig rig = set_up();
+    struct emulated_rig rig = set_up();
     struct fsn_thread_options options = {.cycle_ns = 200000};
     struct fsn_fault fault;
     CHECK(fsn_core_start(rig.core, &options, &fault) == FSN_OK);
@@ -158,11 +133,11 @@ static void thread_runs_and_stops(void) {
     CHECK(fsn_core_start(rig.core, &options, &fault) == FSN_E_ARG);
     options.cycle_ns = 0; /* the plan's */
     CHECK(fsn_core_start(rig.core, &options, &fault) == FSN_OK);
-    tear_down(&rig); /* stops the thread */
+    emulated_rig_end(&rig); /* stops the thread */
 }
 
 static void wrong_arguments_are_refused(void) {
-    struct rig rig = set_up();
+    struct emulated_rig rig = set_up();
     uint8_t buffer[9] = {0};
     CHECK(fsn_emulated_read_outputs(rig.bus, 1, buffer, 9, NULL) == FSN_E_ARG);
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, buffer, 8, NULL) == FSN_E_ARG);
@@ -174,31 +149,31 @@ static void wrong_arguments_are_refused(void) {
     CHECK(fsn_core_sm_base(rig.core, 0) == 0 && fsn_core_sm_base(rig.core, 1) == 9);
     CHECK(fsn_core_sm_base(rig.core, 3) == 25 && fsn_core_sm_base(rig.core, 4) == FSN_NONE);
     CHECK(fsn_core_image_bytes(rig.core) == 33);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 /** Both ends stop: what they left in the image says nothing any more. */
 static void without_new_frames_a_connection_is_silent(void) {
-    struct rig rig = set_up();
+    struct emulated_rig rig = set_up();
     struct fsn_event event;
     send(&rig, 1, "\x2a\x01\x02\x03\x04\x05");
     send(&rig, 3, "\x2a\x01\x02\x03\x04\x05");
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET);
     CHECK(fsn_core_event(rig.core, &event) && event.after == FSN_OUTSIDE_RESET);
     for (int i = 0; i < 1000; i++) {
-        cycle(&rig); /* the plan states no watchdog: a second of patience */
+        emulated_rig_cycle(&rig); /* the plan states no watchdog: a second of patience */
     }
     CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET && !fsn_core_event(rig.core, &event));
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(connection(&rig).outside == FSN_OUTSIDE_SILENT);
     CHECK(fsn_core_event(rig.core, &event) && event.after == FSN_OUTSIDE_SILENT);
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(!fsn_core_event(rig.core, &event)); /* told once */
     send(&rig, 3, "\x2a\x05\x02\x03\x04\x05");
-    cycle(&rig);
+    emulated_rig_cycle(&rig);
     CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 int main(void) {

@@ -5,19 +5,12 @@
 #include <sched.h>
 #include <stdatomic.h>
 
-#include "builder.h"
-#include "fsn/fsn.h"
+#include "emulated_rig.h"
 
 enum { OUTPUTS = 200, CYCLES = 20000, SETS = 500, MOST_CYCLES = 3000000, SM_BYTES = 2 * OUTPUTS };
 
-struct rig {
-    struct fsn_plan *plan;
-    struct fsn_emulated *bus;
-    struct fsn_core *core;
-};
-
 /** Outputs 0 … OUTPUTS - 1 of 16 bits, then one input, then one output under a copy. */
-static struct rig set_up(void) {
+static struct emulated_rig set_up(void) {
     static const struct build_sm sm[2][2] = {{{1, SM_BYTES}, {2, 8}}, {{1, 8}, {2, 8}}};
     static const struct build_copy copies[] = {{0, 0, 1, 0, 4}};
     static struct build_symbol symbols[OUTPUTS + 2];
@@ -32,34 +25,21 @@ static struct rig set_up(void) {
                                 .standard = 1,
                                 .symbols = symbols,
                                 .symbol_count = OUTPUTS + 2};
-    struct rig rig = {0};
-    size_t len;
-    uint8_t *bytes = build_plan(&build, &len);
-    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
-    free(bytes);
-    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
-    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
-    return rig;
+    return emulated_rig_build(&build);
 }
 
-static void tear_down(struct rig *rig) {
-    fsn_core_free(rig->core);
-    fsn_emulated_free(rig->bus);
-    fsn_plan_free(rig->plan);
-}
-
-static uint32_t sent(const struct rig *rig, uint32_t symbol) {
+static uint32_t sent(const struct emulated_rig *rig, uint32_t symbol) {
     uint8_t out[SM_BYTES];
     CHECK(fsn_emulated_read_outputs(rig->bus, 0, out, sizeof out, NULL) == FSN_OK);
     return out[2 * symbol] + 256u * out[2 * symbol + 1];
 }
 
-static void cycle(struct rig *rig, uint64_t number) {
+static void cycle(struct emulated_rig *rig, uint64_t number) {
     CHECK(fsn_core_cycle(rig->core, 1000 * number) == FSN_OK);
 }
 
 static void all_or_none(void) {
-    struct rig rig = set_up();
+    struct emulated_rig rig = set_up();
     CHECK(fsn_core_is_open(rig.core, 0) && fsn_core_is_open(rig.core, OUTPUTS - 1));
     CHECK(!fsn_core_is_open(rig.core, OUTPUTS) && !fsn_core_is_open(rig.core, OUTPUTS + 1));
     CHECK(!fsn_core_is_open(rig.core, OUTPUTS + 2) && !fsn_core_is_open(NULL, 0));
@@ -85,11 +65,11 @@ static void all_or_none(void) {
     CHECK(fsn_core_set_outputs(NULL, 0, NULL, NULL) == FSN_E_ARG);
     cycle(&rig, 4);
     CHECK(sent(&rig, 3) == 300 && sent(&rig, 4) == 400 && sent(&rig, 5) == 501);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 struct shared {
-    struct rig rig;
+    struct emulated_rig rig;
     atomic_bool done;
     atomic_ulong sets;
 };
@@ -139,7 +119,7 @@ static void every_cycle_sends_one_set(void) {
     CHECK(sent(&shared.rig, 0) == (atomic_load(&shared.sets) & 0xFFFF)); /* the last one counts */
     printf("%lu sets, %lu changes seen in %lu cycles\n", atomic_load(&shared.sets), changes,
            (unsigned long)number);
-    tear_down(&shared.rig);
+    emulated_rig_end(&shared.rig);
 }
 
 int main(void) {

@@ -7,9 +7,8 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#include "builder.h"
 #include "core_internal.h"
-#include "fsn/fsn.h"
+#include "emulated_rig.h"
 
 enum {
     READERS = 2,
@@ -20,36 +19,17 @@ enum {
     COPY_BYTES = 1480,
 };
 
-struct rig {
-    struct fsn_plan *plan;
-    struct fsn_emulated *bus;
-    struct fsn_core *core;
-};
-
-static struct rig set_up(uint32_t cycle_ns) {
+static struct emulated_rig set_up(uint32_t cycle_ns) {
     static const struct build_sm sm[2][2] = {{{1, SM_BYTES}, {2, SM_BYTES}},
                                              {{1, SM_BYTES}, {2, SM_BYTES}}};
     static const struct build_copy copy[] = {{0, 0, 1, 0, COPY_BYTES}, {1, 0, 0, 0, COPY_BYTES}};
     const struct build build = {
         .subdevices = 2, .sm = sm, .copies = copy, .standard = 2, .cycle_ns = cycle_ns};
-    struct rig rig = {0};
-    size_t len;
-    uint8_t *bytes = build_plan(&build, &len);
-    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
-    free(bytes);
-    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
-    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
-    return rig;
-}
-
-static void tear_down(struct rig *rig) {
-    fsn_core_free(rig->core);
-    fsn_emulated_free(rig->bus);
-    fsn_plan_free(rig->plan);
+    return emulated_rig_build(&build);
 }
 
 /** Cycle `cycle`: its number is in every input byte of the sub. */
-static void run_cycle(struct rig *rig, uint64_t cycle) {
+static void run_cycle(struct emulated_rig *rig, uint64_t cycle) {
     static uint8_t inputs[SM_BYTES];
     memset(inputs, (uint8_t)cycle, sizeof inputs);
     CHECK(fsn_emulated_write_inputs(rig->bus, 3, inputs, sizeof inputs) == FSN_OK);
@@ -57,8 +37,9 @@ static void run_cycle(struct rig *rig, uint64_t cycle) {
 }
 
 /** Everything in a record is of one cycle, the outputs too. */
-static void check_record(const struct rig *rig, uint64_t cycle, const struct fsn_cycle *record,
-                         const struct fsn_wkc *wkc, const uint8_t *image) {
+static void check_record(const struct emulated_rig *rig, uint64_t cycle,
+                         const struct fsn_cycle *record, const struct fsn_wkc *wkc,
+                         const uint8_t *image) {
     const uint8_t *source = image + fsn_core_sm_base(rig->core, 3);
     const uint8_t *destination = image + fsn_core_sm_base(rig->core, 0);
     uint32_t expected = 0;
@@ -74,7 +55,7 @@ static void check_record(const struct rig *rig, uint64_t cycle, const struct fsn
     CHECK(memcmp(destination, destination + 1, COPY_BYTES - 1) == 0);
 }
 
-static void check_cycle(const struct rig *rig, uint64_t cycle) {
+static void check_cycle(const struct emulated_rig *rig, uint64_t cycle) {
     struct fsn_cycle record;
     struct fsn_wkc wkc[64];
     static uint8_t image[4 * SM_BYTES];
@@ -85,7 +66,7 @@ static void check_cycle(const struct rig *rig, uint64_t cycle) {
 }
 
 static void the_last_cycles_are_kept(void) {
-    struct rig rig = set_up(1000000);
+    struct emulated_rig rig = set_up(1000000);
     const size_t room = (size_t)1 << 20;
     CHECK(fsn_core_last_cycle(rig.core) == 0 && fsn_core_kept_cycles(rig.core) == 0);
     CHECK(fsn_core_record(rig.core, 1, NULL, NULL, NULL) == FSN_E_STATE);
@@ -108,11 +89,11 @@ static void the_last_cycles_are_kept(void) {
     CHECK(fsn_core_record(rig.core, 20, NULL, NULL, NULL) == FSN_OK); /* every part may be NULL */
     CHECK(fsn_core_keep(rig.core, 0, 0) == FSN_OK && fsn_core_kept_cycles(rig.core) == 0);
     CHECK(fsn_core_record(rig.core, 25, NULL, NULL, NULL) == FSN_E_STATE);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 static void the_room_bounds_it(void) {
-    struct rig rig = set_up(1000000);
+    struct emulated_rig rig = set_up(1000000);
     const size_t image = fsn_core_image_bytes(rig.core);
     CHECK(fsn_core_keep(NULL, 1, 1) == FSN_E_ARG);
     CHECK(fsn_core_keep(rig.core, 9000000, image) == FSN_E_ARG); /* not even one */
@@ -120,16 +101,16 @@ static void the_room_bounds_it(void) {
     CHECK(fsn_core_keep(rig.core, UINT64_MAX, 20 * image) == FSN_OK);
     const uint64_t kept = fsn_core_kept_cycles(rig.core);
     CHECK(kept >= 18 && kept < 20);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
     rig = set_up(0); /* no cycle time in the plan: the room alone counts */
     CHECK(fsn_core_keep(rig.core, 1, 20 * image) == FSN_OK);
     CHECK(fsn_core_kept_cycles(rig.core) == kept);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 /** The time counts in cycles of the thread, also where they are others than the plan's. */
 static void the_thread_is_recorded(void) {
-    struct rig rig = set_up(1000000);
+    struct emulated_rig rig = set_up(1000000);
     const struct fsn_thread_options options = {.cycle_ns = 500000};
     CHECK(fsn_core_keep(rig.core, 10000000, (size_t)1 << 20) == FSN_OK);
     CHECK(fsn_core_kept_cycles(rig.core) == 11);
@@ -155,11 +136,11 @@ static void the_thread_is_recorded(void) {
     struct fsn_statistics s;
     CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_OK);
     CHECK(s.now_ns == record.now_ns && s.overruns + record.overruns >= overruns);
-    tear_down(&rig);
+    emulated_rig_end(&rig);
 }
 
 struct shared {
-    struct rig rig;
+    struct emulated_rig rig;
     atomic_bool done;
     atomic_ulong records, missed;
 };
@@ -215,7 +196,7 @@ static void readers_see_whole_cycles(void) {
     printf("%lu records, %lu times too slow, during %lu cycles\n", atomic_load(&shared.records),
            atomic_load(&shared.missed), (unsigned long)cycle);
     CHECK(atomic_load(&shared.records) > 0);
-    tear_down(&shared.rig);
+    emulated_rig_end(&shared.rig);
 }
 
 int main(void) {

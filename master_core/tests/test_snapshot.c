@@ -7,14 +7,12 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#include "builder.h"
-#include "fsn/fsn.h"
+#include "emulated_rig.h"
 
 enum { CYCLES = 20000, PICTURES = 500, MOST_CYCLES = 3000000, SM_BYTES = 1486, COPY_BYTES = 1480 };
 
 struct shared {
-    struct fsn_emulated *bus;
-    struct fsn_core *core;
+    struct emulated_rig on;
     atomic_bool done;
     atomic_ulong pictures, reads;
 };
@@ -27,8 +25,9 @@ static void *device(void *argument) {
     while (!atomic_load(&shared->done)) {
         memset(inputs, value, sizeof inputs);
         value = (uint8_t)(value % 250 + 1);
-        CHECK(fsn_emulated_write_inputs(shared->bus, 1, inputs, sizeof inputs) == FSN_OK);
-        CHECK(fsn_emulated_read_outputs(shared->bus, 2, outputs, sizeof outputs, NULL) == FSN_OK);
+        CHECK(fsn_emulated_write_inputs(shared->on.bus, 1, inputs, sizeof inputs) == FSN_OK);
+        CHECK(fsn_emulated_read_outputs(shared->on.bus, 2, outputs, sizeof outputs, NULL) ==
+              FSN_OK);
         CHECK(memcmp(outputs, outputs + 1, COPY_BYTES - 1) == 0);
         atomic_fetch_add(&shared->reads, 1);
     }
@@ -48,18 +47,18 @@ static void *reader(void *argument) {
     struct shared *shared = argument;
     uint64_t last = 0;
     static uint8_t image[4 * SM_BYTES];
-    const uint32_t source = fsn_core_sm_base(shared->core, 1);
-    const uint32_t destination = fsn_core_sm_base(shared->core, 2);
+    const uint32_t source = fsn_core_sm_base(shared->on.core, 1);
+    const uint32_t destination = fsn_core_sm_base(shared->on.core, 2);
     while (!atomic_load(&shared->done)) {
         struct fsn_statistics statistics;
-        if (fsn_core_snapshot(shared->core, &statistics, NULL, image) != FSN_OK) {
+        if (fsn_core_snapshot(shared->on.core, &statistics, NULL, image) != FSN_OK) {
             continue;
         }
         CHECK(statistics.cycles >= last);
         CHECK(statistics.now_ns == 1000 * statistics.cycles);
         CHECK(statistics.bytes_copied == 2 * COPY_BYTES * statistics.cycles);
         if (statistics.cycles > 0) {
-            check_bytes_of_cycle(shared->core, image, (uint8_t)statistics.cycles);
+            check_bytes_of_cycle(shared->on.core, image, (uint8_t)statistics.cycles);
         }
         CHECK(memcmp(image + source, image + destination, COPY_BYTES) == 0);
         CHECK(memcmp(image + source, image + source + 1, SM_BYTES - 1) == 0);
@@ -74,13 +73,8 @@ int main(void) {
                                              {{1, SM_BYTES}, {2, SM_BYTES}}};
     static const struct build_copy copy[] = {{0, 0, 1, 0, COPY_BYTES}, {1, 0, 0, 0, COPY_BYTES}};
     const struct build build = {.subdevices = 2, .sm = sm, .copies = copy, .standard = 2};
-    size_t len;
-    uint8_t *bytes = build_plan(&build, &len);
-    struct fsn_plan *plan;
-    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
     static struct shared shared;
-    CHECK(fsn_emulated_create(plan, &shared.bus) == FSN_OK);
-    CHECK(fsn_core_create(plan, fsn_emulated_ops(), shared.bus, &shared.core, NULL) == FSN_OK);
+    shared.on = emulated_rig_build(&build);
     pthread_t threads[2];
     CHECK(pthread_create(&threads[0], NULL, device, &shared) == 0);
     CHECK(pthread_create(&threads[1], NULL, reader, &shared) == 0);
@@ -91,8 +85,8 @@ int main(void) {
         /* Written here and not by the device: with two CPUs it hardly runs beside writer and
          * reader. */
         memset(inputs, (uint8_t)cycle, sizeof inputs);
-        CHECK(fsn_emulated_write_inputs(shared.bus, 3, inputs, sizeof inputs) == FSN_OK);
-        CHECK(fsn_core_cycle(shared.core, 1000 * cycle) == FSN_OK);
+        CHECK(fsn_emulated_write_inputs(shared.on.bus, 3, inputs, sizeof inputs) == FSN_OK);
+        CHECK(fsn_core_cycle(shared.on.core, 1000 * cycle) == FSN_OK);
         if (cycle % 1024 == 0) {
             sched_yield(); /* on one CPU the others must get their turn */
         }
@@ -103,9 +97,6 @@ int main(void) {
     printf("%lu pictures, %lu device reads during %lu cycles\n", atomic_load(&shared.pictures),
            atomic_load(&shared.reads), (unsigned long)cycle);
     CHECK(atomic_load(&shared.pictures) > 0);
-    fsn_core_free(shared.core);
-    fsn_emulated_free(shared.bus);
-    fsn_plan_free(plan);
-    free(bytes);
+    emulated_rig_end(&shared.on);
     return 0;
 }

@@ -4,16 +4,13 @@
 
 #include <string.h>
 
-#include "builder.h"
 #include "control/internal.h"
-#include "fsn/emulated.h"
+#include "emulated_rig.h"
 
 enum { KEPT = 64, SM_BYTES = 1000 };
 
 struct rig {
-    struct fsn_plan *plan;
-    struct fsn_emulated *bus;
-    struct fsn_core *core;
+    struct emulated_rig on;
     struct fsn_control *control;
     struct fsn_client *client;
     uint64_t cycle;          /**< run so far */
@@ -50,18 +47,12 @@ static struct rig set_up(void) {
     static const struct build_symbol symbols[] = {{.sm = 0, .bits = 32}, {.sm = 1, .bits = 32}};
     const struct build build = {
         .subdevices = 2, .sm = sm, .cycle_ns = 1000, .symbols = symbols, .symbol_count = 2};
-    struct rig rig = {.next = 1};
-    size_t len;
-    uint8_t *bytes = build_plan(&build, &len);
-    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
-    free(bytes);
-    CHECK(fsn_emulated_create(rig.plan, &rig.bus) == FSN_OK);
-    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
-    CHECK(fsn_core_keep(rig.core, (KEPT - 1) * 1000, (size_t)1 << 20) == FSN_OK);
-    CHECK(fsn_core_kept_cycles(rig.core) == KEPT);
-    rig.control = fsn_control_create(rig.plan, &host, &nobody);
+    struct rig rig = {.on = emulated_rig_build(&build), .next = 1};
+    CHECK(fsn_core_keep(rig.on.core, (KEPT - 1) * 1000, (size_t)1 << 20) == FSN_OK);
+    CHECK(fsn_core_kept_cycles(rig.on.core) == KEPT);
+    rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(rig.control != NULL);
-    fsn_control_attach(rig.control, rig.core);
+    fsn_control_attach(rig.control, rig.on.core);
     rig.client = &rig.control->client[3];
     *rig.client = (struct fsn_client){.fd = 1 << 20, /* no descriptor: nothing is sent here */
                                       .number = 1,
@@ -73,17 +64,15 @@ static void tear_down(struct rig *rig) {
     fsn_stream_end(rig->client);
     rig->client->fd = -1;
     fsn_control_free(rig->control);
-    fsn_core_free(rig->core);
-    fsn_emulated_free(rig->bus);
-    fsn_plan_free(rig->plan);
+    emulated_rig_end(&rig->on);
 }
 
 /** Runs cycles whose output is their number. */
 static void run(struct rig *rig, unsigned cycles) {
     for (unsigned i = 0; i < cycles; i++) {
         rig->cycle++;
-        CHECK(fsn_core_set_output(rig->core, 0, rig->cycle) == FSN_OK);
-        CHECK(fsn_core_cycle(rig->core, 1000 * rig->cycle) == FSN_OK);
+        CHECK(fsn_core_set_output(rig->on.core, 0, rig->cycle) == FSN_OK);
+        CHECK(fsn_core_cycle(rig->on.core, 1000 * rig->cycle) == FSN_OK);
     }
 }
 
@@ -142,7 +131,7 @@ static void requests_are_understood(void) {
     CHECK(answer(&rig, "watch 0", "FSN_E_ARG") && rig.client->stream.every == 7); /* stays */
     CHECK(answer(&rig, "watch 9 --image", "\"watch\":9,\"values\":0,\"image\":true"));
     CHECK(answer(&rig, "watch off", "\"watch\":0") && rig.client->stream.every == 0);
-    CHECK(fsn_core_keep(rig.core, 0, 0) == FSN_OK);
+    CHECK(fsn_core_keep(rig.on.core, 0, 0) == FSN_OK);
     CHECK(answer(&rig, "watch 1", "--record"));
     fsn_control_attach(rig.control, NULL);
     CHECK(answer(&rig, "watch 1", "FSN_E_STATE") && answer(&rig, "layout", "FSN_E_STATE"));
@@ -206,10 +195,11 @@ static void watching_goes_on_with_another_core(void) {
     fsn_control_attach(rig.control, NULL);
     fsn_streams_serve(rig.control);
     CHECK(rig.client->out.len_bytes == 0);
-    fsn_core_free(rig.core);
-    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), rig.bus, &rig.core, NULL) == FSN_OK);
-    CHECK(fsn_core_keep(rig.core, KEPT * 1000, (size_t)1 << 20) == FSN_OK);
-    fsn_control_attach(rig.control, rig.core);
+    fsn_core_free(rig.on.core);
+    CHECK(fsn_core_create(rig.on.plan, fsn_emulated_ops(), rig.on.bus, &rig.on.core, NULL) ==
+          FSN_OK);
+    CHECK(fsn_core_keep(rig.on.core, KEPT * 1000, (size_t)1 << 20) == FSN_OK);
+    fsn_control_attach(rig.control, rig.on.core);
     rig.cycle = 0;
     run(&rig, 3);
     fsn_streams_serve(rig.control);
