@@ -5,9 +5,9 @@ from __future__ import annotations
 from html import escape
 
 from fsoe_net.observe.candidate import Candidate
-from fsoe_net.observe.evidence_cycles import BusFacts
 from fsoe_net.report.html import html_page, table
-from fsoe_net.report.incident_story import FrameRow, Story
+from fsoe_net.report.incident_story import NO_STATEMENT, WORST_COLUMNS, FrameRow, Story
+from fsoe_net.report.incident_strip import Strip, Wrong, strip_of
 from fsoe_net.report.timing import histogram_picture
 
 __all__ = ["incident_page"]
@@ -23,6 +23,11 @@ svg.strip{max-height:46px}@media print{body{font-size:9.5px}.bytes{font-size:8.5
 .cause{break-inside:avoid}@page{margin:12mm}}
 """
 _STRIP_WIDTH, _STRIP_HEIGHT = 960, 40
+_BARS = {
+    Wrong.LATE: 'y="20" width="{}" height="6" fill="#8250df"',
+    Wrong.SHORT: 'y="12" width="{}" height="14" fill="#b35900"',
+    Wrong.LOST: 'y="6" width="{}" height="20" fill="#b00020"',
+}
 
 
 def incident_page(story: Story, version: str) -> str:
@@ -44,9 +49,8 @@ def incident_page(story: Story, version: str) -> str:
         *_timeline(story),
         *_timing(story),
         *_frames(story),
-        '<p class="note">This page says what the evidence fits. It is no safety statement and '
-        "certifies nothing: the MainDevice is part of the black channel and takes no part in the "
-        "safety function. The manuals of the devices prevail.</p>",
+        f'<p class="note">{NO_STATEMENT}: the MainDevice is part of the black channel and takes no '
+        "part in the safety function. The manuals of the devices prevail.</p>",
     ]
     return html_page(story.title, body, style=_STYLE)
 
@@ -81,24 +85,10 @@ def _other(found: Candidate) -> str:
 def _links(story: Story) -> list[str]:
     if not story.links:
         return []
-    rows = [
-        [
-            f"<b>{escape(r.name)}</b>" if r.mark else escape(r.name),
-            *(
-                escape(cell)
-                for cell in (
-                    r.connection_id,
-                    r.address,
-                    r.watchdog,
-                    r.state,
-                    r.wrong,
-                    r.resets,
-                    r.answers,
-                )
-            ),
-        ]
-        for r in story.links
-    ]
+    rows = []
+    for row in story.links:
+        name, *cells = map(escape, row.cells)
+        rows.append([f"<b>{name}</b>" if row.mark else name, *cells])
     head = (
         "Connection",
         "ConnID",
@@ -114,7 +104,6 @@ def _links(story: Story) -> list[str]:
 
 
 def _timeline(story: Story) -> list[str]:
-    bus = story.evidence.bus
     rows = [
         (
             f"{row.offset_ms:+.1f} ms",
@@ -124,31 +113,22 @@ def _timeline(story: Story) -> list[str]:
         for row in story.events
     ]
     more = f'<p class="muted">{story.events_left} more in the file.</p>' * bool(story.events_left)
-    strip = _strip(bus, story.evidence.moment_ns)
-    if not rows and not strip:
+    strip = strip_of(story.evidence)
+    if not rows and strip is None:
         return []
-    return ["<h2>Timeline</h2>", strip, table(("Time", "Event"), rows) if rows else "", more]
+    drawn = _strip(strip) if strip else ""
+    return ["<h2>Timeline</h2>", drawn, table(("Time", "Event"), rows) if rows else "", more]
 
 
-def _strip(bus: BusFacts, moment_ns: int) -> str:
+def _strip(strip: Strip) -> str:
     """Draw the window: what was wrong in each slice, and the moment."""
-    span = bus.last_ns - bus.first_ns
-    if not bus.timeline or span <= 0:
-        return ""
-
-    def x(now_ns: int) -> float:
-        return min(1.0, max(0.0, (now_ns - bus.first_ns) / span)) * _STRIP_WIDTH
-
-    width = max(1.0, _STRIP_WIDTH / len(bus.timeline))
+    width = max(1.0, _STRIP_WIDTH / len(strip.slices))
     bars = "".join(
-        f'<rect x="{x(start):.1f}" y="{6 if lost else 12}" width="{width:.1f}" '
-        f'height="{20 if lost else 14}" fill="{"#b00020" if lost else "#b35900"}"/>'
-        if short or lost
-        else f'<rect x="{x(start):.1f}" y="20" width="{width:.1f}" height="6" fill="#8250df"/>'
-        for start, _, short, lost, extra in bus.timeline
-        if short or lost or extra > bus.cycle_ns > 0
+        f'<rect x="{piece.begin * _STRIP_WIDTH:.1f}" {_BARS[piece.wrong].format(f"{width:.1f}")}/>'
+        for piece in strip.slices
+        if piece.wrong
     )
-    at = x(moment_ns)
+    at = strip.moment * _STRIP_WIDTH
     anchor = "end" if at > _STRIP_WIDTH / 2 else "start"
     return (
         f'<svg class="strip" viewBox="0 0 {_STRIP_WIDTH} {_STRIP_HEIGHT}" role="img" '
@@ -165,8 +145,8 @@ def _timing(story: Story) -> list[str]:
     histograms = story.evidence.head.counters.histograms
     wanted = [k for k in ("period", "round_trip", "latency", "work") if k in histograms][:2]
     pictures = [histogram_picture(key, histograms[key]) for key in wanted]
-    head = ("Cycle", "When", "Too late", "Wake-up", "Work", "Round trip")
-    worst = [table(head, [[escape(c) for c in row] for row in story.worst])] if story.worst else []
+    rows = [[escape(cell) for cell in row] for row in story.worst]
+    worst = [table(WORST_COLUMNS, rows)] if rows else []
     return ["<h2>Timing</h2>", *pictures, *worst] if pictures or worst else []
 
 

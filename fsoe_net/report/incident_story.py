@@ -11,8 +11,21 @@ from fsoe_net.observe.evidence import Evidence
 from fsoe_net.observe.evidence_frames import FrameSeen
 from fsoe_net.run import state_text
 
-__all__ = ["FrameRow", "LinkRow", "Story", "TimeRow", "story_json", "story_of"]
+__all__ = [
+    "NO_STATEMENT",
+    "WORST_COLUMNS",
+    "FrameRow",
+    "LinkRow",
+    "Story",
+    "TimeRow",
+    "story_json",
+    "story_of",
+]
 
+WORST_COLUMNS = ("Cycle", "When", "Too late", "Wake-up", "Work", "Round trip")
+NO_STATEMENT = (
+    "This page says what the evidence fits. It is no safety statement and certifies nothing"
+)
 _EVENTS = 12
 _BEFORE, _AFTER = 8, 4
 _MOST_LINKS = 24
@@ -34,6 +47,20 @@ class LinkRow:
     resets: str
     answers: str
     mark: bool
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """What is shown in a table: its name first."""
+        return (
+            self.name,
+            self.connection_id,
+            self.address,
+            self.watchdog,
+            self.state,
+            self.wrong,
+            self.resets,
+            self.answers,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,14 +6,15 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from fsoe_net.observe.candidate import Candidate
-from fsoe_net.observe.evidence_cycles import BusFacts
-from fsoe_net.report.incident_story import FrameRow, Story
+from fsoe_net.report.incident_story import NO_STATEMENT, WORST_COLUMNS, FrameRow, Story
+from fsoe_net.report.incident_strip import Strip, strip_of
 from fsoe_net.report.timing import histogram_name
 
 __all__ = ["incident_text"]
 
 _WIDTH = 100
 _STRIP = 96
+_SIGNS = ".tXL"  # as in Wrong
 
 
 def incident_text(story: Story) -> str:
@@ -28,10 +29,7 @@ def incident_text(story: Story) -> str:
         _timeline(story),
         _timing(story),
         _frames(story),
-        _wrap(
-            "This page says what the evidence fits. It is no safety statement and certifies "
-            "nothing; the manuals of the devices prevail."
-        ),
+        _wrap(f"{NO_STATEMENT}; the manuals of the devices prevail."),
     ]
     return "\n\n".join("\n".join(part) for part in parts if part)
 
@@ -74,20 +72,7 @@ def _links(story: Story) -> list[str]:
     if not story.links:
         return []
     head = ("", "connection", "ConnID", "addr", "watchdog", "state", "wrong", "resets", "answers")
-    rows = [
-        (
-            ">" if r.mark else "",
-            r.name,
-            r.connection_id,
-            r.address,
-            r.watchdog,
-            r.state,
-            r.wrong,
-            r.resets,
-            r.answers,
-        )
-        for r in story.links
-    ]
+    rows = [(">" if row.mark else "", *row.cells) for row in story.links]
     more = [f"  {story.links_left} more"] if story.links_left else []
     return [
         "CONNECTIONS (state just before; wrong CRCs to sub / to main; resets by whom and code;",
@@ -113,26 +98,21 @@ def _timeline(story: Story) -> list[str]:
     ]
     if story.events_left:
         lines.append(f"  {story.events_left} more events in the file")
-    strip = _strip(story.evidence.bus, story.evidence.moment_ns)
-    return ["TIMELINE", *strip, *lines] if lines or strip else []
+    strip = strip_of(story.evidence)
+    drawn = _strip(strip) if strip else []
+    return ["TIMELINE", *drawn, *lines] if lines or drawn else []
 
 
-def _strip(bus: BusFacts, moment_ns: int) -> list[str]:
+def _strip(strip: Strip) -> list[str]:
     """Return the window as a line of characters: what was wrong in each slice."""
-    rows = bus.timeline
-    if not rows or bus.last_ns <= bus.first_ns:
-        return []
-    length = (bus.last_ns - bus.first_ns) / _STRIP
-    cells = ["."] * _STRIP
-    order = ".tXL"
-    for start, _, short, lost, extra in rows:
-        at = min(_STRIP - 1, int((start - bus.first_ns) / length))
-        sign = "L" if lost else "X" if short else "t" if extra > bus.cycle_ns > 0 else "."
-        cells[at] = max(cells[at], sign, key=order.index)
-    mark = min(_STRIP - 1, max(0, int((moment_ns - bus.first_ns) / length)))
+    cells = [0] * _STRIP
+    for piece in strip.slices:
+        at = min(_STRIP - 1, int(piece.begin * _STRIP))
+        cells[at] = max(cells[at], piece.wrong)
+    mark = min(_STRIP - 1, int(strip.moment * _STRIP))
     return [
         "  " + " " * mark + "v the moment",
-        "  " + "".join(cells),
+        "  " + "".join(_SIGNS[worst] for worst in cells),
         "  . complete   X working counter incomplete   L frames lost   t cycle late",
     ]
 
@@ -145,7 +125,7 @@ def _timing(story: Story) -> list[str]:
             f"{h.p999_ns / 1000:8.1f} us   most {h.max_ns / 1000:8.1f} us"
         )
     if story.worst:
-        head = ("cycle", "when", "too late", "wake-up", "work", "round trip")
+        head = [column.lower() for column in WORST_COLUMNS]
         lines += ["  latest cycles:", *_table([head, *story.worst])]
     return ["TIMING", *lines] if lines else []
 
