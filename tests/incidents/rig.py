@@ -19,6 +19,12 @@ from fsoe_net.observe.evidence import Evidence, gather
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import IncidentRecorder, Session, counted_session_ids
 
+MS = 1_000_000
+CELL, ESTOP = "el6910", "estop"
+DRIVE = "el6910-drive_1"
+COUPLER = "el1918-ek1914"
+Seed = tuple[Callable[[Path], Path], str]
+"""What makes the file in a folder, and the cause that is to be named."""
 START = datetime(2026, 3, 1, 12, 0, 0, tzinfo=UTC)
 
 

@@ -8,7 +8,7 @@ import os
 
 import pytest
 from incidents.rig import START, Rig, network, read
-from incidents.seeds import failed
+from incidents.seeds_start import failed
 
 from fsoe_net.errors import IncidentError
 from fsoe_net.observe import CycleRecord, IncidentReader, incident_name, write_incident
