@@ -1,0 +1,119 @@
+/** What both live backends check of a SubDevice, against objects in memory. */
+#include "live/check.h"
+
+#include <string.h>
+
+#include "emulated_rig.h"
+
+enum { KNOWN_ADDRESS = 2, SUB = 1, POSITION = 5 };
+
+/** Objects of one SubDevice: whatever is asked, this is the answer. */
+struct objects {
+    fsn_status status;
+    uint32_t abort_code;
+    uint16_t value;
+    uint32_t transfers;
+    uint16_t index;
+};
+
+static fsn_status answer(struct objects *o, struct fsn_transfer *t) {
+    CHECK(t->position == POSITION && t->data != NULL);
+    o->transfers++;
+    o->index = t->index;
+    t->abort_code = o->abort_code;
+    return o->status;
+}
+
+static fsn_status upload(void *bus, struct fsn_transfer *t) {
+    struct objects *o = bus;
+    if (o->status == FSN_OK) {
+        CHECK(t->size_bytes == 8);
+        t->data[0] = (uint8_t)o->value;
+        t->data[1] = (uint8_t)(o->value >> 8);
+        t->size_bytes = 2;
+    }
+    return answer(o, t);
+}
+
+static fsn_status download(void *bus, struct fsn_transfer *t) {
+    return answer(bus, t);
+}
+
+static struct fsn_objects reach(struct objects *o) {
+    return (struct fsn_objects){
+        .bus = o, .position = POSITION, .upload = upload, .download = download};
+}
+
+/** A plan with one SDO of its last SubDevice; its connection knows its FSoE address. */
+static struct fsn_plan *load(void) {
+    struct fsn_plan *plan;
+    size_t len;
+    uint8_t *bytes = build_full(&len);
+    uint8_t *connection = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_CONNECTION - 1) + 4);
+    connection[30] |= KNOWN_ADDRESS;
+    build_fix_crc(bytes, len);
+    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    free(bytes);
+    return plan;
+}
+
+static void identities_are_compared(void) {
+    const struct fsn_subdevice_info info = {
+        .vendor_id = 2, .product_code = 3, .revision_low = 10, .revision_high = 20};
+    char detail[FSN_DETAIL_BYTES] = "";
+    CHECK(fsn_check_identity(&info, 2, 3, 10, detail));
+    CHECK(fsn_check_identity(&info, 2, 3, 20, detail));
+    CHECK(detail[0] == 0);
+    CHECK(!fsn_check_identity(&info, 2, 3, 9, detail));
+    CHECK(!fsn_check_identity(&info, 2, 3, 21, detail));
+    CHECK(!fsn_check_identity(&info, 1, 3, 10, detail));
+    CHECK(!fsn_check_identity(&info, 2, 4, 10, detail));
+    CHECK(strstr(detail, "product 0x00000004 revision 0x0000000a, the plan says") != NULL);
+}
+
+static void who_takes_no_sdo_says_why(struct fsn_plan *plan) {
+    struct fsn_subdevice_info info;
+    char detail[FSN_DETAIL_BYTES];
+    struct objects objects = {.status = FSN_OK};
+    const struct fsn_objects reached = reach(&objects);
+    CHECK(fsn_plan_subdevice(plan, SUB, &info) == FSN_OK && info.sdo_count == 1);
+    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_OK && objects.transfers == 1);
+    CHECK(fsn_check_sdos(plan, &info, NULL, detail) == FSN_E_BUS_SDO);
+    CHECK(strstr(detail, "is to be written, but it has no CoE") != NULL);
+    objects = (struct objects){.status = FSN_E_BUS_SDO, .abort_code = 0x06090030};
+    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_SDO);
+    CHECK(strstr(detail, ": abort code 0x06090030 value out of range") != NULL);
+    objects = (struct objects){.status = FSN_E_BUS_MISSING};
+    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_SDO);
+    CHECK(strcmp(detail + strlen(detail) - strlen(": no answer"), ": no answer") == 0);
+    info.sdo_count = 0;
+    CHECK(fsn_check_sdos(plan, &info, NULL, detail) == FSN_OK);
+}
+
+static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
+    struct fsn_connection_info c;
+    char detail[FSN_DETAIL_BYTES];
+    bool readable = true;
+    CHECK(fsn_plan_connection(plan, 0, &c) == FSN_OK && c.sub_subdevice == SUB);
+    struct objects objects = {.status = FSN_OK, .value = c.address};
+    const struct fsn_objects reached = reach(&objects);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && readable);
+    CHECK(objects.transfers == 1 && objects.index == 0xF980);
+    CHECK(fsn_check_address(plan, 1 - SUB, &reached, &readable, detail) == FSN_OK && !readable);
+    CHECK(fsn_check_address(plan, SUB, NULL, &readable, detail) == FSN_OK && !readable);
+    CHECK(objects.transfers == 1);
+    objects.value++;
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_ADDRESS);
+    CHECK(readable && strstr(detail, "it has FSoE address ") == detail);
+    objects.status = FSN_E_BUS_MISSING;
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && !readable);
+}
+
+int main(void) {
+    struct fsn_plan *plan = load();
+    identities_are_compared();
+    who_takes_no_sdo_says_why(plan);
+    addresses_are_compared_where_both_tell_them(plan);
+    fsn_plan_free(plan);
+    return 0;
+}
