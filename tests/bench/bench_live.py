@@ -163,13 +163,6 @@ def with_fsn(plan: Path, seconds: float, cpu: int) -> tuple[float, int]:
 def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
     cpu = int(sys.argv[2]) if len(sys.argv) > 2 else max(os.sched_getaffinity(0))
-    for command in (
-        "ip link set lo up",
-        "ip link add near type veth peer name far",
-        "ip link set near up",
-        "ip link set far up",
-    ):
-        subprocess.run(command.split(), check=True)
     with tempfile.TemporaryDirectory() as folder:
         loaded = load_network([network(Path(folder))])
         resolution = resolve(loaded.network)

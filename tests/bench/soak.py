@@ -21,13 +21,6 @@ PRIORITY = 80
 def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 3600.0
     cpu = sys.argv[2] if len(sys.argv) > 2 else str(max(os.sched_getaffinity(0)))
-    for command in (
-        "ip link set lo up",
-        "ip link add near type veth peer name far",
-        "ip link set near up",
-        "ip link set far up",
-    ):
-        subprocess.run(command.split(), check=True)
     # The devices above whatever else the machine does: their watchdogs do not wait for it.
     above = ["chrt", "-f", "10"] if shutil.which("chrt") else []
     segment = ["--interface", "far", "--priority", str(PRIORITY + 1), "--cpu", cpu]

@@ -13,8 +13,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from master.rig import Client, program
 from run.live_rig import Emulator, wait_for
 
@@ -188,13 +186,6 @@ def without_plan(network, half):
 
 
 def main():
-    for command in (
-        "ip link set lo up",
-        "ip link add near type veth peer name far",
-        "ip link set near up",
-        "ip link set far up",
-    ):
-        subprocess.run(command.split(), check=True)
     case, network, plan = sys.argv[1:4]
     if case in ("whole", "half"):
         seen = without_plan(network, case == "half")

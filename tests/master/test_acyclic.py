@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from master.rig import ROOT, run_to_end, running, write_plan
+from master.rig import run_to_end, running, write_plan
 from run.support import EXAMPLES
 from run.test_live_bus import ATTEMPTS, why_not
-from segment.test_peers import NAMESPACE, missing
+from wires import run_program
 
 ROBOT = str(EXAMPLES / "el6910" / "network.yaml")
 NAMES = ["coupler", "el6910", "el1904", "el2904", "drive_1", "drive_2"]
 
 
 def seen(case: str, tmp_path: Path) -> Any:
-    why = why_not() or missing("json")
+    why = why_not()
     if why:
         pytest.skip(why)
-    rig = [*NAMESPACE, sys.executable, str(ROOT / "tests/master/acyclic_rig.py"), case, ROBOT]
-    rig += [str(write_plan(tmp_path))]
+    plan = write_plan(tmp_path)
     for _ in range(ATTEMPTS):
-        done = subprocess.run(rig, capture_output=True, text=True, check=False, cwd=tmp_path)
+        done = run_program("master/acyclic_rig.py", case, ROBOT, plan, cwd=tmp_path)
         if done.returncode == 0:
             break
     assert done.returncode == 0, done.stderr

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import signal
 import subprocess
-from pathlib import Path
 
-import live_rig
-from live_rig import FSN, Emulator, Running, main, wait_for
+from run.live_rig import CASES, FSN, Emulator, Running, main, wait_for
 
 
 def monitor(*words):
@@ -79,8 +77,7 @@ def comes_and_goes(network, other):
     return {"code": process.returncode, "told": told, "out": out, "err": err}
 
 
-live_rig.CASES |= {f.__name__: f for f in (watch, comes_and_goes)}
+CASES |= {f.__name__: f for f in (watch, comes_and_goes)}
 
 if __name__ == "__main__":
-    assert Path(live_rig.__file__).parent == Path(__file__).parent
     main()

@@ -13,7 +13,7 @@ import pytest
 from cli.tool import fsn
 from run.support import EXAMPLES, ROOT, document, needs_core
 from run.support import run as run_virtually
-from segment.test_peers import NAMESPACE, missing
+from wires import missing, run_program
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run import find_master
@@ -35,20 +35,17 @@ def why_not():
     version = subprocess.run([program, "--version"], capture_output=True, text=True, check=False)
     if "bus soem: not in this build" in version.stdout:
         return "this fsn-master has no soem: scripts/get-soem, then make master"
-    return missing("json")
+    return missing()
 
 
 def on_the_wire(case, *networks, tmp, good=lambda _: True, script="live_rig.py"):
     why = why_not()
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
-    rig = [*NAMESPACE, sys.executable, str(ROOT / "tests/run" / script), case, *networks]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "XDG_RUNTIME_DIR": str(tmp)[:60]}
+    runtime = {"XDG_RUNTIME_DIR": str(tmp)[:60]}
     seen = "nothing"
     for _ in range(ATTEMPTS):
-        done = subprocess.run(
-            rig, capture_output=True, text=True, check=False, cwd=tmp, env=environment
-        )
+        done = run_program(f"run/{script}", case, *networks, cwd=tmp, more=runtime)
         assert "Traceback (most recent" not in done.stdout
         seen = done.stdout + done.stderr
         if done.returncode == 0:

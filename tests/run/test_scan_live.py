@@ -1,16 +1,13 @@
 """A scan over a real wire: what is changed on the emulated segment is what `check` names."""
 
 import json
-import os
 import subprocess
-import sys
 import tempfile
 
 import pytest
 from cli.tool import fsn
-from run.support import ROOT
 from run.test_live_bus import ESTOP, REQUIRED, ROBOT, why_not
-from segment.test_peers import NAMESPACE
+from wires import run_program
 
 from fsoe_net.run import find_master
 
@@ -29,22 +26,13 @@ def on_the_wire(case, network, *commands, tmp, good):
     why = why_no_scan()
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
-    rig = [*NAMESPACE, sys.executable, str(ROOT / "tests/run/scan_rig.py"), case, network]
-    path = f"{ROOT}:{ROOT / 'tests'}"
     with tempfile.TemporaryDirectory(prefix="fsn-") as runtime:  # the path of a socket is short
-        environment = os.environ | {"PYTHONPATH": path, "XDG_RUNTIME_DIR": runtime}
+        more = {"XDG_RUNTIME_DIR": runtime}
         seen = "nothing"
         for attempt in range(ATTEMPTS):
             folder = tmp / str(attempt)
             folder.mkdir()
-            done = subprocess.run(
-                [*rig, *commands],
-                capture_output=True,
-                text=True,
-                check=False,
-                cwd=folder,
-                env=environment,
-            )
+            done = run_program("run/scan_rig.py", case, network, *commands, cwd=folder, more=more)
             seen = done.stdout + done.stderr
             assert "Traceback (most recent" not in done.stdout
             if done.returncode == 0 and good(json.loads(done.stdout.splitlines()[-1])):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import threading
 import time
@@ -22,19 +21,6 @@ from fsoe_net.plan import compile_plan, decode_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 
 DEADLINE_S = 20.0
-
-
-def make_link():
-    for command in (
-        "ip link set lo up",
-        "ip link add near type veth peer name far",
-        "ip link set near up",
-        "ip link set far up",
-        "ip link add near2 type veth peer name far2",
-        "ip link set near2 up",
-        "ip link set far2 up",
-    ):
-        subprocess.run(command.split(), check=True)
 
 
 class Devices:
@@ -163,7 +149,6 @@ def kickcat(devices, second=""):
 def main() -> None:
     # On one CPU an answer is there at once; on two, waking the other takes too long now and then.
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    make_link()
     peer, _, cabling = sys.argv[1].partition("-")
     devices = Devices(sys.argv[2], "far2" if cabling else None)
     try:

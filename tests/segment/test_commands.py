@@ -1,15 +1,12 @@
 """Commands and scenario steps on an emulated segment, in memory."""
 
-import os
 import struct
-import subprocess
-import sys
 
 import pytest
 from networks import example
-from segment.test_emulate import ESTOP
-from segment.test_peers import NAMESPACE, ROOT, missing
+from segment.test_emulate import EMULATE, ESTOP
 from segment.wire import read_frame
+from wires import missing, run_inside
 
 from fsoe_net.fsoe import State
 from fsoe_net.load import load_scenario
@@ -218,22 +215,11 @@ def test_a_run_without_a_segment_says_so(tmp_path):
 
 def test_lines_on_standard_input():
     """Answers come for good and bad lines, and the end of input does not end the emulation."""
-    why = missing("json")
+    why = missing()
     if why:
         pytest.skip(why)
-    script = (
-        "ip link add near type veth peer name far; ip link set near up; ip link set far up;"
-        f"exec {sys.executable} -m fsoe_net.cli emulate {ESTOP} --interface far --commands"
-        " --duration 0.5"
-    )
-    done = subprocess.run(
-        [*NAMESPACE, "sh", "-c", script],
-        input="cut ek1914\nbroke it\n\nstatus",
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-    )
+    words = (*EMULATE, ESTOP, "--interface", "far", "--commands", "--duration", "0.5")
+    done = run_inside(*words, text="cut ek1914\nbroke it\n\nstatus")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert done.stderr.splitlines()[1] == "ok"

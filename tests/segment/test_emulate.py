@@ -1,24 +1,21 @@
 """`fsoe-net emulate`: what it refuses, and a network that nobody talks to."""
 
 import json
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from cli.tool import fsn
 from networks import example
-from segment.test_peers import NAMESPACE, missing
 from segment.wire import read_frame
+from wires import ROOT, missing, run_inside
 
 from fsoe_net.core import Segment
 from fsoe_net.errors import CoreError, EnvironmentFault
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 
-ROOT = Path(__file__).parents[2]
 ESTOP = str(ROOT / "examples" / "estop" / "network.yaml")
+EMULATE = [sys.executable, "-m", "fsoe_net.cli", "emulate"]
 
 
 @pytest.mark.parametrize(
@@ -39,20 +36,11 @@ def test_refusals(arguments, code, message):
 
 
 def test_nobody_speaks():
-    why = missing("json")
+    why = missing()
     if why:
         pytest.skip(why)
-    script = (
-        "ip link add near type veth peer name far; ip link set near up; ip link set far up;"
-        f"exec {sys.executable} -m fsoe_net.cli emulate {ESTOP} --interface far --duration 0.2"
-    )
-    done = subprocess.run(
-        [*NAMESPACE, "sh", "-c", script + " --format json"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-    )
+    words = (*EMULATE, ESTOP, "--interface", "far", "--duration", "0.2", "--format", "json")
+    done = run_inside(*words)
     assert done.returncode == 1
     assert "EMULATION of 2 SubDevices on far" in done.stderr
     document = json.loads(done.stdout)

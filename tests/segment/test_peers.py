@@ -3,48 +3,29 @@
 import importlib.util
 import json
 import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
+from wires import ROOT, missing, run_program
 
-ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 REQUIRED = "peers" in os.environ.get("FSN_REQUIRE", "").split(",")
 # A MainDevice takes a frame for lost after milliseconds; on a busy machine it gives up at times.
 ATTEMPTS = 4
-# A network namespace of its own, as root or as an ordinary user where the system lets it.
-NAMESPACE = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
 
 
-def missing(package):
+def why_not(package):
     """Return why the test cannot run, or an empty text."""
     if importlib.util.find_spec(package) is None:
         return f"{package} is not installed: pip install -e '.[peers]'"
-    if shutil.which("unshare") is None or shutil.which("ip") is None:
-        return "unshare and ip are needed for a network namespace"
-    done = subprocess.run(
-        [*NAMESPACE, "ip", "link", "add", "near", "type", "veth", "peer", "name", "far"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return "" if done.returncode == 0 else f"no network namespace with veth: {done.stderr.strip()}"
+    return missing()
 
 
 def run(peer, package, network):
-    why = missing(package)
+    why = why_not(package)
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
     for _ in range(ATTEMPTS):
-        done = subprocess.run(
-            [*NAMESPACE, sys.executable, str(ROOT / "tests/segment/peers.py"), peer, network],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = run_program("segment/peers.py", peer, network, cables=2)
         if done.returncode == 0:
             # KickCAT writes to standard output as well, at times only when it ends.
             return json.loads(next(n for n in done.stdout.splitlines() if n.startswith("{")))

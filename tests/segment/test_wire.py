@@ -1,22 +1,14 @@
 """A segment on veth pairs answers raw frames; the checks are in wire.py."""
 
-import subprocess
-import sys
-
 import pytest
-from segment.test_peers import EXAMPLES, NAMESPACE, ROOT, missing
+from wires import ROOT, missing, run_program
 
 
 @pytest.mark.parametrize("check", ["ring", "realtime", "faults"])
 def test_on_the_wire(check):
-    why = missing("json")
+    why = missing()
     if why:
         pytest.skip(why)
-    network = str(EXAMPLES / "estop" / "network.yaml")
-    done = subprocess.run(
-        [*NAMESPACE, sys.executable, str(ROOT / "tests/segment/wire.py"), check, network],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    network = str(ROOT / "examples" / "estop" / "network.yaml")
+    done = run_program("segment/wire.py", check, network, cables=2)
     assert done.returncode == 0, done.stderr

@@ -9,7 +9,6 @@ import os
 import select
 import socket
 import struct
-import subprocess
 import sys
 import time
 
@@ -37,15 +36,6 @@ def read_frame(command: int, position: int, address: int, size: int, index: int 
 BROADCAST = read_frame(7, 0, 0, 1)
 
 
-def make_pair(near, far):
-    for command in (
-        f"ip link add {near} type veth peer name {far}",
-        f"ip link set {near} up",
-        f"ip link set {far} up",
-    ):
-        subprocess.run(command.split(), check=True)
-
-
 class Port:
     """One port of a MainDevice."""
 
@@ -68,7 +58,6 @@ def counter(frame):
 
 
 def ring(segment: Segment) -> None:
-    make_pair("near2", "far2")
     segment.link(SegmentLink(interface="far", interface2="far2"))
     first, second = Port("near"), Port("near2")
     first.send()
@@ -137,7 +126,6 @@ def faults(segment: Segment) -> None:
 
 
 def main() -> None:
-    make_pair("near", "far")
     resolution = resolve(load_network([sys.argv[2]]).network)
     plan = compile_plan(resolution).to_bytes()
     session = SegmentSession(resolution, plan, None, session_ids=counted_session_ids())

@@ -1,0 +1,76 @@
+"""Network namespaces for tests: each with nothing but ``lo`` and cables of its own.
+
+A cable is a veth pair: ``near``, where a MainDevice is, and ``far``, where SubDevices are; the
+second one has ``near2`` and ``far2``. As a program, ``wires.py COMMAND…`` runs a command beside the
+first one.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+TESTS = Path(__file__).parent
+ROOT = TESTS.parent
+# As root, or as an ordinary user where the system lets it.
+NAMESPACE = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
+
+
+def command_inside(*command: str | Path, cables: int = 1) -> list[str]:
+    """Return how a command is run in a namespace of its own."""
+    steps = ["ip link set lo up"]
+    for near, far in [("near", "far"), ("near2", "far2")][:cables]:
+        steps.append(f"ip link add {near} type veth peer name {far}")
+        steps += [f"ip link set {end} up" for end in (near, far)]
+    script = " && ".join([*steps, 'exec "$@"'])
+    return [*NAMESPACE, "sh", "-c", script, "sh", *map(str, command)]
+
+
+def run_inside(
+    *command: str | Path,
+    cables: int = 1,
+    cwd: Path | None = None,
+    more: dict[str, str] | None = None,
+    text: str = "",
+) -> subprocess.CompletedProcess[str]:
+    """Run a command there, and return what it wrote; programs of ours find ours and their own.
+
+    Args:
+        command: it and its arguments.
+        cables: how many there are.
+        cwd: the folder it is run in.
+        more: added to the environment.
+        text: its standard input.
+    """
+    return subprocess.run(
+        command_inside(*command, cables=cables),
+        input=text,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=cwd,
+        env=os.environ | {"PYTHONPATH": f"{ROOT}:{TESTS}"} | (more or {}),
+    )
+
+
+def run_program(
+    program: str, *arguments: str | Path, cables: int = 1, **how: object
+) -> subprocess.CompletedProcess[str]:
+    """Run one of the programs of the tests there, such as ``run/live_rig.py``."""
+    return run_inside(sys.executable, TESTS / program, *arguments, cables=cables, **how)
+
+
+def missing() -> str:
+    """Return why there is no such namespace here, or an empty text."""
+    if shutil.which("unshare") is None or shutil.which("ip") is None:
+        return "unshare and ip are needed for a network namespace"
+    done = run_inside("true")
+    return "" if done.returncode == 0 else f"no network namespace with veth: {done.stderr.strip()}"
+
+
+if __name__ == "__main__":
+    command = command_inside(*sys.argv[1:])
+    os.execvp(command[0], command)
