@@ -1,5 +1,6 @@
 """Files into the model, every value with its place; what is wrong becomes diagnostics."""
 
+from fsoe_net.load.answers import load_answers, parse_answers
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_foreign
 from fsoe_net.load.library import builtin_library, load_library, parse_library_device
@@ -21,6 +22,7 @@ __all__ = [
     "builtin_library",
     "check_structure",
     "find_kind",
+    "load_answers",
     "load_devices",
     "load_foreign",
     "load_library",
@@ -28,6 +30,7 @@ __all__ = [
     "load_scan",
     "load_scenario",
     "load_yaml",
+    "parse_answers",
     "parse_library_device",
     "parse_scan",
     "parse_yaml",

@@ -1,5 +1,13 @@
 """The network as the user's files describe it: frozen dataclasses, no I/O."""
 
+from fsoe_net.model.answers import (
+    AnsweredConnection,
+    AnsweredDevice,
+    AnsweredWord,
+    Answers,
+    Ask,
+    Question,
+)
 from fsoe_net.model.bus import (
     Device,
     Direction,
@@ -58,6 +66,15 @@ from fsoe_net.model.network import (
     Transfer,
     TransferKind,
 )
+from fsoe_net.model.pairing import (
+    FramePair,
+    OpenPair,
+    Pairing,
+    frame_pairs,
+    lonely_frames,
+    pair_by_lengths,
+)
+from fsoe_net.model.proposal import Proposal, propose
 from fsoe_net.model.resolve import (
     Connection,
     Resolution,
@@ -84,6 +101,11 @@ from fsoe_net.model.slots import FramePair, frame_pairs, slot_numbers
 
 __all__ = [
     "Action",
+    "AnsweredConnection",
+    "AnsweredDevice",
+    "AnsweredWord",
+    "Answers",
+    "Ask",
     "Connection",
     "ConnectionFacts",
     "ConnectionTrouble",
@@ -117,9 +139,13 @@ __all__ = [
     "Miss",
     "Net",
     "Network",
+    "OpenPair",
+    "Pairing",
     "Pdo",
     "PdoFacts",
     "Placed",
+    "Proposal",
+    "Question",
     "Resolution",
     "ResolvedEnd",
     "ResolvedTransfer",
@@ -155,10 +181,13 @@ __all__ = [
     "has_layout",
     "join_buses",
     "layout_of",
+    "lonely_frames",
     "main_instance_of",
     "near_misses",
+    "pair_by_lengths",
     "partner_block",
     "place_entries",
+    "propose",
     "resolve",
     "shared_modules",
     "signals_of",

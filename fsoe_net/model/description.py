@@ -74,6 +74,7 @@ class DescribedSubDevice(Located):
         revision: Revision number; a device type may leave it open.
         serial: Serial number.
         module_ident: Modules chosen for the slots, in order, for modular devices.
+        fsoe_address: FSoE address the device told of itself.
         truncated: The source ends in the middle of this SubDevice.
         notes: What a reader had to assume, in words, for people.
         facts: What is said beside the process data; no part of a comparison.
@@ -88,6 +89,7 @@ class DescribedSubDevice(Located):
     revision: int | None = None
     serial: int | None = None
     module_ident: tuple[int, ...] = ()
+    fsoe_address: int | None = None
     truncated: bool = False
     notes: tuple[str, ...] = ()
     facts: TypeFacts = field(default_factory=TypeFacts, compare=False)
@@ -122,6 +124,8 @@ class DescribedConnection(Located):
 
     ``slot`` is the number of the frame pair of the MainInstance (`frame_pairs`); sources that list
     the connections of a logic in that order tell it by their order.
+    ``sub_slot`` is that of the SubInstance. ``net`` names the net it belongs to. ``unconfirmed``:
+    why nobody may rely on it yet; empty when nothing speaks against it.
     """
 
     name: str = ""
@@ -132,6 +136,9 @@ class DescribedConnection(Located):
     watchdog_ms: int | None = None
     app_parameters: bytes = b""
     slot: int | None = None
+    sub_slot: int | None = None
+    net: str = ""
+    unconfirmed: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

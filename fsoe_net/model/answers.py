@@ -1,0 +1,103 @@
+"""What a user answers when files do not tell: the ring, roles, doubtful frames, connections."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fsoe_net.diag import Span
+from fsoe_net.model.bus import Located
+
+__all__ = ["AnsweredConnection", "AnsweredDevice", "AnsweredWord", "Answers", "Ask", "Question"]
+
+
+class Ask(enum.Enum):
+    """What a question is about; the values are the keys of an answers file."""
+
+    SUBDEVICES = "subdevices"
+    PROCESS_DATA = "process_data"
+    FRAMES = "frames"
+    MAIN = "main"
+    CONNECTIONS = "connections"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnsweredDevice(Located):
+    """``count`` SubDevices of a type, one behind the other in the ring."""
+
+    type: str
+    name: str = ""
+    count: int = 1
+    revision: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnsweredWord(Located):
+    """A word with its place: the name of a SubDevice, of process data, or yes and no."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnsweredConnection(Located):
+    """A connection the user knows; the keys are those of ``connections`` in a network file."""
+
+    sub: str
+    main: str | None = None
+    slot: int | None = None
+    sub_slot: int | None = None
+    address: int | None = None
+    connection_id: int | None = None
+    watchdog_ms: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers(Located):
+    """All answers.
+
+    Attributes:
+        name: Name of the network.
+        cycle_us: Bus cycle in microseconds.
+        subdevices: What is on the ring, in ring order; only where no file tells.
+        main: The SubDevices that are FSoE MainInstances; ``None``: not answered.
+        process_data: Mapping of the device library to take, by SubDevice.
+        frames: Whether the likely frames of a SubDevice are FSoE frames.
+        connections: Connections and what is known about them.
+        passed: Questions that were asked and left open.
+    """
+
+    name: str = ""
+    cycle_us: int | None = None
+    subdevices: tuple[AnsweredDevice, ...] = ()
+    main: tuple[AnsweredWord, ...] | None = None
+    process_data: Mapping[str, AnsweredWord] = field(default_factory=dict)
+    frames: Mapping[str, AnsweredWord] = field(default_factory=dict)
+    connections: tuple[AnsweredConnection, ...] = ()
+    passed: frozenset[tuple[Ask, str]] = frozenset()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """Something that only a person can know.
+
+    Attributes:
+        ask: What it is about.
+        subject: Name of the SubDevice, or empty.
+        text: The question.
+        facts: What is known about it, one line each.
+        choices: Possible answers with their meaning; empty: any text.
+        span: The file that leaves it open.
+    """
+
+    ask: Ask
+    text: str
+    subject: str = ""
+    facts: tuple[str, ...] = ()
+    choices: tuple[tuple[str, str], ...] = ()
+    span: Span = field(default=Span(""), compare=False, repr=False)
+
+    @property
+    def key(self) -> tuple[Ask, str]:
+        """What tells questions apart."""
+        return (self.ask, self.subject)

@@ -1,0 +1,141 @@
+"""Process data out of the device library, for SubDevices whose own files have none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from fsoe_net.model.answers import Answers, Ask, Question
+from fsoe_net.model.description import DescribedSubDevice
+from fsoe_net.model.join import has_layout
+from fsoe_net.model.library import Library, LibraryDevice, LibraryMapping
+
+__all__ = ["LibraryFill", "fill_from_library", "library_device", "library_role"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LibraryFill:
+    """A SubDevice after a look into the library.
+
+    Attributes:
+        sub: With process data, when the library has exactly the right ones.
+        remarks: Where they come from, or why there are none.
+        question: Which mapping it is, where the library has several.
+        wrong: The answer names no mapping of this device: the mappings there are.
+    """
+
+    sub: DescribedSubDevice
+    remarks: tuple[str, ...] = ()
+    question: Question | None = None
+    wrong: tuple[str, ...] = ()
+
+
+def library_device(sub: DescribedSubDevice, library: Library) -> LibraryDevice | None:
+    """Return what the library knows about a SubDevice, by identity, else by order number."""
+    device = sub.device
+    if device.product_code:
+        return library.find(device.vendor_id, device.product_code)
+    return library.named(sub.order) if sub.order else None
+
+
+def library_role(
+    sub: DescribedSubDevice, lengths: tuple[tuple[int, int], ...], library: Library
+) -> str:
+    """Return ``main`` or ``sub`` where the library leaves no doubt, else nothing.
+
+    Args:
+        sub: A SubDevice.
+        lengths: Bytes to it and from it, for each pair of its frames.
+        library: The devices.
+    """
+    known = library_device(sub, library)
+    if known is None:
+        return ""
+    roles = {m.role for m in known.mappings}
+    if len(roles) > 1:
+        roles = {m.role for m in known.mappings if _lengths(m) == sorted(lengths)}
+    return roles.pop() if len(roles) == 1 else ""
+
+
+def _lengths(mapping: LibraryMapping) -> list[tuple[int, int]]:
+    outputs = {s.index for s in mapping.sync_managers if s.direction.value == "output"}
+    to = [f.frame_bytes for f in mapping.frames if f.sm_index in outputs]
+    back = [f.frame_bytes for f in mapping.frames if f.sm_index not in outputs]
+    return sorted(zip(to, back, strict=False))
+
+
+def fill_from_library(
+    sub: DescribedSubDevice, name: str, library: Library, answers: Answers
+) -> LibraryFill:
+    """Fill a SubDevice without process data where the library leaves no choice, or as answered.
+
+    Args:
+        sub: A SubDevice.
+        name: Its name, as answers call it.
+        library: The devices.
+        answers: May say which mapping it is.
+    """
+    known = None if has_layout(sub.device) else library_device(sub, library)
+    answer = answers.process_data.get(name)
+    if known is None:
+        return LibraryFill(sub=sub)
+    fitting = _fitting(sub, known)
+    if answer is not None:
+        chosen = [m for m in known.mappings if m.name.casefold() == answer.text.casefold()]
+        if not chosen:
+            return LibraryFill(sub=sub, wrong=tuple(m.name for m in known.mappings))
+    else:
+        chosen = fitting
+    if len(chosen) == 1:
+        return _filled(sub, known, chosen[0], answered=answer is not None)
+    if not chosen:
+        return LibraryFill(
+            sub=sub, remarks=(f"the device library has no process data for this {known.name}",)
+        )
+    question = Question(
+        ask=Ask.PROCESS_DATA,
+        subject=name,
+        span=sub.span,
+        text=f"Which process data does {name} ({known.name}) have?",
+        facts=("No file tells; the device library has several.",),
+        choices=tuple((m.name, _shown(m, known)) for m in chosen),
+    )
+    names = ", ".join(f"{m.name!r}" for m in chosen)
+    return LibraryFill(
+        sub=sub,
+        remarks=(f"TODO process data: the device library has {names}",),
+        question=question,
+    )
+
+
+def _fitting(sub: DescribedSubDevice, known: LibraryDevice) -> list[LibraryMapping]:
+    rows = [m for m in known.mappings if m.fits(sub.revision)]
+    if sub.module_ident:
+        return [m for m in rows if m.module_ident in sub.module_ident]
+    return rows
+
+
+def _shown(mapping: LibraryMapping, known: LibraryDevice) -> str:
+    sizes = ", ".join(f"{a} bytes to it and {b} from it" for a, b in _lengths(mapping))
+    return f"{sizes} ({known.sources[mapping.source]})"
+
+
+def _filled(
+    sub: DescribedSubDevice, known: LibraryDevice, mapping: LibraryMapping, *, answered: bool
+) -> LibraryFill:
+    own = sub.device
+    identity = next(
+        (i for i in known.identities if i.product_code == own.product_code), known.identities[0]
+    )
+    device = replace(
+        mapping.device(identity, own.path), sdos=own.sdos, assign_activate=own.assign_activate
+    )
+    chosen = ", as answered" if answered else ""
+    return LibraryFill(
+        sub=replace(sub, device=device),
+        remarks=(
+            f"process data from the device library ({known.name}, {mapping.name!r}{chosen}), "
+            "unverified: compare them with the device",
+            f"source: {known.sources[mapping.source]}",
+            *mapping.notes,
+        ),
+    )

@@ -1,0 +1,343 @@
+"""Connections that are known: from copies, from connections that files name, from answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from fsoe_net.diag import Findings
+from fsoe_net.model.answers import AnsweredConnection, Answers
+from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd, Description
+from fsoe_net.model.pairing import FramePair
+from fsoe_net.model.roles import FrameEnd
+
+__all__ = [
+    "Link",
+    "Moves",
+    "find_moves",
+    "link_answers",
+    "link_connections",
+    "link_moves",
+    "state_facts",
+]
+
+
+@dataclass(slots=True, kw_only=True)
+class Link:
+    """A connection between two pairs of frames, and how it is known."""
+
+    main: FramePair
+    sub: FramePair
+    why: str
+    facts: DescribedConnection = field(default_factory=DescribedConnection)
+    net: str = ""
+    unconfirmed: str = ""
+    remarks: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True, kw_only=True)
+class Moves:
+    """What the copies of the files move.
+
+    Attributes:
+        both: Two pairs whose frames are copied whole in both directions, with both copies.
+        rest: Copies that are no such thing; they stay as they are.
+        touched: Pairs that copies of the rest use.
+    """
+
+    both: list[tuple[FramePair, FramePair, DescribedCopy, DescribedCopy]] = field(
+        default_factory=list
+    )
+    rest: list[DescribedCopy] = field(default_factory=list)
+    touched: set[tuple[int, int]] = field(default_factory=set)
+
+
+def find_moves(bus: Description, ends: Sequence[FrameEnd]) -> Moves:
+    """Find the connections in the copies of a bus, whichever end is the MainInstance."""
+    places = {
+        (e.number, block.sm_index, 8 * block.byte_offset): (pair, block)
+        for e in ends
+        for pair in (*e.pairs, *e.doubtful)
+        for block in (pair.written, pair.read)
+    }
+    moves = Moves()
+    found: dict[tuple[tuple[int, int], tuple[int, int]], DescribedCopy] = {}
+    pairs: dict[tuple[int, int], FramePair] = {}
+    for copy in bus.copies:
+        hit = [places.get(_place(end)) for end in (copy.source, copy.destination)]
+        ok = [h for h in hit if h is not None and 8 * h[1].frame_bytes == copy.bits]
+        whole = len(ok) == 2 and copy.fsoe is not False
+        key = (ok[0][0].key, ok[1][0].key) if whole else None
+        pairs.update({h[0].key: h[0] for h in ok})
+        if key is None or key in found:
+            moves.rest.append(copy)
+            moves.touched |= {h[0].key for h in hit if h is not None and copy.fsoe is not False}
+        else:
+            found[key] = copy
+    for (one, two), copy in found.items():
+        back = found.get((two, one))
+        if back is None:
+            moves.rest.append(copy)
+            moves.touched |= {one, two}
+        elif one < two:
+            moves.both.append((pairs[one], pairs[two], copy, back))
+    moves.rest.sort(key=bus.copies.index)
+    return moves
+
+
+def _place(end: DescribedEnd) -> tuple[int, int, int]:
+    return (end.subdevice, end.sm_index, end.bit_offset)
+
+
+def link_moves(moves: Moves, ends: Sequence[FrameEnd], path: str) -> list[Link]:
+    """Return a link for each connection in the copies; those without known roles stay copies."""
+    links = []
+    for one, two, copy, back in moves.both:
+        roles = [ends[p.subdevice].role for p in (one, two)]
+        if roles == ["sub", "main"]:
+            one, two = two, one
+        elif roles != ["main", "sub"]:
+            moves.rest += [copy, back]
+            moves.touched |= {one.key, two.key}
+            continue
+        where = copy.span.file or path
+        line = f":{copy.span.line}" if copy.span.line else ""
+        links.append(
+            Link(
+                main=one, sub=two, why=f"copied in both directions by {where}{line}", net=copy.name
+            )
+        )
+    return links
+
+
+def link_connections(
+    rows: Sequence[DescribedConnection], ends: Sequence[FrameEnd], links: list[Link], path: str
+) -> list[str]:
+    """Add what files say about connections, and return what does not fit, in words.
+
+    Args:
+        rows: Connections of the files.
+        ends: With their roles.
+        links: Those of the copies take the facts; new ones are added.
+        path: The file.
+    """
+    problems = []
+    for row in rows:
+        main = row.main
+        if main is None or row.sub is None or ends[main].role != "main":
+            continue
+        same = [
+            k
+            for k in links
+            if (k.main.subdevice, k.sub.subdevice) == (main, row.sub)
+            and row.slot in (None, k.main.slot)
+            and not k.facts.span.file
+        ]
+        if same:
+            same[0].facts = _marked(row, path)
+            continue
+        text = _link_row(row, main, ends, links, path)
+        if text:
+            problems.append(text)
+    return problems
+
+
+def _marked(row: DescribedConnection, path: str) -> DescribedConnection:
+    return row if row.span.file else replace(row, span=replace(row.span, file=path or "?"))
+
+
+def _link_row(
+    row: DescribedConnection,
+    main: int,
+    ends: Sequence[FrameEnd],
+    links: list[Link],
+    path: str,
+) -> str:
+    assert row.sub is not None  # noqa: S101 - the caller has looked
+    used = {p.key for k in links for p in (k.main, k.sub)}
+    slots = [p for p in ends[main].pairs if p.key not in used and row.slot in (None, p.slot)]
+    free = [p for p in ends[row.sub].pairs if p.key not in used]
+    fitting = [(m, s) for m in slots for s in free if m.fits(s)]
+    where = row.span.file or path
+    line = f":{row.span.line}" if row.span.line else ""
+    what = f"slot {row.slot} of {ends[main].name}" if row.slot is not None else ends[main].name
+    said = f"{where}{line} connects {what} with {ends[row.sub].name}"
+    if len(fitting) == 1:
+        links.append(
+            Link(
+                main=fitting[0][0],
+                sub=fitting[0][1],
+                why=f"{where}{line} names this connection",
+                facts=_marked(row, path),
+                net=row.net,
+            )
+        )
+        return ""
+    if fitting:
+        return f"{said}; {len(fitting)} pairs of frames fit"
+    return f"{said}; no free frames of equal lengths are there"
+
+
+def link_answers(
+    answers: Answers, ends: Sequence[FrameEnd], links: list[Link], out: Findings
+) -> None:
+    """Add the connections of the answers.
+
+    Args:
+        answers: With their places.
+        ends: With their roles.
+        links: Known ones, which answers may not contradict; new ones are added.
+        out: Takes FSN155 for names that are not there, FSN156 for what does not fit.
+    """
+    by_name = {e.name: e for e in ends}
+    for row in answers.connections:
+        sub = _named(row, "sub", row.sub, by_name, out)
+        main = None if row.main is None else _named(row, "main", row.main, by_name, out)
+        if sub is None or (main is None and row.main is not None):
+            continue
+        mains = [e for e in ends if e.role == "main"] if main is None else [main]
+        if any(e.role != "main" for e in mains) or sub.role != "sub":
+            other = next((e for e in mains if e.role != "main"), sub)
+            which = "main" if other is not sub else "sub"
+            out.add(
+                "FSN156",
+                row.at(which),
+                f"{other.name} is no {'Main' if which == 'main' else 'Sub'}Instance here",
+                hint="main: in the answers says which SubDevices are MainInstances",
+            )
+            continue
+        _link_answer(row, mains, sub, links, out)
+
+
+def _named(
+    row: AnsweredConnection, key: str, name: str, ends: dict[str, FrameEnd], out: Findings
+) -> FrameEnd | None:
+    end = ends.get(name)
+    if end is None:
+        known = ", ".join(e.name for e in ends.values() if e.pairs) or "none"
+        out.add(
+            "FSN155",
+            row.at(key),
+            f"no SubDevice {name!r} is here",
+            hint=f"with FSoE frames there are: {known}",
+        )
+    return end
+
+
+def _link_answer(
+    row: AnsweredConnection,
+    mains: list[FrameEnd],
+    sub: FrameEnd,
+    links: list[Link],
+    out: Findings,
+) -> None:
+    subs = [p for p in sub.pairs if row.sub_slot in (None, p.slot)]
+    slots = [p for e in mains for p in e.pairs if row.slot in (None, p.slot)]
+    if not subs or not slots:
+        key, end, pairs = ("slot", mains, slots) if subs else ("sub_slot", [sub], subs)
+        names = " and ".join(f"{e.name} has {_range(e)}" for e in end) or "no MainInstance is known"
+        what = "a slot" if getattr(row, key) is None else f"{key} {getattr(row, key)}"
+        assert not pairs  # noqa: S101 - that is why
+        out.add("FSN155", row.at(key), f"{what} is not there", hint=names)
+        return
+    known = [k for k in links if k.sub in subs]
+    if known and (len(subs) == 1 or any(k.main in slots for k in known)):
+        link = next((k for k in known if k.main in slots), None)
+        if link is None:
+            wrong = known[0]
+            out.add(
+                "FSN156",
+                row.at("slot" if row.slot is not None else "main"),
+                f"{sub.name} is connected to another slot: slot {wrong.main.slot}, {wrong.why}",
+                hint="correct the answer, or the file that says so",
+            )
+        else:
+            state_facts(link, row, out)
+        return
+    used = {k.main.key: k for k in links}
+    fitting = [(m, s) for m in slots for s in subs if m.fits(s)]
+    free = [(m, s) for m, s in fitting if m.key not in used and s not in [k.sub for k in links]]
+    if len(free) == 1 and (row.slot is not None or len(fitting) == 1):
+        main, pair = free[0]
+        where = f"{row.span.file}:{row.span.line}" if row.span.line else "your answer"
+        links.append(Link(main=main, sub=pair, why=f"as answered, {where}", facts=_facts(row)))
+        return
+    _refuse(row, slots, subs, fitting, free, used, out)
+
+
+def _refuse(
+    row: AnsweredConnection,
+    slots: list[FramePair],
+    subs: list[FramePair],
+    fitting: list[tuple[FramePair, FramePair]],
+    free: list[tuple[FramePair, FramePair]],
+    used: dict[tuple[int, int], Link],
+    out: Findings,
+) -> None:
+    key = "slot" if row.slot is not None else "sub"
+    if not fitting:
+        have = ", ".join(f"{p.lengths[0]}/{p.lengths[1]}" for p in subs)
+        want = ", ".join(f"{p.lengths[1]}/{p.lengths[0]}" for p in slots[:6])
+        out.add(
+            "FSN156",
+            row.at(key),
+            f"{row.sub} has frames of {have} bytes (to it / from it), the slot takes {want}",
+            hint="name another slot",
+        )
+    elif not free:
+        link = used.get(fitting[0][0].key)
+        why = f": {link.why}" if link else ""
+        out.add("FSN156", row.at(key), f"this slot is given already{why}", hint="name another slot")
+    elif row.slot is not None:
+        numbers = " or ".join(str(s) for s in sorted({s.slot for _, s in free}))
+        ends = sorted({m.subdevice for m, _ in free})
+        out.add(
+            "FSN156",
+            row.span,
+            f"slot {row.slot} of which MainInstance?"
+            if len(ends) > 1
+            else f"which frames of {row.sub} are in slot {row.slot}?",
+            hint="add main:" if len(ends) > 1 else f"add sub_slot: {numbers}",
+        )
+    # Without a slot the row states facts only; which slot it is stays a question.
+
+
+def _range(end: FrameEnd) -> str:
+    return f"slots 0 to {len(end.pairs) - 1}" if len(end.pairs) > 1 else "slot 0"
+
+
+def _facts(row: AnsweredConnection) -> DescribedConnection:
+    return DescribedConnection(
+        span=row.span,
+        fields=row.fields,
+        address=row.address,
+        connection_id=row.connection_id,
+        watchdog_ms=row.watchdog_ms,
+    )
+
+
+def state_facts(link: Link, row: AnsweredConnection, out: Findings) -> None:
+    """Put the facts of an answer to a connection.
+
+    Args:
+        link: The connection.
+        row: The answer.
+        out: Takes FSN156 where a file says something else.
+    """
+    values: dict[str, int | None] = {}
+    for key in ("address", "connection_id", "watchdog_ms"):
+        old, new = getattr(link.facts, key), getattr(row, key)
+        values[key] = old if new is None else new
+        if new is not None and old is not None and new != old:
+            out.add(
+                "FSN156",
+                row.at(key),
+                f"{key} {new} is answered, and {link.facts.span} says {old}",
+                hint="correct one of them; the safety project counts",
+            )
+    link.facts = replace(
+        link.facts,
+        address=values["address"],
+        connection_id=values["connection_id"],
+        watchdog_ms=values["watchdog_ms"],
+    )

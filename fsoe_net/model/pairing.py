@@ -1,0 +1,140 @@
+"""Which SubInstance belongs to which slot of a MainInstance, as far as lengths and direction tell.
+
+A connection has a frame in each direction, so a SubDevice takes part with pairs of frames:
+
+    MainInstance (safety logic)              SubInstance
+    inputs   n-th frame  -------------->     outputs  m-th frame
+    outputs  n-th frame  <--------------     inputs   m-th frame
+             slot n                                   sub_slot m
+
+Frames are equal in length at both ends. Two pairs are joined by lengths only when nothing else is
+possible: one slot of these lengths, one SubInstance of these lengths. Everything else is a proposal
+with its candidates, for a person to decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.layout import DeviceLayout, FsoeBlock
+
+__all__ = ["FramePair", "OpenPair", "Pairing", "frame_pairs", "lonely_frames", "pair_by_lengths"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FramePair:
+    """The frames of one connection at one of its ends.
+
+    Attributes:
+        subdevice: Number of the SubDevice.
+        slot: Number of the pair in its process image, from 0.
+        written: Frame among its outputs.
+        read: Frame among its inputs.
+    """
+
+    subdevice: int
+    slot: int
+    written: FsoeBlock
+    read: FsoeBlock
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """SubDevice and slot."""
+        return (self.subdevice, self.slot)
+
+    @property
+    def lengths(self) -> tuple[int, int]:
+        """Bytes to the SubDevice, bytes from it."""
+        return (self.written.frame_bytes, self.read.frame_bytes)
+
+    def fits(self, other: FramePair) -> bool:
+        """Whether both frames of the other end have the lengths of these."""
+        return self.lengths == other.lengths[::-1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenPair:
+    """A SubInstance that lengths do not settle.
+
+    Attributes:
+        sub: Its frames.
+        candidates: Slots of these lengths that are free; empty when none fits.
+        rivals: Other SubInstances for the same slots.
+        proposed: The slot whose turn it is in ring order, ``None`` when all are given away. It is
+            no more likely than the other candidates.
+    """
+
+    sub: FramePair
+    candidates: tuple[FramePair, ...]
+    rivals: tuple[FramePair, ...]
+    proposed: FramePair | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pairing:
+    """What lengths tell: pairs of MainInstance and SubInstance, and what stays open."""
+
+    settled: tuple[tuple[FramePair, FramePair], ...]
+    open: tuple[OpenPair, ...]
+
+
+def frame_pairs(layout: DeviceLayout, subdevice: int) -> tuple[FramePair, ...]:
+    """Return the pairs of a SubDevice: the n-th frame of its outputs with the n-th of its inputs.
+
+    Args:
+        layout: Its layout.
+        subdevice: Its number.
+    """
+    outputs, inputs = _frames(layout)
+    return tuple(
+        FramePair(subdevice=subdevice, slot=slot, written=written, read=read)
+        for slot, (written, read) in enumerate(zip(outputs, inputs, strict=False))
+    )
+
+
+def lonely_frames(layout: DeviceLayout) -> tuple[FsoeBlock, ...]:
+    """Return the frames of a SubDevice that have no frame in the other direction."""
+    outputs, inputs = _frames(layout)
+    return (*outputs[len(inputs) :], *inputs[len(outputs) :])
+
+
+def _frames(layout: DeviceLayout) -> tuple[list[FsoeBlock], list[FsoeBlock]]:
+    blocks = [b for sm in layout.managers for b in sm.blocks]
+    outputs = [b for b in blocks if b.direction is Direction.OUTPUT]
+    return outputs, [b for b in blocks if b.direction is Direction.INPUT]
+
+
+def pair_by_lengths(
+    mains: Sequence[FramePair], subs: Sequence[FramePair], doubtful: Iterable[FramePair] = ()
+) -> Pairing:
+    """Join free slots and free SubInstances where lengths and direction leave one way only.
+
+    Args:
+        mains: Slots of all MainInstances that no known connection uses, in ring order.
+        subs: SubInstances without a connection, in ring order.
+        doubtful: Pairs of which nobody knows whether, or at which end, they take part: where they
+            could, nothing is settled.
+    """
+    unknown = {p.lengths for p in doubtful} | {p.lengths[::-1] for p in doubtful}
+    settled: list[tuple[FramePair, FramePair]] = []
+    rows: list[OpenPair] = []
+    given: dict[tuple[int, int], int] = {}
+    for sub in subs:
+        slots = tuple(m for m in mains if m.fits(sub))
+        rivals = tuple(s for s in subs if s.lengths == sub.lengths and s is not sub)
+        if len(slots) == 1 and not rivals and sub.lengths not in unknown:
+            settled.append((slots[0], sub))
+            continue
+        turn = given.get(sub.lengths, 0)
+        given[sub.lengths] = turn + 1
+        rows.append(
+            OpenPair(
+                sub=sub,
+                candidates=slots,
+                rivals=rivals,
+                proposed=slots[turn] if turn < len(slots) else None,
+            )
+        )
+    return Pairing(settled=tuple(settled), open=tuple(rows))

@@ -1,0 +1,198 @@
+"""Which SubDevices take part in FSoE, with which frames, and at which end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from fsoe_net.model.answers import Answers, Ask, Question
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.description import DescribedSubDevice
+from fsoe_net.model.detect import FsoeGuess, detect_fsoe, near_misses
+from fsoe_net.model.layout import DeviceLayout, FsoeBlock
+from fsoe_net.model.library import Library
+from fsoe_net.model.library_fill import library_role
+from fsoe_net.model.pairing import FramePair, frame_pairs, lonely_frames
+
+__all__ = ["FrameEnd", "find_ends", "give_roles"]
+
+
+@dataclass(slots=True, kw_only=True)
+class FrameEnd:
+    """The FSoE side of a SubDevice.
+
+    Attributes:
+        number: Of the SubDevice.
+        name: Of the SubDevice.
+        pairs: Its pairs of frames that are taken.
+        doubtful: Pairs that may be frames; nobody has said.
+        beyond: A frame is taken that plans do not recognise: copies have to be written out.
+        role: ``main``, ``sub`` or empty.
+        remarks: What a reader of the network should know.
+        question: Whether the doubtful ones are frames.
+    """
+
+    number: int
+    name: str
+    pairs: tuple[FramePair, ...] = ()
+    doubtful: tuple[FramePair, ...] = ()
+    beyond: bool = False
+    role: str = ""
+    remarks: list[str] = field(default_factory=list)
+    question: Question | None = None
+
+
+def find_ends(
+    subdevices: Sequence[DescribedSubDevice],
+    names: Sequence[str],
+    layouts: Sequence[DeviceLayout],
+    answers: Answers,
+) -> list[FrameEnd]:
+    """Find the frames of each SubDevice; sure ones are taken, likely ones as answered.
+
+    Args:
+        subdevices: In ring order.
+        names: Their names.
+        layouts: Their layouts.
+        answers: Say yes or no to likely frames.
+    """
+    known: dict[int, list[FsoeGuess]] = {}
+    ends = []
+    for number, (sub, name, layout) in enumerate(zip(subdevices, names, layouts, strict=True)):
+        if id(layout) not in known:
+            known[id(layout)] = [g for m in layout.managers for g in detect_fsoe(m.placed, m.sm)]
+        end = FrameEnd(number=number, name=name)
+        _take(end, sub, layout, known[id(layout)], answers)
+        ends.append(end)
+    return ends
+
+
+def _take(
+    end: FrameEnd,
+    sub: DescribedSubDevice,
+    layout: DeviceLayout,
+    guesses: list[FsoeGuess],
+    answers: Answers,
+) -> None:
+    likely = {g.block.key: g for g in guesses if not g.sure}
+    regular = {b.key for m in layout.managers for b in m.blocks}
+    word = answers.frames.get(end.name)
+    answer = None if word is None else word.text.casefold() not in ("no", "n", "false")
+    end.beyond = bool(answer) and any(key not in regular for key in likely)
+    pairs = _all_pairs(guesses, end.number) if end.beyond else frame_pairs(layout, end.number)
+    unsure = [p for p in pairs if p.written.key in likely or p.read.key in likely]
+    if answer is None:
+        end.pairs, end.doubtful = tuple(p for p in pairs if p not in unsure), tuple(unsure)
+        if likely:
+            end.question = _ask_frames(end, sub, list(likely.values()))
+    else:
+        end.pairs = tuple(p for p in pairs if answer or p not in unsure)
+    for key, guess in likely.items():
+        verdict = "taken, as answered" if answer else "left out"
+        verdict = verdict if answer is not None else "not taken; say frames: in the answers"
+        end.remarks.append(f"likely FSoE frame, {verdict}: {_where(guess.block)}")
+        end.remarks += [f"  doubt: {d}" for d in guess.doubts if key not in regular or not answer]
+    if not end.beyond:
+        end.remarks += [
+            f"FSoE frame without one in the other direction, not used: {_where(b)}"
+            for b in lonely_frames(layout)
+        ]
+    for manager in layout.managers:
+        for miss in near_misses(manager.placed, manager.sm):
+            end.remarks.append(
+                f"PDO 0x{miss.pdo.index:04x} is named like an FSoE frame and is none: {miss.why}"
+            )
+
+
+def _all_pairs(guesses: list[FsoeGuess], number: int) -> tuple[FramePair, ...]:
+    ways: dict[Direction, list[FsoeBlock]] = {way: [] for way in Direction}
+    for guess in guesses:
+        ways[guess.block.direction].append(guess.block)
+    rows = zip(ways[Direction.OUTPUT], ways[Direction.INPUT], strict=False)
+    return tuple(
+        FramePair(subdevice=number, slot=slot, written=out, read=into)
+        for slot, (out, into) in enumerate(rows)
+    )
+
+
+def _where(block: FsoeBlock) -> str:
+    way = "to" if block.direction is Direction.OUTPUT else "from"
+    return (
+        f"{block.frame_bytes} bytes {way} the SubDevice at {block.command.address} "
+        f"(byte {block.byte_offset} of Sm{block.sm_index})"
+    )
+
+
+def _ask_frames(end: FrameEnd, sub: DescribedSubDevice, likely: list[FsoeGuess]) -> Question:
+    facts = []
+    for guess in likely:
+        facts.append(f"{_where(guess.block)}, {guess.score} of 100")
+        facts += [f"  for it: {r}" for r in guess.reasons]
+        facts += [f"  against it: {d}" for d in guess.doubts]
+    what = "these FSoE frames" if len(likely) > 1 else "this an FSoE frame"
+    return Question(
+        ask=Ask.FRAMES,
+        subject=end.name,
+        span=sub.span,
+        text=f"{end.name}: {'are' if len(likely) > 1 else 'is'} {what}?",
+        facts=tuple(facts),
+        choices=(("yes", "take it"), ("no", "ordinary process data")),
+    )
+
+
+def give_roles(
+    ends: Sequence[FrameEnd],
+    subdevices: Sequence[DescribedSubDevice],
+    library: Library,
+    answers: Answers,
+    told: dict[int, str],
+) -> Question | None:
+    """Give each end its role, and return the question about those that nothing tells.
+
+    Args:
+        ends: Take their role.
+        subdevices: The SubDevices.
+        library: Knows MainInstances.
+        answers: Name them.
+        told: Roles that connections of the files tell, by number of the SubDevice.
+    """
+    mains = None if answers.main is None else {w.text for w in answers.main}
+    open_ends = []
+    for end in ends:
+        pairs = (*end.pairs, *end.doubtful)
+        if mains is not None:
+            end.role = "main" if end.name in mains else "sub"
+            continue
+        lengths = tuple(p.lengths for p in pairs)
+        end.role = told.get(end.number, "") or library_role(
+            subdevices[end.number], lengths, library
+        )
+        if pairs and not end.role:
+            open_ends.append(end)
+    if not open_ends:
+        return None
+    if len(open_ends) == 1 and _only_choice(open_ends[0], ends):
+        open_ends[0].role = "main"
+        open_ends[0].remarks.append(
+            "taken as the MainInstance: all others with FSoE frames are known as SubInstances"
+        )
+        return None
+    names = [e.name for e in open_ends]
+    for end in open_ends:
+        end.remarks.append("TODO: MainInstance (safety logic) or SubInstance? No file tells")
+    return Question(
+        ask=Ask.MAIN,
+        text="Which of these are FSoE MainInstances (safety logic)? The others are SubInstances.",
+        facts=tuple(
+            f"{e.name}: {len(e.pairs) + len(e.doubtful)} pair(s) of frames" for e in open_ends
+        ),
+        choices=tuple((n, "") for n in names),
+        span=subdevices[open_ends[0].number].span,
+    )
+
+
+def _only_choice(end: FrameEnd, ends: Sequence[FrameEnd]) -> bool:
+    """Whether an end has to be the MainInstance: there is no other, and a SubInstance fits it."""
+    subs = [p for e in ends if e.role == "sub" for p in e.pairs]
+    none = not any(e.role == "main" for e in ends)
+    return none and any(p.fits(s) for p in end.pairs for s in subs)
