@@ -16,6 +16,7 @@ __all__ = ["main"]
 _COMMANDS = {
     "check": "Check files of a network, alone or against a live bus; explain every mistake.",
     "explain": "Explain a diagnostic code.",
+    "init": "Propose a network from any mix of files, or a bus; ask what they do not tell.",
     "convert": "Write a bus in the format of another tool.",
     "plan": "Compile a network to a copy plan, or show a plan.",
     "diff": "Compare two descriptions or plans: what moved, came, went or changed.",

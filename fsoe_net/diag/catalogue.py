@@ -77,6 +77,11 @@ FSN151 warning capture is damaged or ends inside a packet
 FSN152 warning packets of a capture were cut short
 FSN153 warning capture does not show everything
 FSN154 error   PDOs seen in a capture do not fill their sync manager
+FSN155 error   answer names something that is not there
+FSN156 error   answer does not fit what the files say
+FSN157 error   question needs an answer
+FSN158 warning file of a folder is left out
+FSN159 warning transfers or connections of a file cannot be taken
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output

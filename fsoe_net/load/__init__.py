@@ -5,13 +5,16 @@ from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_foreign
 from fsoe_net.load.library import builtin_library, load_library, parse_library_device
 from fsoe_net.load.network import FileKind, LoadOptions, LoadResult, load_network
+from fsoe_net.load.ring import DeviceType, list_types, ring_of
 from fsoe_net.load.scan import load_scan, parse_scan
+from fsoe_net.load.scan_bus import describe_scan
 from fsoe_net.load.scenario import load_scenario
 from fsoe_net.load.schema import check_structure, read_schema
 from fsoe_net.load.yaml_tree import MapNode, ScalarNode, SeqNode, load_yaml, parse_yaml
 
 __all__ = [
     "Collector",
+    "DeviceType",
     "FileKind",
     "InputKind",
     "LoadOptions",
@@ -21,7 +24,9 @@ __all__ = [
     "SeqNode",
     "builtin_library",
     "check_structure",
+    "describe_scan",
     "find_kind",
+    "list_types",
     "load_answers",
     "load_devices",
     "load_foreign",
@@ -36,4 +41,5 @@ __all__ = [
     "parse_yaml",
     "read_bytes",
     "read_schema",
+    "ring_of",
 ]

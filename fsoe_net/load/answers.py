@@ -61,6 +61,7 @@ def _device(node: MapNode, out: Collector) -> AnsweredDevice:
         type=(node.text("type") or "").strip(),
         name=(node.text("name") or "").strip(),
         count=_int(node, "count", _MOST, out, low=1) or 1,
+        position=_int(node, "position", _U16, out),
         revision=_int(node, "revision", _U32, out),
     )
 

@@ -74,6 +74,7 @@ from fsoe_net.model.pairing import (
     lonely_frames,
     pair_by_lengths,
 )
+from fsoe_net.model.project import MatchedProject, match_project
 from fsoe_net.model.proposal import Proposal, propose
 from fsoe_net.model.resolve import (
     Connection,
@@ -136,6 +137,7 @@ __all__ = [
     "LibraryMapping",
     "Located",
     "LogicChoice",
+    "MatchedProject",
     "Miss",
     "Net",
     "Network",
@@ -183,6 +185,7 @@ __all__ = [
     "layout_of",
     "lonely_frames",
     "main_instance_of",
+    "match_project",
     "near_misses",
     "pair_by_lengths",
     "partner_block",

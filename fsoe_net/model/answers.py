@@ -24,11 +24,12 @@ class Ask(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnsweredDevice(Located):
-    """``count`` SubDevices of a type, one behind the other in the ring."""
+    """``count`` SubDevices of a type, one behind the other; ``position``: of the first one."""
 
     type: str
     name: str = ""
     count: int = 1
+    position: int | None = None
     revision: int | None = None
 
 
@@ -74,7 +75,7 @@ class Answers(Located):
     process_data: Mapping[str, AnsweredWord] = field(default_factory=dict)
     frames: Mapping[str, AnsweredWord] = field(default_factory=dict)
     connections: tuple[AnsweredConnection, ...] = ()
-    passed: frozenset[tuple[Ask, str]] = frozenset()
+    passed: frozenset[tuple[Ask, str, int | None]] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +85,7 @@ class Question:
     Attributes:
         ask: What it is about.
         subject: Name of the SubDevice, or empty.
+        sub_slot: Which of its frames, where it has several.
         text: The question.
         facts: What is known about it, one line each.
         choices: Possible answers with their meaning; empty: any text.
@@ -93,11 +95,12 @@ class Question:
     ask: Ask
     text: str
     subject: str = ""
+    sub_slot: int | None = None
     facts: tuple[str, ...] = ()
     choices: tuple[tuple[str, str], ...] = ()
     span: Span = field(default=Span(""), compare=False, repr=False)
 
     @property
-    def key(self) -> tuple[Ask, str]:
+    def key(self) -> tuple[Ask, str, int | None]:
         """What tells questions apart."""
-        return (self.ask, self.subject)
+        return (self.ask, self.subject, self.sub_slot)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Findings
+from fsoe_net.diag import Findings, Span
 from fsoe_net.model.answers import AnsweredConnection, Answers
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd, Description
 from fsoe_net.model.pairing import FramePair
@@ -111,7 +111,11 @@ def link_moves(moves: Moves, ends: Sequence[FrameEnd], path: str) -> list[Link]:
 
 
 def link_connections(
-    rows: Sequence[DescribedConnection], ends: Sequence[FrameEnd], links: list[Link], path: str
+    rows: Sequence[DescribedConnection],
+    ends: Sequence[FrameEnd],
+    links: list[Link],
+    path: str,
+    out: Findings,
 ) -> list[str]:
     """Add what files say about connections, and return what does not fit, in words.
 
@@ -120,6 +124,7 @@ def link_connections(
         ends: With their roles.
         links: Those of the copies take the facts; new ones are added.
         path: The file.
+        out: Takes FSN159 for what does not fit.
     """
     problems = []
     for row in rows:
@@ -139,6 +144,13 @@ def link_connections(
         text = _link_row(row, main, ends, links, path)
         if text:
             problems.append(text)
+            out.add(
+                "FSN159",
+                row.span if row.span.file else Span(path),
+                text,
+                hint="compare the safety project with the process data; then connections: in the "
+                "answers",
+            )
     return problems
 
 

@@ -32,7 +32,7 @@ from fsoe_net.model.links import (
     state_facts,
 )
 from fsoe_net.model.pairing import FramePair, OpenPair, pair_by_lengths
-from fsoe_net.model.roles import FrameEnd, find_ends, give_roles
+from fsoe_net.model.roles import FrameEnd, find_ends, give_roles, where_is
 
 __all__ = ["Proposal", "propose"]
 
@@ -45,6 +45,7 @@ class Proposal:
         bus: SubDevices with their names, copies that stay copies, connections to be written.
         mains: Numbers of the MainInstances.
         remarks: What a reader should know, by number of the SubDevice.
+        notes: What the device library says about its type, by number of the SubDevice.
         reasons: How each connection of ``bus`` is known, first line first.
         open: What a person still has to do, in words.
         questions: Open questions, in the order to ask them.
@@ -54,6 +55,7 @@ class Proposal:
     bus: Description
     mains: tuple[int, ...]
     remarks: Mapping[int, tuple[str, ...]]
+    notes: Mapping[int, tuple[str, ...]]
     reasons: tuple[tuple[str, ...], ...]
     open: tuple[str, ...]
     questions: tuple[Question, ...]
@@ -158,12 +160,14 @@ class _Maker:
         """Return what comes out."""
         subs = self._bus.subdevices
         ends = find_ends(subs, self._names, self._layouts, self._answers)
-        for end in ends:
-            self._ask(end.question)
-            if end.question is not None:
-                self._open.append(f"{end.name}: likely FSoE frames that nobody has confirmed")
         moves = find_moves(self._bus, ends)
-        self._accept_moved(ends, {p.key for row in moves.both for p in row[:2]})
+        for end in ends:
+            end.accept({p.key for row in moves.both for p in row[:2]})
+            self._ask(end.question)
+            for guess in end.likely:
+                what = f"likely FSoE frame, not taken: {where_is(guess.block)}"
+                end.remarks += [what, *(f"  doubt: {d}" for d in guess.doubts)]
+                self._open.append(f"{end.name}: {what}")
         question = give_roles(ends, subs, self._library, self._answers, self._told(moves.both))
         self._check_mains(ends)
         self._ask(question)
@@ -171,17 +175,12 @@ class _Maker:
             who = ", ".join(n for n, _ in question.choices)
             self._open.append(f"MainInstance or SubInstance: {who}")
         self._links = link_moves(moves, ends, self._bus.path)
-        self._open += link_connections(self._connections(ends), ends, self._links, self._bus.path)
+        self._open += link_connections(
+            self._connections(ends), ends, self._links, self._bus.path, self._out
+        )
         link_answers(self._answers, ends, self._links, self._out)
         self._by_lengths(ends, moves.touched)
         return self._made(ends, moves.rest)
-
-    def _accept_moved(self, ends: list[FrameEnd], moved: set[tuple[int, int]]) -> None:
-        """Take likely frames that files copy in both directions: that is an answer."""
-        for end in ends:
-            taken = [p for p in end.doubtful if p.key in moved]
-            end.pairs = tuple(sorted((*end.pairs, *taken), key=lambda p: p.slot))
-            end.doubtful = tuple(p for p in end.doubtful if p not in taken)
 
     def _told(self, both: Sequence[tuple[FramePair, FramePair, object, object]]) -> dict[int, str]:
         """Return the roles that connections tell, and who talks to several others."""
@@ -278,7 +277,8 @@ class _Maker:
         self._ask(
             Question(
                 ask=Ask.CONNECTIONS,
-                subject=end.name if len(end.pairs) == 1 else f"{end.name} {sub.slot}",
+                subject=end.name,
+                sub_slot=None if len(end.pairs) == 1 else sub.slot,
                 span=self._bus.subdevices[sub.subdevice].span,
                 text=f"Which slot does {name} belong to?",
                 facts=tuple(facts),
@@ -313,6 +313,7 @@ class _Maker:
         copies = [c for c in self._bus.copies if c in rest]
         links = sorted(self._links, key=lambda k: (k.main.key, k.sub.key))
         rows, reasons = [], []
+        notes: dict[int, tuple[str, ...]] = {}
         for link in links:
             main, sub = ends[link.main.subdevice], ends[link.sub.subdevice]
             beyond = main.beyond or sub.beyond
@@ -324,10 +325,11 @@ class _Maker:
             self._remarks[end.number] += end.remarks
             known = library_device(self._bus.subdevices[end.number], self._library)
             if known is not None and (end.pairs or end.doubtful):
-                self._remarks[end.number] += known.notes
+                notes[end.number] = known.notes
         return Proposal(
             bus=replace(self._bus, copies=tuple(copies), connections=tuple(rows)),
             mains=tuple(e.number for e in ends if e.role == "main" and e.pairs),
+            notes=notes,
             remarks={n: tuple(dict.fromkeys(r)) for n, r in self._remarks.items()},
             reasons=tuple(reasons),
             open=tuple(dict.fromkeys(self._open)),

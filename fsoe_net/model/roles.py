@@ -14,7 +14,7 @@ from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import library_role
 from fsoe_net.model.pairing import FramePair, frame_pairs, lonely_frames
 
-__all__ = ["FrameEnd", "find_ends", "give_roles"]
+__all__ = ["FrameEnd", "find_ends", "give_roles", "where_is"]
 
 
 @dataclass(slots=True, kw_only=True)
@@ -29,6 +29,7 @@ class FrameEnd:
         beyond: A frame is taken that plans do not recognise: copies have to be written out.
         role: ``main``, ``sub`` or empty.
         remarks: What a reader of the network should know.
+        likely: Frames that are not sure and that nobody has answered for.
         question: Whether the doubtful ones are frames.
     """
 
@@ -39,7 +40,23 @@ class FrameEnd:
     beyond: bool = False
     role: str = ""
     remarks: list[str] = field(default_factory=list)
+    likely: tuple[FsoeGuess, ...] = ()
     question: Question | None = None
+
+    def accept(self, moved: set[tuple[int, int]]) -> None:
+        """Take doubtful pairs that files copy in both directions: that is an answer.
+
+        Args:
+            moved: Their keys.
+        """
+        taken = [p for p in self.doubtful if p.key in moved]
+        if taken:
+            self.pairs = tuple(sorted((*self.pairs, *taken), key=lambda p: p.slot))
+            self.doubtful = tuple(p for p in self.doubtful if p not in taken)
+            blocks = {b.key for p in taken for b in (p.written, p.read)}
+            self.likely = tuple(g for g in self.likely if g.block.key not in blocks)
+            if not self.likely:
+                self.question = None
 
 
 def find_ends(
@@ -87,14 +104,17 @@ def _take(
             end.question = _ask_frames(end, sub, list(likely.values()))
     else:
         end.pairs = tuple(p for p in pairs if answer or p not in unsure)
-    for key, guess in likely.items():
-        verdict = "taken, as answered" if answer else "left out"
-        verdict = verdict if answer is not None else "not taken; say frames: in the answers"
-        end.remarks.append(f"likely FSoE frame, {verdict}: {_where(guess.block)}")
-        end.remarks += [f"  doubt: {d}" for d in guess.doubts if key not in regular or not answer]
+    if answer is None:
+        end.likely = tuple(likely.values())
+    else:
+        verdict = "taken" if answer else "left out"
+        end.remarks += [
+            f"likely FSoE frame, {verdict} as answered: {where_is(g.block)}"
+            for g in likely.values()
+        ]
     if not end.beyond:
         end.remarks += [
-            f"FSoE frame without one in the other direction, not used: {_where(b)}"
+            f"FSoE frame without one in the other direction, not used: {where_is(b)}"
             for b in lonely_frames(layout)
         ]
     for manager in layout.managers:
@@ -115,7 +135,8 @@ def _all_pairs(guesses: list[FsoeGuess], number: int) -> tuple[FramePair, ...]:
     )
 
 
-def _where(block: FsoeBlock) -> str:
+def where_is(block: FsoeBlock) -> str:
+    """Return length, direction and place of a frame, in words."""
     way = "to" if block.direction is Direction.OUTPUT else "from"
     return (
         f"{block.frame_bytes} bytes {way} the SubDevice at {block.command.address} "
@@ -126,7 +147,7 @@ def _where(block: FsoeBlock) -> str:
 def _ask_frames(end: FrameEnd, sub: DescribedSubDevice, likely: list[FsoeGuess]) -> Question:
     facts = []
     for guess in likely:
-        facts.append(f"{_where(guess.block)}, {guess.score} of 100")
+        facts.append(f"{where_is(guess.block)}, {guess.score} of 100")
         facts += [f"  for it: {r}" for r in guess.reasons]
         facts += [f"  against it: {d}" for d in guess.doubts]
     what = "these FSoE frames" if len(likely) > 1 else "this an FSoE frame"

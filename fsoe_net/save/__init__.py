@@ -6,11 +6,13 @@ from fsoe_net.save.driver import DriverVersion, write_driver, write_network
 from fsoe_net.save.eni import write_eni
 from fsoe_net.save.eni_copies import replace_copies
 from fsoe_net.save.lcec import write_lcec
+from fsoe_net.save.remarks import Remarks
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import Written
 
 __all__ = [
     "DriverVersion",
+    "Remarks",
     "Written",
     "describe",
     "replace_copies",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 from fsoe_net.errors import InputError
 from fsoe_net.model import (
@@ -14,6 +15,7 @@ from fsoe_net.model import (
     Device,
     slot_numbers,
 )
+from fsoe_net.save.remarks import Remarks, comment, connection_lines
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import (
     CopyGroup,
@@ -46,18 +48,30 @@ class DriverVersion(enum.Enum):
         return "safety" if self is DriverVersion.V2025 else "transfer"
 
 
-def write_network(description: Description, *, name: str = "network") -> Written:
+def write_network(
+    description: Description, *, name: str = "network", remarks: Remarks | None = None
+) -> Written:
     """Return ``network.yaml`` with a slave YAML for each device type.
+
+    Args:
+        description: What is written.
+        name: Name of the network.
+        remarks: Comments. With them connections need no copies, and say what is to be completed.
 
     Raises:
         InputError: A copy begins at no entry, or a device does not fit into a slave YAML.
     """
-    files = _Files(description)
-    lines = ["version: 1", f"name: {quoted(name)}"]
+    files = _Files(description, remarks)
+    lines = comment(() if remarks is None else remarks.head)
+    lines += ["version: 1", f"name: {quoted(name)}"]
     if description.cycle_us:
         lines.append(f"cycle_us: {description.cycle_us}")
+    elif remarks is not None:
+        lines.append("# cycle_us: TODO   bus cycle in microseconds, such as 1000")
     lines += ["", "subdevices:" if description.subdevices else "subdevices: []"]
-    for sub, called, place, config in files.rows():
+    for number, (sub, called, place, config) in enumerate(files.rows()):
+        if remarks is not None:
+            lines += comment(remarks.subdevices.get(number, ()), 2)
         row = f"name: {quoted(called)}, {place}, config: {config}"
         if sub.revision is not None:
             row += f", revision: 0x{sub.revision:08x}"
@@ -98,7 +112,8 @@ def write_driver(
 class _Files:
     """The parts that both kinds have."""
 
-    def __init__(self, description: Description) -> None:
+    def __init__(self, description: Description, remarks: Remarks | None = None) -> None:
+        self._remarks = remarks
         self.notes: list[str] = []
         self.configs: dict[str, str] = {}
         self._texts: dict[tuple[int, frozenset[int]], str] = {}
@@ -111,6 +126,13 @@ class _Files:
         self._names = unique_names(description)
         self._endpoints = Endpoints(description, self._names)
         self._groups = copy_groups(description, self._layouts, self.notes)
+        if remarks is not None:
+            named = {c.net: c.main for c in description.connections if c.net}
+            self._groups = tuple(
+                g if g.main is not None else replace(g, main=named.get(g.name))
+                for g in self._groups
+            )
+            self._groups += self._without_copies()
 
     def rows(self) -> Iterator[tuple[DescribedSubDevice, str, str, str]]:
         """Yield each SubDevice with its name, address and slave YAML."""
@@ -124,8 +146,9 @@ class _Files:
             name = self._names[number]
             text = self._slave_yaml(sub.device, name, frozenset(needed.get(number, ())))
             if text not in by_text:
-                by_text[text] = f"devices/{words[number]}.yaml"
-                self.configs[by_text[text]] = text
+                path = by_text[text] = f"devices/{words[number]}.yaml"
+                head = () if self._remarks is None else self._remarks.devices.get(number, ())
+                self.configs[path] = "\n".join([*comment(head), text])
             self._lost(sub, name)
             yield sub, name, self._place(sub, name, number), by_text[text]
 
@@ -167,9 +190,12 @@ class _Files:
             yield f"  - name: {quoted(group.name)}"
             if group.main is not None:
                 yield f"    {key}: {quoted(self._names[group.main])}"
-            yield "    transfers:"
-            yield from self._transfers(group)
+            if group.copies:
+                yield "    transfers:"
+                yield from self._transfers(group)
             yield from self._connections(group)
+        if self._remarks is not None:
+            return
         placed = {n for g in self._groups for c in g.copies for n in (c.source.subdevice,)}
         if any(c.main not in placed or c.sub not in placed for c in self._description.connections):
             self.notes.append("connections without copies are not in these files")
@@ -189,7 +215,38 @@ class _Files:
             if not is_fsoe(copy, self._layouts):
                 yield "        kind: standard"
 
+    def _without_copies(self) -> tuple[CopyGroup, ...]:
+        """Return a net for each MainInstance whose connections are in no group of copies."""
+        known = {g.main for g in self._groups}
+        taken = {g.name for g in self._groups}
+        groups = []
+        for row in self._description.connections:
+            if row.main is None or row.main in known:
+                continue
+            known.add(row.main)
+            name = row.net if row.net and row.net not in taken else ""
+            name, count = name or f"{self._names[row.main]}_safety", 2
+            while name in taken:
+                name, count = f"{self._names[row.main]}_safety_{count}", count + 1
+            taken.add(name)
+            groups.append(CopyGroup(name=name, main=row.main, copies=()))
+        return tuple(groups)
+
+    def _commented(self, group: CopyGroup, remarks: Remarks) -> Iterator[str]:
+        rows = [
+            (row, why)
+            for row, why in zip(self._description.connections, remarks.connections, strict=True)
+            if group.main is not None and row.main == group.main
+        ]
+        if rows:
+            yield "    connections:"
+        for row, why in rows:
+            yield from connection_lines(row, self._names, why)
+
     def _connections(self, group: CopyGroup) -> Iterator[str]:
+        if self._remarks is not None:
+            yield from self._commented(group, self._remarks)
+            return
         ends: set[frozenset[int | None]] = {
             frozenset((c.source.subdevice, c.destination.subdevice)) for c in group.copies
         }

@@ -1,0 +1,254 @@
+"""Everything that the files of ``fsoe-net init`` say, sorted: a ring, device types, projects."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from fsoe_net.diag import Diagnostic, Severity, Span
+from fsoe_net.errors import InputError
+from fsoe_net.load import (
+    Collector,
+    InputKind,
+    LoadOptions,
+    describe_scan,
+    find_kind,
+    load_foreign,
+    load_network,
+    load_scan,
+)
+from fsoe_net.model import Description, Network
+from fsoe_net.save import describe
+
+__all__ = ["Gathered", "gather"]
+
+_MOST_FILES = 2000
+_DEEPEST = 5
+_HEAD_BYTES = 4096
+# What a network still lacks is no mistake here: it is what this command is for.
+_LACKING = {"FSN125", "FSN223"}
+
+
+@dataclass(slots=True)
+class Gathered:
+    """What was read.
+
+    Attributes:
+        buses: Descriptions whose SubDevices have a place in the ring.
+        types: Descriptions of device types.
+        esis: ESI files; their devices are read when somebody has them.
+        projects: Safety projects: connections without places.
+        part: Transfers whose modules no file declares.
+        name: Name of the network, where a file gives one.
+        notes: What had to be assumed or left out.
+        out: Findings.
+        used: Files that say something, in the order given.
+    """
+
+    buses: list[Description] = field(default_factory=list)
+    types: list[Description] = field(default_factory=list)
+    esis: list[str] = field(default_factory=list)
+    projects: list[Description] = field(default_factory=list)
+    part: Network | None = None
+    name: str = ""
+    notes: list[str] = field(default_factory=list)
+    out: Collector = field(default_factory=Collector)
+    used: list[str] = field(default_factory=list)
+
+
+def gather(
+    paths: Sequence[str], options: LoadOptions, *, leave_out: Sequence[str] = ()
+) -> Gathered:
+    """Read files and folders; what is in a folder and cannot be read is left out and said.
+
+    Args:
+        paths: Files and folders.
+        options: How references in YAML and URDF are followed.
+        leave_out: Files of folders that are something else, such as the answers.
+
+    Raises:
+        InputError: A file named by the user cannot be read.
+    """
+    found = Gathered()
+    skipped = {os.path.realpath(p) for p in leave_out}
+    named: list[tuple[str, bool]] = []
+    for path in dict.fromkeys(paths):
+        if os.path.isdir(path):
+            inside = _files_in(path, found.out)
+            named += [(f, True) for f in inside if os.path.realpath(f) not in skipped]
+        else:
+            named.append((path, False))
+    yaml_files: list[tuple[str, bool]] = []
+    for path, in_folder in named:
+        mine = Collector()
+        if _is_scan(path):
+            _keep(found, path, mine, in_folder, _scan(path, mine, found))
+            continue
+        kind = find_kind(path, mine)
+        if kind is InputKind.YAML:
+            yaml_files.append((path, in_folder))
+        elif kind is InputKind.ESI:
+            found.esis.append(path)
+            found.used.append(path)
+        else:
+            read = None if kind is None else load_foreign(path, kind, mine)
+            _keep(found, path, mine, in_folder, _sorted(read, kind, found))
+    _read_yaml(yaml_files, options, found)
+    return found
+
+
+def _files_in(folder: str, out: Collector) -> list[str]:
+    found: list[str] = []
+    base = os.path.normpath(folder).count(os.sep)
+    for place, folders, names in os.walk(folder):
+        deep = os.path.normpath(place).count(os.sep) - base
+        folders[:] = sorted(f for f in folders if not f.startswith(".") and deep < _DEEPEST)
+        found += [os.path.join(place, n) for n in sorted(names) if not n.startswith(".")]
+        if len(found) > _MOST_FILES:
+            raise InputError(f"{folder} holds more than {_MOST_FILES} files; name those of the bus")
+    if not found:
+        out.add("FSN158", Span(folder), "the folder is empty", hint="name files that tell of a bus")
+    return found
+
+
+def _keep(found: Gathered, path: str, mine: Collector, in_folder: bool, good: bool) -> None:
+    """Take the findings of a file; an unreadable one of a folder is only left out."""
+    errors = [d for d in mine.diagnostics if d.level is Severity.ERROR]
+    if errors and in_folder:
+        _left_out(found, path, errors[0])
+        return
+    found.out.diagnostics += mine.diagnostics
+    if errors:
+        raise InputError("nothing written", errors)
+    if good:
+        found.used.append(path)
+
+
+def _left_out(found: Gathered, path: str, error: Diagnostic) -> None:
+    place = f" ({error.span})" if error.span.line else ""
+    found.out.add(
+        "FSN158",
+        Span(path),
+        f"left out: {error.message}{place}",
+        hint="name the file itself if it belongs to the bus",
+    )
+
+
+def _is_scan(path: str) -> bool:
+    try:
+        with open(path, "rb") as stream:
+            head = stream.read(_HEAD_BYTES)
+    except (OSError, ValueError):
+        return False
+    return re.match(rb'\s*\{\s*"scan"\s*:', head) is not None
+
+
+def _scan(path: str, mine: Collector, found: Gathered) -> bool:
+    scan, damage = load_scan(path)
+    mine.diagnostics += damage
+    if scan is not None:
+        found.buses.append(describe_scan(scan, path))
+    return scan is not None
+
+
+def _sorted(read: Description | None, kind: InputKind | None, found: Gathered) -> bool:
+    if read is None or kind is None:
+        return False
+    if read.truncated or any(s.truncated for s in read.subdevices):
+        found.notes.append(f"{read.path} is cut off: what is missing there is not guessed")
+    placed = any(s.alias or s.position is not None for s in read.subdevices)
+    if kind is InputKind.TWINSAFE:
+        found.projects.append(read)
+    elif kind.is_device_type or not (placed or read.copies or read.connections):
+        found.types.append(read)
+    else:
+        found.buses.append(read)
+    return True
+
+
+# -- YAML and URDF --------------------------------------------------------------------------------
+
+
+def _read_yaml(files: list[tuple[str, bool]], options: LoadOptions, found: Gathered) -> None:
+    """Read the network or URDF with its transfers; then every slave YAML nobody has named."""
+    kinds: dict[str, list[tuple[str, bool]]] = {}
+    for path, in_folder in files:
+        kinds.setdefault(_yaml_kind(path), []).append((path, in_folder))
+    roots = kinds.get("network", []) + kinds.get("robot", [])
+    transfers = kinds.get("transfers", [])
+    known: set[str] = set()
+    for root in roots:
+        known |= _read_root([root], transfers, options, found)
+    rest = [t for t in transfers if os.path.realpath(t[0]) not in known]
+    for row in rest:
+        known |= _read_root([row], [], options, found)
+    for path, in_folder in kinds.get("slave", []) + kinds.get("", []):
+        if os.path.realpath(path) not in known:
+            _read_root([(path, in_folder)], [], options, found)
+
+
+def _yaml_kind(path: str) -> str:
+    try:
+        with open(path, "rb") as stream:
+            text = stream.read(1 << 20)
+    except OSError:
+        return ""
+    if text.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        return "robot"
+    for kind, key in (
+        ("network", rb"subdevices"),
+        ("transfers", rb"(?:nets|(?:safety|transfer)_modules)"),
+        ("slave", rb"(?:vendor_id|rpdo|tpdo)"),
+    ):
+        if re.search(rb"^" + key + rb"[ \t]*:", text, re.MULTILINE):
+            return kind
+    return ""
+
+
+def _read_root(
+    files: list[tuple[str, bool]],
+    transfers: list[tuple[str, bool]],
+    options: LoadOptions,
+    found: Gathered,
+) -> set[str]:
+    """Read one root file; return the real paths of everything it brought along."""
+    path, in_folder = files[0]
+    # A URDF names its transfers itself; those given beside it are for one that does not.
+    loaded = load_network([path], options)
+    if transfers and loaded.network is not None and not loaded.network.nets:
+        loaded = load_network([path, *(t for t, _ in transfers)], options)
+    mine = Collector()
+    mine.diagnostics += [d for d in loaded.diagnostics if d.code not in _LACKING]
+    network = loaded.network
+    _keep(found, path, mine, in_folder, network is not None)
+    if network is None or any(d.level is Severity.ERROR for d in mine.diagnostics):
+        return set()
+    try:
+        _sort_network(network, path, found)
+    except InputError as exc:
+        if not in_folder:
+            raise
+        found.out.add("FSN158", Span(path), f"left out: {exc}", hint="mend it, or name the others")
+    return {os.path.realpath(s.path) for s in network.sources}
+
+
+def _sort_network(network: Network, path: str, found: Gathered) -> None:
+    if network.partial and network.nets:
+        declared = {s.name for s in network.subdevices}
+        ends = {
+            e.module for n in network.nets for t in n.transfers for e in (t.source, t.destination)
+        }
+        if ends <= declared:
+            found.buses.append(replace(describe(network), path=path))
+        else:
+            found.part = network
+        return
+    made = replace(describe(network), path=path)
+    found.name = found.name or ("" if network.partial else network.name)
+    if network.partial:
+        subs = tuple(replace(s, position=None) for s in made.subdevices)
+        found.types.append(replace(made, subdevices=subs))
+    else:
+        found.buses.append(made)

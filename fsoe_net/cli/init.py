@@ -1,0 +1,187 @@
+"""``fsoe-net init``: a commented network out of whatever files there are."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from fsoe_net.cli.gather import gather
+from fsoe_net.cli.init_output import answers_template, network_remarks
+from fsoe_net.cli.init_prompt import ask
+from fsoe_net.cli.inputs import check_files, reference_options
+from fsoe_net.cli.output import counted, print_diagnostics, summary
+from fsoe_net.cli.proposing import Inputs, Made, make_proposal
+from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.load import Collector, LoadOptions, describe_scan, load_answers
+from fsoe_net.model import Answers, Ask
+from fsoe_net.save import Written, write_network
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net init machine.xml -o machine          # asks what files do not tell
+  fsoe-net init Beckhoff_ELx9xx.xml             # ESI only: asks what is on the ring
+  fsoe-net init --interface eth1 -o machine
+  fsoe-net init bus/ --answers-template > answers.yaml
+  fsoe-net init bus/ --answers answers.yaml -o machine
+
+Where lengths and direction of the frames leave more than one way, the connection is unconfirmed,
+and `fsoe-net plan` refuses it until a person has compared it with the safety project."""
+
+
+@click.command("init", epilog=_EPILOG)
+@click.argument("files", nargs=-1, type=click.Path())
+@reference_options
+@click.option("--interface", metavar="IF", help="Also scan the bus there.")
+@click.option("--socket", metavar="PATH", help="The same, by the fsn-master with this socket.")
+@click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
+@click.option("-o", "--output", default=".", type=click.Path(), help="Folder; default: this one.")
+@click.option("--answers", "answers_file", type=click.Path(), help="YAML with the answers.")
+@click.option("--answers-template", "template", is_flag=True, help="Print such a file and stop.")
+@click.option("--no-input", is_flag=True, help="Ask nothing; what is not answered stays open.")
+def command(
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    interface: str | None,
+    socket: str | None,
+    yes: bool,
+    output: str,
+    answers_file: str | None,
+    template: bool,
+    no_input: bool,
+) -> None:
+    """Propose a network from any mix of FILES, and write a commented network.yaml.
+
+    FILES: all that `fsoe-net convert` reads, a scan.json, and folders with such files. Known copies
+    and connections are taken; frames are paired by length and direction where only one way is
+    possible. What nobody can know from files is asked. Nothing is overwritten.
+    """
+    out = Collector()
+    answers = Answers() if answers_file is None else load_answers(answers_file, out)
+    if answers is None:
+        raise InputError("nothing written: the answers cannot be used", _sorted(out))
+    if not files and interface is None and socket is None and not answers.subdevices:
+        raise click.UsageError(
+            "name files that tell of the bus, or --interface IF; `--help` shows examples"
+        )
+    options = LoadOptions(packages=packages, xacro_args=xacro_args)
+    found = gather(files, options, leave_out=() if answers_file is None else (answers_file,))
+    found.out.diagnostics += out.diagnostics
+    if interface is not None or socket is not None:
+        from fsoe_net.cli.scan import take_scan
+
+        scan = take_scan(interface, bus=None, socket=socket, yes=yes).scan
+        found.buses.append(describe_scan(scan, f"the bus at {interface or socket}"))
+        found.used.append(f"the bus at {interface or socket}")
+    inputs = Inputs.of(found)
+    if template:
+        made = make_proposal(inputs, answers)
+        _refuse(made)
+        click.echo(answers_template(made, inputs), nl=False)
+        return
+    asking = not no_input and sys.stdin.isatty()
+    made = _answered(inputs, answers, asking=asking)
+    if not asking:
+        _tell_questions(made, answered=answers_file is not None or no_input)
+    _finish(made, inputs, Path(output))
+
+
+def _sorted(out: Collector) -> list[Diagnostic]:
+    return sort_diagnostics(out.diagnostics)
+
+
+def _refuse(made: Made) -> None:
+    errors = [d for d in made.findings if d.level is Severity.ERROR]
+    if errors:
+        raise InputError("nothing written", sort_diagnostics(errors))
+
+
+def _answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Made:
+    """Propose; with somebody to ask, ask and propose again until nothing is left to ask."""
+    while True:
+        made = make_proposal(inputs, answers)
+        _refuse(made)
+        if not asking or not made.questions:
+            return made
+        answers = ask(made.questions[0], answers, made)
+
+
+def _tell_questions(made: Made, *, answered: bool) -> None:
+    """Say what was not answered; without a ring, or when nobody allowed it, refuse.
+
+    Raises:
+        InputError: Answers are needed.
+    """
+    needed = [q for q in made.questions if q.ask is Ask.SUBDEVICES or not answered]
+    found = [
+        Diagnostic(
+            code="FSN157",
+            span=q.span,
+            message=q.text,
+            severity=Severity.ERROR if q in needed else Severity.WARNING,
+            hint=f"{q.ask.value}: in a file for --answers; --answers-template writes one"
+            + ("" if answered else "; --no-input leaves it open"),
+        )
+        for q in made.questions
+    ]
+    if needed:
+        raise InputError("nothing written: nobody is here to be asked", found)
+    print_diagnostics(found, err=True)
+
+
+def _finish(made: Made, inputs: Inputs, folder: Path) -> None:
+    assert made.proposal is not None  # noqa: S101 - no question about the ring is open
+    told = (*inputs.found.out.diagnostics, *made.findings)
+    print_diagnostics(sort_diagnostics(told), err=True)
+    remarks = network_remarks(made, inputs)
+    description = made.proposal.bus
+    written = write_network(description, name=made.name, remarks=remarks)
+    _write(written, folder)
+    for note in dict.fromkeys((*made.notes, *written.notes)):
+        click.echo(f"note: {note}", err=True)
+    network = folder / "network.yaml"
+    rows = description.connections
+    unconfirmed = sum(bool(r.unconfirmed) for r in rows)
+    click.echo(
+        f"{network}: {counted(len(description.subdevices), 'SubDevice')}, "
+        f"{counted(len(rows), 'FSoE connection')}, {unconfirmed} of them unconfirmed, "
+        f"{counted(len(written.files), 'file')}"
+    )
+    checked = check_files([str(network)])
+    found = [d for d in checked.diagnostics if d.level is not Severity.INFO]
+    print_diagnostics(found)
+    if made.proposal.open:
+        click.echo("\nOpen:")
+    for text in made.proposal.open:
+        click.echo(f"  - {text}")
+    errors = sum(d.level is Severity.ERROR for d in found)
+    click.echo(
+        f"\nNext: {'complete' if errors or made.proposal.open else 'read'} {network}, "
+        f"then fsoe-net check {network}" + (f"   ({summary(found)} now)" if found else "")
+    )
+
+
+def _write(written: Written, folder: Path) -> None:
+    """Write all files or none; `network.yaml`, which names the others, comes last."""
+    paths = {folder / name: text for name, text in written.files.items()}
+    present = next((p for p in paths if p.is_symlink() or p.exists()), None)
+    if present is not None:
+        raise InputError(f"nothing written: {present} exists; name another folder with -o")
+    made: list[Path] = []
+    try:
+        for path, text in reversed(paths.items()):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("x", encoding="utf-8") as file:
+                made.append(path)
+                file.write(text)
+    except OSError as exc:
+        for path in made:
+            path.unlink(missing_ok=True)
+        raise EnvironmentFault(
+            f"cannot write {exc.filename or folder}: {exc.strerror}; nothing written"
+        ) from exc

@@ -1,0 +1,125 @@
+"""Comments of the network that ``fsoe-net init`` writes, and its template for answers."""
+
+from __future__ import annotations
+
+from fsoe_net.cli.proposing import Inputs, Made
+from fsoe_net.model import Ask, DescribedSubDevice, Proposal, Question
+from fsoe_net.save import Remarks
+
+__all__ = ["answers_template", "network_remarks"]
+
+
+def network_remarks(made: Made, inputs: Inputs) -> Remarks:
+    """Return the comments of a proposed network."""
+    proposal = made.proposal
+    if proposal is None:
+        return Remarks()
+    used = ", ".join(inputs.found.used) or "answers and the device library"
+    head = [f"Proposed by `fsoe-net init` from {used}.", _TRUST]
+    if proposal.bus.connections:
+        head.append(_SLOT)
+    if proposal.open:
+        head += ["", "Open:", *(f"- {text}" for text in proposal.open)]
+    head.append("")
+    return Remarks(
+        head=tuple(head),
+        subdevices={n: _subdevice(proposal, n) for n in range(len(proposal.bus.subdevices))},
+        devices={n: _device(proposal, n) for n in range(len(proposal.bus.subdevices))},
+        connections=proposal.reasons,
+    )
+
+
+_FACTS = ("address", "connection_id", "watchdog_ms")
+_SLOT = (
+    "slot: which pair of FSoE frames of the MainInstance, from 0, in the order of its process data."
+)
+_TRUST = (
+    "Hold it against the safety project before you use it: this tool is part of the black channel "
+    "and knows nothing of what has to be connected."
+)
+
+
+def _device(proposal: Proposal, number: int) -> tuple[str, ...]:
+    sub = proposal.bus.subdevices[number]
+    path = sub.device.path
+    notes = proposal.notes.get(number, ())
+    head = f"{sub.order or sub.name}{f', from {path}' if path else ''}"
+    return (head, *(("From the device library:",) if notes else ()), *(f"- {n}" for n in notes))
+
+
+def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
+    sub = proposal.bus.subdevices[number]
+    title = sub.order if sub.order and sub.order.casefold() != sub.name.casefold() else ""
+    lines = [title] if title else []
+    if number in proposal.mains:
+        lines = [f"{title + ': ' if title else ''}FSoE MainInstance"]
+    facts = []
+    if sub.serial:
+        facts.append(f"serial {sub.serial}")
+    if sub.fsoe_address is not None:
+        facts.append(f"FSoE address {sub.fsoe_address}, as the device tells")
+    return (*lines, *facts, *proposal.remarks.get(number, ()))
+
+
+def answers_template(made: Made, inputs: Inputs) -> str:
+    """Return an answers file with everything that is open, as comments to be completed."""
+    lines = [
+        "# Answers for `fsoe-net init`. Delete the # in front of what you know and complete it;",
+        "# what you leave out stays open. Use: fsoe-net init FILES --answers THIS-FILE -o FOLDER",
+        f"name: {made.name}",
+    ]
+    proposal = made.proposal
+    if proposal is None or proposal.bus.cycle_us is None:
+        lines += ["# cycle_us: 1000", ""]
+    questions = {a: [q for q in made.questions if q.ask is a] for a in Ask}
+    for question in questions[Ask.SUBDEVICES]:
+        lines += [f"# {question.text}", *(f"#   {f}" for f in question.facts)]
+        example = next((t.order for t in inputs.types), "EL1904")
+        lines += ["# subdevices:", f"#   - {{type: {example}, name: stop, count: 2}}", ""]
+    for key, value in ((Ask.PROCESS_DATA, None), (Ask.FRAMES, "yes")):
+        if questions[key]:
+            lines.append(f"# {key.value}:")
+        for question in questions[key]:
+            lines += [f"#   # {question.text}", *(f"#   # {f}" for f in question.facts)]
+            for word, meaning in question.choices:
+                if value is None:
+                    lines.append(f'#   {question.subject}: "{word}"   # {meaning}')
+            if value is not None:
+                lines.append(f"#   {question.subject}: {value}   # or no")
+    for question in questions[Ask.MAIN]:
+        names = ", ".join(w for w, _ in question.choices)
+        lines += [f"# {question.text}", f"# main: [{names}]", ""]
+    if proposal is not None:
+        rows = _connections(proposal, proposal.bus.subdevices)
+        rows += [line for q in questions[Ask.CONNECTIONS] for line in _open_connection(q)]
+        lines += ["# connections:", *rows] if rows else []
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _open_connection(question: Question) -> list[str]:
+    lines = [f"#   # {question.text}", *(f"#   #   {f}" for f in question.facts)]
+    main = question.choices[0][0].rsplit(" ", 1)[0]
+    parts = [f"sub: {question.subject}"]
+    if question.sub_slot is not None:
+        parts.append(f"sub_slot: {question.sub_slot}")
+    parts += [f"main: {main}", "slot: TODO", *(f"{k}: TODO" for k in _FACTS)]
+    return [*lines, f"#   - {{{', '.join(parts)}}}"]
+
+
+def _connections(proposal: Proposal, subs: tuple[DescribedSubDevice, ...]) -> list[str]:
+    lines = []
+    for row, why in zip(proposal.bus.connections, proposal.reasons, strict=True):
+        if row.main is None or row.sub is None or row.unconfirmed:
+            continue
+        lines.append(f"#   # {why[0]}")
+        parts = [f"sub: {subs[row.sub].name}"]
+        if row.sub_slot is not None:
+            parts.append(f"sub_slot: {row.sub_slot}")
+        parts.append(f"main: {subs[row.main].name}")
+        if row.slot is not None:
+            parts.append(f"slot: {row.slot}")
+        for key in _FACTS:
+            value = getattr(row, key)
+            parts.append(f"{key}: {'TODO' if value is None else value}")
+        lines.append(f"#   - {{{', '.join(parts)}}}")
+    return lines

@@ -1,0 +1,218 @@
+"""From what was gathered and answered to a proposal, again after each answer."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from fsoe_net.cli.gather import Gathered
+from fsoe_net.diag import Diagnostic, Severity, Span
+from fsoe_net.errors import InputError
+from fsoe_net.load import Collector, DeviceType, list_types, load_devices, load_library, ring_of
+from fsoe_net.model import (
+    Answers,
+    Ask,
+    DescribedSubDevice,
+    Description,
+    Library,
+    Network,
+    Proposal,
+    Question,
+    SubDevice,
+    fill_devices,
+    has_layout,
+    join_buses,
+    match_project,
+    propose,
+)
+from fsoe_net.save import describe
+
+__all__ = ["Inputs", "Made", "make_proposal"]
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made:
+    """A proposal, or why there is none yet.
+
+    Attributes:
+        proposal: ``None`` while nobody has said what is on the ring.
+        name: Name of the network.
+        questions: To be asked, the first one first.
+        findings: Wrong answers.
+        notes: What was assumed or left out.
+    """
+
+    proposal: Proposal | None
+    name: str
+    questions: tuple[Question, ...]
+    findings: tuple[Diagnostic, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class Inputs:
+    """What was gathered, the device library, and the rings already built."""
+
+    found: Gathered
+    library: Library
+    types: list[DeviceType]
+    _rings: dict[object, tuple[Description | None, Collector, list[str]]] = field(
+        default_factory=dict
+    )
+
+    @classmethod
+    def of(cls, found: Gathered) -> Inputs:
+        """Return the inputs with the library of the package."""
+        library, _ = load_library()
+        types = list_types(found.esis, found.types, library, found.out)
+        errors = [d for d in found.out.diagnostics if d.level is Severity.ERROR]
+        if errors:
+            raise InputError("nothing written", errors)
+        return cls(found, library, types)
+
+    def ring(self, answers: Answers) -> tuple[Description | None, Collector, list[str]]:
+        """Return the bus with process data, findings and notes; files are read once."""
+        key = answers.subdevices
+        if key not in self._rings:
+            out, notes = Collector(), list(self.found.notes)
+            bus = join_buses(self.found.buses, notes) if self.found.buses else None
+            if bus is None:
+                bus = ring_of(answers.subdevices, self.types, out)
+            if bus is not None:
+                bus = self._with_process_data(bus, out, notes)
+            self._rings[key] = (bus, out, notes)
+        return self._rings[key]
+
+    def _with_process_data(self, bus: Description, out: Collector, notes: list[str]) -> Description:
+        types = list(self.found.types) if self.found.buses else []
+        for path in self.found.esis if self.found.buses else ():
+            made = load_devices(path, [s for s in bus.subdevices if not has_layout(s.device)], out)
+            if made is not None:
+                types.append(made)
+        return _with_part(fill_devices(bus, types, notes), self.found.part, notes)
+
+
+def make_proposal(inputs: Inputs, answers: Answers) -> Made:
+    """Propose a network from what was read and what was answered so far."""
+    bus, out, notes = inputs.ring(answers)
+    findings = list(out.diagnostics)
+    name = answers.name or inputs.found.name or "network"
+    if inputs.found.buses and answers.subdevices:
+        where = inputs.found.buses[0].path
+        findings.append(
+            Diagnostic(
+                code="FSN156",
+                span=answers.at("subdevices"),
+                message=f"{where} says what is on the ring",
+                hint="delete subdevices: from the answers, or leave that file out",
+            )
+        )
+    if bus is None:
+        question = () if answers.subdevices else (_ask_ring(inputs),)
+        return Made(
+            proposal=None, name=name, questions=question, findings=tuple(findings), notes=()
+        )
+    bus = replace(bus, cycle_us=answers.cycle_us or bus.cycle_us)
+    names = _names(bus.subdevices)
+    hints: list[tuple[frozenset[int], str]] = []
+    connections = list(bus.connections)
+    for project in inputs.found.projects:
+        matched = match_project(bus.subdevices, project, inputs.library)
+        connections += matched.connections
+        hints += matched.hints
+        notes = [*notes, *(f"{text}: no SubDevice fits" for text in matched.lost)]
+    subs = tuple(replace(s, name=n) for s, n in zip(bus.subdevices, names, strict=True))
+    proposal = propose(
+        replace(bus, subdevices=subs, connections=tuple(connections)),
+        names,
+        inputs.library,
+        answers,
+        hints,
+    )
+    return Made(
+        proposal=proposal,
+        name=name,
+        questions=proposal.questions,
+        findings=(*findings, *proposal.findings),
+        notes=(*notes, *(f"{s.name}: {n}" for s in subs for n in s.notes)),
+    )
+
+
+def _ask_ring(inputs: Inputs) -> Question:
+    files = [t for t in inputs.types if t.path != "device library"]
+    orders = list(dict.fromkeys(t.order for t in files))
+    facts = ["No file says what is on the ring; an ESI or SII image only describes types."]
+    if orders:
+        more = f" and {len(orders) - 30} more" if len(orders) > 30 else ""
+        facts.append(f"Types in these files: {', '.join(orders[:30])}{more}")
+    known = ", ".join(d.name for d in inputs.library.devices)
+    facts.append(f"Types the device library knows: {known}")
+    if inputs.found.part is not None:
+        facts.append(
+            f"{inputs.found.part.span.file} has transfers between "
+            f"{', '.join(sorted(_modules(inputs.found.part)))}: use these names"
+        )
+    place = next((t.path for t in files), inputs.found.used[0] if inputs.found.used else "")
+    return Question(
+        ask=Ask.SUBDEVICES,
+        text="Which SubDevices are on the ring, in ring order?",
+        facts=tuple(facts),
+        span=Span(place or "<input>"),
+    )
+
+
+def _names(subdevices: Sequence[DescribedSubDevice]) -> tuple[str, ...]:
+    """Return names of one word; those that several SubDevices would have get numbers."""
+    words = [_word(s) for s in subdevices]
+    names: list[str] = []
+    for number, word in enumerate(words):
+        name = word if words.count(word) == 1 else f"{word}_{words[:number].count(word) + 1}"
+        while name in names:
+            name += "_"
+        names.append(name)
+    return tuple(names)
+
+
+def _word(sub: DescribedSubDevice) -> str:
+    if _NAME.match(sub.name) and not sub.name.isupper() and sub.name != sub.order:
+        return sub.name
+    text = sub.name or sub.order
+    word = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")[:40]
+    if not word:
+        return f"subdevice_{sub.position}" if sub.position is not None else "subdevice"
+    return f"n{word}" if word[0].isdigit() else word
+
+
+# -- transfers without their modules --------------------------------------------------------------
+
+
+def _modules(part: Network) -> set[str]:
+    return {e.module for n in part.nets for t in n.transfers for e in (t.source, t.destination)} - {
+        s.name for s in part.subdevices
+    }
+
+
+def _with_part(bus: Description, part: Network | None, notes: list[str]) -> Description:
+    """Add the transfers of a file whose modules now are known by their names."""
+    if part is None:
+        return bus
+    subs = tuple(
+        SubDevice(span=s.span, name=n, position=s.position or 0, alias=s.alias, device=s.device)
+        for s, n in zip(bus.subdevices, _names(bus.subdevices), strict=True)
+    )
+    missing = sorted(_modules(part) - {s.name for s in subs})
+    if missing:
+        notes.append(
+            f"{part.span.file}: its transfers are left out; no SubDevice is named "
+            f"{', '.join(missing)}"
+        )
+        return bus
+    try:
+        made = describe(replace(part, subdevices=subs, partial=False))
+    except InputError as exc:
+        notes.append(f"{part.span.file}: its transfers are left out; {exc}")
+        return bus
+    return replace(bus, copies=made.copies, connections=made.connections, path=part.span.file)

@@ -1,0 +1,117 @@
+"""A scan as a description: SubDevices in ring order, and what devices told of FSoE."""
+
+from __future__ import annotations
+
+from fsoe_net.model import (
+    DescribedConnection,
+    DescribedSubDevice,
+    Description,
+    Device,
+    Direction,
+    Entry,
+    Pdo,
+    Scan,
+    ScannedPdo,
+    ScannedSm,
+    ScannedSubDevice,
+    SyncManager,
+)
+
+__all__ = ["describe_scan"]
+
+
+def describe_scan(scan: Scan, path: str) -> Description:
+    """Return what a scan says.
+
+    A connection that a MainInstance tells of names its SubInstance by FSoE address; it is left out
+    where that address is not that of exactly one other SubDevice.
+
+    Args:
+        scan: The scan.
+        path: Its file or interface, for comments.
+    """
+    subs = tuple(_subdevice(s, path) for s in scan.subdevices)
+    return Description(
+        span=scan.span,
+        format="scan",
+        path=path,
+        subdevices=subs,
+        connections=tuple(c for s in scan.subdevices for c in _connections(s, scan)),
+    )
+
+
+def _subdevice(sub: ScannedSubDevice, path: str) -> DescribedSubDevice:
+    half = [s for s in sub.process_data if not _is_whole(sub, s)]
+    notes = (*sub.problems, *(f"SM{s.index} was not read completely" for s in half))
+    managers = sub.sms or () if not half else ()
+    return DescribedSubDevice(
+        span=sub.span,
+        fields=sub.fields,
+        name=sub.planned or sub.name.split(" ")[0],
+        order=sub.name.split(" ")[0],
+        position=sub.position,
+        device=Device(
+            span=sub.span,
+            path=path,
+            vendor_id=sub.vendor_id or 0,
+            product_code=sub.product_code or 0,
+            sync_managers=tuple(_manager(s) for s in managers),
+        ),
+        revision=sub.revision,
+        serial=sub.serial,
+        fsoe_address=None if sub.fsoe is None or len(sub.fsoe.addresses) > 1 else sub.fsoe.address,
+        notes=notes,
+    )
+
+
+def _is_whole(sub: ScannedSubDevice, sm: ScannedSm) -> bool:
+    known = all(p.entries is not None for p in sm.pdos or ())
+    return bool(sm.pdos) and known and not sub.half_read(sm)
+
+
+def _manager(sm: ScannedSm) -> SyncManager:
+    out = sm.kind in ("outputs", "mailbox_out")
+    return SyncManager(
+        span=sm.span,
+        index=sm.index,
+        direction=Direction.OUTPUT if out else Direction.INPUT,
+        carries=None,
+        pdos=tuple(_pdo(p) for p in sm.pdos or ()) if sm.is_process_data else (),
+        start_byte=sm.start_byte,
+    )
+
+
+def _pdo(pdo: ScannedPdo) -> Pdo:
+    entries = tuple(
+        Entry(span=e.span, index=e.index, subindex=e.subindex, bits=e.bits)
+        for e in pdo.entries or ()
+    )
+    return Pdo(span=pdo.span, index=pdo.index, name=pdo.name, entries=entries)
+
+
+def _connections(sub: ScannedSubDevice, scan: Scan) -> list[DescribedConnection]:
+    if sub.fsoe is None:
+        return []
+    found = []
+    rows = sorted(sub.fsoe.connections, key=lambda c: c.object_index)
+    for slot, row in enumerate(rows):
+        ends = [
+            s.position
+            for s in scan.subdevices
+            if s is not sub and s.fsoe is not None and row.address in s.fsoe.addresses
+        ]
+        if row.address is None or len(ends) != 1:
+            continue
+        found.append(
+            DescribedConnection(
+                span=row.span,
+                fields=row.fields,
+                main=sub.position,
+                sub=ends[0],
+                slot=slot,
+                address=row.address,
+                connection_id=row.connection_id,
+                watchdog_ms=row.watchdog_ms,
+            )
+        )
+    return found

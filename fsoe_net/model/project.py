@@ -1,0 +1,84 @@
+"""Connections of a safety project, which names devices without a place, matched to a ring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from fsoe_net.model.description import (
+    DescribedConnection,
+    DescribedSubDevice,
+    Description,
+)
+from fsoe_net.model.library import Library
+from fsoe_net.model.library_fill import library_device
+
+__all__ = ["MatchedProject", "match_project"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MatchedProject:
+    """What a safety project says about the SubDevices of a ring.
+
+    Attributes:
+        connections: Those whose SubInstance is certain; the MainInstance may be open.
+        hints: Those of which several SubDevices may be meant, with their numbers, in words.
+        lost: Those without any SubDevice, in words.
+    """
+
+    connections: tuple[DescribedConnection, ...]
+    hints: tuple[tuple[frozenset[int], str], ...]
+    lost: tuple[str, ...]
+
+
+def match_project(
+    subdevices: Sequence[DescribedSubDevice], project: Description, library: Library
+) -> MatchedProject:
+    """Match by name; else by order number where the ring and the project have one of it.
+
+    Args:
+        subdevices: The ring.
+        project: The safety project.
+        library: Knows order numbers of identities.
+    """
+    connections, hints, lost = [], [], []
+    orders = [_orders(s, library) for s in subdevices]
+    for row in project.connections:
+        other = row.sub if row.sub not in (None, 0) else row.main
+        wanted = project.subdevices[other or 0]
+        named = [n for n, s in enumerate(subdevices) if wanted.name and s.name == wanted.name]
+        same = [n for n, words in enumerate(orders) if wanted.order.casefold() in words]
+        rivals = [s for s in project.subdevices if s.order == wanted.order]
+        found = named if len(named) == 1 else same
+        text = _text(row, wanted, project.path)
+        if len(found) == 1 and (found is named or len(rivals) == 1) and row.main == 0:
+            connections.append(replace(row, main=None, sub=found[0]))
+        elif found:
+            hints.append((frozenset(found), text))
+        else:
+            lost.append(text)
+    return MatchedProject(connections=tuple(connections), hints=tuple(hints), lost=tuple(lost))
+
+
+def _orders(sub: DescribedSubDevice, library: Library) -> set[str]:
+    known = library_device(sub, library)
+    words = {sub.order} if known is None else {sub.order, known.name}
+    if known is not None:
+        words |= {i.order for i in known.identities if i.product_code == sub.device.product_code}
+    return {w.casefold() for w in words if w}
+
+
+def _text(row: DescribedConnection, wanted: DescribedSubDevice, path: str) -> str:
+    line = f":{row.span.line}" if row.span.line else ""
+    facts = [
+        f"{word} {value}"
+        for word, value in (
+            ("slot", row.slot),
+            ("address", row.address),
+            ("connection ID", row.connection_id),
+            ("watchdog ms", row.watchdog_ms),
+        )
+        if value is not None
+    ]
+    what = wanted.order or "a device"
+    return f"{path}{line}: connection {row.name!r} of {what}: {', '.join(facts)}"
