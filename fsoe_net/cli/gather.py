@@ -29,6 +29,8 @@ _DEEPEST = 5
 _HEAD_BYTES = 4096
 # What a network still lacks is no mistake here: it is what this command is for.
 _LACKING = {"FSN125", "FSN223"}
+# A driver stops there; the SubDevice is known all the same.
+_TOLERATED = {"FSN120"}
 
 
 @dataclass(slots=True)
@@ -220,7 +222,11 @@ def _read_root(
     if transfers and loaded.network is not None and not loaded.network.nets:
         loaded = load_network([path, *(t for t, _ in transfers)], options)
     mine = Collector()
-    mine.diagnostics += [d for d in loaded.diagnostics if d.code not in _LACKING]
+    mine.diagnostics += [
+        replace(d, severity=Severity.WARNING) if d.code in _TOLERATED else d
+        for d in loaded.diagnostics
+        if d.code not in _LACKING
+    ]
     network = loaded.network
     _keep(found, path, mine, in_folder, network is not None)
     if network is None or any(d.level is Severity.ERROR for d in mine.diagnostics):

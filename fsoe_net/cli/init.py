@@ -87,7 +87,7 @@ def command(
     asking = not no_input and sys.stdin.isatty()
     made = _answered(inputs, answers, asking=asking)
     if not asking:
-        _tell_questions(made, answered=answers_file is not None or no_input)
+        _tell_questions(made, inputs, answered=answers_file is not None or no_input)
     _finish(made, inputs, Path(output))
 
 
@@ -111,7 +111,7 @@ def _answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Made:
         answers = ask(made.questions[0], answers, made)
 
 
-def _tell_questions(made: Made, *, answered: bool) -> None:
+def _tell_questions(made: Made, inputs: Inputs, *, answered: bool) -> None:
     """Say what was not answered; without a ring, or when nobody allowed it, refuse.
 
     Raises:
@@ -130,13 +130,16 @@ def _tell_questions(made: Made, *, answered: bool) -> None:
         for q in made.questions
     ]
     if needed:
+        print_diagnostics(sort_diagnostics(inputs.found.out.diagnostics), err=True)
         raise InputError("nothing written: nobody is here to be asked", found)
     print_diagnostics(found, err=True)
 
 
 def _finish(made: Made, inputs: Inputs, folder: Path) -> None:
     assert made.proposal is not None  # noqa: S101 - no question about the ring is open
-    told = (*inputs.found.out.diagnostics, *made.findings)
+    told = [
+        d for d in (*inputs.found.out.diagnostics, *made.findings) if d.level is not Severity.INFO
+    ]
     print_diagnostics(sort_diagnostics(told), err=True)
     remarks = network_remarks(made, inputs)
     description = made.proposal.bus

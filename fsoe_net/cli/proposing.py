@@ -30,6 +30,7 @@ from fsoe_net.save import describe
 
 __all__ = ["Inputs", "Made", "make_proposal"]
 
+_MOST_IDLE = 4
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 
 
@@ -92,7 +93,13 @@ class Inputs:
             made = load_devices(path, [s for s in bus.subdevices if not has_layout(s.device)], out)
             if made is not None:
                 types.append(made)
-        return _with_part(fill_devices(bus, types, notes), self.found.part, notes)
+        unused: list[str] = []
+        filled = fill_devices(bus, types, unused)
+        idle = [n for n in unused if n.endswith("it is left out")]
+        notes += [n for n in unused if n not in idle or len(idle) < _MOST_IDLE]
+        if len(idle) >= _MOST_IDLE:
+            notes.append(f"{len(idle)} device types that no SubDevice has are left out")
+        return _with_part(filled, self.found.part, notes)
 
 
 def make_proposal(inputs: Inputs, answers: Answers) -> Made:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.load.files import Collector
@@ -54,7 +55,7 @@ def list_types(
     """
     rows = [
         DeviceType(
-            order=s.order or s.name,
+            order=s.order or _known(s, library) or s.name or Path(t.path).stem,
             name=s.name,
             vendor=s.device.vendor_id,
             product=s.device.product_code,
@@ -96,6 +97,14 @@ def list_types(
             for i in device.identities
         ]
     return rows
+
+
+def _known(sub: DescribedSubDevice, library: Library) -> str:
+    """Return the order number of an identity, where the library knows it."""
+    own = (sub.device.vendor_id, sub.device.product_code)
+    device = library.find(*own)
+    rows = () if device is None else device.identities
+    return next((i.order for i in rows if (i.vendor_id, i.product_code) == own), "")
 
 
 def ring_of(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.join import has_layout
-from fsoe_net.model.library import Library, LibraryDevice, LibraryMapping
+from fsoe_net.model.library import Library, LibraryDevice, LibraryIdentity, LibraryMapping
 
 __all__ = ["LibraryFill", "fill_from_library", "library_device", "library_role"]
 
@@ -89,7 +89,8 @@ def fill_from_library(
         return _filled(sub, known, chosen[0], answered=answer is not None)
     if not chosen:
         return LibraryFill(
-            sub=sub, remarks=(f"the device library has no process data for this {known.name}",)
+            sub=_identified(sub, known),
+            remarks=(f"the device library has no process data for this {known.name}",),
         )
     question = Question(
         ask=Ask.PROCESS_DATA,
@@ -101,7 +102,7 @@ def fill_from_library(
     )
     names = ", ".join(f"{m.name!r}" for m in chosen)
     return LibraryFill(
-        sub=sub,
+        sub=_identified(sub, known),
         remarks=(f"TODO process data: the device library has {names}",),
         question=question,
     )
@@ -119,15 +120,29 @@ def _shown(mapping: LibraryMapping, known: LibraryDevice) -> str:
     return f"{sizes} ({known.sources[mapping.source]})"
 
 
+def _identity(sub: DescribedSubDevice, known: LibraryDevice) -> LibraryIdentity:
+    """Return the identity of a SubDevice; where its files have none, that of its order number."""
+    words = (sub.device.product_code, sub.order.casefold())
+    rows = known.identities
+    return next(
+        (i for i in rows if i.product_code == words[0] or i.order.casefold() == words[1]), rows[0]
+    )
+
+
+def _identified(sub: DescribedSubDevice, known: LibraryDevice) -> DescribedSubDevice:
+    row = _identity(sub, known)
+    device = replace(sub.device, vendor_id=row.vendor_id, product_code=row.product_code)
+    return replace(sub, device=device)
+
+
 def _filled(
     sub: DescribedSubDevice, known: LibraryDevice, mapping: LibraryMapping, *, answered: bool
 ) -> LibraryFill:
     own = sub.device
-    identity = next(
-        (i for i in known.identities if i.product_code == own.product_code), known.identities[0]
-    )
     device = replace(
-        mapping.device(identity, own.path), sdos=own.sdos, assign_activate=own.assign_activate
+        mapping.device(_identity(sub, known), own.path),
+        sdos=own.sdos,
+        assign_activate=own.assign_activate,
     )
     chosen = ", as answered" if answered else ""
     return LibraryFill(

@@ -142,7 +142,10 @@ def link_connections(
             same[0].facts = _marked(row, path)
             continue
         text = _link_row(row, main, ends, links, path)
-        if text:
+        bare = [e.name for e in (ends[main], ends[row.sub]) if not e.pairs and not e.doubtful]
+        if text and bare:
+            problems.append(f"{text}: {' and '.join(bare)}: no FSoE frames are known")
+        elif text:
             problems.append(text)
             out.add(
                 "FSN159",

@@ -123,7 +123,14 @@ class _Maker:
             self._ask(fill.question)
             answer = self._answers.process_data.get(name)
             if answer is not None:
-                self._check_process_data(sub, answer, fill.wrong, filled=fill.sub is not sub)
+                filled = has_layout(fill.sub.device) and not has_layout(sub.device)
+                self._check_process_data(sub, answer, fill.wrong, filled=filled)
+            if not fill.sub.device.product_code:
+                what = "vendor and product are not known"
+                self._remarks[number].append(
+                    f"TODO {what}: no file tells, put them into its config"
+                )
+                self._open.append(f"{name}: {what}")
             if fill.question is not None:
                 self._open.append(f"{name}: its process data are not known")
             elif not has_layout(fill.sub.device) and library_device(sub, self._library):
