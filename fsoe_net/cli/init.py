@@ -12,11 +12,11 @@ from fsoe_net.cli.init_output import answers_template, network_remarks
 from fsoe_net.cli.init_prompt import ask
 from fsoe_net.cli.inputs import check_files, reference_options
 from fsoe_net.cli.output import counted, print_diagnostics, summary
-from fsoe_net.cli.proposing import Inputs, Made, make_proposal
+from fsoe_net.cli.proposing import Inputs, Made, make_proposal, question_findings
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, describe_scan, load_answers
-from fsoe_net.model import Answers, Ask
+from fsoe_net.model import Answers
 from fsoe_net.save import Written, write_network
 
 __all__ = ["command"]
@@ -117,21 +117,11 @@ def _tell_questions(made: Made, inputs: Inputs, *, answered: bool) -> None:
     Raises:
         InputError: Answers are needed.
     """
-    needed = [q for q in made.questions if q.ask is Ask.SUBDEVICES or not answered]
-    found = [
-        Diagnostic(
-            code="FSN157",
-            span=q.span,
-            message=q.text,
-            severity=Severity.ERROR if q in needed else Severity.WARNING,
-            hint=f"{q.ask.value}: in a file for --answers; --answers-template writes one"
-            + ("" if answered else "; --no-input leaves it open"),
-        )
-        for q in made.questions
-    ]
+    found = question_findings(made, answered=answered)
+    needed = [d for d in found if d.level is Severity.ERROR]
     if needed:
         print_diagnostics(sort_diagnostics(inputs.found.out.diagnostics), err=True)
-        raise InputError("nothing written: nobody is here to be asked", found)
+        raise InputError("nothing written: nobody is here to be asked", needed)
     print_diagnostics(found, err=True)
 
 

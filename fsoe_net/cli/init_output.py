@@ -81,6 +81,8 @@ def answers_template(made: Made, inputs: Inputs) -> str:
             lines.append(f"# {key.value}:")
         for question in questions[key]:
             lines += [f"#   # {question.text}", *(f"#   # {f}" for f in question.facts)]
+            if value is None:
+                lines.append("#   # keep one of these lines")
             for word, meaning in question.choices:
                 if value is None:
                     lines.append(f'#   {question.subject}: "{word}"   # {meaning}')

@@ -28,7 +28,7 @@ from fsoe_net.model import (
 )
 from fsoe_net.save import describe
 
-__all__ = ["Inputs", "Made", "make_proposal"]
+__all__ = ["Inputs", "Made", "make_proposal", "question_findings"]
 
 _MOST_IDLE = 4
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
@@ -148,6 +148,29 @@ def make_proposal(inputs: Inputs, answers: Answers) -> Made:
     )
 
 
+def question_findings(made: Made, *, answered: bool) -> list[Diagnostic]:
+    """Return FSN157 for each open question, an error where nothing can be written without it.
+
+    Args:
+        made: With its questions.
+        answered: Somebody has given answers, or said that the rest is to stay open.
+    """
+    more = "" if answered else "; --no-input leaves it open"
+    return [
+        Diagnostic(
+            code="FSN157",
+            span=q.span,
+            message=q.text,
+            severity=Severity.ERROR
+            if q.ask is Ask.SUBDEVICES or not answered
+            else Severity.WARNING,
+            hint=f"{q.ask.value}: in a file for --answers; --answers-template writes one"
+            + ("" if q.ask is Ask.SUBDEVICES else more),
+        )
+        for q in made.questions
+    ]
+
+
 def _ask_ring(inputs: Inputs) -> Question:
     files = [t for t in inputs.types if t.path != "device library"]
     orders = list(dict.fromkeys(t.order for t in files))
@@ -186,7 +209,7 @@ def _names(subdevices: Sequence[DescribedSubDevice]) -> tuple[str, ...]:
 def _word(sub: DescribedSubDevice) -> str:
     if _NAME.match(sub.name) and not sub.name.isupper() and sub.name != sub.order:
         return sub.name
-    text = sub.name or sub.order
+    text = sub.order if sub.order and sub.name.isdecimal() else sub.name or sub.order
     word = re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")[:40]
     if not word:
         return f"subdevice_{sub.position}" if sub.position is not None else "subdevice"

@@ -141,11 +141,14 @@ def link_connections(
         if same:
             same[0].facts = _marked(row, path)
             continue
-        text = _link_row(row, main, ends, links, path)
         bare = [e.name for e in (ends[main], ends[row.sub]) if not e.pairs and not e.doubtful]
-        if text and bare:
-            problems.append(f"{text}: {' and '.join(bare)}: no FSoE frames are known")
-        elif text:
+        if bare:
+            problems.append(
+                f"{_said(row, main, ends, path)}; FSoE frames of {bare[0]} are not known"
+            )
+            continue
+        text = _link_row(row, main, ends, links, path)
+        if text:
             problems.append(text)
             out.add(
                 "FSN159",
@@ -161,6 +164,15 @@ def _marked(row: DescribedConnection, path: str) -> DescribedConnection:
     return row if row.span.file else replace(row, span=replace(row.span, file=path or "?"))
 
 
+def _where(row: DescribedConnection, path: str) -> str:
+    return f"{row.span.file or path}{f':{row.span.line}' if row.span.line else ''}"
+
+
+def _said(row: DescribedConnection, main: int, ends: Sequence[FrameEnd], path: str) -> str:
+    what = f"slot {row.slot} of {ends[main].name}" if row.slot is not None else ends[main].name
+    return f"{_where(row, path)} connects {what} with {ends[row.sub or 0].name}"
+
+
 def _link_row(
     row: DescribedConnection,
     main: int,
@@ -173,16 +185,13 @@ def _link_row(
     slots = [p for p in ends[main].pairs if p.key not in used and row.slot in (None, p.slot)]
     free = [p for p in ends[row.sub].pairs if p.key not in used]
     fitting = [(m, s) for m in slots for s in free if m.fits(s)]
-    where = row.span.file or path
-    line = f":{row.span.line}" if row.span.line else ""
-    what = f"slot {row.slot} of {ends[main].name}" if row.slot is not None else ends[main].name
-    said = f"{where}{line} connects {what} with {ends[row.sub].name}"
+    said = _said(row, main, ends, path)
     if len(fitting) == 1:
         links.append(
             Link(
                 main=fitting[0][0],
                 sub=fitting[0][1],
-                why=f"{where}{line} names this connection",
+                why=f"{_where(row, path)} names this connection",
                 facts=_marked(row, path),
                 net=row.net,
             )

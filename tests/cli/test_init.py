@@ -1,0 +1,399 @@
+"""``init``: what each kind of input gives, what is asked, what stays open, refusals."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from cli.tool import fsn
+from load.texts import TWO_PDOS
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "el6910"
+DEVICES = EXAMPLE / "devices"
+BASE = ROOT / "tests" / "diagnostics" / "base"
+DATA = Path(os.environ.get("FSN_TEST_DATA", "/nowhere"))
+
+RING = "subdevices:\n  - {type: EL6910}\n  - {type: EL1904, count: 2}\n  - {type: EL2904}\n"
+
+
+def four_slots(folder: Path) -> Path:
+    """A logic with four slots of 6/6 bytes, as a slave YAML."""
+    rows = {"rpdo": ("1600", "7"), "tpdo": ("1a00", "6")}
+    text = "vendor_id: 0x00000002\nproduct_id: 0x1afe3052\n"
+    for key, (first, high) in rows.items():
+        text += f"{key}:\n"
+        for slot in range(4):
+            entries = ((f"{high}0{slot}0", 1, 8), (f"{high}0{slot}1", 1, 8))
+            checks = ((f"{high}0{slot}0", 3, 16), (f"{high}0{slot}0", 2, 16))
+            text += f"  - index: 0x{int(first, 16) + slot:04x}\n    channels:\n"
+            for index, sub, bits in (*entries, *checks):
+                text += f"      - {{index: 0x{index}, sub_index: {sub}, type: uint{bits}}}\n"
+    text += "sm:\n  - {index: 2, type: output, pdo: rpdo}\n  - {index: 3, type: input, pdo: tpdo}\n"
+    path = folder / "el6910.yaml"
+    path.write_text(text, "utf-8")
+    return path
+
+
+def devices(folder: Path) -> list[str]:
+    return [str(four_slots(folder)), *(str(DEVICES / f"{n}.yaml") for n in ("el1904", "el2904"))]
+
+
+def init(*arguments: object, out: Path, answers: str | None = None):
+    more: list[str] = ["--no-input"] if answers is None else []
+    if answers is not None:
+        path = out.parent / "answers.yaml"
+        path.write_text(answers, "utf-8")
+        more = ["--answers", str(path)]
+    return fsn("init", *map(str, arguments), "-o", str(out), *more)
+
+
+def connections(out: Path) -> list[dict]:
+    nets = yaml.safe_load((out / "network.yaml").read_text("utf-8"))["nets"]
+    return [row for net in nets for row in net.get("connections", [])]
+
+
+def pairs(out: Path) -> list[tuple]:
+    return [(r["main"], r["slot"], r["sub"], "unconfirmed" in r) for r in connections(out)]
+
+
+# -- equal lengths --------------------------------------------------------------------------------
+
+
+def test_equal_lengths_stay_unconfirmed_and_plan_refuses(tmp_path: Path):
+    out = tmp_path / "out"
+    done = init(*devices(tmp_path), out=out, answers=RING)
+    assert done.returncode == 0, done.stderr
+    assert pairs(out) == [
+        ("el6910", 0, "el1904_1", True),
+        ("el6910", 1, "el1904_2", True),
+        ("el6910", 2, "el2904", True),
+    ]
+    text = (out / "network.yaml").read_text("utf-8")
+    assert "fit slots 0, 1, 2, 3 of el6910" in text
+    assert "the same lengths: el1904_2, el2904" in text
+    assert text.count("# address: TODO") == 3
+    assert "3 of them unconfirmed" in done.stdout
+    assert "Which slot does el2904 belong to?" in done.stderr
+    plan = fsn("plan", str(out / "network.yaml"), "-o", str(tmp_path / "x.fsnplan"))
+    assert plan.returncode == 1
+    assert not (tmp_path / "x.fsnplan").exists()
+
+
+def test_answers_confirm_what_they_name_and_nothing_else(tmp_path: Path):
+    out = tmp_path / "out"
+    rows = (
+        "connections:\n"
+        "  - {sub: el2904, slot: 0, address: 17, connection_id: 3, watchdog_ms: 100}\n"
+        "  - {sub: el1904_1, address: 18}\n"
+    )
+    done = init(*devices(tmp_path), out=out, answers=RING + rows)
+    assert done.returncode == 0, done.stderr
+    assert pairs(out) == [
+        ("el6910", 0, "el2904", False),
+        ("el6910", 1, "el1904_1", True),
+        ("el6910", 2, "el1904_2", True),
+    ]
+    first, second, third = connections(out)
+    assert (first["address"], first["connection_id"], first["watchdog_ms"]) == (17, 3, 100)
+    assert second["address"] == 18
+    assert "address" not in third
+    assert "as answered" in (out / "network.yaml").read_text("utf-8")
+
+
+def test_all_answered_can_be_planned(tmp_path: Path):
+    out = tmp_path / "out"
+    rows = "connections:\n" + "".join(
+        f"  - {{sub: {sub}, slot: {slot}, address: {slot + 1}, connection_id: {slot + 1}, "
+        "watchdog_ms: 100}\n"
+        for slot, sub in ((3, "el1904_1"), (0, "el1904_2"), (1, "el2904"))
+    )
+    done = init(*devices(tmp_path), out=out, answers=RING + rows + "cycle_us: 1000\n")
+    assert done.returncode == 0, done.stderr
+    assert "FSN157" not in done.stderr
+    assert fsn("check", str(out / "network.yaml"), "-q").stdout == ""
+    plan = fsn("plan", str(out / "network.yaml"))
+    assert plan.returncode == 0, plan.stderr
+    assert re.search(r"el1904_1.*0x6000", plan.stdout)
+
+
+# -- kinds of input -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("file", [EXAMPLE / "network.yaml", BASE / "bus.eni.xml"])
+def test_known_copies_settle_pairs(file: Path, tmp_path: Path):
+    out = tmp_path / "out"
+    done = init(file, out=out)
+    assert done.returncode == 0, done.stderr
+    assert connections(out)
+    assert not any("unconfirmed" in r for r in connections(out))
+    assert "copied in both directions by" in (out / "network.yaml").read_text("utf-8")
+
+
+def test_a_network_gives_the_same_plan_again(tmp_path: Path):
+    out = tmp_path / "out"
+    assert init(EXAMPLE / "network.yaml", out=out).returncode == 0
+    done = fsn("diff", str(EXAMPLE / "network.yaml"), str(out / "network.yaml"))
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_scan_tells_connections_by_fsoe_address(tmp_path: Path):
+    out = tmp_path / "out"
+    done = init(BASE / "scan.json", out=out)
+    assert done.returncode == 0, done.stderr
+    assert [(r["sub"], r["slot"], r["address"]) for r in connections(out)] == [
+        ("ek1914_1", 0, 1),
+        ("ek1914_2", 1, 2),
+    ]
+
+
+def test_lcec_with_process_data_of_the_library(tmp_path: Path):
+    out = tmp_path / "out"
+    answers = "process_data: {el1904: device PDO, out: module 0x122}\n"
+    done = init(BASE / "lcec.xml", out=out, answers=answers)
+    assert done.returncode == 0, done.stderr
+    assert pairs(out) == [("logic", 0, "out", False), ("logic", 1, "el1904", False)]
+    text = (out / "network.yaml").read_text("utf-8")
+    assert "process data from the device library (EL6900, '6 connections'), unverified" in text
+    assert "source: output of ethercat cstruct, public" in text
+    assert "CRC and connection ID swap" in (out / "devices" / "el1904.yaml").read_text("utf-8")
+
+
+def test_process_data_that_nobody_knows_are_not_invented(tmp_path: Path):
+    out = tmp_path / "out"
+    done = init(BASE / "lcec.xml", out=out)
+    assert done.returncode == 0, done.stderr
+    assert "Which process data does out (EL2904) have?" in done.stderr
+    assert "rpdo" not in (out / "devices" / "out.yaml").read_text("utf-8")
+    assert "connects slot 0 of logic with out" in done.stdout
+    assert "nets: []" in (out / "network.yaml").read_text("utf-8")
+
+
+def test_ethercat_pdos_have_places_and_no_identity(tmp_path: Path):
+    (tmp_path / "pdos.txt").write_text(TWO_PDOS, "utf-8")
+    out = tmp_path / "out"
+    done = init(tmp_path / "pdos.txt", out=out, answers="main: subdevice_3\n")
+    assert done.returncode == 0, done.stderr
+    text = (out / "network.yaml").read_text("utf-8")
+    assert "position: 3" in text
+    assert "TODO vendor and product are not known" in text
+    assert pairs(out) == []  # 6 bytes out, 6 in, at both: which is settled below
+    again = init(tmp_path / "pdos.txt", out=tmp_path / "two")
+    assert "Which of these are FSoE MainInstances" in again.stderr
+
+
+def test_esi_alone_asks_what_is_on_the_ring(tmp_path: Path):
+    done = init(BASE / "gate.xml", out=tmp_path / "out")
+    assert done.returncode == 1
+    assert "gate.xml: error[FSN157]: Which SubDevices are on the ring" in done.stderr
+    assert not (tmp_path / "out").exists()
+    answers = "subdevices: [{type: gate2, position: 1}, {type: EL2904, name: stop}]\n"
+    told = init(BASE / "gate.xml", out=tmp_path / "out", answers=answers)
+    assert told.returncode == 0, told.stderr
+    rows = yaml.safe_load((tmp_path / "out" / "network.yaml").read_text("utf-8"))["subdevices"]
+    assert [(r["name"], r["position"]) for r in rows] == [("gate2", 1), ("stop", 2)]
+
+
+def test_a_folder_with_other_things_in_it(tmp_path: Path):
+    folder = tmp_path / "mixed"
+    shutil.copytree(EXAMPLE, folder)
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\0junk")
+    (folder / "notes.txt").write_text("call the vendor", "utf-8")
+    (folder / "broken.eni.xml").write_text("<EtherCATConfig><Config>", "utf-8")
+    (folder / "empty.yaml").write_text("", "utf-8")
+    (folder / ".git").mkdir()
+    (folder / ".git" / "network.yaml").write_text("x: [", "utf-8")
+    out = tmp_path / "out"
+    done = init(folder, out=out)
+    assert done.returncode == 0, done.stderr
+    left = re.findall(r"/(\S+): warning\[FSN158\]: left out", done.stderr)
+    assert sorted(Path(p).name for p in left) == [
+        "broken.eni.xml",
+        "empty.yaml",
+        "notes.txt",
+        "photo.jpg",
+        "scenario.yaml",
+    ]
+    assert len(connections(out)) == 4
+
+
+def test_a_broken_file_that_is_named_is_refused(tmp_path: Path):
+    (tmp_path / "broken.eni.xml").write_text("<EtherCATConfig><Config>", "utf-8")
+    done = init(EXAMPLE / "network.yaml", tmp_path / "broken.eni.xml", out=tmp_path / "out")
+    assert done.returncode == 1
+    assert "FSN118" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(not (DATA / "yaml").is_dir(), reason="needs FSN_TEST_DATA")
+def test_published_estop_files(tmp_path: Path):
+    folder = tmp_path / "estop"
+    folder.mkdir()
+    for path in (DATA / "yaml").glob("yguel_safety-humble_*"):
+        name = path.name.removeprefix("yguel_safety-humble_")
+        if "estop" in name or name.startswith("beckhoff"):
+            shutil.copy(path, folder / name)
+    out = tmp_path / "out"
+    done = init(folder, out=out)
+    assert done.returncode == 0, done.stderr
+    assert pairs(out) == [("el1918", 0, "ek1914", False)]
+    next(folder.glob("*.xacro")).unlink()
+    alone = init(folder, out=tmp_path / "alone")
+    assert alone.returncode == 1
+    assert "FSN157" in alone.stderr
+    ring = "subdevices: [{type: EK1914}, {type: EL1918}]\n"
+    told = init(folder, out=tmp_path / "told", answers=ring)
+    assert told.returncode == 0, told.stderr
+    assert pairs(tmp_path / "told") == [("el1918", 0, "ek1914", False)]
+
+
+# -- answers --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "code", "at"),
+    [
+        ("connections: [{sub: el1905, slot: 0}]", "FSN155", "6:21"),
+        ("connections: [{sub: el2904, slot: 4}]", "FSN155", "6:35"),
+        ("connections: [{sub: el2904, main: el1904_1, slot: 0}]", "FSN156", "6:35"),
+        ("connections: [{sub: el2904, slot: 0}, {sub: el1904_1, slot: 0}]", "FSN156", "6:61"),
+        ("main: [logic]", "FSN155", "6:8"),
+        ("process_data: {el2904: device PDO}", "FSN156", "6:16"),
+        ("frames: {nobody: yes}", "FSN155", "6:10"),
+        ("conections: []", "FSN109", "6:1"),
+        ("connections: [{sub: el2904, slot: -1}]", "FSN113", "6:35"),
+    ],
+)
+def test_wrong_answers_are_named_at_their_place(rows: str, code: str, at: str, tmp_path: Path):
+    out = tmp_path / "out"
+    done = init(*devices(tmp_path), out=out, answers="name: a\n" + RING + rows + "\n")
+    assert done.returncode == 1, done.stdout
+    assert f"answers.yaml:{at}: error[{code}]" in done.stderr
+    assert "hint: " in done.stderr
+    assert not out.exists()
+
+
+def test_a_type_nobody_knows(tmp_path: Path):
+    done = init(*devices(tmp_path), out=tmp_path / "o", answers="subdevices: [{type: EL1094}]\n")
+    assert done.returncode == 1
+    assert "answers.yaml:1:21: error[FSN155]: no file and no device library knows" in done.stderr
+    assert "did you mean 'EL1904'?" in done.stderr
+
+
+def test_a_ring_that_a_file_tells_is_not_answered(tmp_path: Path):
+    done = init(EXAMPLE / "network.yaml", out=tmp_path / "o", answers=RING)
+    assert done.returncode == 1
+    assert "answers.yaml:2:3: error[FSN156]" in done.stderr
+
+
+def test_the_template_is_taken_as_it_is_and_when_completed(tmp_path: Path):
+    answers = tmp_path / "ring.yaml"
+    answers.write_text(RING, "utf-8")
+    files = devices(tmp_path)
+    text = fsn("init", *files, "--answers", str(answers), "--answers-template").stdout
+    plain = init(*files, out=tmp_path / "one", answers=text + RING)
+    assert plain.returncode == 0, plain.stderr
+    full = re.sub(r"^#   - ", "  - ", text.replace("# connections:", "connections:"), flags=re.M)
+    assert full.count("slot: TODO") == 3
+    for slot in range(3):
+        full = full.replace("slot: TODO, address: TODO", f"slot: {slot}, address: {slot + 5}", 1)
+    full = re.sub(r", \w+: TODO", "", full)
+    done = init(*files, out=tmp_path / "two", answers=full + RING)
+    assert done.returncode == 0, done.stderr
+    assert [(r["slot"], r["address"]) for r in connections(tmp_path / "two")] == [
+        (0, 5),
+        (1, 6),
+        (2, 7),
+    ]
+
+
+def test_nobody_is_asked_without_a_terminal(tmp_path: Path):
+    done = fsn("init", str(BASE / "lcec.xml"), "-o", str(tmp_path / "out"))
+    assert done.returncode == 1
+    assert "nobody is here to be asked" in done.stderr
+    assert "--no-input leaves it open" in done.stderr
+    assert fsn("init").returncode == 2
+
+
+# -- the terminal ---------------------------------------------------------------------------------
+
+
+def asked(keys: bytes, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run with a terminal as standard input at which these keys are pressed."""
+    ours, theirs = pty.openpty()
+    try:
+        os.write(ours, keys)
+        done = subprocess.run(
+            [sys.executable, "-m", "fsoe_net.cli", "init", *map(str, arguments)],
+            stdin=theirs,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    finally:
+        os.close(ours)
+        os.close(theirs)
+    assert "Traceback" not in done.stderr, done.stderr
+    return done
+
+
+def test_questions_at_a_terminal(tmp_path: Path):
+    out = tmp_path / "out"
+    keys = b"EL6910, 2 x EL1904, stop=EL2904\n9\n2\n\n1\n"
+    done = asked(keys, *devices(tmp_path), "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert "That is none of the answers." in done.stderr
+    assert pairs(out) == [
+        ("el6910", 0, "stop", False),
+        ("el6910", 1, "el1904_1", False),
+        ("el6910", 2, "el1904_2", True),
+    ]
+
+
+def test_the_end_of_input_at_a_question_writes_nothing(tmp_path: Path):
+    done = asked(b"EL6910, EL1904\n\x04", *devices(tmp_path), "-o", tmp_path / "out")
+    assert done.returncode == 130
+    assert "nothing written" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_roles_and_frames_are_asked(tmp_path: Path):
+    (tmp_path / "pdos.txt").write_text(TWO_PDOS, "utf-8")
+    done = asked(b"1\n", tmp_path / "pdos.txt", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "FSoE MainInstance" in (tmp_path / "out" / "network.yaml").read_text("utf-8")
+    ring = b"EL6910, circulo\n"
+    likely = asked(ring + b"yes\n1\n1\n", four_slots(tmp_path), DEVICES / "circulo.yaml", "-o",
+                   tmp_path / "drive")  # fmt: skip
+    assert "circulo: is this an FSoE frame?" in likely.stderr
+    assert "against it: not on the object of the command" in likely.stderr
+
+
+# -- writing --------------------------------------------------------------------------------------
+
+
+def test_nothing_is_overwritten(tmp_path: Path):
+    out = tmp_path / "out"
+    assert init(EXAMPLE / "network.yaml", out=out).returncode == 0
+    before = {p: p.read_bytes() for p in out.rglob("*.yaml")}
+    again = init(EXAMPLE / "network.yaml", out=out)
+    assert again.returncode == 1
+    assert "exists; name another folder" in again.stderr
+    assert {p: p.read_bytes() for p in out.rglob("*.yaml")} == before
+
+
+def test_a_folder_that_cannot_be_written(tmp_path: Path):
+    (tmp_path / "file").write_text("", "utf-8")
+    done = init(EXAMPLE / "network.yaml", out=tmp_path / "file" / "out")
+    assert done.returncode == 3
+    assert "nothing written" in done.stderr
+    done = init(EXAMPLE / "network.yaml", out=Path("/proc/fsn"), answers=None)
+    assert done.returncode == 3
+    assert "cannot write /proc/fsn" in done.stderr
