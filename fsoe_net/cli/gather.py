@@ -240,7 +240,37 @@ def _read_root(
     return {os.path.realpath(s.path) for s in network.sources}
 
 
+def _confirmed(network: Network, out: Collector) -> Network:
+    """Return a network without its unconfirmed connections: here they are open once more.
+
+    Raises:
+        InputError: It has transfers for one of them, which would speak for it.
+    """
+    nets = []
+    for net in network.nets:
+        kept = [c for c in net.connections if c.unconfirmed is None]
+        for row in net.connections:
+            if row.unconfirmed is None:
+                continue
+            pair = {row.main, row.sub}
+            if any({t.source.module, t.destination.module} == pair for t in net.transfers):
+                raise InputError(
+                    f"{row.at('unconfirmed')}: {row.main}-{row.sub} is unconfirmed, and has "
+                    "transfers; compare it with the safety project first"
+                )
+            out.add(
+                "FSN159",
+                row.at("unconfirmed"),
+                f"the connection {row.main}-{row.sub} is unconfirmed there, so it is open here",
+                hint="its slot, address, connection ID and watchdog go into connections: of the "
+                "answers",
+            )
+        nets.append(replace(net, connections=tuple(kept)))
+    return replace(network, nets=tuple(nets))
+
+
 def _sort_network(network: Network, path: str, found: Gathered) -> None:
+    network = _confirmed(network, found.out)
     if network.partial and network.nets:
         declared = {s.name for s in network.subdevices}
         ends = {

@@ -66,14 +66,7 @@ from fsoe_net.model.network import (
     Transfer,
     TransferKind,
 )
-from fsoe_net.model.pairing import (
-    FramePair,
-    OpenPair,
-    Pairing,
-    frame_pairs,
-    lonely_frames,
-    pair_by_lengths,
-)
+from fsoe_net.model.pairing import OpenPair, PairEnd, Pairing, pair_by_lengths, pair_ends
 from fsoe_net.model.project import MatchedProject, match_project
 from fsoe_net.model.proposal import Proposal, propose
 from fsoe_net.model.resolve import (
@@ -142,6 +135,7 @@ __all__ = [
     "Net",
     "Network",
     "OpenPair",
+    "PairEnd",
     "Pairing",
     "Pdo",
     "PdoFacts",
@@ -183,11 +177,11 @@ __all__ = [
     "has_layout",
     "join_buses",
     "layout_of",
-    "lonely_frames",
     "main_instance_of",
     "match_project",
     "near_misses",
     "pair_by_lengths",
+    "pair_ends",
     "partner_block",
     "place_entries",
     "propose",

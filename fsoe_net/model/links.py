@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from fsoe_net.diag import Findings, Span
 from fsoe_net.model.answers import AnsweredConnection, Answers
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd, Description
-from fsoe_net.model.pairing import FramePair
+from fsoe_net.model.pairing import PairEnd
 from fsoe_net.model.roles import FrameEnd
 
 __all__ = [
@@ -26,8 +26,8 @@ __all__ = [
 class Link:
     """A connection between two pairs of frames, and how it is known."""
 
-    main: FramePair
-    sub: FramePair
+    main: PairEnd
+    sub: PairEnd
     why: str
     facts: DescribedConnection = field(default_factory=DescribedConnection)
     net: str = ""
@@ -45,9 +45,7 @@ class Moves:
         touched: Pairs that copies of the rest use.
     """
 
-    both: list[tuple[FramePair, FramePair, DescribedCopy, DescribedCopy]] = field(
-        default_factory=list
-    )
+    both: list[tuple[PairEnd, PairEnd, DescribedCopy, DescribedCopy]] = field(default_factory=list)
     rest: list[DescribedCopy] = field(default_factory=list)
     touched: set[tuple[int, int]] = field(default_factory=set)
 
@@ -62,7 +60,7 @@ def find_moves(bus: Description, ends: Sequence[FrameEnd]) -> Moves:
     }
     moves = Moves()
     found: dict[tuple[tuple[int, int], tuple[int, int]], DescribedCopy] = {}
-    pairs: dict[tuple[int, int], FramePair] = {}
+    pairs: dict[tuple[int, int], PairEnd] = {}
     for copy in bus.copies:
         hit = [places.get(_place(end)) for end in (copy.source, copy.destination)]
         ok = [h for h in hit if h is not None and 8 * h[1].frame_bytes == copy.bits]
@@ -291,10 +289,10 @@ def _link_answer(
 
 def _refuse(
     row: AnsweredConnection,
-    slots: list[FramePair],
-    subs: list[FramePair],
-    fitting: list[tuple[FramePair, FramePair]],
-    free: list[tuple[FramePair, FramePair]],
+    slots: list[PairEnd],
+    subs: list[PairEnd],
+    fitting: list[tuple[PairEnd, PairEnd]],
+    free: list[tuple[PairEnd, PairEnd]],
     used: dict[tuple[int, int], Link],
     out: Findings,
 ) -> None:

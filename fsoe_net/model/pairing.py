@@ -17,14 +17,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from fsoe_net.model.bus import Direction
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock
+from fsoe_net.model.slots import frame_pairs
 
-__all__ = ["FramePair", "OpenPair", "Pairing", "frame_pairs", "lonely_frames", "pair_by_lengths"]
+__all__ = ["OpenPair", "PairEnd", "Pairing", "lonely_frames", "pair_by_lengths", "pair_ends"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FramePair:
+class PairEnd:
     """The frames of one connection at one of its ends.
 
     Attributes:
@@ -49,7 +49,7 @@ class FramePair:
         """Bytes to the SubDevice, bytes from it."""
         return (self.written.frame_bytes, self.read.frame_bytes)
 
-    def fits(self, other: FramePair) -> bool:
+    def fits(self, other: PairEnd) -> bool:
         """Whether both frames of the other end have the lengths of these."""
         return self.lengths == other.lengths[::-1]
 
@@ -66,48 +66,41 @@ class OpenPair:
             no more likely than the other candidates.
     """
 
-    sub: FramePair
-    candidates: tuple[FramePair, ...]
-    rivals: tuple[FramePair, ...]
-    proposed: FramePair | None
+    sub: PairEnd
+    candidates: tuple[PairEnd, ...]
+    rivals: tuple[PairEnd, ...]
+    proposed: PairEnd | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pairing:
     """What lengths tell: pairs of MainInstance and SubInstance, and what stays open."""
 
-    settled: tuple[tuple[FramePair, FramePair], ...]
+    settled: tuple[tuple[PairEnd, PairEnd], ...]
     open: tuple[OpenPair, ...]
 
 
-def frame_pairs(layout: DeviceLayout, subdevice: int) -> tuple[FramePair, ...]:
-    """Return the pairs of a SubDevice: the n-th frame of its outputs with the n-th of its inputs.
+def pair_ends(layout: DeviceLayout, subdevice: int) -> tuple[PairEnd, ...]:
+    """Return the pairs of a SubDevice whose frames belong together, by slot.
 
     Args:
         layout: Its layout.
         subdevice: Its number.
     """
-    outputs, inputs = _frames(layout)
     return tuple(
-        FramePair(subdevice=subdevice, slot=slot, written=written, read=read)
-        for slot, (written, read) in enumerate(zip(outputs, inputs, strict=False))
+        PairEnd(subdevice=subdevice, slot=pair.slot, written=pair.takes, read=pair.sends)
+        for pair in frame_pairs(layout)
+        if pair.matched and pair.takes is not None and pair.sends is not None
     )
 
 
 def lonely_frames(layout: DeviceLayout) -> tuple[FsoeBlock, ...]:
-    """Return the frames of a SubDevice that have no frame in the other direction."""
-    outputs, inputs = _frames(layout)
-    return (*outputs[len(inputs) :], *inputs[len(outputs) :])
-
-
-def _frames(layout: DeviceLayout) -> tuple[list[FsoeBlock], list[FsoeBlock]]:
-    blocks = [b for sm in layout.managers for b in sm.blocks]
-    outputs = [b for b in blocks if b.direction is Direction.OUTPUT]
-    return outputs, [b for b in blocks if b.direction is Direction.INPUT]
+    """Return the frames of a SubDevice that no frame in the other direction belongs to."""
+    return tuple(b for pair in frame_pairs(layout) if not pair.matched for b in pair.blocks)
 
 
 def pair_by_lengths(
-    mains: Sequence[FramePair], subs: Sequence[FramePair], doubtful: Iterable[FramePair] = ()
+    mains: Sequence[PairEnd], subs: Sequence[PairEnd], doubtful: Iterable[PairEnd] = ()
 ) -> Pairing:
     """Join free slots and free SubInstances where lengths and direction leave one way only.
 
@@ -118,7 +111,7 @@ def pair_by_lengths(
             could, nothing is settled.
     """
     unknown = {p.lengths for p in doubtful} | {p.lengths[::-1] for p in doubtful}
-    settled: list[tuple[FramePair, FramePair]] = []
+    settled: list[tuple[PairEnd, PairEnd]] = []
     rows: list[OpenPair] = []
     given: dict[tuple[int, int], int] = {}
     for sub in subs:

@@ -31,7 +31,7 @@ from fsoe_net.model.links import (
     link_moves,
     state_facts,
 )
-from fsoe_net.model.pairing import FramePair, OpenPair, pair_by_lengths
+from fsoe_net.model.pairing import OpenPair, PairEnd, pair_by_lengths
 from fsoe_net.model.roles import FrameEnd, find_ends, give_roles, where_is
 
 __all__ = ["Proposal", "propose"]
@@ -189,7 +189,7 @@ class _Maker:
         self._by_lengths(ends, moves.touched)
         return self._made(ends, moves.rest)
 
-    def _told(self, both: Sequence[tuple[FramePair, FramePair, object, object]]) -> dict[int, str]:
+    def _told(self, both: Sequence[tuple[PairEnd, PairEnd, object, object]]) -> dict[int, str]:
         """Return the roles that connections tell, and who talks to several others."""
         told: dict[int, str] = {}
         for row in self._bus.connections:
@@ -307,7 +307,7 @@ class _Maker:
         link.remarks += facts[1:]
         self._add(link, ends)
 
-    def _slots(self, pairs: Sequence[FramePair]) -> str:
+    def _slots(self, pairs: Sequence[PairEnd]) -> str:
         by_main: dict[int, list[int]] = {}
         for pair in pairs:
             by_main.setdefault(pair.subdevice, []).append(pair.slot)
@@ -350,7 +350,7 @@ class _Maker:
         return self._bus.subdevices[link.sub.subdevice].fsoe_address
 
 
-def _bytes(sub: FramePair) -> str:
+def _bytes(sub: PairEnd) -> str:
     return f"{sub.lengths[0]} bytes to the SubInstance and {sub.lengths[1]} from it"
 
 
@@ -384,7 +384,7 @@ def _copies(link: Link) -> list[DescribedCopy]:
     ]
 
 
-def _end(pair: FramePair, block: FsoeBlock) -> DescribedEnd:
+def _end(pair: PairEnd, block: FsoeBlock) -> DescribedEnd:
     return DescribedEnd(
         subdevice=pair.subdevice, sm_index=block.sm_index, bit_offset=8 * block.byte_offset
     )

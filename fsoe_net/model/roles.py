@@ -12,7 +12,7 @@ from fsoe_net.model.detect import FsoeGuess, detect_fsoe, near_misses
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import library_role
-from fsoe_net.model.pairing import FramePair, frame_pairs, lonely_frames
+from fsoe_net.model.pairing import PairEnd, lonely_frames, pair_ends
 
 __all__ = ["FrameEnd", "find_ends", "give_roles", "where_is"]
 
@@ -35,8 +35,8 @@ class FrameEnd:
 
     number: int
     name: str
-    pairs: tuple[FramePair, ...] = ()
-    doubtful: tuple[FramePair, ...] = ()
+    pairs: tuple[PairEnd, ...] = ()
+    doubtful: tuple[PairEnd, ...] = ()
     beyond: bool = False
     role: str = ""
     remarks: list[str] = field(default_factory=list)
@@ -96,7 +96,7 @@ def _take(
     word = answers.frames.get(end.name)
     answer = None if word is None else word.text.casefold() not in ("no", "n", "false")
     end.beyond = bool(answer) and any(key not in regular for key in likely)
-    pairs = _all_pairs(guesses, end.number) if end.beyond else frame_pairs(layout, end.number)
+    pairs = _all_pairs(guesses, end.number) if end.beyond else pair_ends(layout, end.number)
     unsure = [p for p in pairs if p.written.key in likely or p.read.key in likely]
     if answer is None:
         end.pairs, end.doubtful = tuple(p for p in pairs if p not in unsure), tuple(unsure)
@@ -114,7 +114,7 @@ def _take(
         ]
     if not end.beyond:
         end.remarks += [
-            f"FSoE frame without one in the other direction, not used: {where_is(b)}"
+            f"FSoE frame that none in the other direction belongs to, not used: {where_is(b)}"
             for b in lonely_frames(layout)
         ]
     for manager in layout.managers:
@@ -124,13 +124,13 @@ def _take(
             )
 
 
-def _all_pairs(guesses: list[FsoeGuess], number: int) -> tuple[FramePair, ...]:
+def _all_pairs(guesses: list[FsoeGuess], number: int) -> tuple[PairEnd, ...]:
     ways: dict[Direction, list[FsoeBlock]] = {way: [] for way in Direction}
     for guess in guesses:
         ways[guess.block.direction].append(guess.block)
     rows = zip(ways[Direction.OUTPUT], ways[Direction.INPUT], strict=False)
     return tuple(
-        FramePair(subdevice=number, slot=slot, written=out, read=into)
+        PairEnd(subdevice=number, slot=slot, written=out, read=into)
         for slot, (out, into) in enumerate(rows)
     )
 

@@ -144,6 +144,22 @@ def test_a_network_gives_the_same_plan_again(tmp_path: Path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_what_is_unconfirmed_in_a_network_stays_so(tmp_path: Path):
+    assert init(*devices(tmp_path), out=tmp_path / "one", answers=RING).returncode == 0
+    done = init(tmp_path / "one" / "network.yaml", out=tmp_path / "two")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("is unconfirmed there, so it is open here") == 3
+    assert pairs(tmp_path / "two") == pairs(tmp_path / "one")
+    text = (EXAMPLE / "network.yaml").read_text("utf-8")
+    spoiled = tmp_path / "spoiled"
+    shutil.copytree(EXAMPLE, spoiled)
+    text = text.replace("sub: el1904, address", "sub: el1904, unconfirmed: true, address")
+    (spoiled / "network.yaml").write_text(text, "utf-8")
+    refused = init(spoiled / "network.yaml", out=tmp_path / "three")
+    assert refused.returncode == 1
+    assert "compare it with the safety project first" in refused.stderr
+
+
 def test_a_scan_tells_connections_by_fsoe_address(tmp_path: Path):
     out = tmp_path / "out"
     done = init(BASE / "scan.json", out=out)
@@ -184,7 +200,7 @@ def test_ethercat_pdos_have_places_and_no_identity(tmp_path: Path):
     text = (out / "network.yaml").read_text("utf-8")
     assert "position: 3" in text
     assert "TODO vendor and product are not known" in text
-    assert pairs(out) == []  # 6 bytes out, 6 in, at both: which is settled below
+    assert pairs(out) == [("subdevice_3", 0, "subdevice_11", False)]
     again = init(tmp_path / "pdos.txt", out=tmp_path / "two")
     assert "Which of these are FSoE MainInstances" in again.stderr
 
@@ -204,6 +220,7 @@ def test_esi_alone_asks_what_is_on_the_ring(tmp_path: Path):
 def test_a_folder_with_other_things_in_it(tmp_path: Path):
     folder = tmp_path / "mixed"
     shutil.copytree(EXAMPLE, folder)
+    (folder / "README.md").unlink(missing_ok=True)
     (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\0junk")
     (folder / "notes.txt").write_text("call the vendor", "utf-8")
     (folder / "broken.eni.xml").write_text("<EtherCATConfig><Config>", "utf-8")
@@ -373,6 +390,10 @@ def test_roles_and_frames_are_asked(tmp_path: Path):
     likely = asked(ring + b"yes\n1\n1\n", four_slots(tmp_path), DEVICES / "circulo.yaml", "-o",
                    tmp_path / "drive")  # fmt: skip
     assert "circulo: is this an FSoE frame?" in likely.stderr
+    assert likely.returncode == 0, likely.stderr
+    assert "likely FSoE frame, taken as answered" in (
+        tmp_path / "drive" / "network.yaml"
+    ).read_text("utf-8")
     assert "against it: not on the object of the command" in likely.stderr
 
 

@@ -8,18 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fsoe_net.model import Direction, Entry, FramePair, pair_by_lengths
+from fsoe_net.model import Direction, Entry, PairEnd, pair_by_lengths
 from fsoe_net.model.layout import FsoeBlock
 
 
-def pair(subdevice: int, slot: int, to: int, back: int) -> FramePair:
+def pair(subdevice: int, slot: int, to: int, back: int) -> PairEnd:
     def block(length: int, way: Direction) -> FsoeBlock:
         command = Entry(index=0x7000, subindex=1, bits=8)
         return FsoeBlock(
             byte_offset=0, frame_bytes=length, command=command, direction=way, sm_index=2
         )
 
-    return FramePair(
+    return PairEnd(
         subdevice=subdevice,
         slot=slot,
         written=block(to, Direction.OUTPUT),
