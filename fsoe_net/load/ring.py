@@ -104,7 +104,8 @@ def _known(sub: DescribedSubDevice, library: Library) -> str:
     own = (sub.device.vendor_id, sub.device.product_code)
     device = library.find(*own)
     rows = () if device is None else device.identities
-    return next((i.order for i in rows if (i.vendor_id, i.product_code) == own), "")
+    words = (i.order for i in rows if (i.vendor_id, i.product_code) == own)
+    return next((w for w in words if w[:1].isalpha()), "")
 
 
 def ring_of(

@@ -114,8 +114,8 @@ def link_connections(
     links: list[Link],
     path: str,
     out: Findings,
-) -> list[str]:
-    """Add what files say about connections, and return what does not fit, in words.
+) -> tuple[list[str], list[PairEnd]]:
+    """Add what files say about connections, and return what does not fit.
 
     Args:
         rows: Connections of the files.
@@ -123,8 +123,12 @@ def link_connections(
         links: Those of the copies take the facts; new ones are added.
         path: The file.
         out: Takes FSN159 for what does not fit.
+
+    Returns:
+        What does not fit, in words, and the slots this is about: lengths shall not settle them.
     """
-    problems = []
+    problems: list[str] = []
+    disputed: list[PairEnd] = []
     for row in rows:
         main = row.main
         if main is None or row.sub is None or ends[main].role != "main":
@@ -148,6 +152,7 @@ def link_connections(
         text = _link_row(row, main, ends, links, path)
         if text:
             problems.append(text)
+            disputed += [p for p in ends[main].pairs if row.slot in (None, p.slot)]
             out.add(
                 "FSN159",
                 row.span if row.span.file else Span(path),
@@ -155,7 +160,7 @@ def link_connections(
                 hint="compare the safety project with the process data; then connections: in the "
                 "answers",
             )
-    return problems
+    return problems, disputed
 
 
 def _marked(row: DescribedConnection, path: str) -> DescribedConnection:

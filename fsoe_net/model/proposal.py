@@ -182,11 +182,12 @@ class _Maker:
             who = ", ".join(n for n, _ in question.choices)
             self._open.append(f"MainInstance or SubInstance: {who}")
         self._links = link_moves(moves, ends, self._bus.path)
-        self._open += link_connections(
+        problems, disputed = link_connections(
             self._connections(ends), ends, self._links, self._bus.path, self._out
         )
+        self._open += problems
         link_answers(self._answers, ends, self._links, self._out)
-        self._by_lengths(ends, moves.touched)
+        self._by_lengths(ends, moves.touched, disputed)
         return self._made(ends, moves.rest)
 
     def _told(self, both: Sequence[tuple[PairEnd, PairEnd, object, object]]) -> dict[int, str]:
@@ -241,7 +242,9 @@ class _Maker:
             for c in self._bus.connections
         ]
 
-    def _by_lengths(self, ends: list[FrameEnd], touched: set[tuple[int, int]]) -> None:
+    def _by_lengths(
+        self, ends: list[FrameEnd], touched: set[tuple[int, int]], disputed: list[PairEnd]
+    ) -> None:
         used = touched | {p.key for k in self._links for p in (k.main, k.sub)}
         free = [p for e in ends for p in e.pairs if p.key not in used]
         roles = {e.number: e.role for e in ends}
@@ -249,6 +252,7 @@ class _Maker:
         subs = [p for p in free if roles[p.subdevice] == "sub"]
         doubtful = [p for p in free if not roles[p.subdevice]]
         doubtful += [p for e in ends for p in e.doubtful]
+        doubtful += disputed
         pairing = pair_by_lengths(mains, subs, doubtful)
         for main, sub in pairing.settled:
             why = f"settled by lengths: {_bytes(sub)} are there only once on each side"

@@ -9,10 +9,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+from fsoe_net.cli.gather import gather
 from fsoe_net.cli.inputs import check_files
+from fsoe_net.cli.proposing import Inputs, make_proposal, question_findings
 from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
-from fsoe_net.load import Collector, load_scan
+from fsoe_net.load import Collector, LoadOptions, load_answers, load_scan
 from fsoe_net.load.esi import EsiChoice
+from fsoe_net.model import Answers
 from fsoe_net.rules import Runtime
 
 HERE = Path(__file__).parent
@@ -43,10 +46,13 @@ def _seed(folder: Path, case: dict) -> None:
 def findings(case: dict) -> list[Diagnostic]:
     """Return what is found in the files of a case, in the current folder.
 
-    `reader: module.function` reads them with one of `fsoe_net.load`, and `choice` with that choice
-    of a device; all others are checked, and compared with the bus if there is a `scan`
-    and with all files in `check` that are not of the network itself.
+        `reader: module.function` reads them with one of `fsoe_net.load`, and `choice` with that choice
+        of a device; `init: [files]` proposes a network from them, with `answers` if there are; all
+    others are checked, and compared with the bus if there is a `scan` and with all files in
+    `check` that are not of the network itself.
     """
+    if "init" in case:
+        return _proposal_findings(case)
     if "reader" not in case:
         scan = None
         if "scan" in case:
@@ -61,6 +67,16 @@ def findings(case: dict) -> list[Diagnostic]:
     for file in case["check"]:
         read(file, out, **options)
     return out.diagnostics
+
+
+def _proposal_findings(case: dict) -> list[Diagnostic]:
+    out = Collector()
+    answers = load_answers(case["answers"], out) if "answers" in case else Answers()
+    assert answers is not None, out.diagnostics
+    found = gather(case["init"], LoadOptions())
+    made = make_proposal(Inputs.of(found), answers)
+    asked = question_findings(made, answered="answers" in case)
+    return [*found.out.diagnostics, *made.findings, *asked]
 
 
 def _check(folder: Path, case: dict, monkeypatch: pytest.MonkeyPatch) -> list[Diagnostic]:
@@ -126,3 +142,10 @@ READERS["capture.load_capture"] = ["start-up.pcap"]
 def test_clean_files_of_other_tools_raise_nothing(reader: str, monkeypatch: pytest.MonkeyPatch):
     found = _check(HERE / "base", {"check": READERS[reader], "reader": reader}, monkeypatch)
     assert [f"{d.span} {d.code}" for d in found] == []
+
+
+@pytest.mark.parametrize("file", ["network.yaml", "bus.eni.xml", "scan.json", "devices"])
+def test_clean_files_to_start_from_raise_nothing(file: str, monkeypatch: pytest.MonkeyPatch):
+    found = _check(HERE / "base", {"init": [file]}, monkeypatch)
+    expected = {"FSN157"} if file == "devices" else set()
+    assert {d.code for d in found if d.level is not Severity.INFO} == expected
