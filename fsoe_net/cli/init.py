@@ -103,12 +103,17 @@ def _refuse(made: Made) -> None:
 
 def _answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Made:
     """Propose; with somebody to ask, ask and propose again until nothing is left to ask."""
-    while True:
-        made = make_proposal(inputs, answers)
-        _refuse(made)
-        if not asking or not made.questions:
-            return made
-        answers = ask(made.questions[0], answers, made)
+    made = make_proposal(inputs, answers)
+    _refuse(made)
+    while asking and made.questions:
+        tried = ask(made.questions[0], answers, made)
+        after = make_proposal(inputs, tried)
+        wrong = [d for d in after.findings if d.level is Severity.ERROR]
+        if wrong:
+            print_diagnostics(wrong, err=True)
+        else:
+            answers, made = tried, after
+    return made
 
 
 def _tell_questions(made: Made, inputs: Inputs, *, answered: bool) -> None:

@@ -125,7 +125,7 @@ def link_connections(
         out: Takes FSN159 for what does not fit.
 
     Returns:
-        What does not fit, in words, and the slots this is about: lengths shall not settle them.
+        What does not fit, in words, and the frames this is about: lengths shall not settle them.
     """
     problems: list[str] = []
     disputed: list[PairEnd] = []
@@ -153,6 +153,7 @@ def link_connections(
         if text:
             problems.append(text)
             disputed += [p for p in ends[main].pairs if row.slot in (None, p.slot)]
+            disputed += ends[row.sub].pairs
             out.add(
                 "FSN159",
                 row.span if row.span.file else Span(path),
