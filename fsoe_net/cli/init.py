@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -69,6 +70,8 @@ def command(
         raise click.UsageError(
             "name files that tell of the bus, or --interface IF; `--help` shows examples"
         )
+    if not template:
+        _look_ahead(Path(output))
     options = LoadOptions(packages=packages, xacro_args=xacro_args)
     found = gather(files, options, leave_out=() if answers_file is None else (answers_file,))
     found.out.diagnostics += out.diagnostics
@@ -89,6 +92,22 @@ def command(
     if not asking:
         _tell_questions(made, inputs, answered=answers_file is not None or no_input)
     _finish(made, inputs, Path(output))
+
+
+def _look_ahead(folder: Path) -> None:
+    """Refuse a folder that cannot take the files, before anybody answers questions.
+
+    Raises:
+        InputError: There is a network already.
+        EnvironmentFault: It cannot be written.
+    """
+    network = folder / "network.yaml"
+    if network.is_symlink() or network.exists():
+        raise InputError(f"nothing written: {network} exists; name another folder with -o")
+    there = next((p for p in (folder, *folder.parents) if p.exists()), Path("."))
+    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+        why = "permission denied" if there.is_dir() else f"{there} is no folder"
+        raise EnvironmentFault(f"cannot write {folder}: {why}; nothing written")
 
 
 def _sorted(out: Collector) -> list[Diagnostic]:
@@ -153,13 +172,13 @@ def _finish(made: Made, inputs: Inputs, folder: Path) -> None:
     checked = check_files([str(network)])
     found = [d for d in checked.diagnostics if d.level is not Severity.INFO]
     print_diagnostics(found)
-    if made.proposal.open:
+    if made.open:
         click.echo("\nOpen:")
-    for text in made.proposal.open:
+    for text in made.open:
         click.echo(f"  - {text}")
     errors = sum(d.level is Severity.ERROR for d in found)
     click.echo(
-        f"\nNext: {'complete' if errors or made.proposal.open else 'read'} {network}, "
+        f"\nNext: {'complete' if errors or made.open else 'read'} {network}, "
         f"then fsoe-net check {network}" + (f"   ({summary(found)} now)" if found else "")
     )
 

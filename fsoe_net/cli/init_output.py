@@ -18,8 +18,10 @@ def network_remarks(made: Made, inputs: Inputs) -> Remarks:
     head = [f"Proposed by `fsoe-net init` from {used}.", _TRUST]
     if proposal.bus.connections:
         head.append(_SLOT)
-    if proposal.open:
-        head += ["", "Open:", *(f"- {text}" for text in proposal.open)]
+    if any(c.unconfirmed for c in proposal.bus.connections):
+        head.append(_UNCONFIRMED)
+    if made.open:
+        head += ["", "Open:", *(f"- {text}" for text in made.open)]
     head.append("")
     return Remarks(
         head=tuple(head),
@@ -32,6 +34,10 @@ def network_remarks(made: Made, inputs: Inputs) -> Remarks:
 _FACTS = ("address", "connection_id", "watchdog_ms")
 _SLOT = (
     "slot: which pair of FSoE frames of the MainInstance, from 0, in the order of its process data."
+)
+_UNCONFIRMED = (
+    "unconfirmed: its slot is the next one in turn, which says nothing. Correct main, sub and slot "
+    "by the safety project, then delete the key; until then `fsoe-net plan` refuses the network."
 )
 _TRUST = (
     "Hold it against the safety project before you use it: this tool is part of the black channel "

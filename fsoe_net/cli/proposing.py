@@ -31,6 +31,11 @@ from fsoe_net.save import describe
 __all__ = ["Inputs", "Made", "make_proposal", "question_findings"]
 
 _MOST_IDLE = 4
+_VALUES = {
+    "address": "FSoE address",
+    "connection_id": "connection ID",
+    "watchdog_ms": "FSoE watchdog",
+}
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 
 
@@ -51,6 +56,25 @@ class Made:
     questions: tuple[Question, ...]
     findings: tuple[Diagnostic, ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """What a person still has to do, in words."""
+        if self.proposal is None:
+            return ()
+        bus = self.proposal.bus
+        found = list(self.proposal.open)
+        for key, what in _VALUES.items():
+            subs = [
+                bus.subdevices[c.sub].name
+                for c in bus.connections
+                if c.sub is not None and getattr(c, key) is None
+            ]
+            if subs:
+                found.append(f"{what} not told: {', '.join(dict.fromkeys(subs))}")
+        if bus.cycle_us is None:
+            found.append("bus cycle not told: cycle_us")
+        return tuple(found)
 
 
 @dataclass(slots=True)
