@@ -92,7 +92,8 @@ class Inputs:
     def of(cls, found: Gathered) -> Inputs:
         """Return the inputs with the library of the package."""
         library, _ = load_library()
-        types = list_types(found.esis, found.types, library, found.out)
+        ring_known = bool(found.buses)
+        types = [] if ring_known else list_types(found.esis, found.types, library, found.out)
         errors = [d for d in found.out.diagnostics if d.level is Severity.ERROR]
         if errors:
             raise InputError("nothing written", errors)

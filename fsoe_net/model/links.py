@@ -131,7 +131,16 @@ def link_connections(
     disputed: list[PairEnd] = []
     for row in rows:
         main = row.main
-        if main is None or row.sub is None or ends[main].role != "main":
+        if row.sub is None:
+            continue
+        if main is None:
+            problems.append(
+                f"{_where(row, path)} names a connection of {ends[row.sub].name} and no "
+                "MainInstance, of which there is more than one here, or none"
+            )
+            disputed += ends[row.sub].pairs
+            continue
+        if ends[main].role != "main":
             continue
         same = [
             k

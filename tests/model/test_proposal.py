@@ -138,6 +138,15 @@ def test_a_connection_that_does_not_fit_settles_nothing():
     assert rows(made) == []
 
 
+def test_a_connection_of_a_project_when_there_are_two_logics():
+    known = DescribedConnection(main=None, sub=2, slot=0, span=Span("project.xml", 4, 2))
+    logics = [replace(sub(n, 0x1AF43052, SIX), name=n) for n in ("one", "two")]
+    stop = sub("stop", INPUT, SIX)
+    made = proposed(*logics, stop, connections=[known])
+    assert [unconfirmed for *_, unconfirmed in rows(made)] == [True]
+    assert any("project.xml:4 names a connection of stop" in text for text in made.open)
+
+
 @pytest.mark.parametrize(
     ("answers", "code"),
     [
