@@ -50,7 +50,14 @@ def _device(proposal: Proposal, number: int) -> tuple[str, ...]:
     path = sub.device.path
     notes = proposal.notes.get(number, ())
     head = f"{sub.order or sub.name}{f', from {path}' if path else ''}"
-    return (head, *(("From the device library:",) if notes else ()), *(f"- {n}" for n in notes))
+    told = proposal.remarks.get(number, ())
+    library = [r for r in told if r.startswith(("process data from the device", "source: "))]
+    return (
+        head,
+        *library,
+        *(("From the device library:",) if notes else ()),
+        *(f"- {n}" for n in notes),
+    )
 
 
 def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:

@@ -159,7 +159,7 @@ def _type_of(
         names = list(dict.fromkeys(t.order for t in types))[:_MOST_NAMES]
         close = difflib.get_close_matches(row.type.upper(), names, n=1, cutoff=0.5)
         hint = "give its ESI; leave out what has no process data: position: says where it goes on"
-        hint = f"did you mean {close[0]!r}?" if close else hint
+        hint = f"did you mean {close[0]!r}? else {hint}" if close else hint
         out.add(
             "FSN155", row.at("type"), f"no file and no device library knows {row.type!r}", hint=hint
         )
