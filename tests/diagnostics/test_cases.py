@@ -46,8 +46,8 @@ def _seed(folder: Path, case: dict) -> None:
 def findings(case: dict) -> list[Diagnostic]:
     """Return what is found in the files of a case, in the current folder.
 
-        `reader: module.function` reads them with one of `fsoe_net.load`, and `choice` with that choice
-        of a device; `init: [files]` proposes a network from them, with `answers` if there are; all
+    `reader: module.function` reads them with one of `fsoe_net.load`, and `choice` with that choice
+    of a device; `init: [files]` proposes a network from them, with `answers` if there are; all
     others are checked, and compared with the bus if there is a `scan` and with all files in
     `check` that are not of the network itself.
     """
