@@ -11,6 +11,7 @@ from fsoe_net.load.eni_parts import EniParts, read_cyclic, read_image
 from fsoe_net.load.eni_slave import EniSlave, read_slave
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import Source, is_kind, source_bytes, xml_number
+from fsoe_net.load.xml_text import readable_xml
 from fsoe_net.load.xml_tree import Element, parse_xml
 from fsoe_net.model import DescribedCopy, Description, Direction
 
@@ -82,7 +83,9 @@ def _read(source: Source, out: Collector, name: str) -> _Reader | None:
     if data is None or not is_kind(data, "an ENI", shown, out):
         return None
     reader = _Reader(shown, out)
-    root = parse_xml(data, shown, out, closed=reader.closed, what="an ENI")
+    root = parse_xml(
+        readable_xml(data, shown, out), shown, out, closed=reader.closed, what="an ENI"
+    )
     if root is None:
         return None
     reader.result = reader.conclude(root)

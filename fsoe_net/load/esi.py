@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 from fsoe_net.diag import Severity, Span
 from fsoe_net.load.esi_cache import cached_catalogue, keep_catalogue
-from fsoe_net.load.esi_catalogue import EsiCatalogue, EsiRow, plain_bytes, scan_esi
+from fsoe_net.load.esi_catalogue import EsiCatalogue, EsiRow, scan_esi
 from fsoe_net.load.esi_device import read_esi_device
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import Source, source_bytes
+from fsoe_net.load.xml_text import plain_xml
 from fsoe_net.load.xml_tree import Element, parse_xml
 from fsoe_net.model import DescribedSubDevice, Description
 
@@ -147,7 +148,7 @@ class _File:
             sha256 = sha256 or hashlib.sha256(data).hexdigest()
         else:
             sha256 = ""
-        file = cls(plain_bytes(data), path, sha256)
+        file = cls(plain_xml(data), path, sha256)
         return file if file._read_catalogue(out) else None
 
     def _read_catalogue(self, out: Collector) -> bool:

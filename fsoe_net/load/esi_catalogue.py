@@ -18,7 +18,7 @@ from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import XML_KINDS, esi_number
 from fsoe_net.load.xml_tree import MAX_DEPTH, xml_hint
 
-__all__ = ["EsiCatalogue", "EsiRow", "plain_bytes", "scan_esi"]
+__all__ = ["EsiCatalogue", "EsiRow", "scan_esi"]
 
 MAX_ROWS = 100_000
 _MAX_TEXT = 1000  # characters of a name that are kept
@@ -26,8 +26,6 @@ _MAX_PIECES = 8  # of text, 8 KiB each as expat hands them over
 _MAX_REFERENCES = 1000
 _ENGLISH = "1033"
 
-_UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_DECLARATION = re.compile(r"\s*<\?xml[^>]*\?>")
 _PROFILE = re.compile(rb"""<Profile(?:\s(?:[^<>"']|"[^"<]*"|'[^'<]*')*)?(?<!/)>""")
 _PROFILE_END = re.compile(rb"</Profile\s*>")
 
@@ -98,21 +96,11 @@ class EsiCatalogue:
         return tuple(row for row in self.rows if row.kind == "module")
 
 
-def plain_bytes(data: bytes) -> bytes:
-    """Return the text in an encoding that has ASCII inside: UTF-16 becomes UTF-8."""
-    if not data.startswith(_UTF16_MARKS):
-        return data
-    text = data.decode("utf-16", "replace")
-    head = _DECLARATION.match(text)
-    # Blanks instead of the declaration, so that columns stay.
-    return (" " * head.end() + text[head.end() :] if head else text).encode("utf-8", "replace")
-
-
 def scan_esi(data: bytes, path: str | os.PathLike[str], out: Collector) -> EsiCatalogue | None:
     """List what an ESI file describes.
 
     Args:
-        data: The bytes of the file, from `plain_bytes`.
+        data: The bytes of the file, from `plain_xml`.
         path: The file, for places.
         out: Takes FSN140 for a file of another kind, FSN118 for bad XML, a warning when the text is
             not in the encoding it claims, FSN110 and FSN111 for a device without an identity.

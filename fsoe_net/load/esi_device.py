@@ -245,7 +245,7 @@ class _DeviceReader:
         rows = []
         for index, element in enumerate(self._element.all("Sm")):
             control = esi_number(element.attributes.get("ControlByte", ""))
-            start = esi_number(element.attributes.get("StartAddress", ""))
+            start = self._start(element)
             word = element.text.strip().lower()
             if word in ("outputs", "mboxout"):
                 direction: Direction | None = Direction.OUTPUT
@@ -355,6 +355,16 @@ class _DeviceReader:
             return
         related = (Related(span=other.pdo.span, message="the other one"),) if other else ()
         self._out.add("FSN139", pdo.pdo.span, message, hint=hint, related=related)
+
+    def _start(self, element: Element) -> int | None:
+        text = element.attributes.get("StartAddress", "")
+        start = esi_number(text)
+        if start is not None and not 0 <= start <= 0xFFFF:
+            message = f"StartAddress {text.strip()[:40]!r} is no address; it is left out"
+            hint = "an address is 0 to #xffff"
+            self._out.add("FSN111", element.span, message, hint=hint, severity=Severity.WARNING)
+            return None
+        return start
 
     def _assign_activate(self) -> int:
         clock = self._element.first("Dc")

@@ -9,6 +9,8 @@ from xml.parsers import expat
 
 from fsoe_net.diag import Span
 from fsoe_net.load.files import MAX_FILE_BYTES, Collector, read_bytes
+from fsoe_net.load.not_read import NEXT_STEPS, unreadable_kind
+from fsoe_net.load.xml_text import plain_xml
 from fsoe_net.load.xml_tree import Element
 
 __all__ = [
@@ -17,6 +19,7 @@ __all__ = [
     "esi_number",
     "is_kind",
     "kind_of",
+    "next_step",
     "source_bytes",
     "text_of",
     "xml_number",
@@ -42,6 +45,7 @@ XML_KINDS = {
     "masters": "a configuration of linuxcnc-ethercat",
     "robot": "a robot description (URDF)",
 }
+_XML_BEGIN = re.compile(rb"(\xef\xbb\xbf)?\s*<|\xff\xfe|\xfe\xff|\0<")
 _TEXT_KINDS = (
     (rb"\b(?:ec|fsn)_(?:pdo_entry|sync)_info_t\b", "the output of `ethercat cstruct`"),
     (rb"^Domain\d+: LogBaseAddr", "the output of `ethercat domains -v`"),
@@ -102,10 +106,12 @@ def _xml_kind(data: bytes) -> str:
         if names[0] in XML_KINDS or len(names) >= 200:
             raise _Found
 
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = start
-    with suppress(_Found, expat.ExpatError, ValueError, LookupError):
-        parser.Parse(data[:_HEAD_BYTES], False)
+    for encoding in (None, "iso-8859-1"):  # the second for text that is not what it claims
+        parser = expat.ParserCreate(encoding)
+        parser.StartElementHandler = start
+        if not names:
+            with suppress(_Found, expat.ExpatError, ValueError, LookupError):
+                parser.Parse(plain_xml(data[:_HEAD_BYTES]), False)
     if not names:
         return ""
     if names[0] == "EtherCATInfo" and re.search(rb"<!-- Slave \d+ -->", data[:_HEAD_BYTES]):
@@ -119,7 +125,9 @@ def _xml_kind(data: bytes) -> str:
 def kind_of(data: bytes) -> str:
     """Return in words what kind of file these bytes are, by content; empty when it is not known."""
     head = data[:_HEAD_BYTES]
-    if re.match(rb"(\xef\xbb\xbf)?\s*<", head) or head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    if unreadable := unreadable_kind(head[:1024]):
+        return unreadable
+    if _XML_BEGIN.match(head):
         named = _xml_kind(data)
         if named:
             return named
@@ -127,6 +135,11 @@ def kind_of(data: bytes) -> str:
         if re.search(pattern, head, re.MULTILINE):
             return words
     return ""
+
+
+def next_step(words: str) -> str:
+    """Return what to do with a file that `kind_of` names and nothing reads; empty for others."""
+    return NEXT_STEPS.get(words, "")
 
 
 def is_kind(data: bytes, wanted: str, shown: str, out: Collector) -> bool:
@@ -148,7 +161,7 @@ def is_kind(data: bytes, wanted: str, shown: str, out: Collector) -> bool:
         "FSN140",
         Span(shown, 1, 1),
         f"this is {kind}, not {wanted}",
-        hint=f"read it as what it is, or give {wanted}",
+        hint=next_step(kind) or f"read it as what it is, or give {wanted}",
     )
     return False
 

@@ -12,7 +12,8 @@ from fsoe_net.load.capture import load_capture
 from fsoe_net.load.eni import load_eni
 from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.load.files import Collector
-from fsoe_net.load.foreign import Source, kind_of
+from fsoe_net.load.foreign import Source, kind_of, next_step
+from fsoe_net.load.hex_text import is_hex_text
 from fsoe_net.load.igh_text import load_igh_text
 from fsoe_net.load.lcec import load_lcec
 from fsoe_net.load.packets import is_capture
@@ -116,13 +117,16 @@ def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputK
     suffix = _BY_SUFFIX.get(os.path.splitext(path)[1].lower())
     if suffix is InputKind.YAML and not words:
         return suffix
+    if not words and is_hex_text(head):
+        return InputKind.SII
     if not words and (suffix is InputKind.SII or b"\0" in head[:128]):
         return InputKind.SII
     out.add(
         "FSN117",
         Span(path, 1, 1),
         f"this is {words}, which is not read" if words else "no reader knows this file",
-        hint="give an ENI, ESI, SII image, YAML, URDF, capture, output of `ethercat` or SOEM; "
+        hint=next_step(words)
+        or "give an ENI, ESI, SII image, YAML, URDF, capture, output of `ethercat` or SOEM; "
         "or say --from",
     )
     return None

@@ -30,16 +30,17 @@ _IDENTITY = re.compile(r"(Vendor ID|Product code|Revision number): +0x([0-9a-f]{
 _TABLE = re.compile(
     r"(?:static +)?(?:const +)?(?:ec|fsn)_(pdo_entry|pdo|sync)_info_t +(\w+)\[\d*\] *= *\{"
 )
-_HEX = r"0x([0-9a-fA-F]{1,4})"
-_ENTRY = re.compile(rf"\{{ *{_HEX} *, *{_HEX} *, *(\d{{1,5}}) *\}} *,? *(?:/\*(.*?)\*/)?")
-_PDO = re.compile(
-    rf"\{{ *{_HEX} *, *(\d{{1,5}}) *, *(?:(\w+) *(?:\+ *(\d{{1,6}}))?|NULL) *\}} *,?"
-    r" *(?:/\*(.*?)\*/)?"
-)
+# People write such tables by hand, too: decimal sub-indexes, // comments, &table[2], short rows.
+_HEX = r"(0[xX][0-9a-fA-F]{1,4}|\d{1,5})"
+_NOTE = r" *(?:/\*(.*?)\*/|//(.*))?$"
+_REFERENCE = r"&?(\w+) *(?:(?:\+|\[) *(\d{1,6}) *\]?)?"
+_ENTRY = re.compile(rf"\{{ *{_HEX} *, *{_HEX} *, *(\d{{1,5}}) *,? *\}} *,?{_NOTE}")
+_PDO = re.compile(rf"\{{ *{_HEX} *, *(\d{{1,5}}) *, *{_REFERENCE} *,? *\}} *,?{_NOTE}")
 _SYNC = re.compile(
-    r"\{ *(\d{1,2}) *, *(?:EC|FSN)_DIR_(OUTPUT|INPUT) *, *(\d{1,5}) *,"
-    r" *(?:(\w+) *(?:\+ *(\d{1,6}))?) *, *(?:EC|FSN)_WD_(ENABLE|DISABLE|DEFAULT) *\}"
+    r"\{ *(\d{1,2}) *, *(?:EC|FSN)_DIR_(OUTPUT|INPUT) *(?:, *(\d{1,5}) *,"
+    rf" *{_REFERENCE} *(?:, *(?:EC|FSN)_WD_(ENABLE|DISABLE|DEFAULT) *)?)?,? *\}} *,?{_NOTE}"
 )
+_COMMENT = re.compile(r"//|/\*.*\*/$|\*(?: |/?$)")
 _END = re.compile(r"\};$")
 _MOST_ROWS = 255  # of one PDO, and of one sync manager
 _MOST_ENTRIES = 500_000
@@ -116,6 +117,9 @@ def _tables(text: Pasted) -> list[_Table]:
             table.rows.append((match, line.span))
         elif table is None and shown in ("{", "}", "};"):
             continue  # the end of something else in a header
+        elif table is not None and shown.startswith("{") and not _is_plain(shown, table):
+            text.cut(line, f"{shown[:60]!r} is no row of table {table.name}")
+            continue
         elif not _is_plain(shown, table):
             text.strange(line, "`ethercat cstruct`", _STARTS)
             continue
@@ -127,9 +131,13 @@ def _tables(text: Pasted) -> list[_Table]:
 
 
 def _is_plain(shown: str, table: _Table | None) -> bool:
-    return shown == "*/" or (
+    return bool(_COMMENT.match(shown)) or (
         table is not None and table.kind == "sync" and bool(_LAST.match(shown))
     )
+
+
+def _number(text: str) -> int:
+    return int(text, 16) if text[:2] in ("0x", "0X") else int(text)
 
 
 def _subdevices(tables: list[_Table], text: Pasted) -> list[DescribedSubDevice]:
@@ -157,18 +165,18 @@ def _described(
 ) -> DescribedSubDevice:
     managers = []
     for match, span in table.rows:
-        count, start = int(match[3]), int(match[5] or 0)
+        count, start = int(match[3] or 0), int(match[5] or 0)
         mailbox = match[4] == "NULL" and int(match[1]) < 2
         if mailbox:
             continue
-        rows = _slice(pdos.get(match[4]), start, count, match[4], span, text)
+        rows = _slice(pdos.get(match[4] or ""), start, count, match[4] or "NULL", span, text)
         managers.append(
             SyncManager(
                 span=span,
                 index=int(match[1]),
                 direction=_DIRECTIONS[match[2]],
                 carries=None,
-                watchdog=_WATCHDOGS[match[6]],
+                watchdog=_WATCHDOGS[match[6] or "DEFAULT"],
                 pdos=tuple(_pdo(m, s, entries, text) for m, s in rows),
             )
         )
@@ -201,14 +209,14 @@ def _pdo(match: re.Match[str], span: Span, entries: dict[str, _Table], text: Pas
     found = [
         Entry(
             span=place,
-            index=int(row[1], 16),
-            subindex=int(row[2], 16),
+            index=_number(row[1]),
+            subindex=_number(row[2]),
             bits=int(row[3]),
-            name=(row[4] or "").strip() if int(row[1], 16) else "",
+            name=(row[4] or row[5] or "").strip() if _number(row[1]) else "",
         )
         for row, place in rows
     ]
-    return Pdo(span=span, index=int(match[1], 16), entries=tuple(found))
+    return Pdo(span=span, index=_number(match[1]), entries=tuple(found))
 
 
 def _row(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from fsoe_net.diag import Related, Severity, Span
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import Source, is_kind, source_bytes
+from fsoe_net.load.xml_text import readable_xml
 from fsoe_net.load.xml_tree import Element, parse_xml
 from fsoe_net.model import (
     DescribedConnection,
@@ -30,8 +31,8 @@ __all__ = ["load_lcec"]
 _PARAMETER = "fsoeSlaveIdx"
 _DIRECTIONS = {"out": Direction.OUTPUT, "in": Direction.INPUT}
 _SDO_BYTES = (1, 2, 4, 8)
-_HEX = re.compile(r"(?:0[xX])?([0-9a-fA-F]{1,8})\Z")
-_DECIMAL = re.compile(r"([0-9]{1,10})\Z")
+_HEX = re.compile(r"(?:0[xX])?0{0,40}([0-9a-fA-F]{1,8})\Z")
+_DECIMAL = re.compile(r"0{0,40}([0-9]{1,10})\Z")
 
 
 def load_lcec(
@@ -52,7 +53,9 @@ def load_lcec(
     data, shown = source_bytes(source, out, name)
     if data is None or not is_kind(data, "a configuration of linuxcnc-ethercat", shown, out):
         return None
-    root = parse_xml(data, shown, out, what="a configuration of linuxcnc-ethercat")
+    root = parse_xml(
+        readable_xml(data, shown, out), shown, out, what="a configuration of linuxcnc-ethercat"
+    )
     if root is None:
         return None
     masters = [e for e in root.all("master") if master in (None, _number(e, "idx", out, default=0))]

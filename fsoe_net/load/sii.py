@@ -15,8 +15,11 @@ import struct
 from dataclasses import dataclass, field
 
 from fsoe_net.diag import Severity, Span
+from fsoe_net.errors import InputError
 from fsoe_net.load.files import Collector
-from fsoe_net.load.foreign import Source, source_bytes
+from fsoe_net.load.foreign import Source, next_step, source_bytes
+from fsoe_net.load.hex_text import binary_of, is_hex_text
+from fsoe_net.load.not_read import unreadable_kind
 from fsoe_net.load.sii_parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
 from fsoe_net.model import (
     DescribedSubDevice,
@@ -116,7 +119,7 @@ def load_sii(source: Source, out: Collector, *, name: str = "<sii>") -> Descript
     """Read an SII image.
 
     Args:
-        source: The file, binary whatever its suffix, or its bytes.
+        source: The file or its bytes: binary, Intel HEX or a dump, whatever its suffix.
         out: Takes FSN138 for an image that is empty, cut off or damaged, FSN139 for PDOs on sync
             managers that are not there, FSN140 for text.
         name: Name shown when ``source`` is bytes.
@@ -126,6 +129,7 @@ def load_sii(source: Source, out: Collector, *, name: str = "<sii>") -> Descript
         the identity is reported and the rest returned as truncated.
     """
     data, path = source_bytes(source, out, name, most=MAX_SII_BYTES)
+    data = None if data is None else _binary(data, path, out)
     if data is None:
         return None
     span = Span(path)
@@ -182,6 +186,23 @@ def read_sii_categories(data: bytes, span: Span, out: Collector) -> SiiImage:
     return image
 
 
+def _binary(data: bytes, path: str, out: Collector) -> bytes | None:
+    """Return the image when the file holds it as text; refuse what is something else."""
+    if is_hex_text(data[:256]):
+        try:
+            return binary_of(data)
+        except InputError as exc:
+            hint = "paste or save the whole dump, unchanged; or give the binary image"
+            out.add("FSN138", Span(path, 1, 1), f"a damaged dump of an image: {exc}", hint=hint)
+            return None
+    words = unreadable_kind(data[:1024])
+    if words:
+        hint = next_step(words) or _READ_AGAIN
+        out.add("FSN140", Span(path, 1, 1), f"this is {words}, not an SII image", hint=hint)
+        return None
+    return data
+
+
 def _is_image(data: bytes, span: Span, out: Collector) -> bool:
     if len(data) < _IDENTITY_BYTES:
         message = f"{len(data)} bytes are too short for an SII image"
@@ -191,7 +212,7 @@ def _is_image(data: bytes, span: Span, out: Collector) -> bool:
         hint = "the EEPROM is not programmed, or could not be read; " + _READ_AGAIN
         out.add("FSN138", span, message, hint=hint)
     elif data[:64].isascii() and data[:64].decode().isprintable():
-        hint = "an Intel HEX or text dump has to be made binary first"
+        hint = "give the image, or what `hexdump -C` or `xxd` prints of it, alone in a file"
         out.add("FSN140", Span(span.file, 1, 1), "this is text, not an SII image", hint=hint)
     elif data[0x10:0x18] == bytes(8):
         message = "vendor ID and product code are both 0"
@@ -241,7 +262,7 @@ def _categories(data: bytes, image: SiiImage, span: Span, out: Collector) -> Non
 
 def _cut(image: SiiImage, span: Span, out: Collector, message: str) -> None:
     image.broken = True
-    hint = "what stands before is used; " + _READ_AGAIN
+    hint = _READ_AGAIN
     out.add("FSN138", span, f"the image is cut off or damaged: {message}", hint=hint)
 
 

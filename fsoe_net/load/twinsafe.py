@@ -11,6 +11,7 @@ import re
 
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import Source, is_kind, source_bytes, xml_number
+from fsoe_net.load.xml_text import readable_xml
 from fsoe_net.load.xml_tree import Element, parse_xml
 from fsoe_net.model import DescribedConnection, DescribedSubDevice, Description, Device
 
@@ -38,7 +39,9 @@ def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Des
         # Function blocks and links are many and say nothing about connections.
         return depth == 1 and element.name in ("Groups", "Links")
 
-    root = parse_xml(data, shown, out, closed=closed, what="a TwinSAFE project export")
+    root = parse_xml(
+        readable_xml(data, shown, out), shown, out, closed=closed, what="a TwinSAFE project export"
+    )
     if root is None:
         return None
     listed = root.first("Connections")

@@ -92,6 +92,7 @@ def _pair_subdevices(a: tuple[SideSubDevice, ...], b: tuple[SideSubDevice, ...])
     by(lambda s: None if s.identity is None else (_place(s), s.identity), unique=True)
     by(lambda s: s.identity, unique=False)
     by(_place, unique=True)
+    by(lambda s: _place(s) is s.identity is None or None, unique=False)  # nothing known: in order
     if len(left) == len(right) == 1:  # one device type against one device
         one, two = next(iter(left)), next(iter(right))
         subs = a[one], b[two]

@@ -64,6 +64,10 @@ def _check_positions(description: Description) -> None:
         if sub.position in seen:
             raise InputError(f"{sub.name}: a second SubDevice at ring position {sub.position}")
         seen.add(sub.position)
+        if sub.device.assign_activate > 0xFFFF:
+            raise InputError(
+                f"{sub.name}: assign_activate 0x{sub.device.assign_activate:x} is more than 16 bits"
+            )
 
 
 def _copy_bits(

@@ -1,0 +1,117 @@
+"""Binary files as text: Intel HEX, and what ``hexdump``, ``xxd`` and ``od -A x`` print."""
+
+from __future__ import annotations
+
+import re
+
+from fsoe_net.errors import InputError
+
+__all__ = ["binary_of", "is_hex_text"]
+
+_MOST_BYTES = 1024 * 1024
+_INTEL = re.compile(rb"\s*:[0-9A-Fa-f]{10}")
+_DUMP = re.compile(rb"\s*0{4,8}:? +(?:[0-9a-fA-F]{2} ?){4}")
+_PLAIN = re.compile(rb"\s*(?:(?:0x)?[0-9a-fA-F]{2}[ ,\t\r\n]+){16}")
+_ROW = re.compile(r"([0-9a-fA-F]{4,8})(:?)(?: {1,4}(.*))?$")
+_BYTES = re.compile(r"(?:[0-9a-fA-F]{2}){1,16}")
+
+
+def is_hex_text(head: bytes) -> bool:
+    """Return whether a file that begins like this is a binary one as text."""
+    return any(p.match(head) for p in (_INTEL, _DUMP, _PLAIN))
+
+
+def binary_of(data: bytes) -> bytes:
+    """Return the bytes that a text stands for.
+
+    Args:
+        data: The text, for which `is_hex_text` is true.
+
+    Raises:
+        InputError: A line is damaged or missing; the message names it.
+    """
+    lines = data.decode("ascii", "replace").splitlines()
+    if _INTEL.match(data):
+        return _of_intel(lines)
+    if _DUMP.match(data):
+        return _of_dump(lines)
+    words = data.decode("ascii", "replace").replace(",", " ").split()
+    try:
+        return bytes(int(w, 16) for w in words)
+    except ValueError:
+        raise InputError("a word of the text is no byte in hexadecimal") from None
+
+
+def _of_intel(lines: list[str]) -> bytes:
+    image = bytearray()
+    base = 0
+    for number, line in enumerate((text.strip() for text in lines), 1):
+        if not line:
+            continue
+        try:
+            row = bytes.fromhex(line.removeprefix(":"))
+        except ValueError:
+            row = b""
+        if not line.startswith(":") or len(row) < 5 or len(row) != row[0] + 5:
+            raise InputError(f"line {number} is no whole record of Intel HEX")
+        if sum(row) & 0xFF:
+            raise InputError(f"line {number}: the checksum of the record is wrong")
+        kind, body = row[3], row[4:-1]
+        if kind == 1:
+            return bytes(image)
+        if kind in (2, 4):
+            base = int.from_bytes(body, "big") << (4 if kind == 2 else 16)
+        elif kind == 0:
+            _put(image, base + int.from_bytes(row[1:3], "big"), body, number)
+    raise InputError("the end record of Intel HEX is missing: the text is cut off")
+
+
+def _of_dump(lines: list[str]) -> bytes:
+    image = bytearray()
+    repeated = b""
+    last = b""
+    for number, line in enumerate(lines, 1):
+        text = line.strip()
+        if text == "*":
+            repeated = last
+            continue
+        match = _ROW.match(text)
+        if match is None:
+            if text:
+                raise InputError(f"line {number} is no line of a dump")
+            continue
+        at = int(match[1], 16)
+        if repeated:
+            if at > _MOST_BYTES:
+                raise InputError(f"line {number}: address 0x{at:x} is beyond any such image")
+            while len(image) < at:
+                image += repeated[: at - len(image)]
+            repeated = b""
+        last = _row(match[3] or "", swapped=not match[2])
+        if last:
+            _put(image, at, last, number)
+    return bytes(image)
+
+
+def _row(text: str, *, swapped: bool) -> bytes:
+    """Return the bytes of a row; the text column behind two blanks or a bar is left out."""
+    text = text.split("|")[0]
+    row = bytearray()
+    for number, word in enumerate(text.replace("  ", " \0 ").split(" ")):
+        if word == "\0" and len(row) != 8:
+            break
+        if not word or word == "\0":
+            continue
+        if not _BYTES.fullmatch(word) or number > 40 or len(row) >= 16:
+            break
+        piece = bytes.fromhex(word)
+        row += piece[::-1] if swapped and len(piece) == 2 else piece
+    return bytes(row)
+
+
+def _put(image: bytearray, at: int, body: bytes, number: int) -> None:
+    if at + len(body) > _MOST_BYTES:
+        raise InputError(f"line {number}: address 0x{at:x} is beyond any such image")
+    if at != len(image):
+        raise InputError(f"line {number}: it begins at 0x{at:x}; 0x{len(image):x} would follow")
+    image += body

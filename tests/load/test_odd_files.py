@@ -1,0 +1,183 @@
+"""Files in another shape: packed, as a dump, in another encoding, or not the file at all."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+
+import pytest
+from load.sii_image import category, image
+
+from fsoe_net.load import Collector, InputKind, find_kind, load_foreign
+from fsoe_net.load.not_read import NEXT_STEPS
+
+ENI = """<EtherCATConfig Version="1.3"><Config><Master><Info><Name>m</Name></Info></Master>
+<Slave><Info><Name><![CDATA[Box \u00b0]]></Name>
+<PhysAddr>1001</PhysAddr><AutoIncAddr>0</AutoIncAddr>
+<VendorId>2</VendorId><ProductCode>#x1</ProductCode><RevisionNo>1</RevisionNo></Info></Slave>
+</Config></EtherCATConfig>
+"""
+IMAGE = image(category(41, bytes.fromhex("0010040024000103")))
+
+
+def kind(data: bytes, name: str = "file.xml"):
+    out = Collector()
+    return find_kind(data, out, name=name), out
+
+
+def packed() -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("a.xml", ENI)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (packed(), "a ZIP archive"),
+        (b"\x1f\x8b\x08\0" + bytes(200), "a file packed with gzip"),
+        (b"7z\xbc\xaf\x27\x1c\0\4" + bytes(99), "a 7-Zip archive"),
+        (b"\x0a\x0d\x0d\x0a\x1c\0\0\0" + bytes(200), "a packet capture (pcapng)"),
+        (b"\xd4\xc3\xb2\xa1\2\0\4\0" + bytes(200), "a packet capture (pcap)"),
+        (b"\x4d\x3c\xb2\xa1\2\0\4\0" + bytes(200), "a packet capture (pcap)"),
+        (b"%PDF-1.7\n", "a PDF document"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "a compound document"),
+        (b"\x7fELF\2\1\1" + bytes(99), "a program"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "a pointer of git-lfs"),
+        (b"<!DOCTYPE html>\n<html><body><br></body></html>", "a web page (HTML)"),
+        (b"<HTML><p>log in", "a web page (HTML)"),
+    ],
+)
+@pytest.mark.parametrize("name", ["x.xml", "x.sii", "x.bin", "x.eni"])
+def test_what_is_no_description_is_named_with_the_next_step(data, words, name):
+    found, out = kind(data, name)
+    assert found is None
+    (finding,) = out.diagnostics
+    assert finding.code == "FSN140"
+    assert words in finding.message
+    assert finding.hint in NEXT_STEPS.values()
+
+
+@pytest.mark.parametrize("reader", [k for k in InputKind if k is not InputKind.YAML])
+def test_no_reader_takes_a_capture_for_its_own(reader):
+    out = Collector()
+    data = b"\x0a\x0d\x0d\x0a\x1c\0\0\0" + bytes(range(256)) * 4
+    assert load_foreign(data, reader, out, name="x") is None
+    assert {d.code for d in out.diagnostics} <= {"FSN117", "FSN140", "FSN118"}
+
+
+def intel_hex(data: bytes) -> bytes:
+    rows = []
+    for at in range(0, len(data), 16):
+        row = bytes((len(data[at : at + 16]), at >> 8, at & 0xFF, 0)) + data[at : at + 16]
+        rows.append(":" + (row + bytes((-sum(row) & 0xFF,))).hex().upper())
+    return "\r\n".join([*rows, ":00000001FF", ""]).encode()
+
+
+def hexdump(data: bytes, *, colon: str = "", words: int = 1, swap: bool = False) -> bytes:
+    """What hexdump and xxd print, with `*` for rows that repeat where there is no colon."""
+    rows = []
+    last = None
+    for at in range(0, len(data), 16):
+        row = data[at : at + 16]
+        if row == last and not colon and at + 16 < len(data):
+            if rows[-1] != "*":
+                rows.append("*")
+            continue
+        last = row
+        pieces = [row[n : n + words] for n in range(0, len(row), words)]
+        text = " ".join((p[::-1] if swap else p).hex() for p in pieces)
+        shown = "".join(chr(b) if 32 <= b < 127 else "." for b in row)
+        end = f"  {shown}" if colon else f"  |{shown}|"
+        rows.append(f"{at:08x}{colon} {text}" + ("" if swap else end))
+    return "\n".join([*rows, "" if colon else f"{len(data):08x}\n"]).encode()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        intel_hex(IMAGE),
+        hexdump(IMAGE + bytes(300)),
+        hexdump(IMAGE, colon=":", words=2),
+        hexdump(IMAGE, colon=":"),
+        hexdump(IMAGE, words=2, swap=True),
+        IMAGE.hex(" ").encode(),
+        ", ".join(f"0x{b:02x}" for b in IMAGE).encode(),
+    ],
+)
+def test_an_image_as_text_is_the_same_image(text):
+    found, out = kind(text, "eeprom.txt")
+    assert found is InputKind.SII
+    out = Collector()
+    read = load_foreign(text, found, out, name="eeprom.txt")
+    plain = load_foreign(IMAGE, InputKind.SII, Collector(), name="eeprom.txt")
+    assert out.diagnostics == []
+    assert read == plain
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (intel_hex(IMAGE)[:-15], "cut off"),
+        (intel_hex(IMAGE).replace(b":10001000", b":10001001"), "line 2: the checksum"),
+        (
+            b"\r\n".join(intel_hex(IMAGE).splitlines()[:2] + intel_hex(IMAGE).splitlines()[3:]),
+            "0x20",
+        ),
+        (intel_hex(IMAGE)[:70], "line 2 is no whole record"),
+        (hexdump(IMAGE).replace(b"00000020 ", b"00000030 "), "line 3: it begins at 0x30"),
+        (hexdump(IMAGE).replace(b"00000020 ", b"fffffff0 "), "beyond any such image"),
+        (hexdump(IMAGE).replace(b"00000020 ", b"oops "), "line 3 is no line of a dump"),
+        (b"00000000 00 01 02 03\n*\nffffffff\n", "beyond any such image"),
+    ],
+)
+def test_a_damaged_dump_is_refused_with_its_line(text, words):
+    out = Collector()
+    assert load_foreign(text, InputKind.SII, out, name="e.hex") is None
+    assert [d.code for d in out.diagnostics] == ["FSN138"]
+    assert words in out.diagnostics[0].message
+
+
+def declared(encoding: str) -> str:
+    return f'<?xml version="1.0" encoding="{encoding}"?>\r\n{ENI}'
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        declared("UTF-8").encode(),
+        b"\xef\xbb\xbf" + declared("UTF-8").encode(),
+        declared("ISO-8859-1").encode("latin-1"),
+        declared("windows-1252").encode("cp1252"),
+        declared("UTF-16").encode("utf-16"),
+        declared("utf-8").encode("utf-16"),
+        ENI.encode("utf-16"),
+        b"\xfe\xff" + declared("utf-8").encode("utf-16-be"),
+        declared("UTF-16LE").encode("utf-16-le"),
+        declared("UTF-16BE").encode("utf-16-be"),
+        declared("gb18030").encode("gb18030"),
+        declared("Shift_JIS").encode("shift_jis"),
+        b"\n\n  " + declared("utf-8").encode(),
+    ],
+)
+def test_an_eni_is_read_in_every_encoding(data):
+    found, out = kind(data)
+    assert found is InputKind.ENI
+    read = load_foreign(data, found, out, name="x.xml")
+    assert out.diagnostics == []
+    assert read is not None
+    assert read.subdevices[0].name == "Box \u00b0"
+
+
+@pytest.mark.parametrize("head", ["", '<?xml version="1.0"?>\n', declared("utf-8")[:40] + "\n"])
+def test_latin_1_that_claims_to_be_utf_8_is_read_with_a_warning(head):
+    found, out = kind((head + "<!-- \u00e4 -->" + ENI).encode("latin-1"))
+    assert found is InputKind.ENI
+    data = (head + ENI).encode("latin-1")
+    read = load_foreign(data, found, out, name="x.xml")
+    assert [(d.code, d.level.name) for d in out.diagnostics] == [("FSN118", "WARNING")]
+    line = data[: data.index(b"\xb0")].count(b"\n") + 1
+    assert out.diagnostics[0].span.line == line
+    assert read is not None
+    assert read.subdevices[0].name == "Box \u00b0"
