@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from fsoe_net.cli.convert_eni import renewed_eni
 from fsoe_net.cli.output import counted, print_diagnostics
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.diag import Severity, sort_diagnostics
@@ -42,7 +43,8 @@ Examples:
   fsoe-net convert pdos.txt Beckhoff_EL19xx.xml -o network.yaml
   fsoe-net convert network.yaml -o driver/
   fsoe-net convert network.yaml -o bus.h --to c
-  fsoe-net convert start-up.pcapng -o network.yaml"""
+  fsoe-net convert start-up.pcapng -o network.yaml
+  fsoe-net convert network.yaml machine.eni.xml -o new.eni.xml"""
 
 _Writer = Callable[[Description, str], Written]
 
@@ -96,23 +98,49 @@ def command(files: tuple[str, ...], output: str, source: str | None, target: str
     start-up (pcap, pcapng), or a folder that this command wrote. An ESI or SII image gives the
     process data of devices named elsewhere.
 
-    What the format of OUT cannot hold is told as a note. Nothing is overwritten.
+    What the format of OUT cannot hold is told as a note. Nothing is overwritten. A network and an
+    ENI of the same bus into an ENI: the copies of the network in that ENI, all else byte for byte.
     """
     chosen = target or _target(output)
     notes: list[str] = []
-    description = _read(files, InputKind(source) if source else None, notes)
-    notes += [f"{s.name or s.order}: {n}" for s in description.subdevices for n in s.notes]
+    kind = InputKind(source) if source else None
+    given = _eni_to_renew(files, kind) if chosen == "eni" else None
+    if given is not None:
+        description = _read(tuple(f for f in files if f != given), kind, notes)
+        _write({output: renewed_eni(description, given, notes)}, Path())
+        _tell(output, description, 1, notes)
+        return
+    description = _read(files, kind, notes)
+    notes += [
+        f"{s.name or s.order or 'a SubDevice'}: {n}"
+        for s in description.subdevices
+        for n in s.notes
+    ]
     if not description.copies:
         notes.append("no copies are known, so no safety frame would be moved")
     written = _WRITERS[chosen](description, Path(output).name)
     folder = Path(output) if chosen.startswith("driver") else Path(output).parent
-    _write(written, folder)
-    for note in dict.fromkeys((*notes, *written.notes)):
+    _write({name: text.encode("utf-8") for name, text in written.files.items()}, folder)
+    _tell(output, description, len(written.files), [*notes, *written.notes])
+
+
+def _tell(output: str, description: Description, files: int, notes: list[str]) -> None:
+    for note in dict.fromkeys(notes):
         click.echo(f"note: {note}", err=True)
     click.echo(
         f"{output}: {counted(len(description.subdevices), 'SubDevice')}, "
-        f"{counted(len(description.copies), 'copy')}, {counted(len(written.files), 'file')}"
+        f"{counted(len(description.copies), 'copy')}, {counted(files, 'file')}"
     )
+
+
+def _eni_to_renew(files: tuple[str, ...], kind: InputKind | None) -> str | None:
+    """Return the one ENI that is named beside a network; its copies are to be replaced."""
+    if kind is not None or len(files) < 2:
+        return None
+    kinds = {f: find_kind(_file_of(f), Collector()) for f in files}
+    enis = [f for f, k in kinds.items() if k is InputKind.ENI]
+    networks = [f for f, k in kinds.items() if k is InputKind.YAML]
+    return enis[0] if len(enis) == 1 and networks else None
 
 
 def _target(output: str) -> str:
@@ -230,8 +258,8 @@ def _refuse_errors(out: Collector) -> None:
 # -- output ---------------------------------------------------------------------------------------
 
 
-def _write(written: Written, folder: Path) -> None:
-    paths = {folder / name: text for name, text in written.files.items()}
+def _write(files: dict[str, bytes], folder: Path) -> None:
+    paths = {folder / name: data for name, data in files.items()}
     present = next((p for p in paths if os.path.lexists(p)), None)
     if present is not None:
         raise InputError(f"nothing written: {present} exists; name another place")
@@ -241,5 +269,5 @@ def _write(written: Written, folder: Path) -> None:
     except OSError as exc:
         raise EnvironmentFault(f"cannot make the folder of {path}: {exc.strerror}") from exc
     # The file that names the others comes last: it is never there without them.
-    for path, text in reversed(paths.items()):
-        write_whole(str(path), text.encode("utf-8"))
+    for path, data in reversed(paths.items()):
+        write_whole(str(path), data)

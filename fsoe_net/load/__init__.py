@@ -1,6 +1,7 @@
 """Files into the model, every value with its place; what is wrong becomes diagnostics."""
 
 from fsoe_net.load.answers import load_answers, parse_answers
+from fsoe_net.load.eni import load_eni_images
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_foreign
 from fsoe_net.load.library import builtin_library, load_library, parse_library_device
@@ -29,6 +30,7 @@ __all__ = [
     "list_types",
     "load_answers",
     "load_devices",
+    "load_eni_images",
     "load_foreign",
     "load_library",
     "load_network",

@@ -69,6 +69,7 @@ from fsoe_net.model.network import (
 from fsoe_net.model.pairing import OpenPair, PairEnd, Pairing, pair_by_lengths, pair_ends
 from fsoe_net.model.project import MatchedProject, match_project
 from fsoe_net.model.proposal import Proposal, propose
+from fsoe_net.model.renumber import renumbered_copies
 from fsoe_net.model.resolve import (
     Connection,
     Resolution,
@@ -185,6 +186,7 @@ __all__ = [
     "partner_block",
     "place_entries",
     "propose",
+    "renumbered_copies",
     "resolve",
     "shared_modules",
     "signals_of",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -217,3 +218,65 @@ def test_esi_fills_what_a_capture_does_not_show(tmp_path: Path):
     done = converted(capture, esi, "-o", tmp_path / "network.yaml")
     assert done.returncode == 0, done.stderr
     assert "0x7000" in (tmp_path / "devices" / "terminal.yaml").read_text("utf-8")
+
+
+# -- only the copies of an ENI --------------------------------------------------------------------
+
+
+def eni_of_network(folder: Path) -> Path:
+    """An ENI of the same bus as another tool has it: CRLF, a comment, no copies."""
+    assert converted(NETWORK, "-o", folder / "made.eni.xml").returncode == 0
+    data = (folder / "made.eni.xml").read_bytes()
+    bare = re.sub(rb"\s*<CopyInfos>.*?</CopyInfos>", b"", data, flags=re.DOTALL)
+    bare = bare.replace(b"<Config>", b"<Config><!-- kept \xc2\xb0 -->", 1).replace(b"\n", b"\r\n")
+    (folder / "machine.eni.xml").write_bytes(bare)
+    return folder / "machine.eni.xml"
+
+
+def test_copies_of_a_network_go_into_an_eni_and_nothing_else_changes(tmp_path: Path):
+    eni = eni_of_network(tmp_path)
+    made = converted(NETWORK, eni, "-o", tmp_path / "out" / "new.eni.xml")
+    assert made.returncode == 0, made.stderr
+    assert "5 SubDevices, 8 copies, 1 file" in made.stdout
+    assert "8 copies instead of 0, all else as it was" in made.stderr
+    new = (tmp_path / "out" / "new.eni.xml").read_bytes()
+    assert re.sub(rb"\s*<CopyInfos>.*?</CopyInfos>", b"", new, flags=re.DOTALL) == eni.read_bytes()
+    same = fsn("diff", str(NETWORK), str(tmp_path / "out" / "new.eni.xml"))
+    assert same.returncode == 0, same.stdout
+    again = converted(NETWORK, tmp_path / "out" / "new.eni.xml", "-o", tmp_path / "twice.eni.xml")
+    assert "8 copies instead of 8" in again.stderr
+    assert (tmp_path / "twice.eni.xml").read_bytes() == new
+    refused = converted(NETWORK, eni, "-o", tmp_path / "twice.eni.xml")
+    assert refused.returncode == 1
+    assert "exists" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (b"<ProductCode>125792338<", b"<ProductCode>77<", "not the same bus"),
+        (b"<AutoIncAddr>65532<", b"<AutoIncAddr>65500<", "not the same bus"),
+        (b"<BitLen>16</BitLen>", b"<BitLen>8</BitLen>", "holds other data"),
+    ],
+)
+def test_an_eni_of_another_bus_is_refused_at_its_place(old, new, words, tmp_path: Path):
+    eni = eni_of_network(tmp_path)
+    data = eni.read_bytes()
+    code = re.search(rb"<ProductCode>\d+<", data)
+    assert code is not None
+    old = code[0] if old.startswith(b"<ProductCode") else old
+    assert old in data
+    if b"BitLen" in old:  # inside the first frame, its length kept by the entry behind
+        at = data.index(b"<BitLen>16</BitLen>")
+        behind = data.index(b"<BitLen>16</BitLen>", at + 5)
+        data = data[:behind] + b"<BitLen>24</BitLen>" + data[behind + 19 :]
+        data = data[:at] + new + data[at + 19 :]
+    else:
+        data = data.replace(old, new, 1)
+    eni.write_bytes(data)
+    refused = converted(NETWORK, eni, "-o", tmp_path / "new.eni.xml")
+    assert refused.returncode == 1, refused.stdout
+    assert words in refused.stderr
+    assert "network.yaml:" in refused.stderr
+    assert "Traceback" not in refused.stderr
+    assert not (tmp_path / "new.eni.xml").exists()

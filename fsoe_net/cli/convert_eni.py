@@ -1,0 +1,45 @@
+"""``fsoe-net convert``: the copies of a network put into an ENI that is there already."""
+
+from __future__ import annotations
+
+from fsoe_net.diag import Severity, sort_diagnostics
+from fsoe_net.errors import InputError
+from fsoe_net.load import Collector, load_eni_images, read_bytes
+from fsoe_net.model import Description, renumbered_copies
+from fsoe_net.save import replace_copies
+
+__all__ = ["renewed_eni"]
+
+
+def renewed_eni(bus: Description, path: str, notes: list[str]) -> bytes:
+    """Return the ENI with the copies of the bus instead of its own; all else as it is.
+
+    Args:
+        bus: What the network says.
+        path: The ENI.
+        notes: Takes how many copies went and came.
+
+    Raises:
+        InputError: The ENI cannot be read, or is not of this bus.
+    """
+    out = Collector()
+    data = read_bytes(path, out)
+    images = None if data is None else load_eni_images(data, out, name=path)
+    errors = [d for d in out.diagnostics if d.level is Severity.ERROR]
+    if errors:
+        raise InputError("nothing written", sort_diagnostics(errors))
+    if data is None or images is None:
+        raise InputError(f"nothing written: {path} does not tell where its process data are")
+    copies = renumbered_copies(bus, images.description)
+    rows = []
+    for copy in copies:
+        bits = images.bits_of(copy)
+        if bits is None:
+            raise InputError(f"nothing written: {path} has no place for the copy of {copy.span}")
+        rows.append(bits)
+    before = len(images.description.copies)
+    notes.append(f"{path}: {len(rows)} copies instead of {before}, all else as it was")
+    lacking = len(images.description.subdevices) - len(bus.subdevices)
+    if lacking > 0:
+        notes.append(f"{lacking} SubDevices of {path} are not in {bus.path}")
+    return replace_copies(data, rows, header_bits=images.header_bits)

@@ -1,0 +1,103 @@
+"""Copies of one description in the numbers of another one of the same bus."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from fsoe_net.errors import InputError
+from fsoe_net.model.description import DescribedCopy, DescribedEnd, DescribedSubDevice, Description
+from fsoe_net.model.layout import SmLayout, layout_of
+
+__all__ = ["renumbered_copies"]
+
+
+def renumbered_copies(bus: Description, other: Description) -> tuple[DescribedCopy, ...]:
+    """Return the copies of ``bus``, their ends being SubDevices of ``other``.
+
+    SubDevices are the same when they have the same ring position, and one identity then.
+
+    Args:
+        bus: Description with copies and ring positions.
+        other: Description of the same bus, with all its SubDevices and their process data.
+
+    Raises:
+        InputError: They are not the same bus, or an end has other process data; says where.
+    """
+    places = {s.position: n for n, s in enumerate(other.subdevices)}
+    numbers = [_partner(sub, places, other) for sub in bus.subdevices]
+    missing = set(range(len(other.subdevices))) - set(numbers)
+    for copy in other.copies:
+        if {copy.source.subdevice, copy.destination.subdevice} & missing:
+            raise InputError(
+                f"{copy.span}: a copy of a SubDevice that {bus.path} does not name would be lost; "
+                "name it there, or delete the copy"
+            )
+    return tuple(
+        replace(
+            copy,
+            source=_end(copy.source, copy.bits, bus, other, numbers),
+            destination=_end(copy.destination, copy.bits, bus, other, numbers),
+        )
+        for copy in bus.copies
+    )
+
+
+def _name(sub: DescribedSubDevice) -> str:
+    return sub.name or sub.order or f"the SubDevice at position {sub.position}"
+
+
+def _partner(sub: DescribedSubDevice, places: dict[int | None, int], other: Description) -> int:
+    if sub.position is None or sub.alias:
+        raise InputError(
+            f"{sub.span}: {_name(sub)} has no ring position to find it by in {other.path}; "
+            "give it its position"
+        )
+    number = places.get(sub.position)
+    if number is None:
+        raise InputError(
+            f"{sub.span}: {_name(sub)} is at position {sub.position}; {other.path} has no "
+            "SubDevice there: these are not the same bus"
+        )
+    found = other.subdevices[number]
+    mine = (sub.device.vendor_id, sub.device.product_code)
+    theirs = (found.device.vendor_id, found.device.product_code)
+    if mine != theirs:
+        raise InputError(
+            f"{sub.span}: {_name(sub)} at position {sub.position} is vendor 0x{mine[0]:x}, product "
+            f"0x{mine[1]:x}; {found.span} has vendor 0x{theirs[0]:x}, product 0x{theirs[1]:x} "
+            "there: these are not the same bus"
+        )
+    return number
+
+
+def _end(
+    end: DescribedEnd, bits: int, bus: Description, other: Description, numbers: list[int]
+) -> DescribedEnd:
+    sub, found = bus.subdevices[end.subdevice], other.subdevices[numbers[end.subdevice]]
+    mine = _range(_manager(sub, end.sm_index), end.bit_offset, bits)
+    theirs = _range(_manager(found, end.sm_index), end.bit_offset, bits)
+    if mine != theirs:
+        raise InputError(
+            f"{sub.span}: {_name(sub)}: byte {end.bit_offset // 8} of sync manager {end.sm_index} "
+            f"holds other data at {found.span}; assign the same PDOs in both"
+        )
+    return replace(end, subdevice=numbers[end.subdevice])
+
+
+def _manager(sub: DescribedSubDevice, index: int) -> SmLayout | None:
+    managers = layout_of(sub.device).managers
+    return next((m for m in managers if m.sm.index == index), None)
+
+
+def _range(manager: SmLayout | None, first: int, bits: int) -> list[tuple[int, ...]] | None:
+    """Return what is moved: place, index and length of each entry.
+
+    Sub-indexes are not in it: a device and its module swap those of CRC and connection ID.
+    """
+    if manager is None or first + bits > manager.bits:
+        return None
+    return [
+        (p.bit_offset, p.entry.index, p.entry.bits)
+        for p in manager.placed
+        if not p.entry.is_gap and p.end_bit > first and p.bit_offset < first + bits
+    ]
