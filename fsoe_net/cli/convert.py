@@ -28,6 +28,7 @@ from fsoe_net.save import (
     DriverVersion,
     Written,
     describe,
+    own_words_lost,
     write_c_header,
     write_driver,
     write_eni,
@@ -51,7 +52,7 @@ _Writer = Callable[[Description, str], Written]
 
 def _eni(description: Description, file: str) -> Written:
     facts = any(c.address is not None or c.watchdog_ms for c in description.connections)
-    notes = ["mailbox addresses are not in this file"]
+    notes = ["mailbox addresses are not in this file", *own_words_lost(description, nets=True)]
     if facts:
         notes.append("addresses and watchdogs of connections are not in this file")
     return Written(files={file: write_eni(description)}, notes=tuple(notes))

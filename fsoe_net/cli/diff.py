@@ -37,6 +37,7 @@ from fsoe_net.report import (
 __all__ = ["command"]
 
 _SHOWN_ENTRIES = 6
+_NO_NET = "FSN125"
 _MAX_BYTES = 256 * 1024 * 1024
 _MARK = {"added": "+", "removed": "-"}
 _COLOUR = {"added": "green", "removed": "red"}
@@ -130,7 +131,8 @@ def _side_of_description(
 
 
 def _judged(side: Side | None, out: Collector) -> tuple[Side | None, list[Diagnostic]]:
-    found = sort_diagnostics(out.diagnostics)
+    # A network of which nobody has said yet what is copied can be compared all the same.
+    found = sort_diagnostics([d for d in out.diagnostics if d.code != _NO_NET])
     return (None if any(d.level is Severity.ERROR for d in found) else side), found
 
 

@@ -8,13 +8,14 @@ from fsoe_net.save.eni_copies import replace_copies
 from fsoe_net.save.lcec import write_lcec
 from fsoe_net.save.remarks import Remarks
 from fsoe_net.save.slave_yaml import write_slave_yaml
-from fsoe_net.save.written import Written
+from fsoe_net.save.written import Written, own_words_lost
 
 __all__ = [
     "DriverVersion",
     "Remarks",
     "Written",
     "describe",
+    "own_words_lost",
     "replace_copies",
     "write_c_header",
     "write_driver",

@@ -23,6 +23,7 @@ from fsoe_net.save.written import (
     Written,
     layouts_of,
     manager_of,
+    own_words_lost,
     plain_text,
     unique_names,
 )
@@ -119,7 +120,15 @@ class _Header:
             lost.append("addresses and watchdogs of FSoE connections are not in this file")
         if self._description.cycle_us:
             lost.append("the cycle is not in this file")
-        return Written(files={file: "\n".join(lines) + "\n"}, notes=(*self.notes, *lost))
+        return Written(
+            files={file: "\n".join(lines) + "\n"}, notes=(*self.notes, *lost, *self._more())
+        )
+
+    def _more(self) -> list[str]:
+        notes = own_words_lost(self._description, nets=False)
+        if self._description.copies:
+            notes.append("copies are C code here, which convert does not read back")
+        return notes
 
     # -- one SubDevice ----------------------------------------------------------------------------
 

@@ -25,6 +25,7 @@ from fsoe_net.save.written import (
     copy_groups,
     is_fsoe,
     layouts_of,
+    own_words_lost,
     plain_text,
     unique_names,
 )
@@ -72,6 +73,9 @@ class _Configuration:
         facts = [c for c in self._description.connections if c.address or c.watchdog_ms]
         if facts:
             self._notes.append("addresses and watchdogs of connections are not in this file")
+        if any(s.device.sync_managers for s in self._description.subdevices):
+            self._notes.append("watchdogs of sync managers are not in this file")
+        self._notes += own_words_lost(self._description, nets=True)
         return Written(files={file: "\n".join(lines) + "\n"}, notes=tuple(self._notes))
 
     def _check_positions(self) -> None:

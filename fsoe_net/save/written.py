@@ -27,6 +27,7 @@ __all__ = [
     "is_fsoe",
     "layouts_of",
     "manager_of",
+    "own_words_lost",
     "plain_text",
     "quoted",
     "unique_names",
@@ -56,6 +57,28 @@ class CopyGroup:
     name: str
     main: int | None
     copies: tuple[DescribedCopy, ...]
+
+
+def own_words_lost(description: Description, *, nets: bool) -> list[str]:
+    """Return notes on what only a network file of fsoe-net has, where the description has it.
+
+    Args:
+        description: What is written.
+        nets: Whether names of nets are lost, too.
+    """
+    notes = []
+    entries = (
+        entry
+        for sub in description.subdevices
+        for sm in sub.device.sync_managers
+        for pdo in sub.device.pdos_of(sm)
+        for entry in pdo.entries
+    )
+    if any(entry.restart_relevant for entry in entries):
+        notes.append("restart_relevant marks of entries are not in this file")
+    if nets and any(copy.name for copy in description.copies):
+        notes.append("names of nets are not in this file")
+    return notes
 
 
 def plain_text(text: str) -> str:

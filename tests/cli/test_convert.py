@@ -280,3 +280,56 @@ def test_an_eni_of_another_bus_is_refused_at_its_place(old, new, words, tmp_path
     assert "network.yaml:" in refused.stderr
     assert "Traceback" not in refused.stderr
     assert not (tmp_path / "new.eni.xml").exists()
+
+
+# What the way through each format takes away, and the note that tells it; everything else is back.
+CYCLE = {("network", "cycle_ns"): "the cycle is not in"}
+RESTART = {("entries", "restart_relevant"): "restart_relevant marks"}
+FACTS = {
+    ("connection", what): "addresses and watchdogs of connections"
+    for what in ("address", "connection_id", "watchdog_ms", "app_parameters")
+}
+NO_COPIES = {("copy", None): "does not read back", ("connection", None): "does not read back"}
+LOST: dict[str, dict[tuple[str, str | None], str]] = {
+    "driver": CYCLE,
+    "driver-2025": CYCLE,
+    "driver-2026-06": CYCLE,
+    "driver-2026-08": CYCLE,
+    "eni": {**RESTART, **FACTS, ("copy", "net"): "names of nets"},
+    "igh": {**CYCLE, **RESTART, **NO_COPIES},
+    "c": {**CYCLE, **RESTART, **NO_COPIES},
+    "lcec": {
+        **RESTART,
+        ("sync_manager", "watchdog"): "watchdogs of sync managers",
+        ("sync_manager", None): "its PDOs are those that the driver has",
+        ("subdevice", None): "its PDOs are those that the driver has",
+        ("copy", None): "its frames are not copied",
+        ("connection", None): "its frames are not copied",
+    },
+}
+
+
+@pytest.mark.parametrize("target", LOST)
+def test_there_and_back_differs_only_in_what_was_told(target: str, tmp_path: Path):
+    suffix = {"eni": "a.eni.xml", "igh": "a.h", "c": "a.h", "lcec": "a.xml"}.get(target, "d")
+    there = converted(NETWORK, "--to", target, "-o", tmp_path / suffix)
+    assert there.returncode == 0, there.stderr
+    back = converted(tmp_path / suffix, "-o", tmp_path / "back" / "network.yaml")
+    assert back.returncode == 0, back.stderr
+    diff = fsn("diff", str(NETWORK), str(tmp_path / "back" / "network.yaml"), "--format", "json")
+    assert diff.returncode in (0, 1), diff.stderr
+    changes = {(c["area"], c["what"]) for c in json.loads(diff.stdout)["changes"]}
+    assert changes <= set(LOST[target])
+    untold = [c for c in changes if LOST[target][c] not in there.stderr]
+    assert untold == [], there.stderr
+    check = fsn("check", str(tmp_path / "back" / "network.yaml"))
+    missing = {"FSN125"} if ("copy", None) in changes else set()
+    assert set(re.findall(r"error\[(FSN\d+)\]", check.stdout + check.stderr)) <= missing
+
+
+def test_a_network_without_nets_is_compared(tmp_path: Path):
+    """What somebody has made of a text without copies can be held against that text."""
+    assert converted(NETWORK, "-o", tmp_path / "bus.h").returncode == 0
+    assert converted(tmp_path / "bus.h", "-o", tmp_path / "n" / "network.yaml").returncode == 0
+    same = fsn("diff", str(tmp_path / "bus.h"), str(tmp_path / "n" / "network.yaml"))
+    assert same.returncode == 0, same.stdout + same.stderr
