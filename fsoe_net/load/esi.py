@@ -247,7 +247,8 @@ def _rows_of(file: _File, choice: EsiChoice, out: Collector) -> _Rows:
         if len(devices) <= _MOST_AT_ONCE:
             return [(row, ()) for row in devices]
         message = f"the file describes {len(devices)} devices; none was chosen"
-        out.add("FSN135", whole, message, hint="name one by product code or type")
+        hint = "name one by product code or type; or give a file of the bus, too, which names them"
+        out.add("FSN135", whole, message, hint=hint)
         return []
     same = [row for row in devices if _is_wanted(row, choice)]
     if not same:
