@@ -48,8 +48,11 @@ def _of_intel(lines: list[str]) -> bytes:
     for number, line in enumerate((text.strip() for text in lines), 1):
         if not line:
             continue
+        digits = line.removeprefix(":")
+        if len(digits) % 2:  # some generators write a checksum below 0x10 as one digit
+            digits = f"{digits[:-1]}0{digits[-1]}"
         try:
-            row = bytes.fromhex(line.removeprefix(":"))
+            row = bytes.fromhex(digits)
         except ValueError:
             row = b""
         if not line.startswith(":") or len(row) < 5 or len(row) != row[0] + 5:

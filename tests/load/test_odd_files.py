@@ -8,7 +8,9 @@ import zipfile
 import pytest
 from load.sii_image import category, image
 
+from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, InputKind, find_kind, load_foreign
+from fsoe_net.load.hex_text import binary_of
 from fsoe_net.load.not_read import NEXT_STEPS
 
 ENI = """<EtherCATConfig Version="1.3"><Config><Master><Info><Name>m</Name></Info></Master>
@@ -114,6 +116,12 @@ def test_an_image_as_text_is_the_same_image(text):
     plain = load_foreign(IMAGE, InputKind.SII, Collector(), name="eeprom.txt")
     assert out.diagnostics == []
     assert read == plain
+
+
+def test_a_checksum_of_one_digit_is_read():
+    assert binary_of(b":01000000FB4\n:00000001FF\n") == b"\xfb"
+    with pytest.raises(InputError, match="line 1: the checksum"):
+        binary_of(b":01000000FB5\n:00000001FF\n")
 
 
 @pytest.mark.parametrize(
