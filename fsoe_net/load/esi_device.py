@@ -78,6 +78,7 @@ class _DeviceReader:
         self._entries = 0
         self._contradicted = 0
         self._at: dict[tuple[int, Direction], int] = {}
+        self._written = self._managers()
 
     def read(
         self,
@@ -146,7 +147,7 @@ class _DeviceReader:
             modular=self._has_choice(),
             default_bytes={
                 m.index: m.default_bytes
-                for m in self._managers()
+                for m in self._written
                 if m.default_bytes > 0 and not m.mailbox
             },
         )
@@ -271,7 +272,7 @@ class _DeviceReader:
         return rows[:32]
 
     def _assign(self, pdos: list[EsiPdo]) -> tuple[tuple[SyncManager, ...], tuple[Pdo, ...]]:
-        written = {m.index: m for m in self._managers()}
+        written = {m.index: m for m in self._written}
         assigned: dict[int, list[EsiPdo]] = {}
         available: list[Pdo] = []
         for pdo in pdos:

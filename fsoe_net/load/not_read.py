@@ -7,7 +7,7 @@ import re
 __all__ = ["NEXT_STEPS", "unreadable_kind"]
 
 _UNPACK = "unpack it, then name the files in it"
-_CAPTURE = "`fsoe-net decode` reads captures"
+_CAPTURE = "give captures without --from; `fsoe-net decode` shows the frames in them"
 _AGAIN = "fetch the file itself; this is what came instead of it"
 
 # How a file begins, what it is, and the next step. No kind of description begins like one of these.

@@ -29,6 +29,7 @@ _PCAP = {
 """Byte order, and nanoseconds per unit of the fraction of a second."""
 _PCAPNG = b"\x0a\x0d\x0d\x0a"
 _GZIP = b"\x1f\x8b"
+_GZIP_TELLS = 64
 _ETHERNET = 1
 _MOST_BYTES = 1 << 24  # of a packet or block; more is no length but damage
 _LATEST_NS = 1 << 63
@@ -37,7 +38,15 @@ _TSRESOL, _TSOFFSET = 9, 14
 
 
 def is_capture(head: bytes) -> bool:
-    """Whether these first bytes of a file are those of a capture, packed with gzip or not."""
+    """Whether these first bytes of a file are those of a capture, packed with gzip or not.
+
+    Of a packed file a few bytes do not tell what is in it; then it may be one.
+    """
+    if head[:2] == _GZIP and len(head) > _GZIP_TELLS:
+        try:
+            head = zlib.decompressobj(wbits=31).decompress(head, 4)
+        except zlib.error:
+            return False
     return head[:4] in _PCAP or head[:4] == _PCAPNG or head[:2] == _GZIP
 
 

@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 
-from segment.peers import Devices, make_link, soem
+from segment.peers import Devices, soem
 
 from fsoe_net.observe import CaptureWriter
 
@@ -71,7 +71,6 @@ def fsn(network, capture):
 
 def main():
     who, where, network, capture = sys.argv[1:5]
-    make_link()
     listener = Listener(where, capture)
     if who == "soem":
         devices = Devices(network, None)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from data_files import need
 from observe.tshark import tshark
+from wires import missing, run_program
 
 from fsoe_net.diag import Severity
 from fsoe_net.load import Collector, load_network
@@ -21,7 +20,6 @@ from fsoe_net.model import layout_of, resolve
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
-NAMESPACE = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
 ATTEMPTS = 4
 EK1914 = "ethercrab_replay-ek1914-no-complete-access.pcapng"
 CAPTURES = {
@@ -133,20 +131,10 @@ def test_mapping_is_the_one_tshark_shows():
 
 def captured(who, where, network, path):
     """Return what the rig saw; a busy machine may need a few goes."""
-    if shutil.which("unshare") is None or shutil.which("ip") is None:
-        pytest.skip("unshare and ip are needed for a network namespace")
-    link = ["ip", "link", "add", "near", "type", "veth", "peer", "name", "far"]
-    if subprocess.run([*NAMESPACE, *link], capture_output=True, check=False).returncode:
-        pytest.skip("no network namespace with veth")
-    rig = str(Path(__file__).with_name("capture_rig.py"))
+    if reason := missing():
+        pytest.skip(reason)
     for _ in range(ATTEMPTS):
-        done = subprocess.run(
-            [*NAMESPACE, sys.executable, rig, who, where, str(network), str(path)],
-            env={**os.environ, "PYTHONPATH": str(ROOT / "tests")},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = run_program("load/capture_rig.py", who, where, network, path)
         if done.returncode == 0:
             return json.loads(done.stdout.splitlines()[-1])
     pytest.fail(f"{ATTEMPTS} times: {done.stderr}")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import io
+import random
 import zipfile
 
 import pytest
@@ -40,9 +42,6 @@ def packed() -> bytes:
         (packed(), "a ZIP archive"),
         (b"\x1f\x8b\x08\0" + bytes(200), "a file packed with gzip"),
         (b"7z\xbc\xaf\x27\x1c\0\4" + bytes(99), "a 7-Zip archive"),
-        (b"\x0a\x0d\x0d\x0a\x1c\0\0\0" + bytes(200), "a packet capture (pcapng)"),
-        (b"\xd4\xc3\xb2\xa1\2\0\4\0" + bytes(200), "a packet capture (pcap)"),
-        (b"\x4d\x3c\xb2\xa1\2\0\4\0" + bytes(200), "a packet capture (pcap)"),
         (b"%PDF-1.7\n", "a PDF document"),
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "a compound document"),
         (b"\x7fELF\2\1\1" + bytes(99), "a program"),
@@ -56,17 +55,25 @@ def test_what_is_no_description_is_named_with_the_next_step(data, words, name):
     found, out = kind(data, name)
     assert found is None
     (finding,) = out.diagnostics
-    assert finding.code == "FSN140"
+    assert finding.code == "FSN117"
     assert words in finding.message
     assert finding.hint in NEXT_STEPS.values()
 
 
-@pytest.mark.parametrize("reader", [k for k in InputKind if k is not InputKind.YAML])
+@pytest.mark.parametrize("reader", [k for k in InputKind if k.value not in ("yaml", "capture")])
 def test_no_reader_takes_a_capture_for_its_own(reader):
     out = Collector()
     data = b"\x0a\x0d\x0d\x0a\x1c\0\0\0" + bytes(range(256)) * 4
     assert load_foreign(data, reader, out, name="x") is None
     assert {d.code for d in out.diagnostics} <= {"FSN117", "FSN140", "FSN118"}
+
+
+def test_what_is_packed_tells_whether_it_is_a_capture():
+    found, _ = kind(gzip.compress(b"\xd4\xc3\xb2\xa1\2\0\4\0" + random.Random(1).randbytes(200)))
+    assert found is InputKind.CAPTURE
+    found, out = kind(gzip.compress(ENI.encode() * 3))
+    assert found is None
+    assert "a file packed with gzip" in out.diagnostics[0].message
 
 
 def intel_hex(data: bytes) -> bytes:
