@@ -13,7 +13,7 @@ from fsoe_net.cli.references import References, read_references, split_files
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, builtin_library, load_network
-from fsoe_net.model import Network, Resolution, Scan, SourceFile, resolve
+from fsoe_net.model import Library, Network, Resolution, Scan, SourceFile, resolve
 from fsoe_net.rules import (
     Runtime,
     check,
@@ -28,6 +28,7 @@ __all__ = [
     "Checked",
     "check_files",
     "input_options",
+    "library_of",
     "reference_options",
     "runtime_option",
     "whole_network",
@@ -132,6 +133,13 @@ def whole_network(checked: Checked, refusal: str) -> Resolution:
     return resolution
 
 
+def library_of(network: Network) -> Library:
+    """Return the device library as far as it is about devices of a network."""
+    return builtin_library(
+        frozenset(s.device.product_code for s in network.subdevices if s.device is not None)
+    )
+
+
 def check_files(
     files: Sequence[str],
     *,
@@ -162,12 +170,12 @@ def check_files(
     if resolution is not None:
         found += check(resolution, runtime=runtime)
         if timed and resolution.network.safety_functions:
-            budget = make_budget(resolution, builtin_library())
+            budget = make_budget(resolution, library_of(resolution.network))
             found += check_timing(resolution.network, budget)
         if scan is not None:
             found += check_scan(resolution, scan)
         if compared:
-            library = builtin_library()
+            library = library_of(resolution.network)
             references = read_references(others, resolution.network)
             found += references.diagnostics
             found += check_references(

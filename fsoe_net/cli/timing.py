@@ -7,11 +7,10 @@ import re
 
 import click
 
-from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.inputs import check_files, input_options, library_of, whole_network
 from fsoe_net.cli.output import exit_code, print_diagnostics
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.errors import InputError
-from fsoe_net.load import builtin_library
 from fsoe_net.report import budget_document, budget_picture, budget_text
 from fsoe_net.rules import check_timing
 from fsoe_net.timing import make_budget
@@ -110,7 +109,7 @@ def command(
     resolution = whole_network(checked, "no budget")
     budget = make_budget(
         resolution,
-        builtin_library(),
+        library_of(resolution.network),
         cycle=cycle,
         copy_cycles=copy_cycles,
         drift=drift,

@@ -66,8 +66,12 @@ def load_library(
 
 
 @functools.cache
-def builtin_library() -> Library:
+def builtin_library(products: frozenset[int] | None = None) -> Library:
     """Return the library of the package.
+
+    Args:
+        products: Product codes that matter: files without any of them are not looked into, which
+            leaves nearly nothing to do for most networks. ``None`` for all devices.
 
     Raises:
         EnvironmentFault: A file of the package is damaged.
@@ -78,7 +82,10 @@ def builtin_library() -> Library:
     for item in sorted(folder.iterdir(), key=lambda i: i.name):
         if not item.name.endswith(".yaml"):
             continue
-        device = parse_library_device(item.read_bytes(), f"devices/{item.name}", out)
+        data = item.read_bytes()
+        if products is not None and not any(b"0x%08x" % p in data for p in products):
+            continue
+        device = parse_library_device(data, f"devices/{item.name}", out)
         if device is not None:
             devices.append(device)
     if _damaged(out):

@@ -171,3 +171,11 @@ def test_own_files_stand_before_the_library(tmp_path):
 
 def test_the_schema_knows_what_the_files_use():
     assert set(read_schema("device")["required"]) <= set(read_schema("device")["properties"])
+
+
+def test_each_device_is_found_by_its_product_code_alone():
+    for device in builtin_library().devices:
+        for identity in device.identities:
+            few = builtin_library(frozenset((identity.product_code,)))
+            assert few.find(identity.vendor_id, identity.product_code) == device
+    assert builtin_library(frozenset()).devices == ()
