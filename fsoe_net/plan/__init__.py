@@ -2,6 +2,17 @@
 
 from fsoe_net.plan.codec import MAGIC, decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import (
+    FORM,
+    SECTIONS,
+    Fingerprint,
+    canonical_section,
+    fingerprint_of,
+    fingerprint_of_sections,
+    safety_sha256,
+    safety_text,
+    short_code,
+)
 from fsoe_net.plan.image import IghDatagram, IghDomain, IghFmmu, igh_image, igh_text
 from fsoe_net.plan.model import (
     NONE,
@@ -19,8 +30,11 @@ from fsoe_net.plan.model import (
 from fsoe_net.plan.show import copy_end, entry_at, plan_json, plan_text
 
 __all__ = [
+    "FORM",
     "MAGIC",
     "NONE",
+    "SECTIONS",
+    "Fingerprint",
     "IghDatagram",
     "IghDomain",
     "IghFmmu",
@@ -34,13 +48,19 @@ __all__ = [
     "PlanSubDevice",
     "PlanSymbol",
     "PlanSyncManager",
+    "canonical_section",
     "compile_plan",
     "copy_end",
     "decode_plan",
     "encode_plan",
     "entry_at",
+    "fingerprint_of",
+    "fingerprint_of_sections",
     "igh_image",
     "igh_text",
     "plan_json",
     "plan_text",
+    "safety_sha256",
+    "safety_text",
+    "short_code",
 ]

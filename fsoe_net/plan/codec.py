@@ -26,8 +26,10 @@ from fsoe_net.plan.model import (
 __all__ = ["MAGIC", "decode_plan", "encode_plan"]
 
 MAGIC = b"FSNPLAN\0"
-MAJOR, MINOR = 1, 0
+MAJOR = 1
 SECTIONS = 10
+MINOR_WITH_SAFETY = 1
+SECTIONS_WITH_SAFETY = 11  # the last holds the hash of the safety functions
 
 _HEADER = struct.Struct("<8sHHIIIII")
 _ROW = struct.Struct("<IIII")
@@ -42,6 +44,9 @@ _SYMBOL = struct.Struct("<IIIHBBIQdd")
 _BLOCK = struct.Struct("<IIHHI")
 _COPY = struct.Struct("<IIIIIIHHI")
 _CONNECTION = struct.Struct("<IIIIIIHHHHHHI")
+_STRING_BYTES = 1
+_HASH_BYTES = 32
+_FORMS = {(0, SECTIONS), (MINOR_WITH_SAFETY, SECTIONS_WITH_SAFETY)}
 _RECORDS = (
     _SUBDEVICE,
     _SYNC_MANAGER,
@@ -75,15 +80,19 @@ def encode_plan(plan: Plan) -> bytes:
     """Return the bytes of a plan. Equal plans give equal bytes on every platform."""
     strings = _Strings()
     sections = _encode_sections(plan, strings)
-    offset = _HEADER.size + SECTIONS * _ROW.size
+    sections.append((bytes(strings.data), _STRING_BYTES))
+    minor = 0
+    if plan.safety_sha256:
+        minor = MINOR_WITH_SAFETY
+        sections.append((bytes.fromhex(plan.safety_sha256), _HASH_BYTES))
+    offset = _HEADER.size + len(sections) * _ROW.size
     table, body = bytearray(), bytearray()
-    for kind, (data, size) in enumerate([*sections, (bytes(strings.data), 1)], start=1):
+    for kind, (data, size) in enumerate(sections, start=1):
+        body += bytes(-len(body) % 4)
         table += _ROW.pack(kind, offset + len(body), len(data) // size, size)
         body += data
-        if kind < SECTIONS:
-            body += bytes(-len(body) % 4)
     total = offset + len(body)
-    header = _HEADER.pack(MAGIC, MAJOR, MINOR, total, 0, plan.cycle_ns, SECTIONS, 0)
+    header = _HEADER.pack(MAGIC, MAJOR, minor, total, 0, plan.cycle_ns, len(sections), 0)
     raw = bytearray(header + table + body)
     struct.pack_into("<I", raw, _CRC_OFFSET, zlib.crc32(raw))
     return bytes(raw)
@@ -226,6 +235,7 @@ def decode_plan(data: bytes) -> Plan:
         blocks=reader.rows(7, reader.block),
         copies=reader.rows(8, reader.copy),
         connections=reader.rows(9, reader.connection),
+        safety_sha256=reader.safety_sha256(),
     )
     _references(plan)
     return plan
@@ -234,7 +244,7 @@ def decode_plan(data: bytes) -> Plan:
 def _open(data: bytes) -> tuple[list[tuple[int, int]], int]:
     if len(data) < _HEADER.size + SECTIONS * _ROW.size:
         raise PlanFormatError(f"{len(data)} bytes are too short for a plan; is the file cut off?")
-    magic, major, _, total, crc, cycle_ns, count, reserved = _HEADER.unpack_from(data)
+    magic, major, minor, total, crc, cycle_ns, count, reserved = _HEADER.unpack_from(data)
     if magic != MAGIC:
         raise PlanFormatError("this is no .fsnplan file; `fsoe-net plan NETWORK -o OUT` makes one")
     if major != MAJOR:
@@ -243,12 +253,19 @@ def _open(data: bytes) -> tuple[list[tuple[int, int]], int]:
         raise PlanFormatError(f"the plan says {total} bytes, the file has {len(data)}")
     if crc != zlib.crc32(data[:_CRC_OFFSET] + bytes(4) + data[_CRC_OFFSET + 4 :]):
         raise PlanFormatError("CRC-32 does not fit: the file was changed; compile it again")
-    if count != SECTIONS or reserved:
-        raise PlanFormatError("section table is damaged")
+    if (minor, count) not in _FORMS or reserved:
+        raise PlanFormatError("section table is damaged, or of a newer format than 1.1")
+    return _section_table(data, count), cycle_ns
+
+
+def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
     sections: list[tuple[int, int]] = []
-    expected = _HEADER.size + SECTIONS * _ROW.size
-    sizes = [s.size for s in _RECORDS] + [1]
+    expected = _HEADER.size + count * _ROW.size
+    sizes = [*(s.size for s in _RECORDS), _STRING_BYTES, _HASH_BYTES][:count]
+    if expected > len(data):
+        raise PlanFormatError("the section table is cut off")
     for number, size in enumerate(sizes, start=1):
+        expected += -expected % 4
         kind, offset, records, record_bytes = _ROW.unpack_from(
             data, _HEADER.size + (number - 1) * _ROW.size
         )
@@ -256,10 +273,15 @@ def _open(data: bytes) -> tuple[list[tuple[int, int]], int]:
         if (kind, offset, record_bytes) != (number, expected, size) or end > len(data):
             raise PlanFormatError(f"section {number} is not where it must be")
         sections.append((offset, records))
-        expected = end + -end % 4 if number < SECTIONS else end
-    if expected != len(data) or not sections[-1][1] or data[-1] or data[sections[-1][0]]:
-        raise PlanFormatError("the strings do not end the file")
-    return sections, cycle_ns
+        expected = end
+    if expected != len(data):
+        raise PlanFormatError("the last section does not end the file")
+    first, length = sections[SECTIONS - 1]
+    if not length or data[first] or data[first + length - 1]:
+        raise PlanFormatError("the strings do not start and end with a zero byte")
+    if count == SECTIONS_WITH_SAFETY and sections[-1][1] != 1:
+        raise PlanFormatError("a plan has one hash of safety functions")
+    return sections
 
 
 _T = TypeVar("_T")
@@ -271,13 +293,19 @@ class _Reader:
     def __init__(self, data: bytes, sections: list[tuple[int, int]]) -> None:
         self._data = data
         self._sections = sections
-        self._strings_at, self._strings_bytes = sections[-1]
+        self._strings_at, self._strings_bytes = sections[SECTIONS - 1]
         self._entries: dict[bytes, PlanEntry] = {}  # thousands of SubDevices are of one type
 
     def rows(self, kind: int, make: Callable[[int], _T]) -> tuple[_T, ...]:
         offset, count = self._sections[kind - 1]
         size = _RECORDS[kind - 1].size
         return tuple(make(offset + size * n) for n in range(count))
+
+    def safety_sha256(self) -> str:
+        if len(self._sections) < SECTIONS_WITH_SAFETY:
+            return ""
+        offset = self._sections[-1][0]
+        return self._data[offset : offset + _HASH_BYTES].hex()
 
     def _text(self, offset: int) -> str:
         if offset >= self._strings_bytes:

@@ -24,6 +24,7 @@ from fsoe_net.model import (
     TransferKind,
     Watchdog,
 )
+from fsoe_net.plan.fingerprint import safety_sha256
 from fsoe_net.plan.model import (
     NONE,
     Plan,
@@ -134,6 +135,7 @@ class _Compiler:
             blocks=tuple(self.blocks),
             copies=copies,
             connections=self._connections(numbers),
+            safety_sha256=safety_sha256(network.safety_functions),
         )
 
     def _used(self) -> set[tuple[int, tuple[int, int]]]:

@@ -165,7 +165,10 @@ class PlanConnection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """All records of a plan, in file order."""
+    """All records of a plan, in file order.
+
+    ``safety_sha256``: hash of the safety functions in hex, empty when none is stated.
+    """
 
     cycle_ns: int
     subdevices: tuple[PlanSubDevice, ...]
@@ -177,6 +180,7 @@ class Plan:
     blocks: tuple[PlanBlock, ...]
     copies: tuple[PlanCopy, ...]
     connections: tuple[PlanConnection, ...]
+    safety_sha256: str = ""
 
     def to_bytes(self) -> bytes:
         """Return the bytes of the `.fsnplan` file; equal plans give equal bytes."""

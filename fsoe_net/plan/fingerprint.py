@@ -1,0 +1,267 @@
+"""The fingerprint of a plan: SHA-256 over a canonical text of everything safety-relevant in it.
+
+The text is described line by line in ``docs/reference/fingerprint.md``; the C core makes the same
+from the tables it has loaded (``master_core/src/fingerprint.c``), and neither asks the other.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from fsoe_net.diag import without_collector
+from fsoe_net.model import SafetyFunction
+from fsoe_net.plan.model import NONE, Plan, PlanEntry, PlanSdo, PlanSymbol, PlanSyncManager
+
+__all__ = [
+    "FORM",
+    "SECTIONS",
+    "Fingerprint",
+    "canonical_section",
+    "fingerprint_of",
+    "fingerprint_of_sections",
+    "safety_sha256",
+    "safety_text",
+    "short_code",
+]
+
+FORM = "fsoe-net fingerprint 1"
+"""Name and version of the canonical text; every section and the whole start with it."""
+
+SECTIONS = ("devices", "process_data", "copies", "connections", "cycle", "safety_functions")
+_PLAIN = frozenset(range(0x21, 0x7F)) - {ord("%")}
+_BITS = struct.Struct("<d")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fingerprint:
+    """What was accepted, or what is there now.
+
+    Attributes:
+        whole: SHA-256 over the names and hashes of all sections, in hex.
+        sections: SHA-256 of each section in hex, in the order of `SECTIONS`.
+    """
+
+    whole: str
+    sections: Mapping[str, str]
+
+    @property
+    def short(self) -> str:
+        """The part that people compare: the first 16 hex digits in groups of four."""
+        return short_code(self.whole)
+
+    def changed(self, other: Fingerprint) -> tuple[str, ...]:
+        """Return the sections that differ, in the order of `SECTIONS`."""
+        return tuple(n for n in SECTIONS if self.sections[n] != other.sections[n])
+
+    def to_json(self) -> dict[str, object]:
+        """Return the stable JSON form."""
+        return {
+            "form": FORM,
+            "short": self.short,
+            "whole": self.whole,
+            "sections": dict(self.sections),
+        }
+
+
+def short_code(sha256: str) -> str:
+    """Return the part of a hash that people compare: four groups of four hex digits."""
+    return " ".join(sha256[n : n + 4].upper() for n in range(0, 16, 4))
+
+
+@without_collector
+def fingerprint_of(plan: Plan) -> Fingerprint:
+    """Return the fingerprint of a plan, from its tables."""
+    hashes = {}
+    for name in SECTIONS:
+        if name == "safety_functions" and plan.safety_sha256:
+            hashes[name] = plan.safety_sha256
+        else:
+            hashes[name] = _sha256(canonical_section(plan, name))
+    return fingerprint_of_sections(hashes)
+
+
+def fingerprint_of_sections(sections: Mapping[str, str]) -> Fingerprint:
+    """Return the fingerprint whose sections have these hashes (hex).
+
+    Raises:
+        KeyError: A section is missing.
+    """
+    ordered = {name: sections[name].lower() for name in SECTIONS}
+    lines = [FORM, *(f"{name} {ordered[name]}" for name in SECTIONS)]
+    return Fingerprint(whole=_sha256(_text(lines)), sections=ordered)
+
+
+def canonical_section(plan: Plan, name: str) -> str:
+    """Return the text whose SHA-256 is the hash of a section.
+
+    A plan holds only the hash of the safety functions: of these, `safety_text` has the text, and
+    this function what a plan without any has.
+
+    Raises:
+        KeyError: No such section.
+    """
+    return _text([f"{FORM} {name}", *_LINES[name](plan)])
+
+
+def safety_text(functions: Sequence[SafetyFunction]) -> str:
+    """Return the text of the section ``safety_functions``."""
+    lines = [f"{FORM} safety_functions"]
+    for f in sorted(functions, key=lambda f: f.name.encode("utf-8")):
+        lines.append(
+            f"function name={_word(f.name)} trigger={_word(f.trigger)} reaction={_word(f.reaction)}"
+            f" required_ms={_real(f.required_reaction_ms)} pl={f.pl or '-'} sil={_stated(f.sil)}"
+        )
+        lines += [
+            f"element kind={e.kind.value} sub={_word(e.sub)} name={_word(e.name)}"
+            f" time_ms={_real(e.time_ms)} pfh_per_hour={_real(e.pfh_per_hour)}"
+            f" source={_word(e.source)} manual={_word(e.manual)}"
+            for e in f.elements
+        ]
+    return _text(lines)
+
+
+def safety_sha256(functions: Sequence[SafetyFunction]) -> str:
+    """Return the hash of the section (hex) that a plan carries; empty when there is no function."""
+    return _sha256(safety_text(functions)) if functions else ""
+
+
+def _text(lines: Iterable[str]) -> str:
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def _word(text: str) -> str:
+    """Return a text as one word: UTF-8, with ``%XX`` for all but visible ASCII and for ``%``."""
+    raw = text.replace("\0", "").encode("utf-8")
+    return "".join(chr(b) if b in _PLAIN else f"%{b:02X}" for b in raw)
+
+
+def _stated(value: int | None) -> str:
+    return "-" if value is None else str(value)
+
+
+def _real(value: float | None) -> str:
+    return "-" if value is None else repr(float(value))
+
+
+def _devices(plan: Plan) -> Iterator[str]:
+    for number, s in enumerate(plan.subdevices):
+        yield (
+            f"device {number} alias={s.alias} position={s.position}"
+            f" vendor=0x{s.vendor_id:08x} product=0x{s.product_code:08x}"
+            f" revision=0x{s.revision_low:08x}-0x{s.revision_high:08x}"
+            f" dc=0x{s.assign_activate:04x} name={_word(s.name)}"
+        )
+        for sdo in plan.sdos[s.first_sdo : s.first_sdo + s.sdo_count]:
+            yield _sdo(sdo)
+
+
+def _sdo(sdo: PlanSdo) -> str:
+    raw = sdo.value & ((1 << (8 * sdo.size_bytes)) - 1)
+    return f"sdo 0x{sdo.index:04x}:{sdo.subindex:02x} bytes={sdo.size_bytes} value=0x{raw:016x}"
+
+
+def _process_data(plan: Plan) -> Iterator[str]:
+    known: dict[int, str] = {}  # thousands of SubDevices of one type share their entries
+    for sm in plan.sync_managers:
+        yield (f"sm {_place(sm)} direction={sm.direction} watchdog={sm.watchdog} bits={sm.bits}")
+        for pdo in plan.pdos[sm.first_pdo : sm.first_pdo + sm.pdo_count]:
+            yield f"pdo 0x{pdo.index:04x}"
+            for entry in plan.entries[pdo.first_entry : pdo.first_entry + pdo.entry_count]:
+                line = known.get(id(entry))
+                if line is None:
+                    line = known[id(entry)] = _entry(entry)
+                yield line
+    for block in sorted(plan.blocks, key=lambda b: (b.sm, b.byte_offset)):
+        yield (
+            f"frame {_place(plan.sync_managers[block.sm])} byte={block.byte_offset}"
+            f" bytes={block.frame_bytes} safe={block.safe_bytes}"
+        )
+    for key in sorted(_symbol(s) for s in plan.symbols):
+        sm, bit, bits, kind, output, restart, stop, factor, offset = key
+        yield (
+            f"symbol {_place(plan.sync_managers[sm])} bit={bit} bits={bits} type={kind}"
+            f" output={output} restart={restart} stop=0x{stop:016x}"
+            f" factor=0x{factor:016x} offset=0x{offset:016x}"
+        )
+
+
+def _entry(e: PlanEntry) -> str:
+    return (
+        f"entry 0x{e.index:04x}:{e.subindex:02x} bits={e.bits} type={e.kind}"
+        f" registered={int(e.registered)}"
+    )
+
+
+def _symbol(s: PlanSymbol) -> tuple[int, ...]:
+    return (
+        s.sm,
+        s.bit_offset,
+        s.bits,
+        s.kind,
+        int(s.output),
+        int(s.restart_relevant),
+        s.stop_value,
+        _pattern(s.factor),
+        _pattern(s.offset),
+    )
+
+
+def _pattern(value: float) -> int:
+    return int.from_bytes(_BITS.pack(value), "little")
+
+
+def _place(sm: PlanSyncManager) -> str:
+    return f"{sm.subdevice}.{sm.index}"
+
+
+def _connection_order(plan: Plan) -> list[int]:
+    """Return the connections in the order of the bytes that they write to their SubInstance."""
+    ends = [plan.copies[c.copy_to_sub] for c in plan.connections]
+    return sorted(range(len(ends)), key=lambda n: (ends[n].destination_sm, ends[n].destination_bit))
+
+
+def _copies(plan: Plan) -> Iterator[str]:
+    rank = {number: n for n, number in enumerate(_connection_order(plan))}
+    for c in sorted(plan.copies, key=lambda c: (c.destination_sm, c.destination_bit)):
+        source, destination = plan.sync_managers[c.source_sm], plan.sync_managers[c.destination_sm]
+        connection = "-" if c.connection == NONE else str(rank[c.connection])
+        yield (
+            f"copy from={_place(source)}@{c.source_bit} to={_place(destination)}"
+            f"@{c.destination_bit} bits={c.bits} kind={c.kind} connection={connection}"
+            f" net={_word(c.net)}"
+        )
+
+
+def _connections(plan: Plan) -> Iterator[str]:
+    for n, number in enumerate(_connection_order(plan)):
+        c = plan.connections[number]
+        yield (
+            f"connection {n} main={c.main} sub={c.sub} id={_stated(c.connection_id)}"
+            f" address={_stated(c.address)} watchdog_ms={_stated(c.watchdog_ms)}"
+            f" safe_to_sub={c.safe_to_sub} safe_to_main={c.safe_to_main}"
+        )
+
+
+def _cycle(plan: Plan) -> Iterator[str]:
+    yield f"cycle_ns={plan.cycle_ns or '-'}"
+
+
+def _nothing(_: Plan) -> Iterator[str]:
+    return iter(())
+
+
+_LINES: Mapping[str, Callable[[Plan], Iterator[str]]] = {
+    "devices": _devices,
+    "process_data": _process_data,
+    "copies": _copies,
+    "connections": _connections,
+    "cycle": _cycle,
+    "safety_functions": _nothing,
+}
