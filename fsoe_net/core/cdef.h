@@ -30,6 +30,9 @@ struct fsn_connection_info { const char *name; ...; };
 fsn_status fsn_plan_load(const void *bytes, size_t len_bytes, struct fsn_plan **plan,
                          struct fsn_fault *fault);
 void fsn_plan_free(struct fsn_plan *plan);
+struct fsn_fingerprint { uint8_t whole[32]; uint8_t section[6][32]; };
+fsn_status fsn_plan_fingerprint(const struct fsn_plan *plan, struct fsn_fingerprint *fingerprint);
+const char *fsn_fingerprint_section(uint32_t section);
 uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
 uint32_t fsn_plan_subdevice_count(const struct fsn_plan *plan);
 uint32_t fsn_plan_sm_count(const struct fsn_plan *plan);

@@ -77,6 +77,21 @@ class CorePlan:
         """
         return self._sms[subdevice, index]
 
+    def fingerprint(self) -> tuple[str, dict[str, str]]:
+        """Return the whole and the sections (hex), made by the core from the tables it loaded.
+
+        Raises:
+            CoreError: There is no memory for it.
+        """
+        ffi, lib = compiled()
+        made = ffi.new("struct fsn_fingerprint *")
+        raise_status(lib.fsn_plan_fingerprint(self._pointer, made), "fingerprint")
+        sections = {
+            ffi.string(lib.fsn_fingerprint_section(n)).decode("ascii"): bytes(row).hex()
+            for n, row in enumerate(made.section)
+        }
+        return bytes(made.whole).hex(), sections
+
     def _names(self, kind: str) -> tuple[str, ...]:
         ffi, lib = compiled()
         info = ffi.new(f"struct fsn_{kind}_info *")

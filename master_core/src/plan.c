@@ -5,7 +5,8 @@
 
 static const uint8_t magic[8] = {'F', 'S', 'N', 'P', 'L', 'A', 'N', 0};
 
-const uint32_t fsn_record_bytes[FSN_SECTIONS + 1] = {0, 48, 24, 16, 12, 16, 44, 16, 32, 40, 1};
+const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_SAFETY + 1] = {
+    0, 48, 24, 16, 12, 16, 44, 16, 32, 40, 1, FSN_SHA256_BYTES};
 
 fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t section, uint32_t record,
                       uint32_t byte, const char *rule) {
@@ -57,9 +58,16 @@ static fsn_status check_header(const uint8_t *b, size_t len, struct fsn_fault *f
     if (fsn_get32(b + 16) != crc32_with_hole(b, (uint32_t)len, 16)) {
         return fsn_refuse(fault, FSN_E_PLAN_CRC, 0, FSN_FAULT_NO_RECORD, 16, NULL);
     }
-    if (fsn_get32(b + 24) != FSN_SECTIONS) {
+    const uint32_t minor = fsn_get16(b + 10);
+    if (minor > 1) {
+        return fsn_refuse(fault, FSN_E_PLAN_VERSION, 0, FSN_FAULT_NO_RECORD, 10, NULL);
+    }
+    if (fsn_get32(b + 24) != FSN_SECTIONS + minor) {
         return fsn_refuse(fault, FSN_E_PLAN_SECTION, 0, FSN_FAULT_NO_RECORD, 24,
-                          "the number of sections is not 10");
+                          "the number of sections is not 10 (format 1.0) or 11 (format 1.1)");
+    }
+    if (len < FSN_HEADER_BYTES + fsn_get32(b + 24) * FSN_ROW_BYTES) {
+        return fsn_refuse_all(fault, FSN_E_PLAN_LENGTH, "shorter than header and section table");
     }
     if (fsn_get32(b + 28) != 0) {
         return fsn_refuse(fault, FSN_E_PLAN_RESERVED, 0, FSN_FAULT_NO_RECORD, 28,
@@ -68,33 +76,43 @@ static fsn_status check_header(const uint8_t *b, size_t len, struct fsn_fault *f
     return FSN_OK;
 }
 
+/** Bytes from `from` to `to` that must be zero: the next section starts at a multiple of 4. */
+static fsn_status check_gap(const struct fsn_plan *plan, uint32_t section, uint64_t from,
+                            uint64_t to, struct fsn_fault *fault) {
+    for (uint64_t i = from; i < to && i < plan->len_bytes; i++) {
+        if (plan->bytes[i] != 0) {
+            return fsn_refuse(fault, FSN_E_PLAN_RESERVED, section, FSN_FAULT_NO_RECORD, (uint32_t)i,
+                              "bytes between two sections are not zero");
+        }
+    }
+    return FSN_OK;
+}
+
 /** Sections follow each other in order, without gaps but zero bytes up to a multiple of 4. */
 static fsn_status read_sections(struct fsn_plan *plan, struct fsn_fault *fault) {
-    uint64_t expected = FSN_HEADER_BYTES + FSN_SECTIONS * FSN_ROW_BYTES;
-    for (uint32_t s = 1; s <= FSN_SECTIONS; s++) {
+    uint64_t expected = FSN_HEADER_BYTES + plan->sections * FSN_ROW_BYTES;
+    for (uint32_t s = 1; s <= plan->sections; s++) {
         const uint32_t at = FSN_HEADER_BYTES + (s - 1) * FSN_ROW_BYTES;
         const uint8_t *row = plan->bytes + at;
         const uint32_t offset = fsn_get32(row + 4);
         const uint32_t count = fsn_get32(row + 8);
         const uint64_t end = (uint64_t)offset + (uint64_t)count * fsn_record_bytes[s];
         if (fsn_get32(row) != s || offset != expected || end > plan->len_bytes ||
-            fsn_get32(row + 12) != fsn_record_bytes[s]) {
+            fsn_get32(row + 12) != fsn_record_bytes[s] || (s == FSN_SEC_SAFETY && count != 1)) {
             return fsn_refuse(fault, FSN_E_PLAN_SECTION, s, FSN_FAULT_NO_RECORD, at,
                               "a row of the section table has a wrong kind, place or size");
         }
         plan->offset[s] = offset;
         plan->count[s] = count;
-        expected = s < FSN_SECTIONS ? (end + 3) & ~(uint64_t)3 : end;
-        for (uint64_t i = end; i < expected && i < plan->len_bytes; i++) {
-            if (plan->bytes[i] != 0) {
-                return fsn_refuse(fault, FSN_E_PLAN_RESERVED, s, FSN_FAULT_NO_RECORD, (uint32_t)i,
-                                  "bytes between two sections are not zero");
-            }
+        expected = s < plan->sections ? (end + 3) & ~(uint64_t)3 : end;
+        const fsn_status status = check_gap(plan, s, end, expected, fault);
+        if (status != FSN_OK) {
+            return status;
         }
     }
     if (expected != plan->len_bytes) {
-        return fsn_refuse(fault, FSN_E_PLAN_LENGTH, FSN_SEC_STRINGS, FSN_FAULT_NO_RECORD,
-                          (uint32_t)expected, "the strings do not end the file");
+        return fsn_refuse(fault, FSN_E_PLAN_LENGTH, plan->sections, FSN_FAULT_NO_RECORD,
+                          (uint32_t)expected, "the last section does not end the file");
     }
     return FSN_OK;
 }
@@ -124,6 +142,7 @@ fsn_status fsn_plan_load(const void *bytes, size_t len_bytes, struct fsn_plan **
     plan->bytes = copy;
     plan->len_bytes = (uint32_t)len_bytes;
     plan->cycle_ns = fsn_get32(copy + 20);
+    plan->sections = fsn_get32(copy + 24);
     status = read_sections(plan, fault);
     if (status == FSN_OK) {
         status = fsn_prove_layout(plan, fault);

@@ -10,7 +10,8 @@
 enum {
     FSN_HEADER_BYTES = 32,
     FSN_ROW_BYTES = 16,
-    FSN_SECTIONS = 10,
+    FSN_SECTIONS = 10,             /**< of format 1.0 */
+    FSN_SECTIONS_WITH_SAFETY = 11, /**< of format 1.1 */
 };
 
 enum fsn_section {
@@ -24,6 +25,7 @@ enum fsn_section {
     FSN_SEC_COPY,
     FSN_SEC_CONNECTION,
     FSN_SEC_STRINGS,
+    FSN_SEC_SAFETY, /**< format 1.1: one record, the hash of the safety functions */
 };
 
 struct fsn_plan {
@@ -33,12 +35,13 @@ struct fsn_plan {
     uint8_t *bytes;
     uint32_t len_bytes;
     uint32_t cycle_ns;
-    uint32_t offset[FSN_SECTIONS + 1]; /**< by section number; [0] unused */
-    uint32_t count[FSN_SECTIONS + 1];
+    uint32_t sections;                             /**< 10 or 11 */
+    uint32_t offset[FSN_SECTIONS_WITH_SAFETY + 1]; /**< by section number; [0] unused */
+    uint32_t count[FSN_SECTIONS_WITH_SAFETY + 1];
 };
 
 /** Size of one record of a section, bytes. */
-extern const uint32_t fsn_record_bytes[FSN_SECTIONS + 1];
+extern const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_SAFETY + 1];
 
 static inline uint16_t fsn_get16(const uint8_t *p) {
     return (uint16_t)(p[0] | (p[1] << 8));
@@ -92,6 +95,17 @@ fsn_status fsn_prove_copies(const struct fsn_plan *plan, struct fsn_fault *fault
 /** How a range of bytes meets the FSoE blocks of its sync manager. */
 enum fsn_touch { FSN_TOUCH_NONE, FSN_TOUCH_EXACT, FSN_TOUCH_PART };
 enum fsn_touch fsn_touch_of(const struct fsn_plan *plan, uint32_t sm, uint32_t byte, uint32_t size);
+
+/** SHA-256 piece by piece: start, add as often as wanted, end. */
+struct fsn_sha256_run {
+    uint32_t state[8];
+    uint64_t len_bytes;
+    size_t kept; /**< bytes of the block that wait for more */
+    uint8_t block[64];
+};
+void fsn_sha256_start(struct fsn_sha256_run *run);
+void fsn_sha256_add(struct fsn_sha256_run *run, const void *bytes, size_t len_bytes);
+void fsn_sha256_end(struct fsn_sha256_run *run, uint8_t digest[FSN_SHA256_BYTES]);
 
 /** SHA-256 of any bytes. */
 void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_BYTES]);

@@ -49,29 +49,57 @@ static void compress(uint32_t state[8], const uint8_t *block) {
     }
 }
 
-void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_BYTES]) {
-    uint32_t state[8] = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
-                         0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
+void fsn_sha256_start(struct fsn_sha256_run *run) {
+    *run = (struct fsn_sha256_run){.state = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
+                                             0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19}};
+}
+
+void fsn_sha256_add(struct fsn_sha256_run *run, const void *bytes, size_t len_bytes) {
     const uint8_t *at = bytes;
     size_t left = len_bytes;
-    for (; left >= 64; left -= 64, at += 64) {
-        compress(state, at);
+    run->len_bytes += len_bytes;
+    while (left > 0) {
+        if (run->kept == 0 && left >= sizeof run->block) {
+            compress(run->state, at);
+            at += sizeof run->block;
+            left -= sizeof run->block;
+            continue;
+        }
+        const size_t room = sizeof run->block - run->kept;
+        const size_t taken = left < room ? left : room;
+        memcpy(run->block + run->kept, at, taken);
+        run->kept += taken;
+        at += taken;
+        left -= taken;
+        if (run->kept == sizeof run->block) {
+            compress(run->state, run->block);
+            run->kept = 0;
+        }
     }
+}
+
+void fsn_sha256_end(struct fsn_sha256_run *run, uint8_t digest[FSN_SHA256_BYTES]) {
+    const uint64_t bits = run->len_bytes * 8;
     uint8_t last[128] = {0};
-    if (left > 0) {
-        memcpy(last, at, left);
-    }
-    last[left] = 0x80;
-    const size_t padded = left < 56 ? 64 : 128;
+    memcpy(last, run->block, run->kept);
+    last[run->kept] = 0x80;
+    const size_t padded = run->kept < 56 ? 64 : 128;
     for (unsigned i = 0; i < 8; i++) {
-        last[padded - 1 - i] = (uint8_t)(((uint64_t)len_bytes * 8) >> (8 * i));
+        last[padded - 1 - i] = (uint8_t)(bits >> (8 * i));
     }
     for (size_t i = 0; i < padded; i += 64) {
-        compress(state, last + i);
+        compress(run->state, last + i);
     }
     for (unsigned i = 0; i < FSN_SHA256_BYTES; i++) {
-        digest[i] = (uint8_t)(state[i / 4] >> (24 - 8 * (i % 4)));
+        digest[i] = (uint8_t)(run->state[i / 4] >> (24 - 8 * (i % 4)));
     }
+}
+
+void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_BYTES]) {
+    struct fsn_sha256_run run;
+    fsn_sha256_start(&run);
+    fsn_sha256_add(&run, bytes, len_bytes);
+    fsn_sha256_end(&run, digest);
 }
 
 void fsn_plan_sha256(const struct fsn_plan *plan, uint8_t digest[FSN_SHA256_BYTES]) {

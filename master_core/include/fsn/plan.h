@@ -98,6 +98,43 @@ FSN_API void fsn_plan_free(struct fsn_plan *plan);
  *  that of the file unless memory and file differ by now. Context: any thread. Cost: O(length). */
 FSN_API void fsn_plan_sha256(const struct fsn_plan *plan, uint8_t digest[FSN_SHA256_BYTES]);
 
+/** The sections of a fingerprint, in the order in which the whole takes them. */
+enum {
+    FSN_FINGERPRINT_DEVICES,
+    FSN_FINGERPRINT_PROCESS_DATA,
+    FSN_FINGERPRINT_COPIES,
+    FSN_FINGERPRINT_CONNECTIONS,
+    FSN_FINGERPRINT_CYCLE,
+    FSN_FINGERPRINT_SAFETY_FUNCTIONS,
+    FSN_FINGERPRINT_SECTIONS,
+};
+
+/** SHA-256 of each section and of the whole; docs/reference/fingerprint.md says of what. */
+struct fsn_fingerprint {
+    uint8_t whole[FSN_SHA256_BYTES];
+    uint8_t section[FSN_FINGERPRINT_SECTIONS][FSN_SHA256_BYTES];
+};
+
+/** Bytes of the short code, "A1B2 C3D4 E5F6 0718" and a zero byte. */
+enum { FSN_FINGERPRINT_CODE_BYTES = 20 };
+
+/** Fingerprint of everything safety-relevant in a plan, made anew from the tables that were loaded.
+ *  Only the section of the safety functions is an input of the plan: it holds their hash alone.
+ *  @retval FSN_E_ARG    an argument is NULL.
+ *  @retval FSN_E_NOMEM  no memory for the order of connections and symbols.
+ *  Memory: 4 bytes per connection and symbol, given back. Time: O(records * log(symbols)).
+ *  Context: set-up, any thread. Allocates. */
+FSN_API FSN_MUST_USE fsn_status fsn_plan_fingerprint(const struct fsn_plan *plan,
+                                                     struct fsn_fingerprint *fingerprint);
+
+/** Name of a section such as "process_data", "?" for an unknown number. Context: any thread. */
+FSN_API const char *fsn_fingerprint_section(uint32_t section);
+
+/** Writes the short code that people compare: the first 16 hexadecimal digits of the whole.
+ *  Context: any thread. */
+FSN_API void fsn_fingerprint_code(const struct fsn_fingerprint *fingerprint,
+                                  char code[FSN_FINGERPRINT_CODE_BYTES]);
+
 /** Bus cycle in nanoseconds, 0 when the plan does not state it. Context: any thread. */
 FSN_API uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
 

@@ -1,0 +1,289 @@
+/** The fingerprint of a plan: SHA-256 over the canonical text of docs/reference/fingerprint.md. */
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "plan_internal.h"
+
+#define FORM "fsoe-net fingerprint 1"
+
+static const char *const section_name[FSN_FINGERPRINT_SECTIONS] = {
+    "devices", "process_data", "copies", "connections", "cycle", "safety_functions"};
+
+/** What the sections share: the tables, the hash that runs, canonical numbers. */
+struct text {
+    const struct fsn_plan *plan;
+    struct fsn_sha256_run run;
+    uint32_t *rank;         /**< canonical number of each connection */
+    uint32_t *number;       /**< connection of each canonical number */
+    const uint8_t **symbol; /**< records in canonical order */
+};
+
+__attribute__((format(printf, 2, 3))) static void put(struct text *text, const char *format, ...) {
+    char line[256]; /* the longest, a symbol, has less than 200 */
+    va_list values;
+    va_start(values, format);
+    const int len = vsnprintf(line, sizeof line, format, values);
+    va_end(values);
+    if (len > 0) {
+        fsn_sha256_add(&text->run, line, (size_t)len < sizeof line ? (size_t)len : sizeof line - 1);
+    }
+}
+
+/** A string of the plan as one word: visible ASCII but '%' as it is, all else as %XX. */
+static void put_word(struct text *text, const uint8_t *field) {
+    const uint8_t *at = text->plan->bytes + text->plan->offset[FSN_SEC_STRINGS] + fsn_get32(field);
+    for (; *at != 0; at++) {
+        if (*at > 0x20 && *at < 0x7F && *at != '%') {
+            fsn_sha256_add(&text->run, at, 1);
+        } else {
+            put(text, "%%%02X", (unsigned)*at);
+        }
+    }
+}
+
+/** Puts SubDevice and number of a sync manager, `0.2`. */
+static void put_place(struct text *text, const char *before, uint32_t sm) {
+    const uint8_t *r = fsn_record(text->plan, FSN_SEC_SM, sm);
+    put(text, "%s%" PRIu32 ".%u", before, fsn_get32(r), (unsigned)r[4]);
+}
+
+static void put_sdo(struct text *text, const uint8_t *r) {
+    const unsigned size = r[3];
+    const uint64_t mask = size < 8 ? ((uint64_t)1 << (8 * size)) - 1 : UINT64_MAX;
+    put(text, "sdo 0x%04x:%02x bytes=%u value=0x%016" PRIx64 "\n", (unsigned)fsn_get16(r),
+        (unsigned)r[2], size, fsn_get64(r + 8) & mask);
+}
+
+static void devices(struct text *text) {
+    const struct fsn_plan *plan = text->plan;
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_SUBDEVICE]; n++) {
+        const uint8_t *r = fsn_record(plan, FSN_SEC_SUBDEVICE, n);
+        put(text,
+            "device %" PRIu32 " alias=%u position=%u vendor=0x%08" PRIx32 " product=0x%08" PRIx32
+            " revision=0x%08" PRIx32 "-0x%08" PRIx32 " dc=0x%04x name=",
+            n, (unsigned)fsn_get16(r + 4), (unsigned)fsn_get16(r + 6), fsn_get32(r + 8),
+            fsn_get32(r + 12), fsn_get32(r + 16), fsn_get32(r + 20), (unsigned)fsn_get16(r + 40));
+        put_word(text, r);
+        put(text, "\n");
+        const uint32_t first = fsn_get32(r + 32);
+        for (uint32_t sdo = first; sdo < first + fsn_get32(r + 36); sdo++) {
+            put_sdo(text, fsn_record(plan, FSN_SEC_SDO, sdo));
+        }
+    }
+}
+
+static void put_pdo(struct text *text, const uint8_t *pdo) {
+    put(text, "pdo 0x%04x\n", (unsigned)fsn_get16(pdo));
+    const uint32_t first = fsn_get32(pdo + 4);
+    for (uint32_t n = first; n < first + fsn_get32(pdo + 8); n++) {
+        const uint8_t *r = fsn_record(text->plan, FSN_SEC_ENTRY, n);
+        put(text, "entry 0x%04x:%02x bits=%u type=%u registered=%u\n", (unsigned)fsn_get16(r),
+            (unsigned)r[2], (unsigned)fsn_get16(r + 4), (unsigned)r[6], r[3] & 1u);
+    }
+}
+
+static void put_symbol(struct text *text, const uint8_t *r) {
+    put_place(text, "symbol ", fsn_get32(r + 4));
+    put(text,
+        " bit=%" PRIu32 " bits=%u type=%u output=%u restart=%u stop=0x%016" PRIx64
+        " factor=0x%016" PRIx64 " offset=0x%016" PRIx64 "\n",
+        fsn_get32(r + 8), (unsigned)fsn_get16(r + 12), (unsigned)r[14], r[15] & 1u,
+        (r[15] >> 1) & 1u, fsn_get64(r + 20), fsn_get64(r + 28), fsn_get64(r + 36));
+}
+
+static void process_data(struct text *text) {
+    const struct fsn_plan *plan = text->plan;
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_SM]; n++) {
+        const uint8_t *r = fsn_record(plan, FSN_SEC_SM, n);
+        put_place(text, "sm ", n);
+        put(text, " direction=%u watchdog=%u bits=%" PRIu32 "\n", (unsigned)r[5], (unsigned)r[6],
+            fsn_get32(r + 8));
+        const uint32_t first = fsn_get32(r + 12);
+        for (uint32_t pdo = first; pdo < first + fsn_get32(r + 16); pdo++) {
+            put_pdo(text, fsn_record(plan, FSN_SEC_PDO, pdo));
+        }
+    }
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_BLOCK]; n++) { /* sorted: proved */
+        const uint8_t *r = fsn_record(plan, FSN_SEC_BLOCK, n);
+        put_place(text, "frame ", fsn_get32(r));
+        put(text, " byte=%" PRIu32 " bytes=%u safe=%u\n", fsn_get32(r + 4),
+            (unsigned)fsn_get16(r + 8), (unsigned)fsn_get16(r + 10));
+    }
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_SYMBOL]; n++) {
+        put_symbol(text, text->symbol[n]);
+    }
+}
+
+static void copies(struct text *text) {
+    const struct fsn_plan *plan = text->plan;
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_COPY]; n++) { /* sorted by destination: proved */
+        const uint8_t *r = fsn_record(plan, FSN_SEC_COPY, n);
+        const uint32_t connection = fsn_get32(r + 28);
+        put_place(text, "copy from=", fsn_get32(r));
+        put(text, "@%" PRIu32, fsn_get32(r + 4));
+        put_place(text, " to=", fsn_get32(r + 8));
+        put(text, "@%" PRIu32 " bits=%" PRIu32 " kind=%u connection=", fsn_get32(r + 12),
+            fsn_get32(r + 16), (unsigned)fsn_get16(r + 24));
+        if (connection == FSN_NONE) {
+            put(text, "-");
+        } else {
+            put(text, "%" PRIu32, text->rank[connection]);
+        }
+        put(text, " net=");
+        put_word(text, r + 20);
+        put(text, "\n");
+    }
+}
+
+/** Puts a number that the plan may not know. */
+static void put_stated(struct text *text, const char *key, const uint8_t *field, bool known) {
+    if (known) {
+        put(text, " %s=%u", key, (unsigned)fsn_get16(field));
+    } else {
+        put(text, " %s=-", key);
+    }
+}
+
+static void connections(struct text *text) {
+    for (uint32_t n = 0; n < text->plan->count[FSN_SEC_CONNECTION]; n++) {
+        const uint8_t *r = fsn_record(text->plan, FSN_SEC_CONNECTION, text->number[n]);
+        const unsigned known = fsn_get16(r + 30);
+        put(text, "connection %" PRIu32 " main=%" PRIu32 " sub=%" PRIu32, n, fsn_get32(r + 8),
+            fsn_get32(r + 12));
+        put_stated(text, "id", r + 24, (known & 1u) != 0);
+        put_stated(text, "address", r + 26, (known & 2u) != 0);
+        put_stated(text, "watchdog_ms", r + 28, (known & 4u) != 0);
+        put(text, " safe_to_sub=%u safe_to_main=%u\n", (unsigned)fsn_get16(r + 32),
+            (unsigned)fsn_get16(r + 34));
+    }
+}
+
+static void cycle(struct text *text) {
+    if (text->plan->cycle_ns == 0) {
+        put(text, "cycle_ns=-\n");
+    } else {
+        put(text, "cycle_ns=%" PRIu32 "\n", text->plan->cycle_ns);
+    }
+}
+
+/** Numbers the connections in the order of the bytes that they write to their SubInstance: copies
+ *  are sorted by destination, and each connection has one such copy. */
+static void order_connections(struct text *text) {
+    const struct fsn_plan *plan = text->plan;
+    uint32_t next = 0;
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_COPY]; n++) {
+        const uint32_t connection = fsn_get32(fsn_record(plan, FSN_SEC_COPY, n) + 28);
+        if (connection != FSN_NONE &&
+            fsn_get32(fsn_record(plan, FSN_SEC_CONNECTION, connection) + 16) == n) {
+            text->rank[connection] = next;
+            text->number[next++] = connection;
+        }
+    }
+}
+
+static int order(uint64_t a, uint64_t b) {
+    return (a > b) - (a < b);
+}
+
+/** Symbols by place, then by everything else that the text says of them. */
+static int compare_symbols(const void *left, const void *right) {
+    const uint8_t *a = *(const uint8_t *const *)left;
+    const uint8_t *b = *(const uint8_t *const *)right;
+    const int steps[] = {
+        order(fsn_get32(a + 4), fsn_get32(b + 4)),
+        order(fsn_get32(a + 8), fsn_get32(b + 8)),
+        order(fsn_get16(a + 12), fsn_get16(b + 12)),
+        order(a[14], b[14]),
+        order(a[15] & 1u, b[15] & 1u),
+        order(a[15], b[15]),
+        order(fsn_get64(a + 20), fsn_get64(b + 20)),
+        order(fsn_get64(a + 28), fsn_get64(b + 28)),
+        order(fsn_get64(a + 36), fsn_get64(b + 36)),
+    };
+    for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
+        if (steps[i] != 0) {
+            return steps[i];
+        }
+    }
+    return 0;
+}
+
+static void order_symbols(struct text *text) {
+    const uint32_t count = text->plan->count[FSN_SEC_SYMBOL];
+    for (uint32_t n = 0; n < count; n++) {
+        text->symbol[n] = fsn_record(text->plan, FSN_SEC_SYMBOL, n);
+    }
+    qsort(text->symbol, count, sizeof text->symbol[0], compare_symbols);
+}
+
+static void nothing(struct text *text) {
+    (void)text;
+}
+
+static void hash_sections(struct text *text, struct fsn_fingerprint *out) {
+    static void (*const section[FSN_FINGERPRINT_SECTIONS])(struct text *) = {
+        devices, process_data, copies, connections, cycle, nothing};
+    const struct fsn_plan *plan = text->plan;
+    for (size_t i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
+        fsn_sha256_start(&text->run);
+        put(text, FORM " %s\n", section_name[i]);
+        section[i](text);
+        fsn_sha256_end(&text->run, out->section[i]);
+    }
+    if (plan->sections == FSN_SECTIONS_WITH_SAFETY) {
+        memcpy(out->section[FSN_FINGERPRINT_SAFETY_FUNCTIONS], fsn_record(plan, FSN_SEC_SAFETY, 0),
+               FSN_SHA256_BYTES);
+    }
+    fsn_sha256_start(&text->run);
+    put(text, FORM "\n");
+    for (size_t i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
+        put(text, "%s ", section_name[i]);
+        for (size_t n = 0; n < FSN_SHA256_BYTES; n++) {
+            put(text, "%02x", (unsigned)out->section[i][n]);
+        }
+        put(text, "\n");
+    }
+    fsn_sha256_end(&text->run, out->whole);
+}
+
+fsn_status fsn_plan_fingerprint(const struct fsn_plan *plan, struct fsn_fingerprint *fingerprint) {
+    if (plan == NULL || fingerprint == NULL) {
+        return FSN_E_ARG;
+    }
+    struct text text = {.plan = plan};
+    const size_t connection_room = (size_t)plan->count[FSN_SEC_CONNECTION] + 1;
+    text.rank = calloc(connection_room, sizeof *text.rank);
+    text.number = calloc(connection_room, sizeof *text.number);
+    text.symbol = calloc((size_t)plan->count[FSN_SEC_SYMBOL] + 1, sizeof *text.symbol);
+    const bool room = text.rank != NULL && text.number != NULL && text.symbol != NULL;
+    if (room) {
+        order_connections(&text);
+        order_symbols(&text);
+        hash_sections(&text, fingerprint);
+    }
+    free(text.rank);
+    free(text.number);
+    free(text.symbol);
+    return room ? FSN_OK : FSN_E_NOMEM;
+}
+
+const char *fsn_fingerprint_section(uint32_t section) {
+    return section < FSN_FINGERPRINT_SECTIONS ? section_name[section] : "?";
+}
+
+void fsn_fingerprint_code(const struct fsn_fingerprint *fingerprint,
+                          char code[FSN_FINGERPRINT_CODE_BYTES]) {
+    static const char digit[] = "0123456789ABCDEF";
+    size_t at = 0;
+    for (size_t i = 0; i < 8; i++) {
+        code[at++] = digit[fingerprint->whole[i] >> 4];
+        code[at++] = digit[fingerprint->whole[i] & 15];
+        if (i % 2 == 1 && i < 7) {
+            code[at++] = ' ';
+        }
+    }
+    code[at] = 0;
+}
