@@ -73,29 +73,59 @@ static int load(const char *path, struct fsn_plan **plan) {
     return -1;
 }
 
-/** Compares the plan with the accepted hash, and its cycle time with the options. */
-static int check_plan(const struct fsn_plan *plan, struct options *o) {
-    uint8_t digest[FSN_SHA256_BYTES];
-    char hash[2 * FSN_SHA256_BYTES + 1];
-    fsn_plan_sha256(plan, digest);
-    for (size_t i = 0; i < sizeof digest; i++) {
+static void hex_text(const uint8_t digest[FSN_SHA256_BYTES], char hash[2 * FSN_SHA256_BYTES + 1]) {
+    for (size_t i = 0; i < FSN_SHA256_BYTES; i++) {
         snprintf(hash + 2 * i, 3, "%02x", (unsigned)digest[i]);
     }
+}
+
+/** Compares the plan with the accepted hash: that of the file, or the whole fingerprint. */
+static int check_accepted(const struct fsn_plan *plan, const struct options *o) {
+    uint8_t digest[FSN_SHA256_BYTES];
+    struct fsn_fingerprint made;
+    char hash[2 * FSN_SHA256_BYTES + 1];
+    char whole[2 * FSN_SHA256_BYTES + 1];
+    char code[FSN_FINGERPRINT_CODE_BYTES];
+    fsn_plan_sha256(plan, digest);
+    hex_text(digest, hash);
+    if (fsn_plan_fingerprint(plan, &made) != FSN_OK) {
+        log_line(FSN_LOG_ERROR, "no memory for the fingerprint of the plan");
+        return EXIT_REFUSED;
+    }
+    hex_text(made.whole, whole);
+    fsn_fingerprint_code(&made, code);
     log_line(FSN_LOG_INFO, "plan %s, SHA-256 %s", o->plan_file, hash);
-    if (o->accepted != NULL && strcasecmp(o->accepted, hash) != 0) {
+    log_line(FSN_LOG_INFO, "fingerprint %s (%s)", code, whole);
+    if (o->accepted != NULL && strcasecmp(o->accepted, hash) != 0 &&
+        strcasecmp(o->accepted, whole) != 0) {
         log_line(FSN_LOG_ERROR,
-                 "this is not the accepted plan, which has SHA-256 %s; accept it after looking at "
-                 "what changed, or load the other one",
+                 "this is not the accepted plan: neither its SHA-256 nor its fingerprint is %s; "
+                 "accept it after looking at what changed, or load the other one",
                  o->accepted);
         return EXIT_REFUSED;
     }
+    return -1;
+}
+
+/** Compares the plan with the accepted hash, and its cycle time with the options. */
+static int check_plan(const struct fsn_plan *plan, struct options *o) {
+    const int code = check_accepted(plan, o);
+    if (code != -1) {
+        return code;
+    }
+    const uint32_t stated_ns = fsn_plan_cycle_ns(plan);
     if (o->cycle_ns == 0) {
-        o->cycle_ns = fsn_plan_cycle_ns(plan);
+        o->cycle_ns = stated_ns;
     }
     if (o->cycle_ns < 1000) {
         log_line(FSN_LOG_ERROR, "the plan states no cycle time; --cycle 1ms does");
         return EXIT_USAGE;
     }
+    log_line(stated_ns == 0 || stated_ns == o->cycle_ns ? FSN_LOG_INFO : FSN_LOG_WARNING,
+             "engine %s, cycle %.3f ms%s", fsn_version(), (double)o->cycle_ns / 1e6,
+             stated_ns == 0             ? " (the plan states none)"
+             : stated_ns == o->cycle_ns ? " as in the plan"
+                                        : ", which is not that of the plan and its fingerprint");
     return -1;
 }
 

@@ -29,7 +29,7 @@ static const char usage_text[] =
     "  --run-time TIME    stops by itself, e.g. 10s\n"
     "  --record TIME      keeps the cycles of the last TIME; default 10s, at most 64 MiB\n"
     "  --wait TIME        tries again for so long while SubDevices are missing\n"
-    "  --accepted HASH    refuses any plan but the one with this SHA-256\n"
+    "  --accepted HASH    refuses any plan but the one with this SHA-256 or fingerprint\n"
     "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
     "                     $XDG_RUNTIME_DIR or /run\n"
     "  --allow-user NAME  may use the socket, beside root and the user this runs as\n"

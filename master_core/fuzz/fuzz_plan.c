@@ -10,6 +10,8 @@
 uint64_t fuzz_reached;
 
 static void run(const struct fsn_plan *plan) {
+    struct fsn_fingerprint made;
+    CHECK(fsn_plan_fingerprint(plan, &made) == FSN_OK);
     struct fsn_emulated *bus;
     struct fsn_core *core;
     CHECK(fsn_emulated_create(plan, &bus) == FSN_OK);

@@ -308,6 +308,33 @@ uint8_t *build_full(size_t *len_bytes) {
     return build_plan(&build, len_bytes);
 }
 
+uint8_t *build_with_safety(size_t *len_bytes) {
+    size_t len;
+    uint8_t *old = build_full(&len);
+    const size_t head = 32 + 16 * SECTIONS;
+    const size_t padded = (len + 3) & ~(size_t)3;
+    *len_bytes = padded + 16 + 32;
+    uint8_t *bytes = calloc(1, *len_bytes);
+    CHECK(bytes != NULL);
+    memcpy(bytes, old, head);
+    memcpy(bytes + head + 16, old + head, len - head);
+    memset(bytes + padded + 16, 0x5A, 32);
+    free(old);
+    for (size_t s = 0; s < SECTIONS; s++) {
+        uint8_t *offset = bytes + 32 + 16 * s + 4;
+        poke(offset, (uint32_t)(offset[0] | offset[1] << 8) + 16);
+    }
+    poke(bytes + head, SECTIONS + 1);
+    poke(bytes + head + 4, (uint32_t)padded + 16);
+    poke(bytes + head + 8, 1);
+    poke(bytes + head + 12, 32);
+    poke(bytes + 24, SECTIONS + 1);
+    bytes[10] = 1;
+    poke(bytes + 12, (uint32_t)*len_bytes);
+    build_fix_crc(bytes, *len_bytes);
+    return bytes;
+}
+
 uint32_t next_random(uint64_t *state) {
     *state = *state * 6364136223846793005u + 1442695040888963407u;
     return (uint32_t)(*state >> 33);

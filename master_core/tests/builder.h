@@ -66,6 +66,9 @@ uint8_t *build_estop(size_t *len_bytes);
  *  frames: symbol 0 in the outputs of the main (bits 52 to 59), symbol 1 in its inputs. */
 uint8_t *build_full(size_t *len_bytes);
 
+/** The same in format 1.1: with a hash of safety functions, 32 bytes 0x5A. */
+uint8_t *build_with_safety(size_t *len_bytes);
+
 /** Pseudo random numbers that are the same on every machine. */
 uint32_t next_random(uint64_t *state);
 

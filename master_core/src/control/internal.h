@@ -76,6 +76,7 @@ struct fsn_control {
     struct fsn_outputs *outputs;
     struct fsn_core *core; /**< NULL: none */
     char sha256[2 * FSN_SHA256_BYTES + 1];
+    struct fsn_fingerprint fingerprint; /**< of the plan as it was loaded */
     struct fsn_client client[FSN_CONTROL_CLIENTS];
     uint32_t last_number;
     int listener;   /**< -1: none */
@@ -146,6 +147,9 @@ void fsn_report_hello(struct fsn_control *control, const struct fsn_client *clie
 void fsn_report_status(struct fsn_control *control, struct fsn_json *json);
 void fsn_report_subdevices(struct fsn_control *control, struct fsn_json *json);
 void fsn_report_symbols(struct fsn_control *control, struct fsn_json *json);
+
+/** Fingerprint of the loaded plan, with the version of the engine and the cycle that is used. */
+void fsn_report_fingerprint(struct fsn_control *control, struct fsn_json *json);
 
 /** Statistics and connections of one cycle, and the SubDevices. FSN_E_STATE without a core. */
 fsn_status fsn_report_snapshot(struct fsn_control *control, struct fsn_json *json);

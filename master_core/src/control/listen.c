@@ -35,6 +35,7 @@ struct fsn_control *fsn_control_create(const struct fsn_plan *plan,
     for (size_t i = 0; i < FSN_SHA256_BYTES; i++) {
         snprintf(control->sha256 + 2 * i, 3, "%02x", (unsigned)digest[i]);
     }
+    const fsn_status made = fsn_plan_fingerprint(plan, &control->fingerprint);
     control->outputs = fsn_outputs_create(plan);
     control->connections =
         calloc((size_t)fsn_plan_connection_count(plan) + 1, sizeof *control->connections);
@@ -42,7 +43,7 @@ struct fsn_control *fsn_control_create(const struct fsn_plan *plan,
         calloc((size_t)fsn_plan_subdevice_count(plan) + 1, sizeof *control->seen.subdevice);
     control->seen.reset_told_ns =
         calloc((size_t)fsn_plan_connection_count(plan) + 1, sizeof *control->seen.reset_told_ns);
-    if (control->outputs == NULL || control->connections == NULL ||
+    if (made != FSN_OK || control->outputs == NULL || control->connections == NULL ||
         control->seen.subdevice == NULL || control->seen.reset_told_ns == NULL) {
         fsn_control_free(control);
         return NULL;

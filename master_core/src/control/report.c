@@ -25,6 +25,29 @@ static void put_optional(struct fsn_json *json, const char *key, const char *tex
     }
 }
 
+void fsn_report_fingerprint(struct fsn_control *control, struct fsn_json *json) {
+    const struct fsn_fingerprint *made = &control->fingerprint;
+    char code[FSN_FINGERPRINT_CODE_BYTES];
+    struct fsn_control_status status = {0};
+    control->host->status(control->host->self, &status);
+    fsn_fingerprint_code(made, code);
+    fsn_json_key(json, "fingerprint");
+    fsn_json_open(json, '{');
+    fsn_json_put_text(json, "short", code);
+    fsn_json_key(json, "whole");
+    fsn_json_hex(json, made->whole, sizeof made->whole);
+    fsn_json_key(json, "sections");
+    fsn_json_open(json, '{');
+    for (uint32_t i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
+        fsn_json_key(json, fsn_fingerprint_section(i));
+        fsn_json_hex(json, made->section[i], sizeof made->section[i]);
+    }
+    fsn_json_close(json, '}');
+    fsn_json_put_text(json, "version", fsn_version());
+    fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
+    fsn_json_close(json, '}');
+}
+
 static void short_subdevices(struct fsn_control *control, struct fsn_json *json) {
     uint32_t in_op = 0;
     uint32_t missing = 0;
@@ -70,6 +93,7 @@ void fsn_report_status(struct fsn_control *control, struct fsn_json *json) {
     put_optional(json, "redundant", status.redundant);
     fsn_json_put_text(json, "plan", status.plan_file);
     fsn_json_put_text(json, "plan_sha256", control->sha256);
+    fsn_report_fingerprint(control, json);
     fsn_json_put_bool(json, "accepted", status.accepted != NULL);
     fsn_json_put_u64(json, "uptime_ns", fsn_now_ns() - status.started_ns);
     fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);

@@ -117,6 +117,7 @@ static fsn_status take_snapshot(struct fsn_control *control) {
 
 static void put_snapshot(struct fsn_control *control, struct fsn_json *json, bool taken) {
     const uint32_t connections = taken ? fsn_plan_connection_count(control->plan) : 0;
+    fsn_report_fingerprint(control, json);
     if (taken) {
         put_statistics(json, &control->statistics);
     } else {
