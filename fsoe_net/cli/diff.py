@@ -34,7 +34,7 @@ from fsoe_net.report import (
     side_of_scan,
 )
 
-__all__ = ["command"]
+__all__ = ["change_line", "command"]
 
 _SHOWN_ENTRIES = 6
 _NO_NET = "FSN125"
@@ -140,18 +140,18 @@ def _print_text(a: Side, b: Side, difference: Difference) -> None:
     click.echo(f"A: {a.path} ({a.format}), {counted(len(a.subdevices), 'SubDevice')}")
     click.echo(f"B: {b.path} ({b.format}), {counted(len(b.subdevices), 'SubDevice')}")
     for change in difference.changes:
-        mark = _MARK.get(change.kind, "~")
-        colour = _COLOUR.get(change.kind, "yellow")
-        click.echo(click.style(f"{mark} {_line(change)}", fg=colour))
+        click.echo(click.style(change_line(change), fg=_COLOUR.get(change.kind, "yellow")))
     for words in difference.not_compared:
         click.echo(f"not compared: {words}")
     count = len(difference.changes)
     click.echo(counted(count, "difference") if count else "no difference")
 
 
-def _line(change: Change) -> str:
+def change_line(change: Change) -> str:
+    """Return a change as one line: ``~ connection a - b changed: watchdog 100 ms -> 120 ms``."""
     area = change.area.replace("_", " ")
-    text = " ".join(w for w in (area, change.where, change.kind) if w)
+    mark = _MARK.get(change.kind, "~")
+    text = " ".join(w for w in (mark, area, change.where, change.kind) if w)
     if change.entries:
         shown = ", ".join(change.entries[:_SHOWN_ENTRIES])
         more = len(change.entries) - _SHOWN_ENTRIES

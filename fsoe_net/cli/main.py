@@ -20,6 +20,8 @@ _COMMANDS = {
     "convert": "Write a bus in the format of another tool.",
     "plan": "Compile a network to a copy plan, or show a plan.",
     "diff": "Compare two descriptions or plans: what moved, came, went or changed.",
+    "fingerprint": "Fingerprint of everything safety-relevant in a network or plan.",
+    "verify": "Compare a network, plan or running fsn-master with what was accepted.",
     "devices": "What is known about FSoE devices: process data, frames, figures.",
     "run": "Run a network on the emulated bus, or on a live one.",
     "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",

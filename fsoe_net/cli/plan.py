@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from pathlib import Path
@@ -14,7 +13,15 @@ from fsoe_net.cli.output import counted, print_diagnostics
 from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, read_bytes
-from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_text, plan_json, plan_text
+from fsoe_net.plan import (
+    Plan,
+    compile_plan,
+    decode_plan,
+    fingerprint_of,
+    igh_text,
+    plan_json,
+    plan_text,
+)
 
 __all__ = ["command", "write_whole"]
 
@@ -73,7 +80,7 @@ def command(
     click.echo(
         f"{output}: {len(data)} bytes, {counted(len(plan.copies), 'copy')}, "
         f"{counted(len(plan.connections), 'connection')}, "
-        f"SHA-256 {hashlib.sha256(data).hexdigest()[:16]}…"
+        f"fingerprint {fingerprint_of(plan).short}"
     )
 
 

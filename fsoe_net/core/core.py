@@ -17,6 +17,7 @@ from fsoe_net.core.snapshot import (
 )
 from fsoe_net.errors import CoreError, PlanFormatError
 from fsoe_net.fsoe import OutsideState
+from fsoe_net.plan import Fingerprint
 
 __all__ = ["Core", "CorePlan", "EmulatedBus"]
 
@@ -77,8 +78,8 @@ class CorePlan:
         """
         return self._sms[subdevice, index]
 
-    def fingerprint(self) -> tuple[str, dict[str, str]]:
-        """Return the whole and the sections (hex), made by the core from the tables it loaded.
+    def fingerprint(self) -> Fingerprint:
+        """Return the fingerprint that the core makes from the tables it has loaded.
 
         Raises:
             CoreError: There is no memory for it.
@@ -90,7 +91,7 @@ class CorePlan:
             ffi.string(lib.fsn_fingerprint_section(n)).decode("ascii"): bytes(row).hex()
             for n, row in enumerate(made.section)
         }
-        return bytes(made.whole).hex(), sections
+        return Fingerprint(whole=bytes(made.whole).hex(), sections=sections)
 
     def _names(self, kind: str) -> tuple[str, ...]:
         ffi, lib = compiled()

@@ -7,11 +7,13 @@ from the tables it has loaded (``master_core/src/fingerprint.c``), and neither a
 from __future__ import annotations
 
 import hashlib
+import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.diag import without_collector
+from fsoe_net.errors import PlanFormatError
 from fsoe_net.model import SafetyFunction
 from fsoe_net.plan.model import NONE, Plan, PlanEntry, PlanSdo, PlanSymbol, PlanSyncManager
 
@@ -20,6 +22,8 @@ __all__ = [
     "SECTIONS",
     "Fingerprint",
     "canonical_section",
+    "cycle_sha256",
+    "fingerprint_from_json",
     "fingerprint_of",
     "fingerprint_of_sections",
     "safety_sha256",
@@ -32,6 +36,7 @@ FORM = "fsoe-net fingerprint 1"
 
 SECTIONS = ("devices", "process_data", "copies", "connections", "cycle", "safety_functions")
 _PLAIN = frozenset(range(0x21, 0x7F)) - {ord("%")}
+_HASH = re.compile(r"[0-9a-fA-F]{64}")
 _BITS = struct.Struct("<d")
 
 
@@ -92,6 +97,33 @@ def fingerprint_of_sections(sections: Mapping[str, str]) -> Fingerprint:
     ordered = {name: sections[name].lower() for name in SECTIONS}
     lines = [FORM, *(f"{name} {ordered[name]}" for name in SECTIONS)]
     return Fingerprint(whole=_sha256(_text(lines)), sections=ordered)
+
+
+def fingerprint_from_json(document: object) -> Fingerprint:
+    """Return the fingerprint of a JSON document such as `Fingerprint.to_json` makes.
+
+    Raises:
+        PlanFormatError: It is none, is of another form, or its whole does not fit its sections.
+    """
+    if not isinstance(document, Mapping) or not isinstance(document.get("sections"), Mapping):
+        raise PlanFormatError("no fingerprint; `fsoe-net fingerprint --format json` makes one")
+    if document.get("form") != FORM:
+        raise PlanFormatError(
+            f"fingerprint of the form {document.get('form')!r}; this fsoe-net makes {FORM!r}"
+        )
+    sections = document["sections"]
+    for name in SECTIONS:
+        if not _HASH.fullmatch(str(sections.get(name))):
+            raise PlanFormatError(f"section {name!r} has no SHA-256 of 64 hexadecimal digits")
+    found = fingerprint_of_sections({name: str(sections[name]) for name in SECTIONS})
+    if str(document.get("whole")).lower() != found.whole:
+        raise PlanFormatError("the whole does not fit the sections: the fingerprint was changed")
+    return found
+
+
+def cycle_sha256(cycle_ns: int) -> str:
+    """Return the hash of the section ``cycle`` for a bus cycle in ns, 0 for none stated."""
+    return _sha256(_text([f"{FORM} cycle", _cycle_line(cycle_ns)]))
 
 
 def canonical_section(plan: Plan, name: str) -> str:
@@ -250,7 +282,11 @@ def _connections(plan: Plan) -> Iterator[str]:
 
 
 def _cycle(plan: Plan) -> Iterator[str]:
-    yield f"cycle_ns={plan.cycle_ns or '-'}"
+    yield _cycle_line(plan.cycle_ns)
+
+
+def _cycle_line(cycle_ns: int) -> str:
+    return f"cycle_ns={cycle_ns or '-'}"
 
 
 def _nothing(_: Plan) -> Iterator[str]:

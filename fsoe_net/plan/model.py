@@ -182,6 +182,11 @@ class Plan:
     connections: tuple[PlanConnection, ...]
     safety_sha256: str = ""
 
+    @property
+    def format(self) -> str:
+        """Version of the plan format that it needs."""
+        return "1.1" if self.safety_sha256 else "1.0"
+
     def to_bytes(self) -> bytes:
         """Return the bytes of the `.fsnplan` file; equal plans give equal bytes."""
         from fsoe_net.plan.codec import encode_plan

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict
 
+from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import NONE, Plan, PlanCopy
 
@@ -32,9 +33,11 @@ def entry_at(plan: Plan, sm_number: int, bit: int) -> str:
 def plan_text(plan: Plan) -> str:
     """Return the plan as a table: connections, then copies with names, offsets and lengths."""
     cycle = f"{plan.cycle_ns / 1000:g} us" if plan.cycle_ns else "not stated"
+    fingerprint = fingerprint_of(plan)
     lines = [
-        f"plan format 1.0, {len(plan.subdevices)} SubDevices, {len(plan.copies)} copies, "
+        f"plan format {plan.format}, {len(plan.subdevices)} SubDevices, {len(plan.copies)} copies, "
         f"{sum(c.size_bytes for c in plan.copies)} bytes per cycle, bus cycle {cycle}",
+        f"fingerprint {fingerprint.short} ({fingerprint.whole})",
         f"SHA-256 {hashlib.sha256(plan.to_bytes()).hexdigest()}",
         "",
     ]
@@ -83,8 +86,9 @@ def plan_json(plan: Plan) -> dict[str, object]:
     domain = igh_image(plan)
     bases = {f.sm: f.offset_bytes for f in domain.fmmus}
     return {
-        "format": "1.0",
+        "format": plan.format,
         "sha256": hashlib.sha256(plan.to_bytes()).hexdigest(),
+        "fingerprint": fingerprint_of(plan).to_json(),
         "cycle_ns": plan.cycle_ns,
         "subdevices": [asdict(s) for s in plan.subdevices],
         "sync_managers": [asdict(s) | {"size_bytes": s.size_bytes} for s in plan.sync_managers],

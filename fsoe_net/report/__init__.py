@@ -10,7 +10,7 @@ from fsoe_net.report.diff_read import (
 )
 from fsoe_net.report.diff_side import Side
 from fsoe_net.report.diff_types import Change
-from fsoe_net.report.page import render_report, short_code
+from fsoe_net.report.page import render_report
 
 __all__ = [
     "Change",
@@ -21,7 +21,6 @@ __all__ = [
     "budget_text",
     "compare",
     "render_report",
-    "short_code",
     "side_of_description",
     "side_of_network",
     "side_of_plan",

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from html import escape
 
 from fsoe_net.diag import Diagnostic
 from fsoe_net.model import Network, SourceFile
-from fsoe_net.plan import NONE, Plan, copy_end, igh_image
+from fsoe_net.plan import NONE, Fingerprint, Plan, copy_end, fingerprint_of, igh_image
 from fsoe_net.report.html import html_page, table
 from fsoe_net.report.svg import copy_picture, topology_picture
 from fsoe_net.run import RunResult, state_text
 
-__all__ = ["render_report", "short_code"]
-
-
-def short_code(sha256: str) -> str:
-    """Return the part of a fingerprint that people compare: four groups of four."""
-    return " ".join(sha256[n : n + 4].upper() for n in range(0, 16, 4))
+__all__ = ["render_report"]
 
 
 def render_report(
@@ -40,9 +34,8 @@ def render_report(
         run: Result of a run of this plan, if there was one.
         references: Other files the network was compared with.
     """
-    sha256 = hashlib.sha256(plan.to_bytes()).hexdigest()
     body = [
-        *_head(network, plan, sha256, version),
+        *_head(network, plan, fingerprint_of(plan), version),
         "<h2>Topology</h2>",
         topology_picture(plan),
         *_connections(plan),
@@ -56,7 +49,7 @@ def render_report(
     return html_page(f"FSoE network {network.name}", body)
 
 
-def _head(network: Network, plan: Plan, sha256: str, version: str) -> list[str]:
+def _head(network: Network, plan: Plan, fingerprint: Fingerprint, version: str) -> list[str]:
     cycle = f"{plan.cycle_ns / 1000:g} µs" if plan.cycle_ns else "not stated"
     moved = sum(c.size_bytes for c in plan.copies)
     return [
@@ -67,10 +60,11 @@ def _head(network: Network, plan: Plan, sha256: str, version: str) -> list[str]:
         "report is evidence for a review, not a certificate. The safety manuals of the devices "
         "prevail.</p>",
         table(
-            ("Fingerprint of the copy plan", "Network"),
+            ("Fingerprint", "Network"),
             [
                 (
-                    f'<span class="code">{short_code(sha256)}</span><br><code>{sha256}</code>',
+                    f'<span class="code">{fingerprint.short}</span><br>'
+                    f"<code>{fingerprint.whole}</code>",
                     f"SubDevices: {len(plan.subdevices)}, FSoE connections: "
                     f"{len(plan.connections)}, "
                     f"copies: {len(plan.copies)}, {moved} bytes per bus cycle; bus cycle {cycle}",

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from fsoe_net.core import ConnectionSnapshot
+from fsoe_net.errors import PlanFormatError
+from fsoe_net.plan import Fingerprint, fingerprint_from_json
 from fsoe_net.run.live_snapshot import read_connection
 
 __all__ = [
@@ -55,8 +57,9 @@ class BusState(enum.StrEnum):
 class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
-    ``fault`` says why the bus did not open; empty when it did. ``cpu`` is ``None`` when the cyclic
-    thread may run on any.
+    ``fault`` says why the bus did not open; empty when it did. ``fingerprint`` is that of the plan
+    as the core has loaded it, ``None`` from a program that tells none; ``version`` that of the
+    engine. ``cpu`` is ``None`` when the cyclic thread may run on any.
     """
 
     state: BusState
@@ -66,6 +69,8 @@ class Status:
     redundant: str
     plan: str
     plan_sha256: str
+    fingerprint: Fingerprint | None
+    version: str
     accepted: bool
     uptime_ns: int
     clients: int
@@ -198,7 +203,17 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     """Return the values of a ``status`` reply."""
     row = {**reply, **reply["subdevices"], "state": BusState(reply["state"])}
     row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
+    told = reply.get("fingerprint")
+    row["fingerprint"] = None if told is None else _fingerprint(told)
+    row["version"] = "" if told is None else str(told["version"])
     return Status(**{f.name: row[f.name] for f in fields(Status)})
+
+
+def _fingerprint(told: object) -> Fingerprint:
+    try:
+        return fingerprint_from_json(told)
+    except PlanFormatError as exc:
+        raise ValueError(str(exc)) from exc
 
 
 def read_symbols(reply: Mapping[str, Any]) -> tuple[Symbol, ...]:

@@ -7,8 +7,6 @@
 
 #include "plan_internal.h"
 
-#define FORM "fsoe-net fingerprint 1"
-
 static const char *const section_name[FSN_FINGERPRINT_SECTIONS] = {
     "devices", "process_data", "copies", "connections", "cycle", "safety_functions"};
 
@@ -229,7 +227,7 @@ static void hash_sections(struct text *text, struct fsn_fingerprint *out) {
     const struct fsn_plan *plan = text->plan;
     for (size_t i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
         fsn_sha256_start(&text->run);
-        put(text, FORM " %s\n", section_name[i]);
+        put(text, FSN_FINGERPRINT_FORM " %s\n", section_name[i]);
         section[i](text);
         fsn_sha256_end(&text->run, out->section[i]);
     }
@@ -238,7 +236,7 @@ static void hash_sections(struct text *text, struct fsn_fingerprint *out) {
                FSN_SHA256_BYTES);
     }
     fsn_sha256_start(&text->run);
-    put(text, FORM "\n");
+    put(text, FSN_FINGERPRINT_FORM "\n");
     for (size_t i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
         put(text, "%s ", section_name[i]);
         for (size_t n = 0; n < FSN_SHA256_BYTES; n++) {

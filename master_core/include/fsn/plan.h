@@ -109,6 +109,9 @@ enum {
     FSN_FINGERPRINT_SECTIONS,
 };
 
+/** Name and version of the text that is hashed. */
+#define FSN_FINGERPRINT_FORM "fsoe-net fingerprint 1"
+
 /** SHA-256 of each section and of the whole; docs/reference/fingerprint.md says of what. */
 struct fsn_fingerprint {
     uint8_t whole[FSN_SHA256_BYTES];

@@ -33,6 +33,7 @@ void fsn_report_fingerprint(struct fsn_control *control, struct fsn_json *json) 
     fsn_fingerprint_code(made, code);
     fsn_json_key(json, "fingerprint");
     fsn_json_open(json, '{');
+    fsn_json_put_text(json, "form", FSN_FINGERPRINT_FORM);
     fsn_json_put_text(json, "short", code);
     fsn_json_key(json, "whole");
     fsn_json_hex(json, made->whole, sizeof made->whole);

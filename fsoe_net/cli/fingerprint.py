@@ -1,0 +1,66 @@
+"""``fsoe-net fingerprint``: what identifies everything safety-relevant in a network or plan."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from fsoe_net.cli.inputs import input_options
+from fsoe_net.cli.known import Known, read_known
+from fsoe_net.errors import InputError
+from fsoe_net.plan import SECTIONS
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net fingerprint network.yaml
+  fsoe-net fingerprint machine.fsnplan
+  fsoe-net fingerprint network.yaml --format json > accepted.json
+  fsoe-net fingerprint network.yaml --text copies | sha256sum
+
+It is no approval: it says that two configurations are the same, not that one is right."""
+
+
+@click.command("fingerprint", epilog=_EPILOG)
+@input_options
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+@click.option(
+    "--text",
+    "section",
+    type=click.Choice(SECTIONS),
+    help="Print the canonical text of a section, whose SHA-256 is its hash.",
+)
+def command(
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    fmt: str,
+    section: str | None,
+) -> None:
+    """Print the fingerprint of a network or plan: short code, SHA-256, one hash per section.
+
+    FILES: a .fsnplan, or a network as for `fsoe-net check`. Comments, the order of keys, file names
+    and dates are not in it; docs/reference/fingerprint.md says what is.
+    """
+    known = read_known(files, packages=packages, xacro_args=xacro_args)
+    if section is not None:
+        click.echo(_section(known, section), nl=False)
+    elif fmt == "json":
+        click.echo(json.dumps(known.fingerprint.to_json(), indent=2))
+    else:
+        click.echo(f"{known.fingerprint.short}\nwhole             {known.fingerprint.whole}")
+        for name, digest in known.fingerprint.sections.items():
+            click.echo(f"{name:<17} {digest}")
+
+
+def _section(known: Known, name: str) -> str:
+    text = known.section_text(name)
+    if text is None:
+        raise InputError(
+            f"{known.path} holds only the hash of {name}; name the files of the network"
+        )
+    return text

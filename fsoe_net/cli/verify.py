@@ -1,0 +1,185 @@
+"""``fsoe-net verify``: is this network, plan or running core what was accepted?"""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import click
+
+from fsoe_net.cli.diff import change_line
+from fsoe_net.cli.inputs import reference_options
+from fsoe_net.cli.known import Known, read_known
+from fsoe_net.cli.output import print_diagnostics
+from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.plan import cycle_sha256, fingerprint_of_sections
+from fsoe_net.report import compare, side_of_plan
+
+__all__ = ["command"]
+
+_SHOWN_LINES = 20
+_EPILOG = """\b
+Examples:
+  fsoe-net verify network.yaml --accepted accepted.json
+  fsoe-net verify machine.fsnplan --accepted accepted/network.yaml
+  fsoe-net verify --live /run/fsn-master/fsn-master-eth1.sock --accepted accepted.json
+
+Exit codes: 0 same, 1 differs, 2 a file cannot be read or wrong use, 3 nobody answers on the socket.
+
+The same fingerprint says that the configuration is the accepted one, not that it is right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Compared:
+    """One thing held against the accepted one: sections that differ, and how."""
+
+    known: Known
+    note: str
+    sections: tuple[str, ...]
+    lines: tuple[str, ...]
+
+    @property
+    def same(self) -> bool:
+        return not self.sections
+
+
+@click.command("verify", epilog=_EPILOG)
+@click.argument("files", nargs=-1, type=click.Path())
+@reference_options
+@click.option(
+    "--accepted",
+    type=click.Path(),
+    required=True,
+    help="What was accepted: fingerprint (JSON), plan or network.",
+)
+@click.option("--live", metavar="SOCKET", help="Ask a running fsn-master on its control socket.")
+@click.option(
+    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    accepted: str,
+    live: str | None,
+    fmt: str,
+) -> None:
+    """Compare a network, a plan or a running core with what was accepted.
+
+    FILES: a .fsnplan, a fingerprint, or a network as for `fsoe-net check`. A running core makes its
+    fingerprint from the tables it has loaded; its bus cycle is that which it really uses.
+    """
+    if not files and live is None:
+        raise click.UsageError("name a network or plan, or --live SOCKET, to be compared")
+    try:
+        wanted = read_known((accepted,), packages=packages, xacro_args=xacro_args)
+        given = None
+        if files:
+            given = read_known(files, packages=packages, xacro_args=xacro_args)
+    except InputError as exc:
+        click.echo(f"error: {exc}", err=True)
+        print_diagnostics(exc.diagnostics, err=True)
+        ctx.exit(2)
+    rows = [] if given is None else [_compare(wanted, given, "")]
+    if live is not None:
+        rows.append(_live(wanted, live))
+    if fmt == "json":
+        _print_json(wanted, rows)
+    else:
+        _print_text(wanted, rows)
+    ctx.exit(0 if all(row.same for row in rows) else 1)
+
+
+def _live(wanted: Known, socket: str) -> _Compared:
+    """Ask the core; a bus cycle that is not the one its plan states counts as another section."""
+    from fsoe_net.run import Client
+
+    with Client(socket) as client:
+        status = client.status()
+    told = status.fingerprint
+    if told is None:
+        raise EnvironmentFault(
+            f"{socket}: this fsn-master tells no fingerprint; install a newer one"
+        )
+    used = cycle_sha256(status.cycle_ns)
+    if told.sections["cycle"] not in (used, cycle_sha256(0)):
+        told = fingerprint_of_sections({**told.sections, "cycle": used})
+    note = f"fsn-master {status.version}, cycle {status.cycle_ns / 1e6:g} ms"
+    return _compare(wanted, Known(path=socket, fingerprint=told), note)
+
+
+def _compare(wanted: Known, given: Known, note: str) -> _Compared:
+    sections = wanted.fingerprint.changed(given.fingerprint)
+    lines = tuple(_difference(wanted, given, sections)) if sections else ()
+    return _Compared(known=given, note=note, sections=sections, lines=lines)
+
+
+def _difference(wanted: Known, given: Known, sections: tuple[str, ...]) -> Iterator[str]:
+    """Yield the difference by meaning; then, for what it says nothing about, lines of the text."""
+    told = False
+    if wanted.plan is not None and given.plan is not None:
+        # The names of the files are no difference.
+        sides = (side_of_plan(wanted.plan, ""), side_of_plan(given.plan, ""))
+        for change in compare(*sides).changes:
+            told = True
+            yield change_line(change)
+    hidden = ""
+    for name in sections:
+        before, after = wanted.section_text(name), given.section_text(name)
+        if before is None or after is None:
+            hidden = wanted.path if before is None else given.path
+        elif not told or name in ("devices", "process_data", "safety_functions"):
+            yield from _changed_lines(name, before, after)
+    if hidden:
+        yield f"of {hidden} only hashes are known: two networks or plans show what changed"
+
+
+def _changed_lines(name: str, before: str, after: str) -> Iterator[str]:
+    a, b = before.splitlines(), after.splitlines()
+    while a and b and a[0] == b[0]:  # long sections differ in a few places
+        a, b = a[1:], b[1:]
+    while a and b and a[-1] == b[-1]:
+        a, b = a[:-1], b[:-1]
+    if len(a) + len(b) > 20_000:
+        yield f"{name}: {len(a)} lines became {len(b)}; `fingerprint --text {name}` prints them"
+        return
+    changed = [line for line in difflib.ndiff(a, b) if line[:1] in "+-"]
+    for line in changed[:_SHOWN_LINES]:
+        yield f"{name} {line[0]} {line[2:]}"
+    if len(changed) > _SHOWN_LINES:
+        yield f"{name}: {len(changed) - _SHOWN_LINES} more lines; `fingerprint --text` prints them"
+
+
+def _print_text(wanted: Known, rows: list[_Compared]) -> None:
+    click.echo(f"{wanted.fingerprint.short}  accepted: {wanted.path}")
+    for row in rows:
+        verdict = "the same" if row.same else f"DIFFERS in {', '.join(row.sections)}"
+        note = f" ({row.note})" if row.note else ""
+        colour = "green" if row.same else "red"
+        text = f"{row.known.fingerprint.short}  {row.known.path}{note}: "
+        click.echo(text + click.style(verdict, fg=colour))
+        for line in row.lines:
+            click.echo(f"  {line}")
+
+
+def _print_json(wanted: Known, rows: list[_Compared]) -> None:
+    document = {
+        "same": all(row.same for row in rows),
+        "accepted": {"path": wanted.path, **wanted.fingerprint.to_json()},
+        "compared": [
+            {
+                "path": row.known.path,
+                "note": row.note,
+                "same": row.same,
+                "changed": list(row.sections),
+                "differences": list(row.lines),
+                **row.known.fingerprint.to_json(),
+            }
+            for row in rows
+        ],
+    }
+    click.echo(json.dumps(document, indent=2, ensure_ascii=False))

@@ -1,0 +1,450 @@
+"""The fingerprint: golden values, what changes it and where, what does not, Python and C."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from core.rig import load
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from networks import EXAMPLES, example, resolved
+
+from fsoe_net.errors import PlanFormatError
+from fsoe_net.model import Element, ElementKind, SafetyFunction, Span
+from fsoe_net.plan import (
+    SECTIONS,
+    Fingerprint,
+    Plan,
+    canonical_section,
+    compile_plan,
+    decode_plan,
+    encode_plan,
+    fingerprint_from_json,
+    fingerprint_of,
+    fingerprint_of_sections,
+    safety_sha256,
+    safety_text,
+)
+
+# A change of these means that every accepted fingerprint is void: raise FORM and say so.
+GOLDEN = {
+    "estop": "4a3628d70e40e052d02e883eecade644da04c3f7ed35c3af3132bf1a5b41eedf",
+    "el6910": "a9fd91ae785b4ea8cab0b7768c8189d98710f2f70b636961ca958e17c9b282a7",
+}
+GOLDEN_SAFETY = "SAFETY"
+FUNCTIONS = """\
+safety_functions:
+  - name: estop
+    trigger: button
+    required_reaction_ms: 230
+    required: {pl: d}
+    elements:
+      - {kind: input, sub: el1904, time_ms: 4, pfh_per_hour: 1.11e-9, source: manual}
+      - {kind: actuator, name: K1, time_ms: 20}
+  - name: door
+    elements: [{kind: input, sub: el1904}]
+"""
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_golden_values(name: str) -> None:
+    found = fingerprint_of(compile_plan(example(name)))
+    assert found.whole == GOLDEN[name]
+    assert found.short.replace(" ", "").lower() == GOLDEN[name][:16]
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_python_and_the_core_agree_without_asking_each_other(name: str) -> None:
+    plan = compile_plan(example(name))
+    for one in (plan, replace(plan, safety_sha256="5a" * 32), replace(plan, cycle_ns=0)):
+        assert load(one.to_bytes()).fingerprint() == fingerprint_of(one)
+        assert fingerprint_of(decode_plan(one.to_bytes())) == fingerprint_of(one)
+
+
+def test_it_can_be_recomputed_from_the_documented_text() -> None:
+    plan = compile_plan(example("estop"))
+    sums = {
+        name: hashlib.sha256(canonical_section(plan, name).encode()).hexdigest()
+        for name in SECTIONS
+    }
+    lines = ["fsoe-net fingerprint 1"] + [f"{name} {sums[name]}" for name in SECTIONS]
+    whole = hashlib.sha256("".join(f"{line}\n" for line in lines).encode()).hexdigest()
+    assert (whole, sums) == (GOLDEN["estop"], dict(fingerprint_of(plan).sections))
+    assert canonical_section(plan, "copies").splitlines() == [
+        "fsoe-net fingerprint 1 copies",
+        "copy from=1.3@0 to=0.2@0 bits=48 kind=1 connection=0 net=safety_net",
+        "copy from=0.3@0 to=1.2@0 bits=48 kind=1 connection=0 net=safety_net",
+    ]
+
+
+# -- what changes it, and where -------------------------------------------------------------------
+
+Change = Callable[[Plan], Plan]
+
+
+def one(table: str, number: int = 0, **changes: object) -> Change:
+    """Change fields of one record."""
+
+    def change(plan: Plan) -> Plan:
+        rows = list(getattr(plan, table))
+        rows[number] = replace(rows[number], **changes)
+        return replace(plan, **{table: tuple(rows)})
+
+    return change
+
+
+def swapped_entries(plan: Plan) -> Plan:
+    rows = list(plan.entries)
+    rows[1], rows[2] = rows[2], rows[1]
+    assert rows != list(plan.entries)
+    return replace(plan, entries=tuple(rows))
+
+
+@pytest.mark.parametrize(
+    ("section", "change"),
+    [
+        ("devices", one("subdevices", vendor_id=3)),
+        ("devices", one("subdevices", product_code=3)),
+        ("devices", one("subdevices", revision_low=3)),
+        ("devices", one("subdevices", revision_high=3)),
+        ("devices", one("subdevices", alias=3)),
+        ("devices", one("subdevices", position=3)),
+        ("devices", one("subdevices", assign_activate=0x300)),
+        ("devices", one("subdevices", name="el1904_left")),
+        ("devices", one("sdos", value=77)),
+        ("devices", one("sdos", subindex=77)),
+        ("process_data", one("entries", kind=4)),
+        ("process_data", one("entries", index=0x7FFF)),
+        ("process_data", one("entries", registered=False)),
+        ("process_data", swapped_entries),
+        ("process_data", one("sync_managers", watchdog=0)),
+        ("process_data", one("pdos", index=0x1677)),
+        ("process_data", one("blocks", safe_bytes=2)),
+        ("process_data", one("symbols", restart_relevant=True)),
+        ("process_data", one("symbols", stop_value=3)),
+        ("copies", one("copies", source_bit=8)),
+        ("copies", one("copies", destination_bit=8)),
+        ("copies", one("copies", bits=56)),
+        ("copies", one("copies", net="other")),
+        ("connections", one("connections", connection_id=99)),
+        ("connections", one("connections", address=99)),
+        ("connections", one("connections", address=None)),
+        ("connections", one("connections", watchdog_ms=99)),
+        ("connections", one("connections", safe_to_sub=2)),
+        ("cycle", lambda plan: replace(plan, cycle_ns=2_000_000)),
+        ("cycle", lambda plan: replace(plan, cycle_ns=0)),
+        ("safety_functions", lambda plan: replace(plan, safety_sha256="00" * 32)),
+    ],
+)
+def test_a_change_changes_its_section_and_the_whole(section: str, change: Change) -> None:
+    plan = compile_plan(example("el6910"))
+    before, after = fingerprint_of(plan), fingerprint_of(change(plan))
+    assert before.changed(after) == (section,)
+    assert before.whole != after.whole
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        one("symbols", name="another"),
+        one("connections", name="another"),
+        one("connections", net="another"),
+        lambda plan: replace(plan, symbols=plan.symbols[::-1]),
+        lambda plan: replace(plan, blocks=plan.blocks[::-1]),
+    ],
+)
+def test_labels_and_order_that_do_not_matter_change_nothing(change: Change) -> None:
+    plan = compile_plan(example("el6910"))
+    assert change(plan) != plan
+    assert fingerprint_of(change(plan)) == fingerprint_of(plan)
+
+
+def test_numbers_of_connections_change_nothing() -> None:
+    plan = compile_plan(example("el6910"))
+    last = len(plan.connections) - 1
+    assert last > 0
+    turned = replace(
+        plan,
+        connections=plan.connections[::-1],
+        copies=tuple(
+            replace(c, connection=last - c.connection) if c.connection <= last else c
+            for c in plan.copies
+        ),
+    )
+    assert fingerprint_of(turned) == fingerprint_of(plan)
+    assert load(turned.to_bytes()).fingerprint() == fingerprint_of(plan)
+
+
+# -- the files of a network -----------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(EXAMPLES / "el6910", tmp_path / "el6910"))
+
+
+def of_files(folder: Path) -> Fingerprint:
+    return fingerprint_of(compile_plan(resolved(folder / "network.yaml")))
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text("utf-8")
+    assert text.count(old) >= 1, old
+    file.write_text(text.replace(old, new), "utf-8")
+
+
+def test_path_comments_and_file_names_change_nothing(folder: Path) -> None:
+    network = folder / "network.yaml"
+    network.write_text("# a comment\n" + network.read_text("utf-8") + "\n# another\n", "utf-8")
+    (folder / "devices" / "el1904.yaml").rename(folder / "other.yaml")
+    edit(network, "devices/el1904.yaml", "other.yaml")
+    assert of_files(folder).whole == GOLDEN["el6910"]
+
+
+def test_order_of_keys_and_of_nets_changes_nothing(folder: Path) -> None:
+    import yaml
+
+    file = folder / "network.yaml"
+    document = yaml.safe_load(file.read_text("utf-8"))
+    nets = document["nets"]
+    for net in nets:
+        for key in ("transfers", "connections"):
+            if key in net:
+                net[key].reverse()
+    nets.reverse()
+    turned = dict(reversed(document.items()))
+    file.write_text(yaml.safe_dump(turned, sort_keys=False), "utf-8")
+    assert of_files(folder).whole == GOLDEN["el6910"]
+
+
+def test_order_of_subdevices_changes_it(folder: Path) -> None:
+    import yaml
+
+    file = folder / "network.yaml"
+    document = yaml.safe_load(file.read_text("utf-8"))
+    document["subdevices"].reverse()
+    file.write_text(yaml.safe_dump(document, sort_keys=False), "utf-8")
+    assert of_files(folder).whole != GOLDEN["el6910"]
+
+
+# -- safety functions -----------------------------------------------------------------------------
+
+
+def add_functions(folder: Path, text: str = FUNCTIONS) -> Fingerprint:
+    shutil.copy(EXAMPLES / "el6910" / "network.yaml", folder / "network.yaml")
+    with (folder / "network.yaml").open("a", encoding="utf-8") as file:
+        file.write(text)
+    return of_files(folder)
+
+
+def test_safety_functions_are_a_section_of_their_own(folder: Path) -> None:
+    plain, stated = of_files(folder), add_functions(folder)
+    assert plain.changed(stated) == ("safety_functions",)
+    assert stated.sections["safety_functions"] == GOLDEN_SAFETY
+    network = resolved(folder / "network.yaml").network
+    assert hashlib.sha256(safety_text(network.safety_functions).encode()).hexdigest() == (
+        GOLDEN_SAFETY
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("time_ms: 4", "time_ms: 4.5"),
+        ("time_ms: 20", "time_ms: 21"),
+        ("required_reaction_ms: 230", "required_reaction_ms: 231"),
+        ("pl: d", "pl: e"),
+        ("pl: d", "sil: 2"),
+        ("1.11e-9", "1.12e-9"),
+        ("name: K1", "name: K2"),
+        ("trigger: button", "trigger: key"),
+        ("name: door", "name: gate"),
+        ("source: manual", "source: guess"),
+    ],
+)
+def test_what_is_said_of_a_function_changes_it(folder: Path, old: str, new: str) -> None:
+    before = add_functions(folder)
+    assert old in FUNCTIONS
+    after = add_functions(folder, FUNCTIONS.replace(old, new))
+    assert before.changed(after) == ("safety_functions",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("time_ms: 4", "time_ms: 4.0"), ("1.11e-9", "0.111e-8"), ("pl: d", "pl: D")]
+)
+def test_how_a_number_is_written_changes_nothing(folder: Path, old: str, new: str) -> None:
+    assert add_functions(folder) == add_functions(folder, FUNCTIONS.replace(old, new))
+
+
+def test_order_of_functions_does_not_matter_that_of_elements_does() -> None:
+    span = Span("x")
+    first = Element(span=span, kind=ElementKind.INPUT, name="a b%ü\n")
+    second = Element(span=span, kind=ElementKind.OUTPUT, name="c")
+    f = SafetyFunction(span=span, name="f", elements=(first, second))
+    g = SafetyFunction(span=span, name="g", elements=())
+    assert safety_text((f, g)) == safety_text((g, f))
+    assert "name=a%20b%25%C3%BC%0A " in safety_text((f,))
+    assert safety_text((replace(f, elements=(second, first)),)) != safety_text((f,))
+    assert safety_sha256(()) == ""
+
+
+# -- the plan file --------------------------------------------------------------------------------
+
+
+def test_only_safety_functions_need_format_1_1() -> None:
+    plan = compile_plan(example("estop"))
+    stated = replace(plan, safety_sha256=bytes(range(32)).hex())
+    old, new = encode_plan(plan), encode_plan(stated)
+    assert (old[8:12], new[8:12]) == (b"\1\0\0\0", b"\1\0\1\0")
+    assert new[-32:] == bytes(range(32))
+    assert decode_plan(new) == stated
+    assert (plan.format, stated.format) == ("1.0", "1.1")
+
+
+def test_every_truncation_and_change_of_format_1_1_is_refused() -> None:
+    data = encode_plan(replace(compile_plan(example("estop")), safety_sha256="5a" * 32))
+    for cut in range(len(data)):
+        with pytest.raises(PlanFormatError):
+            decode_plan(data[:cut])
+    for at in range(len(data)):
+        with pytest.raises(PlanFormatError):
+            decode_plan(data[:at] + bytes([data[at] ^ 0x10]) + data[at + 1 :])
+
+
+def test_json_is_read_back_and_a_changed_one_refused() -> None:
+    found = fingerprint_of(compile_plan(example("estop")))
+    document = found.to_json()
+    assert fingerprint_from_json(document) == found
+    sections = dict(found.sections)
+    other = fingerprint_of_sections(sections | {"cycle": "00" * 32})
+    for change, words in [
+        ({"form": "fsoe-net fingerprint 2"}, "of the form"),
+        ({"whole": other.whole}, "does not fit"),
+        ({"sections": sections | {"copies": "12"}}, "'copies' has no SHA-256"),
+        ({"sections": []}, "no fingerprint"),
+    ]:
+        with pytest.raises(PlanFormatError, match=words):
+            fingerprint_from_json(document | change)
+
+
+# -- Python and C on networks nobody thought of ---------------------------------------------------
+
+
+@st.composite
+def plans(draw: st.DrawFn) -> Plan:
+    """A compiled example with drawn values wherever the loader lets a value through."""
+    plan = compile_plan(example(draw(st.sampled_from(sorted(GOLDEN)))))
+    u16, u32 = st.integers(0, 0xFFFF), st.integers(0, 0xFFFFFFFF)
+    real = st.floats(allow_nan=False, allow_infinity=False)
+    text = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
+    stated = st.none() | u16
+    subdevices = tuple(
+        replace(
+            s,
+            name=draw(text),
+            alias=draw(u16),
+            position=draw(u16),
+            vendor_id=draw(u32),
+            product_code=draw(u32),
+            revision_low=0,
+            revision_high=draw(u32),
+            assign_activate=draw(u16),
+        )
+        for s in plan.subdevices
+    )
+    sdos = tuple(
+        replace(s, index=draw(u16), value=draw(st.integers(-(1 << 63), (1 << 63) - 1)))
+        for s in plan.sdos
+    )
+    symbols = tuple(
+        replace(s, factor=draw(real.filter(bool)), offset=draw(real)) for s in plan.symbols[:4]
+    )
+    connections = tuple(
+        replace(c, connection_id=draw(stated), address=draw(stated), watchdog_ms=draw(stated))
+        for c in plan.connections
+    )
+    return replace(
+        plan,
+        cycle_ns=draw(u32),
+        subdevices=subdevices,
+        sdos=sdos,
+        symbols=tuple(draw(st.permutations(symbols))),
+        connections=connections,
+        copies=tuple(replace(c, net=draw(text)) for c in plan.copies),
+        safety_sha256=draw(st.sampled_from(["", "5a" * 32])),
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(plans())
+def test_python_and_the_core_agree_on_drawn_plans(plan: Plan) -> None:
+    data = encode_plan(plan)
+    found = load(data).fingerprint()
+    assert found == fingerprint_of(decode_plan(data))
+    assert found == fingerprint_of(plan)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    slots=st.lists(st.integers(0, 9), unique=True, min_size=1, max_size=6),
+    order=st.randoms(use_true_random=False),
+    cycle_us=st.integers(100, 10_000),
+)
+def test_python_and_the_core_agree_on_drawn_networks(
+    tmp_path_factory: pytest.TempPathFactory, slots: list[int], order, cycle_us: int
+) -> None:
+    path = _write_network(tmp_path_factory.mktemp("drawn"), slots, order, cycle_us)
+    plan = compile_plan(resolved(path))
+    assert len(plan.connections) == len(slots)
+    assert load(plan.to_bytes()).fingerprint() == fingerprint_of(plan)
+    order.shuffle(slots)
+    again = _write_network(tmp_path_factory.mktemp("again"), sorted(slots), order, cycle_us)
+    assert fingerprint_of(compile_plan(resolved(again))) == fingerprint_of(plan)
+
+
+def _write_network(folder: Path, slots: list[int], order, cycle_us: int) -> Path:
+    """One logic and a terminal for each slot; transfers in any order."""
+    logic = ["vendor_id: 2", "product_id: 0x1afe3052"]
+    for group, pdo, first in (("rpdo", 0x1600, 0x7000), ("tpdo", 0x1A00, 0x6000)):
+        logic.append(f"{group}:")
+        for n in range(10):
+            at = first + 16 * n
+            channels = "".join(
+                f"      - {{index: {i}, sub_index: {s}, type: {t}}}\n"
+                for i, s, t in (
+                    (at, 1, "uint8"),
+                    (at + 1, 1, "uint8"),
+                    (at, 3, "uint16"),
+                    (at, 2, "uint16"),
+                )
+            )
+            logic.append(f"  - index: {pdo + n}\n    channels:\n{channels.rstrip()}")
+    (folder / "logic.yaml").write_text("\n".join(logic) + "\n", "utf-8")
+    shutil.copy(EXAMPLES / "el6910" / "devices" / "el1904.yaml", folder / "terminal.yaml")
+    names = {slot: f"t{slot}" for slot in sorted(slots)}
+    lines = [f"version: 1\ncycle_us: {cycle_us}\nsubdevices:"]
+    lines.append("  - {name: logic, position: 0, config: logic.yaml}")
+    lines += [
+        f"  - {{name: {name}, position: {n}, config: terminal.yaml}}"
+        for n, name in enumerate(names.values(), start=1)
+    ]
+    transfers = [
+        end
+        for slot, name in names.items()
+        for end in (
+            f"      - {{size: 6, in: {{ec_module: {name}, index: 0x6000, subindex: 1}},"
+            f" out: {{ec_module: logic, index: {0x7000 + 16 * slot}, subindex: 1}}}}",
+            f"      - {{size: 6, in: {{ec_module: logic, index: {0x6000 + 16 * slot},"
+            f" subindex: 1}}, out: {{ec_module: {name}, index: 0x7000, subindex: 1}}}}",
+        )
+    ]
+    order.shuffle(transfers)
+    lines += ["nets:\n  - name: net\n    safety_master: logic\n    transfers:", *transfers]
+    path = folder / "network.yaml"
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    return path
