@@ -44,6 +44,7 @@ def test_a_client_asks_for_one(tmp_path):
     plan = base64.b64decode(head["plan"])
     assert plan == compile_plan(example("el6910")).to_bytes()
     assert hashlib.sha256(plan).hexdigest() == head["plan_sha256"]
+    assert fingerprint_from_json(head["fingerprint"]) == fingerprint_of(decode_plan(plan))
     assert len(bytes.fromhex(cycles[0]["image"])) == head["layout"]["image_bytes"]
     assert "image" not in cycles[1]  # nothing changes on this bus
     assert {"statistics", "connections", "subdevices", "events", "cycle_ns"} <= set(head)

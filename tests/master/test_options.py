@@ -100,6 +100,11 @@ def test_only_the_accepted_plan(tmp_path: Path) -> None:
     done = run_to_end(*common, "--accepted", digest.upper(), "--run-time", "10ms")
     assert done.returncode == 0
     assert f"SHA-256 {digest}" in done.stderr
+    whole = fingerprint_of(decode_plan(plan.read_bytes())).whole
+    done = run_to_end(*common, "--accepted", whole, "--run-time", "10ms")
+    assert done.returncode == 0
+    assert whole in done.stderr
+    assert "as in the plan" in done.stderr
     done = run_to_end(*common, "--accepted", digest[:-1] + ("0" if digest[-1] != "0" else "1"))
     assert done.returncode == 1
     assert "not the accepted plan" in done.stderr

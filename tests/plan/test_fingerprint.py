@@ -14,12 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import EXAMPLES, example, resolved
 
+from fsoe_net.diag import Span
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.model import Element, ElementKind, SafetyFunction, Span
+from fsoe_net.model import Element, ElementKind, SafetyFunction
 from fsoe_net.plan import (
     SECTIONS,
     Fingerprint,
     Plan,
+    PlanSdo,
     canonical_section,
     compile_plan,
     decode_plan,
@@ -36,7 +38,7 @@ GOLDEN = {
     "estop": "4a3628d70e40e052d02e883eecade644da04c3f7ed35c3af3132bf1a5b41eedf",
     "el6910": "a9fd91ae785b4ea8cab0b7768c8189d98710f2f70b636961ca958e17c9b282a7",
 }
-GOLDEN_SAFETY = "SAFETY"
+GOLDEN_SAFETY = "0fa2a128cc33e6fcd317dea6fd54f76915ffb63cd9a4aaad7321634610d45161"
 FUNCTIONS = """\
 safety_functions:
   - name: estop
@@ -98,6 +100,21 @@ def one(table: str, number: int = 0, **changes: object) -> Change:
     return change
 
 
+def with_sdos(plan: Plan) -> Plan:
+    """Give the last SubDevice two start-up SDOs."""
+    last = replace(plan.subdevices[-1], first_sdo=0, sdo_count=2)
+    sdos = (
+        PlanSdo(index=0x8000, subindex=1, size_bytes=2, value=-1),
+        PlanSdo(index=0x8000, subindex=2, size_bytes=4, value=7),
+    )
+    assert plan.sdos == ()
+    return replace(plan, subdevices=(*plan.subdevices[:-1], last), sdos=sdos)
+
+
+def swapped_sdos(plan: Plan) -> Plan:
+    return replace(plan, sdos=plan.sdos[::-1])
+
+
 def swapped_entries(plan: Plan) -> Plan:
     rows = list(plan.entries)
     rows[1], rows[2] = rows[2], rows[1]
@@ -118,14 +135,15 @@ def swapped_entries(plan: Plan) -> Plan:
         ("devices", one("subdevices", name="el1904_left")),
         ("devices", one("sdos", value=77)),
         ("devices", one("sdos", subindex=77)),
+        ("devices", swapped_sdos),
         ("process_data", one("entries", kind=4)),
         ("process_data", one("entries", index=0x7FFF)),
         ("process_data", one("entries", registered=False)),
         ("process_data", swapped_entries),
         ("process_data", one("sync_managers", watchdog=0)),
         ("process_data", one("pdos", index=0x1677)),
-        ("process_data", one("blocks", safe_bytes=2)),
-        ("process_data", one("symbols", restart_relevant=True)),
+        ("process_data", one("blocks", safe_bytes=9)),
+        ("process_data", one("symbols", restart_relevant=False)),
         ("process_data", one("symbols", stop_value=3)),
         ("copies", one("copies", source_bit=8)),
         ("copies", one("copies", destination_bit=8)),
@@ -142,7 +160,7 @@ def swapped_entries(plan: Plan) -> Plan:
     ],
 )
 def test_a_change_changes_its_section_and_the_whole(section: str, change: Change) -> None:
-    plan = compile_plan(example("el6910"))
+    plan = with_sdos(compile_plan(example("el6910")))
     before, after = fingerprint_of(plan), fingerprint_of(change(plan))
     assert before.changed(after) == (section,)
     assert before.whole != after.whole
@@ -338,7 +356,7 @@ def test_json_is_read_back_and_a_changed_one_refused() -> None:
 @st.composite
 def plans(draw: st.DrawFn) -> Plan:
     """A compiled example with drawn values wherever the loader lets a value through."""
-    plan = compile_plan(example(draw(st.sampled_from(sorted(GOLDEN)))))
+    plan = with_sdos(compile_plan(example(draw(st.sampled_from(sorted(GOLDEN))))))
     u16, u32 = st.integers(0, 0xFFFF), st.integers(0, 0xFFFFFFFF)
     real = st.floats(allow_nan=False, allow_infinity=False)
     text = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)

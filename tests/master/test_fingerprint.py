@@ -1,0 +1,46 @@
+"""`fsn-master` tells the fingerprint of what it has loaded, and `verify --live` asks for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cli.tool import fsn
+from master.rig import running
+from networks import EXAMPLES, example
+
+from fsoe_net import __version__
+from fsoe_net.plan import compile_plan, fingerprint_from_json, fingerprint_of
+from fsoe_net.run import Client
+
+ESTOP = str(EXAMPLES / "estop" / "network.yaml")
+
+
+def test_status_snapshot_and_client_tell_it() -> None:
+    for name in ("estop", "el6910"):
+        wanted = fingerprint_of(compile_plan(example(name)))
+        with running(name=name) as master, master.client() as client:
+            for request in ("status", "snapshot"):
+                told = client.good(request)["fingerprint"]
+                assert fingerprint_from_json(told) == wanted
+                assert (told["short"], told["cycle_ns"]) == (wanted.short, 1_000_000)
+            with Client(master.path) as typed:
+                status = typed.status()
+            assert (status.fingerprint, status.version) == (wanted, __version__)
+
+
+def test_verify_asks_the_running_core(tmp_path: Path) -> None:
+    with running(name="estop") as master:
+        done = fsn("verify", ESTOP, "--live", str(master.path), "--accepted", ESTOP)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.count("the same") == 2
+        other = str(EXAMPLES / "el6910" / "network.yaml")
+        done = fsn("verify", "--live", str(master.path), "--accepted", other)
+        assert done.returncode == 1
+        assert "DIFFERS in devices, process_data, copies, connections\n" in done.stdout
+
+
+def test_another_cycle_than_that_of_the_plan_differs() -> None:
+    with running("--cycle", "2ms", name="estop") as master:
+        done = fsn("verify", "--live", str(master.path), "--accepted", ESTOP)
+    assert done.returncode == 1
+    assert "cycle 2 ms): DIFFERS in cycle\n" in done.stdout
