@@ -246,6 +246,8 @@ class IncidentRecorder:
             "plan": plan_text(session.plan_bytes),
             "plan_file": "",
             "plan_sha256": session.plan_sha256,
+            "fingerprint": session.plan.fingerprint().to_json()
+            | {"version": __version__, "cycle_ns": session.cycle_ns},
             "cycle_ns": session.cycle_ns,
             "trigger": trigger,
         }

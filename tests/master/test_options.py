@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from master.rig import NOBODY, program, run_to_end, running, write_plan
 
+from fsoe_net.plan import decode_plan, fingerprint_of
+
 USAGE = [
     (["--bus", "emulated"], "PLAN: the plan is missing"),
     (["PLAN"], "--interface: is missing"),
