@@ -216,9 +216,9 @@ def _process_data(plan: Plan) -> Iterator[str]:
             f" bytes={block.frame_bytes} safe={block.safe_bytes}"
         )
     for key in sorted(_symbol(s) for s in plan.symbols):
-        sm, bit, bits, kind, output, restart, stop, factor, offset = key
+        number, bit, bits, kind, output, restart, stop, factor, offset = key
         yield (
-            f"symbol {_place(plan.sync_managers[sm])} bit={bit} bits={bits} type={kind}"
+            f"symbol {_place(plan.sync_managers[number])} bit={bit} bits={bits} type={kind}"
             f" output={output} restart={restart} stop=0x{stop:016x}"
             f" factor=0x{factor:016x} offset=0x{offset:016x}"
         )
