@@ -118,3 +118,9 @@ def test_what_cannot_be_read_is_2(tmp_path: Path, accepted: str) -> None:
         assert words in done.stderr
     assert fsn("verify", "--accepted", accepted).returncode == 2
     assert fsn("verify", "--accepted", accepted, "--live", "/nowhere").returncode == 3
+
+
+def test_the_same_network_as_urdf_with_transfers_in_another_file_is_the_same(accepted: str) -> None:
+    urdf = str(EXAMPLES / "estop" / "estop.urdf.xacro")
+    done = fsn("verify", urdf, "--accepted", accepted)
+    assert (done.returncode, done.stderr) == (0, "")
