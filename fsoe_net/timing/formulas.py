@@ -7,6 +7,10 @@ Two schools exist and do not agree. Both are given; whoever uses them says which
 - Beckhoff (manuals of EL2904, EL6900, EK1914, EP1957): the worst case is two watchdogs and the
   actuator; the typical case counts each part once and three bus cycles per direction.
 
+Neither school counts the handshake of FSoE: `error_free`, `worst_case_input`, `worst_case_output`
+and `beckhoff_worst_case` hold under assumptions that their docstrings name and that schedules
+within the times of the parts break. What holds without them: `fsoe_net.timing.handshake`.
+
 All times are in milliseconds.
 """
 
@@ -107,7 +111,11 @@ def watchdog_output(t: PartTimes) -> float:
 
 
 def error_free(t: PartTimes) -> float:
-    """Return T_SFR, the longest response while nothing fails (ETG.5100 9.3)."""
+    """Return T_SFR, the longest response while nothing fails (ETG.5100 9.3).
+
+    Assumes that a value is sent in the next cycle of the part that has it. FSoE sends when it is
+    asked: `polled_error_free`.
+    """
     return (
         2 * t.sensor
         + 2 * t.input
@@ -123,6 +131,9 @@ def error_free(t: PartTimes) -> float:
 def worst_case_input(t: PartTimes, watchdog: float) -> float:
     """Return the longest response when the connection to the input device fails (ETG.5100 9.3).
 
+    Assumes as `error_free`, and that nothing was accepted on that connection after the event, and
+    that a watchdog acts when it ends, not in the next cycle of its task: `broken_input`.
+
     Args:
         t: Times of the parts.
         watchdog: Watchdog of that connection, ms.
@@ -132,6 +143,9 @@ def worst_case_input(t: PartTimes, watchdog: float) -> float:
 
 def worst_case_output(t: PartTimes, watchdog: float) -> float:
     """Return the longest response when the connection to the output device fails (ETG.5100 9.3).
+
+    Assumes as `worst_case_input`, here that the output device accepted nothing after the logic had
+    decided: `broken_output`.
 
     Args:
         t: Times of the parts.
@@ -160,6 +174,9 @@ def beckhoff_typical(t: PartTimes) -> float:
 
 def beckhoff_worst_case(watchdog_in: float, watchdog_out: float, actuator: float) -> float:
     """Return the longest response as Beckhoff prints it: both connections fail, one after another.
+
+    Assumes as `worst_case_input` and `worst_case_output`, and that sensor and logic take no time
+    and the actuator one T_A: `disturbed_both`.
 
     Args:
         watchdog_in: Watchdog of the connection to the input device, ms.

@@ -1,0 +1,114 @@
+"""Response times that count the handshake of FSoE and what each watchdog really allows.
+
+FSoE is half duplex: an end sends its safe data only in answer to a frame of the other end, and it
+starts its watchdog anew with each frame it answers. The printed formulas
+(`fsoe_net.timing.formulas`) leave out two consequences, and schedules within the times of the parts exceed them:
+
+- A value that has just missed its turn waits a whole round trip until the connection asks again.
+- A connection that breaks while it carries the old value starts its watchdog once more; one that is
+  delayed up to its watchdog can do so twice.
+
+Derivation, worked example and the search that tries these bounds: docs/explanation/timing.md.
+Every part is a task that reads at the start of a cycle, writes at its end and looks at its watchdog
+at the start, as `fsoe_net.fsoe` does; a cycle lasts at most the time of the part. All times in ms.
+"""
+
+from __future__ import annotations
+
+from fsoe_net.timing.formulas import PartTimes, round_trip_input, round_trip_output
+
+__all__ = [
+    "broken_input",
+    "broken_output",
+    "disturbed_both",
+    "disturbed_input",
+    "disturbed_output",
+    "polled_error_free",
+]
+
+
+def polled_error_free(t: PartTimes) -> float:
+    """Return the longest response while nothing fails, waits for the turn counted."""
+    return _around(t, _polled_in(t), _polled_out(t))
+
+
+def broken_input(t: PartTimes, watchdog: float) -> float:
+    """Return the longest response when the connection to the input device breaks for good.
+
+    Args:
+        t: Times of the parts.
+        watchdog: Watchdog of that connection on the slowest clock, ms.
+    """
+    broken = watchdog + t.input + t.transfer_in + 3 * t.logic
+    return _around(t, max(_polled_in(t), broken), _polled_out(t))
+
+
+def broken_output(t: PartTimes, watchdog: float) -> float:
+    """Return the longest response when the connection to the output device breaks for good.
+
+    Args:
+        t: Times of the parts.
+        watchdog: Watchdog of that connection on the slowest clock, ms.
+    """
+    broken = watchdog + t.logic + t.transfer_out + 3 * t.output
+    return _around(t, _polled_in(t), max(_polled_out(t), broken))
+
+
+def disturbed_input(t: PartTimes, watchdog: float) -> float:
+    """Return the longest response when the input device's connection is lost and late at will.
+
+    Args:
+        t: Times of the parts.
+        watchdog: Watchdog of that connection on the slowest clock, ms.
+    """
+    return _around(t, _disturbed_in(t, watchdog), _polled_out(t))
+
+
+def disturbed_output(t: PartTimes, watchdog: float) -> float:
+    """Return the longest response when the output device's connection is lost and late at will.
+
+    Args:
+        t: Times of the parts.
+        watchdog: Watchdog of that connection on the slowest clock, ms.
+    """
+    return _around(t, _polled_in(t), _disturbed_out(t, watchdog))
+
+
+def disturbed_both(t: PartTimes, watchdog_in: float, watchdog_out: float) -> float:
+    """Return the longest response whatever the bus does to both connections.
+
+    Args:
+        t: Times of the parts.
+        watchdog_in: Watchdog of the connection to the input device on the slowest clock, ms.
+        watchdog_out: The same of the connection to the output device, ms.
+    """
+    return _around(t, _disturbed_in(t, watchdog_in), _disturbed_out(t, watchdog_out))
+
+
+def _around(t: PartTimes, there: float, back: float) -> float:
+    """Return the response: sensor, input to logic, logic to output, actuator."""
+    return 2 * t.sensor + there + back + 2 * t.actuator
+
+
+def _polled_in(t: PartTimes) -> float:
+    if not t.cycles_in:
+        return 2 * t.input + 2 * t.logic  # one SubDevice: no connection, no turn
+    return round_trip_input(t) + t.input + t.transfer_in + 2 * t.logic
+
+
+def _polled_out(t: PartTimes) -> float:
+    if not t.cycles_out:
+        return 2 * t.logic + 2 * t.output
+    return round_trip_output(t) + t.logic + t.transfer_out + 2 * t.output
+
+
+def _disturbed_in(t: PartTimes, watchdog: float) -> float:
+    if not t.cycles_in:
+        return _polled_in(t)
+    return max(_polled_in(t), 2 * watchdog + 2 * t.logic)
+
+
+def _disturbed_out(t: PartTimes, watchdog: float) -> float:
+    if not t.cycles_out:
+        return _polled_out(t)
+    return max(_polled_out(t), 2 * watchdog + 2 * t.output)
