@@ -2,7 +2,8 @@
 
 FSoE is half duplex: an end sends its safe data only in answer to a frame of the other end, and it
 starts its watchdog anew with each frame it answers. The printed formulas
-(`fsoe_net.timing.formulas`) leave out two consequences, and schedules within the times of the parts exceed them:
+(`fsoe_net.timing.formulas`) leave out two consequences, and schedules within the times of the
+parts exceed them:
 
 - A value that has just missed its turn waits a whole round trip until the connection asks again.
 - A connection that breaks while it carries the old value starts its watchdog once more; one that is
