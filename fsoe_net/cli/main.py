@@ -30,6 +30,7 @@ _COMMANDS = {
     "scan": "Read what is on a live bus; write files to start from.",
     "doctor": "Check this machine for real-time EtherCAT.",
     "timing": "Timing budget: watchdogs, reaction times, what limits them.",
+    "test-protocol": "Checklist of what to try; run where it can be, the rest for people.",
     "report": "Write a report page for a network.",
     "emulate": "Serve a network as emulated EtherCAT SubDevices.",
     "campaign": "Put faults into the connections of a network.",
@@ -47,7 +48,7 @@ class _LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:
             return None
-        module = importlib.import_module(f"fsoe_net.cli.{cmd_name}")
+        module = importlib.import_module(f"fsoe_net.cli.{cmd_name.replace('-', '_')}")
         command: click.Command = module.command
         return command
 

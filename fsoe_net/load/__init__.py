@@ -6,6 +6,7 @@ from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_foreign
 from fsoe_net.load.library import builtin_library, load_library, parse_library_device
 from fsoe_net.load.network import FileKind, LoadOptions, LoadResult, load_network
+from fsoe_net.load.protocol import load_protocol
 from fsoe_net.load.ring import DeviceType, list_types, ring_of
 from fsoe_net.load.scan import load_scan, parse_scan
 from fsoe_net.load.scan_bus import describe_scan
@@ -34,6 +35,7 @@ __all__ = [
     "load_foreign",
     "load_library",
     "load_network",
+    "load_protocol",
     "load_scan",
     "load_scenario",
     "load_yaml",

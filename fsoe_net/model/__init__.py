@@ -69,6 +69,15 @@ from fsoe_net.model.network import (
 from fsoe_net.model.pairing import OpenPair, PairEnd, Pairing, pair_by_lengths, pair_ends
 from fsoe_net.model.project import MatchedProject, match_project
 from fsoe_net.model.proposal import Proposal, propose
+from fsoe_net.model.protocol import (
+    EMULATED_NOTE,
+    AtMachine,
+    Outcome,
+    Protocol,
+    ProtocolStep,
+    Seen,
+    StepKind,
+)
 from fsoe_net.model.renumber import renumbered_copies
 from fsoe_net.model.resolve import (
     Connection,
@@ -95,12 +104,14 @@ from fsoe_net.model.signals import Signal, connection_signals, signals_of, split
 from fsoe_net.model.slots import FramePair, frame_pairs, slot_numbers
 
 __all__ = [
+    "EMULATED_NOTE",
     "Action",
     "AnsweredConnection",
     "AnsweredDevice",
     "AnsweredWord",
     "Answers",
     "Ask",
+    "AtMachine",
     "Connection",
     "ConnectionFacts",
     "ConnectionTrouble",
@@ -136,12 +147,15 @@ __all__ = [
     "Net",
     "Network",
     "OpenPair",
+    "Outcome",
     "PairEnd",
     "Pairing",
     "Pdo",
     "PdoFacts",
     "Placed",
     "Proposal",
+    "Protocol",
+    "ProtocolStep",
     "Question",
     "Resolution",
     "ResolvedEnd",
@@ -157,10 +171,12 @@ __all__ = [
     "ScannedSubDevice",
     "Scenario",
     "Sdo",
+    "Seen",
     "Signal",
     "SmLayout",
     "SourceFile",
     "Step",
+    "StepKind",
     "SubDevice",
     "SyncManager",
     "Transfer",

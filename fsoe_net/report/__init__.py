@@ -11,6 +11,7 @@ from fsoe_net.report.diff_read import (
 from fsoe_net.report.diff_side import Side
 from fsoe_net.report.diff_types import Change
 from fsoe_net.report.page import render_report
+from fsoe_net.report.protocol import protocol_page
 
 __all__ = [
     "Change",
@@ -20,6 +21,7 @@ __all__ = [
     "budget_picture",
     "budget_text",
     "compare",
+    "protocol_page",
     "render_report",
     "side_of_description",
     "side_of_network",

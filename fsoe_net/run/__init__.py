@@ -20,6 +20,9 @@ from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master, find_master
+from fsoe_net.run.protocol import keep_machine, make_protocol
+from fsoe_net.run.protocol_live import run_protocol_live
+from fsoe_net.run.protocol_virtual import run_protocol_virtual
 from fsoe_net.run.result import (
     BusResult,
     ConnectionResult,
@@ -70,9 +73,13 @@ __all__ = [
     "control_socket",
     "counted_session_ids",
     "find_master",
+    "keep_machine",
+    "make_protocol",
     "random_session_ids",
     "run_live",
     "run_on_bus",
+    "run_protocol_live",
+    "run_protocol_virtual",
     "run_virtual",
     "serve",
     "state_text",

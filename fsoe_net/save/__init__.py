@@ -6,6 +6,7 @@ from fsoe_net.save.driver import DriverVersion, write_driver, write_network
 from fsoe_net.save.eni import write_eni
 from fsoe_net.save.eni_copies import replace_copies
 from fsoe_net.save.lcec import write_lcec
+from fsoe_net.save.protocol import write_protocol
 from fsoe_net.save.remarks import Remarks
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import Written, own_words_lost
@@ -22,5 +23,6 @@ __all__ = [
     "write_eni",
     "write_lcec",
     "write_network",
+    "write_protocol",
     "write_slave_yaml",
 ]

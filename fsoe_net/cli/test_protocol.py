@@ -1,0 +1,188 @@
+"""``fsoe-net test-protocol``: what to try, run where it can be, the rest left to people."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import click
+
+from fsoe_net import __version__
+from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.output import summary
+from fsoe_net.cli.plan import write_whole
+from fsoe_net.errors import InputError
+from fsoe_net.load import Collector, load_protocol
+from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep
+from fsoe_net.plan import Plan, compile_plan
+from fsoe_net.report import protocol_page
+from fsoe_net.run import (
+    Client,
+    keep_machine,
+    make_protocol,
+    run_protocol_live,
+    run_protocol_virtual,
+)
+from fsoe_net.save import write_protocol
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net test-protocol network.yaml -o protocol.yaml              # nothing tried
+  fsoe-net test-protocol network.yaml --virtual -o protocol.yaml
+  fsoe-net test-protocol network.yaml --live /run/fsn/eth1.sock -o protocol.yaml
+  fsoe-net test-protocol network.yaml --from protocol.yaml -o protocol.html
+
+A YAML file that is there keeps what people wrote into it, or nothing is written.
+Exit codes: 0 nothing went otherwise than expected, 1 a step did. An emulated result is no evidence
+for a machine."""
+
+
+@click.command("test-protocol", epilog=_EPILOG)
+@input_options
+@click.option("--virtual", is_flag=True, help="Try every step on the emulated bus.")
+@click.option(
+    "--live",
+    "socket",
+    type=click.Path(),
+    metavar="SOCKET",
+    help="Look at a running fsn-master; asks before each loss, needs a terminal.",
+)
+@click.option(
+    "--faults",
+    type=click.IntRange(1, 10**6),
+    default=200,
+    show_default=True,
+    help="Emulated: faults per class.",
+)
+@click.option("--from", "given", type=click.Path(), help="A protocol to go on with.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False),
+    required=True,
+    help="File to write: .yaml to fill in, .html to print.",
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    virtual: bool,
+    socket: str | None,
+    faults: int,
+    given: str | None,
+    output: str,
+) -> None:
+    """Write the test protocol of a network; fill in what runs can show.
+
+    Steps: start-up of each connection, trigger of each safety function, loss of each SubDevice,
+    each class of faults. FILES as for `check`. The column of the machine is never filled in by
+    this program.
+    """
+    kind = _kind(output)
+    if virtual and socket is not None:
+        raise click.UsageError("--virtual and --live exclude each other; run one after the other")
+    if socket is not None and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise click.UsageError(
+            "--live asks a person at the machine before each step: start it from a terminal"
+        )
+    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    resolution = whole_network(checked, "no protocol")
+    if not resolution.connections:
+        raise InputError("nothing to try: these files hold no FSoE connection")
+    compiled = compile_plan(resolution)
+    plan = compiled.to_bytes()
+    protocol = make_protocol(resolution, plan, fingerprint=_fingerprint(compiled))
+    old = given or (output if kind == ".yaml" and Path(output).exists() else None)
+    before = None if old is None else _read(old)
+    if before is not None:
+        protocol = keep_machine(protocol, before)
+    if virtual:
+        protocol = run_protocol_virtual(
+            protocol, resolution, plan, faults=faults, on_step=_note if _shown() else None
+        )
+    if socket is not None:
+        with Client(socket) as client:
+            protocol = run_protocol_live(protocol, resolution, client, _Person())
+    text = (
+        write_protocol(protocol)
+        if kind == ".yaml"
+        else protocol_page(protocol, version=__version__)
+    )
+    write_whole(output, text.encode("utf-8"))
+    ctx.exit(_say(protocol, output))
+
+
+def _fingerprint(plan: Plan) -> str:
+    """Return the fingerprint of a plan, empty where this build has none."""
+    try:
+        module = importlib.import_module("fsoe_net.plan.fingerprint")
+    except ModuleNotFoundError:
+        return ""
+    return str(module.fingerprint_of(plan).whole)
+
+
+def _kind(output: str) -> str:
+    kind = {".yml": ".yaml", ".htm": ".html"}.get(Path(output).suffix, Path(output).suffix)
+    if kind not in (".yaml", ".html"):
+        raise click.UsageError(f"-o {output}: write .yaml to fill in, or .html to print")
+    return kind
+
+
+def _read(path: str) -> Protocol:
+    out = Collector()
+    protocol = load_protocol(path, out)
+    if protocol is None:
+        raise InputError(
+            f"{path} is no test protocol; nothing written: {summary(out.diagnostics)}",
+            out.diagnostics,
+        )
+    return protocol
+
+
+def _shown() -> bool:
+    return sys.stderr.isatty()
+
+
+def _note(text: str) -> None:
+    click.echo(f"  {text}", err=True)
+
+
+class _Person:
+    """The person at the terminal."""
+
+    def guarded(self, step: ProtocolStep) -> bool:
+        click.echo(f"\n{step.id}: {step.what}", err=True)
+        click.echo("Machines may move or stop. Is the area guarded and nobody in it?", err=True)
+        answer = click.prompt(
+            f"write {step.subject} to go on, Enter to leave this step out",
+            default="",
+            show_default=False,
+            err=True,
+        )
+        return str(answer).strip() == step.subject
+
+    def tell(self, text: str) -> None:
+        click.echo(text, err=True)
+
+
+def _say(protocol: Protocol, output: str) -> int:
+    steps = protocol.steps
+    wrong = [
+        step.id
+        for step in steps
+        for seen in (step.emulated, step.live)
+        if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED
+    ]
+    click.echo(f"{output}: {len(steps)} steps, {len(protocol.open_steps)} open at the machine")
+    tried = [s.emulated for s in steps if s.emulated is not None]
+    if tried:
+        left = sum(seen.outcome is Outcome.NOT_RUN for seen in tried)
+        click.echo(f"{len(tried) - left} tried on the emulated bus, {left} not: {EMULATED_NOTE}")
+    for name in dict.fromkeys(wrong):
+        click.echo(f"not as expected: {name}")
+    return 1 if wrong else 0

@@ -1,0 +1,129 @@
+"""A test protocol: what to try, what shall happen, what was seen where and by whom."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from fsoe_net.model.bus import Located
+
+__all__ = ["EMULATED_NOTE", "AtMachine", "Outcome", "Protocol", "ProtocolStep", "Seen", "StepKind"]
+
+EMULATED_NOTE = "EMULATED, not evidence for this machine"
+
+
+class StepKind(enum.Enum):
+    """What a step tries."""
+
+    START_UP = "start_up"
+    TRIGGER = "trigger"
+    LOSS = "loss"
+    FAULT = "fault"
+
+
+class Outcome(enum.Enum):
+    """What came of a step."""
+
+    AS_EXPECTED = "as expected"
+    NOT_AS_EXPECTED = "not as expected"
+    NOT_RUN = "not run"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen(Located):
+    """What a program saw: on the emulated bus, or through a running ``fsn-master``.
+
+    Attributes:
+        outcome: What came of it.
+        measured_ms: Time that was measured, ms; ``None`` without one.
+        remark: What was seen besides, or why it was not run.
+    """
+
+    outcome: Outcome
+    measured_ms: float | None = None
+    remark: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AtMachine(Located):
+    """What a person writes by hand; all empty until then, and no program fills it in.
+
+    Attributes:
+        outcome: ``None`` until filled in.
+        measured_ms: As measured, ms.
+        remark: In words.
+        by: Who was there.
+        date: When.
+    """
+
+    outcome: Outcome | None = None
+    measured_ms: float | None = None
+    remark: str = ""
+    by: str = ""
+    date: str = ""
+
+    @property
+    def filled(self) -> bool:
+        """Whether somebody wrote anything."""
+        return bool(
+            self.outcome or self.measured_ms is not None or self.remark or self.by or self.date
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProtocolStep(Located):
+    """One step.
+
+    Attributes:
+        id: Unique in the protocol, the same whenever the network is the same.
+        kind: What it tries.
+        subject: Safety function, connection, SubDevice or class of faults.
+        what: What to do.
+        expected: What shall happen.
+        limit_ms: Longest time allowed, ms; ``None`` without one.
+        limit_source: Where the limit comes from.
+        emulated: What the emulated bus showed: `EMULATED_NOTE`.
+        live: What a running ``fsn-master`` showed.
+        machine: What a person saw at the machine.
+    """
+
+    id: str
+    kind: StepKind
+    subject: str
+    what: str
+    expected: str
+    limit_ms: float | None = None
+    limit_source: str = ""
+    emulated: Seen | None = None
+    live: Seen | None = None
+    machine: AtMachine = field(default_factory=AtMachine)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the step still waits for a person: what was emulated does not close it."""
+        machine = self.machine
+        return machine.outcome in (None, Outcome.NOT_RUN) or not machine.by or not machine.date
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Protocol(Located):
+    """A test protocol of one configuration.
+
+    Attributes:
+        network: Its name.
+        project: Machine or project; may be empty.
+        plan_sha256: Of the plan that was tried.
+        fingerprint: Of the configuration; empty when it was not worked out.
+        steps: In the order in which they are best done.
+    """
+
+    network: str
+    project: str = ""
+    plan_sha256: str
+    fingerprint: str = ""
+    steps: tuple[ProtocolStep, ...]
+
+    @property
+    def open_steps(self) -> tuple[str, ...]:
+        """Ids of the steps that a person has not finished at the machine."""
+        return tuple(step.id for step in self.steps if step.is_open)

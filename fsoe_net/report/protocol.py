@@ -1,0 +1,84 @@
+"""A test protocol as a page to print and write on."""
+
+from __future__ import annotations
+
+from html import escape
+
+from fsoe_net.model import EMULATED_NOTE, AtMachine, Outcome, Protocol, ProtocolStep, Seen
+from fsoe_net.report.html import html_page, table
+
+__all__ = ["protocol_page"]
+
+_STYLE = "@media print{@page{size:A4 landscape;margin:12mm}}td{min-width:4em}"
+_HEAD = (
+    "Step",
+    "What to do",
+    "Expected",
+    f"EMULATED<br><span class='muted'>{EMULATED_NOTE}</span>",
+    "LIVE<br><span class='muted'>seen by fsn-master</span>",
+    "MACHINE<br><span class='muted'>result, time, remark</span>",
+    "Who, when",
+)
+
+
+def protocol_page(protocol: Protocol, *, version: str) -> str:
+    """Return the page; the same protocol gives the same bytes.
+
+    Args:
+        protocol: What to print.
+        version: Version of fsoe-net.
+    """
+    count = len(protocol.open_steps)
+    title = f"Test protocol of {protocol.network}"
+    body = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="muted">{escape(protocol.project)} fsoe-net {escape(version)}</p>',
+        '<p class="note">The EtherCAT MainDevice is part of the black channel and takes no part in '
+        f"the safety function. This tool is not certified. Column EMULATED: {EMULATED_NOTE}; it "
+        "closes no step. The safety manuals of the devices prevail.</p>",
+        f"<p>Plan <code>{escape(protocol.plan_sha256)}</code></p>",
+    ]
+    if protocol.fingerprint:
+        body.append(f"<p>Fingerprint <code>{escape(protocol.fingerprint)}</code></p>")
+    body.append(f"<p><b>{count} of {len(protocol.steps)} steps open at the machine.</b></p>")
+    body.append(table(_HEAD, [_row(step) for step in protocol.steps]))
+    return html_page(title, body, style=_STYLE)
+
+
+def _row(step: ProtocolStep) -> tuple[str, ...]:
+    limit = ""
+    if step.limit_ms is not None:
+        limit = f"<br>within {step.limit_ms:g} ms <span class='muted'>({escape(step.limit_source)})"
+        limit += "</span>"
+    machine = step.machine
+    return (
+        f"<b>{escape(step.id)}</b>",
+        escape(step.what),
+        escape(step.expected) + limit,
+        _seen(step.emulated),
+        _seen(step.live),
+        _machine(machine),
+        escape(" ".join(part for part in (machine.by, machine.date) if part)),
+    )
+
+
+def _seen(seen: Seen | None) -> str:
+    if seen is None:
+        return ""
+    return _words(seen.outcome, seen.measured_ms, seen.remark)
+
+
+def _machine(machine: AtMachine) -> str:
+    return _words(machine.outcome, machine.measured_ms, machine.remark)
+
+
+def _words(outcome: Outcome | None, measured_ms: float | None, remark: str) -> str:
+    parts = []
+    if outcome is not None:
+        kind = "fail" if outcome is Outcome.NOT_AS_EXPECTED else "info"
+        parts.append(f'<span class="{kind}">{escape(outcome.value)}</span>')
+    if measured_ms is not None:
+        parts.append(f"<b>{measured_ms:g} ms</b>")
+    if remark:
+        parts.append(f"<span class='muted'>{escape(remark)}</span>")
+    return "<br>".join(parts)

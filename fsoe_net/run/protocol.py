@@ -1,0 +1,154 @@
+"""Steps of a test protocol: from safety functions, connections, devices and classes of faults."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fsoe_net.errors import InputError
+from fsoe_net.fsoe.campaign import CATALOGUE
+from fsoe_net.model import (
+    Connection,
+    ElementKind,
+    Protocol,
+    ProtocolStep,
+    Resolution,
+    SafetyFunction,
+    StepKind,
+)
+
+__all__ = ["connections_of", "keep_machine", "make_protocol"]
+
+
+def make_protocol(resolution: Resolution, plan_bytes: bytes, *, fingerprint: str = "") -> Protocol:
+    """Return the protocol of a network, nothing tried yet.
+
+    Args:
+        resolution: A network without errors.
+        plan_bytes: Its plan.
+        fingerprint: Of the configuration; empty when it was not worked out.
+    """
+    network = resolution.network
+    steps = [_start_up(connection) for connection in resolution.connections]
+    steps += [_trigger(function) for function in network.safety_functions]
+    names = dict.fromkeys(sub.name for sub in network.subdevices)
+    steps += [_loss(name, connections_of(resolution, name)) for name in names]
+    steps += [_fault(name) for name in CATALOGUE]
+    return Protocol(
+        network=network.name,
+        project=network.project or "",
+        plan_sha256=hashlib.sha256(plan_bytes).hexdigest(),
+        fingerprint=fingerprint,
+        steps=tuple(steps),
+    )
+
+
+def connections_of(resolution: Resolution, subdevice: str) -> list[Connection]:
+    """Return the connections with an end in a SubDevice."""
+    return [c for c in resolution.connections if subdevice in (c.main.name, c.sub.name)]
+
+
+def _start_up(connection: Connection) -> ProtocolStep:
+    return ProtocolStep(
+        id=f"start-up {connection.name}",
+        kind=StepKind.START_UP,
+        subject=connection.name,
+        what="Switch on everything and wait; press nothing.",
+        expected=f"{connection.name} reaches state Data; no output is on before a reset.",
+    )
+
+
+def _trigger(function: SafetyFunction) -> ProtocolStep:
+    required = function.required_reaction_ms
+    inputs = _parts(function, ElementKind.INPUT)
+    return ProtocolStep(
+        id=f"trigger {function.name}",
+        kind=StepKind.TRIGGER,
+        subject=function.name,
+        what=f"Outputs on. {function.trigger or f'Trigger {function.name} at {inputs}'}.",
+        expected=f"{function.reaction or 'The outputs go off'}; stays so when the trigger is "
+        "taken back, until a reset is pressed.",
+        limit_ms=required,
+        limit_source="" if required is None else "required reaction time of the network file",
+    )
+
+
+def _parts(function: SafetyFunction, kind: ElementKind) -> str:
+    return ", ".join(e.sub or e.name for e in function.elements if e.kind is kind) or "its input"
+
+
+def _loss(name: str, connections: Sequence[Connection]) -> ProtocolStep:
+    watchdogs = [c.facts.watchdog_ms for c in connections if c.facts and c.facts.watchdog_ms]
+    if not connections:
+        expected = f"{name} has no FSoE end: no output comes on; note what the connections do."
+    else:
+        expected = (
+            f"{', '.join(c.name for c in connections)} leave Data; the outputs of their logic "
+            f"go off and stay off when {name} is back, until a reset is pressed."
+        )
+    whole = bool(connections) and len(watchdogs) == len(connections)
+    return ProtocolStep(
+        id=f"loss {name}",
+        kind=StepKind.LOSS,
+        subject=name,
+        what=f"Outputs on. Take {name} off the bus; then put it back.",
+        expected=expected,
+        limit_ms=2.0 * max(watchdogs) if whole else None,
+        limit_source="twice the longest watchdog of its connections" if whole else "",
+    )
+
+
+def _fault(name: str) -> ProtocolStep:
+    return ProtocolStep(
+        id=f"fault {name}",
+        kind=StepKind.FAULT,
+        subject=name,
+        what=f"Put faults of class {name} into every connection (see the fault catalogue).",
+        expected="No wrong frame is accepted but where its CRCs fit by accident, and these are not "
+        "more than the CRC allows.",
+    )
+
+
+def keep_machine(new: Protocol, old: Protocol) -> Protocol:
+    """Return the new protocol with what people wrote into the old one, and its other columns.
+
+    Raises:
+        InputError: People wrote into the old one, and it is of another plan or has other steps.
+    """
+    written = {step.id: step for step in old.steps if step.machine.filled}
+    if new.plan_sha256 != old.plan_sha256:
+        if written:
+            raise InputError(
+                "that file holds results at the machine of another plan "
+                f"({old.plan_sha256[:16]}, now {new.plan_sha256[:16]}); write to another file"
+            )
+        return new
+    lost = sorted(written.keys() - {step.id for step in new.steps})
+    if lost:
+        raise InputError(
+            f"that file holds results at the machine for steps that are no more: {lost[0]}; "
+            "write to another file"
+        )
+    before = {step.id: step for step in old.steps}
+    return replace(new, steps=tuple(_merged(step, before.get(step.id)) for step in new.steps))
+
+
+def _merged(step: ProtocolStep, old: ProtocolStep | None) -> ProtocolStep:
+    if old is None:
+        return step
+    if old.machine.filled and (old.what, old.expected, old.limit_ms) != (
+        step.what,
+        step.expected,
+        step.limit_ms,
+    ):
+        raise InputError(
+            f"step {step.id} now asks for something else than what was done at the machine; "
+            "write to another file"
+        )
+    return replace(
+        step,
+        machine=old.machine,
+        emulated=step.emulated or old.emulated,
+        live=step.live or old.live,
+    )

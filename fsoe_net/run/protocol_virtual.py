@@ -1,0 +1,286 @@
+"""A test protocol on the emulated bus, in virtual time: fills in the column EMULATED."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+from fsoe_net.diag import Span
+from fsoe_net.fsoe.campaign import CampaignConfig, ClassResult
+from fsoe_net.model import (
+    Action,
+    ElementKind,
+    Outcome,
+    Protocol,
+    ProtocolStep,
+    Resolution,
+    SafetyFunction,
+    Scenario,
+    Seen,
+    Step,
+    StepKind,
+)
+from fsoe_net.run.campaign import campaign_links, run_campaign
+from fsoe_net.run.engine import state_word
+from fsoe_net.run.session import Session, counted_session_ids
+
+__all__ = ["run_protocol_virtual"]
+
+_MS = 1_000_000
+_PATIENCE_NS = 10_000 * _MS  # for the first Data
+_SETTLE_NS = 100 * _MS
+_PHASES = 4  # bus cycles at which a trigger is tried
+_FAULTS = 200  # per class
+
+Progress = Callable[[str], None]
+
+
+def run_protocol_virtual(
+    protocol: Protocol,
+    resolution: Resolution,
+    plan_bytes: bytes,
+    *,
+    faults: int = _FAULTS,
+    on_step: Progress | None = None,
+) -> Protocol:
+    """Return the protocol with the column EMULATED filled in; the same input gives the same.
+
+    Args:
+        protocol: Of this network.
+        resolution: A network without errors.
+        plan_bytes: Its plan.
+        faults: Faults per class.
+        on_step: Called before each step with its id.
+
+    Raises:
+        PlanFormatError: The core refuses the plan.
+        CoreMissing: The compiled part is not there.
+    """
+    emulation = _Emulation(resolution, plan_bytes, faults)
+    steps = []
+    for step in protocol.steps:
+        if on_step is not None:
+            on_step(step.id)
+        steps.append(replace(step, emulated=emulation.seen(step)))
+    return replace(protocol, steps=tuple(steps))
+
+
+class _Emulation:
+    """The emulated bus of one network; every step starts anew."""
+
+    def __init__(self, resolution: Resolution, plan_bytes: bytes, faults: int) -> None:
+        self._resolution = resolution
+        self._plan_bytes = plan_bytes
+        self._faults = faults
+        first = self._session(())
+        self._early = False
+        names = first.network.mains.keys()
+        for _now in _cycles(first, _PATIENCE_NS):
+            self._early = self._early or bool(_on(first, first.network.safe_outputs))
+            if first.engine.time_to_data_ns.keys() == names:
+                break
+        self._to_data_ns = dict(first.engine.time_to_data_ns)
+        self._cycle_ns = first.cycle_ns
+        settled = max(self._to_data_ns.values(), default=0) + _SETTLE_NS
+        self._act_ns = settled // self._cycle_ns * self._cycle_ns + 4 * _SETTLE_NS
+        self._press = (
+            _step(settled, Action.PRESS, "reset"),
+            _step(settled + _SETTLE_NS, Action.RELEASE, "reset"),
+        )
+        self._watchdog_ns = max(s.watchdog_ms for s in first.network.setups) * _MS
+
+    def seen(self, step: ProtocolStep) -> Seen:
+        """Try one step."""
+        if step.kind is StepKind.START_UP:
+            return self._start_up(step)
+        if step.kind is StepKind.FAULT:
+            return self._fault(step)
+        if len(self._to_data_ns) < len(self._resolution.connections):
+            return _not_run("not all connections reached Data")
+        if step.kind is StepKind.LOSS:
+            return self._loss(step)
+        functions = {f.name: f for f in self._resolution.network.safety_functions}
+        return self._trigger(step, functions[step.subject])
+
+    def _session(self, steps: Iterable[Step]) -> Session:
+        scenario = Scenario(
+            span=Span("test protocol"), path="", duration_ns=None, steps=tuple(steps)
+        )
+        return Session(
+            self._resolution, self._plan_bytes, scenario, session_ids=counted_session_ids()
+        )
+
+    def _start_up(self, step: ProtocolStep) -> Seen:
+        reached = self._to_data_ns.get(step.subject)
+        if reached is None:
+            return Seen(outcome=Outcome.NOT_AS_EXPECTED, remark="never reached Data")
+        if self._early:
+            return Seen(outcome=Outcome.NOT_AS_EXPECTED, remark="an output was on before a reset")
+        return Seen(outcome=Outcome.AS_EXPECTED, measured_ms=reached / _MS)
+
+    # -- trigger ----------------------------------------------------------------------------------
+
+    def _trigger(self, step: ProtocolStep, function: SafetyFunction) -> Seen:
+        slowest = 0
+        for phase in range(_PHASES):
+            found = self._triggered(function, self._act_ns + phase * self._cycle_ns)
+            if isinstance(found, Seen):
+                return found
+            slowest = max(slowest, found)
+        return _within(
+            step,
+            slowest,
+            f"longest of {_PHASES} tries, from safe input to safe output; the emulated devices "
+            "answer within a bus cycle, sensor and actuator are not in it",
+        )
+
+    def _triggered(self, function: SafetyFunction, act_ns: int) -> Seen | int:
+        network = self._session(()).network
+        inputs = _subs(function, ElementKind.INPUT)
+        outputs = _subs(function, ElementKind.OUTPUT)
+        pressed = {
+            name: 0
+            for name in network.default_inputs()
+            if network.safe_inputs[name].setup.connection.sub.name in inputs
+        }
+        if not pressed:
+            return _not_run(f"{', '.join(inputs) or 'its input'} has no emulated safe input bits")
+        away_ns = act_ns + 2 * self._watchdog_ns + _SETTLE_NS
+        back = dict.fromkeys(pressed, 1)
+        session = self._session(
+            (
+                *self._press,
+                _step(act_ns, Action.SET, values=pressed),
+                _step(away_ns, Action.SET, values=back),
+            )
+        )
+        names = [
+            name
+            for name, port in session.network.safe_outputs.items()
+            if port.setup.connection.sub.name in outputs
+        ]
+        return self._reaction(session, names, act_ns, away_ns + 4 * _SETTLE_NS)
+
+    def _reaction(
+        self, session: Session, names: Iterable[str], act_ns: int, end_ns: int
+    ) -> Seen | int:
+        """Return the time from an action until all outputs are off, ns; they must stay off."""
+        watched: list[str] = []
+        off_ns: int | None = None
+        for now in _cycles(session, end_ns):
+            if now < act_ns:
+                watched = _on(session, names)
+                if now + session.cycle_ns >= act_ns and not watched:
+                    return _not_run("none of its outputs was on")
+            elif off_ns is None:
+                off_ns = now if not _on(session, watched) else None
+            elif again := _on(session, watched):
+                return Seen(
+                    outcome=Outcome.NOT_AS_EXPECTED,
+                    measured_ms=(off_ns - act_ns) / _MS,
+                    remark=f"{again[0]} came on again without a reset",
+                )
+        if off_ns is None:
+            left = ", ".join(_on(session, watched)[:3])
+            return Seen(outcome=Outcome.NOT_AS_EXPECTED, remark=f"still on: {left}")
+        return off_ns - act_ns
+
+    # -- loss -------------------------------------------------------------------------------------
+
+    def _loss(self, step: ProtocolStep) -> Seen:
+        name = step.subject
+        act_ns = self._act_ns
+        back_ns = act_ns + 2 * self._watchdog_ns + 2 * _SETTLE_NS
+        end_ns = back_ns + 2 * max(self._to_data_ns.values()) + 2 * self._watchdog_ns
+        session = self._session(
+            (
+                *self._press,
+                _step(act_ns, Action.BREAK, name),
+                _step(back_ns, Action.HEAL, name),
+            )
+        )
+        if name not in session.plan.subdevice_names:
+            return _not_run(f"{name} carries no process data that is copied")
+        own = [c for c in self._resolution.connections if name in (c.main.name, c.sub.name)]
+        if not own:
+            return self._bystander(session, back_ns)
+        mains = {c.main.name for c in own}
+        names = [
+            signal
+            for signal, port in session.network.safe_outputs.items()
+            if port.setup.connection.main.name in mains
+        ]
+        found = self._reaction(session, names, act_ns, end_ns)
+        return found if isinstance(found, Seen) else _within(step, found, "until all are off")
+
+    def _bystander(self, session: Session, end_ns: int) -> Seen:
+        network, came_on, before = session.network, False, 0
+        for now in _cycles(session, end_ns):
+            count = len(_on(session, network.safe_outputs))
+            came_on = came_on or (now > self._act_ns and count > before)
+            before = count
+        stayed = sum(
+            state_word(main, network.subs[name]).startswith("data")
+            for name, main in network.mains.items()
+        )
+        return Seen(
+            outcome=Outcome.NOT_AS_EXPECTED if came_on else Outcome.AS_EXPECTED,
+            remark=f"{stayed} of {len(network.mains)} connections in Data without it",
+        )
+
+    # -- faults -----------------------------------------------------------------------------------
+
+    def _fault(self, step: ProtocolStep) -> Seen:
+        config = CampaignConfig(links=campaign_links(self._resolution), seed=0)
+        (row,) = run_campaign(config, (step.subject,), self._faults).classes
+        return Seen(
+            outcome=Outcome.AS_EXPECTED if row.passed else Outcome.NOT_AS_EXPECTED,
+            measured_ms=row.latency_max_ns / _MS if row.detected else None,
+            remark=_counts(row),
+        )
+
+
+def _counts(row: ClassResult) -> str:
+    longest = "; the time is the longest until detection" if row.detected else ""
+    return (
+        f"{row.injected} faults: {row.detected} detected, {row.tolerated} tolerated, "
+        f"{row.collisions} CRC collisions, {row.wrongly_accepted} wrongly accepted{longest}"
+    )
+
+
+def _cycles(session: Session, end_ns: int) -> Iterable[int]:
+    """Run cycle by cycle until a time; yields the time of each."""
+    for now in range(session.cycle_ns, end_ns + 1, session.cycle_ns):
+        session.core.cycle(now)
+        session.step_devices(now)
+        yield now
+
+
+def _on(session: Session, names: Iterable[str]) -> list[str]:
+    return [name for name in names if session.network.safe_output(name)]
+
+
+def _subs(function: SafetyFunction, kind: ElementKind) -> list[str]:
+    return [e.sub for e in function.elements if e.kind is kind and e.sub]
+
+
+def _step(
+    at_ns: int, action: Action, target: str = "", values: dict[str, int] | None = None
+) -> Step:
+    return Step(
+        span=Span("test protocol"), at_ns=at_ns, action=action, target=target, values=values or {}
+    )
+
+
+def _not_run(why: str) -> Seen:
+    return Seen(outcome=Outcome.NOT_RUN, remark=why)
+
+
+def _within(step: ProtocolStep, took_ns: int, remark: str) -> Seen:
+    took = took_ns / _MS
+    late = step.limit_ms is not None and took > step.limit_ms
+    return Seen(
+        outcome=Outcome.NOT_AS_EXPECTED if late else Outcome.AS_EXPECTED,
+        measured_ms=took,
+        remark=f"later than {step.limit_ms:g} ms; {remark}" if late else remark,
+    )

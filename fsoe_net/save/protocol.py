@@ -1,0 +1,65 @@
+"""Test protocols as YAML, for people to fill in and for version control."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from fsoe_net.model import EMULATED_NOTE, Protocol, ProtocolStep, Seen
+
+__all__ = ["write_protocol"]
+
+_HEAD = f"""\
+# Test protocol. Column "emulated": {EMULATED_NOTE}.
+# Column "live": what a running fsn-master showed. Column "machine" is yours: write into it
+#   result: as expected | not as expected | not run, measured_ms, remark, by, date.
+# A step stays open until machine has result, by and date. Not certified, no safety function.
+"""
+
+
+def write_protocol(protocol: Protocol) -> str:
+    """Return the text of a protocol; the same protocol gives the same text."""
+    document: dict[str, Any] = {
+        "version": 1,
+        "network": protocol.network,
+        "project": protocol.project,
+        "plan_sha256": protocol.plan_sha256,
+        "fingerprint": protocol.fingerprint,
+        "emulated_note": EMULATED_NOTE,
+        "steps": [_step(step) for step in protocol.steps],
+    }
+    body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
+    return _HEAD + str(body)
+
+
+def _step(step: ProtocolStep) -> dict[str, Any]:
+    machine = step.machine
+    return {
+        "id": step.id,
+        "kind": step.kind.value,
+        "subject": step.subject,
+        "do": step.what,
+        "expect": step.expected,
+        "limit_ms": step.limit_ms,
+        "limit_source": step.limit_source,
+        "emulated": _seen(step.emulated),
+        "live": _seen(step.live),
+        "machine": {
+            "result": machine.outcome.value if machine.outcome else "",
+            "measured_ms": "" if machine.measured_ms is None else machine.measured_ms,
+            "remark": machine.remark,
+            "by": machine.by,
+            "date": machine.date,
+        },
+    }
+
+
+def _seen(seen: Seen | None) -> dict[str, Any] | None:
+    if seen is None:
+        return None
+    return {
+        "result": seen.outcome.value,
+        "measured_ms": seen.measured_ms,
+        "remark": seen.remark,
+    }

@@ -1,0 +1,51 @@
+"""`fsoe-net test-protocol`: files it writes, what it refuses, exit codes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cli.tool import fsn
+
+TIMED = str(Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml")
+
+
+def test_an_empty_protocol_and_its_page(tmp_path: Path) -> None:
+    text, page = tmp_path / "protocol.yaml", tmp_path / "protocol.html"
+    done = fsn("test-protocol", TIMED, "-o", str(text))
+    assert done.returncode == 0, done.stderr
+    assert "steps" in done.stdout
+    assert "open at the machine" in done.stdout
+    written = text.read_text("utf-8")
+    assert "EMULATED, not evidence for this machine" in written
+    done = fsn("test-protocol", TIMED, "--from", str(text), "-o", str(page))
+    assert done.returncode == 0, done.stderr
+    assert "trigger estop" in page.read_text("utf-8")
+
+
+def test_handwriting_survives_and_a_broken_file_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "protocol.yaml"
+    assert fsn("test-protocol", TIMED, "-o", str(path)).returncode == 0
+    filled = path.read_text("utf-8").replace("by: ''", "by: A. Person", 1)
+    path.write_text(filled, "utf-8")
+    assert fsn("test-protocol", TIMED, "-o", str(path)).returncode == 0
+    assert path.read_text("utf-8") == filled
+    path.write_text("version: 1\n", "utf-8")
+    done = fsn("test-protocol", TIMED, "-o", str(path))
+    assert done.returncode == 1
+    assert "nothing written" in done.stderr
+    assert path.read_text("utf-8") == "version: 1\n"
+
+
+def test_live_needs_a_person_at_a_terminal(tmp_path: Path) -> None:
+    done = fsn("test-protocol", TIMED, "--live", "nowhere.sock", "-o", str(tmp_path / "p.yaml"))
+    assert done.returncode == 2
+    assert "from a terminal" in done.stderr
+    assert not (tmp_path / "p.yaml").exists()
+
+
+def test_what_does_not_go_together(tmp_path: Path) -> None:
+    both = fsn("test-protocol", TIMED, "--virtual", "--live", "x", "-o", str(tmp_path / "p.yaml"))
+    assert both.returncode == 2
+    other = fsn("test-protocol", TIMED, "-o", str(tmp_path / "p.pdf"))
+    assert other.returncode == 2
+    assert ".yaml" in other.stderr

@@ -1,0 +1,330 @@
+"""Test protocols: steps, what the emulated and the live bus fill in, what people wrote is kept."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import jsonschema
+import pytest
+import yaml
+from run.support import ESTOP, needs_core, resolution_of
+
+from fsoe_net.errors import InputError
+from fsoe_net.fsoe.campaign import CATALOGUE
+from fsoe_net.load import Collector, load_network, load_protocol, read_schema
+from fsoe_net.model import (
+    EMULATED_NOTE,
+    AtMachine,
+    Outcome,
+    Protocol,
+    ProtocolStep,
+    Resolution,
+    StepKind,
+    resolve,
+)
+from fsoe_net.plan import compile_plan
+from fsoe_net.report import protocol_page
+from fsoe_net.run import (
+    keep_machine,
+    make_protocol,
+    run_protocol_live,
+    run_protocol_virtual,
+)
+from fsoe_net.save import write_protocol
+
+TIMED = Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml"
+DONE = AtMachine(outcome=Outcome.AS_EXPECTED, measured_ms=61.5, by="A. Person", date="2026-11-21")
+
+
+def timed() -> Resolution:
+    network = load_network([TIMED]).network
+    assert network is not None
+    return resolve(network)
+
+
+def protocol_of(resolution: Resolution) -> tuple[Protocol, bytes]:
+    plan = compile_plan(resolution).to_bytes()
+    return make_protocol(resolution, plan), plan
+
+
+def only(protocol: Protocol, *kinds: StepKind) -> Protocol:
+    return replace(protocol, steps=tuple(s for s in protocol.steps if s.kind in kinds))
+
+
+def by_id(protocol: Protocol) -> dict[str, ProtocolStep]:
+    return {step.id: step for step in protocol.steps}
+
+
+def test_steps_of_functions_connections_devices_and_faults() -> None:
+    protocol, _ = protocol_of(timed())
+    ids = list(by_id(protocol))
+    assert ids[:6] == [
+        "start-up logic-io",
+        "start-up logic-io2",
+        "trigger estop",
+        "loss io",
+        "loss io2",
+        "loss logic",
+    ]
+    assert ids[6:] == [f"fault {name}" for name in CATALOGUE]
+    trigger = by_id(protocol)["trigger estop"]
+    assert "ES1 is pressed" in trigger.what
+    assert "K1 opens" in trigger.expected
+    assert trigger.limit_ms == 230
+    assert len(protocol.open_steps) == len(ids)
+
+
+@needs_core
+def test_the_emulated_bus_measures_and_closes_no_step() -> None:
+    resolution = timed()
+    empty, plan = protocol_of(resolution)
+    wanted = only(empty, StepKind.START_UP, StepKind.TRIGGER, StepKind.LOSS)
+    done = run_protocol_virtual(wanted, resolution, plan)
+    assert [s.emulated.outcome for s in done.steps if s.emulated] == [Outcome.AS_EXPECTED] * 6
+    steps = by_id(done)
+    times = {name: s.emulated.measured_ms for name, s in steps.items() if s.emulated}
+    assert 0 < (times["trigger estop"] or 0) < 20  # two handshakes of a few bus cycles
+    assert 100 <= (times["loss io"] or 0) <= 110  # its watchdog is 100 ms
+    assert done.open_steps == wanted.open_steps
+    assert all(not s.machine.filled and s.live is None for s in done.steps)
+    assert run_protocol_virtual(wanted, resolution, plan) == done
+
+
+@needs_core
+def test_a_reaction_that_comes_too_late_is_said() -> None:
+    resolution = timed()
+    empty, plan = protocol_of(resolution)
+    trigger = replace(by_id(empty)["trigger estop"], limit_ms=1.0)
+    (step,) = run_protocol_virtual(replace(empty, steps=(trigger,)), resolution, plan).steps
+    assert step.emulated is not None
+    assert step.emulated.outcome is Outcome.NOT_AS_EXPECTED
+    assert step.emulated.remark.startswith("later than 1 ms")
+
+
+@needs_core
+def test_faults_are_counted_per_class() -> None:
+    resolution = resolution_of(ESTOP)
+    empty, plan = protocol_of(resolution)
+    wanted = [s for s in empty.steps if s.subject in ("delay", "repetition", "masquerade")]
+    done = run_protocol_virtual(replace(empty, steps=tuple(wanted)), resolution, plan, faults=20)
+    for step in done.steps:
+        assert step.emulated is not None
+        assert step.emulated.outcome is Outcome.AS_EXPECTED
+        assert step.emulated.remark.startswith("20 faults: ")
+        assert "0 wrongly accepted" in step.emulated.remark
+
+
+@needs_core
+def test_a_function_without_emulated_inputs_stays_open_with_the_reason() -> None:
+    network = load_network([TIMED]).network
+    assert network is not None
+    (function,) = network.safety_functions
+    elements = tuple(replace(e, sub="logic") if e.sub == "io" else e for e in function.elements)
+    network = replace(network, safety_functions=(replace(function, elements=elements),))
+    resolution = resolve(network)
+    empty, plan = protocol_of(resolution)
+    (step,) = run_protocol_virtual(only(empty, StepKind.TRIGGER), resolution, plan).steps
+    assert step.emulated is not None
+    assert step.emulated.outcome is Outcome.NOT_RUN
+    assert "no emulated safe input bits" in step.emulated.remark
+
+
+# -- the file -------------------------------------------------------------------------------------
+
+
+def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
+    protocol, _ = protocol_of(timed())
+    first = replace(protocol.steps[0], machine=DONE)
+    protocol = replace(protocol, steps=(first, *protocol.steps[1:]))
+    path = tmp_path / "protocol.yaml"
+    text = write_protocol(protocol)
+    path.write_text(text, "utf-8")
+    out = Collector()
+    assert load_protocol(path, out) == protocol
+    assert out.diagnostics == []
+    assert EMULATED_NOTE in text
+    jsonschema.validate(yaml.safe_load(text), read_schema("protocol"))
+    assert protocol.steps[0].id not in protocol.open_steps
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("kind: trigger", "kind: triggered", "triggered"),
+        ("result: ''", "result: fine", "fine"),
+        ("limit_ms: 230.0", "limit_ms: soon", "soon"),
+        ("limit_ms: 230.0", "limit_ms: -1", "-1"),
+        ("id: loss io2", "id: loss io", "twice"),
+        ("emulated: null", "emulatd: null", "emulatd"),
+    ],
+)
+def test_mistakes_of_people_are_located(
+    before: str, after: str, words: str, tmp_path: Path
+) -> None:
+    protocol, _ = protocol_of(timed())
+    text = write_protocol(protocol)
+    assert before in text
+    path = tmp_path / "protocol.yaml"
+    path.write_text(text.replace(before, after, 1), "utf-8")
+    out = Collector()
+    assert load_protocol(path, out) is None
+    found = out.diagnostics[0]
+    assert words in f"{found.message} {found.hint}"
+    assert found.span.line > 4
+
+
+def test_a_step_stays_open_without_name_and_date() -> None:
+    protocol, _ = protocol_of(timed())
+    step = protocol.steps[0]
+    assert not replace(step, machine=DONE).is_open
+    assert replace(step, machine=replace(DONE, by="")).is_open
+    assert replace(step, machine=replace(DONE, date="")).is_open
+    assert replace(step, machine=replace(DONE, outcome=Outcome.NOT_RUN)).is_open
+
+
+def test_what_people_wrote_is_kept_or_nothing_is_written() -> None:
+    fresh, _ = protocol_of(timed())
+    written = replace(fresh, steps=(replace(fresh.steps[0], machine=DONE), *fresh.steps[1:]))
+    assert keep_machine(fresh, written) == written
+    with pytest.raises(InputError, match="of another plan"):
+        keep_machine(replace(fresh, plan_sha256="0" * 64), written)
+    with pytest.raises(InputError, match="are no more"):
+        keep_machine(replace(fresh, steps=fresh.steps[1:]), written)
+    changed = replace(fresh.steps[0], expected="something else")
+    with pytest.raises(InputError, match="asks for something else"):
+        keep_machine(replace(fresh, steps=(changed, *fresh.steps[1:])), written)
+    empty = replace(written, steps=fresh.steps, plan_sha256="0" * 64)
+    assert keep_machine(fresh, empty) == fresh
+
+
+def test_the_page_says_what_is_emulated_and_leaves_room() -> None:
+    protocol, _ = protocol_of(timed())
+    strange = replace(protocol.steps[0], subject="<b>", what="a & b")
+    page = protocol_page(replace(protocol, steps=(strange,)), version="0")
+    assert EMULATED_NOTE in page
+    assert "MACHINE" in page
+    assert "1 of 1 steps open" in page
+    assert "a &amp; b" in page
+
+
+# -- live -----------------------------------------------------------------------------------------
+
+
+@dataclass
+class Bus:
+    """A running fsn-master with two connections; SubDevices in ``off`` are unplugged."""
+
+    plan_sha256: str
+    off: set[str] = field(default_factory=set)
+
+    def status(self) -> SimpleNamespace:
+        return SimpleNamespace(plan_sha256=self.plan_sha256)
+
+    def connections(self) -> tuple[SimpleNamespace, ...]:
+        pairs = {"logic-io": {"logic", "io"}, "logic-io2": {"logic", "io2"}}
+        return tuple(
+            SimpleNamespace(
+                name=name,
+                seen=SimpleNamespace(
+                    state=SimpleNamespace(word="reset" if ends & self.off else "data_process")
+                ),
+            )
+            for name, ends in pairs.items()
+        )
+
+    def subdevices(self) -> tuple[SimpleNamespace, ...]:
+        return tuple(
+            SimpleNamespace(name=name, in_op=name not in self.off)
+            for name in ("io", "io2", "logic")
+        )
+
+
+@dataclass
+class Person:
+    """Does what is asked, if willing."""
+
+    bus: Bus
+    confirms: bool = True
+    acts: bool = True
+    told: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+    def guarded(self, step: ProtocolStep) -> bool:
+        self.asked.append(step.id)
+        return self.confirms
+
+    def tell(self, text: str) -> None:
+        self.told.append(text)
+        if not self.acts:
+            return
+        if text.startswith("Take "):
+            self.bus.off.add(text.split()[1])
+        else:
+            self.bus.off.discard(text.split()[1])
+
+
+def live(person: Person, protocol: Protocol) -> dict[str, ProtocolStep]:
+    done = run_protocol_live(
+        protocol,
+        timed(),
+        person.bus,  # type: ignore[arg-type]
+        person,
+        wait_s=0.1,
+        sleep=lambda _: None,
+    )
+    return by_id(done)
+
+
+def test_each_loss_is_confirmed_and_watched() -> None:
+    protocol, _ = protocol_of(timed())
+    person = Person(Bus(protocol.plan_sha256))
+    steps = live(person, protocol)
+    assert person.asked == ["loss io", "loss io2", "loss logic"]
+    for name in ("start-up logic-io", "loss io", "loss logic"):
+        seen = steps[name].live
+        assert seen is not None
+        assert seen.outcome is Outcome.AS_EXPECTED
+        assert "outputs" in seen.remark  # what it did not see
+    assert steps["trigger estop"].live is None
+    assert steps["fault delay"].live is None
+    assert all(step.is_open and step.emulated is None for step in steps.values())
+
+
+@pytest.mark.parametrize(
+    ("confirms", "acts", "remark"),
+    [(False, True, "nobody confirmed"), (True, False, "stayed on the bus")],
+)
+def test_without_confirmation_or_deed_a_loss_is_not_run(
+    confirms: bool, acts: bool, remark: str
+) -> None:
+    protocol, _ = protocol_of(timed())
+    person = Person(Bus(protocol.plan_sha256), confirms=confirms, acts=acts)
+    seen = live(person, protocol)["loss io"].live
+    assert seen is not None
+    assert seen.outcome is Outcome.NOT_RUN
+    assert remark in seen.remark
+    assert bool(person.told) is confirms
+
+
+def test_a_connection_that_is_not_in_data_is_said() -> None:
+    protocol, _ = protocol_of(timed())
+    person = Person(Bus(protocol.plan_sha256, off={"io2"}))
+    steps = live(person, protocol)
+    seen = steps["start-up logic-io2"].live
+    assert seen is not None
+    assert seen.outcome is Outcome.NOT_AS_EXPECTED
+    assert "loss io2" not in person.asked
+
+
+def test_another_plan_is_refused() -> None:
+    protocol, _ = protocol_of(timed())
+    with pytest.raises(InputError, match="another plan"):
+        live(Person(Bus("0" * 64)), protocol)
+
+
+def test_the_schema_is_a_schema() -> None:
+    jsonschema.Draft202012Validator.check_schema(read_schema("protocol"))
+    assert json.dumps(read_schema("protocol")).count("description") > 20
