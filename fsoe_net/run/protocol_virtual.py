@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from fsoe_net.diag import Span
-from fsoe_net.fsoe.campaign import CampaignConfig, ClassResult
+from fsoe_net.fsoe.campaign import EXHAUSTIVE, CampaignConfig, ClassResult
 from fsoe_net.model import (
     Action,
     ElementKind,
@@ -231,8 +231,15 @@ class _Emulation:
     # -- faults -----------------------------------------------------------------------------------
 
     def _fault(self, step: ProtocolStep) -> Seen:
-        config = CampaignConfig(links=campaign_links(self._resolution), seed=0)
-        (row,) = run_campaign(config, (step.subject,), self._faults).classes
+        links = campaign_links(self._resolution)
+        if step.subject == EXHAUSTIVE:  # every frame of a size: one connection of each will do
+            sizes = {(c.main.safe_out_bytes, c.main.safe_in_bytes): c for c in reversed(links)}
+            links = tuple(reversed(sizes.values()))
+        config = CampaignConfig(links=links, seed=0)
+        result = run_campaign(config, (step.subject,), self._faults)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        (row,) = result.classes
         return Seen(
             outcome=Outcome.AS_EXPECTED if row.passed else Outcome.NOT_AS_EXPECTED,
             measured_ms=row.latency_max_ns / _MS if row.detected else None,

@@ -13,7 +13,7 @@ import yaml
 from run.support import ESTOP, needs_core, resolution_of
 
 from fsoe_net.errors import InputError
-from fsoe_net.fsoe.campaign import CATALOGUE
+from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig
 from fsoe_net.load import Collector, load_network, load_protocol, read_schema
 from fsoe_net.model import (
     EMULATED_NOTE,
@@ -118,6 +118,23 @@ def test_faults_are_counted_per_class() -> None:
 
 
 @needs_core
+def test_all_bit_errors_of_a_size_are_tried_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    resolution = timed()
+    empty, plan = protocol_of(resolution)
+    wanted = [s for s in empty.steps if s.subject == EXHAUSTIVE]
+    tried: list[tuple[str, ...]] = []
+
+    def stopped(config: CampaignConfig, *_: object) -> SimpleNamespace:
+        tried.append(tuple(link.name for link in config.links))
+        return SimpleNamespace(interrupted=True)
+
+    monkeypatch.setattr("fsoe_net.run.protocol_virtual.run_campaign", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        run_protocol_virtual(replace(empty, steps=tuple(wanted)), resolution, plan)
+    assert tried == [("logic-io",)]  # logic-io2 has the same sizes
+
+
+@needs_core
 def test_a_function_without_emulated_inputs_stays_open_with_the_reason() -> None:
     network = load_network([TIMED]).network
     assert network is not None
@@ -174,6 +191,22 @@ def test_mistakes_of_people_are_located(
     found = out.diagnostics[0]
     assert words in f"{found.message} {found.hint}"
     assert found.span.line > 4
+
+
+def test_a_date_and_a_number_by_hand_are_read(tmp_path: Path) -> None:
+    protocol, _ = protocol_of(timed())
+    text = write_protocol(protocol)
+    text = text.replace(
+        "    result: ''\n    measured_ms: ''", "    result: as expected\n    measured_ms: 61.5", 1
+    )
+    text = text.replace("by: ''", "by: A. Person", 1).replace("date: ''", "date: 2026-11-21", 1)
+    path = tmp_path / "protocol.yaml"
+    path.write_text(text, "utf-8")
+    out = Collector()
+    read = load_protocol(path, out)
+    assert out.diagnostics == []
+    assert read is not None
+    assert read.steps[0].machine == DONE
 
 
 def test_a_step_stays_open_without_name_and_date() -> None:
