@@ -29,6 +29,7 @@ _STYLE = (
 
 
 # -- text -----------------------------------------------------------------------------------------
+_HANDSHAKE = "FSoE handshake counted; not in the verdict"
 
 
 def budget_text(budget: Budget) -> str:
@@ -88,6 +89,9 @@ def _function_lines(row: FunctionBudget) -> list[str]:
             ["  worst case, one failure", _ms(r.worst_etg), f"ETG.5100 9.3 ({both or 'no bus'})"],
             ["  typical", _ms(r.typical), "Beckhoff"],
             ["  worst case, two watchdogs", _ms(r.worst_beckhoff), "Beckhoff"],
+            ["  error-free, waits for the turn", _ms(r.polled), _HANDSHAKE],
+            ["  one connection breaks", _ms(r.broken), _HANDSHAKE],
+            ["  both lost and late at will", _ms(r.disturbed), _HANDSHAKE],
         ]
         lines += _columns(times)
     required = f.required_reaction_ms
@@ -169,6 +173,9 @@ def _function_document(row: FunctionBudget) -> dict[str, Any]:
             "worst_output_ms": r.worst_output,
             "worst_etg_ms": r.worst_etg,
             "worst_beckhoff_ms": r.worst_beckhoff,
+            "handshake_error_free_ms": r.polled,
+            "handshake_one_breaks_ms": r.broken,
+            "handshake_both_disturbed_ms": r.disturbed,
             "watchdog_in_ms": r.watchdog_in,
             "watchdog_out_ms": r.watchdog_out,
         }

@@ -26,6 +26,12 @@ from fsoe_net.timing.formulas import (
     worst_case_input,
     worst_case_output,
 )
+from fsoe_net.timing.handshake import (
+    broken_input,
+    broken_output,
+    disturbed_both,
+    polled_error_free,
+)
 from fsoe_net.timing.pfh import PfhSum, sum_pfh
 
 __all__ = [
@@ -107,6 +113,9 @@ class Reaction:
 
     ``worst_etg`` is the larger of one failed input connection and one failed output connection;
     ``worst_beckhoff`` counts both watchdogs and the actuator. ``worst`` is the larger of the two.
+    Neither school counts the handshake of FSoE (`fsoe_net.timing.handshake`): ``polled`` is the
+    response without a fault that does, ``broken`` that with one connection broken for good,
+    ``disturbed`` that with both lost and late at will.
     """
 
     watchdog_in: float | None
@@ -116,6 +125,9 @@ class Reaction:
     worst_input: float | None
     worst_output: float | None
     worst_beckhoff: float
+    polled: float
+    broken: float
+    disturbed: float
 
     @property
     def worst_etg(self) -> float:
@@ -287,7 +299,20 @@ def _reaction(times: PartTimes, parts: FunctionParts, drift: float) -> Reaction:
         worst_input=None if one is None else worst_case_input(times, one),
         worst_output=None if two is None else worst_case_output(times, two),
         worst_beckhoff=beckhoff_worst_case(one or 0.0, two or 0.0, times.actuator),
+        polled=polled_error_free(times),
+        broken=_broken(times, one, two),
+        disturbed=disturbed_both(times, one or 0.0, two or 0.0),
     )
+
+
+def _broken(times: PartTimes, one: float | None, two: float | None) -> float:
+    """Return the longest response with one connection broken, handshake counted."""
+    found = [polled_error_free(times)]
+    if one is not None:
+        found.append(broken_input(times, one))
+    if two is not None:
+        found.append(broken_output(times, two))
+    return max(found)
 
 
 def with_cycle(row: FunctionBudget, cycle: float, drift: float) -> Reaction:

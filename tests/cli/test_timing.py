@@ -16,7 +16,8 @@ def test_the_budget_as_text() -> None:
     done = fsn("timing", str(TIMED))
     assert done.returncode == 0
     assert "bus cycle 1 ms, 2 bus cycles per direction, clocks exact" in done.stdout
-    assert "worst case, two watchdogs  220.0 ms  Beckhoff" in done.stdout
+    assert "worst case, two watchdogs       220.0 ms  Beckhoff" in done.stdout
+    assert "both lost and late at will      460.0 ms  FSoE handshake counted" in done.stdout
     assert "required 230.0 ms: within the required reaction time" in done.stdout
     assert "category, diagnostic coverage and common causes not assessed" in done.stdout
 

@@ -61,6 +61,7 @@ def test_a_function_by_both_schools(resolution_of: Maker) -> None:
     assert row.reaction.worst_output == 10 + 8 + 2 + 8 + 100 + 40
     assert row.reaction.worst_beckhoff == 220
     assert (row.reaction.worst_etg, row.reaction.worst) == (168, 220)
+    assert (row.reaction.polled, row.reaction.broken, row.reaction.disturbed) == (100, 189, 460)
     assert row.verdict == "within the required reaction time"
     assert row.pfh.total == pytest.approx(1e-8 + 4.39e-9)
     assert row.pfh.verdict.startswith("PFH_D sum within the limit; category")
