@@ -9,7 +9,11 @@ from fsoe_net.report.html import html_page, table
 
 __all__ = ["protocol_page"]
 
-_STYLE = "@media print{@page{size:A4 landscape;margin:12mm}}td{min-width:4em}"
+_STYLE = (  # room to write in the last two columns, seen as such on black and white paper
+    "@media print{@page{size:A4 landscape;margin:12mm}}body{max-width:1400px}"
+    "th:nth-child(n+6),td:nth-child(n+6){border-left:1px solid #57606a}"
+    "th:nth-child(6){width:18%}th:nth-child(7){width:12%}th:nth-child(5){width:9%}"
+)
 _HEAD = (
     "Step",
     "What to do",
@@ -34,8 +38,8 @@ def protocol_page(protocol: Protocol, *, version: str) -> str:
         f"<h1>{escape(title)}</h1>",
         f'<p class="muted">{escape(protocol.project)} fsoe-net {escape(version)}</p>',
         '<p class="note">The EtherCAT MainDevice is part of the black channel and takes no part in '
-        f"the safety function. This tool is not certified. Column EMULATED: {EMULATED_NOTE}; it "
-        "closes no step. The safety manuals of the devices prevail.</p>",
+        "the safety function. This tool is not certified. What was tried on emulated devices is "
+        f"{EMULATED_NOTE}; it closes no step. The safety manuals of the devices prevail.</p>",
         f"<p>Plan <code>{escape(protocol.plan_sha256)}</code></p>",
     ]
     if protocol.fingerprint:
