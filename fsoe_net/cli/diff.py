@@ -34,7 +34,7 @@ from fsoe_net.report import (
     side_of_scan,
 )
 
-__all__ = ["change_line", "command"]
+__all__ = ["change_line", "command", "read_side"]
 
 _SHOWN_ENTRIES = 6
 _NO_NET = "FSN125"
@@ -80,7 +80,7 @@ def command(
     options = LoadOptions(packages=packages, xacro_args=xacro_args)
     sides = []
     for path in (a, b):
-        side, found = _side(path, options)
+        side, found = read_side(path, options)
         if side is None:
             errors = [d for d in found if d.level is Severity.ERROR]
             click.echo(f"error: {path} cannot be compared", err=True)
@@ -94,7 +94,7 @@ def command(
     ctx.exit(0 if difference.same else 1)
 
 
-def _side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
+def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
     """Read one side; ``None`` when a part of it could not be read."""
     out = Collector()
     if os.path.isfile(path) and find_kind(path, Collector()) is InputKind.CAPTURE:

@@ -1,34 +1,87 @@
-"""``fsoe-net report``: the configuration, and a run if there was one, as one HTML page."""
+"""``fsoe-net report``: the configuration with its evidence as HTML, Markdown or JSON."""
 
 from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Sequence
+from pathlib import Path
 
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.inputs import check_files, input_options, whole_network
-from fsoe_net.cli.output import summary
+from fsoe_net.cli.diff import read_side
+from fsoe_net.cli.inputs import Checked, check_files, input_options, whole_network
+from fsoe_net.cli.output import print_diagnostics, summary
 from fsoe_net.cli.plan import write_whole
-from fsoe_net.plan import compile_plan
-from fsoe_net.report import render_report
+from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.errors import InputError
+from fsoe_net.load import LoadOptions, builtin_library
+from fsoe_net.model import Resolution, SourceFile
+from fsoe_net.plan import MAGIC, Plan, compile_plan, decode_plan
+from fsoe_net.report import (
+    FORMATS,
+    Against,
+    Evidence,
+    GivenPlan,
+    LiveEvidence,
+    ReportInputs,
+    Seal,
+    ask_live,
+    compare,
+    longest_round_trips,
+    read_evidence,
+    render_report,
+    seal_of,
+    side_of_network,
+)
+from fsoe_net.rules import check_scan, check_timing
+from fsoe_net.run import RunResult
+from fsoe_net.timing import Budget, make_budget
 
 __all__ = ["command"]
 
 _EPILOG = """\b
 Examples:
   fsoe-net report network.yaml -o report.html
-  fsoe-net report network.yaml --scenario scenario.yaml -o report.html"""
+  fsoe-net report network.yaml --scenario scenario.yaml -o report.html
+  fsoe-net report network.yaml --evidence scan.json --evidence run.json -o report.html
+  fsoe-net report network.yaml --against accepted.fsnplan -o report.md
+
+Exit codes: 0 no error; 1 the network has an error (the report says so on top) or the run failed;
+2 wrong use."""
 
 
 @click.command("report", epilog=_EPILOG)
 @input_options
 @click.option(
-    "-o", "--output", type=click.Path(dir_okay=False), required=True, help="Page to write."
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False),
+    required=True,
+    help="File to write: .html, .md or .json.",
 )
+@click.option("--plan", "plan_file", type=click.Path(), help="Plan file that shall be its plan.")
+@click.option(
+    "--evidence",
+    "evidence_files",
+    multiple=True,
+    type=click.Path(),
+    metavar="FILE",
+    help="A scan.json, a result of a run (JSON) or an incident file; may be given again.",
+)
+@click.option("--live", metavar="SOCKET", help="Ask the fsn-master behind this control socket.")
 @click.option(
     "--scenario",
     "scenario_file",
     type=click.Path(),
-    help="Run this scenario in virtual time and put the result into the page.",
+    help="Run this scenario in virtual time and put the result into the report.",
+)
+@click.option(
+    "--against",
+    type=click.Path(),
+    metavar="FILE",
+    help="Earlier plan or network: the change log starts from it.",
 )
 @click.pass_context
 def command(
@@ -37,31 +90,135 @@ def command(
     packages: dict[str, str],
     xacro_args: dict[str, str],
     output: str,
+    plan_file: str | None,
+    evidence_files: tuple[str, ...],
+    live: str | None,
     scenario_file: str | None,
+    against: str | None,
 ) -> None:
-    """Write a report page: topology, connections, copy table with byte ranges, findings, run.
+    """Write the report of a network: what is copied, how late, what is known and what is open.
 
-    FILES as for `fsoe-net check`, also other files to compare with: the page then names them. A
-    network with an error gets no page.
+    FILES as for `fsoe-net check`, also other files to compare with: the report then names them. A
+    network with an error gets a report that says so first, with every finding.
     """
+    form = Path(output).suffix.lstrip(".").lower()
+    if form not in FORMATS:
+        raise click.BadParameter(f"{output!r} ends in none of .html, .md, .json", ctx)
     checked = check_files(files, packages=packages, xacro_args=xacro_args, compared=True)
-    resolution = whole_network(checked, "no page written")
+    evidence = tuple(_evidence(path) for path in evidence_files)
+    asked = None if live is None else ask_live(live)
+    found = _findings(checked, evidence, asked)
+    resolution = checked.resolution
+    errors = any(d.level is Severity.ERROR for d in found)
+    plan = _plan(resolution, errors=errors)
     result = None
-    if scenario_file is not None:
-        from fsoe_net.cli.run import prepare
-        from fsoe_net.run import run_virtual
-
-        session = prepare(resolution, None, scenario_file, virtual=True)
-        result = run_virtual(session, session.duration_ns)
-    page = render_report(
-        resolution.network,
-        compile_plan(resolution),
-        checked.diagnostics,
+    if scenario_file is not None and resolution is not None and plan is not None and not errors:
+        result = _run(resolution, scenario_file)
+    options = LoadOptions(packages=packages, xacro_args=xacro_args)
+    inputs = ReportInputs(
+        name=Path(files[0]).stem if resolution is None else resolution.network.name,
         version=__version__,
-        run=result,
+        diagnostics=found,
+        resolution=resolution,
+        plan=plan,
+        seal=None if plan is None or errors else seal_of(plan),
+        budget=_budget(resolution, evidence, asked),
         references=checked.references,
+        run=result,
+        evidence=evidence,
+        live=asked,
+        given=None if plan_file is None else _given(plan_file),
+        against=None if against is None else _against(against, resolution, options),
     )
-    write_whole(output, page.encode("utf-8"))
+    write_whole(output, render_report(inputs, form).encode("utf-8"))
     verdict = "" if result is None else f"; run {'passed' if result.passed else 'FAILED'}"
-    click.echo(f"{output}: {summary(checked.diagnostics) or 'no findings'}{verdict}")
-    ctx.exit(int(result is not None and not result.passed))
+    refused = "NOT ACCEPTABLE: " if errors else ""
+    if errors:
+        print_diagnostics([d for d in found if d.level is Severity.ERROR], err=True)
+    click.echo(f"{output}: {refused}{summary(found) or 'no findings'}{verdict}")
+    ctx.exit(int(errors or (result is not None and not result.passed)))
+
+
+def _findings(
+    checked: Checked, evidence: Sequence[Evidence], live: LiveEvidence | None
+) -> list[Diagnostic]:
+    """Return what the files show, and what scans and measured times show beside them.
+
+    Raises:
+        InputError: There is no network to report on.
+    """
+    found = list(checked.diagnostics)
+    resolution = checked.resolution
+    if resolution is None or not any(d.level is Severity.ERROR for d in found):
+        resolution = whole_network(checked, "no report written")
+    for e in evidence:
+        if e.scan is not None:
+            found += check_scan(resolution, e.scan)
+    budget = _budget(resolution, evidence, live)
+    if budget is not None and budget.functions:
+        found += check_timing(resolution.network, budget)
+    return sort_diagnostics(found)
+
+
+def _budget(
+    resolution: Resolution | None, evidence: Sequence[Evidence], live: LiveEvidence | None
+) -> Budget | None:
+    if resolution is None:
+        return None
+    measured = longest_round_trips(tuple(evidence), live)
+    return make_budget(resolution, builtin_library(), measured=measured)
+
+
+def _plan(resolution: Resolution | None, *, errors: bool) -> Plan | None:
+    """Return the plan; with errors only when one can be made all the same, to show its copies."""
+    if resolution is None:
+        return None
+    if not errors:
+        return compile_plan(resolution)
+    try:
+        return compile_plan(resolution)
+    except (InputError, LookupError, ValueError, struct.error):
+        return None
+
+
+def _run(resolution: Resolution, scenario: str) -> RunResult:
+    from fsoe_net.cli.run import prepare
+    from fsoe_net.run import run_virtual
+
+    session = prepare(resolution, None, scenario, virtual=True)
+    return run_virtual(session, session.duration_ns)
+
+
+def _source(path: str) -> tuple[SourceFile, bytes]:
+    try:
+        data = Path(path).read_bytes()
+    except OSError as exc:
+        raise InputError(f"{path}: {exc.strerror or exc}") from exc
+    return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data
+
+
+def _evidence(path: str) -> Evidence:
+    try:
+        return read_evidence(path)
+    except OSError as exc:
+        raise InputError(f"{path}: {exc.strerror or exc}") from exc
+
+
+def _given(path: str) -> GivenPlan:
+    source, data = _source(path)
+    if not data.startswith(MAGIC):
+        raise InputError(f"{path} is no .fsnplan file; make one with fsoe-net plan FILES -o PLAN")
+    return GivenPlan(source=source, plan=decode_plan(data))
+
+
+def _against(path: str, resolution: Resolution | None, options: LoadOptions) -> Against | None:
+    if resolution is None:
+        return None
+    source, data = _source(path)
+    before, found = read_side(path, options)
+    if before is None:
+        errors = [d for d in found if d.level is Severity.ERROR]
+        raise InputError(f"{path} cannot be compared", errors)
+    now = side_of_network(resolution, resolution.network.name)
+    seal: Seal | None = seal_of(decode_plan(data)) if data.startswith(MAGIC) else None
+    return Against(source=source, difference=compare(before, now), seal=seal)

@@ -1,4 +1,4 @@
-"""What a safety engineer hands in: the configuration as one page, and what changed in it."""
+"""What a safety engineer hands in: the configuration as one report, and what changed in it."""
 
 from fsoe_net.report.budget import budget_document, budget_picture, budget_text
 from fsoe_net.report.diff import Difference, compare
@@ -10,19 +10,44 @@ from fsoe_net.report.diff_read import (
 )
 from fsoe_net.report.diff_side import Side
 from fsoe_net.report.diff_types import Change
-from fsoe_net.report.page import render_report
+from fsoe_net.report.document import Document
+from fsoe_net.report.evidence import (
+    Evidence,
+    LiveEvidence,
+    ask_live,
+    longest_round_trips,
+    read_evidence,
+)
+from fsoe_net.report.inputs import Against, GivenPlan, ReportInputs, TestStep
+from fsoe_net.report.make import make_document
 from fsoe_net.report.protocol import protocol_page
+from fsoe_net.report.seal import Seal, seal_of
+from fsoe_net.report.write import FORMATS, render_report
 
 __all__ = [
+    "FORMATS",
+    "Against",
     "Change",
     "Difference",
+    "Document",
+    "Evidence",
+    "GivenPlan",
+    "LiveEvidence",
+    "ReportInputs",
+    "Seal",
     "Side",
+    "TestStep",
+    "ask_live",
     "budget_document",
     "budget_picture",
     "budget_text",
     "compare",
+    "longest_round_trips",
+    "make_document",
     "protocol_page",
+    "read_evidence",
     "render_report",
+    "seal_of",
     "side_of_description",
     "side_of_network",
     "side_of_plan",

@@ -10,11 +10,13 @@ __all__ = ["copy_picture", "topology_picture"]
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP = 170, 62, 34
 _MAX_PER_ROW = 5
-_COLOURS = ("#1f6feb", "#b35900", "#1a7f37", "#8250df", "#bf3989", "#57606a")
+_COLOURS = ("#0550ae", "#953800", "#116329", "#6639ba", "#99286e", "#424a53")
 
 
 def _colour(number: int) -> str:
-    return _COLOURS[number % len(_COLOURS)]
+    """Return a colour; the page has variables for it that follow its scheme."""
+    place = number % len(_COLOURS)
+    return f"var(--c{place},{_COLOURS[place]})"
 
 
 def _text(x: float, y: float, text: str, cls: str = "", anchor: str = "middle") -> str:

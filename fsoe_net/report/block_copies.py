@@ -1,0 +1,260 @@
+"""Block 5: which bytes move where, every bus cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fsoe_net.plan import NONE, IghDomain, Plan, PlanCopy, copy_end, igh_image
+from fsoe_net.report.document import (
+    Block,
+    Cell,
+    Column,
+    Heading,
+    Item,
+    Level,
+    Number,
+    Paragraph,
+    Part,
+    Picture,
+    Point,
+    PointKind,
+    Table,
+    Text,
+    Verdict,
+    cell,
+    muted,
+    strong,
+)
+from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.svg import copy_picture
+
+__all__ = ["copies"]
+
+_IMAGE = "process image that IgH and fsn-master lay out from the plan"
+_PLAN = "copy plan"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Range:
+    """Bytes in the image: first, one behind the last, and the datagrams that hold them."""
+
+    first: int
+    end: int
+    datagrams: tuple[int, ...]
+
+
+def copies(inputs: ReportInputs) -> Block:
+    """Every copy with its ends, its places in the image and its datagrams, and the bytes drawn."""
+    title = "Copies"
+    plan = inputs.plan
+    if plan is None:
+        return Block(
+            key="copies",
+            title=title,
+            parts=(Paragraph((Text("No plan can be made: there is no copy table to judge."),)),),
+            points=(Point(PointKind.OPEN, "there is no copy table"),),
+        )
+    domain = igh_image(plan)
+    moved = sum(c.size_bytes for c in plan.copies)
+    parts: list[Part] = [
+        Paragraph(
+            (
+                Text("Every bus cycle "),
+                Number(
+                    value=len(plan.copies), text=str(len(plan.copies)), unit="copies", source=_PLAN
+                ),
+                Text(" move "),
+                Number(value=moved, text=str(moved), unit="bytes", source=_PLAN),
+                Text(
+                    ", unmodified and in the cycle in which the source arrived. Each copy goes "
+                    "from an input to an output, in whole bytes inside one sync manager."
+                ),
+            )
+        ),
+        _copy_table(plan, domain),
+        Heading("Datagrams"),
+        _datagrams(domain),
+        Heading("Bytes in the sync managers"),
+    ]
+    parts += [
+        Picture(
+            title=f"Copy {n}: {_name(plan, c)}",
+            words=f"{_end(plan, c, source=True)} → {_end(plan, c, source=False)}, "
+            f"{c.size_bytes} bytes",
+            svg=copy_picture(plan, n),
+            wide=False,
+        )
+        for n, c in enumerate(plan.copies)
+    ]
+    points = (
+        Point(
+            PointKind.ASSUMPTION,
+            "logical addresses and datagrams are those of a MainDevice that registers the entries "
+            "in driver order in one domain from address 0, with at most 1486 bytes per datagram; "
+            "others lay the image out otherwise, the copied bytes are the same",
+        ),
+    )
+    return Block(key="copies", title=title, parts=tuple(parts), points=points)
+
+
+def _name(plan: Plan, c: PlanCopy) -> str:
+    return "standard data" if c.connection == NONE else plan.connections[c.connection].name
+
+
+def _end(plan: Plan, c: PlanCopy, *, source: bool) -> str:
+    sm, bit = (c.source_sm, c.source_bit) if source else (c.destination_sm, c.destination_bit)
+    return copy_end(plan, sm, bit)
+
+
+def _place(
+    bases: Mapping[int, int], domain: IghDomain, c: PlanCopy, *, source: bool
+) -> _Range | None:
+    sm, bit = (c.source_sm, c.source_bit) if source else (c.destination_sm, c.destination_bit)
+    base = bases.get(sm)
+    if base is None:
+        return None
+    first = base + bit // 8
+    end = first + c.size_bytes
+    held = tuple(
+        n
+        for n, d in enumerate(domain.datagrams)
+        if d.offset_bytes < end and first < d.offset_bytes + d.size_bytes
+    )
+    return _Range(first=first, end=end, datagrams=held)
+
+
+def _copy_table(plan: Plan, domain: IghDomain) -> Table:
+    rows = []
+    taken = _targets(plan)
+    bases = {f.sm: f.offset_bytes for f in domain.fmmus}
+    for n, c in enumerate(plan.copies):
+        ends: list[Cell] = []
+        verdicts: list[Item] = []
+        for source in (True, False):
+            place = _place(bases, domain, c, source=source)
+            ends.append((Text(_end(plan, c, source=source)), *_range_items(place)))
+            if place is not None and len(place.datagrams) != 1:
+                verdicts.append(Verdict("straddles datagrams", Level.ERROR))
+        verdicts += _verdicts(plan, c, taken)
+        rows.append(
+            (
+                cell(strong(f"{n}"), muted(_name(plan, c))),
+                cell(
+                    Number(value=c.size_bytes, text=str(c.size_bytes), unit="bytes", source=_PLAN)
+                ),
+                *ends,
+                tuple(verdicts),
+            )
+        )
+    return Table(
+        name="copies",
+        columns=(
+            Column("Copy"),
+            Column("Length", number=True),
+            Column("From"),
+            Column("To"),
+            Column("Verdicts"),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _range_items(place: _Range | None) -> tuple[Item, ...]:
+    if place is None:
+        return (Verdict("no place in the image", Level.ERROR),)
+    words = ", ".join(str(n) for n in place.datagrams)
+    return (
+        Number(
+            value=place.first,
+            text=f"0x{place.first:08x} … 0x{place.end - 1:08x}",
+            unit="logical address",
+            source=_IMAGE,
+        ),
+        Number(
+            value=place.datagrams[0] if place.datagrams else -1,
+            text=f"datagram {words}",
+            unit="",
+            source=_IMAGE,
+        ),
+    )
+
+
+def _targets(plan: Plan) -> dict[tuple[int, int], int]:
+    """Return how many copies write each byte: (sync manager, byte) to count."""
+    taken: dict[tuple[int, int], int] = {}
+    for c in plan.copies:
+        first = c.destination_bit // 8
+        for byte in range(first, first + c.size_bytes):
+            key = (c.destination_sm, byte)
+            taken[key] = taken.get(key, 0) + 1
+    return taken
+
+
+def _verdicts(plan: Plan, c: PlanCopy, taken: dict[tuple[int, int], int]) -> list[Item]:
+    first = c.destination_bit // 8
+    found: list[Item] = []
+    if any(taken[c.destination_sm, b] > 1 for b in range(first, first + c.size_bytes)):
+        found.append(Verdict("bytes written twice", Level.ERROR))
+    else:
+        found.append(Verdict("no overlap", Level.CLEAR))
+    frames = [
+        b
+        for b in plan.blocks
+        if b.sm == c.destination_sm
+        and b.byte_offset < first + c.size_bytes
+        and first < b.byte_offset + b.frame_bytes
+    ]
+    whole = len(frames) == 1 and (frames[0].byte_offset, frames[0].frame_bytes) == (
+        first,
+        c.size_bytes,
+    )
+    if c.connection == NONE:
+        word = "touches an FSoE frame" if frames else "no FSoE frame touched"
+        found.append(Verdict(word, Level.ERROR if frames else Level.CLEAR))
+        return found
+    if whole:
+        found.append(Verdict("one whole frame, no gap", Level.CLEAR))
+    elif frames:
+        found.append(Verdict("not one whole frame", Level.WARNING))
+    else:
+        found.append(Verdict("frame not recognised", Level.OPEN))
+    pair = plan.connections[c.connection]
+    both = len({pair.copy_to_sub, pair.copy_to_main}) == 2
+    found.append(
+        Verdict("both directions", Level.CLEAR)
+        if both
+        else Verdict("one direction only", Level.ERROR)
+    )
+    return found
+
+
+def _datagrams(domain: IghDomain) -> Table:
+    rows = tuple(
+        (
+            cell(strong(str(n))),
+            cell(
+                Number(
+                    value=d.offset_bytes,
+                    text=f"0x{d.offset_bytes:08x}",
+                    unit="logical address",
+                    source=_IMAGE,
+                )
+            ),
+            cell(Number(value=d.size_bytes, text=str(d.size_bytes), unit="bytes", source=_IMAGE)),
+            cell(
+                Number(value=d.working_counter, text=str(d.working_counter), unit="", source=_IMAGE)
+            ),
+        )
+        for n, d in enumerate(domain.datagrams)
+    )
+    return Table(
+        name="datagrams",
+        columns=(
+            Column("Datagram"),
+            Column("First logical address", number=True),
+            Column("Length", number=True),
+            Column("Working counter expected", number=True),
+        ),
+        rows=rows,
+    )

@@ -1,0 +1,407 @@
+"""Blocks 8 and 9: what the machine itself has told, and what was tried."""
+
+from __future__ import annotations
+
+import hashlib
+
+from fsoe_net.model import Scan, ScannedSubDevice
+from fsoe_net.observe import IncidentHead
+from fsoe_net.report.block_head import files_table
+from fsoe_net.report.document import (
+    BLANK,
+    Block,
+    Cell,
+    Column,
+    Heading,
+    Item,
+    Level,
+    Paragraph,
+    Part,
+    Point,
+    PointKind,
+    Table,
+    Text,
+    Verdict,
+    cell,
+    code,
+    muted,
+    stated,
+    strong,
+)
+from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
+from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.run import RunResult, state_text
+
+__all__ = ["bus_evidence", "tests"]
+
+_EMULATED = Verdict("EMULATED, not evidence for this machine", Level.NOTE)
+
+
+# -- 8 bus evidence -------------------------------------------------------------------------------
+
+
+def bus_evidence(inputs: ReportInputs) -> Block:
+    """Scans, runs, incident files, and a running bus."""
+    title, points = "Bus evidence", []
+    parts: list[Part] = []
+    if inputs.evidence:
+        files = [e.source for e in inputs.evidence]
+        parts += [Heading("Files"), files_table("evidence files", files)]
+    for e in inputs.evidence:
+        parts += _file(e, inputs)
+    if inputs.live is not None:
+        parts += _live(inputs.live)
+        if not inputs.live.status.accepted:
+            points.append(Point(PointKind.OPEN, "the running fsn-master holds no accepted plan"))
+    real = [e for e in inputs.evidence if e.run is None or not e.run.emulated]
+    if not real and (inputs.live is None or inputs.live.status.backend == "emulated"):
+        words = "no evidence of the machine: give --evidence scan.json or --live SOCKET"
+        points.append(Point(PointKind.OPEN, words))
+        if not parts:
+            text = "There is no evidence of the machine; all else is what the files say."
+            parts.append(Paragraph((Text(text),)))
+    elif not any(e.scan is not None for e in inputs.evidence):
+        words = "identities and mappings were not read back: a scan.json tells them"
+        points.append(Point(PointKind.OPEN, words))
+    return Block(key="bus_evidence", title=title, parts=tuple(parts), points=tuple(points))
+
+
+def _file(e: Evidence, inputs: ReportInputs) -> list[Part]:
+    if e.scan is not None:
+        return _scan(e.source.path, e.scan)
+    if e.run is not None:
+        return _run_file(e.source.path, e.run, inputs)
+    return [] if e.incident is None else _incident(e.source.path, e.incident, inputs)
+
+
+def _hex(value: int | None, source: str, width: int = 8) -> Item:
+    return stated(value, "", source, "" if value is None else f"0x{value:0{width}x}")
+
+
+def _scan(path: str, scan: Scan) -> list[Part]:
+    columns = ("Position", "Name", "Vendor", "Product", "Revision", "Serial", "State")
+    rows = [
+        (
+            cell(stated(s.position, "", path)),
+            cell(strong(s.planned or s.name or "?")),
+            cell(_hex(s.vendor_id, path)),
+            cell(_hex(s.product_code, path)),
+            cell(_hex(s.revision, path)),
+            cell(stated(s.serial, "", path)),
+            _state(s),
+        )
+        for s in scan.subdevices
+    ]
+    parts: list[Part] = [
+        Heading(f"Scan {path}"),
+        Paragraph(
+            (Text(f"Read from interface {scan.interface} at {scan.utc or 'no stated time'}."),)
+        ),
+        Table(
+            name=f"scan {path}",
+            columns=tuple(Column(c) for c in columns),
+            rows=tuple(rows),
+            remark="What differs from the network files stands among the findings (FSN5xx).",
+        ),
+    ]
+    fsoe = [row for s in scan.subdevices for row in _fsoe_rows(path, s)]
+    if fsoe:
+        heads = ("SubDevice", "Object", "FSoE address", "ConnID", "Watchdog")
+        parts.append(
+            Table(
+                name=f"FSoE objects {path}",
+                columns=tuple(Column(h) for h in heads),
+                rows=tuple(fsoe),
+                remark="Objects 0xF980 and 0xE901 ff. as read from the devices.",
+            )
+        )
+    mapped = [row for s in scan.subdevices for row in _mapping_rows(path, s)]
+    if mapped:
+        read = ("SubDevice", "Sync manager", "Length", "Assigned PDOs")
+        parts.append(
+            Table(
+                name=f"mapping {path}",
+                columns=tuple(Column(h) for h in read),
+                rows=tuple(mapped),
+                remark="Process data as read back from the devices.",
+            )
+        )
+    return parts
+
+
+def _state(s: ScannedSubDevice) -> Cell:
+    words: list[Item] = [Text(s.al or "not read")]
+    if s.in_error:
+        words.append(Verdict("AL error flag", Level.WARNING))
+    words += [Verdict(p, Level.OPEN) for p in s.problems]
+    return tuple(words)
+
+
+def _fsoe_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
+    if s.fsoe is None:
+        return []
+    name = cell(strong(s.planned or s.name or f"position {s.position}"))
+    rows: list[tuple[Cell, ...]] = [
+        (name, cell(code(f"0xf980:{n:02x}")), cell(stated(a, "", path)), cell(""), cell(""))
+        for n, a in enumerate(s.fsoe.addresses, 1)
+    ]
+    rows += [
+        (
+            name,
+            cell(code(f"0x{c.object_index:04x}")),
+            cell(stated(c.address, "", path)),
+            cell(stated(c.connection_id, "", path)),
+            cell(stated(c.watchdog_ms, "ms", path)),
+        )
+        for c in s.fsoe.connections
+    ]
+    return rows
+
+
+def _mapping_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
+    rows: list[tuple[Cell, ...]] = []
+    for sm in s.process_data:
+        pdos = "not read" if sm.pdos is None else ", ".join(f"0x{p.index:04x}" for p in sm.pdos)
+        rows.append(
+            (
+                cell(strong(s.planned or s.name or f"position {s.position}")),
+                cell(f"SM{sm.index} {sm.kind}"),
+                cell(stated(sm.size_bytes, "bytes", path)),
+                cell(code(pdos or "none")),
+            )
+        )
+    return rows
+
+
+def _same_plan(sha256: str, inputs: ReportInputs) -> Verdict:
+    if inputs.plan is None:
+        return Verdict("plan not compared", Level.OPEN)
+    same = hashlib.sha256(inputs.plan.to_bytes()).hexdigest() == sha256
+    return Verdict("this plan", Level.CLEAR) if same else Verdict("ANOTHER plan", Level.WARNING)
+
+
+def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
+    items: list[Item] = [
+        _EMULATED if run.emulated else Text(f"On a bus through {run.backend}"),
+        Text(", "),
+        stated(run.duration_ms / 1000, "s", path),
+        Text(", "),
+        stated(run.cycles, "bus cycles", path),
+        Text(", "),
+        stated(run.overruns, "late cycles", path),
+        Text(", "),
+        stated(run.wkc_errors, "cycles with incomplete working counter", path),
+        Text("; "),
+        _same_plan(run.plan_sha256, inputs),
+        Text("; "),
+        Verdict("run passed", Level.CLEAR) if run.passed else Verdict("run FAILED", Level.ERROR),
+        Text("."),
+    ]
+    rows = tuple(
+        (
+            cell(strong(c.name)),
+            cell(state_text(c.state)),
+            cell(stated(c.cycle_mean, "ms", path)),
+            cell(stated(c.cycle_max, "ms", path)),
+            cell(stated(c.watchdog, "ms", path)),
+            cell(stated(c.resets, "resets", path), muted(c.reset_text if c.resets else "")),
+        )
+        for c in run.rows
+    )
+    return [
+        Heading(f"Run {path}"),
+        Paragraph(tuple(items)),
+        Table(name=f"run {path}", columns=_RUN_COLUMNS, rows=rows),
+    ]
+
+
+_RUN_COLUMNS = (
+    Column("Connection"),
+    Column("State at the end"),
+    Column("FSoE cycle, mean", number=True),
+    Column("FSoE cycle, most", number=True),
+    Column("Watchdog", number=True),
+    Column("Resets", number=True),
+)
+
+
+def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]:
+    t = head.trigger
+    words = t.text or f"{t.connection}: {t.before} → {t.after}".strip()
+    rows = tuple(
+        (
+            cell(strong(c.name)),
+            cell(state_text(c.state)),
+            tuple(
+                stated(d.wrong, f"wrong frames {to}", path)
+                for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
+            ),
+            tuple(
+                stated(d.interval_max_ns / 1e6, f"ms {to}", path)
+                for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
+            ),
+        )
+        for c in head.connections
+    )
+    heads = ("Connection", "State", "Wrong frames", "Longest time between new frames")
+    return [
+        Heading(f"Incident {path}"),
+        Paragraph(
+            (
+                Text(
+                    f"{head.utc}, {head.backend} on {head.interface or 'no interface'}: {words}; "
+                ),
+                _same_plan(head.plan_sha256, inputs),
+                Text("; fsoe-net incident names the likely cause."),
+            )
+        ),
+        Table(name=f"incident {path}", columns=tuple(Column(h) for h in heads), rows=rows),
+    ]
+
+
+def _live(live: LiveEvidence) -> list[Part]:
+    s, source = live.status, f"fsn-master at {live.socket}"
+    where = Text(f"{s.state.value} on {s.interface or 'no interface'} through {s.backend}; ")
+    items: list[Item] = [where]
+    if s.backend == "emulated":
+        items += [_EMULATED, Text("; ")]
+    for value, unit in (
+        (s.planned, "SubDevices planned"),
+        (s.in_op, "in OP"),
+        (s.missing, "missing"),
+        (s.cycles, "bus cycles"),
+        (s.overruns, "late cycles"),
+        (s.wkc_errors, "cycles with incomplete working counter"),
+    ):
+        items += [stated(value, unit, source), Text(", ")]
+    items += [Text("plan "), code(s.plan_sha256)]
+    names = (*live.names, *("?",) * len(live.snapshot.cycle.connections))
+    rows = tuple(
+        (
+            cell(strong(name)),
+            cell(state_text(c.state.word)),
+            cell(stated(max(c.to_sub.cycle_mean_ns, c.to_main.cycle_mean_ns) / 1e6, "ms", source)),
+            cell(stated(max(c.to_sub.cycle_max_ns, c.to_main.cycle_max_ns) / 1e6, "ms", source)),
+            cell(stated(c.to_sub.wrong + c.to_main.wrong, "frames", source)),
+            cell(stated(c.to_sub.resets + c.to_main.resets, "resets", source)),
+        )
+        for name, c in zip(names, live.snapshot.cycle.connections, strict=False)
+    )
+    heads = (
+        "Connection",
+        "State now",
+        "FSoE cycle, mean",
+        "FSoE cycle, most",
+        "Wrong CRC",
+        "Resets",
+    )
+    return [
+        Heading("Running bus"),
+        Paragraph(tuple(items)),
+        Table(name="running bus", columns=tuple(Column(h) for h in heads), rows=rows),
+        Table(
+            name="running SubDevices",
+            columns=tuple(Column(h) for h in ("SubDevice", "AL state", "In its place")),
+            rows=tuple(
+                (cell(strong(d.name)), cell(d.al), cell(d.found or muted("not known"), d.detail))
+                for d in live.snapshot.subdevices
+            ),
+        ),
+    ]
+
+
+# -- 9 tests --------------------------------------------------------------------------------------
+
+
+def tests(inputs: ReportInputs) -> Block:
+    """The checklist, and what ran on the emulated bus, apart from it."""
+    parts: list[Part] = [Heading("Checklist")]
+    points: list[Point] = []
+    if inputs.steps is None:
+        parts.append(Paragraph((Text("The checklist is empty: no test protocol was given."),)))
+        points.append(Point(PointKind.OPEN, "no test protocol: nothing was tried at the machine"))
+    else:
+        parts.append(_checklist(inputs))
+        left = sum(not s.machine for s in inputs.steps)
+        if left:
+            words = f"{left} of {len(inputs.steps)} test steps have no result at the machine"
+            points.append(Point(PointKind.OPEN, words))
+    if inputs.run is not None:
+        parts += _emulated_run(inputs.run)
+    return Block(key="tests", title="Tests", parts=tuple(parts), points=tuple(points))
+
+
+def _checklist(inputs: ReportInputs) -> Table:
+    heads = ("What to do", "Expected", "Measured", "EMULATED", "MACHINE", "Who, when")
+    rows = tuple(
+        (
+            cell(s.what),
+            cell(s.expected),
+            cell(s.measured),
+            cell(s.emulated),
+            cell(s.machine) if s.machine else BLANK,
+            cell(s.who) if s.who else BLANK,
+        )
+        for s in inputs.steps or ()
+    )
+    return Table(
+        name="checklist",
+        columns=tuple(Column(h) for h in heads),
+        rows=rows,
+        remark="EMULATED: on an emulated bus, not evidence for this machine.",
+    )
+
+
+def _emulated_run(run: RunResult) -> list[Part]:
+    source = "run of this plan on the emulated bus"
+    s = run.statistics
+    passed = Verdict("passed", Level.CLEAR) if run.passed else Verdict("FAILED", Level.ERROR)
+    parts: list[Part] = [
+        Heading("Run on the emulated bus"),
+        Paragraph(
+            (
+                _EMULATED,
+                Text(f". {run.mode.capitalize()} time, "),
+                stated(run.duration_ms / 1000, "s", source),
+                Text(", "),
+                stated(s.cycles, "bus cycles", source),
+                Text(", "),
+                stated(s.wkc_errors, "with incomplete working counter", source),
+                Text(", "),
+                stated(s.bytes_copied, "bytes copied", source),
+                Text(": "),
+                passed,
+                Text("."),
+            )
+        ),
+        Table(
+            name="emulated run",
+            columns=_RUN_COLUMNS,
+            rows=tuple(
+                (
+                    cell(strong(c.name)),
+                    cell(state_text(c.state)),
+                    cell(stated(c.fsoe_cycle_ms["mean"], "ms", source)),
+                    cell(stated(c.fsoe_cycle_ms["max"], "ms", source)),
+                    cell(stated(c.watchdog_ms, "ms", source)),
+                    cell(
+                        stated(c.resets, "resets", source),
+                        muted(c.last_reset_text if c.resets else ""),
+                    ),
+                )
+                for c in run.connections
+            ),
+        ),
+    ]
+    if run.verdicts:
+        rows = tuple(
+            (
+                cell(Verdict("held", Level.CLEAR) if v.held else Verdict("NOT held", Level.ERROR)),
+                cell(v.text),
+                cell(code(v.place), *([v.seen] if v.seen else [])),
+            )
+            for v in run.verdicts
+        )
+        columns = tuple(Column(h) for h in ("Verdict", "Expectation", "Place"))
+        parts.append(Table(name="expectations", columns=columns, rows=rows))
+    return parts

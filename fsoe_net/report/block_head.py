@@ -1,0 +1,137 @@
+"""Blocks 1 and 2: what this report is about, and what it is not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fsoe_net.model import SourceFile
+from fsoe_net.report.document import (
+    BLANK,
+    Block,
+    Bullets,
+    Cell,
+    Column,
+    Heading,
+    Level,
+    Number,
+    Paragraph,
+    Part,
+    Point,
+    PointKind,
+    Table,
+    Text,
+    Verdict,
+    cell,
+    code,
+    stated,
+)
+from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.seal import seal_of
+
+__all__ = ["files_table", "identity", "role"]
+
+ROLE = (
+    "The EtherCAT MainDevice is part of the black channel: it copies FSoE frames and takes no part "
+    "in the safety function. This tool is not certified and is an off-line support tool; this "
+    "report is evidence for a review and no certificate. It is not for personnel protection by "
+    "itself. The safety manuals of the devices prevail."
+)
+
+
+def identity(inputs: ReportInputs) -> Block:
+    """Machine, network, tool, files; the date is left to the hand."""
+    resolution = inputs.resolution
+    network = None if resolution is None else resolution.network
+    project = "" if network is None else network.project
+    points = []
+    if not project:
+        points.append(
+            Point(PointKind.OPEN, "the machine is not named; write project: in the network file")
+        )
+    rows: list[tuple[Cell, Cell]] = [
+        (
+            cell("Machine, project"),
+            cell(project) if project else cell(Verdict("not stated", Level.OPEN)),
+        ),
+        (cell("Network"), cell(inputs.name)),
+        (cell("Report number"), BLANK),
+        (cell("Date"), BLANK),
+        (cell("Made with"), cell(f"fsoe-net {inputs.version}")),
+    ]
+    if resolution is not None:
+        files = "network files"
+        for what, count, unit in (
+            ("SubDevices", len(resolution.network.subdevices), "SubDevices"),
+            ("FSoE connections", len(resolution.connections), "connections"),
+            ("Copies", len(resolution.transfers), "copies per bus cycle"),
+        ):
+            rows.append(
+                (
+                    cell(what),
+                    cell(Number(value=count, text=str(count), unit=unit, source=files)),
+                )
+            )
+    ns = None if network is None else network.cycle_ns
+    rows.append(
+        (
+            cell("Bus cycle"),
+            cell(stated(None if ns is None else ns / 1e6, "ms", "network file")),
+        )
+    )
+    if ns is None:
+        points.append(Point(PointKind.OPEN, "the bus cycle is not stated"))
+    parts: list[Part] = [
+        Table(name="identity", columns=(Column("What"), Column("Value")), rows=tuple(rows)),
+        Heading("Input files"),
+        files_table("input files", () if network is None else network.sources),
+    ]
+    if inputs.references:
+        parts += [Heading("Compared with"), files_table("compared with", inputs.references)]
+    if inputs.given is not None:
+        parts += _given(inputs, points)
+    return Block(key="identity", title="Identity", parts=tuple(parts), points=tuple(points))
+
+
+def _given(inputs: ReportInputs, points: list[Point]) -> list[Part]:
+    given = inputs.given
+    if given is None:
+        return []
+    same = inputs.plan is not None and given.plan == inputs.plan
+    if same:
+        verdict = Verdict("is the plan of these files", Level.CLEAR)
+    elif inputs.plan is None:
+        verdict = Verdict("not compared: these files make no plan", Level.OPEN)
+    else:
+        changed = seal_of(given.plan).changed(seal_of(inputs.plan))
+        where = f" (sections: {', '.join(changed)})" if changed else ""
+        verdict = Verdict(f"is NOT the plan of these files{where}", Level.ERROR)
+    if not same:
+        points.append(Point(PointKind.OPEN, f"{given.source.path} {verdict.word}"))
+    row = (cell(code(given.source.path)), cell(code(given.source.sha256)), cell(verdict))
+    columns = (Column("File"), Column("SHA-256"), Column("Verdict"))
+    return [Heading("Plan file"), Table(name="plan file", columns=columns, rows=(row,))]
+
+
+def files_table(name: str, files: Sequence[SourceFile]) -> Table:
+    """Return files with their hashes."""
+    return Table(
+        name=name,
+        columns=(Column("File"), Column("SHA-256")),
+        rows=tuple((cell(code(f.path)), cell(code(f.sha256))) for f in files),
+    )
+
+
+def role() -> Block:
+    """Say what the MainDevice and this tool are, and are not."""
+    rows = (
+        "Shown: which bytes are copied where, that each copy is whole and unmodified in the "
+        "configuration, how watchdogs relate to the bus, what differs from what was compared.",
+        "Not shown: whether the safety functions, the wiring and the safety project of each logic are "
+        "the right ones; category, diagnostic coverage and common causes of the parts.",
+        "What ran on an emulated bus is marked EMULATED and is no evidence for this machine.",
+    )
+    parts: tuple[Part, ...] = (
+        Paragraph((Text(ROLE),), note=True),
+        Bullets(tuple((Text(r),) for r in rows)),
+    )
+    return Block(key="role", title="Role of the MainDevice and of this report", parts=parts)

@@ -1,0 +1,280 @@
+"""Blocks 3 and 4: who stands on the bus, and which FSoE connections join them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+from fsoe_net.fsoe import safe_data_length, sra_crc
+from fsoe_net.model import Connection, Network, SubDevice
+from fsoe_net.report.document import (
+    BLANK,
+    Block,
+    Cell,
+    Column,
+    Heading,
+    Item,
+    Level,
+    Number,
+    Paragraph,
+    Part,
+    Picture,
+    Point,
+    PointKind,
+    Table,
+    Text,
+    Verdict,
+    cell,
+    code,
+    muted,
+    stated,
+    strong,
+)
+from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.svg import topology_picture
+
+__all__ = ["architecture", "connections"]
+
+_FACTS = "connections of the network file"
+_NET = "network files"
+_LAYOUT = "process data of the slave configs"
+_MOST_PLAIN = 60
+_ADDRESS_MOST = 65534
+_ID_MOST = 65535
+
+
+def architecture(inputs: ReportInputs) -> Block:
+    """Topology, and every SubDevice with its identity and its part in FSoE."""
+    resolution = inputs.resolution
+    if resolution is None:
+        return Block(key="architecture", title="Architecture", parts=(_nothing(),))
+    network = resolution.network
+    mains = {c.main.name for c in resolution.connections}
+    subs = {c.sub.name for c in resolution.connections}
+    parts: list[Part] = []
+    if inputs.plan is not None:
+        words = (
+            f"{len(network.subdevices)} SubDevices on the bus, "
+            f"{len(resolution.connections)} FSoE connections as arcs between them"
+        )
+        parts.append(
+            Picture(title="Topology", words=words, svg=topology_picture(inputs.plan), wide=True)
+        )
+    shown = [s for s in network.subdevices if s.name in mains | subs]
+    if len(network.subdevices) <= _MOST_PLAIN:
+        shown = list(network.subdevices)
+    parts += [Heading("SubDevices"), _subdevices(shown, network, mains, subs)]
+    masters = [s for s in network.subdevices if s.name in mains]
+    if masters:
+        rows = tuple((cell(strong(s.name)), BLANK, BLANK, BLANK) for s in masters)
+        heads = ("MainInstance", "Firmware", "Serial number", "CRC of the safety project")
+        parts += [
+            Heading("Safety masters: read at the devices, by hand"),
+            Table(name="safety masters", columns=tuple(Column(h) for h in heads), rows=rows),
+        ]
+    points = [
+        Point(
+            PointKind.OPEN,
+            f"firmware, serial number and project CRC of {s.name} have to be read at the device",
+        )
+        for s in masters
+    ]
+    return Block(key="architecture", title="Architecture", parts=tuple(parts), points=tuple(points))
+
+
+def _nothing() -> Paragraph:
+    return Paragraph((Text("No network could be read; the findings say why."),))
+
+
+def _subdevices(
+    shown: Sequence[SubDevice], network: Network, mains: set[str], subs: set[str]
+) -> Table:
+    rows = []
+    for s in shown:
+        parts = [
+            w for w, names in (("MainInstance", mains), ("SubInstance", subs)) if s.name in names
+        ]
+        place: list[Item] = [Number(value=s.position, text=str(s.position), unit="", source=_NET)]
+        if s.alias:
+            place.append(Number(value=s.alias, text=f"alias {s.alias}", unit="", source=_NET))
+        device = s.device
+        identity: Cell = cell(Verdict("not stated", Level.OPEN))
+        if device is not None:
+            identity = cell(
+                Number(
+                    value=device.vendor_id,
+                    text=f"vendor 0x{device.vendor_id:08x}",
+                    unit="",
+                    source="slave configs",
+                ),
+                Number(
+                    value=device.product_code,
+                    text=f"product 0x{device.product_code:08x}",
+                    unit="",
+                    source="slave configs",
+                ),
+            )
+        rows.append(
+            (
+                tuple(place),
+                cell(strong(s.name)),
+                cell(" and ".join(parts) or muted("no FSoE")),
+                identity,
+            )
+        )
+    hidden = len(network.subdevices) - len(shown)
+    return Table(
+        name="subdevices",
+        columns=(
+            Column("Position"),
+            Column("SubDevice"),
+            Column("Part in FSoE"),
+            Column("Identity"),
+        ),
+        rows=tuple(rows),
+        remark=f"{hidden} SubDevices without FSoE are not listed" if hidden else "",
+    )
+
+
+# -- connections ----------------------------------------------------------------------------------
+
+
+def connections(inputs: ReportInputs) -> Block:
+    """Every connection with its facts and the verdicts on their uniqueness."""
+    rows = () if inputs.resolution is None else inputs.resolution.connections
+    title = "FSoE connections"
+    if not rows:
+        return Block(
+            key="connections",
+            title=title,
+            parts=(Paragraph((Text("No FSoE connection resolves."),)),),
+            points=(Point(PointKind.OPEN, "there is no FSoE connection to judge"),),
+        )
+    points: list[Point] = []
+    owners = _owners(rows, lambda c: c.facts.address if c.facts else None, by_sub=True)
+    ids = _owners(rows, lambda c: c.facts.connection_id if c.facts else None, by_sub=False)
+    for c in rows:
+        points += _open_facts(c)
+    parts: tuple[Part, ...] = (
+        Table(
+            name="connections",
+            columns=(
+                Column("Connection"),
+                Column("From MainInstance to SubInstance"),
+                Column("ConnID", number=True),
+                Column("FSoE address", number=True),
+                Column("Watchdog", number=True),
+                Column("Safe data", number=True),
+                Column("Frames", number=True),
+                Column("Parameters"),
+            ),
+            rows=tuple(_row(c) for c in rows),
+        ),
+        Heading("Uniqueness and ranges"),
+        Table(
+            name="uniqueness",
+            columns=(Column("Connection"), Column("ConnID"), Column("FSoE address")),
+            rows=tuple(
+                (
+                    cell(strong(c.name)),
+                    cell(_unique(c.facts.connection_id if c.facts else None, ids, _ID_MOST)),
+                    cell(_unique(c.facts.address if c.facts else None, owners, _ADDRESS_MOST)),
+                )
+                for c in rows
+            ),
+            remark="Judged over the whole bus, with all MainInstances on it. Addresses go from 1 "
+            f"to {_ADDRESS_MOST}, connection IDs from 1 to {_ID_MOST}. A SubDevice keeps its "
+            "address in all of its connections.",
+        ),
+    )
+    points.append(
+        Point(
+            PointKind.ASSUMPTION,
+            "connection IDs, addresses, watchdogs and parameters are as the network file states "
+            "them; the devices and the safety project have to hold the same",
+        )
+    )
+    return Block(key="connections", title=title, parts=parts, points=tuple(points))
+
+
+def _owners(
+    rows: Sequence[Connection], value_of: Callable[[Connection], int | None], *, by_sub: bool
+) -> Counter[int]:
+    """Count who has a value: connections, or SubDevices."""
+    pairs = {
+        (value, c.sub.name if by_sub else c.name)
+        for c in rows
+        if (value := value_of(c)) is not None
+    }
+    return Counter(value for value, _ in pairs)
+
+
+def _unique(value: int | None, owners: Counter[int], most: int) -> Verdict:
+    if value is None:
+        return Verdict("not judged: not stated", Level.OPEN)
+    if not 1 <= value <= most:
+        return Verdict("out of range", Level.ERROR)
+    if owners[value] > 1:
+        return Verdict(f"used {owners[value]} times", Level.ERROR)
+    return Verdict("once on the bus, in range", Level.CLEAR)
+
+
+def _open_facts(c: Connection) -> list[Point]:
+    facts = c.facts
+    missing = [
+        what
+        for what, value in (
+            ("connection ID", facts.connection_id if facts else None),
+            ("FSoE address", facts.address if facts else None),
+            ("watchdog", facts.watchdog_ms if facts else None),
+        )
+        if value is None
+    ]
+    points = []
+    if missing:
+        words = f"{c.name}: {', '.join(missing)} not stated"
+        points.append(Point(PointKind.OPEN, words))
+    if facts is not None and facts.unconfirmed is not None:
+        reason = f": {facts.unconfirmed}" if facts.unconfirmed else ""
+        points.append(Point(PointKind.OPEN, f"{c.name} is unconfirmed{reason}"))
+    return points
+
+
+def _row(c: Connection) -> tuple[Cell, ...]:
+    facts = c.facts
+    address = facts.address if facts else None
+    frames = (c.to_sub.transfer.size_bytes, c.to_main.transfer.size_bytes)
+    return (
+        cell(strong(c.name), muted(f"net {c.net.name}")),
+        cell(c.main.name, f"→ {c.sub.name}"),
+        cell(stated(facts.connection_id if facts else None, "", _FACTS)),
+        cell(
+            stated(address, "", _FACTS, "" if address is None else f"{address} (0x{address:04x})")
+        ),
+        cell(stated(facts.watchdog_ms if facts else None, "ms", _FACTS)),
+        tuple(
+            Number(value=n, text=str(n), unit=f"bytes to {to}", source=_LAYOUT)
+            for n, to in ((_safe_bytes(frames[0]), "sub"), (_safe_bytes(frames[1]), "main"))
+        ),
+        tuple(
+            Number(value=n, text=str(n), unit=f"bytes to {to}", source=_LAYOUT)
+            for n, to in ((frames[0], "sub"), (frames[1], "main"))
+        ),
+        _parameters(facts.app_parameters if facts else b""),
+    )
+
+
+def _safe_bytes(frame_bytes: int) -> int:
+    try:
+        return safe_data_length(frame_bytes)
+    except ValueError:
+        return 0
+
+
+def _parameters(parameters: bytes) -> Cell:
+    if not parameters:
+        return cell(muted("none stated"))
+    return cell(
+        Number(value=len(parameters), text=str(len(parameters)), unit="bytes", source=_FACTS),
+        code(f"SRA CRC over them 0x{sra_crc(parameters):08x}"),
+    )

@@ -1,0 +1,238 @@
+"""Blocks 10 to 13: fingerprint, change log, sign-off, and what is open or assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.report.diff_types import Change
+from fsoe_net.report.document import (
+    BLANK,
+    Block,
+    Cell,
+    Column,
+    Heading,
+    Item,
+    Level,
+    Paragraph,
+    Part,
+    Point,
+    PointKind,
+    Style,
+    Table,
+    Text,
+    Verdict,
+    cell,
+    code,
+    muted,
+    stated,
+    strong,
+)
+from fsoe_net.report.inputs import Against, ReportInputs
+
+__all__ = ["change_log", "fingerprint", "open_points", "sign_off"]
+
+_SHOWN_ENTRIES = 6
+_CALLS_FOR = {
+    "network": "reaction times and watchdogs",
+    "subdevice": "identity at the machine, its address, each safety function that uses it",
+    "sync_manager": "process data read back, each connection of that SubDevice",
+    "frame": "each connection of that SubDevice",
+    "entries": "process data read back, signals of that SubDevice",
+    "sdo": "start-up of that SubDevice",
+    "copy": "each safety function over that connection",
+    "connection": "start-up of that connection, loss of its ends, each safety function over it",
+}
+
+
+# -- 10 fingerprint -------------------------------------------------------------------------------
+
+
+def fingerprint(inputs: ReportInputs) -> Block:
+    """The fingerprint with one hash per section."""
+    title, seal = "Fingerprint", inputs.seal
+    if seal is None:
+        return Block(
+            key="fingerprint",
+            title=title,
+            parts=(
+                Paragraph((Text("No fingerprint: a network with errors is no configuration."),)),
+            ),
+            points=(Point(PointKind.OPEN, "there is no fingerprint"),),
+        )
+    rows: list[tuple[Cell, ...]] = [
+        (cell(strong("short code")), cell(Text(seal.short, Style.CODE))),
+        (cell(strong("whole")), cell(code(seal.whole))),
+    ]
+    rows += [(cell(name.replace("_", " ")), cell(code(h))) for name, h in seal.sections.items()]
+    return Block(
+        key="fingerprint",
+        title=title,
+        parts=(
+            Paragraph((Text(f"SHA-256, made from: {seal.of}. Paths and dates are not in it."),)),
+            Table(
+                name="fingerprint", columns=(Column("Section"), Column("Hash")), rows=tuple(rows)
+            ),
+        ),
+        points=(
+            Point(
+                PointKind.ASSUMPTION,
+                "the machine runs this configuration as long as its fsn-master shows this "
+                "fingerprint; compare the short code at the machine",
+            ),
+        ),
+    )
+
+
+# -- 11 change log --------------------------------------------------------------------------------
+
+
+def change_log(inputs: ReportInputs) -> Block:
+    """What differs from an earlier state, and what has to be tried again for it."""
+    title, against = "Change log", inputs.against
+    if against is None:
+        text = "Not compared with an earlier state; --against FILE names one."
+        words = "not compared with the state that was accepted last"
+        return Block(
+            key="change_log",
+            title=title,
+            parts=(Paragraph((Text(text),)),),
+            points=(Point(PointKind.OPEN, words),),
+        )
+    found = against.difference
+    count = len(found.changes)
+    parts: list[Part] = [_compared(against, inputs)]
+    points = []
+    if found.changes:
+        parts.append(
+            Table(
+                name="changes",
+                columns=tuple(
+                    Column(h) for h in ("Change", "Where", "Before", "Now", "To be tried again")
+                ),
+                rows=tuple(_change(c) for c in found.changes),
+            )
+        )
+        points.append(
+            Point(PointKind.OPEN, f"{count} changes since {against.source.path}: to be tried again")
+        )
+    points += [Point(PointKind.OPEN, f"not compared: {w}") for w in found.not_compared]
+    return Block(key="change_log", title=title, parts=tuple(parts), points=tuple(points))
+
+
+def _compared(against: Against, inputs: ReportInputs) -> Paragraph:
+    count = len(against.difference.changes)
+    items: list[Item] = [
+        Text("Compared with "),
+        code(against.source.path),
+        Text(", SHA-256 "),
+        code(against.source.sha256),
+        Text(": "),
+    ]
+    if count:
+        items.append(stated(count, "differences", "comparison by meaning"))
+    else:
+        items.append(Verdict("no difference in what both speak about", Level.CLEAR))
+    if against.seal is not None:
+        items += [Text("; its fingerprint "), code(against.seal.short)]
+        changed = () if inputs.seal is None else inputs.seal.changed(against.seal)
+        if changed:
+            items.append(Text(f" (sections that differ: {', '.join(changed)})"))
+    items.append(Text("."))
+    return Paragraph(tuple(items))
+
+
+def _change(c: Change) -> tuple[Cell, ...]:
+    entries = ", ".join(c.entries[:_SHOWN_ENTRIES])
+    more = len(c.entries) - _SHOWN_ENTRIES
+    if more > 0:
+        entries += f" and {more} more"
+    what = " ".join(w for w in (c.area.replace("_", " "), c.kind) if w)
+    where = [w for w in (c.where, c.what, entries) if w]
+    return (
+        cell(strong(what)),
+        tuple(Text(w) if n == 0 else muted(w) for n, w in enumerate(where)),
+        cell("" if c.before is None else str(c.before)),
+        cell("" if c.after is None else str(c.after)),
+        cell(_CALLS_FOR.get(c.area, "everything")),
+    )
+
+
+# -- 12 sign-off ----------------------------------------------------------------------------------
+
+
+def sign_off(inputs: ReportInputs) -> Block:
+    """Fields for the hand; author and verifier are two people."""
+    heads = ("Role", "Name", "Date", "Signature")
+    rows = tuple(
+        (cell(who), BLANK, BLANK, BLANK)
+        for who in ("Author", "Verifier, who is not the author", "Released for the machine by")
+    )
+    short = "no fingerprint" if inputs.seal is None else inputs.seal.short
+    return Block(
+        key="sign_off",
+        title="Sign-off",
+        parts=(
+            Paragraph((Text("For the configuration with the short code "), code(short), Text("."))),
+            Table(name="sign-off", columns=tuple(Column(h) for h in heads), rows=rows),
+        ),
+        points=(Point(PointKind.OPEN, "not signed"),),
+    )
+
+
+# -- 13 assumptions and open points ---------------------------------------------------------------
+
+
+def open_points(points: Sequence[tuple[str, Point]], diagnostics: Sequence[Diagnostic]) -> Block:
+    """Everything that is not settled: findings with their mends, open points, assumptions."""
+    parts: list[Part] = [Heading("Findings")]
+    if diagnostics:
+        parts.append(_findings(diagnostics))
+    else:
+        parts.append(Paragraph((Verdict("no findings", Level.CLEAR),)))
+    for kind, title in (
+        (PointKind.OPEN, "Open points"),
+        (PointKind.ASSUMPTION, "Assumptions"),
+    ):
+        rows = tuple(
+            (cell(muted(block)), cell(p.text), BLANK)
+            for block, p in points
+            if p.kind is kind and block != "Findings"
+        )
+        parts.append(Heading(title))
+        last = "Settled by, reason" if kind is PointKind.OPEN else "Agreed by"
+        parts.append(
+            Table(
+                name=title.lower(),
+                columns=(Column("Block"), Column(title[:-1]), Column(last)),
+                rows=rows,
+            )
+        )
+    return Block(key="open_points", title="Assumptions and open points", parts=tuple(parts))
+
+
+def _findings(diagnostics: Sequence[Diagnostic]) -> Table:
+    levels = {
+        Severity.ERROR: Level.ERROR,
+        Severity.WARNING: Level.WARNING,
+        Severity.INFO: Level.NOTE,
+    }
+    rows = []
+    for d in diagnostics:
+        said: list[Item] = [Text(d.message)]
+        said += [muted(f"see {r.span}: {r.message}") for r in d.related]
+        if d.hint:
+            said.append(muted(f"mend: {d.hint}"))
+        rows.append(
+            (
+                cell(Verdict(d.level.value, levels[d.level]), code(d.code)),
+                (*said, muted(str(d.span))),
+                BLANK,
+            )
+        )
+    return Table(
+        name="findings",
+        columns=(Column("Finding"), Column("What and mend"), Column("Justified by, reason")),
+        rows=tuple(rows),
+        remark="Findings cannot be hidden; warnings can be justified by name and reason.",
+    )

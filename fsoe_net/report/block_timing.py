@@ -1,0 +1,413 @@
+"""Blocks 6 and 7: watchdogs and reaction times by both schools, and sums of PFH_D."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fsoe_net.report.block_measured import measured_cycle
+from fsoe_net.report.budget import budget_picture
+from fsoe_net.report.document import (
+    Block,
+    Bullets,
+    Cell,
+    Column,
+    Heading,
+    Item,
+    Level,
+    Number,
+    Paragraph,
+    Part,
+    Picture,
+    Point,
+    PointKind,
+    Table,
+    Text,
+    Verdict,
+    cell,
+    muted,
+    stated,
+    strong,
+)
+from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.timing import (
+    NOT_ASSESSED,
+    Budget,
+    ConnectionBudget,
+    FunctionBudget,
+    Limit,
+    Quantity,
+)
+
+__all__ = ["quantities", "timing"]
+
+_ETG = "ETG.5100 chapter 9.3 as printed by Lenze (i750)"
+_BECKHOFF = "Beckhoff, manuals of EL2904, EL6900, EK1914, EP1957"
+_FILE = "network file"
+
+
+# -- 6 timing -------------------------------------------------------------------------------------
+
+
+def timing(inputs: ReportInputs) -> Block:
+    """Watchdogs with their admissible intervals, reaction times of each function, both schools."""
+    title = "Timing"
+    budget = inputs.budget
+    if budget is None:
+        return Block(
+            key="timing",
+            title=title,
+            parts=(Paragraph((Text("No network could be read: nothing is judged."),)),),
+            points=(Point(PointKind.OPEN, "timing is not judged"),),
+        )
+    points = _assumed(budget)
+    parts: list[Part] = [_basis(budget), *measured_cycle(inputs)]
+    parts += [Heading("Watchdogs"), _watchdogs(budget), *_reasons(budget)]
+    if budget.functions:
+        parts += [Heading("Reaction times"), _reactions(budget)]
+        for row in budget.functions:
+            parts += [Heading(f"Parts of {row.function.name}"), _story(row), _elements(row)]
+            points += [
+                Point(PointKind.OPEN, f"{row.function.name}: {words}") for words in row.missing
+            ]
+            if row.parts.unverified:
+                names = ", ".join(row.parts.unverified)
+                words = f"{row.function.name}: values nobody answers for: {names}"
+                points.append(Point(PointKind.OPEN, words))
+            if row.function.required_reaction_ms is None:
+                words = f"{row.function.name}: no required reaction time is stated"
+                points.append(Point(PointKind.OPEN, words))
+        if any(row.reaction is not None for row in budget.functions):
+            parts.append(
+                Picture(
+                    title="Reaction times over bus cycle and watchdog",
+                    words="Curves of both schools and the required time, named at their ends; "
+                    "the dotted line is the configuration",
+                    svg=budget_picture(budget, "Reaction times"),
+                )
+            )
+    else:
+        parts.append(
+            Paragraph((Text("No safety function is stated: no reaction time is judged."),))
+        )
+        points.append(
+            Point(PointKind.OPEN, "no safety_functions in the network file: nothing is judged")
+        )
+    return Block(key="timing", title=title, parts=tuple(parts), points=tuple(points))
+
+
+def _assumed(budget: Budget) -> list[Point]:
+    drift = (
+        f"clocks of devices are at most {100 * budget.drift:g} % slow"
+        if budget.drift
+        else "clocks of devices are exact"
+    )
+    return [
+        Point(
+            PointKind.ASSUMPTION,
+            f"a frame needs {budget.copy_cycles} bus cycles per direction: true for fsn-master, "
+            "which copies in the cycle of arrival; a program that copies a cycle later needs 3",
+        ),
+        Point(PointKind.ASSUMPTION, drift),
+        Point(
+            PointKind.ASSUMPTION,
+            "times of elements are the longest their sources state; none was measured here",
+        ),
+    ]
+
+
+def _basis(budget: Budget) -> Paragraph:
+    return Paragraph(
+        (
+            Text("Bus cycle T_Com "),
+            stated(budget.cycle, "ms", _FILE),
+            Text("; copy factor k "),
+            stated(budget.copy_cycles, "bus cycles per direction", "copy engine of fsn-master"),
+            Text("; drift of clocks "),
+            stated(100 * budget.drift, "%", "option of the budget"),
+            Text(". T_S, T_I, T_L, T_O, T_A: times of sensor, input, logic, output, actuator."),
+        )
+    )
+
+
+def _limit(limit: Limit | None, *, empty: bool = False) -> Cell:
+    if limit is None:
+        return cell(muted("nothing asks"))
+    number = stated(limit.ms, "ms", limit.why)
+    return (number, Verdict("EMPTY interval", Level.ERROR)) if empty else (number,)
+
+
+def _watchdogs(budget: Budget) -> Table:
+    rows = [
+        (
+            cell(strong(c.connection.name), *(muted(f) for f in c.functions)),
+            cell(stated(c.configured, "ms", "connections of the network file")),
+            _limit(c.least),
+            _limit(c.greatest, empty=c.empty),
+            cell(_margin(c)),
+            cell(_lost(c)),
+            cell(_fits(c)),
+        )
+        for c in budget.connections
+    ]
+    return Table(
+        name="watchdogs",
+        columns=(
+            Column("Connection"),
+            Column("Configured", number=True),
+            Column("At least", number=True),
+            Column("At most", number=True),
+            Column("Margin", number=True),
+            Column("Lost bus cycles survived", number=True),
+            Column("Verdict"),
+        ),
+        rows=tuple(rows),
+        remark="At least: 1.2 x the longest round trip, for availability. At most: what the required "
+        "reaction times leave, the smaller of both schools. Margin: configured over least.",
+    )
+
+
+def _margin(c: ConnectionBudget) -> Item:
+    if c.margin is None:
+        return muted("not judged")
+    return stated(c.margin, "x least", "configured / least", f"{c.margin:.1f}")
+
+
+def _lost(c: ConnectionBudget) -> Item:
+    if c.lost_frames is None:
+        return muted("not judged")
+    return stated(c.lost_frames, "cycles", "(watchdog - round trip - 1 ms) / T_Com")
+
+
+def _fits(c: ConnectionBudget) -> Verdict:
+    if c.empty:
+        return Verdict("no watchdog fits", Level.ERROR)
+    if c.configured is None:
+        return Verdict("not judged: not stated", Level.OPEN)
+    if c.least is None and c.greatest is None:
+        return Verdict("not judged: no times", Level.OPEN)
+    if c.least is not None and c.configured < c.least.ms:
+        return Verdict("below the least", Level.ERROR)
+    if c.greatest is not None and c.configured > c.greatest.ms:
+        return Verdict("above the greatest", Level.ERROR)
+    if c.greatest is None:
+        return Verdict("not below the least; nothing limits it above", Level.NOTE)
+    return Verdict("inside the interval", Level.CLEAR)
+
+
+def _reasons(budget: Budget) -> list[Part]:
+    rows: list[tuple[Item, ...]] = []
+    for c in budget.connections:
+        for word, limit in (("at least", c.least), ("at most", c.greatest)):
+            if limit is not None:
+                rows.append(
+                    (
+                        Text(f"{c.connection.name} {word} "),
+                        stated(limit.ms, "ms", limit.why),
+                        Text(f": {limit.why}"),
+                    )
+                )
+    return [Heading("What limits each watchdog"), Bullets(tuple(rows))] if rows else []
+
+
+def _reactions(budget: Budget) -> Table:
+    rows = []
+    for row in budget.functions:
+        r, required = row.reaction, row.function.required_reaction_ms
+        etg, typical = _ETG, _BECKHOFF
+        rows.append(
+            (
+                cell(strong(row.function.name)),
+                cell(stated(r.error_free if r else None, "ms", etg)),
+                cell(stated(r.worst_etg if r else None, "ms", etg)),
+                cell(stated(r.typical if r else None, "ms", typical)),
+                cell(stated(r.worst_beckhoff if r else None, "ms", typical)),
+                cell(stated(required, "ms", "risk assessment, as the network file states it")),
+                cell(Verdict(row.verdict, _level(row.verdict))),
+            )
+        )
+    return Table(
+        name="reaction times",
+        columns=(
+            Column("Safety function"),
+            Column("ETG: error-free", number=True),
+            Column("ETG: worst case, one failure", number=True),
+            Column("Beckhoff: typical", number=True),
+            Column("Beckhoff: worst case, two watchdogs", number=True),
+            Column("Required", number=True),
+            Column("Verdict"),
+        ),
+        rows=tuple(rows),
+        remark="Both schools stand side by side; they do not agree, and the larger worst case is "
+        "held against the required time.",
+    )
+
+
+def _level(verdict: str) -> Level:
+    if "above" in verdict:
+        return Level.ERROR
+    if verdict.startswith(("within", "PFH_D sum within")):
+        return Level.CLEAR
+    return Level.OPEN
+
+
+def _story(row: FunctionBudget) -> Paragraph:
+    f = row.function
+    words = f"{f.trigger or 'trigger not stated'} → {f.reaction or 'reaction not stated'}"
+    used = sorted({c.name for c in (*row.parts.to_input, *row.parts.to_output)})
+    return Paragraph((Text(f"{words}. Connections: {', '.join(used) or 'none'}."),))
+
+
+def _quantity(q: Quantity, text: str = "") -> Cell:
+    if q.value is None:
+        return cell(Verdict("not stated", Level.OPEN))
+    number = stated(q.value, q.unit, q.source or "no source", text)
+    return (number,) if q.verified else (number, Verdict("unverified", Level.OPEN))
+
+
+def _elements(row: FunctionBudget) -> Table:
+    rows = tuple(
+        (
+            cell(e.element.kind.value),
+            cell(strong(e.element.name)),
+            _quantity(e.time, "" if e.time.value is None else f"{e.time.value:g}"),
+            cell(e.time.source or muted("no source")),
+        )
+        for e in row.parts.rows
+    )
+    return Table(
+        name=f"times of {row.function.name}",
+        columns=(
+            Column("Part"),
+            Column("Element"),
+            Column("Time", number=True),
+            Column("Source"),
+        ),
+        rows=rows,
+    )
+
+
+# -- 7 quantities ---------------------------------------------------------------------------------
+
+
+def quantities(inputs: ReportInputs) -> Block:
+    """PFH_D of every element with the sum, the claim limit, and the rate of safety PDUs."""
+    budget = inputs.budget
+    points: list[Point] = []
+    parts: list[Part] = []
+    for row in () if budget is None else budget.functions:
+        parts += [Heading(f"PFH_D of {row.function.name}"), _pfh(row), _level_words(row)]
+        points += [
+            Point(PointKind.OPEN, f"{row.function.name}: no PFH_D of {name}")
+            for name in row.pfh.missing
+        ]
+        if row.pfh.limit is None:
+            words = f"{row.function.name}: no level (PL or SIL) is required"
+            points.append(Point(PointKind.OPEN, words))
+    if parts:
+        points.append(Point(PointKind.ASSUMPTION, f"sums of PFH_D only: {NOT_ASSESSED}"))
+        points.append(
+            Point(
+                PointKind.ASSUMPTION,
+                "1.00e-09 1/h is charged once per function for Safety over EtherCAT, as Beckhoff's "
+                "application guide for TwinSAFE does",
+            )
+        )
+    else:
+        parts.append(Paragraph((Text("No safety function is stated: there is no sum of PFH_D."),)))
+        points.append(Point(PointKind.OPEN, "no PFH_D is summed: no safety function is stated"))
+    if budget is not None and budget.connections:
+        parts += [Heading("Rate of safety PDUs"), _rates(budget.connections)]
+        points.append(
+            Point(
+                PointKind.ASSUMPTION,
+                "residual errors of FSoE are covered by its approval for the rate of safety PDUs "
+                "above; they are not worked out here",
+            )
+        )
+    return Block(key="quantities", title="Quantities", parts=tuple(parts), points=tuple(points))
+
+
+def _pfh(row: FunctionBudget) -> Table:
+    rows: list[tuple[Cell, ...]] = [
+        (
+            cell(e.element.kind.value),
+            cell(strong(e.element.name)),
+            _quantity(e.pfh, "" if e.pfh.value is None else f"{e.pfh.value:.2e}"),
+            cell(e.pfh.source or muted("no source")),
+        )
+        for e in row.parts.rows
+    ]
+    if row.pfh.fsoe:
+        source = "Beckhoff, Application Guide TwinSAFE"
+        rows.append(
+            (
+                cell("bus"),
+                cell("Safety over EtherCAT"),
+                cell(stated(row.pfh.fsoe, "1/h", source, f"{row.pfh.fsoe:.2e}")),
+                cell(source),
+            )
+        )
+    total = stated(row.pfh.total, "1/h", "sum of the rows above", f"{row.pfh.total:.2e}")
+    rows.append((cell(strong("sum")), cell(""), (total,), cell("sum of the rows above")))
+    return Table(
+        name=f"PFH_D of {row.function.name}",
+        columns=(
+            Column("Part"),
+            Column("Element"),
+            Column("PFH_D", number=True),
+            Column("Source"),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _level_words(row: FunctionBudget) -> Paragraph:
+    f = row.function
+    levels = [w for w in (f"PL {f.pl}" if f.pl else "", f"SIL {f.sil}" if f.sil else "") if w]
+    items: list[Item] = [Text(f"Required: {' and '.join(levels) or 'no level stated'}")]
+    if row.pfh.limit is not None:
+        items += [
+            Text(", PFH_D below "),
+            stated(
+                row.pfh.limit,
+                "1/h",
+                "ISO 13849-1 table 2, IEC 62061 table 3",
+                f"{row.pfh.limit:.0e}",
+            ),
+        ]
+    items += [
+        Text(". "),
+        Verdict(row.pfh.verdict, _level(row.pfh.verdict)),
+        Text(
+            ". The claim limit of the function is that of its weakest element; the manuals say it."
+        ),
+    ]
+    return Paragraph(tuple(items))
+
+
+def _rates(rows: Sequence[ConnectionBudget]) -> Table:
+    source = "two safety PDUs in four bus cycles"
+    return Table(
+        name="safety PDUs",
+        columns=(Column("Connection"), Column("Safety PDUs, both directions", number=True)),
+        rows=(
+            *(
+                (
+                    cell(strong(c.connection.name)),
+                    cell(stated(c.spdus_per_hour, "per hour", source)),
+                )
+                for c in rows
+            ),
+            (
+                cell(strong("logical connections")),
+                cell(
+                    Number(
+                        value=len(rows),
+                        text=str(len(rows)),
+                        unit="connections",
+                        source="network files",
+                    )
+                ),
+            ),
+        ),
+    )

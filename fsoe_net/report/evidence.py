@@ -1,0 +1,182 @@
+"""Files that tell of the machine: scans, results of runs, incident files; and a running bus."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fsoe_net.errors import InputError
+from fsoe_net.load import parse_scan
+from fsoe_net.model import Scan, SourceFile
+from fsoe_net.observe import IncidentHead, IncidentReader
+from fsoe_net.run import Client, LiveSnapshot, Status
+
+__all__ = [
+    "Evidence",
+    "LiveEvidence",
+    "RunEvidence",
+    "RunRow",
+    "ask_live",
+    "longest_round_trips",
+    "read_evidence",
+]
+
+_NEXT = "evidence is a scan.json, a result of fsoe-net run --format json, or an incident file"
+_LONGEST_HEAD = 64 << 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRow:
+    """One connection of a run; times in ms."""
+
+    name: str
+    state: str
+    cycle_mean: float | None
+    cycle_max: float | None
+    watchdog: float | None
+    resets: int
+    reset_text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEvidence:
+    """What the JSON document of a run says; ``period_ns`` of the bus cycle by name."""
+
+    mode: str
+    backend: str
+    plan_sha256: str
+    duration_ms: float
+    passed: bool
+    cycles: int
+    overruns: int
+    wkc_errors: int
+    period_ns: Mapping[str, int]
+    rows: tuple[RunRow, ...]
+
+    @property
+    def emulated(self) -> bool:
+        """Whether it tells nothing about a machine."""
+        return self.backend == "emulated"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """One file; one of the three is not ``None``."""
+
+    source: SourceFile
+    scan: Scan | None = None
+    run: RunEvidence | None = None
+    incident: IncidentHead | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveEvidence:
+    """What ``fsn-master`` behind a socket said once; ``names`` of its connections."""
+
+    socket: str
+    status: Status
+    snapshot: LiveSnapshot
+    names: tuple[str, ...]
+
+
+def read_evidence(path: str) -> Evidence:
+    """Read a file that tells of the machine; what it is, is known by its content.
+
+    Raises:
+        InputError: It is none of them, or damaged.
+        OSError: It cannot be read.
+    """
+    with open(path, "rb") as stream:
+        data = stream.read()
+    source = SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest())
+    document = _document(data)
+    if document is None or ("subdevices" in document and "plan_sha256" not in document):
+        if document is not None and "interface" in document:
+            scan, found = parse_scan(data, path)
+            if scan is None:
+                raise InputError(f"{path} is a damaged scan", found)
+            return Evidence(source=source, scan=scan)
+    elif "statistics" in document and "plan_sha256" in document and "connections" in document:
+        try:
+            return Evidence(source=source, run=_run(document))
+        except (KeyError, TypeError, ValueError, AttributeError) as exc:
+            raise InputError(f"{path} is no whole result of a run: {exc}; {_NEXT}") from exc
+    try:
+        return Evidence(source=source, incident=IncidentReader(path, io.BytesIO(data)).head)
+    except InputError as exc:
+        raise InputError(f"{path} is no evidence: {exc}; {_NEXT}") from exc
+
+
+def _document(data: bytes) -> dict[str, Any] | None:
+    try:
+        found = json.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _run(document: Mapping[str, Any]) -> RunEvidence:
+    statistics = document["statistics"]
+    period = statistics.get("period") or {}
+    return RunEvidence(
+        mode=str(document["mode"]),
+        backend=str((document.get("bus") or {}).get("backend", "emulated")),
+        plan_sha256=str(document["plan_sha256"]),
+        duration_ms=float(document["duration_ms"]),
+        passed=document["result"] == "pass",
+        cycles=int(statistics["cycles"]),
+        overruns=int(statistics["overruns"]),
+        wkc_errors=int(statistics["wkc_errors"]),
+        period_ns={str(k): int(v) for k, v in period.items() if isinstance(v, int)},
+        rows=tuple(
+            RunRow(
+                name=str(c["name"]),
+                state=str(c["state"]),
+                cycle_mean=_real(c["fsoe_cycle_ms"].get("mean")),
+                cycle_max=_real(c["fsoe_cycle_ms"].get("max")),
+                watchdog=_real(c["watchdog_ms"]),
+                resets=int(c["resets"]),
+                reset_text=str(c["last_reset_text"]),
+            )
+            for c in document["connections"]
+        ),
+    )
+
+
+def _real(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def ask_live(socket: str) -> LiveEvidence:
+    """Ask a running ``fsn-master`` once; nothing is written to the bus.
+
+    Raises:
+        EnvironmentFault: Nobody answers, or the bus is stopped.
+    """
+    with Client(socket) as client:
+        status, snapshot = client.status(), client.snapshot()
+        names = tuple(c.name for c in client.connections())
+    return LiveEvidence(socket=socket, status=status, snapshot=snapshot, names=names)
+
+
+def longest_round_trips(
+    evidence: tuple[Evidence, ...], live: LiveEvidence | None
+) -> dict[str, float]:
+    """Return the longest FSoE cycle of each connection that was seen on a real bus, ms."""
+    longest: dict[str, float] = {}
+
+    def seen(name: str, ms: float | None) -> None:
+        if ms:
+            longest[name] = max(ms, longest.get(name, 0.0))
+
+    for run in (e.run for e in evidence if e.run is not None and not e.run.emulated):
+        for row in run.rows:
+            seen(row.name, row.cycle_max)
+    if live is not None and live.status.backend != "emulated":
+        for name, c in zip(live.names, live.snapshot.cycle.connections, strict=False):
+            seen(name, max(c.to_sub.cycle_max_ns, c.to_main.cycle_max_ns) / 1e6)
+    return longest

@@ -1,0 +1,94 @@
+"""What a report is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from fsoe_net.diag import Diagnostic
+from fsoe_net.model import Resolution, SourceFile
+from fsoe_net.plan import Plan
+from fsoe_net.report.diff import Difference
+from fsoe_net.report.evidence import Evidence, LiveEvidence
+from fsoe_net.report.seal import Seal
+from fsoe_net.run import RunResult
+from fsoe_net.timing import Budget
+
+__all__ = ["Against", "GivenPlan", "ReportInputs", "TestStep"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Against:
+    """What the network is compared with. ``seal`` is ``None`` when it is no plan or network."""
+
+    source: SourceFile
+    difference: Difference
+    seal: Seal | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GivenPlan:
+    """A plan file that shall be the plan of this network."""
+
+    source: SourceFile
+    plan: Plan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestStep:
+    """One step of a test protocol; empty what nobody has filled in.
+
+    Attributes:
+        what: What to do.
+        expected: What shall happen.
+        measured: What was measured, with its unit.
+        emulated: Result on the emulated bus; no evidence for a machine.
+        machine: Result at the machine.
+        who: Who was there, and when.
+    """
+
+    __test__ = False
+
+    what: str
+    expected: str
+    measured: str = ""
+    emulated: str = ""
+    machine: str = ""
+    who: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportInputs:
+    """Everything a report may speak about.
+
+    Attributes:
+        name: Of the network, also when nothing could be read.
+        version: Of fsoe-net.
+        diagnostics: Everything found.
+        resolution: The network; ``None`` when nothing was read.
+        plan: What was compiled; ``None`` when the network does not compile.
+        seal: Fingerprint of ``plan``.
+        budget: Timing budget of the network.
+        references: Other files the network was compared with.
+        run: A run of this plan on the emulated bus.
+        evidence: Files that tell of the machine.
+        live: What a running ``fsn-master`` tells.
+        given: A plan file that was named.
+        against: The state that the change log starts from.
+        steps: A test protocol; ``None`` when there is none.
+    """
+
+    name: str
+    version: str
+    diagnostics: Sequence[Diagnostic]
+    resolution: Resolution | None
+    plan: Plan | None
+    seal: Seal | None
+    budget: Budget | None
+    references: Sequence[SourceFile] = ()
+    run: RunResult | None = None
+    evidence: Sequence[Evidence] = field(default_factory=tuple)
+    live: LiveEvidence | None = None
+    given: GivenPlan | None = None
+    against: Against | None = None
+    steps: Sequence[TestStep] | None = None

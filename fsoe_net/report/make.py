@@ -1,0 +1,171 @@
+"""Makes the report: asks every block, and puts what was found and what is open in front."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
+from fsoe_net.report.block_copies import copies
+from fsoe_net.report.block_evidence import bus_evidence, tests
+from fsoe_net.report.block_head import identity, role
+from fsoe_net.report.block_network import architecture, connections
+from fsoe_net.report.block_record import change_log, fingerprint, open_points, sign_off
+from fsoe_net.report.block_timing import quantities, timing
+from fsoe_net.report.document import (
+    Bullets,
+    Column,
+    Document,
+    Heading,
+    Item,
+    Level,
+    Number,
+    Paragraph,
+    Part,
+    Point,
+    PointKind,
+    Table,
+    Text,
+    Verdict,
+    cell,
+    code,
+    muted,
+)
+from fsoe_net.report.inputs import ReportInputs
+
+__all__ = ["make_document"]
+
+_ROWS_ON_FIRST_PAGE = 14
+_LEVELS = {
+    Severity.ERROR: Level.ERROR,
+    Severity.WARNING: Level.WARNING,
+    Severity.INFO: Level.NOTE,
+}
+
+
+def make_document(inputs: ReportInputs) -> Document:
+    """Make the report of a network; a pure function, so equal inputs give equal documents."""
+    first = [
+        identity(inputs),
+        role(),
+        architecture(inputs),
+        connections(inputs),
+        copies(inputs),
+        timing(inputs),
+        quantities(inputs),
+        bus_evidence(inputs),
+        tests(inputs),
+        fingerprint(inputs),
+        change_log(inputs),
+        sign_off(inputs),
+    ]
+    points = tuple((b.title, p) for b in first for p in b.points) + tuple(
+        ("Findings", Point(PointKind.OPEN, f"{d.code} at {d.span}: {d.message}"))
+        for d in inputs.diagnostics
+        if d.level is not Severity.INFO
+    )
+    last = open_points(points, inputs.diagnostics)
+    network = None if inputs.resolution is None else inputs.resolution.network
+    verdict = _verdict(inputs.diagnostics)
+    return Document(
+        project=(network.project if network is not None else "") or inputs.name,
+        network=inputs.name,
+        version=inputs.version,
+        short="" if inputs.seal is None else inputs.seal.short,
+        whole="" if inputs.seal is None else inputs.seal.whole,
+        verdict=verdict,
+        lead=_lead(inputs, points),
+        blocks=tuple([*first, last]),
+        points=points,
+    )
+
+
+def _counts(found: Sequence[Diagnostic]) -> str:
+    words = []
+    for level, word in (
+        (Severity.ERROR, "error"),
+        (Severity.WARNING, "warning"),
+        (Severity.INFO, "note"),
+    ):
+        count = sum(d.level is level for d in found)
+        if count:
+            words.append(f"{count} {word}{'' if count == 1 else 's'}")
+    return ", ".join(words)
+
+
+def _verdict(found: Sequence[Diagnostic]) -> Verdict:
+    if not found:
+        return Verdict("no findings", Level.CLEAR)
+    counts = _counts(found)
+    worst = min((d.level for d in found), key=lambda level: level.rank)
+    if worst is Severity.ERROR:
+        return Verdict(f"NOT ACCEPTABLE: {counts}", Level.ERROR)
+    if worst is Severity.WARNING:
+        return Verdict(f"{counts}: each needs a mend or a justification by name", Level.WARNING)
+    return Verdict(f"no errors, no warnings; {counts}", Level.NOTE)
+
+
+def _lead(inputs: ReportInputs, points: Sequence[tuple[str, Point]]) -> tuple[Part, ...]:
+    parts: list[Part] = []
+    found = sorted(inputs.diagnostics, key=lambda d: d.level.rank)
+    if found:
+        parts += [Heading("Findings"), _findings(found)]
+    counts = Counter(
+        title for title, p in points if p.kind is PointKind.OPEN and title != "Findings"
+    )
+    total = sum(counts.values())
+    assumed = sum(p.kind is PointKind.ASSUMPTION for _, p in points)
+    parts.append(Heading("Open points and assumptions"))
+    numbers: list[Item] = [
+        Number(value=total, text=str(total), unit="open points", source="all blocks"),
+        Text(" and "),
+        Number(value=assumed, text=str(assumed), unit="assumptions", source="all blocks"),
+        Text(" stand in block 13, each with its block. A judgement rests on them."),
+    ]
+    parts.append(Paragraph(tuple(numbers)))
+    if counts:
+        rows = [
+            (
+                Text(f"{title}: "),
+                Number(value=n, text=str(n), unit="open", source=f"block {title}"),
+            )
+            for title, n in counts.items()
+        ]
+        parts.append(Bullets(tuple(rows)))
+    return tuple(parts)
+
+
+def _findings(found: Sequence[Diagnostic]) -> Table:
+    """Every finding; when there are many, one row per code, so that all stand on one page."""
+    per_code = Counter(d.code for d in found)
+    shown: list[tuple[Diagnostic, int]] = [(d, 1) for d in found]
+    if len(found) > _ROWS_ON_FIRST_PAGE:
+        firsts: dict[str, Diagnostic] = {}
+        for d in found:
+            firsts.setdefault(d.code, d)
+        shown = [(d, per_code[d.code]) for d in firsts.values()]
+    rows = []
+    for d, count in shown:
+        items: list[Item] = [Text(d.message)]
+        if count > 1:
+            items.append(
+                Number(
+                    value=count - 1,
+                    text=f"and {count - 1}",
+                    unit=f"more of {d.code}: {CATALOGUE[d.code].title}",
+                    source="findings of fsoe-net, block 13 lists all",
+                )
+            )
+        rows.append(
+            (
+                cell(Verdict(d.level.value, _LEVELS[d.level]), code(d.code)),
+                tuple(items),
+                cell(muted(str(d.span))),
+            )
+        )
+    return Table(
+        name="findings on the first page",
+        columns=(Column("Finding"), Column("What is wrong"), Column("Place")),
+        rows=tuple(rows),
+        remark="Block 13 lists every finding with its mend.",
+    )

@@ -1,0 +1,30 @@
+"""The three forms of a report, by the ending of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from fsoe_net.report.document import Document
+from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.make import make_document
+from fsoe_net.report.write_html import report_html
+from fsoe_net.report.write_json import report_json
+from fsoe_net.report.write_markdown import report_markdown
+
+__all__ = ["FORMATS", "render_report"]
+
+FORMATS: Mapping[str, Callable[[Document], str]] = {
+    "html": report_html,
+    "md": report_markdown,
+    "json": report_json,
+}
+"""Writers by the ending of the file, without its dot."""
+
+
+def render_report(inputs: ReportInputs, form: str = "html") -> str:
+    """Return the report in one of `FORMATS`. The same input gives the same text.
+
+    Raises:
+        KeyError: There is no such form.
+    """
+    return FORMATS[form](make_document(inputs))
