@@ -167,8 +167,8 @@ def _range_items(place: _Range | None) -> tuple[Item, ...]:
     return (
         Number(
             value=place.first,
-            text=f"0x{place.first:08x} … 0x{place.end - 1:08x}",
-            unit="logical address",
+            text=f"logical 0x{place.first:08x} … 0x{place.end - 1:08x}",
+            unit="",
             source=_IMAGE,
         ),
         Number(
@@ -198,27 +198,20 @@ def _verdicts(plan: Plan, c: PlanCopy, taken: dict[tuple[int, int], int]) -> lis
         found.append(Verdict("bytes written twice", Level.ERROR))
     else:
         found.append(Verdict("no overlap", Level.CLEAR))
-    frames = [
-        b
-        for b in plan.blocks
-        if b.sm == c.destination_sm
-        and b.byte_offset < first + c.size_bytes
-        and first < b.byte_offset + b.frame_bytes
-    ]
-    whole = len(frames) == 1 and (frames[0].byte_offset, frames[0].frame_bytes) == (
-        first,
-        c.size_bytes,
+    ends = (
+        _frames(plan, c.source_sm, c.source_bit // 8, c.size_bytes),
+        _frames(plan, c.destination_sm, first, c.size_bytes),
     )
     if c.connection == NONE:
-        word = "touches an FSoE frame" if frames else "no FSoE frame touched"
-        found.append(Verdict(word, Level.ERROR if frames else Level.CLEAR))
+        word = "touches an FSoE frame" if any(ends) else "no FSoE frame touched"
+        found.append(Verdict(word, Level.ERROR if any(ends) else Level.CLEAR))
         return found
-    if whole:
-        found.append(Verdict("one whole frame, no gap", Level.CLEAR))
-    elif frames:
-        found.append(Verdict("not one whole frame", Level.WARNING))
-    else:
+    if not all(ends):
         found.append(Verdict("frame not recognised", Level.OPEN))
+    elif ends == ([(c.source_bit // 8, c.size_bytes)], [(first, c.size_bytes)]):
+        found.append(Verdict("one whole frame, no gap", Level.CLEAR))
+    else:
+        found.append(Verdict("not one whole frame", Level.ERROR))
     pair = plan.connections[c.connection]
     both = len({pair.copy_to_sub, pair.copy_to_main}) == 2
     found.append(
@@ -229,6 +222,15 @@ def _verdicts(plan: Plan, c: PlanCopy, taken: dict[tuple[int, int], int]) -> lis
     return found
 
 
+def _frames(plan: Plan, sm: int, first: int, size: int) -> list[tuple[int, int]]:
+    """Return first byte and length of the FSoE frames that bytes of a sync manager touch."""
+    return [
+        (b.byte_offset, b.frame_bytes)
+        for b in plan.blocks
+        if b.sm == sm and b.byte_offset < first + size and first < b.byte_offset + b.frame_bytes
+    ]
+
+
 def _datagrams(domain: IghDomain) -> Table:
     rows = tuple(
         (
@@ -237,7 +239,7 @@ def _datagrams(domain: IghDomain) -> Table:
                 Number(
                     value=d.offset_bytes,
                     text=f"0x{d.offset_bytes:08x}",
-                    unit="logical address",
+                    unit="",
                     source=_IMAGE,
                 )
             ),

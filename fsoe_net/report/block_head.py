@@ -126,8 +126,8 @@ def role() -> Block:
     rows = (
         "Shown: which bytes are copied where, that each copy is whole and unmodified in the "
         "configuration, how watchdogs relate to the bus, what differs from what was compared.",
-        "Not shown: whether the safety functions, the wiring and the safety project of each logic are "
-        "the right ones; category, diagnostic coverage and common causes of the parts.",
+        "Not shown: whether the safety functions, the wiring and the safety project of each logic "
+        "are the right ones; category, diagnostic coverage and common causes of the parts.",
         "What ran on an emulated bus is marked EMULATED and is no evidence for this machine.",
     )
     parts: tuple[Part, ...] = (

@@ -55,7 +55,7 @@ def architecture(inputs: ReportInputs) -> Block:
     if inputs.plan is not None:
         words = (
             f"{len(network.subdevices)} SubDevices on the bus, "
-            f"{len(resolution.connections)} FSoE connections as arcs between them"
+            f"{len(resolution.connections)} FSoE connections between them"
         )
         parts.append(
             Picture(title="Topology", words=words, svg=topology_picture(inputs.plan), wide=True)

@@ -20,11 +20,14 @@ _DASHES = {
     "required": "12 3 2 3",
 }
 _STYLE = (
-    "text{font:12px system-ui,sans-serif;fill:#1f2328}.small{font-size:11px;fill:#57606a}"
-    ".line{fill:none;stroke:#1f2328;stroke-width:1.8}.grid{stroke:#d0d7de}.axis{stroke:#57606a}"
-    ".here{stroke:#57606a;stroke-dasharray:1 3}.back{fill:#fff}"
-    "@media(prefers-color-scheme:dark){text{fill:#e6edf3}.small{fill:#9198a1}"
-    ".line{stroke:#e6edf3}.grid{stroke:#30363d}.axis,.here{stroke:#9198a1}.back{fill:#0d1117}}"
+    ".budget text{font:12px system-ui,sans-serif;fill:#1f2328}"
+    ".budget .small{font-size:11px;fill:#57606a}"
+    ".budget .line{fill:none;stroke:#1f2328;stroke-width:1.8}.budget .grid{stroke:#d0d7de}"
+    ".budget .axis{stroke:#57606a}.budget .here{stroke:#57606a;stroke-dasharray:1 3}"
+    ".budget .back{fill:#fff}@media screen and (prefers-color-scheme:dark){"
+    ".budget text{fill:#e6edf3}.budget .small{fill:#9198a1}.budget .line{stroke:#e6edf3}"
+    ".budget .grid{stroke:#30363d}.budget .axis,.budget .here{stroke:#9198a1}"
+    ".budget .back{fill:#0d1117}}"
 )
 
 
@@ -251,8 +254,9 @@ def budget_picture(budget: Budget, title: str) -> str:
     if not panels:
         body = _text(20, 80, "no safety function has a reaction time", "start")
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" role="img" '
-        f'aria-label="{escape(title)}"><title>{escape(title)}</title><style>{_STYLE}</style>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="budget" viewBox="0 0 {_WIDTH} {height}" '
+        f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
+        f"<style>{_STYLE}</style>"
         f'<rect class="back" width="{_WIDTH}" height="{height}"/>{_text(20, 22, title, "start")}'
         f"{body}</svg>\n"
     )

@@ -29,7 +29,6 @@ from fsoe_net.report.document import (
     Verdict,
     cell,
     code,
-    muted,
 )
 from fsoe_net.report.inputs import ReportInputs
 
@@ -75,7 +74,7 @@ def make_document(inputs: ReportInputs) -> Document:
         whole="" if inputs.seal is None else inputs.seal.whole,
         verdict=verdict,
         lead=_lead(inputs, points),
-        blocks=tuple([*first, last]),
+        blocks=(*first, last),
         points=points,
     )
 
@@ -160,7 +159,7 @@ def _findings(found: Sequence[Diagnostic]) -> Table:
             (
                 cell(Verdict(d.level.value, _LEVELS[d.level]), code(d.code)),
                 tuple(items),
-                cell(muted(str(d.span))),
+                cell(code(str(d.span))),
             )
         )
     return Table(

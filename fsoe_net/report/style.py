@@ -1,4 +1,4 @@
-"""Style of the report page: colours of both schemes, phone width, and A4 with a head on each page."""
+"""Style of the report page: light and dark, phone width, A4 with a head on each page."""
 
 __all__ = ["STYLE"]
 
@@ -19,8 +19,10 @@ h2{margin:2.4em 0 .6em;padding-bottom:.25em;border-bottom:2px solid var(--ink);f
 h3{margin:1.5em 0 .4em;font-size:1.05em}
 h2 .no{display:inline-block;min-width:1.5em;color:var(--soft)}
 p{margin:.5em 0}a{color:var(--blue)}.under,.muted,.unit,.below,figcaption{color:var(--soft)}
-.below{font-size:.85em;margin-top:.2em}code,.seal{font-family:ui-monospace,"DejaVu Sans Mono",monospace}
-code{font-size:.88em;overflow-wrap:anywhere}.seal{font-weight:700;letter-spacing:.05em;white-space:nowrap}
+.below{font-size:.85em;margin-top:.2em}
+code,.seal{font-family:ui-monospace,"DejaVu Sans Mono",monospace}
+code{font-size:.88em;overflow-wrap:anywhere}
+.seal{font-weight:700;letter-spacing:.05em;white-space:nowrap}
 .sealbox .seal{font-size:1.35em;margin-left:.3em}
 .note{border:1px solid var(--soft);border-left-width:5px;padding:.5em 1em;background:var(--head)}
 .banner{font-size:1.3em;font-weight:700;padding:.5em .8em;border:2px solid;margin:.9em 0}
@@ -28,11 +30,12 @@ code{font-size:.88em;overflow-wrap:anywhere}.seal{font-weight:700;letter-spacing
 .v .mark,.banner .mark{display:inline-block;min-width:1.35em;height:1.35em;line-height:1.3em;
 text-align:center;border:1.5px solid;border-radius:50%;font-size:.8em;font-weight:700}
 .v.error .mark,.banner.error .mark{border-radius:0}.v.warning .mark{border-radius:25%}
-.v.clear .mark{border-color:transparent}.v.error{font-weight:700}.v.warning,.v.open{font-weight:600}
+.v.clear .mark,.banner.clear .mark{border-color:transparent}
+.data .v{display:inline-block;min-width:8em}.v.error{font-weight:700}
+.v.warning,.v.open{font-weight:600}
 .error{color:var(--red)}.warning,.open{color:var(--amber)}.clear{color:var(--green)}
 .note.clear,.v.note{color:var(--soft);background:none;border:0;padding:0}
 .banner.note,.banner.clear{color:var(--ink)}
-.data .muted{overflow-wrap:anywhere}
 table.data{border-collapse:collapse;width:100%;margin:.4em 0;font-size:.93em}
 .data th,.data td{text-align:left;vertical-align:top;padding:.35em .55em;
 border-bottom:1px solid var(--line);overflow-wrap:break-word}
@@ -42,9 +45,9 @@ sup{font-size:.7em;line-height:0;margin-left:.1em}
 .sign td{height:2.1em}.blank{display:block;min-width:5em;min-height:1.3em;
 border-bottom:1px dotted var(--soft)}
 ul{margin:.4em 0;padding-left:1.4em}.toc{columns:2;margin:.3em 0;padding-left:1.8em}
-figure{margin:.8em 0}figcaption{font-size:.85em}.grid{display:grid;
+figure{margin:.8em 0}figcaption{font-size:.85em}.pictures{display:grid;
 grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr));gap:.2em 1.6em}
-.grid figure{margin:.3em 0}
+.pictures figure{margin:.3em 0}
 svg{width:100%;height:auto;font-family:inherit}text{fill:var(--ink)}
 .box{fill:var(--back);stroke:var(--soft);stroke-width:1.5}.box.main{fill:var(--main);
 stroke:var(--c0);stroke-width:3}.box.sub{fill:var(--sub);stroke:var(--amber)}
@@ -67,6 +70,7 @@ color:var(--soft);font-size:.86em;grid-row:1/span 9}.data td>div{grid-column:2}
 @page{size:A4;margin:13mm 13mm 15mm 15mm;@bottom-right{content:"page " counter(page) " of "
 counter(pages);font:8.5pt sans-serif}}
 body{font-size:9.3pt;max-width:none;margin:0;padding:0;-webkit-print-color-adjust:exact;
+
 print-color-adjust:exact}
 .sheet{display:table;width:100%;border-collapse:collapse;table-layout:fixed}
 .sheet>thead{display:table-header-group}.sheet>tfoot{display:table-footer-group}
@@ -76,6 +80,6 @@ print-color-adjust:exact}
 .pagehead{border-bottom:1px solid #000;padding-bottom:1mm;margin-bottom:3mm;font-size:8.5pt}
 .pagefoot{border-top:1px solid #000;padding-top:1mm;margin-top:3mm;font-size:8pt}
 h2{margin-top:1.6em}h2,h3{break-after:avoid}.data tr,figure,.note,.banner{break-inside:avoid}
-.data thead{display:table-header-group}.grid{grid-template-columns:1fr 1fr}
+.data thead{display:table-header-group}.pictures{grid-template-columns:1fr 1fr}
 a{color:inherit;text-decoration:none}.data th,.data td{padding:.25em .4em}}
 """

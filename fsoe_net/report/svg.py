@@ -24,50 +24,69 @@ def _text(x: float, y: float, text: str, cls: str = "", anchor: str = "middle") 
 
 
 def topology_picture(plan: Plan) -> str:
-    """Draw the bus with the SubDevices that take part, and an arc for every FSoE connection.
+    """Draw the bus with the SubDevices that take part, and its FSoE connections.
 
+    They are arcs; where those would cross too many rows, each box names its connections instead.
     SubDevices without a copy are left out when there are many, and said so.
     """
     shown = [n for n, s in enumerate(plan.subdevices) if s.in_copy]
     if len(plan.subdevices) <= 12:
         shown = list(range(len(plan.subdevices)))
+    dense = len(shown) > 2 * _MAX_PER_ROW
+    first_y, step_x, step_y = (30 if dense else 110), _BOX_WIDTH + _GAP, (94 if dense else 200)
     place: dict[int, tuple[float, float]] = {}
-    step_x, step_y = _BOX_WIDTH + _GAP, 200
     for order, number in enumerate(shown):
         row, column = divmod(order, _MAX_PER_ROW)
-        place[number] = (20 + column * step_x, 110 + row * step_y)
+        place[number] = (20 + column * step_x, first_y + row * step_y)
     columns = min(_MAX_PER_ROW, max(1, len(shown)))
-    rows = (len(shown) + _MAX_PER_ROW - 1) // _MAX_PER_ROW
-    # The last row needs no room for arcs below it.
-    width, height = 20 + columns * step_x, rows * step_y - 10
+    last_y = max((y for _, y in place.values()), default=first_y)
+    width, height = 20 + columns * step_x, last_y + _BOX_HEIGHT + 28
     parts = [
-        f'<svg viewBox="0 20 {width} {height - 10}" style="max-width:{width}px" role="img" '
+        f'<svg viewBox="0 20 {width} {height - 20:g}" style="max-width:{width}px" role="img" '
         f'aria-label="Topology: {len(plan.connections)} FSoE connections">'
     ]
-    parts += _bus_line(place, rows, step_x)
+    parts += _bus_line(list(place.values()), step_x)
+    lines = _connection_lines(plan) if dense else {}
     mains = {c.main for c in plan.connections}
     subs = {c.sub for c in plan.connections}
-    parts += [_box(plan, n, place[n], n in mains, n in subs) for n in shown]
-    parts += [_arc(plan, n, place) for n in range(len(plan.connections))]
+    for n in shown:
+        parts.append(_box(plan, n, place[n], n in mains, n in subs, lines.get(n, "")))
+    if not dense:
+        parts += [_arc(plan, n, place) for n in range(len(plan.connections))]
     hidden = len(plan.subdevices) - len(shown)
     if hidden:
-        parts.append(_text(20, height - 8, f"{hidden} SubDevices without a copy", "small", "start"))
+        text = f"{hidden} SubDevices without a copy"
+        parts.append(_text(20, height - 6, text, "small", "start"))
     return "".join([*parts, "</svg>"])
 
 
-def _bus_line(place: dict[int, tuple[float, float]], rows: int, step_x: float) -> list[str]:
+def _bus_line(places: list[tuple[float, float]], step_x: float) -> list[str]:
     """The EtherCAT line through the boxes, row by row."""
     lines = []
-    for row in range(rows):
-        y = 110 + row * 200 + _BOX_HEIGHT / 2
-        xs = [x for x, top in place.values() if top == 110 + row * 200]
-        lines.append(
-            f'<line x1="2" y1="{y:g}" x2="{max(xs) + step_x - 10:g}" y2="{y:g}" class="bus"/>'
-        )
+    for top in sorted({y for _, y in places}):
+        y, end = top + _BOX_HEIGHT / 2, max(x for x, row in places if row == top)
+        lines.append(f'<line x1="2" y1="{y:g}" x2="{end + step_x - 10:g}" y2="{y:g}" class="bus"/>')
     return lines
 
 
-def _box(plan: Plan, number: int, at: tuple[float, float], is_main: bool, is_sub: bool) -> str:
+def _connection_lines(plan: Plan) -> dict[int, str]:
+    """Return what a box says of its connections: partner and connection ID, or how many."""
+    found: dict[int, list[str]] = {}
+    for c in plan.connections:
+        known = f", ConnID {c.connection_id}" if c.connection_id else ""
+        found.setdefault(c.main, []).append(f"with {plan.subdevices[c.sub].name}{known}")
+        found.setdefault(c.sub, []).append(f"with {plan.subdevices[c.main].name}{known}")
+    return {n: w[0] if len(w) == 1 else f"{len(w)} connections" for n, w in found.items()}
+
+
+def _box(
+    plan: Plan,
+    number: int,
+    at: tuple[float, float],
+    is_main: bool,
+    is_sub: bool,
+    line: str,
+) -> str:
     sub = plan.subdevices[number]
     x, y = at
     role = "MainInstance" if is_main else "SubInstance" if is_sub else "no FSoE"
@@ -81,8 +100,13 @@ def _box(plan: Plan, number: int, at: tuple[float, float], is_main: bool, is_sub
         f"0x{sub.product_code:08x}</title>"
         f'<rect x="{x:g}" y="{y:g}" width="{_BOX_WIDTH}" height="{_BOX_HEIGHT}" rx="6" '
         f'class="box {cls}"/>'
-        + _text(middle, y + 24, name, "name")
-        + _text(middle, y + 46, f"{role} · {address}", "small")
+        + _text(middle, y + (19 if line else 24), name, "name")
+        + _text(middle, y + (37 if line else 46), f"{role} · {address}", "small")
+        + (
+            _text(middle, y + 53, line if len(line) <= 28 else line[:27] + "…", "small")
+            if line
+            else ""
+        )
         + "</g>"
     )
 

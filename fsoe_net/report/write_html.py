@@ -87,11 +87,11 @@ def _block(number: int, b: Block) -> str:
             small.append(_part(part))
             continue
         if small:
-            parts.append(f'<div class="grid">{"".join(small)}</div>')
+            parts.append(f'<div class="pictures">{"".join(small)}</div>')
             small = []
         parts.append(_part(part))
     if small:
-        parts.append(f'<div class="grid">{"".join(small)}</div>')
+        parts.append(f'<div class="pictures">{"".join(small)}</div>')
     head = f'<h2><span class="no">{number}</span> {escape(b.title)}</h2>'
     return f'<section id="{escape(b.key)}">{head}{"".join(parts)}</section>'
 
