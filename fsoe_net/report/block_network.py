@@ -98,28 +98,18 @@ def _subdevices(
         if s.alias:
             place.append(Number(value=s.alias, text=f"alias {s.alias}", unit="", source=_NET))
         device = s.device
-        identity: Cell = cell(Verdict("not stated", Level.OPEN))
+        vendor: Item = Verdict("not stated", Level.OPEN)
+        product: Item = vendor
         if device is not None:
-            identity = cell(
-                Number(
-                    value=device.vendor_id,
-                    text=f"vendor 0x{device.vendor_id:08x}",
-                    unit="",
-                    source="slave configs",
-                ),
-                Number(
-                    value=device.product_code,
-                    text=f"product 0x{device.product_code:08x}",
-                    unit="",
-                    source="slave configs",
-                ),
-            )
+            vendor = _identity(device.vendor_id)
+            product = _identity(device.product_code)
         rows.append(
             (
                 tuple(place),
                 cell(strong(s.name)),
                 cell(" and ".join(parts) or muted("no FSoE")),
-                identity,
+                (vendor,),
+                (product,),
             )
         )
     hidden = len(network.subdevices) - len(shown)
@@ -129,11 +119,16 @@ def _subdevices(
             Column("Position"),
             Column("SubDevice"),
             Column("Part in FSoE"),
-            Column("Identity"),
+            Column("Vendor"),
+            Column("Product"),
         ),
         rows=tuple(rows),
         remark=f"{hidden} SubDevices without FSoE are not listed" if hidden else "",
     )
+
+
+def _identity(value: int) -> Number:
+    return Number(value=value, text=f"0x{value:08x}", unit="", source="slave configs")
 
 
 # -- connections ----------------------------------------------------------------------------------

@@ -161,8 +161,9 @@ def _watchdogs(budget: Budget) -> Table:
             Column("Verdict"),
         ),
         rows=tuple(rows),
-        remark="At least: 1.2 x the longest round trip, for availability. At most: what "
-        "the required reaction times leave, the smaller of both schools. Margin: configured over least.",
+        remark="At least: 1.2 x the longest round trip, for availability. At most: "
+        "what the required reaction times leave, the smaller of both schools. Margin: configured "
+        "over least.",
     )
 
 
