@@ -50,9 +50,18 @@ def bus_evidence(inputs: ReportInputs) -> Block:
     for e in inputs.evidence:
         parts += _file(e, inputs)
     if inputs.live is not None:
-        parts += _live(inputs.live)
+        parts += _live(inputs.live, inputs)
+        if _plan_sha256(inputs) != inputs.live.status.plan_sha256:
+            points.append(Point(PointKind.OPEN, "the running fsn-master has another plan"))
         if not inputs.live.status.accepted:
             points.append(Point(PointKind.OPEN, "the running fsn-master holds no accepted plan"))
+    others = [
+        e.source.path
+        for e in inputs.evidence
+        for told in (e.run, e.incident)
+        if told is not None and told.plan_sha256 != _plan_sha256(inputs)
+    ]
+    points += [Point(PointKind.OPEN, f"{path} is from another plan") for path in others]
     real = [e for e in inputs.evidence if e.run is None or not e.run.emulated]
     if not real and (inputs.live is None or inputs.live.status.backend == "emulated"):
         words = "no evidence of the machine: give --evidence scan.json or --live SOCKET"
@@ -173,10 +182,14 @@ def _mapping_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
     return rows
 
 
+def _plan_sha256(inputs: ReportInputs) -> str:
+    return "" if inputs.plan is None else hashlib.sha256(inputs.plan.to_bytes()).hexdigest()
+
+
 def _same_plan(sha256: str, inputs: ReportInputs) -> Verdict:
     if inputs.plan is None:
         return Verdict("plan not compared", Level.OPEN)
-    same = hashlib.sha256(inputs.plan.to_bytes()).hexdigest() == sha256
+    same = _plan_sha256(inputs) == sha256
     return Verdict("this plan", Level.CLEAR) if same else Verdict("ANOTHER plan", Level.WARNING)
 
 
@@ -259,7 +272,7 @@ def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]
     ]
 
 
-def _live(live: LiveEvidence) -> list[Part]:
+def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     s, source = live.status, f"fsn-master at {live.socket}"
     where = Text(f"{s.state.value} on {s.interface or 'no interface'} through {s.backend}; ")
     items: list[Item] = [where]
@@ -274,7 +287,7 @@ def _live(live: LiveEvidence) -> list[Part]:
         (s.wkc_errors, "cycles with incomplete working counter"),
     ):
         items += [stated(value, unit, source), Text(", ")]
-    items += [Text("plan "), code(s.plan_sha256)]
+    items += [Text("plan "), code(s.plan_sha256), Text(" "), _same_plan(s.plan_sha256, inputs)]
     names = (*live.names, *("?",) * len(live.snapshot.cycle.connections))
     rows = tuple(
         (

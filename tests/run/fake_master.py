@@ -24,6 +24,24 @@ STATUS = {
     "wkc_errors": 0, "expected_wkc": 9, "actual_wkc": 9, "realtime": True, "locked": True,
     "subdevices": {"planned": 2, "in_op": 2, "missing": 0}, "clients": 1,
 }  # fmt: skip
+_HISTOGRAM = {
+    "count": 2, "sum_ns": 2_000_000, "min_ns": 990_000, "max_ns": 1_010_000,
+    "percentiles_ns": {"p50": 1_000_000, "p99": 1_010_000, "p999": 1_010_000},
+    "buckets": [[917_504, 2]],
+}  # fmt: skip
+_COUNTERS = (
+    "cycles", "overruns", "wkc_errors", "lost_frames", "old_replies", "bytes_copied", "now_ns",
+    "dc_time_ns", "events_lost", "expected_wkc", "actual_wkc", "copies", "merged_copies",
+)  # fmt: skip
+_TIMES = ("latency", "period", "work", "copy", "round_trip", "dc_offset")
+STATISTICS = dict.fromkeys(_COUNTERS, 0) | dict.fromkeys(_TIMES, _HISTOGRAM)
+STATISTICS |= {"realtime": True, "locked": True}
+SUBDEVICE = {
+    "name": "drive_1", "alias": 0, "position": 0, "known": True, "al": "OP", "al_code": 0,
+    "found_text": "the planned one", "detail": "", "vendor_id": 2, "product_code": 3,
+    "revision": 1, "returns": 0, "stale_cycles": 0, "link": [1], "link_lost": [0],
+    "rx_errors": [0],
+}  # fmt: skip
 LAYOUT = {
     "image_bytes": 12,
     "sms": [{"subdevice": "drive_1", "sm": 2, "direction": "output", "byte": 0, "bytes": 6}],
@@ -151,7 +169,11 @@ class FakeMaster:
             "status": STATUS | {"state": self.state},
             "symbols": {"symbols": self.symbols},
             "subdevices": {"subdevices": [self._device("drive_1", 0), self._device("drive_2", 1)]},
-            "snapshot": {"connections": [self._connection()]},
+            "snapshot": {
+                "connections": [self._connection()],
+                "statistics": STATISTICS,
+                "subdevices": [SUBDEVICE],
+            },
             "get": {"cycle": 9, "values": {n: self.values.get(n, 0) for n in rest}},
             "set": {"set": len(rest)},
             "arm": {"armed": True, "for_ms": 10_000},
