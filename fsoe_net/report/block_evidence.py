@@ -293,8 +293,8 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
         (
             cell(strong(name)),
             cell(state_text(c.state.word)),
-            cell(stated(max(c.to_sub.cycle_mean_ns, c.to_main.cycle_mean_ns) / 1e6, "ms", source)),
-            cell(stated(max(c.to_sub.cycle_max_ns, c.to_main.cycle_max_ns) / 1e6, "ms", source)),
+            cell(_seen(max(c.to_sub.cycle_mean_ns, c.to_main.cycle_mean_ns), source)),
+            cell(_seen(max(c.to_sub.cycle_max_ns, c.to_main.cycle_max_ns), source)),
             cell(stated(c.to_sub.wrong + c.to_main.wrong, "frames", source)),
             cell(stated(c.to_sub.resets + c.to_main.resets, "resets", source)),
         )
@@ -321,6 +321,10 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
             ),
         ),
     ]
+
+
+def _seen(ns: int, source: str) -> Item:
+    return stated(ns / 1e6, "ms", source) if ns else muted("none seen")
 
 
 # -- 9 tests --------------------------------------------------------------------------------------

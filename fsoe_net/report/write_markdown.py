@@ -90,6 +90,8 @@ def _cell(items: Sequence[Item], sources: Sources, column: int) -> str:
     shown = []
     for item in items:
         text = _inline(item).replace("\n", " ")
+        if not text:
+            continue
         if isinstance(item, Number):
             text += sources.mark(item, column)
         shown.append(text)
