@@ -125,6 +125,7 @@ def command(
         budget=_budget(resolution, evidence, asked),
         references=checked.references,
         run=result,
+        scenario=scenario_file or "",
         evidence=evidence,
         live=asked,
         given=None if plan_file is None else _given(plan_file),

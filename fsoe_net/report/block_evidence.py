@@ -149,7 +149,7 @@ def _state(s: ScannedSubDevice) -> Cell:
 def _fsoe_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
     if s.fsoe is None:
         return []
-    name = cell(strong(s.planned or s.name or f"position {s.position}"))
+    name = cell(strong(s.planned or s.name or "?"), muted(f"position {s.position}"))
     rows: list[tuple[Cell, ...]] = [
         (name, cell(code(f"0xf980:{n:02x}")), cell(stated(a, "", path)), cell(""), cell(""))
         for n, a in enumerate(s.fsoe.addresses, 1)
@@ -173,7 +173,7 @@ def _mapping_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
         pdos = "not read" if sm.pdos is None else ", ".join(f"0x{p.index:04x}" for p in sm.pdos)
         rows.append(
             (
-                cell(strong(s.planned or s.name or f"position {s.position}")),
+                cell(strong(s.planned or s.name or "?"), muted(f"position {s.position}")),
                 cell(f"SM{sm.index} {sm.kind}"),
                 cell(stated(sm.size_bytes, "bytes", path)),
                 cell(code(pdos or "none")),
@@ -345,6 +345,10 @@ def tests(inputs: ReportInputs) -> Block:
             points.append(Point(PointKind.OPEN, words))
     if inputs.run is not None:
         parts += _emulated_run(inputs.run)
+    elif inputs.scenario:
+        words = f"{inputs.scenario} was not run: the network has errors"
+        parts += [Heading("Run on the emulated bus"), Paragraph((Text(f"{words}."),))]
+        points.append(Point(PointKind.OPEN, words))
     return Block(key="tests", title="Tests", parts=tuple(parts), points=tuple(points))
 
 

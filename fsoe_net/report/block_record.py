@@ -130,7 +130,7 @@ def _compared(against: Against, inputs: ReportInputs) -> Paragraph:
         Text(": "),
     ]
     if count:
-        items.append(stated(count, "differences", "comparison by meaning"))
+        items.append(stated(count, "difference" if count == 1 else "differences", "by meaning"))
     else:
         items.append(Verdict("no difference in what both speak about", Level.CLEAR))
     if against.seal is not None:

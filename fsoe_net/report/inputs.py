@@ -71,6 +71,7 @@ class ReportInputs:
         budget: Timing budget of the network.
         references: Other files the network was compared with.
         run: A run of this plan on the emulated bus.
+        scenario: Name of the scenario that was to be run; empty for none.
         evidence: Files that tell of the machine.
         live: What a running ``fsn-master`` tells.
         given: A plan file that was named.
@@ -87,6 +88,7 @@ class ReportInputs:
     budget: Budget | None
     references: Sequence[SourceFile] = ()
     run: RunResult | None = None
+    scenario: str = ""
     evidence: Sequence[Evidence] = field(default_factory=tuple)
     live: LiveEvidence | None = None
     given: GivenPlan | None = None

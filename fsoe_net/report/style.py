@@ -4,11 +4,11 @@ __all__ = ["STYLE"]
 
 STYLE = """
 :root{color-scheme:light dark;--ink:#1f2328;--back:#fff;--soft:#57606a;--line:#d0d7de;
---head:#f3f5f7;--red:#a40e26;--amber:#7d4e00;--green:#116329;--blue:#0550ae;--main:#ddf4ff;
+--head:#f3f5f7;--red:#a40e26;--amber:#7d4e00;--blue:#0550ae;--main:#ddf4ff;
 --sub:#fff8c5;--sm:#eaeef2;--c0:#0550ae;--c1:#953800;--c2:#116329;--c3:#6639ba;--c4:#99286e;
 --c5:#424a53}
 @media screen and (prefers-color-scheme:dark){:root{--ink:#e6edf3;--back:#0d1117;--soft:#9198a1;
---line:#3d444d;--head:#161b22;--red:#ff8182;--amber:#e3b341;--green:#56d364;--blue:#79c0ff;
+--line:#3d444d;--head:#161b22;--red:#ff8182;--amber:#e3b341;--blue:#79c0ff;
 --main:#0c2d6b;--sub:#3d2e00;--sm:#21262d;--c0:#79c0ff;--c1:#ffa657;--c2:#7ee787;--c3:#d2a8ff;
 --c4:#ff9bce;--c5:#b1bac4}}
 *{box-sizing:border-box}
@@ -33,7 +33,7 @@ text-align:center;border:1.5px solid;border-radius:50%;font-size:.8em;font-weigh
 .v.clear .mark,.banner.clear .mark{border-color:transparent}
 .data .v{display:inline-block;min-width:8em}.v.error{font-weight:700}
 .v.warning,.v.open{font-weight:600}
-.error{color:var(--red)}.warning,.open{color:var(--amber)}.clear{color:var(--green)}
+.error{color:var(--red)}.warning,.open{color:var(--amber)}.clear{color:var(--ink)}
 .note.clear,.v.note{color:var(--soft);background:none;border:0;padding:0}
 .banner.note,.banner.clear{color:var(--ink)}
 table.data{border-collapse:collapse;width:100%;margin:.4em 0;font-size:.93em}
@@ -65,7 +65,8 @@ stroke:var(--c0);stroke-width:3}.box.sub{fill:var(--sub);stroke:var(--amber)}
 .data td,.data td.num{display:grid;grid-template-columns:8.2em 1fr;gap:0 .6em;text-align:left;
 border:0;padding:.15em .6em;height:auto}.data td::before{content:attr(data-head);
 color:var(--soft);font-size:.86em;grid-row:1/span 9}.data td>div{grid-column:2}
-.n{white-space:normal}}
+.n{white-space:normal}
+figure{overflow-x:auto}section>figure>svg{min-width:600px}}
 @media print{
 @page{size:A4;margin:13mm 13mm 15mm 15mm;@bottom-right{content:"page " counter(page) " of "
 counter(pages);font:8.5pt sans-serif}}

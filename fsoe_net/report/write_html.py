@@ -125,7 +125,7 @@ def _table(table: Table) -> str:
     for row in table.rows:
         cells = []
         for n, (column, cell) in enumerate(zip(table.columns, row, strict=True)):
-            label = f' data-head="{escape(column.title)}"'
+            label = f' data-head="{escape(column.title + sources.head(n))}"'
             cells.append(f"<td{_numeric(column.number)}{label}>{_cell(cell, sources, n)}</td>")
         rows.append(f"<tr>{''.join(cells)}</tr>")
     blank = any(i for row in table.rows for c in row for i in c if _is_blank(i))

@@ -299,6 +299,12 @@ def test_a_protocol_has_a_column_for_the_machine():
     assert "The checklist is empty" in json.dumps(block(empty, "tests"))
 
 
+def test_a_scenario_that_could_not_run_is_named():
+    document = as_json(inputs_of(TIMED, scenario="s.yaml"))
+    assert "s.yaml was not run" in json.dumps(block(document, "tests"))
+    assert any("s.yaml was not run" in p["text"] for p in document["points"])
+
+
 def test_nothing_read_still_makes_a_report():
     found = [Diagnostic(code="FSN101", span=Span("n.yaml"), message="no such file")]
     inputs = inputs_of(TIMED, resolution=None, plan=None, seal=None, budget=None, diagnostics=found)
