@@ -6,9 +6,11 @@ import hashlib
 import struct
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
+import fsoe_net.load
 from fsoe_net import __version__
 from fsoe_net.cli.diff import read_side
 from fsoe_net.cli.inputs import Checked, check_files, input_options, whole_network
@@ -16,7 +18,7 @@ from fsoe_net.cli.output import print_diagnostics, summary
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import LoadOptions, builtin_library
+from fsoe_net.load import Collector, LoadOptions, builtin_library
 from fsoe_net.model import Resolution, SourceFile
 from fsoe_net.plan import MAGIC, Plan, compile_plan, decode_plan
 from fsoe_net.report import (
@@ -27,6 +29,7 @@ from fsoe_net.report import (
     LiveEvidence,
     ReportInputs,
     Seal,
+    Tried,
     ask_live,
     compare,
     longest_round_trips,
@@ -34,6 +37,7 @@ from fsoe_net.report import (
     render_report,
     seal_of,
     side_of_network,
+    tried_of,
 )
 from fsoe_net.rules import check_scan, check_timing
 from fsoe_net.run import RunResult
@@ -83,6 +87,9 @@ Exit codes: 0 no error; 1 the network has an error (the report says so on top) o
     metavar="FILE",
     help="Earlier plan or network: the change log starts from it.",
 )
+@click.option(
+    "--protocol", type=click.Path(), metavar="FILE", help="Test protocol of this network."
+)
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -95,6 +102,7 @@ def command(
     live: str | None,
     scenario_file: str | None,
     against: str | None,
+    protocol: str | None,
 ) -> None:
     """Write the report of a network: what is copied, how late, what is known and what is open.
 
@@ -130,6 +138,7 @@ def command(
         live=asked,
         given=None if plan_file is None else _given(plan_file),
         against=None if against is None else _against(against, resolution, options),
+        tried=None if protocol is None else _tried(protocol),
     )
     write_whole(output, render_report(inputs, form).encode("utf-8"))
     verdict = "" if result is None else f"; run {'passed' if result.passed else 'FAILED'}"
@@ -210,6 +219,17 @@ def _given(path: str) -> GivenPlan:
     if not data.startswith(MAGIC):
         raise InputError(f"{path} is no .fsnplan file; make one with fsoe-net plan FILES -o PLAN")
     return GivenPlan(source=source, plan=decode_plan(data))
+
+
+def _tried(path: str) -> Tried:
+    source, _ = _source(path)
+    out = Collector()
+    load: Any = getattr(fsoe_net.load, "load_protocol", None)
+    protocol = None if load is None else load(path, out)
+    if protocol is None:
+        errors = [d for d in out.diagnostics if d.level is Severity.ERROR]
+        raise InputError(f"{path} is no test protocol; make one with test-protocol", errors)
+    return tried_of(source, protocol)
 
 
 def _against(path: str, resolution: Resolution | None, options: LoadOptions) -> Against | None:

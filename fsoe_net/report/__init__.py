@@ -18,9 +18,10 @@ from fsoe_net.report.evidence import (
     longest_round_trips,
     read_evidence,
 )
-from fsoe_net.report.inputs import Against, GivenPlan, ReportInputs, TestStep
+from fsoe_net.report.inputs import Against, GivenPlan, ReportInputs, TestStep, Tried
 from fsoe_net.report.make import make_document
 from fsoe_net.report.protocol import protocol_page
+from fsoe_net.report.protocol_steps import tried_of
 from fsoe_net.report.seal import Seal, seal_of
 from fsoe_net.report.write import FORMATS, render_report
 
@@ -37,6 +38,7 @@ __all__ = [
     "Seal",
     "Side",
     "TestStep",
+    "Tried",
     "ask_live",
     "budget_document",
     "budget_picture",
@@ -52,4 +54,5 @@ __all__ = [
     "side_of_network",
     "side_of_plan",
     "side_of_scan",
+    "tried_of",
 ]

@@ -29,7 +29,7 @@ from fsoe_net.report.document import (
     strong,
 )
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
-from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.inputs import ReportInputs, Tried
 from fsoe_net.run import RunResult, state_text
 
 __all__ = ["bus_evidence", "tests"]
@@ -334,14 +334,18 @@ def tests(inputs: ReportInputs) -> Block:
     """The checklist, and what ran on the emulated bus, apart from it."""
     parts: list[Part] = [Heading("Checklist")]
     points: list[Point] = []
-    if inputs.steps is None:
+    tried = inputs.tried
+    if tried is None:
         parts.append(Paragraph((Text("The checklist is empty: no test protocol was given."),)))
         points.append(Point(PointKind.OPEN, "no test protocol: nothing was tried at the machine"))
     else:
-        parts.append(_checklist(inputs))
-        left = sum(not s.machine for s in inputs.steps)
+        parts += [files_table("test protocol", [tried.source]), _checklist(tried)]
+        left = sum(s.is_open for s in tried.steps)
         if left:
-            words = f"{left} of {len(inputs.steps)} test steps have no result at the machine"
+            words = f"{left} of {len(tried.steps)} test steps are open at the machine"
+            points.append(Point(PointKind.OPEN, words))
+        if tried.plan_sha256 != _plan_sha256(inputs):
+            words = f"{tried.source.path} was made for another plan"
             points.append(Point(PointKind.OPEN, words))
     if inputs.run is not None:
         parts += _emulated_run(inputs.run)
@@ -352,25 +356,48 @@ def tests(inputs: ReportInputs) -> Block:
     return Block(key="tests", title="Tests", parts=tuple(parts), points=tuple(points))
 
 
-def _checklist(inputs: ReportInputs) -> Table:
-    heads = ("What to do", "Expected", "Measured", "EMULATED", "MACHINE", "Who, when")
+def _checklist(tried: Tried) -> Table:
+    heads = (
+        "What to do",
+        "Expected",
+        "At most",
+        "EMULATED",
+        "MACHINE, by program",
+        "MACHINE, by hand",
+        "Who, when",
+    )
+    source = tried.source.path
     rows = tuple(
         (
             cell(s.what),
             cell(s.expected),
-            cell(s.measured),
-            cell(s.emulated),
-            cell(s.machine) if s.machine else BLANK,
+            cell(muted("no limit"))
+            if s.limit_ms is None
+            else cell(stated(s.limit_ms, "ms", s.limit_source or source)),
+            _result(s.emulated, s.emulated_ms, source),
+            _result(s.live, s.live_ms, source),
+            _result(s.machine, s.machine_ms, source) or BLANK,
             cell(s.who) if s.who else BLANK,
         )
-        for s in inputs.steps or ()
+        for s in tried.steps
     )
     return Table(
         name="checklist",
         columns=tuple(Column(h) for h in heads),
         rows=rows,
-        remark="EMULATED: on an emulated bus, not evidence for this machine.",
+        remark="EMULATED: on an emulated bus, not evidence for this machine. Only what a person "
+        "wrote down at the machine closes a step.",
     )
+
+
+def _result(word: str, ms: float | None, source: str) -> Cell:
+    items: list[Item] = []
+    if word:
+        failed = word.startswith("not as expected")
+        items.append(Verdict(word, Level.ERROR) if failed else Text(word))
+    if ms is not None:
+        items.append(stated(ms, "ms", source))
+    return tuple(items)
 
 
 def _emulated_run(run: RunResult) -> list[Part]:

@@ -14,7 +14,7 @@ from fsoe_net.report.seal import Seal
 from fsoe_net.run import RunResult
 from fsoe_net.timing import Budget
 
-__all__ = ["Against", "GivenPlan", "ReportInputs", "TestStep"]
+__all__ = ["Against", "GivenPlan", "ReportInputs", "TestStep", "Tried"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,25 +36,43 @@ class GivenPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestStep:
-    """One step of a test protocol; empty what nobody has filled in.
+    """One step of a test protocol. Results are words, empty for none; times in ms.
 
     Attributes:
         what: What to do.
         expected: What shall happen.
-        measured: What was measured, with its unit.
-        emulated: Result on the emulated bus; no evidence for a machine.
-        machine: Result at the machine.
-        who: Who was there, and when.
+        limit_ms: Longest time allowed.
+        limit_source: Where that comes from.
+        emulated: What came of it on the emulated bus; no evidence for a machine.
+        live: What a running ``fsn-master`` showed.
+        machine: What a person wrote down at the machine.
+        who: Who that was, and when.
+        is_open: Whether it still waits for a person.
     """
 
     __test__ = False
 
     what: str
     expected: str
-    measured: str = ""
+    limit_ms: float | None = None
+    limit_source: str = ""
     emulated: str = ""
+    emulated_ms: float | None = None
+    live: str = ""
+    live_ms: float | None = None
     machine: str = ""
+    machine_ms: float | None = None
     who: str = ""
+    is_open: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """A test protocol: its file, the plan it was made for, and its steps."""
+
+    source: SourceFile
+    plan_sha256: str
+    steps: tuple[TestStep, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +94,7 @@ class ReportInputs:
         live: What a running ``fsn-master`` tells.
         given: A plan file that was named.
         against: The state that the change log starts from.
-        steps: A test protocol; ``None`` when there is none.
+        tried: A test protocol; ``None`` when there is none.
     """
 
     name: str
@@ -93,4 +111,4 @@ class ReportInputs:
     live: LiveEvidence | None = None
     given: GivenPlan | None = None
     against: Against | None = None
-    steps: Sequence[TestStep] | None = None
+    tried: Tried | None = None

@@ -7,6 +7,7 @@ import re
 from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import jsonschema
 import pytest
@@ -19,12 +20,12 @@ from fsoe_net.plan import compile_plan
 from fsoe_net.report import (
     Against,
     GivenPlan,
-    TestStep,
     compare,
     make_document,
     render_report,
     side_of_network,
     side_of_plan,
+    tried_of,
 )
 from fsoe_net.report.document import Number, PointKind, Table
 
@@ -286,15 +287,46 @@ def test_another_plan_is_named_as_such():
         assert told in words(table(document, "identity", "plan file")["rows"][0][2])[0]
 
 
-def test_a_protocol_has_a_column_for_the_machine():
+class Word:
+    def __init__(self, value: str) -> None:
+        self.value = value
+
+
+def seen(word: str | None, ms: float | None = None, by: str = "") -> SimpleNamespace:
+    outcome = None if word is None else Word(word)
+    return SimpleNamespace(outcome=outcome, measured_ms=ms, remark="", by=by, date=by and "1 May")
+
+
+def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
+    common = {"what": "press ES1", "expected": "K1 opens", "limit_ms": 150.0, "limit_source": "RA"}
     steps = (
-        TestStep(what="press ES1", expected="K1 opens", emulated="opened", measured="61 ms"),
-        TestStep(what="pull the cable", expected="K1 opens", machine="opened", who="A. B."),
+        SimpleNamespace(
+            **common,
+            emulated=seen("as expected", 61.0),
+            live=None,
+            machine=seen(None),
+            is_open=True,
+        ),
+        SimpleNamespace(
+            **common,
+            emulated=None,
+            live=None,
+            machine=seen("not as expected", 80.5, "A. B."),
+            is_open=False,
+        ),
     )
-    document = as_json(inputs_of(TIMED, steps=steps))
-    assert table(document, "tests", "checklist")["columns"][3:5] == ["EMULATED", "MACHINE"]
+    protocol = SimpleNamespace(plan_sha256="0" * 64, steps=steps)
+    document = as_json(inputs_of(TIMED, tried=tried_of(FILE, protocol)))
+    shown = table(document, "tests", "checklist")
+    assert shown["columns"][3:6] == ["EMULATED", "MACHINE, by program", "MACHINE, by hand"]
+    one, two = shown["rows"]
+    assert [words(c) for c in one[2:]] == [["150"], ["as expected", "61"], [], [""], [""]]
+    assert [words(c) for c in two[3:]] == [[], [], ["not as expected", "80.5"], ["A. B., 1 May"]]
     told = [p["text"] for p in document["points"] if p["block"] == "Tests"]
-    assert told == ["1 of 2 test steps have no result at the machine"]
+    assert told == [
+        "1 of 2 test steps are open at the machine",
+        "old.fsnplan was made for another plan",
+    ]
     empty = as_json(inputs_of(TIMED))
     assert "The checklist is empty" in json.dumps(block(empty, "tests"))
 

@@ -1,0 +1,43 @@
+"""Test protocols as the report shows them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fsoe_net.model import SourceFile
+from fsoe_net.report.inputs import TestStep, Tried
+
+__all__ = ["tried_of"]
+
+
+def tried_of(source: SourceFile, protocol: Any) -> Tried:
+    """Return the steps of a protocol (`fsoe_net.model.Protocol`)."""
+    return Tried(
+        source=source,
+        plan_sha256=protocol.plan_sha256,
+        steps=tuple(_step(s) for s in protocol.steps),
+    )
+
+
+def _step(s: Any) -> TestStep:
+    machine = s.machine
+    return TestStep(
+        what=s.what,
+        expected=s.expected,
+        limit_ms=s.limit_ms,
+        limit_source=s.limit_source,
+        emulated=_words(s.emulated),
+        emulated_ms=None if s.emulated is None else s.emulated.measured_ms,
+        live=_words(s.live),
+        live_ms=None if s.live is None else s.live.measured_ms,
+        machine=_words(machine),
+        machine_ms=machine.measured_ms,
+        who=", ".join(w for w in (machine.by, machine.date) if w),
+        is_open=s.is_open,
+    )
+
+
+def _words(seen: Any) -> str:
+    if seen is None or seen.outcome is None:
+        return ""
+    return f"{seen.outcome.value}: {seen.remark}" if seen.remark else str(seen.outcome.value)
