@@ -204,6 +204,7 @@ FSN607 warning nobody answers for a value of a safety function
 FSN608 error   sum of PFH_D is above the limit
 FSN609 error   two safety functions of one name
 FSN610 info    connection belongs to no safety function
+FSN611 warning reaction time holds only while the handshake of FSoE is not counted
 """
 
 CATALOGUE: dict[str, CodeInfo] = {

@@ -1,11 +1,11 @@
-"""FSN602 … FSN610: watchdogs and safety functions against the timing budget."""
+"""FSN602 … FSN611: watchdogs and safety functions against the timing budget."""
 
 from __future__ import annotations
 
 from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
 from fsoe_net.model import Network, SafetyFunction
 from fsoe_net.rules.context import nearest
-from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget
+from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Reaction
 
 __all__ = ["check_timing"]
 
@@ -91,17 +91,8 @@ def _function(out: Findings, row: FunctionBudget, *, hopeless: bool) -> None:
             "those of the device library",
         )
     required = function.required_reaction_ms
-    late = required is not None and reaction is not None and reaction.worst > required
-    if late and not hopeless and required is not None and reaction is not None:
-        school = "ETG.5100" if reaction.worst_etg >= reaction.worst_beckhoff else "Beckhoff"
-        out.add(
-            "FSN604",
-            function.at("required_reaction_ms"),
-            f"{function.name} may take {reaction.worst:g} ms ({school}), {required:g} ms are "
-            "required",
-            hint="shorter watchdogs where their interval allows, a shorter bus cycle, faster "
-            "parts; `fsoe-net timing` shows what each costs",
-        )
+    if required is not None and reaction is not None and not hopeless:
+        _reaction(out, function, required, reaction)
     if row.pfh.limit is not None and row.pfh.total >= row.pfh.limit:
         out.add(
             "FSN608",
@@ -109,6 +100,29 @@ def _function(out: Findings, row: FunctionBudget, *, hopeless: bool) -> None:
             f"{function.name}: PFH_D sum {row.pfh.total:.3g}/h is above the limit "
             f"{row.pfh.limit:.3g}/h",
             hint="the elements with the largest PFH_D come first",
+        )
+
+
+def _reaction(out: Findings, function: SafetyFunction, required: float, reaction: Reaction) -> None:
+    place = function.at("required_reaction_ms")
+    if reaction.worst > required:
+        school = "ETG.5100" if reaction.worst_etg >= reaction.worst_beckhoff else "Beckhoff"
+        out.add(
+            "FSN604",
+            place,
+            f"{function.name} may take {reaction.worst:g} ms ({school}), {required:g} ms are "
+            "required",
+            hint="shorter watchdogs where their interval allows, a shorter bus cycle, faster "
+            "parts; `fsoe-net timing` shows what each costs",
+        )
+    elif reaction.counted > required:
+        out.add(
+            "FSN611",
+            place,
+            f"{function.name} keeps {required:g} ms by both schools, but {reaction.counted:g} ms "
+            "are possible with the handshake of FSoE counted",
+            hint="shorter watchdogs, or a longer required reaction time; the formulas of the "
+            "schools leave out that a value may have to wait for its turn",
         )
 
 
