@@ -6,11 +6,9 @@ import hashlib
 import struct
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 
-import fsoe_net.load
 from fsoe_net import __version__
 from fsoe_net.cli.diff import read_side
 from fsoe_net.cli.inputs import Checked, check_files, input_options, whole_network
@@ -18,7 +16,7 @@ from fsoe_net.cli.output import print_diagnostics, summary
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, builtin_library
+from fsoe_net.load import Collector, LoadOptions, builtin_library, load_protocol
 from fsoe_net.model import Resolution, SourceFile
 from fsoe_net.plan import MAGIC, Plan, compile_plan, decode_plan
 from fsoe_net.report import (
@@ -224,8 +222,7 @@ def _given(path: str) -> GivenPlan:
 def _tried(path: str) -> Tried:
     source, _ = _source(path)
     out = Collector()
-    load: Any = getattr(fsoe_net.load, "load_protocol", None)
-    protocol = None if load is None else load(path, out)
+    protocol = load_protocol(path, out)
     if protocol is None:
         errors = [d for d in out.diagnostics if d.level is Severity.ERROR]
         raise InputError(f"{path} is no test protocol; make one with test-protocol", errors)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from fsoe_net.cli.plan import write_whole
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, load_protocol
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep
-from fsoe_net.plan import Plan, compile_plan
+from fsoe_net.plan import compile_plan, fingerprint_of
 from fsoe_net.report import protocol_page
 from fsoe_net.run import (
     Client,
@@ -96,7 +95,7 @@ def command(
         raise InputError("nothing to try: these files hold no FSoE connection")
     compiled = compile_plan(resolution)
     plan = compiled.to_bytes()
-    protocol = make_protocol(resolution, plan, fingerprint=_fingerprint(compiled))
+    protocol = make_protocol(resolution, plan, fingerprint=fingerprint_of(compiled).whole)
     old = given or (output if kind == ".yaml" and Path(output).exists() else None)
     before = None if old is None else _read(old)
     if before is not None:
@@ -115,15 +114,6 @@ def command(
     )
     write_whole(output, text.encode("utf-8"))
     ctx.exit(_say(protocol, output))
-
-
-def _fingerprint(plan: Plan) -> str:
-    """Return the fingerprint of a plan, empty where this build has none."""
-    try:
-        module = importlib.import_module("fsoe_net.plan.fingerprint")
-    except ModuleNotFoundError:
-        return ""
-    return str(module.fingerprint_of(plan).whole)
 
 
 def _kind(output: str) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from fsoe_net.model import SourceFile
+from fsoe_net.model import AtMachine, Protocol, ProtocolStep, Seen, SourceFile
 from fsoe_net.report.inputs import TestStep, Tried
 
 __all__ = ["tried_of"]
 
 
-def tried_of(source: SourceFile, protocol: Any) -> Tried:
-    """Return the steps of a protocol (`fsoe_net.model.Protocol`)."""
+def tried_of(source: SourceFile, protocol: Protocol) -> Tried:
+    """Return the steps of a protocol."""
     return Tried(
         source=source,
         plan_sha256=protocol.plan_sha256,
@@ -19,7 +17,7 @@ def tried_of(source: SourceFile, protocol: Any) -> Tried:
     )
 
 
-def _step(s: Any) -> TestStep:
+def _step(s: ProtocolStep) -> TestStep:
     machine = s.machine
     return TestStep(
         what=s.what,
@@ -37,7 +35,7 @@ def _step(s: Any) -> TestStep:
     )
 
 
-def _words(seen: Any) -> str:
+def _words(seen: Seen | AtMachine | None) -> str:
     if seen is None or seen.outcome is None:
         return ""
     return f"{seen.outcome.value}: {seen.remark}" if seen.remark else str(seen.outcome.value)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
-import fsoe_net.plan
-from fsoe_net.plan import Plan
+from fsoe_net.plan import Plan, fingerprint_of
 
 __all__ = ["Seal", "seal_of"]
 
@@ -29,16 +26,11 @@ class Seal:
 
 
 def seal_of(plan: Plan) -> Seal:
-    """Return the fingerprint of a plan; of the bytes of its file where there is no other."""
-    make: Any = getattr(fsoe_net.plan, "fingerprint_of", None)
-    if make is not None:
-        found = make(plan)
-        return Seal(
-            whole=str(found.whole),
-            short=str(found.short),
-            of="canonical text of everything safety-relevant in the plan",
-            sections={str(k): str(v) for k, v in found.sections.items()},
-        )
-    whole = hashlib.sha256(plan.to_bytes()).hexdigest()
-    short = " ".join(whole[n : n + 4].upper() for n in range(0, 16, 4))
-    return Seal(whole=whole, short=short, of="bytes of the copy plan")
+    """Return the fingerprint of a plan."""
+    found = fingerprint_of(plan)
+    return Seal(
+        whole=found.whole,
+        short=found.short,
+        of="canonical text of everything safety-relevant in the plan",
+        sections=found.sections,
+    )
