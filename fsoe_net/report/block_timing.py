@@ -42,6 +42,7 @@ __all__ = ["quantities", "timing"]
 
 _ETG = "ETG.5100 chapter 9.3 as printed by Lenze (i750)"
 _BECKHOFF = "Beckhoff, manuals of EL2904, EL6900, EK1914, EP1957"
+_HANDSHAKE = "derived: fsoe_net.timing.handshake, docs/explanation/timing.md"
 _FILE = "network file"
 
 
@@ -222,6 +223,8 @@ def _reactions(budget: Budget) -> Table:
                 cell(stated(r.worst_etg if r else None, "ms", etg)),
                 cell(stated(r.typical if r else None, "ms", typical)),
                 cell(stated(r.worst_beckhoff if r else None, "ms", typical)),
+                cell(stated(r.counted if r else None, "ms", _HANDSHAKE)),
+                cell(stated(r.disturbed if r else None, "ms", _HANDSHAKE)),
                 cell(stated(required, "ms", "risk assessment, as the network file states it")),
                 cell(Verdict(row.verdict, _level(row.verdict))),
             )
@@ -234,12 +237,16 @@ def _reactions(budget: Budget) -> Table:
             Column("ETG: worst case, one failure", number=True),
             Column("Beckhoff: typical", number=True),
             Column("Beckhoff: worst case, two watchdogs", number=True),
+            Column("FSoE: worst case, one failure", number=True),
+            Column("FSoE: both lost and late", number=True),
             Column("Required", number=True),
             Column("Verdict"),
         ),
         rows=tuple(rows),
         remark="Both schools stand side by side; they do not agree, and the larger worst case is "
-        "held against the required time.",
+        "held against the required time. Neither counts the handshake of FSoE, in which a value "
+        "may have to wait for its turn: where one failure then takes longer than required, nothing "
+        "is judged. Both connections lost and late at will is shown and not judged.",
     )
 
 
