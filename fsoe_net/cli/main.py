@@ -82,8 +82,20 @@ Shell completion: eval "$(_FSOE_NET_COMPLETE=bash_source fsoe-net)" (also zsh, f
 Part of the black channel: no safety function, not certified."""
 
 
+_VERSION = """%(prog)s, version %(version)s
+Part of the black channel: no safety function, not certified, not for the protection of persons by
+itself. EtherCAT and Safety over EtherCAT are registered trademarks and patented technologies,
+licensed by Beckhoff Automation GmbH, Germany."""
+
+
 @click.command(cls=_LazyGroup, epilog=_EPILOG, context_settings={"max_content_width": 100})
-@click.version_option(__version__, "-V", "--version", prog_name="fsoe-net")
+@click.version_option(
+    __version__,
+    "-V",
+    "--version",
+    prog_name="fsoe-net",
+    message=_VERSION,
+)
 def cli() -> None:
     """Check, compile, run and report FSoE (Safety over EtherCAT) networks."""
 

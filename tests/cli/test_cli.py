@@ -104,7 +104,9 @@ def test_explain():
     assert "- `ros2-2025`, `ros2-2026-06`, `ros2-2026-08`: ignores required: false" in optional
     assert "- `ros2-newest`: leaves the module out" in optional
     assert "Other programs" not in fsn("explain", "FSN501").stdout
-    assert fsn("--version").stdout.startswith("fsoe-net, version ")
+    shown = fsn("--version").stdout
+    assert shown.startswith("fsoe-net, version ")
+    assert "no safety function, not certified" in shown
 
 
 def test_plan_round_trip(tmp_path: Path):
