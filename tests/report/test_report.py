@@ -15,6 +15,7 @@ from networks import example, write_big_network
 from report.made import CODES, TIMED, inputs_of, with_mistakes
 
 from fsoe_net.diag import Diagnostic, Severity, Span
+from fsoe_net.load.schema import read_schema
 from fsoe_net.model import SourceFile
 from fsoe_net.plan import compile_plan
 from fsoe_net.report import (
@@ -30,7 +31,7 @@ from fsoe_net.report import (
 from fsoe_net.report.document import Number, PointKind, Table
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = json.loads((ROOT / "schemas" / "report.schema.json").read_text("utf-8"))
+SCHEMA = read_schema("report")
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.]*\w)")
 FILE = SourceFile(path="old.fsnplan", sha256="0" * 64)
 
