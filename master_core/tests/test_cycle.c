@@ -1,4 +1,5 @@
 /** Freshness, working counter, monitor and outputs on the emulated bus. */
+#include <sched.h>
 #include <string.h>
 
 #include "emulated_rig.h"
@@ -136,6 +137,32 @@ static void thread_runs_and_stops(void) {
     emulated_rig_end(&rig); /* stops the thread */
 }
 
+static void jumping_receive(void *bus, struct fsn_bus_input *input) {
+    static const uint64_t clock[] = {(uint64_t)INT64_MAX + 1, 1, UINT64_MAX, INT64_MAX, 1000000};
+    static uint32_t at;
+    fsn_emulated_ops()->receive(bus, input);
+    input->dc_time_ns = clock[at++ % 5];
+}
+
+/** A reference clock is what a frame says: whatever that is, wake-ups stay near their cycle. */
+static void jumps_of_the_reference_clock_are_bounded(void) {
+    struct emulated_rig rig = set_up();
+    fsn_core_free(rig.core);
+    struct fsn_bus_ops ops = *fsn_emulated_ops();
+    ops.receive = jumping_receive;
+    struct fsn_fault fault;
+    CHECK(fsn_core_create(rig.plan, &ops, rig.bus, &rig.core, &fault) == FSN_OK);
+    const struct fsn_thread_options options = {.cycle_ns = 200000, .follow_dc = true};
+    CHECK(fsn_core_start(rig.core, &options, &fault) == FSN_OK);
+    while (statistics(&rig).cycles < 50) {
+        sched_yield();
+    }
+    fsn_core_stop(rig.core);
+    const struct fsn_statistics s = statistics(&rig);
+    CHECK(s.dc_offset.count + 1 == s.cycles && s.dc_offset.max_ns <= options.cycle_ns / 2);
+    emulated_rig_end(&rig);
+}
+
 static void wrong_arguments_are_refused(void) {
     struct emulated_rig rig = set_up();
     uint8_t buffer[9] = {0};
@@ -183,6 +210,7 @@ int main(void) {
     monitor_follows_a_connection();
     full_ring_counts_losses();
     thread_runs_and_stops();
+    jumps_of_the_reference_clock_are_bounded();
     wrong_arguments_are_refused();
     return 0;
 }

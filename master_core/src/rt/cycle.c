@@ -116,12 +116,13 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
  *  most to either side: positive when we are late. */
 static int64_t dc_offset(struct fsn_rt *rt, uint64_t now_ns) {
     const int64_t cycle = (int64_t)rt->cycle_ns;
-    const int64_t apart = (int64_t)(now_ns - rt->input.dc_time_ns);
+    /* The reference clock is what a frame says: unsigned, so that a jump may wrap around. */
+    const uint64_t apart = now_ns - rt->input.dc_time_ns;
     if (!rt->dc_known) {
         rt->dc_known = true;
         rt->dc_phase_ns = apart;
     }
-    const int64_t offset = (apart - rt->dc_phase_ns) % cycle;
+    const int64_t offset = (int64_t)(apart - rt->dc_phase_ns) % cycle;
     if (offset > cycle / 2) {
         return offset - cycle;
     }
