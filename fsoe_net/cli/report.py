@@ -18,7 +18,7 @@ from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, builtin_library, load_protocol
 from fsoe_net.model import Resolution, SourceFile
-from fsoe_net.plan import MAGIC, Plan, compile_plan, decode_plan
+from fsoe_net.plan import MAGIC, Plan, compile_plan, decode_plan, fingerprint_of
 from fsoe_net.report import (
     FORMATS,
     Against,
@@ -26,14 +26,12 @@ from fsoe_net.report import (
     GivenPlan,
     LiveEvidence,
     ReportInputs,
-    Seal,
     Tried,
     ask_live,
     compare,
     longest_round_trips,
     read_evidence,
     render_report,
-    seal_of,
     side_of_network,
     tried_of,
 )
@@ -127,7 +125,7 @@ def command(
         diagnostics=found,
         resolution=resolution,
         plan=plan,
-        seal=None if plan is None or errors else seal_of(plan),
+        fingerprint=None if plan is None or errors else fingerprint_of(plan),
         budget=_budget(resolution, evidence, asked),
         references=checked.references,
         run=result,
@@ -238,5 +236,5 @@ def _against(path: str, resolution: Resolution | None, options: LoadOptions) -> 
         errors = [d for d in found if d.level is Severity.ERROR]
         raise InputError(f"{path} cannot be compared", errors)
     now = side_of_network(resolution, resolution.network.name)
-    seal: Seal | None = seal_of(decode_plan(data)) if data.startswith(MAGIC) else None
-    return Against(source=source, difference=compare(before, now), seal=seal)
+    fingerprint = fingerprint_of(decode_plan(data)) if data.startswith(MAGIC) else None
+    return Against(source=source, difference=compare(before, now), fingerprint=fingerprint)

@@ -22,7 +22,6 @@ from fsoe_net.report.inputs import Against, GivenPlan, ReportInputs, TestStep, T
 from fsoe_net.report.make import make_document
 from fsoe_net.report.protocol import protocol_page
 from fsoe_net.report.protocol_steps import tried_of
-from fsoe_net.report.seal import Seal, seal_of
 from fsoe_net.report.write import FORMATS, render_report
 
 __all__ = [
@@ -35,7 +34,6 @@ __all__ = [
     "GivenPlan",
     "LiveEvidence",
     "ReportInputs",
-    "Seal",
     "Side",
     "TestStep",
     "Tried",
@@ -49,7 +47,6 @@ __all__ = [
     "protocol_page",
     "read_evidence",
     "render_report",
-    "seal_of",
     "side_of_description",
     "side_of_network",
     "side_of_plan",

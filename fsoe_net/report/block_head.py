@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fsoe_net.model import SourceFile
+from fsoe_net.plan import fingerprint_of
 from fsoe_net.report.document import (
     BLANK,
     Block,
@@ -26,7 +27,6 @@ from fsoe_net.report.document import (
     stated,
 )
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.seal import seal_of
 
 __all__ = ["files_table", "identity", "role"]
 
@@ -102,7 +102,7 @@ def _given(inputs: ReportInputs, points: list[Point]) -> list[Part]:
     elif inputs.plan is None:
         verdict = Verdict("not compared: these files make no plan", Level.OPEN)
     else:
-        changed = seal_of(given.plan).changed(seal_of(inputs.plan))
+        changed = fingerprint_of(given.plan).changed(fingerprint_of(inputs.plan))
         where = f" (sections: {', '.join(changed)})" if changed else ""
         verdict = Verdict(f"is NOT the plan of these files{where}", Level.ERROR)
     if not same:

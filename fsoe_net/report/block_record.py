@@ -33,6 +33,10 @@ from fsoe_net.report.inputs import Against, ReportInputs
 __all__ = ["change_log", "fingerprint", "open_points", "sign_off"]
 
 _SHOWN_ENTRIES = 6
+_MADE_FROM = (
+    "SHA-256, made from the canonical text of everything safety-relevant in the plan. "
+    "Paths and dates are not in it."
+)
 _CALLS_FOR = {
     "network": "reaction times and watchdogs",
     "subdevice": "identity at the machine, its address, each safety function that uses it",
@@ -50,8 +54,8 @@ _CALLS_FOR = {
 
 def fingerprint(inputs: ReportInputs) -> Block:
     """The fingerprint with one hash per section."""
-    title, seal = "Fingerprint", inputs.seal
-    if seal is None:
+    title, found = "Fingerprint", inputs.fingerprint
+    if found is None:
         return Block(
             key="fingerprint",
             title=title,
@@ -61,15 +65,15 @@ def fingerprint(inputs: ReportInputs) -> Block:
             points=(Point(PointKind.OPEN, "there is no fingerprint"),),
         )
     rows: list[tuple[Cell, ...]] = [
-        (cell(strong("short code")), cell(Text(seal.short, Style.CODE))),
-        (cell(strong("whole")), cell(code(seal.whole))),
+        (cell(strong("short code")), cell(Text(found.short, Style.CODE))),
+        (cell(strong("whole")), cell(code(found.whole))),
     ]
-    rows += [(cell(name.replace("_", " ")), cell(code(h))) for name, h in seal.sections.items()]
+    rows += [(cell(name.replace("_", " ")), cell(code(h))) for name, h in found.sections.items()]
     return Block(
         key="fingerprint",
         title=title,
         parts=(
-            Paragraph((Text(f"SHA-256, made from: {seal.of}. Paths and dates are not in it."),)),
+            Paragraph((Text(_MADE_FROM),)),
             Table(
                 name="fingerprint", columns=(Column("Section"), Column("Hash")), rows=tuple(rows)
             ),
@@ -133,13 +137,19 @@ def _compared(against: Against, inputs: ReportInputs) -> Paragraph:
         items.append(stated(count, "difference" if count == 1 else "differences", "by meaning"))
     else:
         items.append(Verdict("no difference in what both speak about", Level.CLEAR))
-    if against.seal is not None:
-        items += [Text("; its fingerprint "), code(against.seal.short)]
-        changed = () if inputs.seal is None else inputs.seal.changed(against.seal)
+    if against.fingerprint is not None:
+        items += [Text("; its fingerprint "), code(against.fingerprint.short)]
+        changed = _sections_changed(against, inputs)
         if changed:
             items.append(Text(f" (sections that differ: {', '.join(changed)})"))
     items.append(Text("."))
     return Paragraph(tuple(items))
+
+
+def _sections_changed(against: Against, inputs: ReportInputs) -> tuple[str, ...]:
+    if against.fingerprint is None or inputs.fingerprint is None:
+        return ()
+    return inputs.fingerprint.changed(against.fingerprint)
 
 
 def _change(c: Change) -> tuple[Cell, ...]:
@@ -168,7 +178,7 @@ def sign_off(inputs: ReportInputs) -> Block:
         (cell(who), BLANK, BLANK, BLANK)
         for who in ("Author", "Verifier, who is not the author", "Released for the machine by")
     )
-    short = "no fingerprint" if inputs.seal is None else inputs.seal.short
+    short = "no fingerprint" if inputs.fingerprint is None else inputs.fingerprint.short
     return Block(
         key="sign_off",
         title="Sign-off",

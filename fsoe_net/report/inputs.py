@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 from fsoe_net.diag import Diagnostic
 from fsoe_net.model import Resolution, SourceFile
-from fsoe_net.plan import Plan
+from fsoe_net.plan import Fingerprint, Plan
 from fsoe_net.report.diff import Difference
 from fsoe_net.report.evidence import Evidence, LiveEvidence
-from fsoe_net.report.seal import Seal
 from fsoe_net.run import RunResult
 from fsoe_net.timing import Budget
 
@@ -19,11 +18,11 @@ __all__ = ["Against", "GivenPlan", "ReportInputs", "TestStep", "Tried"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Against:
-    """What the network is compared with. ``seal`` is ``None`` when it is no plan or network."""
+    """What the network is compared with. ``fingerprint`` is ``None`` when it is no plan."""
 
     source: SourceFile
     difference: Difference
-    seal: Seal | None = None
+    fingerprint: Fingerprint | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +84,7 @@ class ReportInputs:
         diagnostics: Everything found.
         resolution: The network; ``None`` when nothing was read.
         plan: What was compiled; ``None`` when the network does not compile.
-        seal: Fingerprint of ``plan``.
+        fingerprint: Of ``plan``; ``None`` for a network with errors.
         budget: Timing budget of the network.
         references: Other files the network was compared with.
         run: A run of this plan on the emulated bus.
@@ -102,7 +101,7 @@ class ReportInputs:
     diagnostics: Sequence[Diagnostic]
     resolution: Resolution | None
     plan: Plan | None
-    seal: Seal | None
+    fingerprint: Fingerprint | None
     budget: Budget | None
     references: Sequence[SourceFile] = ()
     run: RunResult | None = None

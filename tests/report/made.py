@@ -6,8 +6,8 @@ from pathlib import Path
 
 from fsoe_net.cli.inputs import check_files
 from fsoe_net.load import builtin_library
-from fsoe_net.plan import compile_plan
-from fsoe_net.report import ReportInputs, seal_of
+from fsoe_net.plan import compile_plan, fingerprint_of
+from fsoe_net.report import ReportInputs
 from fsoe_net.timing import make_budget
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
@@ -34,7 +34,7 @@ def inputs_of(path: Path, **more: object) -> ReportInputs:
         "diagnostics": checked.diagnostics,
         "resolution": resolution,
         "plan": plan,
-        "seal": seal_of(plan),
+        "fingerprint": fingerprint_of(plan),
         "budget": make_budget(resolution, builtin_library()),
     }
     return ReportInputs(**{**values, **more})

@@ -191,7 +191,7 @@ def test_no_word_promises_safety():
 
 
 def test_a_network_with_mistakes_shows_each_on_top(tmp_path: Path):
-    inputs = inputs_of(with_mistakes(tmp_path), seal=None)
+    inputs = inputs_of(with_mistakes(tmp_path), fingerprint=None)
     document = as_json(inputs)
     errors = [d for d in inputs.diagnostics if d.level is Severity.ERROR]
     assert {d.code for d in errors} == CODES
@@ -341,7 +341,9 @@ def test_a_scenario_that_could_not_run_is_named():
 
 def test_nothing_read_still_makes_a_report():
     found = [Diagnostic(code="FSN101", span=Span("n.yaml"), message="no such file")]
-    inputs = inputs_of(TIMED, resolution=None, plan=None, seal=None, budget=None, diagnostics=found)
+    inputs = inputs_of(
+        TIMED, resolution=None, plan=None, fingerprint=None, budget=None, diagnostics=found
+    )
     assert as_json(inputs)["verdict"]["word"] == "NOT ACCEPTABLE: 1 error"
     assert "no such file" in render_report(inputs, "html")
 
