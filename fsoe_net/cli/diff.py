@@ -16,13 +16,15 @@ from fsoe_net.load import (
     InputKind,
     LoadOptions,
     find_kind,
+    is_acceptance,
     load_foreign,
     load_network,
+    parse_acceptance,
     parse_scan,
     read_bytes,
 )
 from fsoe_net.model import resolve
-from fsoe_net.plan import MAGIC, decode_plan
+from fsoe_net.plan import MAGIC, accepted_plan, decode_plan
 from fsoe_net.report import (
     Change,
     Difference,
@@ -49,7 +51,8 @@ Examples:
   fsoe-net diff before/scan.json after/scan.json -q
 
 A and B: network YAML, URDF or xacro, .fsnplan, scan.json, ENI, ESI, SII, output of the ethercat
-tool or of slaveinfo -map, linuxcnc-ethercat XML, TwinSAFE export; known by content.
+tool or of slaveinfo -map, linuxcnc-ethercat XML, TwinSAFE export, acceptance record; known by
+content.
 
 Exit codes: 0 same, 1 differs, 2 a file cannot be read or wrong use."""
 
@@ -108,6 +111,8 @@ def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagno
         except InputError as exc:
             out.add("FSN101", Span(path), f"damaged plan: {exc}", hint="compile it again")
             return None, out.diagnostics
+    if is_acceptance(data):
+        return _side_of_record(data, path, out), out.diagnostics
     if data.lstrip()[:1] == b"{":
         scan, found = parse_scan(data, path)
         return (None if scan is None else side_of_scan(scan, path)), found
@@ -120,6 +125,14 @@ def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagno
     out.diagnostics += loaded.diagnostics
     network = loaded.network
     return _judged(None if network is None else side_of_network(resolve(network), path), out)
+
+
+def _side_of_record(data: bytes, path: str, out: Collector) -> Side | None:
+    record = parse_acceptance(data, path, out)
+    held = None if record is None else accepted_plan(record, out)
+    if record is None or held is None:
+        return None
+    return side_of_plan(held[0], path, record.safety_functions)
 
 
 def _side_of_description(

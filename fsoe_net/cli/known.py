@@ -1,4 +1,4 @@
-"""What has a fingerprint: a network, a plan, or the JSON document of a fingerprint."""
+"""What has a fingerprint: a network, a plan, an acceptance record, or a fingerprint in JSON."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.diag import without_collector
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, read_bytes
+from fsoe_net.load import Collector, is_acceptance, load_acceptance, read_bytes
+from fsoe_net.model import Acceptance, SafetyFunction, SourceFile
 from fsoe_net.plan import (
     MAGIC,
     Fingerprint,
     Plan,
+    accepted_plan,
     canonical_section,
     compile_plan,
     decode_plan,
@@ -22,7 +24,7 @@ from fsoe_net.plan import (
     safety_text,
 )
 
-__all__ = ["Known", "read_known"]
+__all__ = ["Known", "Record", "read_known", "read_record"]
 
 _MOST_BYTES = 64 * 1024 * 1024  # as fsn-master takes plans
 
@@ -35,19 +37,29 @@ class Known:
         path: As the user named it.
         fingerprint: Its fingerprint.
         plan: Its tables; ``None`` for a fingerprint alone.
-        safety: The text of its safety functions; ``None`` where only their hash is known.
+        functions: Its safety functions; ``None`` where only their hash is known.
     """
 
     path: str
     fingerprint: Fingerprint
     plan: Plan | None = None
-    safety: str | None = None
+    functions: tuple[SafetyFunction, ...] | None = None
 
     def section_text(self, name: str) -> str | None:
         """Return the canonical text of a section, ``None`` where only its hash is known."""
         if name == "safety_functions":
-            return self.safety
+            return None if self.functions is None else safety_text(self.functions)
         return None if self.plan is None else canonical_section(self.plan, name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """An acceptance record with the plan in it, and the fingerprint worked out from that plan."""
+
+    source: SourceFile
+    record: Acceptance
+    plan: Plan
+    fingerprint: Fingerprint
 
 
 @without_collector
@@ -58,7 +70,7 @@ def read_known(
     xacro_args: dict[str, str] | None = None,
     refusal: str = "no fingerprint",
 ) -> Known:
-    """Read a plan, a fingerprint in JSON, or the files of a network; known by content.
+    """Read a plan, a record, a fingerprint in JSON, or the files of a network; known by content.
 
     Raises:
         InputError: It cannot be read, or the network has an error.
@@ -69,6 +81,8 @@ def read_known(
         data = read_bytes(files[0], out, most=_MOST_BYTES)
         if data is None:
             raise InputError(f"{path} cannot be read", out.diagnostics)
+        if is_acceptance(data):
+            return _of_record(path, read_record(path))
         try:
             if data.startswith(MAGIC):
                 return _of_plan(path, decode_plan(data))
@@ -83,13 +97,33 @@ def read_known(
         path=path,
         fingerprint=fingerprint_of(plan),
         plan=plan,
-        safety=safety_text(resolution.network.safety_functions),
+        functions=resolution.network.safety_functions,
     )
 
 
+def read_record(path: str) -> Record:
+    """Read an acceptance record whose fingerprint is that of the plan in it.
+
+    Raises:
+        InputError: It cannot be read, or does not hold together.
+    """
+    out = Collector()
+    record = load_acceptance(path, out)
+    held = None if record is None else accepted_plan(record, out)
+    if record is None or held is None:
+        raise InputError(f"{path} is no acceptance record that can be used", out.diagnostics)
+    plan, fingerprint = held
+    return Record(source=out.sources[0], record=record, plan=plan, fingerprint=fingerprint)
+
+
+def _of_record(path: str, found: Record) -> Known:
+    functions = found.record.safety_functions
+    return Known(path=path, fingerprint=found.fingerprint, plan=found.plan, functions=functions)
+
+
 def _of_plan(path: str, plan: Plan) -> Known:
-    safety = "" if plan.safety_sha256 else canonical_section(plan, "safety_functions")
-    return Known(path=path, fingerprint=fingerprint_of(plan), plan=plan, safety=safety or None)
+    functions = None if plan.safety_sha256 else ()
+    return Known(path=path, fingerprint=fingerprint_of(plan), plan=plan, functions=functions)
 
 
 def _document(data: bytes) -> object:

@@ -32,6 +32,7 @@ _COMMANDS = {
     "timing": "Timing budget: watchdogs, reaction times, what limits them.",
     "test-protocol": "Checklist of what to try; run where it can be, the rest for people.",
     "report": "Write a report page for a network.",
+    "accept": "Write down who accepted which configuration, on what grounds.",
     "emulate": "Serve a network as emulated EtherCAT SubDevices.",
     "campaign": "Put faults into the connections of a network.",
     "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",

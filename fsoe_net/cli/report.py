@@ -12,20 +12,23 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.diff import read_side
 from fsoe_net.cli.inputs import Checked, check_files, input_options, whole_network
+from fsoe_net.cli.known import Record, read_record
 from fsoe_net.cli.output import print_diagnostics, summary
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, builtin_library, load_protocol
 from fsoe_net.model import Resolution, SourceFile
-from fsoe_net.plan import MAGIC, Plan, compile_plan, decode_plan, fingerprint_of
+from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, fingerprint_of
 from fsoe_net.report import (
     FORMATS,
     Against,
     Evidence,
     GivenPlan,
+    GivenRecord,
     LiveEvidence,
     ReportInputs,
+    Side,
     Tried,
     ask_live,
     compare,
@@ -33,20 +36,23 @@ from fsoe_net.report import (
     read_evidence,
     render_report,
     side_of_network,
+    side_of_plan,
+    steps_again,
     tried_of,
 )
 from fsoe_net.rules import check_scan, check_timing
-from fsoe_net.run import RunResult
+from fsoe_net.run import RunResult, make_protocol
 from fsoe_net.timing import Budget, make_budget
 
-__all__ = ["command"]
+__all__ = ["command", "since"]
 
 _EPILOG = """\b
 Examples:
   fsoe-net report network.yaml -o report.html
   fsoe-net report network.yaml --scenario scenario.yaml -o report.html
   fsoe-net report network.yaml --evidence scan.json --evidence run.json -o report.html
-  fsoe-net report network.yaml --against accepted.fsnplan -o report.md
+  fsoe-net report network.yaml --protocol protocol.yaml -o report.html
+  fsoe-net report network.yaml --acceptance acceptance.yaml -o report.html
 
 Exit codes: 0 no error; 1 the network has an error (the report says so on top) or the run failed;
 2 wrong use."""
@@ -84,6 +90,12 @@ Exit codes: 0 no error; 1 the network has an error (the report says so on top) o
     help="Earlier plan or network: the change log starts from it.",
 )
 @click.option(
+    "--acceptance",
+    type=click.Path(),
+    metavar="FILE",
+    help="Acceptance record: sign-off, justifications, and the change log starts from it.",
+)
+@click.option(
     "--protocol", type=click.Path(), metavar="FILE", help="Test protocol of this network."
 )
 @click.pass_context
@@ -98,6 +110,7 @@ def command(
     live: str | None,
     scenario_file: str | None,
     against: str | None,
+    acceptance: str | None,
     protocol: str | None,
 ) -> None:
     """Write the report of a network: what is copied, how late, what is known and what is open.
@@ -108,6 +121,9 @@ def command(
     form = Path(output).suffix.lstrip(".").lower()
     if form not in FORMATS:
         raise click.BadParameter(f"{output!r} ends in none of .html, .md, .json", ctx)
+    if against is not None and acceptance is not None:
+        raise click.UsageError("--against and --acceptance: the change log starts from one of them")
+    record = None if acceptance is None else read_record(acceptance)
     checked = check_files(files, packages=packages, xacro_args=xacro_args, compared=True)
     evidence = tuple(_evidence(path) for path in evidence_files)
     asked = None if live is None else ask_live(live)
@@ -119,13 +135,17 @@ def command(
     if scenario_file is not None and resolution is not None and plan is not None and not errors:
         result = _run(resolution, scenario_file)
     options = LoadOptions(packages=packages, xacro_args=xacro_args)
+    fingerprint = None if plan is None or errors else fingerprint_of(plan)
+    before = None if record is None or resolution is None else since(record, resolution)
+    if against is not None:
+        before = _against(against, resolution, options)
     inputs = ReportInputs(
         name=Path(files[0]).stem if resolution is None else resolution.network.name,
         version=__version__,
         diagnostics=found,
         resolution=resolution,
         plan=plan,
-        fingerprint=None if plan is None or errors else fingerprint_of(plan),
+        fingerprint=fingerprint,
         budget=_budget(resolution, evidence, asked),
         references=checked.references,
         run=result,
@@ -133,8 +153,9 @@ def command(
         evidence=evidence,
         live=asked,
         given=None if plan_file is None else _given(plan_file),
-        against=None if against is None else _against(against, resolution, options),
+        against=before,
         tried=None if protocol is None else _tried(protocol),
+        accepted=None if record is None else _accepted(record, fingerprint),
     )
     write_whole(output, render_report(inputs, form).encode("utf-8"))
     verdict = "" if result is None else f"; run {'passed' if result.passed else 'FAILED'}"
@@ -227,6 +248,17 @@ def _tried(path: str) -> Tried:
     return tried_of(source, protocol)
 
 
+def _accepted(found: Record, now: Fingerprint | None) -> GivenRecord:
+    fits = now is not None and now.whole == found.fingerprint.whole
+    return GivenRecord(source=found.source, record=found.record, fits=fits)
+
+
+def since(found: Record, resolution: Resolution) -> Against:
+    """Return what has changed since a record was signed, and which steps that calls for."""
+    before = side_of_plan(found.plan, found.source.path, found.record.safety_functions)
+    return _compared(found.source, before, resolution, found.fingerprint)
+
+
 def _against(path: str, resolution: Resolution | None, options: LoadOptions) -> Against | None:
     if resolution is None:
         return None
@@ -235,6 +267,18 @@ def _against(path: str, resolution: Resolution | None, options: LoadOptions) -> 
     if before is None:
         errors = [d for d in found if d.level is Severity.ERROR]
         raise InputError(f"{path} cannot be compared", errors)
-    now = side_of_network(resolution, resolution.network.name)
     fingerprint = fingerprint_of(decode_plan(data)) if data.startswith(MAGIC) else None
-    return Against(source=source, difference=compare(before, now), fingerprint=fingerprint)
+    return _compared(source, before, resolution, fingerprint)
+
+
+def _compared(
+    source: SourceFile, before: Side, resolution: Resolution, fingerprint: Fingerprint | None
+) -> Against:
+    difference = compare(before, side_of_network(resolution, resolution.network.name))
+    steps = make_protocol(resolution, b"").steps
+    return Against(
+        source=source,
+        difference=difference,
+        again=steps_again(difference.changes, resolution, steps),
+        fingerprint=fingerprint,
+    )

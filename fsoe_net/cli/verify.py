@@ -14,15 +14,15 @@ from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.known import Known, read_known
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.plan import cycle_sha256, fingerprint_of_sections
-from fsoe_net.report import compare, side_of_plan
+from fsoe_net.plan import Plan, cycle_sha256, fingerprint_of_sections
+from fsoe_net.report import Side, compare, side_of_plan
 
 __all__ = ["command"]
 
 _SHOWN_LINES = 20
 _EPILOG = """\b
 Examples:
-  fsoe-net verify network.yaml --accepted accepted.json
+  fsoe-net verify network.yaml --accepted acceptance.yaml
   fsoe-net verify machine.fsnplan --accepted accepted/network.yaml
   fsoe-net verify --live /run/fsn-master/fsn-master-eth1.sock --accepted accepted.json
 
@@ -52,7 +52,7 @@ class _Compared:
     "--accepted",
     type=click.Path(),
     required=True,
-    help="What was accepted: fingerprint (JSON), plan or network.",
+    help="What was accepted: acceptance record, fingerprint (JSON), plan or network.",
 )
 @click.option("--live", metavar="SOCKET", help="Ask a running fsn-master on its control socket.")
 @click.option(
@@ -123,7 +123,7 @@ def _difference(wanted: Known, given: Known, sections: tuple[str, ...]) -> Itera
     told = False
     if wanted.plan is not None and given.plan is not None:
         # The names of the files are no difference.
-        sides = (side_of_plan(wanted.plan, ""), side_of_plan(given.plan, ""))
+        sides = (_side(wanted.plan, wanted), _side(given.plan, given))
         for change in compare(*sides).changes:
             told = True
             yield change_line(change)
@@ -132,10 +132,14 @@ def _difference(wanted: Known, given: Known, sections: tuple[str, ...]) -> Itera
         before, after = wanted.section_text(name), given.section_text(name)
         if before is None or after is None:
             hidden = wanted.path if before is None else given.path
-        elif not told or name in ("devices", "process_data", "safety_functions"):
+        elif not told or name in ("devices", "process_data"):
             yield from _changed_lines(name, before, after)
     if hidden:
         yield f"of {hidden} only hashes are known: two networks or plans show what changed"
+
+
+def _side(plan: Plan, known: Known) -> Side:
+    return side_of_plan(plan, "", known.functions)
 
 
 def _changed_lines(name: str, before: str, after: str) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Files into the model, every value with its place; what is wrong becomes diagnostics."""
 
+from fsoe_net.load.acceptance import is_acceptance, load_acceptance, parse_acceptance
 from fsoe_net.load.answers import load_answers, parse_answers
 from fsoe_net.load.eni import load_eni_images
 from fsoe_net.load.files import Collector, read_bytes
@@ -28,7 +29,9 @@ __all__ = [
     "check_structure",
     "describe_scan",
     "find_kind",
+    "is_acceptance",
     "list_types",
+    "load_acceptance",
     "load_answers",
     "load_devices",
     "load_eni_images",
@@ -39,6 +42,7 @@ __all__ = [
     "load_scan",
     "load_scenario",
     "load_yaml",
+    "parse_acceptance",
     "parse_answers",
     "parse_library_device",
     "parse_scan",

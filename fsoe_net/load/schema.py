@@ -66,12 +66,23 @@ def _validator(name: str) -> Any:
     from jsonschema import Draft202012Validator
     from referencing import Registry, Resource
 
-    schema = read_schema(name)
-    names = {name, *re.findall(r'"([a-z]+)\.schema\.json#', json.dumps(schema))}
     registry: Any = Registry().with_resources(
-        (loaded["$id"], Resource.from_contents(loaded)) for loaded in map(read_schema, names)
+        (schema["$id"], Resource.from_contents(schema)) for schema in _schemas_of(name)
     )
-    return Draft202012Validator(schema, registry=registry)
+    return Draft202012Validator(read_schema(name), registry=registry)
+
+
+@functools.cache
+def _schemas_of(name: str) -> tuple[dict[str, Any], ...]:
+    """Return a schema and those that it names, each once."""
+    found: dict[str, dict[str, Any]] = {}
+    pending = [name]
+    while pending:
+        name = pending.pop()
+        if name not in found:
+            found[name] = read_schema(name)
+            pending += re.findall(r'"([a-z]+)\.schema\.json#', json.dumps(found[name]))
+    return tuple(found.values())
 
 
 def schema_keys(name: str) -> frozenset[str]:
@@ -99,7 +110,7 @@ def check_structure(root: MapNode, name: str, out: Collector) -> None:
 def _worded_keys(name: str) -> frozenset[str]:
     """Return the keys whose values, not only their types, the schema looks at."""
     found: set[str] = set()
-    pending: list[Any] = [read_schema(name), read_schema("transfers")]
+    pending: list[Any] = list(_schemas_of(name))
     while pending:
         part = pending.pop()
         if isinstance(part, dict):

@@ -1,5 +1,14 @@
 """The network as the user's files describe it: frozen dataclasses, no I/O."""
 
+from fsoe_net.model.acceptance import (
+    Acceptance,
+    Intervention,
+    JustifiedFinding,
+    JustifiedStep,
+    Replaced,
+    SignedBy,
+    same_person,
+)
 from fsoe_net.model.answers import (
     AnsweredConnection,
     AnsweredDevice,
@@ -105,6 +114,7 @@ from fsoe_net.model.slots import FramePair, frame_pairs, slot_numbers
 
 __all__ = [
     "EMULATED_NOTE",
+    "Acceptance",
     "Action",
     "AnsweredConnection",
     "AnsweredDevice",
@@ -134,6 +144,9 @@ __all__ = [
     "FsoeGuess",
     "FsoeNearMiss",
     "Hitch",
+    "Intervention",
+    "JustifiedFinding",
+    "JustifiedStep",
     "Library",
     "LibraryDevice",
     "LibraryFigure",
@@ -157,6 +170,7 @@ __all__ = [
     "Protocol",
     "ProtocolStep",
     "Question",
+    "Replaced",
     "Resolution",
     "ResolvedEnd",
     "ResolvedTransfer",
@@ -173,6 +187,7 @@ __all__ = [
     "Sdo",
     "Seen",
     "Signal",
+    "SignedBy",
     "SmLayout",
     "SourceFile",
     "Step",
@@ -204,6 +219,7 @@ __all__ = [
     "propose",
     "renumbered_copies",
     "resolve",
+    "same_person",
     "shared_modules",
     "signals_of",
     "slot_numbers",

@@ -1,5 +1,6 @@
 """Compile a network to a copy plan; write, read and show `.fsnplan` files."""
 
+from fsoe_net.plan.accepted import accepted_plan
 from fsoe_net.plan.codec import MAGIC, decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import (
@@ -50,6 +51,7 @@ __all__ = [
     "PlanSubDevice",
     "PlanSymbol",
     "PlanSyncManager",
+    "accepted_plan",
     "canonical_section",
     "compile_plan",
     "copy_end",

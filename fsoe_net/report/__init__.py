@@ -1,5 +1,6 @@
 """What a safety engineer hands in: the configuration as one report, and what changed in it."""
 
+from fsoe_net.report.again import steps_again
 from fsoe_net.report.budget import budget_document, budget_picture, budget_text
 from fsoe_net.report.diff import Difference, compare
 from fsoe_net.report.diff_read import (
@@ -18,10 +19,25 @@ from fsoe_net.report.evidence import (
     longest_round_trips,
     read_evidence,
 )
-from fsoe_net.report.inputs import Against, GivenPlan, ReportInputs, TestStep, Tried
+from fsoe_net.report.inputs import (
+    Against,
+    GivenPlan,
+    GivenRecord,
+    ReportInputs,
+    TestStep,
+    Tried,
+)
 from fsoe_net.report.make import make_document
 from fsoe_net.report.protocol import protocol_page
 from fsoe_net.report.protocol_steps import tried_of
+from fsoe_net.report.sign_off import (
+    Grounds,
+    Reason,
+    Refusal,
+    SignedReport,
+    read_signed_report,
+    sign_off,
+)
 from fsoe_net.report.write import FORMATS, render_report
 
 __all__ = [
@@ -32,9 +48,14 @@ __all__ = [
     "Document",
     "Evidence",
     "GivenPlan",
+    "GivenRecord",
+    "Grounds",
     "LiveEvidence",
+    "Reason",
+    "Refusal",
     "ReportInputs",
     "Side",
+    "SignedReport",
     "TestStep",
     "Tried",
     "ask_live",
@@ -46,10 +67,13 @@ __all__ = [
     "make_document",
     "protocol_page",
     "read_evidence",
+    "read_signed_report",
     "render_report",
     "side_of_description",
     "side_of_network",
     "side_of_plan",
     "side_of_scan",
+    "sign_off",
+    "steps_again",
     "tried_of",
 ]

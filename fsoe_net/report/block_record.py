@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.diag import Severity
+from fsoe_net.model import SignedBy
+from fsoe_net.plan import short_code
 from fsoe_net.report.diff_types import Change
 from fsoe_net.report.document import (
     BLANK,
     Block,
+    Bullets,
     Cell,
     Column,
     Heading,
@@ -28,7 +31,7 @@ from fsoe_net.report.document import (
     stated,
     strong,
 )
-from fsoe_net.report.inputs import Against, ReportInputs
+from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs
 
 __all__ = ["change_log", "fingerprint", "open_points", "sign_off"]
 
@@ -46,6 +49,7 @@ _CALLS_FOR = {
     "sdo": "start-up of that SubDevice",
     "copy": "each safety function over that connection",
     "connection": "start-up of that connection, loss of its ends, each safety function over it",
+    "safety_function": "that safety function, with its reaction time",
 }
 
 
@@ -117,10 +121,13 @@ def change_log(inputs: ReportInputs) -> Block:
                 rows=tuple(_change(c) for c in found.changes),
             )
         )
+        parts += [Heading("Steps of the test protocol to do again"), _again(against)]
         points.append(
             Point(PointKind.OPEN, f"{count} changes since {against.source.path}: to be tried again")
         )
     points += [Point(PointKind.OPEN, f"not compared: {w}") for w in found.not_compared]
+    if inputs.accepted is not None and inputs.accepted.record.interventions:
+        parts += [Heading("Interventions since the first record"), _interventions(inputs.accepted)]
     return Block(key="change_log", title=title, parts=tuple(parts), points=tuple(points))
 
 
@@ -144,6 +151,12 @@ def _compared(against: Against, inputs: ReportInputs) -> Paragraph:
             items.append(Text(f" (sections that differ: {', '.join(changed)})"))
     items.append(Text("."))
     return Paragraph(tuple(items))
+
+
+def _again(against: Against) -> Part:
+    if not against.again:
+        return Paragraph((Text("None of its steps is about what changed; judge each change."),))
+    return Bullets(tuple((code(step),) for step in against.again))
 
 
 def _sections_changed(against: Against, inputs: ReportInputs) -> tuple[str, ...]:
@@ -172,32 +185,80 @@ def _change(c: Change) -> tuple[Cell, ...]:
 
 
 def sign_off(inputs: ReportInputs) -> Block:
-    """Fields for the hand; author and verifier are two people."""
-    heads = ("Role", "Name", "Date", "Signature")
-    rows = tuple(
-        (cell(who), BLANK, BLANK, BLANK)
-        for who in ("Author", "Verifier, who is not the author", "Released for the machine by")
-    )
+    """Fields for the hand, and what an acceptance record says of them."""
+    given = inputs.accepted
     short = "no fingerprint" if inputs.fingerprint is None else inputs.fingerprint.short
-    return Block(
-        key="sign_off",
-        title="Sign-off",
-        parts=(
-            Paragraph((Text("For the configuration with the short code "), code(short), Text("."))),
-            Table(name="sign-off", columns=tuple(Column(h) for h in heads), rows=rows),
+    parts: list[Part] = [
+        Paragraph((Text("For the configuration with the short code "), code(short), Text(".")))
+    ]
+    if given is None:
+        return _sign_off(parts, (), Point(PointKind.OPEN, "not signed"))
+    if not given.fits:
+        word = f"{given.source.path} is the record of ANOTHER configuration"
+        parts.append(Paragraph((Verdict(word, Level.ERROR), Text(f": {_of(given)}."))))
+        return _sign_off(parts, (), Point(PointKind.OPEN, f"not signed; {word}"))
+    record = given.record
+    word = f"{given.source.path} is a record of this configuration"
+    parts.append(Paragraph((Verdict(word, Level.CLEAR), Text(f": {_of(given)}."))))
+    if record.steps_left_out:
+        parts.append(
+            Table(
+                name="steps left out",
+                columns=tuple(Column(h) for h in ("Step not done", "Reason", "Answered for by")),
+                rows=tuple(
+                    (cell(strong(s.step)), cell(s.reason), cell(s.by))
+                    for s in record.steps_left_out
+                ),
+            )
+        )
+    return _sign_off(
+        parts,
+        (record.author, record.verifier),
+        Point(
+            PointKind.ASSUMPTION,
+            f"the signatures of {record.author.name} and {record.verifier.name} stand on the "
+            "report that the record names",
         ),
-        points=(Point(PointKind.OPEN, "not signed"),),
+    )
+
+
+def _of(given: GivenRecord) -> str:
+    record = given.record
+    return (
+        f"SHA-256 {given.source.sha256}, fingerprint {short_code(record.whole)}, author "
+        f"{record.author.name}, verifier {record.verifier.name}, {record.verifier.date}"
+    )
+
+
+def _sign_off(parts: list[Part], people: Sequence[SignedBy], point: Point) -> Block:
+    roles = ("Author", "Verifier, who is not the author", "Released for the machine by")
+    rows = []
+    for number, role in enumerate(roles):
+        signed = people[number] if number < len(people) else None
+        name = BLANK if signed is None else cell(signed.name)
+        date = BLANK if signed is None else cell(signed.date)
+        rows.append((cell(role), name, date, BLANK))
+    heads = ("Role", "Name", "Date", "Signature")
+    table = Table(name="sign-off", columns=tuple(Column(h) for h in heads), rows=tuple(rows))
+    return Block(key="sign_off", title="Sign-off", parts=(*parts, table), points=(point,))
+
+
+def _interventions(given: GivenRecord) -> Table:
+    return Table(
+        name="interventions",
+        columns=tuple(Column(h) for h in ("What and why", "By", "Date")),
+        rows=tuple((cell(i.what), cell(i.by), cell(i.date)) for i in given.record.interventions),
     )
 
 
 # -- 13 assumptions and open points ---------------------------------------------------------------
 
 
-def open_points(points: Sequence[tuple[str, Point]], diagnostics: Sequence[Diagnostic]) -> Block:
+def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> Block:
     """Everything that is not settled: findings with their mends, open points, assumptions."""
     parts: list[Part] = [Heading("Findings")]
-    if diagnostics:
-        parts.append(_findings(diagnostics))
+    if inputs.diagnostics:
+        parts.append(_findings(inputs))
     else:
         parts.append(Paragraph((Verdict("no findings", Level.CLEAR),)))
     for kind, title in (
@@ -221,14 +282,15 @@ def open_points(points: Sequence[tuple[str, Point]], diagnostics: Sequence[Diagn
     return Block(key="open_points", title="Assumptions and open points", parts=tuple(parts))
 
 
-def _findings(diagnostics: Sequence[Diagnostic]) -> Table:
+def _findings(inputs: ReportInputs) -> Table:
     levels = {
         Severity.ERROR: Level.ERROR,
         Severity.WARNING: Level.WARNING,
         Severity.INFO: Level.NOTE,
     }
     rows = []
-    for d in diagnostics:
+    for d in inputs.diagnostics:
+        justified = inputs.justification(d)
         said: list[Item] = [Text(d.message)]
         said += [muted(f"see {r.span}: {r.message}") for r in d.related]
         if d.hint:
@@ -237,7 +299,7 @@ def _findings(diagnostics: Sequence[Diagnostic]) -> Table:
             (
                 cell(Verdict(d.level.value, levels[d.level]), code(d.code)),
                 (*said, muted(str(d.span))),
-                BLANK,
+                BLANK if justified is None else cell(justified.by, muted(justified.reason)),
             )
         )
     return Table(

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from fsoe_net.report.diff_process_data import compare_managers
+from fsoe_net.report.diff_safety import compare_functions
 from fsoe_net.report.diff_side import (
     Side,
     SideConnection,
@@ -60,10 +61,20 @@ def compare(a: Side, b: Side) -> Difference:
         changes += _copies(a.copies, moved, label)
     if a.connections is not None and b.connections is not None:
         changes += _connections(a, b, renumber, label)
+    changes += _functions(a, b)
     return Difference(changes=tuple(changes), not_compared=tuple(_silence(a, b, pairs)))
 
 
 _Pairs = list[tuple[int | None, int | None]]
+
+
+def _functions(a: Side, b: Side) -> list[Change]:
+    if a.functions is not None and b.functions is not None:
+        return compare_functions(a.functions, b.functions)
+    before, after = a.functions_sha256, b.functions_sha256
+    if before is None or after is None or before == after:
+        return []
+    return [_changed("safety_function", "", "SHA-256 of all", before or None, after or None)]
 
 
 def _pair_subdevices(a: tuple[SideSubDevice, ...], b: tuple[SideSubDevice, ...]) -> _Pairs:
@@ -373,6 +384,9 @@ def _silence(a: Side, b: Side, pairs: _Pairs) -> list[str]:
         if (left is None) != (right is None) and not (a.whole and b.whole):
             silent = a if left is None else b
             words.append(f"{what}: {silent.path} ({silent.format}) says nothing about them")
+    for side, other in ((a, b), (b, a)):
+        if side.functions_sha256 is None and other.functions_sha256:
+            words.append(f"safety functions: {side.path} ({side.format}) says nothing about them")
     unread = 0
     for left_number, right_number in pairs:
         if left_number is not None and right_number is not None:

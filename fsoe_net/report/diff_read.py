@@ -15,6 +15,7 @@ from fsoe_net.model import (
     Pdo,
     Resolution,
     ResolvedEnd,
+    SafetyFunction,
     Scan,
     ScannedSm,
     ScannedSubDevice,
@@ -27,7 +28,7 @@ from fsoe_net.model import (
     layout_of,
     place_entries,
 )
-from fsoe_net.plan import NONE, Plan, PlanSubDevice
+from fsoe_net.plan import NONE, Plan, PlanSubDevice, safety_sha256
 from fsoe_net.report.diff_side import (
     Side,
     SideConnection,
@@ -133,6 +134,8 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
         ),
         copies=tuple(copies),
         connections=tuple(connections),
+        functions=network.safety_functions,
+        functions_sha256=safety_sha256(network.safety_functions),
     )
 
 
@@ -189,8 +192,10 @@ def _network_subdevice(
     )
 
 
-def side_of_plan(plan: Plan, path: str) -> Side:
-    """Return the side of a plan."""
+def side_of_plan(
+    plan: Plan, path: str, functions: tuple[SafetyFunction, ...] | None = None
+) -> Side:
+    """Return the side of a plan, with its safety functions where somebody has kept them."""
     per_device: dict[int, dict[int, SideManager]] = {}
     ends: dict[int, dict[int, str]] = {}
     restart = _restart_bits(plan)
@@ -250,6 +255,8 @@ def side_of_plan(plan: Plan, path: str) -> Side:
             for c in plan.copies
         ),
         connections=tuple(connections),
+        functions=functions,
+        functions_sha256=plan.safety_sha256,
     )
 
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fsoe_net.model import SafetyFunction
+
 __all__ = [
     "Side",
     "SideConnection",
@@ -120,6 +122,8 @@ class Side:
         whole: ``None`` in it means *not set*, so that it differs from a value in another such.
         copies: ``None`` when the source has no copies, as an ESI or a scan.
         connections: ``None`` likewise.
+        functions: ``None`` likewise, and for a plan, which holds only
+        functions_sha256: their hash; empty without any.
     """
 
     format: str
@@ -129,3 +133,5 @@ class Side:
     subdevices: tuple[SideSubDevice, ...] = ()
     copies: tuple[SideCopy, ...] | None = None
     connections: tuple[SideConnection, ...] | None = None
+    functions: tuple[SafetyFunction, ...] | None = None
+    functions_sha256: str | None = None

@@ -16,7 +16,7 @@ class Change:
     Attributes:
         kind: ``added``, ``removed``, ``exchanged``, ``moved`` or ``changed``.
         area: ``network``, ``subdevice``, ``sync_manager``, ``frame``, ``entries``, ``sdo``,
-            ``copy`` or ``connection``.
+            ``copy``, ``connection`` or ``safety_function``.
         where: SubDevice, sync manager, copy or connection, as A calls it.
         what: The fact that changed; empty for something that came or went as a whole.
         before: In A.

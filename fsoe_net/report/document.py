@@ -10,6 +10,8 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
+from fsoe_net.diag import Diagnostic
+
 __all__ = [
     "BLANK",
     "Block",
@@ -198,6 +200,7 @@ class Document:
         lead: First page: what was found, and how much is open.
         blocks: In the order of the report.
         points: What is open or assumed, of all blocks, each with the title of its block.
+        findings: What the blocks and points say about findings, as the data they are.
     """
 
     project: str
@@ -209,6 +212,7 @@ class Document:
     lead: tuple[Part, ...]
     blocks: tuple[Block, ...]
     points: tuple[tuple[str, Point], ...]
+    findings: tuple[Diagnostic, ...] = ()
 
 
 # -- short ways to write cells --------------------------------------------------------------------

@@ -5,23 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Diagnostic
-from fsoe_net.model import Resolution, SourceFile
+from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.model import Acceptance, JustifiedFinding, Resolution, SourceFile
 from fsoe_net.plan import Fingerprint, Plan
 from fsoe_net.report.diff import Difference
 from fsoe_net.report.evidence import Evidence, LiveEvidence
 from fsoe_net.run import RunResult
 from fsoe_net.timing import Budget
 
-__all__ = ["Against", "GivenPlan", "ReportInputs", "TestStep", "Tried"]
+__all__ = ["Against", "GivenPlan", "GivenRecord", "ReportInputs", "TestStep", "Tried"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Against:
-    """What the network is compared with. ``fingerprint`` is ``None`` when it is no plan."""
+    """What the network is compared with.
+
+    Attributes:
+        source: Its file.
+        difference: What differs.
+        again: Ids of the steps of the test protocol that this calls for.
+        fingerprint: ``None`` when it is no plan or record.
+    """
 
     source: SourceFile
     difference: Difference
+    again: tuple[str, ...] = ()
     fingerprint: Fingerprint | None = None
 
 
@@ -31,6 +39,21 @@ class GivenPlan:
 
     source: SourceFile
     plan: Plan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GivenRecord:
+    """An acceptance record, and whether it is of this very configuration."""
+
+    source: SourceFile
+    record: Acceptance
+    fits: bool
+
+    def justification(self, found: Diagnostic) -> JustifiedFinding | None:
+        """Return who answers for a warning; nobody does in a record of another configuration."""
+        if not self.fits or found.level is not Severity.WARNING:
+            return None
+        return self.record.justification(found.code, found.message)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +117,7 @@ class ReportInputs:
         given: A plan file that was named.
         against: The state that the change log starts from.
         tried: A test protocol; ``None`` when there is none.
+        accepted: An acceptance record; ``None`` when there is none.
     """
 
     name: str
@@ -111,3 +135,8 @@ class ReportInputs:
     given: GivenPlan | None = None
     against: Against | None = None
     tried: Tried | None = None
+    accepted: GivenRecord | None = None
+
+    def justification(self, found: Diagnostic) -> JustifiedFinding | None:
+        """Return who answers for a warning in the acceptance record of this configuration."""
+        return None if self.accepted is None else self.accepted.justification(found)

@@ -29,6 +29,7 @@ from fsoe_net.report.document import (
     Verdict,
     cell,
     code,
+    muted,
 )
 from fsoe_net.report.inputs import ReportInputs
 
@@ -59,13 +60,11 @@ def make_document(inputs: ReportInputs) -> Document:
         sign_off(inputs),
     ]
     points = tuple((b.title, p) for b in first for p in b.points) + tuple(
-        ("Findings", Point(PointKind.OPEN, f"{d.code} at {d.span}: {d.message}"))
-        for d in inputs.diagnostics
-        if d.level is not Severity.INFO
+        ("Findings", _point(inputs, d)) for d in inputs.diagnostics if d.level is not Severity.INFO
     )
-    last = open_points(points, inputs.diagnostics)
+    last = open_points(points, inputs)
     network = None if inputs.resolution is None else inputs.resolution.network
-    verdict = _verdict(inputs.diagnostics)
+    verdict = _verdict(inputs)
     return Document(
         project=(network.project if network is not None else "") or inputs.name,
         network=inputs.name,
@@ -76,6 +75,7 @@ def make_document(inputs: ReportInputs) -> Document:
         lead=_lead(inputs, points),
         blocks=(*first, last),
         points=points,
+        findings=tuple(inputs.diagnostics),
     )
 
 
@@ -92,7 +92,16 @@ def _counts(found: Sequence[Diagnostic]) -> str:
     return ", ".join(words)
 
 
-def _verdict(found: Sequence[Diagnostic]) -> Verdict:
+def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
+    text = f"{found.code} at {found.span}: {found.message}"
+    justified = inputs.justification(found)
+    if justified is None:
+        return Point(PointKind.OPEN, text)
+    return Point(PointKind.ASSUMPTION, f"{text} (let pass by {justified.by}: {justified.reason})")
+
+
+def _verdict(inputs: ReportInputs) -> Verdict:
+    found = inputs.diagnostics
     if not found:
         return Verdict("no findings", Level.CLEAR)
     counts = _counts(found)
@@ -100,6 +109,9 @@ def _verdict(found: Sequence[Diagnostic]) -> Verdict:
     if worst is Severity.ERROR:
         return Verdict(f"NOT ACCEPTABLE: {counts}", Level.ERROR)
     if worst is Severity.WARNING:
+        warnings = [d for d in found if d.level is Severity.WARNING]
+        if all(inputs.justification(d) is not None for d in warnings):
+            return Verdict(f"{counts}; each warning justified by name", Level.WARNING)
         return Verdict(f"{counts}: each needs a mend or a justification by name", Level.WARNING)
     return Verdict(f"no errors, no warnings; {counts}", Level.NOTE)
 
@@ -108,7 +120,7 @@ def _lead(inputs: ReportInputs, points: Sequence[tuple[str, Point]]) -> tuple[Pa
     parts: list[Part] = []
     found = sorted(inputs.diagnostics, key=lambda d: d.level.rank)
     if found:
-        parts += [Heading("Findings"), _findings(found)]
+        parts += [Heading("Findings"), _findings(found, inputs)]
     counts = Counter(
         title for title, p in points if p.kind is PointKind.OPEN and title != "Findings"
     )
@@ -134,7 +146,7 @@ def _lead(inputs: ReportInputs, points: Sequence[tuple[str, Point]]) -> tuple[Pa
     return tuple(parts)
 
 
-def _findings(found: Sequence[Diagnostic]) -> Table:
+def _findings(found: Sequence[Diagnostic], inputs: ReportInputs) -> Table:
     """Every finding; when there are many, one row per code, so that all stand on one page."""
     per_code = Counter(d.code for d in found)
     shown: list[tuple[Diagnostic, int]] = [(d, 1) for d in found]
@@ -146,6 +158,9 @@ def _findings(found: Sequence[Diagnostic]) -> Table:
     rows = []
     for d, count in shown:
         items: list[Item] = [Text(d.message)]
+        justified = inputs.justification(d)
+        if justified is not None:
+            items.append(muted(f"let pass by {justified.by}: {justified.reason}"))
         if count > 1:
             items.append(
                 Number(

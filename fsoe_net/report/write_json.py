@@ -36,6 +36,7 @@ def report_json(document: Document) -> str:
         "verdict": _item(d.verdict),
         "lead": [_part(p) for p in d.lead],
         "blocks": [_block(n, b) for n, b in enumerate(d.blocks, 1)],
+        "findings": [f.to_json() for f in d.findings],
         "points": [{"kind": p.kind.value, "block": title, "text": p.text} for title, p in d.points],
     }
     return json.dumps(found, indent=2, ensure_ascii=False) + "\n"

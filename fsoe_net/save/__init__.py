@@ -1,5 +1,6 @@
 """Descriptions into files of other tools; whatever is written can be read back."""
 
+from fsoe_net.save.acceptance import write_acceptance
 from fsoe_net.save.c_header import write_c_header
 from fsoe_net.save.describe import describe
 from fsoe_net.save.driver import DriverVersion, write_driver, write_network
@@ -18,6 +19,7 @@ __all__ = [
     "describe",
     "own_words_lost",
     "replace_copies",
+    "write_acceptance",
     "write_c_header",
     "write_driver",
     "write_eni",

@@ -1,0 +1,234 @@
+"""``fsoe-net accept``: write down who accepted which configuration, and on what grounds."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+from pathlib import Path
+
+import click
+
+from fsoe_net import __version__
+from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.known import Record, read_record
+from fsoe_net.cli.output import counted
+from fsoe_net.cli.plan import write_whole
+from fsoe_net.cli.report import since
+from fsoe_net.errors import InputError
+from fsoe_net.load import Collector, load_protocol, read_bytes
+from fsoe_net.model import Acceptance, Intervention, Protocol, SignedBy, SourceFile
+from fsoe_net.plan import compile_plan, fingerprint_of, short_code
+from fsoe_net.report import Grounds, Reason, Refusal, read_signed_report, sign_off
+from fsoe_net.run import make_protocol
+from fsoe_net.save import write_acceptance
+
+__all__ = ["command"]
+
+_MOST_BYTES = 256 * 1024 * 1024
+_EPILOG = """\b
+Example:
+  fsoe-net test-protocol network.yaml --virtual -o protocol.yaml    # then do it at the machine
+  fsoe-net report network.yaml --protocol protocol.yaml -o report.html
+  fsoe-net report network.yaml --protocol protocol.yaml -o report.json
+  fsoe-net accept network.yaml --protocol protocol.yaml --report report.html --report report.json
+      --author "A. Meier" --verifier "B. Kaya" -o acceptance.yaml
+      --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya"
+      --justify "fault *=no faults can be put into frames at the machine by B. Kaya"
+
+Afterwards: fsoe-net verify network.yaml --accepted acceptance.yaml (or --live SOCKET), and
+fsoe-net report network.yaml --acceptance acceptance.yaml -o report.html for what has changed since.
+
+Exit codes: 0 written, 1 refused with every reason, or a file cannot be read, 2 wrong use.
+
+A record is evidence. It is no certificate, and nobody is who the record says but by the signature
+on the report."""
+
+
+@click.command("accept", epilog=_EPILOG)
+@input_options
+@click.option(
+    "--report",
+    "reports",
+    multiple=True,
+    required=True,
+    type=click.Path(),
+    metavar="FILE",
+    help="The signed report: the page, and the same in JSON.",
+)
+@click.option(
+    "--protocol",
+    required=True,
+    type=click.Path(),
+    metavar="FILE",
+    help="The test protocol as it was filled in at the machine.",
+)
+@click.option("--author", required=True, metavar="NAME", help="Who made the configuration.")
+@click.option("--verifier", required=True, metavar="NAME", help="Who checked it: not the author.")
+@click.option("--date", metavar="YYYY-MM-DD", help="Day of the signatures; today without it.")
+@click.option(
+    "--justify",
+    multiple=True,
+    metavar="WHAT=REASON by NAME",
+    help="Let a warning (CODE@file:line) or a step that was not done (its id, `loss *`, `fault *`) "
+    "pass; may be given again. @FILE: one per line.",
+)
+@click.option(
+    "--intervention",
+    multiple=True,
+    metavar="WHAT by NAME",
+    help="What was changed since the record before, and why; may be given again.",
+)
+@click.option("--replaces", type=click.Path(), metavar="FILE", help="The acceptance record before.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(dir_okay=False),
+    required=True,
+    help="File to write (.yaml); an existing one stays.",
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    files: tuple[str, ...],
+    packages: dict[str, str],
+    xacro_args: dict[str, str],
+    reports: tuple[str, ...],
+    protocol: str,
+    author: str,
+    verifier: str,
+    date: str | None,
+    justify: tuple[str, ...],
+    intervention: tuple[str, ...],
+    replaces: str | None,
+    output: str,
+) -> None:
+    """Write the acceptance record of a network, or say everything that stands against it.
+
+    It wants a report of this very configuration without errors, each warning justified by name and
+    reason, a test protocol whose steps were done at the machine, and a verifier who is not the
+    author. FILES as for `fsoe-net check`.
+    """
+    if Path(output).exists():
+        raise click.UsageError(
+            f"{output} is there and stays; write to another file and name it with --replaces"
+        )
+    day = _day(date)
+    reasons = [_reason(row) for row in _rows(justify)]
+    changes = [_intervention(row, day) for row in intervention]
+    before = None if replaces is None else read_record(replaces)
+    report = read_signed_report([_read(path) for path in reports])
+    source, filled = _protocol(protocol)
+    checked = check_files(files, packages=packages, xacro_args=xacro_args, compared=True)
+    resolution = whole_network(checked, "no record written")
+    plan = compile_plan(resolution)
+    asked = make_protocol(resolution, plan.to_bytes(), fingerprint=fingerprint_of(plan).whole)
+    changed = None if before is None else since(before, resolution)
+    record, refusals = sign_off(
+        Grounds(
+            version=__version__,
+            resolution=resolution,
+            plan=plan,
+            report=report,
+            diagnostics=checked.diagnostics,
+            protocol=filled,
+            protocol_source=source,
+            asked=asked,
+            author=SignedBy(name=author.strip(), date=day),
+            verifier=SignedBy(name=verifier.strip(), date=day),
+            reasons=reasons,
+            interventions=changes,
+            before=None if before is None else before.record,
+            before_source=None if before is None else before.source,
+            again=() if changed is None else changed.again,
+        )
+    )
+    if record is None:
+        _refuse(refusals)
+        ctx.exit(1)
+    write_whole(output, write_acceptance(record).encode("utf-8"))
+    _say(output, record, before)
+
+
+def _day(date: str | None) -> str:
+    if date is None:
+        return datetime.date.today().isoformat()
+    try:
+        return datetime.date.fromisoformat(date).isoformat()
+    except ValueError as exc:
+        raise click.BadParameter(f"{date!r} is no date; write YYYY-MM-DD") from exc
+
+
+def _rows(values: tuple[str, ...]) -> list[str]:
+    rows = []
+    for value in values:
+        if not value.startswith("@"):
+            rows.append(value)
+            continue
+        _, data = _read(value[1:])
+        try:
+            lines = data.decode("utf-8").splitlines()
+        except UnicodeDecodeError as exc:
+            raise InputError(f"{value[1:]} is no text in UTF-8") from exc
+        rows += [line for line in map(str.strip, lines) if line and not line.startswith("#")]
+    return rows
+
+
+def _reason(row: str) -> Reason:
+    subject, _, rest = row.partition("=")
+    reason, by = _by(rest)
+    if not (subject.strip() and reason and by):
+        raise click.BadParameter(f"{row!r} is not WHAT=REASON by NAME", param_hint="--justify")
+    return Reason(subject=subject.strip(), reason=reason, by=by)
+
+
+def _intervention(row: str, day: str) -> Intervention:
+    what, by = _by(row)
+    if not (what and by):
+        raise click.BadParameter(f"{row!r} is not WHAT by NAME", param_hint="--intervention")
+    return Intervention(what=what, by=by, date=day)
+
+
+def _by(text: str) -> tuple[str, str]:
+    words, found, name = text.strip().rpartition(" by ")
+    return (words.strip(), name.strip()) if found else ("", "")
+
+
+def _read(path: str) -> tuple[SourceFile, bytes]:
+    out = Collector()
+    data = read_bytes(path, out, most=_MOST_BYTES)
+    if data is None:
+        raise InputError(f"{path} cannot be read", out.diagnostics)
+    return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data
+
+
+def _protocol(path: str) -> tuple[SourceFile, Protocol]:
+    out = Collector()
+    found = load_protocol(path, out)
+    if found is None:
+        raise InputError(f"{path} is no test protocol that can be used", out.diagnostics)
+    return out.sources[0], found
+
+
+def _refuse(refusals: tuple[Refusal, ...]) -> None:
+    for refusal in refusals:
+        click.echo(click.style("refused: ", fg="red", bold=True) + refusal.what, err=True)
+        click.echo(f"  next: {refusal.mend}", err=True)
+    click.echo(f"no record written: {counted(len(refusals), 'reason')}", err=True)
+
+
+def _say(output: str, record: Acceptance, before: Record | None) -> None:
+    click.echo(
+        f"{output}: {short_code(record.whole)}, author {record.author.name}, verifier "
+        f"{record.verifier.name}, {record.verifier.date}"
+    )
+    findings, steps = len(record.findings), len(record.steps_left_out)
+    if findings or steps:
+        click.echo(
+            f"let pass: {counted(findings, 'warning')}, {counted(steps, 'step')} of "
+            f"{record.steps}, each by name and reason"
+        )
+    if before is not None:
+        same = before.fingerprint.whole == record.whole
+        word = "the same configuration as" if same else "replaces"
+        click.echo(f"{word} {before.source.path}, {before.fingerprint.short}")
+    click.echo("Sign the report; keep it and this record under version control.")

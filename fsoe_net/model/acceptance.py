@@ -1,0 +1,135 @@
+"""An acceptance record: who accepted which configuration, and what was let pass."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Located
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.safety import SafetyFunction
+
+__all__ = [
+    "Acceptance",
+    "Intervention",
+    "JustifiedFinding",
+    "JustifiedStep",
+    "Replaced",
+    "SignedBy",
+    "same_person",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignedBy(Located):
+    """A person, and the day (ISO 8601) on which that person signed."""
+
+    name: str
+    date: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JustifiedFinding(Located):
+    """A warning that somebody answers for.
+
+    Attributes:
+        code: ``FSNxyz``.
+        place: Where it stood, as ``file:line:column``; lines move, so it is no key.
+        message: What it said.
+        reason: Why it is let pass.
+        by: Who says so.
+    """
+
+    code: str
+    place: str
+    message: str
+    reason: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JustifiedStep(Located):
+    """A step of the test protocol that was not done at the machine, why, and who says so."""
+
+    step: str
+    reason: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intervention(Located):
+    """A change of what had been accepted before: what and why, by whom, and when (ISO 8601)."""
+
+    what: str
+    by: str
+    date: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replaced(Located):
+    """The record that this one replaces; ``whole`` is the fingerprint that it accepted."""
+
+    source: SourceFile
+    whole: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acceptance(Located):
+    """What was accepted.
+
+    Attributes:
+        network: Its name.
+        project: Machine or project; may be empty.
+        made_with: Version of fsoe-net.
+        whole: The fingerprint, SHA-256 in hex.
+        sections: Hashes of its sections by name.
+        plan: The accepted plan, bytes of a ``.fsnplan``.
+        safety_functions: The accepted safety functions.
+        inputs: Files of the network.
+        reports: Files of the report that was signed.
+        open_points: How many open points it lists, and
+        assumptions: how many assumptions.
+        protocol: File of the test protocol.
+        steps: How many steps it has.
+        author: Who made the configuration.
+        verifier: Who checked it; somebody else.
+        findings: Warnings that were let pass.
+        steps_left_out: Steps that were not done at the machine.
+        interventions: All changes since the first record, oldest first.
+        replaces: The record before; ``None`` for the first one.
+    """
+
+    network: str
+    project: str = ""
+    made_with: str
+    whole: str
+    sections: Mapping[str, str]
+    plan: bytes
+    safety_functions: tuple[SafetyFunction, ...] = ()
+    inputs: tuple[SourceFile, ...]
+    reports: tuple[SourceFile, ...]
+    open_points: int
+    assumptions: int
+    protocol: SourceFile
+    steps: int
+    author: SignedBy
+    verifier: SignedBy
+    findings: tuple[JustifiedFinding, ...] = ()
+    steps_left_out: tuple[JustifiedStep, ...] = ()
+    interventions: tuple[Intervention, ...] = ()
+    replaces: Replaced | None = None
+
+    def justification(self, code: str, message: str) -> JustifiedFinding | None:
+        """Return who let a warning pass; a warning that says something else is another one."""
+        return next((f for f in self.findings if (f.code, f.message) == (code, message)), None)
+
+
+def same_person(one: str, other: str) -> bool:
+    """Whether two names are one, apart from case, spaces, dots and how letters are encoded."""
+    return _plain(one) == _plain(other)
+
+
+def _plain(name: str) -> str:
+    text = unicodedata.normalize("NFKC", name).casefold()
+    return "".join(c for c in text if c.isalnum())

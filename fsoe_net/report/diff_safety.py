@@ -1,0 +1,78 @@
+"""What differs between the safety functions of two sides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from fsoe_net.model import Element, SafetyFunction
+from fsoe_net.report.diff_types import Change, Fact
+
+__all__ = ["compare_functions"]
+
+_AREA = "safety_function"
+
+
+def compare_functions(a: Sequence[SafetyFunction], b: Sequence[SafetyFunction]) -> list[Change]:
+    """Compare safety functions by name, and their elements in the order of the signal."""
+    left = {f.name: f for f in a}
+    right = {f.name: f for f in b}
+    changes = [Change(kind="removed", area=_AREA, where=n) for n in left if n not in right]
+    changes += [Change(kind="added", area=_AREA, where=n) for n in right if n not in left]
+    for name, old in left.items():
+        if name in right:
+            changes += _function(old, right[name])
+    return changes
+
+
+def _function(a: SafetyFunction, b: SafetyFunction) -> Iterator[Change]:
+    facts: dict[str, tuple[Fact | float, Fact | float]] = {
+        "trigger": (a.trigger, b.trigger),
+        "reaction": (a.reaction, b.reaction),
+        "required_reaction_ms": (a.required_reaction_ms, b.required_reaction_ms),
+        "required pl": (a.pl or None, b.pl or None),
+        "required sil": (a.sil, b.sil),
+    }
+    for what, (before, after) in facts.items():
+        if before != after:
+            yield _changed(a.name, what, before, after)
+    old, new = _elements(a), _elements(b)
+    if list(old) != list(new):
+        yield _changed(a.name, "elements", ", ".join(old), ", ".join(new))
+    for name, one in old.items():
+        if name in new:
+            yield from _element(a.name, name, one, new[name])
+
+
+def _elements(function: SafetyFunction) -> dict[str, Element]:
+    """Return the elements by what they are called, the second of one name with its number."""
+    found: dict[str, Element] = {}
+    for element in function.elements:
+        name = key = f"{element.kind.value} {element.sub or element.name}"
+        count = 1
+        while key in found:
+            count += 1
+            key = f"{name} ({count})"
+        found[key] = element
+    return found
+
+
+def _element(function: str, name: str, a: Element, b: Element) -> Iterator[Change]:
+    for what, before, after in (
+        ("name", a.name, b.name),
+        ("time_ms", a.time_ms, b.time_ms),
+        ("pfh_per_hour", a.pfh_per_hour, b.pfh_per_hour),
+        ("source", a.source, b.source),
+        ("manual", a.manual, b.manual),
+    ):
+        if before != after:
+            yield _changed(function, f"{name}: {what}", before, after)
+
+
+def _changed(where: str, what: str, before: Fact | float, after: Fact | float) -> Change:
+    return Change(
+        kind="changed", area=_AREA, where=where, what=what, before=_fact(before), after=_fact(after)
+    )
+
+
+def _fact(value: Fact | float) -> Fact:
+    return f"{value:g}" if isinstance(value, float) else value

@@ -1,0 +1,368 @@
+"""Whether a configuration can be signed off, and the record of it.
+
+What is asked for: a report of this very configuration without errors, each warning justified by
+name and reason, a test protocol of it whose steps a person has done at the machine, and a verifier
+who is not the author (IEC 62061 clause 9; ISO 13849-2 clause 4.1 speaks of independent persons).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.errors import InputError
+from fsoe_net.model import (
+    Acceptance,
+    Intervention,
+    JustifiedFinding,
+    JustifiedStep,
+    Outcome,
+    Protocol,
+    ProtocolStep,
+    Replaced,
+    Resolution,
+    SignedBy,
+    SourceFile,
+    StepKind,
+    same_person,
+)
+from fsoe_net.plan import Plan, fingerprint_of
+
+__all__ = ["Grounds", "Reason", "Refusal", "SignedReport", "read_signed_report", "sign_off"]
+
+_LEFT_OUT = (StepKind.LOSS, StepKind.FAULT)
+"""Steps that a reason may replace at once; the others when they were done for the record before and
+no change calls for them again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """Why there is no sign-off, and the next step."""
+
+    what: str
+    mend: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reason:
+    """Why something is let pass: ``CODE@file:line``, the id of a step, or all, as ``fault *``."""
+
+    subject: str
+    reason: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Finding:
+    code: str
+    level: str
+    message: str
+    file: str
+    line: int
+    column: int
+
+    @property
+    def at(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+
+    def is_meant(self, subject: str) -> bool:
+        """Whether a user names it: ``FSN233@network.yaml:12``; a folder or column may be there."""
+        code, _, place = subject.partition("@")
+        line = f":{self.line}" if self.line else ""
+        column = f":{self.column}" if self.line else ""
+        files = (self.file, PurePath(self.file).name)
+        return code == self.code and any(place in (f + line, f + line + column) for f in files)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignedReport:
+    """The report that was signed; its findings are what its JSON form tells."""
+
+    sources: tuple[SourceFile, ...]
+    whole: str
+    findings: tuple[_Finding, ...]
+    open_points: int
+    assumptions: int
+    not_of: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grounds:
+    """What a sign-off rests on.
+
+    Attributes:
+        version: Of fsoe-net.
+        resolution: The network, without errors.
+        plan: Its plan.
+        report: The report that was signed.
+        diagnostics: What the files of the network show today.
+        protocol: The test protocol as filled in.
+        protocol_source: Its file.
+        asked: The protocol of this network as it is written today, nothing filled in.
+        author: Who made the configuration.
+        verifier: Who checked it.
+        reasons: For warnings and steps.
+        interventions: What was changed since the record before.
+        before: The record that is replaced, and
+        before_source: its file.
+        again: Steps that the change since then calls for.
+    """
+
+    version: str
+    resolution: Resolution
+    plan: Plan
+    report: SignedReport
+    diagnostics: Sequence[Diagnostic] = ()
+    protocol: Protocol
+    protocol_source: SourceFile
+    asked: Protocol
+    author: SignedBy
+    verifier: SignedBy
+    reasons: Sequence[Reason] = ()
+    interventions: Sequence[Intervention] = ()
+    before: Acceptance | None = None
+    before_source: SourceFile | None = None
+    again: Collection[str] = ()
+
+
+@dataclass(slots=True)
+class _Gathered:
+    refusals: list[Refusal] = field(default_factory=list)
+    findings: list[JustifiedFinding] = field(default_factory=list)
+    steps: list[JustifiedStep] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+
+    def refuse(self, what: str, mend: str) -> None:
+        self.refusals.append(Refusal(what=what, mend=mend))
+
+
+def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedReport:
+    """Read the report: its JSON form for the facts, the others for being of the same fingerprint.
+
+    Raises:
+        InputError: There is no JSON form among the files, or it is none.
+    """
+    told = [(source, data) for source, data in files if data.lstrip()[:1] == b"{"]
+    if len(told) != 1:
+        names = ", ".join(source.path for source, _ in files)
+        raise InputError(
+            f"{names}: {'no' if not told else 'more than one'} report in JSON; write it with "
+            "`fsoe-net report … -o report.json` beside the page, with the same options, and name "
+            "both with --report"
+        )
+    source, data = told[0]
+    try:
+        document = json.loads(data)
+        whole = str((document["fingerprint"] or {}).get("whole", ""))
+        findings = tuple(_finding(f) for f in document["findings"])
+        kinds = [p["kind"] for p in document["points"]]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as exc:
+        raise InputError(f"{source.path} is no report of fsoe-net in JSON") from exc
+    pages = [(s.path, d) for s, d in files if s is not source and not d.startswith(b"%PDF")]
+    return SignedReport(
+        sources=tuple(s for s, _ in files),
+        whole=whole,
+        findings=findings,
+        open_points=kinds.count("open"),
+        assumptions=kinds.count("assumption"),
+        not_of=tuple(path for path, d in pages if not whole or whole.encode() not in d),
+    )
+
+
+def _finding(row: dict[str, Any]) -> _Finding:
+    return _Finding(
+        code=str(row["code"]),
+        level=str(row["severity"]),
+        message=str(row["message"]),
+        file=str(row["file"]),
+        line=int(row["line"]),
+        column=int(row["column"]),
+    )
+
+
+def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
+    """Return the record, or every reason why there is none; a pure function."""
+    g, out = grounds, _Gathered()
+    fingerprint = fingerprint_of(g.plan)
+    _people(g, out)
+    _report(g, fingerprint.whole, out)
+    _findings(g, out)
+    _steps(g, fingerprint.whole, out)
+    _history(g, fingerprint.whole, out)
+    for r in g.reasons:
+        if r.subject not in out.used:
+            out.refuse(
+                f"--justify {r.subject}: there is no such warning or open step",
+                "write CODE@file:line as the report shows it, the id of a step, or `fault *`",
+            )
+    if out.refusals:
+        return None, tuple(out.refusals)
+    network = g.resolution.network
+    before = g.before
+    record = Acceptance(
+        network=network.name,
+        project=network.project or "",
+        made_with=g.version,
+        whole=fingerprint.whole,
+        sections=fingerprint.sections,
+        plan=g.plan.to_bytes(),
+        safety_functions=network.safety_functions,
+        inputs=tuple(network.sources),
+        reports=g.report.sources,
+        open_points=g.report.open_points,
+        assumptions=g.report.assumptions,
+        protocol=g.protocol_source,
+        steps=len(g.protocol.steps),
+        author=g.author,
+        verifier=g.verifier,
+        findings=tuple(out.findings),
+        steps_left_out=tuple(out.steps),
+        interventions=(*(before.interventions if before else ()), *g.interventions),
+        replaces=(
+            Replaced(source=g.before_source, whole=before.whole)
+            if before is not None and g.before_source is not None
+            else None
+        ),
+    )
+    return record, ()
+
+
+def _people(g: Grounds, out: _Gathered) -> None:
+    for role, person in (("author", g.author), ("verifier", g.verifier)):
+        if not person.name.strip():
+            out.refuse(f"the {role} has no name", f"name a person with --{role}")
+    if g.author.name.strip() and same_person(g.author.name, g.verifier.name):
+        out.refuse(
+            f"author and verifier are one person: {g.verifier.name}",
+            "somebody who is not the author verifies",
+        )
+
+
+def _report(g: Grounds, whole: str, out: _Gathered) -> None:
+    if g.report.whole != whole:
+        told = g.report.whole[:16].upper() or "none"
+        out.refuse(
+            f"the report is not of this configuration: its fingerprint begins with {told}, that of "
+            f"the network with {whole[:16].upper()}",
+            "write the report anew, and have it signed",
+        )
+    for path in g.report.not_of:
+        out.refuse(
+            f"{path} does not hold the fingerprint of the report in JSON",
+            "write both with the same options",
+        )
+
+
+def _findings(g: Grounds, out: _Gathered) -> None:
+    told = {(f.code, f.message) for f in g.report.findings}
+    for d in g.diagnostics:
+        if d.level is not Severity.INFO and (d.code, d.message) not in told:
+            out.refuse(
+                f"{d.code} at {d.span} is not in the report: {d.message}",
+                "write the report anew from the files of today, and have it signed",
+            )
+    for f in g.report.findings:
+        if f.level == Severity.ERROR.value:
+            out.refuse(f"{f.code} at {f.at}: {f.message}", "mend it; an error cannot be justified")
+        elif f.level == Severity.WARNING.value:
+            reason = next((r for r in g.reasons if f.is_meant(r.subject)), None)
+            if reason is None:
+                out.refuse(
+                    f"{f.code} at {f.at} is not justified: {f.message}",
+                    f'mend it, or --justify "{f.code}@{PurePath(f.file).name}:{f.line}=reason by '
+                    'name"',
+                )
+                continue
+            out.used.add(reason.subject)
+            row = JustifiedFinding(
+                code=f.code, place=f.at, message=f.message, reason=reason.reason, by=reason.by
+            )
+            if row not in out.findings:
+                out.findings.append(row)
+
+
+def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
+    if g.protocol.fingerprint != whole:
+        out.refuse(
+            f"{g.protocol_source.path} is the protocol of another configuration",
+            "write one with `fsoe-net test-protocol` and do its steps",
+        )
+        return
+    given = {step.id: step for step in g.protocol.steps}
+    for asked in g.asked.steps:
+        step = given.get(asked.id)
+        if step is None:
+            out.refuse(
+                f"step {asked.id} is not in {g.protocol_source.path}",
+                "write the protocol anew; what people wrote into it is kept",
+            )
+            continue
+        if _asks(step) != _asks(asked):
+            out.refuse(
+                f"step {step.id} at {step.span} asks for something else than this network does",
+                "write the protocol anew with `fsoe-net test-protocol`",
+            )
+            continue
+        _step(step, g, out)
+
+
+def _asks(step: ProtocolStep) -> tuple[str, str, float | None]:
+    return step.what, step.expected, step.limit_ms
+
+
+def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
+    failed = next(_failures(step), "")
+    if failed:
+        out.refuse(f"step {step.id} at {step.span}: {failed}", "mend the cause and do it again")
+        return
+    missing = _missing(step)
+    if not missing:
+        return
+    if step.kind not in _LEFT_OUT and (g.before is None or step.id in g.again):
+        out.refuse(f"step {step.id} at {step.span}: {missing}", "do it at the machine")
+        return
+    reason = next((r for r in g.reasons if _is_meant(step, r.subject)), None)
+    if reason is None:
+        out.refuse(
+            f"step {step.id} at {step.span}: {missing}",
+            f'do it at the machine, or --justify "{step.id}=reason by name"',
+        )
+        return
+    out.used.add(reason.subject)
+    out.steps.append(JustifiedStep(step=step.id, reason=reason.reason, by=reason.by))
+
+
+def _is_meant(step: ProtocolStep, subject: str) -> bool:
+    return subject in (step.id, f"{step.id.partition(' ')[0]} *")
+
+
+def _failures(step: ProtocolStep) -> Iterator[str]:
+    """Yield what went wrong, on whatever bus: a fault that an emulation shows is one."""
+    for where, seen in (("emulated", step.emulated), ("live", step.live)):
+        if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED:
+            yield f"{where}: not as expected"
+    machine = step.machine
+    if machine.outcome is Outcome.NOT_AS_EXPECTED:
+        yield "not as expected at the machine"
+    limit, measured = step.limit_ms, machine.measured_ms
+    if limit is not None and measured is not None and measured > limit:
+        yield f"{measured:g} ms at the machine, {limit:g} ms allowed"
+
+
+def _missing(step: ProtocolStep) -> str:
+    if step.is_open:
+        return "open at the machine"
+    timed = step.kind is StepKind.TRIGGER and step.limit_ms is not None
+    return "no time measured at the machine" if timed and step.machine.measured_ms is None else ""
+
+
+def _history(g: Grounds, whole: str, out: _Gathered) -> None:
+    if g.before is not None and g.before.whole != whole and not g.interventions:
+        out.refuse(
+            "this configuration is not the one accepted before, and nothing says what was changed",
+            '--intervention "what was changed and why by NAME"',
+        )

@@ -1,0 +1,101 @@
+"""Acceptance records as YAML, for people to read and for version control."""
+
+from __future__ import annotations
+
+import base64
+import textwrap
+import zlib
+from typing import Any
+
+import yaml
+
+from fsoe_net.model import Acceptance, Element, SafetyFunction, SignedBy, SourceFile
+
+__all__ = ["write_acceptance"]
+
+_HEAD = """\
+# Acceptance record of the copies of an FSoE network, written by fsoe-net accept. Keep it under
+# version control, and sign what is signed: the report. It says which configuration was accepted,
+# by whom and on what grounds. It is no certificate and no protection against somebody who means
+# harm. `fsoe-net verify --accepted FILE` compares with it; do not edit it by hand.
+"""
+
+
+def write_acceptance(record: Acceptance) -> str:
+    """Return the text of a record; the same record gives the same text."""
+    document: dict[str, Any] = {
+        "acceptance_record": 1,
+        "project": record.project,
+        "network": record.network,
+        "made_with": record.made_with,
+        "fingerprint": record.whole,
+        "sections": dict(record.sections),
+        "author": _person(record.author),
+        "verifier": _person(record.verifier),
+        "inputs": [_file(f) for f in record.inputs],
+        "reports": [_file(f) for f in record.reports],
+        "open_points": record.open_points,
+        "assumptions": record.assumptions,
+        "protocol": {**_file(record.protocol), "steps": record.steps},
+        "justified_findings": [
+            {"code": f.code, "place": f.place, "message": f.message, "reason": f.reason, "by": f.by}
+            for f in record.findings
+        ],
+        "steps_left_out": [
+            {"step": s.step, "reason": s.reason, "by": s.by} for s in record.steps_left_out
+        ],
+        "interventions": [
+            {"what": i.what, "by": i.by, "date": i.date} for i in record.interventions
+        ],
+    }
+    if record.replaces is not None:
+        document["replaces"] = {
+            **_file(record.replaces.source),
+            "fingerprint": record.replaces.whole,
+        }
+    if record.safety_functions:
+        document["safety_functions"] = [_function(f) for f in record.safety_functions]
+    body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
+    packed = base64.b64encode(zlib.compress(record.plan, 9)).decode("ascii")
+    lines = textwrap.indent("\n".join(textwrap.wrap(packed, 96)), "  ")
+    return f"{_HEAD}{body}plan: |\n{lines}\n"
+
+
+def _file(source: SourceFile) -> dict[str, Any]:
+    return {"file": source.path, "sha256": source.sha256}
+
+
+def _person(person: SignedBy) -> dict[str, Any]:
+    return {"name": person.name, "date": person.date}
+
+
+def _function(f: SafetyFunction) -> dict[str, Any]:
+    required = {"pl": f.pl or None, "sil": f.sil}
+    return _stated(
+        {
+            "name": f.name,
+            "trigger": f.trigger or None,
+            "reaction": f.reaction or None,
+            "required_reaction_ms": f.required_reaction_ms,
+            "required": _stated(required) or None,
+            "elements": [_element(e) for e in f.elements],
+        }
+    )
+
+
+def _element(e: Element) -> dict[str, Any]:
+    return _stated(
+        {
+            "kind": e.kind.value,
+            "sub": e.sub or None,
+            "name": e.name,
+            "time_ms": e.time_ms,
+            "pfh_per_hour": e.pfh_per_hour,
+            "source": e.source or None,
+            "manual": e.manual or None,
+        }
+    )
+
+
+def _stated(pairs: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in pairs.items() if value is not None}

@@ -1,0 +1,181 @@
+"""`fsoe-net accept` and what uses its record: the way of a safety engineer, and wrong turns."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from cli.tool import fsn
+
+BASE = Path(__file__).parents[1] / "diagnostics" / "base"
+PEOPLE = ("--author", "A. Meier", "--verifier", "B. Kaya")
+NO_FAULTS = ("--justify", "fault *=no faults can be put in at the machine by B. Kaya")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copy(BASE / "timed.yaml", tmp_path)
+    shutil.copytree(BASE / "devices", tmp_path / "devices")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def _prepared(folder: Path, number: int = 1) -> list[str]:
+    """Write protocol and report, do the steps at the machine, and return the options."""
+    protocol, report = f"protocol{number}.yaml", f"report{number}"
+    assert fsn("test-protocol", "timed.yaml", "-o", protocol).returncode == 0
+    document = yaml.safe_load((folder / protocol).read_text("utf-8"))
+    for step in document["steps"]:
+        if step["kind"] != "fault":
+            done = {"result": "as expected", "measured_ms": 120, "remark": ""}
+            step["machine"] = {**done, "by": "A. Meier", "date": "2026-11-20"}
+    (folder / protocol).write_text(yaml.safe_dump(document), "utf-8")
+    for form in ("html", "json"):
+        done = fsn("report", "timed.yaml", "--protocol", protocol, "-o", f"{report}.{form}")
+        assert done.returncode == 0, done.stderr
+    pages = ["--report", f"{report}.html", "--report", f"{report}.json"]
+    return ["timed.yaml", "--protocol", protocol, *pages]
+
+
+def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
+    given = _prepared(folder)
+    done = fsn("accept", *given, *PEOPLE, *NO_FAULTS, "--date", "2026-11-21", "-o", "first.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "author A. Meier, verifier B. Kaya, 2026-11-21" in done.stdout
+    assert "15 steps of 21" in done.stdout
+    assert fsn("verify", "timed.yaml", "--accepted", "first.yaml").returncode == 0
+    assert fsn("diff", "first.yaml", "timed.yaml").returncode == 0
+
+    done = fsn("report", "timed.yaml", "--acceptance", "first.yaml", "-o", "same.md")
+    assert done.returncode == 0
+    page = (folder / "same.md").read_text("utf-8")
+    assert "first.yaml is a record of this configuration" in page
+    assert "| Verifier, who is not the author | B. Kaya | 2026-11-21 | ____ |" in page
+    assert "fault bit\\_errors" in page
+    assert "not signed" not in page
+
+    text = (folder / "timed.yaml").read_text("utf-8")
+    text = text.replace("connection_id: 11", "connection_id: 12").replace(
+        "time_ms: 20", "time_ms: 21"
+    )
+    (folder / "timed.yaml").write_text(text, "utf-8")
+    done = fsn("verify", "timed.yaml", "--accepted", "first.yaml")
+    assert done.returncode == 1
+    assert "connection_id 11 -> 12" in done.stdout
+    assert "actuator K1: time_ms 20 -> 21" in done.stdout
+    assert fsn("report", "timed.yaml", "--acceptance", "first.yaml", "-o", "now.md").returncode == 0
+    page = (folder / "now.md").read_text("utf-8")
+    assert "ANOTHER configuration" in page
+    for step in ("start-up logic-io2", "trigger estop", "loss io2"):
+        assert f"- `{step}`" in page
+    assert "- `loss io`" not in page
+
+    given = _prepared(folder, 2)
+    second = [
+        "accept",
+        *given,
+        *PEOPLE,
+        *NO_FAULTS,
+        "--replaces",
+        "first.yaml",
+        "-o",
+        "second.yaml",
+    ]
+    done = fsn(*second)
+    assert done.returncode == 1
+    assert "nothing says what was changed" in done.stderr
+    assert not (folder / "second.yaml").exists()
+    done = fsn(*second, "--intervention", "io2 has a new ID after its exchange by C. Okoro")
+    assert done.returncode == 0, done.stderr
+    assert "replaces first.yaml" in done.stdout
+    record = yaml.safe_load((folder / "second.yaml").read_text("utf-8"))
+    assert record["replaces"]["file"] == "first.yaml"
+    assert record["interventions"][0]["by"] == "C. Okoro"
+    assert (
+        fsn("report", "timed.yaml", "--acceptance", "second.yaml", "-o", "new.md").returncode == 0
+    )
+    assert "io2 has a new ID after its exchange" in (folder / "new.md").read_text("utf-8")
+
+
+def test_every_reason_is_told_at_once_and_nothing_is_written(folder: Path) -> None:
+    assert (
+        fsn("test-protocol", "timed.yaml", "--virtual", "--faults", "5", "-o", "p.yaml").returncode
+        == 0
+    )
+    assert fsn("report", "timed.yaml", "-o", "r.json").returncode == 0
+    people = ("--author", "A. Meier", "--verifier", "A. MEIER")
+    given = ("--protocol", "p.yaml", "--report", "r.json")
+    done = fsn("accept", "timed.yaml", *given, *people, "-o", "a.yaml")
+    assert done.returncode == 1
+    assert "author and verifier are one person" in done.stderr
+    assert done.stderr.count("open at the machine") == 21
+    assert "no record written: 22 reasons" in done.stderr
+    assert not (folder / "a.yaml").exists()
+
+
+def test_a_justification_is_shown_wherever_the_warning_is(folder: Path) -> None:
+    text = (folder / "timed.yaml").read_text("utf-8")
+    (folder / "timed.yaml").write_text(text.replace("time_ms: 2, ", "", 1), "utf-8")
+    given = _prepared(folder)
+    done = fsn("accept", *given, *PEOPLE, *NO_FAULTS, "-o", "a.yaml")
+    assert done.returncode == 1
+    rows = [r for r in done.stderr.splitlines() if "--justify" in r]
+    codes = [r.split('"')[1].split("=")[0] for r in rows]
+    assert codes
+    (folder / "reasons.txt").write_text(
+        "# let pass\n" + "".join(f"{c}=value of the board by C. Okoro\n" for c in codes), "utf-8"
+    )
+    done = fsn("accept", *given, *PEOPLE, *NO_FAULTS, "--justify", "@reasons.txt", "-o", "a.yaml")
+    assert done.returncode == 0, done.stderr
+    assert fsn("report", "timed.yaml", "--acceptance", "a.yaml", "-o", "r.md").returncode == 0
+    page = (folder / "r.md").read_text("utf-8")
+    assert "each warning justified by name" in page
+    assert page.count("value of the board") >= 2 * len(codes)
+    assert fsn("report", "timed.yaml", "--acceptance", "a.yaml", "-o", "r.json").returncode == 0
+    points = json.loads((folder / "r.json").read_text("utf-8"))["points"]
+    assert {p["kind"] for p in points if p["block"] == "Findings"} == {"assumption"}
+
+
+def test_wrong_words_and_files_are_refused(folder: Path) -> None:
+    given = _prepared(folder)
+    (folder / "there.yaml").write_text("mine", "utf-8")
+    for more, wanted in (
+        (["-o", "there.yaml"], "stays"),
+        (["-o", "a.yaml", "--date", "21.11.2026"], "YYYY-MM-DD"),
+        (["-o", "a.yaml", "--justify", "fault *=no name"], "by NAME"),
+        (["-o", "a.yaml", "--intervention", "by nobody"], "by NAME"),
+    ):
+        done = fsn("accept", *given, *PEOPLE, *more)
+        assert done.returncode == 2
+        assert wanted in done.stderr
+        assert not (folder / "a.yaml").exists()
+    assert (folder / "there.yaml").read_text("utf-8") == "mine"
+    for more, wanted in (
+        (["--replaces", "timed.yaml"], "timed.yaml is no acceptance record"),
+        (["--justify", "@absent.txt"], "absent.txt"),
+        (["--replaces", "absent.yaml"], "absent.yaml"),
+    ):
+        done = fsn("accept", *given, *PEOPLE, *more, "-o", "a.yaml")
+        assert done.returncode == 1
+        assert wanted in done.stderr
+        assert "Traceback" not in done.stderr
+    done = fsn("report", "timed.yaml", "--acceptance", "a", "--against", "b", "-o", "r.md")
+    assert done.returncode == 2
+
+
+def test_a_record_that_was_changed_accepts_nothing(folder: Path) -> None:
+    assert fsn("accept", *_prepared(folder), *PEOPLE, *NO_FAULTS, "-o", "a.yaml").returncode == 0
+    text = (folder / "a.yaml").read_text("utf-8")
+    (folder / "a.yaml").write_text(text.replace("time_ms: 20", "time_ms: 10"), "utf-8")
+    for command in (
+        ("verify", "timed.yaml", "--accepted", "a.yaml"),
+        ("report", "timed.yaml", "--acceptance", "a.yaml", "-o", "r.md"),
+        ("diff", "a.yaml", "timed.yaml"),
+    ):
+        done = fsn(*command)
+        assert done.returncode != 0
+        assert "FSN160" in done.stderr
+        assert "a.yaml:" in done.stderr

@@ -1,0 +1,79 @@
+"""Grounds of a sign-off, made without the command line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from report.made import TIMED, inputs_of
+
+from fsoe_net.model import (
+    Acceptance,
+    AtMachine,
+    Outcome,
+    Protocol,
+    ProtocolStep,
+    SignedBy,
+    SourceFile,
+    StepKind,
+)
+from fsoe_net.plan import fingerprint_of
+from fsoe_net.report import Grounds, Reason, read_signed_report, render_report, sign_off
+from fsoe_net.run import make_protocol
+
+DAY = "2026-11-21"
+NO_FAULTS = Reason(subject="fault *", reason="no faults can be put in there", by="B. Kaya")
+
+
+def done(step: ProtocolStep, **more: object) -> ProtocolStep:
+    """Return the step as a person filled it in."""
+    values = {"outcome": Outcome.AS_EXPECTED, "measured_ms": 1.0, "by": "A. Meier", "date": DAY}
+    return replace(step, machine=AtMachine(**{**values, **more}))
+
+
+def filled(protocol: Protocol) -> Protocol:
+    """Do all but the faults at the machine."""
+    return replace(
+        protocol,
+        steps=tuple(s if s.kind is StepKind.FAULT else done(s) for s in protocol.steps),
+    )
+
+
+def grounds_of(path: Path = TIMED, **more: object) -> Grounds:
+    """Return grounds with nothing against them."""
+    inputs = inputs_of(path)
+    resolution, plan = inputs.resolution, inputs.plan
+    assert resolution is not None
+    assert plan is not None
+    asked = make_protocol(resolution, plan.to_bytes(), fingerprint=fingerprint_of(plan).whole)
+    report = render_report(inputs, "json").encode()
+    values = {
+        "version": "0",
+        "resolution": resolution,
+        "plan": plan,
+        "report": read_signed_report([(source("report.json"), report)]),
+        "diagnostics": inputs.diagnostics,
+        "protocol": filled(asked),
+        "protocol_source": source("protocol.yaml"),
+        "asked": asked,
+        "author": SignedBy(name="A. Meier", date=DAY),
+        "verifier": SignedBy(name="B. Kaya", date=DAY),
+        "reasons": [NO_FAULTS],
+    }
+    return Grounds(**{**values, **more})
+
+
+def source(path: str) -> SourceFile:
+    return SourceFile(path=path, sha256="0" * 64)
+
+
+def report_with(path: Path = TIMED, **more: object) -> bytes:
+    """Return the report in JSON, changed at its top level."""
+    return json.dumps({**json.loads(render_report(inputs_of(path), "json")), **more}).encode()
+
+
+def record_of(path: Path = TIMED) -> Acceptance:
+    record, refusals = sign_off(grounds_of(path))
+    assert record is not None, refusals
+    return record

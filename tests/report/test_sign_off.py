@@ -1,0 +1,230 @@
+"""What a sign-off asks for, one ground after the other taken away."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from report.made import BASE, TIMED
+from report.signed import NO_FAULTS, done, grounds_of, record_of, report_with, source
+
+from fsoe_net.diag import Diagnostic, Span
+from fsoe_net.errors import InputError
+from fsoe_net.model import Intervention, Outcome, Seen, SignedBy, StepKind, same_person
+from fsoe_net.plan import fingerprint_of
+from fsoe_net.report import Grounds, Reason, read_signed_report, sign_off
+
+
+def refused(grounds: Grounds) -> list[str]:
+    record, refusals = sign_off(grounds)
+    assert (record is None) == bool(refusals)
+    assert all(r.mend for r in refusals)
+    return [r.what for r in refusals]
+
+
+def with_step(grounds: Grounds, kind: StepKind, **machine: object) -> Grounds:
+    """Return the grounds with the first step of a kind filled in otherwise."""
+    first = next(s for s in grounds.protocol.steps if s.kind is kind)
+    steps = tuple(done(s, **machine) if s is first else s for s in grounds.protocol.steps)
+    return replace(grounds, protocol=replace(grounds.protocol, steps=steps))
+
+
+def test_a_record_says_what_it_rests_on() -> None:
+    grounds = grounds_of()
+    record, refusals = sign_off(grounds)
+    assert refusals == ()
+    assert record is not None
+    assert record.whole == fingerprint_of(grounds.plan).whole
+    assert record.plan == grounds.plan.to_bytes()
+    assert {s.step.split()[0] for s in record.steps_left_out} == {"fault"}
+    assert all((s.reason, s.by) == (NO_FAULTS.reason, "B. Kaya") for s in record.steps_left_out)
+    assert record.steps == len(grounds.asked.steps)
+    assert [s.path for s in record.inputs] == [s.path for s in grounds.resolution.network.sources]
+    assert record.open_points > 0
+    assert record.assumptions > 0
+    assert record.replaces is None
+
+
+@pytest.mark.parametrize("name", ["A. Meier", "a meier", "  A.  MEIER ", "\uff21. Meier"])
+def test_nobody_verifies_himself(name: str) -> None:
+    grounds = grounds_of(verifier=SignedBy(name=name, date="2026-11-21"))
+    assert refused(grounds) == [f"author and verifier are one person: {name}"]
+
+
+def test_names_that_differ_are_two_people() -> None:
+    assert not same_person("A. Meier", "B. Meier")
+    assert not same_person("Meier, A.", "A. Meier")  # an order of names is no proof of one person
+    assert refused(grounds_of(author=SignedBy(name=" ", date="2026-11-21"))) == [
+        "the author has no name"
+    ]
+
+
+def test_a_report_of_something_else_is_none() -> None:
+    other = report_with(fingerprint={"short": "x", "whole": "ab" * 32})
+    grounds = grounds_of(report=read_signed_report([(source("r.json"), other)]))
+    assert refused(grounds)[0].startswith("the report is not of this configuration")
+    none = grounds_of(
+        report=read_signed_report([(source("r.json"), report_with(fingerprint=None))])
+    )
+    assert "begins with none" in refused(none)[0]
+
+
+def test_the_page_is_of_the_same_configuration() -> None:
+    whole = fingerprint_of(grounds_of().plan).whole.encode()
+    json_form = (source("r.json"), report_with())
+    for page, wanted in (
+        (b"<html>" + whole, []),
+        (b"%PDF-1.7 packed", []),
+        (b"<html>", ["r.html does not hold the fingerprint of the report in JSON"]),
+    ):
+        report = read_signed_report([(source("r.html"), page), json_form])
+        assert refused(grounds_of(report=report)) == wanted
+
+
+@pytest.mark.parametrize("data", [b"<html>", b"{}", b"{", b"[" * 9, b'{"findings": 3}'])
+def test_no_report_is_told(data: bytes) -> None:
+    with pytest.raises(InputError, match=r"r\.json"):
+        read_signed_report([(source("r.json"), data)])
+
+
+def test_two_reports_are_one_too_many() -> None:
+    with pytest.raises(InputError, match="more than one report"):
+        read_signed_report([(source("a.json"), b"{}"), (source("b.json"), b"{}")])
+
+
+def _row(severity: str) -> dict[str, object]:
+    row = {"code": "FSN607", "severity": severity, "message": "says so", "file": "cells/a.yaml"}
+    return {**row, "line": 7, "column": 3}
+
+
+def _with_finding(severity: str, *reasons: Reason) -> Grounds:
+    report = read_signed_report([(source("r.json"), report_with(findings=[_row(severity)]))])
+    return grounds_of(report=report, reasons=[NO_FAULTS, *reasons])
+
+
+def test_an_error_cannot_be_justified() -> None:
+    reason = Reason(subject="FSN607@a.yaml:7", reason="we know", by="B. Kaya")
+    assert "FSN607 at cells/a.yaml:7:3: says so" in refused(_with_finding("error", reason))
+
+
+@pytest.mark.parametrize("place", ["a.yaml:7", "a.yaml:7:3", "cells/a.yaml:7", "cells/a.yaml:7:3"])
+def test_a_warning_is_let_pass_by_name(place: str) -> None:
+    reason = Reason(subject=f"FSN607@{place}", reason="sheet read", by="C. Okoro")
+    record, refusals = sign_off(_with_finding("warning", reason))
+    assert refusals == ()
+    assert record is not None
+    (row,) = record.findings
+    assert (row.code, row.place, row.message) == ("FSN607", "cells/a.yaml:7:3", "says so")
+    assert (row.reason, row.by) == ("sheet read", "C. Okoro")
+    assert record.justification("FSN607", "says so") is row
+    assert record.justification("FSN607", "says more") is None
+
+
+@pytest.mark.parametrize("subject", ["FSN607@a.yaml:8", "FSN608@a.yaml:7", "FSN607", "FSN607@"])
+def test_another_place_is_another_warning(subject: str) -> None:
+    found = refused(_with_finding("warning", Reason(subject=subject, reason="x", by="y")))
+    assert found == [
+        "FSN607 at cells/a.yaml:7:3 is not justified: says so",
+        f"--justify {subject}: there is no such warning or open step",
+    ]
+
+
+def test_notes_need_nobody() -> None:
+    assert refused(_with_finding("info")) == []
+
+
+def test_what_the_report_does_not_tell_is_told() -> None:
+    late = Diagnostic(code="FSN607", message="since yesterday", span=Span("a.yaml", 7, 3))
+    reason = Reason(subject="FSN607@a.yaml:7", reason="known", by="B. Kaya")
+    found = refused(grounds_of(diagnostics=[late], reasons=[NO_FAULTS, reason]))
+    assert found[0] == "FSN607 at a.yaml:7:3 is not in the report: since yesterday"
+
+
+@pytest.mark.parametrize("kind", [StepKind.START_UP, StepKind.TRIGGER, StepKind.LOSS])
+@pytest.mark.parametrize(
+    "machine",
+    [{"outcome": None}, {"outcome": Outcome.NOT_RUN}, {"by": ""}, {"date": ""}],
+    ids=str,
+)
+def test_a_step_nobody_did_is_open(kind: StepKind, machine: dict[str, object]) -> None:
+    (found,) = refused(with_step(grounds_of(), kind, **machine))
+    assert found.endswith("open at the machine")
+
+
+def test_only_loss_and_faults_may_be_left_out() -> None:
+    for kind, word in ((StepKind.LOSS, "loss"), (StepKind.TRIGGER, "trigger")):
+        reasons = [NO_FAULTS, Reason(subject=f"{word} *", reason="no plug", by="B. Kaya")]
+        found = refused(with_step(grounds_of(reasons=reasons), kind, outcome=None))
+        assert bool(found) == (kind is StepKind.TRIGGER)
+
+
+def test_what_failed_is_never_let_pass() -> None:
+    for kind in (StepKind.TRIGGER, StepKind.LOSS):
+        name = "loss *" if kind is StepKind.LOSS else "trigger estop"
+        reasons = [NO_FAULTS, Reason(subject=name, reason="never mind", by="B. Kaya")]
+        grounds = with_step(grounds_of(reasons=reasons), kind, outcome=Outcome.NOT_AS_EXPECTED)
+        assert "not as expected at the machine" in refused(grounds)[0]
+
+
+def test_what_an_emulation_shows_to_fail_stands_against_it_but_never_for_it() -> None:
+    grounds = grounds_of()
+    bad, good = (Seen(outcome=o) for o in (Outcome.NOT_AS_EXPECTED, Outcome.AS_EXPECTED))
+    for column in ("emulated", "live"):
+        steps = tuple(replace(s, **{column: bad}) for s in grounds.protocol.steps)
+        failing = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
+        assert len(refused(failing)) >= len(steps)
+        steps = tuple(replace(s, **{column: good}) for s in grounds.asked.steps)
+        alone = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
+        assert "step trigger estop at : open at the machine" in refused(alone)
+
+
+def test_a_reaction_is_measured_and_within_its_limit() -> None:
+    limit = next(s.limit_ms for s in grounds_of().asked.steps if s.kind is StepKind.TRIGGER)
+    assert limit is not None
+    assert refused(with_step(grounds_of(), StepKind.TRIGGER, measured_ms=limit)) == []
+    (late,) = refused(with_step(grounds_of(), StepKind.TRIGGER, measured_ms=limit + 0.1))
+    assert "230.1 ms at the machine, 230 ms allowed" in late
+    (none,) = refused(with_step(grounds_of(), StepKind.TRIGGER, measured_ms=None))
+    assert "no time measured" in none
+
+
+def test_the_protocol_is_whole_and_of_this_configuration() -> None:
+    grounds = grounds_of()
+    other = replace(grounds, protocol=replace(grounds.protocol, fingerprint="ab" * 32))
+    assert "another configuration" in refused(other)[0]
+    short = replace(grounds.protocol, steps=grounds.protocol.steps[1:])
+    assert refused(replace(grounds, protocol=short))[0].startswith("step start-up logic-io is not")
+    steps = tuple(replace(s, limit_ms=9999.0) for s in grounds.protocol.steps)
+    softer = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
+    assert all("asks for something else" in row for row in refused(softer)[:-1])
+
+
+def test_a_change_is_explained_and_history_is_kept(tmp_path: Path) -> None:
+    before = record_of()
+    text = TIMED.read_text("utf-8").replace("devices/", f"{BASE}/devices/")
+    path = tmp_path / "timed.yaml"
+    path.write_text(text.replace("connection_id: 11", "connection_id: 12"), "utf-8")
+    old = source("acceptance.yaml")
+    now = grounds_of(path, before=before, before_source=old, again=["loss io2"])
+    (found,) = refused(now)
+    assert "nothing says what was changed" in found
+    first = Intervention(what="new drive", by="C. Okoro", date="2026-11-22")
+    record, _ = sign_off(replace(now, interventions=[first]))
+    assert record is not None
+    assert record.replaces is not None
+    assert (record.replaces.source, record.replaces.whole) == (old, before.whole)
+    again, _ = sign_off(grounds_of(path, before=record, before_source=old))
+    assert again is not None  # the same configuration needs no word
+    assert again.interventions == (first,)
+
+
+def test_steps_that_a_change_does_not_touch_may_rest_on_the_record_before() -> None:
+    reasons = [NO_FAULTS, Reason(subject="trigger estop", reason="not touched", by="B. Kaya")]
+    more = {"before": record_of(), "before_source": source("a.yaml"), "reasons": reasons}
+    untouched = grounds_of(again=["start-up logic-io"], **more)
+    record, _ = sign_off(with_step(untouched, StepKind.TRIGGER, outcome=None))
+    assert record is not None
+    assert "trigger estop" in [s.step for s in record.steps_left_out]
+    touched = grounds_of(again=["trigger estop"], **more)
+    assert "open at the machine" in refused(with_step(touched, StepKind.TRIGGER, outcome=None))[0]
