@@ -11,7 +11,6 @@ from fsoe_net.model import (
     DescribedCopy,
     DescribedEnd,
     Description,
-    Direction,
     Resolution,
     ResolvedEnd,
     ResolvedTransfer,
@@ -19,7 +18,7 @@ from fsoe_net.model import (
 )
 from fsoe_net.rules.context import count_of
 
-__all__ = ["check_copies", "check_slots", "slot_of"]
+__all__ = ["check_copies", "check_slots"]
 
 _Byte = tuple[str, int, int]  # SubDevice, sync manager, byte
 
@@ -180,17 +179,6 @@ def _unknown(
     )
 
 
-def slot_of(connection: Connection) -> int | None:
-    """Return which frame of its MainInstance a connection uses, from 0 in process data order."""
-    end = connection.to_sub.source
-    if end.block is None or end.layout is None:
-        return None
-    frames = [
-        b.key for sm in end.layout.managers if sm.sm.direction is Direction.INPUT for b in sm.blocks
-    ]
-    return frames.index(end.block.key) if end.block.key in frames else None
-
-
 def check_slots(
     out: Findings,
     resolution: Resolution,
@@ -207,7 +195,7 @@ def check_slots(
             wanted.setdefault((subs[row.main].name, row.slot), number)
     wrong: dict[tuple[str, int], tuple[Connection, str, int]] = {}
     for connection in resolution.connections:
-        slot = slot_of(connection)
+        slot = connection.slot
         if slot is None or {connection.main.name, connection.sub.name} & blamed:
             continue
         found = wanted.get((connection.main.name, slot))

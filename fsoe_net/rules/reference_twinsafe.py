@@ -15,7 +15,6 @@ from fsoe_net.model import (
     Resolution,
 )
 from fsoe_net.rules.context import count_of
-from fsoe_net.rules.reference_copies import slot_of
 
 __all__ = ["check_twinsafe"]
 
@@ -137,9 +136,9 @@ def _pairs(project: _Project, ours: list[Connection], rows: list[DescribedConnec
     by(("connection_id", "address"))
     by(("address",))
     by(("connection_id",))
-    by_slot = {row.slot: row for row in free}
+    by_slot = {row.slot: row for row in free if row.slot is not None}
     for c in list(left):
-        row = by_slot.pop(slot_of(c), None)
+        row = by_slot.pop(c.slot, None) if c.slot is not None else None
         if row is not None and not project.another(c, row):
             pairs.append((c, row))
             left.remove(c)
@@ -184,7 +183,7 @@ def _place(connection: Connection, key: str) -> Span:
 
 def _slots(project: _Project, pairs: _Pairs, *, whole: bool) -> None:
     """Compare the order of slots; a missing connection alone, which is told, moves the others."""
-    known = [(slot_of(c), c, row) for c, row in pairs]
+    known = [(c.slot, c, row) for c, row in pairs]
     rows = [(slot, c, row) for slot, c, row in known if slot is not None and row.slot is not None]
     rows.sort(key=lambda item: item[0] or 0)
     wanted = sorted(row.slot or 0 for _, _, row in rows)

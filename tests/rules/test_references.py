@@ -11,9 +11,9 @@ from described import described_devices, entry
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import EXAMPLES, example, resolved
+from rules.robot import LIBRARY, ROBOT, bus, codes, crossed, found, with_text
 
 from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
-from fsoe_net.load import builtin_library
 from fsoe_net.model import (
     DescribedConnection,
     DescribedSubDevice,
@@ -22,36 +22,17 @@ from fsoe_net.model import (
     Direction,
     Pdo,
     PdoFacts,
-    Resolution,
     SyncManager,
     TypeFacts,
     Watchdog,
 )
 from fsoe_net.rules import check_library, check_references
-from fsoe_net.save import describe
 
-ROBOT = example("el6910")  # 1 el6910, 2 el1904, 3 el2904, 4 drive_1, 5 drive_2; 0 is a coupler
-LIBRARY = builtin_library()
-MADE = describe(ROBOT.network)
 COUPLER = DescribedSubDevice(
     position=0, device=Device(path="", vendor_id=2, product_code=0x044C2C52)
 )
 
 Change = Callable[[DescribedSubDevice], DescribedSubDevice]
-
-
-def bus(resolution: Resolution = ROBOT, **more) -> Description:
-    """What an ENI of exactly this network says."""
-    made = MADE if resolution is ROBOT else describe(resolution.network)
-    rows = tuple(_resolved(s) for s in made.subdevices)
-    return replace(made, format="eni", path="other", subdevices=rows, **more)
-
-
-def _resolved(sub: DescribedSubDevice) -> DescribedSubDevice:
-    """Give each sync manager its PDOs, as files of other tools do."""
-    device = sub.device
-    managers = tuple(replace(sm, pdos=device.pdos_of(sm)) for sm in device.sync_managers)
-    return replace(sub, device=replace(device, sync_managers=managers, rpdos=(), tpdos=()))
 
 
 def types(change: Change | None = None, *, facts: TypeFacts | None = None) -> Description:
@@ -66,14 +47,6 @@ def changed(number: int, change: Change) -> Description:
     rows = list(made.subdevices)
     rows[number] = change(rows[number])
     return replace(made, subdevices=tuple(rows))
-
-
-def found(reference: Description, resolution: Resolution = ROBOT) -> list[Diagnostic]:
-    return check_references(resolution, [reference], library=LIBRARY)
-
-
-def codes(reference: Description, resolution: Resolution = ROBOT) -> list[str]:
-    return [d.code for d in found(reference, resolution)]
 
 
 def pdos(sm: int, *new: Pdo) -> Change:
@@ -434,85 +407,35 @@ def test_order_of_slots_in_linuxcnc():
     assert codes(slots(2, 3, 1, 4)) == ["FSN444"] * 3
 
 
+def test_a_slot_is_that_of_the_connection(tmp_path: Path):
+    swapped = with_text(
+        tmp_path / "swapped",
+        *(
+            change
+            for way in ("0x6", "0x7")
+            for change in (
+                (f"el6910, index: {way}000", f"el6910, index: {way}0ff"),
+                (f"el6910, index: {way}010", f"el6910, index: {way}000"),
+                (f"el6910, index: {way}0ff", f"el6910, index: {way}010"),
+            )
+        ),
+    )
+    assert [c.slot for c in swapped.connections] == [1, 0, 2, 3]
+    assert codes(slots(2, 1, 3, 4), swapped) == []
+    assert codes(slots(1, 2, 3, 4), swapped) == ["FSN444"]
+    # Two halves in different slots are an error of the network itself; they have no slot.
+    split = crossed(tmp_path / "crossed")
+    assert [c.slot for c in split.connections] == [None, None, 2, 3]
+    for order in ((1, 2, 3, 4), (2, 1, 3, 4)):
+        assert codes(slots(*order), split) == []
+    assert codes(slots(1, 2, 4, 3), split) == ["FSN444"]
+
+
 def test_cycle_time():
     made = bus()
     assert made.cycle_us is not None
     assert codes(replace(made, cycle_us=made.cycle_us + 1)) == ["FSN445"]
     assert codes(replace(made, cycle_us=None)) == []
-
-
-# -- safety project -------------------------------------------------------------------------------
-
-
-def project(*rows: DescribedConnection, orders: tuple[str, ...] = ()) -> Description:
-    """A TwinSAFE export with these connections in this order."""
-    device = Device(path="", vendor_id=0, product_code=0)
-    subs = [DescribedSubDevice(name="logic", device=device)]
-    subs += [
-        DescribedSubDevice(device=device, order=orders[n] if n < len(orders) else "")
-        for n in range(len(rows))
-    ]
-    numbered = tuple(replace(r, main=0, sub=n + 1, slot=n) for n, r in enumerate(rows))
-    return Description(
-        format="twinsafe", path="safety.xml", subdevices=tuple(subs), connections=numbered
-    )
-
-
-def ours() -> list[DescribedConnection]:
-    return list(describe(ROBOT.network).connections)
-
-
-def test_the_same_safety_project_raises_nothing():
-    assert codes(project(*ours())) == []
-
-
-@pytest.mark.parametrize("key", ["address", "connection_id", "watchdog_ms"])
-def test_each_value_of_a_safety_project(key: str):
-    rows = ours()
-    assert getattr(rows[1], key) is not None
-    rows[1] = replace(rows[1], **{key: 999})
-    one = found(project(*rows))
-    assert [d.code for d in one] == ["FSN446"]
-    assert "999" in one[0].message
-    rows[1] = replace(rows[1], **{key: None})
-    assert codes(project(*rows)) == []
-
-
-def test_order_of_slots_of_a_safety_project():
-    rows = ours()
-    rows[0], rows[1] = rows[1], rows[0]
-    one = found(project(*rows))
-    assert [d.code for d in one] == ["FSN446"]
-    assert "the other way round" in one[0].message
-    first, second, third, *rest = ours()
-    assert codes(project(third, first, second, *rest)) == ["FSN446"] * 3
-
-
-def test_connection_that_only_one_side_has_moves_no_others():
-    rows = ours()
-    one = found(project(rows[0], *rows[2:]))
-    assert [d.code for d in one] == ["FSN447"]
-    assert "is not in safety.xml" in one[0].message
-    more = DescribedConnection(address=77, connection_id=77, watchdog_ms=100)
-    one = found(project(rows[0], more, *rows[1:]))
-    assert [d.code for d in one] == ["FSN447"]
-    assert "FSoE address 77" in one[0].message
-
-
-def test_another_device_in_a_slot_is_no_pair():
-    rows = ours()
-    kinds = ("EL2904", "EL2904")
-    assert codes(project(*rows, orders=("EL1904", "EL2904"))) == []
-    assert "FSN447" in codes(project(*rows, orders=kinds))
-
-
-def test_empty_and_foreign_safety_projects_are_one_line():
-    assert codes(project()) == ["FSN443"]
-    foreign = [
-        DescribedConnection(address=900 + n, connection_id=900 + n, watchdog_ms=5) for n in range(9)
-    ]
-    kinds = ("EK1960",) * 9
-    assert codes(project(*foreign, orders=kinds)) == ["FSN443"]
 
 
 # -- library --------------------------------------------------------------------------------------
