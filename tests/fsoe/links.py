@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from fsoe_net.fsoe import MainConfig, SubConfig
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
+from fsoe_net.fsoe.campaign.trials import CampaignConfig
 from fsoe_net.fsoe.campaign.walk import Link
+
+DRAWN = [name for name in CATALOGUE if name != "bit_errors"]
+SIZES = [(1, 1), (2, 2), (6, 4), (1, 14)]
 
 
 def make_link(
@@ -30,3 +35,7 @@ def make_link(
         delay_cycles=delay,
         **factories,
     )
+
+
+def make_config(*sizes, seed=1, **changes) -> CampaignConfig:
+    return CampaignConfig(links=(make_link(*(sizes or (2, 2)), **changes),), seed=seed)

@@ -1,0 +1,185 @@
+"""What each fault does to an image, and what the catalogue draws."""
+
+import math
+import random
+from itertools import combinations
+
+import pytest
+from fsoe.links import DRAWN, make_config, make_link
+
+from fsoe_net.errors import ConfigError
+from fsoe_net.fsoe import Command, frame_length
+from fsoe_net.fsoe.campaign.channel import Way
+from fsoe_net.fsoe.campaign.fault_classes import (
+    CATALOGUE,
+    Strangers,
+    bit_error,
+    bit_error_count,
+    code_distance,
+)
+from fsoe_net.fsoe.campaign.faults import (
+    Alternate,
+    Flip,
+    Freeze,
+    Late,
+    Slip,
+    Swap,
+    Torn,
+    compose,
+    shortened,
+)
+from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials, trial_count
+from fsoe_net.fsoe.campaign.walk import Walker
+
+
+def _channel(cycles=40):
+    channel = make_link().channel(3)
+    channel.run(cycles)
+    return channel
+
+
+SPAN = {"way": Way.TO_SUB, "start": 40, "until": 43}
+
+
+@pytest.mark.parametrize(
+    ("fault", "shown"),
+    [
+        (Flip(**SPAN, mask=0x0100), b"\1\3\3\4\5\6\7"),
+        (Swap(**SPAN, frame=b"abcdefg"), b"abcdefg"),
+        (Torn(**SPAN, head_bytes=3), None),
+        (Slip(**SPAN, shift=2), b"\3\4\5\6\7\0\0"),
+        (Slip(**SPAN, shift=-2, beside=b"xyz"), b"xy\1\2\3\4\5"),
+        (Slip(**SPAN, shift=99, beside=b"q"), b"q" * 7),
+        (Alternate(**SPAN, frame=b"abcdefg"), b"abcdefg"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_injectors(fault, shown):
+    channel, image = _channel(), b"\1\2\3\4\5\6\7"
+    if shown is None:
+        older = channel.image(Way.TO_SUB, 40)
+        shown = image[:3] + older[3:]
+    assert fault.apply(channel, image) == shown
+    channel.cycle = 39
+    assert fault.apply(channel, image) == image
+    assert fault.next_change(channel) == 40
+    channel.cycle = 43
+    assert fault.apply(channel, image) == image
+    assert fault.next_change(channel) == 43
+    channel.cycle = 44
+    assert fault.next_change(channel) is None
+    assert shortened(fault, 1).until == 41
+    assert shortened(fault, 7) is fault
+
+
+def test_nothing_arrived_yet():
+    channel = make_link().channel(3)
+    span = {"way": Way.TO_SUB, "start": 0, "until": 9}
+    for fault in (Flip(**span, mask=1), Torn(**span, head_bytes=2), Slip(**span, shift=1)):
+        assert fault.apply(channel, None) is None
+    for fault in (Freeze(**span), Late(**span, cycles=3)):
+        assert fault.apply(channel, b"x") is None
+
+
+def test_loss_and_delay_hold_what_was_there_before():
+    channel = _channel()
+    before = channel.image(Way.TO_SUB, 39)
+    channel.faults = compose(Freeze(**SPAN), ())
+    for _ in range(3):
+        channel.turn()
+        assert channel.turn()[0] == before
+    channel.turn()
+    assert channel.turn()[0] != before
+    channel = _channel()
+    late = Late(way=Way.TO_SUB, start=40, until=60, cycles=4)
+    channel.faults = compose(late)
+    images = []
+    for _ in range(14):
+        channel.turn()
+        images.append(channel.turn()[0])
+    for n, image in enumerate(images):
+        assert image == channel.image(Way.TO_SUB, max(39, 36 + n))
+
+
+def test_what_changes_when_is_told_in_advance():
+    """`next_change` never comes too late; otherwise idle time would be left out that is none."""
+    for fault in (
+        Freeze(way=Way.TO_SUB, start=42, until=50),
+        Late(way=Way.TO_SUB, start=42, until=60, cycles=7),
+        Alternate(way=Way.TO_SUB, start=42, until=50, frame=b"abcdefg"),
+        Swap(way=Way.TO_SUB, start=42, until=50, frame=b"abcdefg"),
+    ):
+        channel = _channel()
+        channel.sent[Way.TO_SUB][-1] = (40, channel.newest(Way.TO_SUB))
+        last = fault.apply(channel, channel.image(Way.TO_SUB, channel.cycle))
+        for cycle in range(41, 70):
+            channel.cycle = cycle
+            due = fault.next_change(channel)
+            image = fault.apply(channel, channel.image(Way.TO_SUB, cycle))
+            assert image == last or due == cycle, (fault, cycle)
+            last = image
+
+
+def test_the_catalogue_draws_in_every_corner():
+    """No class fails at any point of a run, the very first frames included."""
+    link = make_link(1, 1, app=b"ab")
+    strangers, rng = Strangers(link, 1), random.Random(2)
+    walker = Walker(link, 1)
+    walk = walker.walk(0)
+    assert walk.startup[0].frame[0] == Command.RESET
+    for name in DRAWN:
+        for _ in range(300):
+            scene = walker.scene(0, rng)
+            made = CATALOGUE[name].make(rng, scene, strangers, 0)
+            assert made is None or made.faults
+    with pytest.raises(ConfigError, match="counted through"):
+        CATALOGUE["bit_errors"].make(rng, scene, strangers, 0)
+
+
+# ------------------------------------------------------------------------------------ bit errors
+
+
+@pytest.mark.parametrize("data_bytes", [1, 2])
+def test_distance_of_the_code(data_bytes):
+    assert code_distance(data_bytes) == 6
+
+
+def test_bit_errors_are_all_different_and_complete():
+    link = make_link(1, 2)
+    count = bit_error_count(link)
+    assert trial_count(CampaignConfig(links=(link, link)), "bit_errors", 5) == count
+    assert trial_count(CampaignConfig(links=(link,)), "loss", 5) == 5
+    rows = [bit_error(link, n) for n in range(count)]
+    to_sub = [mask for way, mask in rows if way is Way.TO_SUB]
+    blocks = {mask for mask in to_sub if 0 < mask >> 8 < 1 << 24 and mask & 0xFF == 0}
+    wanted = sum(math.comb(24, weight) for weight in range(1, 6))
+    assert len(blocks) == wanted
+    pairs = {1 << a | 1 << b for a, b in combinations(range(48), 2)}
+    assert pairs <= set(to_sub)
+    assert {1 << a for a in range(48)} <= set(to_sub)
+    assert all(mask < 1 << 8 * frame_length(link.sizes[way]) for way, mask in rows)
+
+
+def test_long_frames_take_the_patterns_in_turn():
+    link = make_link(6, 6)
+    hit = {(bit_error(link, n)[1].bit_length() - 9) // 32 for n in range(500, 800)}
+    assert hit == {0, 1, 2}
+    with pytest.raises(ConfigError, match="not so many"):
+        Trials(CampaignConfig(links=(link,)), "bit_errors").case(10**9)
+
+
+def test_bit_errors_within_the_distance_are_all_found():
+    config = make_config(1, 1)
+    count = trial_count(config, "bit_errors", 0)
+    for first in (0, count // 2 - 500, count - 1000):
+        result = run_trials(config, "bit_errors", range(first, first + 1000))
+        assert result.detected == 1000
+        assert result.passed
+        assert result.interval == (0, 0)
+
+
+def test_a_collision_of_bit_errors_is_a_failure():
+    result = run_trials(make_config(1, 1), "bit_errors", range(1))
+    result.collisions = 1
+    assert not result.rate_ok
+    assert not result.passed
