@@ -7,46 +7,9 @@ import re
 
 from fsoe_net.diag import Span
 from fsoe_net.load.files import Collector
+from fsoe_net.model import DRIVER_WORD, TYPE_BITS
 
 __all__ = ["type_bits"]
-
-_BITS = {
-    "bool": 1,
-    "int8": 8,
-    "uint8": 8,
-    "int16": 16,
-    "uint16": 16,
-    "int32": 32,
-    "uint32": 32,
-    "int64": 64,
-    "uint64": 64,
-    "float": 32,
-    "real32": 32,
-    "double": 64,
-    "real64": 64,
-}
-_OTHER_NAMES = {
-    "usint": "uint8",
-    "sint": "int8",
-    "byte": "uint8",
-    "uint": "uint16",
-    "int": "int16",
-    "word": "uint16",
-    "udint": "uint32",
-    "dint": "int32",
-    "dword": "uint32",
-    "ulint": "uint64",
-    "lint": "int64",
-    "lreal": "double",
-    "real": "float",
-    "boolean": "bool",
-    "unsigned8": "uint8",
-    "unsigned16": "uint16",
-    "unsigned32": "uint32",
-    "integer8": "int8",
-    "integer16": "int16",
-    "integer32": "int32",
-}
 
 
 def type_bits(word: str, span: Span, out: Collector) -> int | None:
@@ -56,7 +19,7 @@ def type_bits(word: str, span: Span, out: Collector) -> int | None:
     probably meant is still returned, so that offsets behind the mistake stay right; ``None`` when
     nothing can be guessed.
     """
-    exact = _BITS.get(word)
+    exact = TYPE_BITS.get(word)
     if exact is not None:
         return exact
     match = re.fullmatch(r"bit([0-9]+)", word)
@@ -92,12 +55,12 @@ def _bit_length(word: str, digits: str, span: Span, out: Collector) -> int | Non
 
 def _meant(word: str) -> str | None:
     folded = word.strip().lower()
-    if folded in _BITS:
+    if folded in TYPE_BITS:
         return folded
-    if folded in _OTHER_NAMES:
-        return _OTHER_NAMES[folded]
+    if folded in DRIVER_WORD:
+        return DRIVER_WORD[folded]
     number = re.fullmatch(r"(?:bits?|gap|pad)?[ _-]*([1-9][0-9]{0,2})[ _-]*(?:bits?)?", folded)
     if number and int(number.group(1)) <= 255:
         return f"bit{number.group(1)}"
-    close = difflib.get_close_matches(folded, _BITS, n=1, cutoff=0.7)
+    close = difflib.get_close_matches(folded, TYPE_BITS, n=1, cutoff=0.7)
     return close[0] if close else None

@@ -111,10 +111,13 @@ from fsoe_net.model.scan import (
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
 from fsoe_net.model.signals import Signal, connection_signals, signals_of, split_name, write_bits
 from fsoe_net.model.slots import FramePair, frame_pairs, slot_numbers
+from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
 __all__ = [
+    "DRIVER_WORD",
     "EMULATED_NOTE",
     "Acceptance",
+    "TYPE_BITS",
     "Action",
     "AnsweredConnection",
     "AnsweredDevice",

@@ -6,6 +6,8 @@ from collections.abc import Collection, Iterator
 
 from fsoe_net.errors import InputError
 from fsoe_net.model import (
+    DRIVER_WORD,
+    TYPE_BITS,
     Device,
     Direction,
     Entry,
@@ -21,29 +23,6 @@ __all__ = ["type_word", "write_slave_yaml"]
 
 _LONGEST_BITS = 255  # the driver counts bits of an entry in one byte
 _GROUP = {Direction.OUTPUT: "rpdo", Direction.INPUT: "tpdo"}
-_WORDS = {
-    "bool": 1,
-    "int8": 8,
-    "uint8": 8,
-    "int16": 16,
-    "uint16": 16,
-    "int32": 32,
-    "uint32": 32,
-    "int64": 64,
-    "uint64": 64,
-    "float": 32,
-    "real32": 32,
-    "double": 64,
-    "real64": 64,
-}
-_OTHER = {
-    "sint": "int8",
-    "int": "int16",
-    "dint": "int32",
-    "lint": "int64",
-    "real": "float",
-    "lreal": "double",
-}
 
 
 def type_word(entry: Entry) -> str:
@@ -51,8 +30,8 @@ def type_word(entry: Entry) -> str:
     if entry.is_gap:
         return f"bit{entry.bits}"
     word = entry.type_name.lower()
-    word = _OTHER.get(word, word)
-    if _WORDS.get(word) == entry.bits or word == f"bit{entry.bits}":
+    word = DRIVER_WORD.get(word, word)
+    if TYPE_BITS.get(word) == entry.bits or word == f"bit{entry.bits}":
         return word
     if entry.bits == 1:
         return "bool"

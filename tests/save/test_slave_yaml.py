@@ -1,0 +1,63 @@
+"""Type words: what is written is read back with the same length, whatever the type was called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fsoe_net.diag import Span
+from fsoe_net.load import Collector, load_network
+from fsoe_net.load.types import type_bits
+from fsoe_net.model import DRIVER_WORD, TYPE_BITS, Device, Direction, Entry, Pdo, SyncManager
+from fsoe_net.save.slave_yaml import type_word, write_slave_yaml
+
+NAMES = sorted({*TYPE_BITS, *DRIVER_WORD})
+
+
+def entry(name: str, bits: int, subindex: int = 1) -> Entry:
+    return Entry(index=0x6000, subindex=subindex, bits=bits, type_name=name)
+
+
+def test_every_name_leads_to_a_word_of_the_driver():
+    assert set(DRIVER_WORD.values()) <= set(TYPE_BITS)
+    assert not set(DRIVER_WORD) & set(TYPE_BITS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_type_is_written_by_its_own_word(name: str):
+    word = DRIVER_WORD.get(name, name)
+    for spelling in (name, name.upper()):
+        assert type_word(entry(spelling, TYPE_BITS[word])) == word
+
+
+@pytest.mark.parametrize("name", [*NAMES, "", "ARRAY [0..3] OF BYTE", "bit7", "DT0800EN08"])
+def test_each_word_written_has_the_length_of_the_entry(name: str):
+    for bits in range(1, 256):
+        out = Collector()
+        assert type_bits(type_word(entry(name, bits)), Span(""), out) == bits
+        assert out.diagnostics == []
+
+
+def test_a_device_with_every_type_is_read_back(tmp_path: Path):
+    rows = [
+        entry(name, TYPE_BITS[DRIVER_WORD.get(name, name)], subindex)
+        for subindex, name in enumerate(NAMES, start=1)
+    ]
+    pdo = Pdo(index=0x1A00, entries=tuple(rows))
+    device = Device(
+        path="",
+        vendor_id=2,
+        product_code=3,
+        tpdos=(pdo,),
+        sync_managers=(SyncManager(index=3, direction=Direction.INPUT, carries="tpdo"),),
+    )
+    file = tmp_path / "device.yaml"
+    file.write_text(write_slave_yaml(device, "device", []), "utf-8")
+    network = load_network([str(file)]).network
+    assert network is not None
+    read = network.subdevices[0].device
+    assert read is not None
+    assert [(e.subindex, e.bits) for e in read.tpdos[0].entries] == [
+        (e.subindex, e.bits) for e in rows
+    ]
