@@ -171,18 +171,17 @@ def _target(output: str) -> str:
 def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> Description:
     out = Collector()
     kinds = [(f, kind or find_kind(f, out)) for f in map(_file_of, dict.fromkeys(files))]
-    _refuse_errors(out)
     buses: list[Description] = []
     types: list[Description] = []
-    own = [f for f, k in kinds if k is InputKind.YAML]
-    if own:
-        made, is_bus = _read_yaml(own, out)
-        (buses if is_bus else types).append(made)
     for file, found in kinds:
         if found not in (InputKind.YAML, InputKind.ESI, None):
             read = load_foreign(file, found, out)
             if read is not None:
-                (types if found.is_device_type or _is_placeless(read) else buses).append(read)
+                (types if found.is_device_type or read.placeless else buses).append(read)
+    own = [f for f, k in kinds if k is InputKind.YAML]
+    if own:
+        made, is_bus = _read_yaml(own, out)
+        (buses if is_bus else types).insert(0, made)
     _refuse_errors(out)
     bus = join_buses(buses, notes) if buses else None
     types += _read_esi([f for f, k in kinds if k is InputKind.ESI], bus, out, notes)
@@ -199,12 +198,6 @@ def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> D
     return joined
 
 
-def _is_placeless(read: Description) -> bool:
-    """Whether a text is of one device, as `ethercat xml -p 3` prints it: only its type counts."""
-    placed = any(s.alias or s.position is not None for s in read.subdevices)
-    return not placed and not read.copies and not read.connections
-
-
 def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:
     """Return what YAML and URDF say, and whether it is a bus: slave YAMLs are device types."""
     loaded = load_network(files, LoadOptions())
@@ -219,9 +212,7 @@ def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:
             "file too"
         )
     made = describe(network)
-    if network.partial:  # nobody has said where the devices are
-        made = replace(made, subdevices=tuple(replace(s, position=None) for s in made.subdevices))
-    return made, not network.partial
+    return made.without_positions() if network.partial else made, not network.partial
 
 
 def _read_esi(

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Diagnostic, Severity, Span
+from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import (
     Collector,
@@ -71,7 +71,7 @@ def gather(
         leave_out: Files of folders that are something else, such as the answers.
 
     Raises:
-        InputError: A file named by the user cannot be read.
+        InputError: Files named by the user cannot be read; it has the errors of all of them.
     """
     found = Gathered()
     skipped = {os.path.realpath(p) for p in leave_out}
@@ -98,6 +98,9 @@ def gather(
             read = None if kind is None else load_foreign(path, kind, mine)
             _keep(found, path, mine, in_folder, _sorted(read, kind, found))
     _read_yaml(yaml_files, options, found)
+    errors = [d for d in found.out.diagnostics if d.level is Severity.ERROR]
+    if errors:
+        raise InputError("nothing written", sort_diagnostics(errors))
     return found
 
 
@@ -116,15 +119,16 @@ def _files_in(folder: str, out: Collector) -> list[str]:
 
 
 def _keep(found: Gathered, path: str, mine: Collector, in_folder: bool, good: bool) -> None:
-    """Take the findings of a file; an unreadable one of a folder is only left out."""
+    """Take the findings of a file; an unreadable one of a folder is only left out.
+
+    Errors of a file that the user has named end `gather`, when all files have been read.
+    """
     errors = [d for d in mine.diagnostics if d.level is Severity.ERROR]
     if errors and in_folder:
         _left_out(found, path, errors[0])
         return
     found.out.diagnostics += mine.diagnostics
-    if errors:
-        raise InputError("nothing written", errors)
-    if good:
+    if good and not errors:
         found.used.append(path)
 
 
@@ -160,10 +164,9 @@ def _sorted(read: Description | None, kind: InputKind | None, found: Gathered) -
         return False
     if read.truncated or any(s.truncated for s in read.subdevices):
         found.notes.append(f"{read.path} is cut off: what is missing there is not guessed")
-    placed = any(s.alias or s.position is not None for s in read.subdevices)
     if kind is InputKind.TWINSAFE:
         found.projects.append(read)
-    elif kind.is_device_type or not (placed or read.copies or read.connections):
+    elif kind.is_device_type or read.placeless:
         found.types.append(read)
     else:
         found.buses.append(read)
@@ -229,15 +232,18 @@ def _read_root(
     ]
     network = loaded.network
     _keep(found, path, mine, in_folder, network is not None)
-    if network is None or any(d.level is Severity.ERROR for d in mine.diagnostics):
+    if network is None:
         return set()
+    brought = {os.path.realpath(s.path) for s in network.sources}
+    if any(d.level is Severity.ERROR for d in mine.diagnostics):
+        return set() if in_folder else brought
     try:
         _sort_network(network, path, found)
     except InputError as exc:
         if not in_folder:
             raise
         found.out.add("FSN158", Span(path), f"left out: {exc}", hint="mend it, or name the others")
-    return {os.path.realpath(s.path) for s in network.sources}
+    return brought
 
 
 def _confirmed(network: Network, out: Collector) -> Network:
@@ -284,7 +290,6 @@ def _sort_network(network: Network, path: str, found: Gathered) -> None:
     made = replace(describe(network), path=path)
     found.name = found.name or ("" if network.partial else network.name)
     if network.partial:
-        subs = tuple(replace(s, position=None) for s in made.subdevices)
-        found.types.append(replace(made, subdevices=subs))
+        found.types.append(made.without_positions())
     else:
         found.buses.append(made)

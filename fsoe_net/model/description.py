@@ -7,7 +7,7 @@ be a mere type without a place in the ring.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from fsoe_net.model.bus import Device, Direction, Located, Pdo
 
@@ -160,3 +160,16 @@ class Description(Located):
     connections: tuple[DescribedConnection, ...] = ()
     cycle_us: int | None = None
     truncated: bool = False
+
+    @property
+    def placeless(self) -> bool:
+        """Whether nothing here tells of a place in a ring: only device types count.
+
+        So are texts of one device, as ``ethercat xml -p 3`` prints them.
+        """
+        placed = any(s.alias or s.position is not None for s in self.subdevices)
+        return not placed and not self.copies and not self.connections
+
+    def without_positions(self) -> Description:
+        """Return it with SubDevices nobody has put anywhere, as those of a partial network."""
+        return replace(self, subdevices=tuple(replace(s, position=None) for s in self.subdevices))

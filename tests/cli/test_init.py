@@ -249,6 +249,19 @@ def test_a_broken_file_that_is_named_is_refused(tmp_path: Path):
     assert not (tmp_path / "out").exists()
 
 
+def test_files_that_cannot_be_read_are_all_named_at_once(tmp_path: Path):
+    (tmp_path / "a.txt").write_text("hello", "utf-8")
+    (tmp_path / "b.eni.xml").write_text("<EtherCATConfig><Config>", "utf-8")
+    (tmp_path / "c.yaml").write_text("subdevices: [", "utf-8")
+    files = [tmp_path / n for n in ("a.txt", "b.eni.xml", "c.yaml", "none.xml")]
+    for command, out in (("init", tmp_path / "out"), ("convert", tmp_path / "out" / "n.yaml")):
+        done = fsn(command, *map(str, files), str(EXAMPLE / "network.yaml"), "-o", str(out))
+        assert done.returncode == 1
+        codes = re.findall(r"error\[(FSN\d+)\]", done.stderr)
+        assert codes == ["FSN117", "FSN118", "FSN102", "FSN101"], command
+        assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.skipif(not (DATA / "yaml").is_dir(), reason="needs FSN_TEST_DATA")
 def test_published_estop_files(tmp_path: Path):
     folder = tmp_path / "estop"

@@ -129,3 +129,15 @@ def test_known_process_data_stay_and_unused_types_are_told():
     notes: list[str] = []
     assert fill_devices(made, [types(other)], notes) == made
     assert notes == ["esi.xml: no SubDevice is a X1; it is left out"]
+
+
+def test_a_description_without_any_place_is_of_device_types():
+    placed = bus(2)
+    assert not placed.placeless
+    assert not placed.without_positions().placeless  # it still has copies
+    types = replace(placed.without_positions(), copies=(), connections=())
+    assert types.placeless
+    assert {s.position for s in types.subdevices} == {None}
+    first, *rest = types.subdevices
+    assert not replace(types, subdevices=(replace(first, alias=7), *rest)).placeless
+    assert not replace(types, connections=(DescribedConnection(),)).placeless
