@@ -7,7 +7,7 @@ FSN := $(VENV)/bin/fsoe-net
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/.ready
-	@echo '== check: every mistake in the files, at file, line and column'
+	@echo '== check: what is wrong in the files, at file, line and column'
 	$(FSN) check examples/estop/network.yaml
 	@echo; echo '== plan: compiled to a self-checking copy plan'
 	$(FSN) plan examples/estop/network.yaml -o estop.fsnplan

@@ -1,4 +1,4 @@
-"""``fsoe-net check``: every mistake in the files of a network, at file, line and column."""
+"""``fsoe-net check``: what is wrong in the files of a network, at file, line and column."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ Examples:
   fsoe-net check transfers.yaml --runtime ros2-2026-08
   fsoe-net check network.yaml machine.eni.xml Beckhoff*.xml TwinSAFE-Project.xml
   fsoe-net check network.yaml --interface eth1    # and the bus
-  fsoe-net check network.yaml --format sarif > findings.sarif"""
+  fsoe-net check network.yaml --format sarif > findings.sarif
+
+Exit codes: 0 no error and no warning (notes do not count), 1 errors or warnings, 2 wrong use, 3 no
+bus or no permission. `fsoe-net explain CODE` says more of a finding."""
 
 
 @click.command("check", epilog=_EPILOG)
@@ -55,13 +58,13 @@ def command(
     yes: bool,
     quiet: bool,
 ) -> None:
-    """Check files of a network and explain every mistake.
+    """Check files of a network; each finding with its place and the next step.
 
     FILES: one network.yaml; or one URDF or xacro, with the transfer YAML it needs or without; or a
     transfer YAML or slave YAML on its own. Any other files beside them are compared with it: ESI,
-    ENI, SII image, output of the ethercat tool or of slaveinfo -map, linuxcnc-ethercat XML,
-    ethercat_slaves.yaml, TwinSAFE export; known by content. With a bus or its scan, also every
-    difference between the two.
+    ENI, SII image, output of the `ethercat` tool or of `slaveinfo -map`, linuxcnc-ethercat XML,
+    ethercat_slaves.yaml, TwinSAFE export; known by content. With a bus or its scan, also what
+    differs between the two.
     """
     present = Runtime(runtime)
     scan = _scan(interface, socket, scan_file, yes=yes)
@@ -115,7 +118,6 @@ def _scan(
 def _verdict(checked: Checked, scan: Scan | None) -> str:
     counts = summary(checked.diagnostics)
     network = checked.network
-    bad = exit_code(checked.diagnostics)
     codes = sorted({d.code for d in checked.diagnostics if d.level is not Severity.INFO})
     more = f"; `fsoe-net explain {codes[0]}` says more" if codes else ""
     if network is None or checked.resolution is None:
@@ -127,12 +129,12 @@ def _verdict(checked: Checked, scan: Scan | None) -> str:
         held += counted(len(checked.references), "other file")
     if network.partial:
         return f"{network.name}: checked as far as this file goes{held}" + (
-            f"; {counts}{more}" if counts else ", no mistake found"
+            f"; {counts}{more}" if counts else ", no findings"
         )
     size = (
         f"{counted(len(network.subdevices), 'SubDevice')}, "
         f"{counted(len(checked.resolution.connections), 'FSoE connection')}"
     )
-    return f"{network.name}: {'' if bad else 'no mistake found, '}{size}{held}" + (
+    return f"{network.name}: {'' if counts else 'no findings, '}{size}{held}" + (
         f"; {counts}{more}" if counts else ""
     )

@@ -30,7 +30,7 @@ def built() -> None:
 def test_clean_network():
     done = fsn("check", ESTOP)
     assert (done.returncode, done.stderr) == (0, "")
-    assert "no mistake found, 2 SubDevices" in done.stdout
+    assert "estop: no findings, 2 SubDevices" in done.stdout
 
 
 def test_mistake_is_printed_as_the_design_says(tmp_path: Path):
