@@ -38,8 +38,11 @@ Examples:
   fsoe-net campaign network.yaml --format json -o campaign.json
 
 Classes: docs/reference/fault-catalogue.md; a + b lets two happen together. The ends run in virtual
-time between images held here; nothing is sent to a bus. Exit code 0 when nothing was wrongly
-accepted and the CRC collisions are as many as the CRC allows."""
+time between images held here; nothing is sent to a bus. For --sub and --main see
+docs/howto/test-your-device.md.
+
+Exit codes: 0 nothing was wrongly accepted and the CRC collisions are as many as the CRC allows; 1
+not so, or a file has an error; 2 wrong use; 130 interrupted, with the result until then."""
 
 
 def _classes(_ctx: click.Context, _param: click.Parameter, value: str) -> tuple[str, ...]:
@@ -86,11 +89,19 @@ def _unknown(name: str) -> str:
     show_default=True,
     help="FSoE cycles with a fault in them, per class.",
 )
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-@click.option("--connection", metavar="NAME", help="Only this connection.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="The same gives the same faults.",
+)
+@click.option(
+    "--connection", metavar="NAME", help="Only this connection, as `fsoe-net plan` names it."
+)
 @click.option("--jobs", type=click.IntRange(1, 1024), help="Processes; default: one per core.")
-@click.option("--sub", metavar="MODULE:FACTORY", help="Your own sub in the place of ours.")
-@click.option("--main", metavar="MODULE:FACTORY", help="Your own main in the place of ours.")
+@click.option("--sub", metavar="MODULE:FACTORY", help="Your SubInstance for the built-in one.")
+@click.option("--main", metavar="MODULE:FACTORY", help="Your MainInstance for the built-in one.")
 @click.option(
     "--format",
     "fmt",
@@ -98,7 +109,9 @@ def _unknown(name: str) -> str:
     default="text",
     show_default=True,
 )
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="File instead of the screen.")
+@click.option(
+    "-o", "--output", type=click.Path(dir_okay=False), help="File to write; else the terminal."
+)
 @click.option(
     "--save-dir", type=click.Path(file_okay=False), help="Folder for recordings of failing cases."
 )

@@ -36,9 +36,11 @@ Part of the black channel: no safety function, not certified; stop is no emergen
 
 @click.command("console", epilog=_EPILOG)
 @click.option("--socket", "socket_path", type=click.Path(), help="Control socket of fsn-master.")
-@click.option("--interface", help="Its interface; the socket is then where it puts it.")
-@click.option("--run", "script", type=click.Path(), help="Run this script and end.")
-@click.option("-c", "text", help="Run these commands and end.")
+@click.option("--interface", metavar="IF", help="Interface that it drives; finds its socket.")
+@click.option(
+    "--run", "script", type=click.Path(), metavar="SCRIPT", help="Run this script and end."
+)
+@click.option("-c", "text", metavar="COMMANDS", help="Run these commands and end.")
 @click.option(
     "--lease",
     "lease_ms",
@@ -55,7 +57,10 @@ def command(
     lease_ms: int | None,
     arguments: tuple[str, ...],
 ) -> int:
-    """Start, stop, watch and set a running fsn-master, by hand or by script."""
+    """Start, stop, watch and set a running fsn-master, by hand or by script.
+
+    ARGUMENTS are those of the script of --run, or of the commands of -c.
+    """
     if (socket_path is None) == (interface is None):
         raise click.UsageError("one of --socket PATH and --interface IF says which fsn-master")
     if script is not None and text is not None:

@@ -82,15 +82,25 @@ _WRITERS: dict[str, _Writer] = {
 @click.command("convert", epilog=_EPILOG)
 @click.argument("files", nargs=-1, required=True, type=click.Path())
 @click.option(
-    "-o", "--output", required=True, type=click.Path(), help="File, or folder for the driver."
+    "-o",
+    "--output",
+    required=True,
+    metavar="OUT",
+    type=click.Path(),
+    help="File to write; a folder for the ROS 2 driver.",
 )
 @click.option(
     "--from",
     "source",
     type=click.Choice([k.value for k in InputKind]),
-    help="Format of all FILES; else by content, then by extension.",
+    help="Format of all FILES; without it each is known by content, then by extension.",
 )
-@click.option("--to", "target", type=click.Choice(list(_WRITERS)), help="Else by extension of OUT.")
+@click.option(
+    "--to",
+    "target",
+    type=click.Choice(list(_WRITERS)),
+    help="Format of OUT; without it by its extension.",
+)
 def command(files: tuple[str, ...], output: str, source: str | None, target: str | None) -> None:
     """Write a description of a bus in another format; several FILES of one bus are joined.
 

@@ -37,14 +37,24 @@ Examples:
   fsoe-net decode bus.pcapng --network network.yaml
   fsoe-net decode --lua network.yaml -o fsoe.lua
 
-INPUT is hex, a capture (pcap, pcapng) or - for hex on standard input. Exit code 1 when a frame has
-a wrong CRC or an input cannot be read."""
+INPUT is hex, a capture (pcap, pcapng) or - for hex on standard input. Exit codes: 0 no frame has a
+wrong CRC, 1 one has, or an input cannot be read; 2 wrong use."""
 
 
 @click.command("decode", epilog=_EPILOG)
 @click.argument("inputs", nargs=-1, metavar="[INPUT]...")
-@click.option("--network", multiple=True, type=click.Path(), help="Files of the network: names.")
-@click.option("--lua", multiple=True, type=click.Path(), help="Write a Wireshark dissector for it.")
+@click.option(
+    "--network",
+    multiple=True,
+    type=click.Path(),
+    help="File of the network, for names. Several times.",
+)
+@click.option(
+    "--lua",
+    multiple=True,
+    type=click.Path(),
+    help="Write a Wireshark dissector for this network. Several times.",
+)
 @click.option("-o", "--output", type=click.Path(), help="File for --lua; else standard output.")
 @click.option("--changes", is_flag=True, help="Only frames that say something new.")
 @click.option("--summary", is_flag=True, help="Only the connections found.")

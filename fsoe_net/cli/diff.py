@@ -61,7 +61,7 @@ Exit codes: 0 same, 1 differs, 2 a file cannot be read or wrong use."""
 @click.argument("a", type=click.Path())
 @click.argument("b", type=click.Path())
 @reference_options
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing, only the exit code.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing; only the exit code tells.")
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )

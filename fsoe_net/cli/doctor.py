@@ -20,7 +20,8 @@ Examples:
   fsoe-net doctor --interface eth1
   fsoe-net doctor --interface eth1 --format json > host.json
 
-Nothing is changed. Exit code 1 when there is a warning or worse. As root it sees more."""
+Nothing is changed. As root it sees more. Exit codes: 0 neither a warning nor worse, 1 there is one,
+2 wrong use, 3 no Linux or no /proc."""
 
 _STYLE = {
     Level.GOOD: "green",

@@ -54,7 +54,7 @@ def _other_programs(code: str) -> str:
 @click.command("explain", epilog=_EPILOG)
 @click.argument("code", type=_Code(), required=False)
 def command(code: str | None) -> None:
-    """Explain a diagnostic code; without CODE list all of them."""
+    """Say what a finding means, why it matters and how to mend it; without CODE list all codes."""
     if code is None:
         for info in CATALOGUE.values():
             click.echo(f"{info.code}  {info.severity:7}  {info.title}")

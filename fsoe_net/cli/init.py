@@ -31,7 +31,11 @@ Examples:
   fsoe-net init bus/ --answers answers.yaml -o machine
 
 Where lengths and direction of the frames leave more than one way, the connection is unconfirmed,
-and `fsoe-net plan` refuses it until a person has compared it with the safety project."""
+and `fsoe-net plan` refuses it until a person has compared it with the safety project.
+
+Exit codes: 0 written, with --no-input or --answers also with open questions; 1 a file or an answer
+cannot be used, or nobody is here to be asked; 2 wrong use; 3 no bus, or a folder that cannot be
+written."""
 
 
 @click.command("init", epilog=_EPILOG)
@@ -40,9 +44,19 @@ and `fsoe-net plan` refuses it until a person has compared it with the safety pr
 @click.option("--interface", metavar="IF", help="Also scan the bus there.")
 @click.option("--socket", metavar="PATH", help="The same, by the fsn-master with this socket.")
 @click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
-@click.option("-o", "--output", default=".", type=click.Path(), help="Folder; default: this one.")
-@click.option("--answers", "answers_file", type=click.Path(), help="YAML with the answers.")
-@click.option("--answers-template", "template", is_flag=True, help="Print such a file and stop.")
+@click.option(
+    "-o",
+    "--output",
+    default=".",
+    type=click.Path(),
+    help="Folder to write into; default: the current one.",
+)
+@click.option(
+    "--answers", "answers_file", type=click.Path(), help="YAML that answers what would be asked."
+)
+@click.option(
+    "--answers-template", "template", is_flag=True, help="Print such a YAML to fill in, and stop."
+)
 @click.option("--no-input", is_flag=True, help="Ask nothing; what is not answered stays open.")
 def command(
     files: tuple[str, ...],

@@ -14,8 +14,8 @@ from fsoe_net.errors import FsnError, InputError
 __all__ = ["main"]
 
 _COMMANDS = {
-    "check": "Check files of a network, alone or against a live bus; explain every mistake.",
-    "explain": "Explain a diagnostic code.",
+    "check": "Check files of a network, alone, with other files or a live bus.",
+    "explain": "Say what a finding means and how to mend it.",
     "init": "Propose a network from any mix of files, or a bus; ask what they do not tell.",
     "convert": "Write a bus in the format of another tool.",
     "plan": "Compile a network to a copy plan, or show a plan.",
@@ -77,7 +77,10 @@ Examples:
   fsoe-net plan examples/estop/network.yaml -o estop.fsnplan
   fsoe-net run examples/estop/network.yaml --scenario examples/estop/scenario.yaml
 
-Exit codes: 0 clean, 1 findings, 2 usage, 3 environment.
+Exit codes: 0 done, no error and no warning; 1 findings, or a file that cannot be used; 2 wrong use;
+3 a permission, device, socket or disk that is missing; 130 interrupted. Commands whose codes mean
+something else say so.
+
 Shell completion: eval "$(_FSOE_NET_COMPLETE=bash_source fsoe-net)" (also zsh, fish).
 
 Part of the black channel: no safety function, not certified."""

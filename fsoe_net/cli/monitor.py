@@ -40,7 +40,9 @@ _WIDTH = 160
 
 @click.command("monitor", epilog=_EPILOG)
 @click.option("--socket", "socket_path", type=click.Path(), help="Control socket of fsn-master.")
-@click.option("--interface", metavar="IF", help="Its interface: the socket is where it puts it.")
+@click.option(
+    "--interface", metavar="IF", help="Interface that the fsn-master drives; finds its socket."
+)
 @click.option("--once", is_flag=True, help="Show what is known now, and end.")
 @click.option(
     "--seconds",

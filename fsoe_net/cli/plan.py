@@ -42,7 +42,7 @@ _MOST_PLAN_BYTES = 64 * 1024 * 1024  # as fsn-master takes them
 @click.option(
     "--image",
     type=click.Choice(["igh"]),
-    help="Print the absolute image of this MainDevice, as `ethercat domains -v` does.",
+    help="Show where each byte stands in the whole image of this MainDevice.",
 )
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
@@ -59,7 +59,8 @@ def command(
 ) -> None:
     """Compile a network to a copy plan, or show a plan.
 
-    FILES as for `fsoe-net check`. Nothing is written when the network has an error.
+    FILES as for `fsoe-net check`. Nothing is written when the network has an error; without -o the
+    plan is only shown. A warning is printed and does not stop it.
     """
     if show and output:
         raise click.UsageError("--show prints a plan; it does not go with -o")

@@ -22,7 +22,7 @@ Examples:
   fsoe-net replay trace.jsonl
   fsoe-net replay traces/*.jsonl --format json
 
-Exit codes: 0 all files replay, 1 something differs or a file is no recording."""
+Exit codes: 0 all files replay as recorded, 1 something differs or a file is no recording."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -50,7 +50,11 @@ Examples:
   fsoe-net run network.yaml --interface eth1
 
 Without --interface the devices are emulated and nothing is sent to a bus. With it, fsn-master
-drives the real one: machines may move."""
+drives the real one: machines may move.
+
+Exit codes: 0 every expectation held, or without any every connection is in Data at the end; 1 not
+so, a file has an error, or the live bus was refused; 2 wrong use; 3 the compiled core, fsn-master
+or a permission is missing."""
 
 
 class _Finite(click.FloatRange):
@@ -102,7 +106,11 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
     for decorate in (
         click.option("--interface", metavar="IF", help="Live bus: its interface or IgH master."),
         click.option("--redundant", metavar="IF2", help="Live bus: interface of the ring's end."),
-        click.option("--bus", type=click.Choice(["soem", "igh"]), help="Live bus: default soem."),
+        click.option(
+            "--bus",
+            type=click.Choice(["soem", "igh"]),
+            help="Live bus: what drives it; default soem.",
+        ),
         click.option(
             "--cycle",
             "cycle_ns",
@@ -110,8 +118,14 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
             callback=_time,
             help="Live bus: its cycle; default: the plan's.",
         ),
-        click.option("--priority", type=click.IntRange(1, 99), help="Live bus: of SCHED_FIFO."),
-        click.option("--cpu", type=click.IntRange(0, 1023), help="Live bus: CPU of the cycle."),
+        click.option(
+            "--priority",
+            type=click.IntRange(1, 99),
+            help="Live bus: SCHED_FIFO priority of the cycle.",
+        ),
+        click.option(
+            "--cpu", type=click.IntRange(0, 1023), help="Live bus: the CPU that runs the cycle."
+        ),
         click.option(
             "--wait",
             "wait_s",
@@ -125,14 +139,22 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
 
 @click.command("run", epilog=_EPILOG)
 @input_options
-@click.option("--plan", "plan_file", type=click.Path(), help="Plan the core loads.")
+@click.option(
+    "--plan", "plan_file", type=click.Path(), help="Load this plan; it must be that of FILES."
+)
 @click.option(
     "--duration",
     type=_Finite(min=0.001, max=_WEEK_S),
     help="Seconds; default: scenario, else 3; on a live bus until interrupted.",
 )
-@click.option("--scenario", "scenario_file", type=click.Path(), help="Steps and expectations.")
-@click.option("--virtual-time", is_flag=True, help="As fast as the machine goes, repeatable.")
+@click.option(
+    "--scenario", "scenario_file", type=click.Path(), help="YAML with steps and expectations."
+)
+@click.option(
+    "--virtual-time",
+    is_flag=True,
+    help="Emulated: simulated time, as fast as the machine goes; repeatable.",
+)
 @click.option("--capture", type=click.Path(), help="Write the frames of a virtual run (pcapng).")
 @click.option(
     "--device-period-ms",

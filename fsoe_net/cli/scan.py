@@ -18,11 +18,18 @@ Examples:
   fsoe-net scan --interface eth1
   fsoe-net scan --interface eth1 --yes -o bus    # network.yaml, devices/, scan.json
   fsoe-net scan --socket /run/fsn-master-eth1.sock --format json
-  fsoe-net check network.yaml --interface eth1   # compares"""
+  fsoe-net check network.yaml --interface eth1   # compares
+
+Exit codes: 0 read, 1 the bus or a document was refused, 2 wrong use, also when nobody can be asked;
+3 no fsn-master, interface or permission."""
 
 
 @click.command("scan", epilog=_EPILOG)
-@click.option("--interface", metavar="IF", help="Interface of the bus, or IgH master.")
+@click.option(
+    "--interface",
+    metavar="IF",
+    help="Interface of the bus; for a running fsn-master also its IgH master.",
+)
 @click.option("--bus", type=click.Choice(["soem"]), help="How to reach it; default soem.")
 @click.option("--socket", metavar="PATH", help="Ask the fsn-master with this control socket.")
 @click.option(

@@ -31,12 +31,14 @@ _EPILOG = """\b
 Examples:
   fsoe-net test-protocol network.yaml -o protocol.yaml              # nothing tried
   fsoe-net test-protocol network.yaml --virtual -o protocol.yaml
-  fsoe-net test-protocol network.yaml --live /run/fsn/eth1.sock -o protocol.yaml
+  fsoe-net test-protocol network.yaml --live /run/fsn-master-eth1.sock -o protocol.yaml
   fsoe-net test-protocol network.yaml --from protocol.yaml -o protocol.html
 
-A YAML file that is there keeps what people wrote into it, or nothing is written.
-Exit codes: 0 nothing went otherwise than expected, 1 a step did. An emulated result is no evidence
-for a machine."""
+A YAML file that is there keeps what people wrote into it, or nothing is written. An emulated result
+is no evidence for a machine.
+
+Exit codes: 0 nothing that was tried went otherwise than expected, 1 a step did, or a file cannot be
+used; 2 wrong use; 3 no fsn-master, or no disk."""
 
 
 @click.command("test-protocol", epilog=_EPILOG)

@@ -24,7 +24,8 @@ Examples:
   fsoe-net timing network.yaml --plot reaction.svg
   fsoe-net timing network.yaml --measured run.json    # of fsoe-net run --format json
 
-Exit codes: 0 no error, 1 a watchdog or a reaction time does not fit, or a file has an error."""
+Exit codes: 0 no error and no warning, 1 a watchdog or a reaction time does not fit or is not known,
+or a file has an error; 2 wrong use."""
 
 _UNITS = {"us": 0.001, "ms": 1.0, "s": 1000.0}
 

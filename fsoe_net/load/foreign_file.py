@@ -127,7 +127,7 @@ def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputK
         f"this is {words}, which is not read" if words else "no reader knows this file",
         hint=next_step(words)
         or "give an ENI, ESI, SII image, YAML, URDF, capture, output of `ethercat` or SOEM; "
-        "or say --from",
+        "`fsoe-net convert --from` takes a format by name",
     )
     return None
 
