@@ -34,6 +34,7 @@ from fsoe_net.timing import (
     Budget,
     ConnectionBudget,
     FunctionBudget,
+    Judgement,
     Limit,
     Quantity,
 )
@@ -44,6 +45,10 @@ _ETG = "ETG.5100 chapter 9.3 as printed by Lenze (i750)"
 _BECKHOFF = "Beckhoff, manuals of EL2904, EL6900, EK1914, EP1957"
 _HANDSHAKE = "derived: fsoe_net.timing.handshake, docs/explanation/timing.md"
 _FILE = "network file"
+_LEVELS = dict.fromkeys(Judgement, Level.OPEN) | {
+    Judgement.WITHIN: Level.CLEAR,
+    Judgement.ABOVE: Level.ERROR,
+}
 
 
 # -- 6 timing -------------------------------------------------------------------------------------
@@ -226,7 +231,7 @@ def _reactions(budget: Budget) -> Table:
                 cell(stated(r.counted if r else None, "ms", _HANDSHAKE)),
                 cell(stated(r.disturbed if r else None, "ms", _HANDSHAKE)),
                 cell(stated(required, "ms", "risk assessment, as the network file states it")),
-                cell(Verdict(row.verdict, _level(row.verdict))),
+                cell(Verdict(row.verdict, _LEVELS[row.judgement])),
             )
         )
     return Table(
@@ -248,14 +253,6 @@ def _reactions(budget: Budget) -> Table:
         "may have to wait for its turn: where one failure then takes longer than required, nothing "
         "is judged. Both connections lost and late at will is shown and not judged.",
     )
-
-
-def _level(verdict: str) -> Level:
-    if "above" in verdict:
-        return Level.ERROR
-    if verdict.startswith(("within", "PFH_D sum within")):
-        return Level.CLEAR
-    return Level.OPEN
 
 
 def _story(row: FunctionBudget) -> Paragraph:
@@ -385,7 +382,7 @@ def _level_words(row: FunctionBudget) -> Paragraph:
         ]
     items += [
         Text(". "),
-        Verdict(row.pfh.verdict, _level(row.pfh.verdict)),
+        Verdict(row.pfh.verdict, _LEVELS[row.pfh.judgement]),
         Text(
             ". The claim limit of the function is that of its weakest element; the manuals say it."
         ),

@@ -201,6 +201,7 @@ def _function_document(row: FunctionBudget) -> dict[str, Any]:
         "connections": sorted({c.name for c in (*row.parts.to_input, *row.parts.to_output)}),
         "times": reaction,
         "missing": list(row.missing),
+        "judgement": row.judgement.value,
         "verdict": row.verdict,
         "pfh": {
             "total": row.pfh.total,
@@ -208,6 +209,7 @@ def _function_document(row: FunctionBudget) -> dict[str, Any]:
             "limit": row.pfh.limit,
             "missing": list(row.pfh.missing),
             "unverified": list(row.pfh.unverified),
+            "judgement": row.pfh.judgement.value,
             "verdict": row.pfh.verdict,
         },
     }

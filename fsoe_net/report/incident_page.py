@@ -158,8 +158,7 @@ def _frames(story: Story) -> list[str]:
             f"{row.offset_ms:+.1f} ms<br><span class='muted'>{row.cycle}</span>",
             escape(row.direction),
             f"{escape(row.text)}<br>{_bytes(row)}",
-            f'<span class="{"error" if "WRONG" in row.verdict else "info"}">'
-            f"{escape(row.verdict)}</span>",
+            f'<span class="{"error" if row.wrong else "info"}">{escape(row.verdict)}</span>',
         )
         for row in story.frames
     ]

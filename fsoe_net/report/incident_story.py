@@ -30,6 +30,7 @@ _EVENTS = 12
 _BEFORE, _AFTER = 8, 4
 _MOST_LINKS = 24
 _VERDICTS = ("", "right", "WRONG CRC", "not checked")
+_WRONG = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +75,7 @@ class TimeRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameRow:
-    """One frame; ``changed`` are the bytes that differ from the frame before."""
+    """One frame; ``changed``: bytes that differ from the frame before; ``wrong``: its CRC."""
 
     offset_ms: float
     cycle: int
@@ -83,6 +84,7 @@ class FrameRow:
     changed: tuple[int, ...]
     text: str
     verdict: str
+    wrong: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -314,6 +316,7 @@ def _frame(e: Evidence, seen: FrameSeen) -> FrameRow:
         changed=seen.changed,
         text=describe(decode_pdu(seen.data)).partition(" CRC ")[0],
         verdict=_VERDICTS[seen.verdict],
+        wrong=seen.verdict == _WRONG,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
 from fsoe_net.model import Network, SafetyFunction
 from fsoe_net.rules.context import nearest
-from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Reaction
+from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Judgement
 
 __all__ = ["check_timing"]
 
@@ -61,20 +61,18 @@ def _elements(out: Findings, network: Network, function: SafetyFunction) -> bool
 
 
 def _function(out: Findings, row: FunctionBudget, *, hopeless: bool) -> None:
-    function, reaction = row.function, row.reaction
-    apart = [m for m in row.missing if m.startswith("no FSoE connection joins")]
-    for words in apart:
+    function = row.function
+    for apart in row.parts.apart:
         out.add(
             "FSN605",
             function.span,
-            f"{function.name}: {words}",
+            f"{function.name}: {apart.words}",
             hint="name the SubDevices that talk to the logic, and state their connections",
         )
-    open_points = [m for m in row.missing if m not in apart]
-    open_points += [f"the PFH of {name} is not stated" for name in row.pfh.missing]
-    if row.pfh.limit is None:
-        open_points = [p for p in open_points if not p.startswith("the PFH")]
-    if open_points and not apart:
+    open_points = list(row.unstated)
+    if row.pfh.limit is not None:
+        open_points += [f"the PFH of {name} is not stated" for name in row.pfh.missing]
+    if open_points and not row.parts.apart:
         out.add(
             "FSN606",
             function.span,
@@ -90,10 +88,9 @@ def _function(out: Findings, row: FunctionBudget, *, hopeless: bool) -> None:
             hint="read the manual and add source: for own values, manual: with its revision for "
             "those of the device library",
         )
-    required = function.required_reaction_ms
-    if required is not None and reaction is not None and not hopeless:
-        _reaction(out, function, required, reaction)
-    if row.pfh.limit is not None and row.pfh.total >= row.pfh.limit:
+    if not hopeless:
+        _reaction(out, row)
+    if row.pfh.judgement is Judgement.ABOVE:
         out.add(
             "FSN608",
             function.at("required"),
@@ -103,24 +100,27 @@ def _function(out: Findings, row: FunctionBudget, *, hopeless: bool) -> None:
         )
 
 
-def _reaction(out: Findings, function: SafetyFunction, required: float, reaction: Reaction) -> None:
+def _reaction(out: Findings, row: FunctionBudget) -> None:
+    function, reaction = row.function, row.reaction
     place = function.at("required_reaction_ms")
-    if reaction.worst > required:
+    if reaction is None:
+        return
+    if row.judgement is Judgement.ABOVE:
         school = "ETG.5100" if reaction.worst_etg >= reaction.worst_beckhoff else "Beckhoff"
         out.add(
             "FSN604",
             place,
-            f"{function.name} may take {reaction.worst:g} ms ({school}), {required:g} ms are "
-            "required",
+            f"{function.name} may take {reaction.worst:g} ms ({school}), "
+            f"{function.required_reaction_ms:g} ms are required",
             hint="shorter watchdogs where their interval allows, a shorter bus cycle, faster "
             "parts; `fsoe-net timing` shows what each costs",
         )
-    elif reaction.counted > required:
+    elif row.judgement is Judgement.PRINTED_ONLY:
         out.add(
             "FSN611",
             place,
-            f"{function.name} keeps {required:g} ms by both schools, but {reaction.counted:g} ms "
-            "are possible with the handshake of FSoE counted",
+            f"{function.name} keeps {function.required_reaction_ms:g} ms by both schools, but "
+            f"{reaction.counted:g} ms are possible with the handshake of FSoE counted",
             hint="shorter watchdogs, or a longer required reaction time; the formulas of the "
             "schools leave out that a value may have to wait for its turn",
         )

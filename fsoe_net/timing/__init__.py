@@ -9,17 +9,20 @@ from fsoe_net.timing.budget import (
     make_budget,
     with_cycle,
 )
-from fsoe_net.timing.elements import ElementRow, FunctionParts, Quantity, parts_of
+from fsoe_net.timing.elements import Apart, ElementRow, FunctionParts, Quantity, parts_of
+from fsoe_net.timing.judgement import Judgement
 from fsoe_net.timing.pfh import FSOE_PFH, NOT_ASSESSED, PfhSum
 
 __all__ = [
     "FSOE_PFH",
     "NOT_ASSESSED",
+    "Apart",
     "Budget",
     "ConnectionBudget",
     "ElementRow",
     "FunctionBudget",
     "FunctionParts",
+    "Judgement",
     "Limit",
     "PfhSum",
     "Quantity",

@@ -32,6 +32,7 @@ from fsoe_net.timing.handshake import (
     disturbed_both,
     polled_error_free,
 )
+from fsoe_net.timing.judgement import Judgement
 from fsoe_net.timing.pfh import PfhSum, sum_pfh
 
 __all__ = [
@@ -155,7 +156,7 @@ class FunctionBudget:
         parts: Elements with times, and the connections between them.
         times: Times in the formulas; ``None`` while one is missing.
         reaction: With the configured watchdogs; ``None`` while a time or a watchdog is missing.
-        missing: What has to be stated before there is a reaction time, in words.
+        unstated: What has to be stated before there is a reaction time, in words.
         pfh: Sum of PFH_D.
     """
 
@@ -163,27 +164,41 @@ class FunctionBudget:
     parts: FunctionParts
     times: PartTimes | None
     reaction: Reaction | None
-    missing: tuple[str, ...]
+    unstated: tuple[str, ...]
     pfh: PfhSum
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Why there is no reaction time, in words: connections that are not there included."""
+        return (*self.unstated, *(a.words for a in self.parts.apart))
+
+    @property
+    def judgement(self) -> Judgement:
+        """How the reaction time stands to the required one."""
+        required, reaction = self.function.required_reaction_ms, self.reaction
+        if required is None:
+            return Judgement.NONE
+        if reaction is None:
+            return Judgement.MISSING
+        if reaction.worst > required:
+            return Judgement.ABOVE
+        if reaction.counted > required:
+            return Judgement.PRINTED_ONLY
+        return Judgement.UNVERIFIED if self.parts.unverified else Judgement.WITHIN
 
     @property
     def verdict(self) -> str:
         """What is said about the required reaction time, in words."""
-        required = self.function.required_reaction_ms
-        if required is None:
-            return "no reaction time is required"
-        if self.reaction is None:
-            return "not judged: " + "; ".join(self.missing)
-        if self.reaction.worst > required:
-            return "above the required reaction time"
-        if self.reaction.counted > required:
-            return (
-                f"not judged: within by both schools, but {self.reaction.counted:g} ms are "
-                "possible with the handshake of FSoE counted"
-            )
-        if self.parts.unverified:
-            return "not judged: unverified: " + ", ".join(self.parts.unverified)
-        return "within the required reaction time"
+        counted = 0.0 if self.reaction is None else self.reaction.counted
+        return {
+            Judgement.NONE: "no reaction time is required",
+            Judgement.MISSING: f"not judged: {'; '.join(self.missing)}",
+            Judgement.ABOVE: "above the required reaction time",
+            Judgement.PRINTED_ONLY: f"not judged: within by both schools, but {counted:g} ms are "
+            "possible with the handshake of FSoE counted",
+            Judgement.UNVERIFIED: f"not judged: unverified: {', '.join(self.parts.unverified)}",
+            Judgement.WITHIN: "within the required reaction time",
+        }[self.judgement]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -257,11 +272,11 @@ def _function(
     k: int,
     drift: float,
 ) -> FunctionBudget:
-    missing = list(parts.missing)
+    unstated = list(parts.unstated)
     if cycle is None:
-        missing.append("the bus cycle is not stated")
+        unstated.append("the bus cycle is not stated")
     times = None
-    if cycle is not None and not missing:
+    if cycle is not None and not unstated and not parts.apart:
         times = PartTimes(
             sensor=parts.sensor,
             input=parts.input,
@@ -274,16 +289,16 @@ def _function(
         )
     used = (*parts.to_input, *parts.to_output)
     for connection in dict.fromkeys(c.name for c in used if _watchdog(c) is None):
-        missing.append(f"the watchdog of {connection} is not stated")
+        unstated.append(f"the watchdog of {connection} is not stated")
     reaction = None
-    if times is not None and not missing:
+    if times is not None and not unstated:
         reaction = _reaction(times, parts, drift)
     return FunctionBudget(
         function=function,
         parts=parts,
         times=times,
         reaction=reaction,
-        missing=tuple(missing),
+        unstated=tuple(unstated),
         pfh=sum_pfh(function, parts, crosses_bus=bool(used)),
     )
 
@@ -336,7 +351,7 @@ def with_cycle(row: FunctionBudget, cycle: float, drift: float) -> Reaction:
     Raises:
         ValueError: Its times are not complete.
     """
-    if row.times is None or row.missing:
+    if row.times is None or row.reaction is None:
         raise ValueError(f"{row.function.name} has no reaction time")
     return _reaction(replace(row.times, cycle=cycle), row.parts, drift)
 

@@ -16,7 +16,7 @@ from fsoe_net.model import (
     SubDevice,
 )
 
-__all__ = ["ElementRow", "FunctionParts", "Quantity", "parts_of"]
+__all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +47,24 @@ class ElementRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Apart:
+    """A SubDevice of a safety function that no FSoE connection joins to its logic.
+
+    Attributes:
+        end: Name of the SubDevice with the input or output.
+        logic: Names of the SubDevices with the logic; never empty.
+    """
+
+    end: str
+    logic: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """The same for people."""
+        return f"no FSoE connection joins {self.end} and {' or '.join(self.logic)}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FunctionParts:
     """Elements with times, and the connections between input, logic and output.
 
@@ -56,14 +74,16 @@ class FunctionParts:
         rows: In the order of the function.
         to_input: Connections between inputs and logic; empty when they are one SubDevice.
         to_output: Connections between logic and outputs.
-        missing: What has to be stated before times can be worked out, in words.
+        unstated: What has to be stated before times can be worked out, in words.
+        apart: SubDevices that are not joined to the logic; there is no time then either.
         unverified: Elements with a time or PFH that nobody answers for, in words.
     """
 
     rows: tuple[ElementRow, ...]
     to_input: tuple[Connection, ...]
     to_output: tuple[Connection, ...]
-    missing: tuple[str, ...]
+    unstated: tuple[str, ...]
+    apart: tuple[Apart, ...]
     unverified: tuple[str, ...]
 
     def slowest(self, kind: ElementKind) -> float:
@@ -106,24 +126,25 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
     """
     subs = {s.name: s for s in resolution.network.subdevices}
     rows = tuple(_row(e, subs, library) for e in function.elements)
-    missing = [
+    unstated = [
         f"no {kind.value} is stated; write time_ms: 0 for what takes no time"
         for kind in ElementKind
         if all(e.kind is not kind for e in function.elements)
     ]
-    missing += [
+    unstated += [
         f"the time of {r.element.kind.value} {r.element.name} is not stated"
         for r in rows
         if r.time.value is None
     ]
     logic = _named(function, ElementKind.LOGIC, subs)
-    to_input, lost_in = _between(_named(function, ElementKind.INPUT, subs), logic, resolution)
-    to_output, lost_out = _between(_named(function, ElementKind.OUTPUT, subs), logic, resolution)
+    to_input, apart_in = _between(_named(function, ElementKind.INPUT, subs), logic, resolution)
+    to_output, apart_out = _between(_named(function, ElementKind.OUTPUT, subs), logic, resolution)
     return FunctionParts(
         rows=rows,
         to_input=to_input,
         to_output=to_output,
-        missing=(*missing, *lost_in, *lost_out),
+        unstated=tuple(unstated),
+        apart=(*apart_in, *apart_out),
         unverified=tuple(
             dict.fromkeys(
                 r.element.name
@@ -142,10 +163,10 @@ def _named(function: SafetyFunction, kind: ElementKind, subs: dict[str, SubDevic
 
 def _between(
     ends: Sequence[str], logic: Sequence[str], resolution: Resolution
-) -> tuple[tuple[Connection, ...], list[str]]:
-    """Return the connections between SubDevices and the logic, and the ones that are not there."""
+) -> tuple[tuple[Connection, ...], list[Apart]]:
+    """Return the connections between SubDevices and the logic, and the ends that have none."""
     found: list[Connection] = []
-    lost: list[str] = []
+    apart: list[Apart] = []
     for end in ends:
         if end in logic:
             continue
@@ -157,8 +178,8 @@ def _between(
         ]
         found += there
         if logic and not there:
-            lost.append(f"no FSoE connection joins {end} and {' or '.join(logic)}")
-    return tuple(found), lost
+            apart.append(Apart(end=end, logic=tuple(logic)))
+    return tuple(found), apart
 
 
 def _row(element: Element, subs: dict[str, SubDevice], library: Library) -> ElementRow:

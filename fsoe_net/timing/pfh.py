@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from fsoe_net.model import SafetyFunction
 from fsoe_net.timing.elements import FunctionParts
+from fsoe_net.timing.judgement import Judgement
 
 __all__ = ["FSOE_PFH", "NOT_ASSESSED", "PfhSum", "limit_of", "sum_pfh"]
 
@@ -40,17 +41,27 @@ class PfhSum:
     unverified: tuple[str, ...]
 
     @property
+    def judgement(self) -> Judgement:
+        """How the sum stands to the limit; what is missing can only add to it."""
+        if self.limit is None:
+            return Judgement.NONE
+        if self.total >= self.limit:
+            return Judgement.ABOVE
+        if self.missing:
+            return Judgement.MISSING
+        return Judgement.UNVERIFIED if self.unverified else Judgement.WITHIN
+
+    @property
     def verdict(self) -> str:
         """What is said about the sum, in words; never that a function is good enough."""
-        if self.limit is None:
-            return f"no level is required; {NOT_ASSESSED}"
-        if self.total >= self.limit:
-            return f"PFH_D sum above the limit; {NOT_ASSESSED}"
-        if self.missing:
-            return f"not judged: no PFH of {', '.join(self.missing)}; {NOT_ASSESSED}"
-        if self.unverified:
-            return f"not judged: unverified PFH of {', '.join(self.unverified)}; {NOT_ASSESSED}"
-        return f"PFH_D sum within the limit; {NOT_ASSESSED}"
+        words = {
+            Judgement.NONE: "no level is required",
+            Judgement.ABOVE: "PFH_D sum above the limit",
+            Judgement.MISSING: f"not judged: no PFH of {', '.join(self.missing)}",
+            Judgement.UNVERIFIED: f"not judged: unverified PFH of {', '.join(self.unverified)}",
+            Judgement.WITHIN: "PFH_D sum within the limit",
+        }
+        return f"{words[self.judgement]}; {NOT_ASSESSED}"
 
 
 def limit_of(function: SafetyFunction) -> float | None:

@@ -10,7 +10,7 @@ import pytest
 
 from fsoe_net.load import builtin_library, load_network
 from fsoe_net.model import Library, Resolution, resolve
-from fsoe_net.timing import Budget, make_budget
+from fsoe_net.timing import Apart, Budget, Judgement, make_budget
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"
 NONE = Library(devices=())
@@ -165,6 +165,57 @@ def test_sums_above_the_limit(resolution_of: Maker) -> None:
     text = FUNCTION.replace("pfh_per_hour: 1.0e-8", "pfh_per_hour: 1.0e-6")
     (row,) = budget_of(resolution_of(text)).functions
     assert row.pfh.verdict.startswith("PFH_D sum above the limit")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reaction", "pfh"),
+    [
+        ("", "", Judgement.WITHIN, Judgement.WITHIN),
+        # Beckhoff counts 220 ms; one failure with the handshake counted takes 189 ms.
+        ("required_reaction_ms: 230", "required_reaction_ms: 220", Judgement.WITHIN, None),
+        ("required_reaction_ms: 230", "required_reaction_ms: 219.9", Judgement.ABOVE, None),
+        ("    required_reaction_ms: 230\n", "", Judgement.NONE, Judgement.WITHIN),
+        ("    required: {pl: d}\n", "", Judgement.WITHIN, Judgement.NONE),
+        ("time_ms: 4, ", "", Judgement.MISSING, Judgement.WITHIN),
+        ("pfh_per_hour: 1.11e-9, ", "", Judgement.WITHIN, Judgement.MISSING),
+        ("1.25e-9, source: manual", "1.25e-9", Judgement.UNVERIFIED, Judgement.UNVERIFIED),
+        # 1.0e-6 is no longer below the limit of PL d, whoever answers for it.
+        ("1.0e-8, source: sheet", "1.0e-6", Judgement.UNVERIFIED, Judgement.ABOVE),
+    ],
+)
+def test_a_judgement_is_data_and_its_words_follow(
+    resolution_of: Maker, old: str, new: str, reaction: Judgement, pfh: Judgement | None
+) -> None:
+    (row,) = budget_of(resolution_of(FUNCTION.replace(old, new))).functions
+    assert row.judgement is reaction
+    assert pfh in (None, row.pfh.judgement)
+    for found, words in ((row.judgement, row.verdict), (row.pfh.judgement, row.pfh.verdict)):
+        start = {Judgement.WITHIN: "within", Judgement.ABOVE: "above", Judgement.NONE: "no "}
+        assert start.get(found, "not judged: ") in words
+
+
+def test_within_as_printed_only(resolution_of: Maker) -> None:
+    # Watchdogs of 30 ms: ETG.5100 98 ms, Beckhoff 80 ms; with the handshake counted 119 ms.
+    text = FUNCTION.replace("required_reaction_ms: 230", "required_reaction_ms: 110")
+    budget = budget_of(resolution_of(text, network=("watchdog_ms: 100", "watchdog_ms: 30")))
+    (row,) = budget.functions
+    assert row.judgement is Judgement.PRINTED_ONLY
+    assert "119 ms are possible" in row.verdict
+
+
+def test_ends_that_no_connection_joins_stand_apart(resolution_of: Maker) -> None:
+    text = FUNCTION.replace("logic, sub: el6910", "logic, sub: drive_1")
+    (row,) = budget_of(resolution_of(text)).functions
+    assert row.parts.apart == (
+        Apart(end="el1904", logic=("drive_1",)),
+        Apart(end="el2904", logic=("drive_1",)),
+    )
+    assert row.unstated == ()
+    assert row.missing == (
+        "no FSoE connection joins el1904 and drive_1",
+        "no FSoE connection joins el2904 and drive_1",
+    )
+    assert (row.times, row.judgement) == (None, Judgement.MISSING)
 
 
 def test_input_and_logic_in_one_subdevice(resolution_of: Maker) -> None:
