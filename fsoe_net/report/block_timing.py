@@ -37,6 +37,7 @@ from fsoe_net.timing import (
     Judgement,
     Limit,
     Quantity,
+    WatchdogJudgement,
 )
 
 __all__ = ["quantities", "timing"]
@@ -48,6 +49,13 @@ _FILE = "network file"
 _LEVELS = dict.fromkeys(Judgement, Level.OPEN) | {
     Judgement.WITHIN: Level.CLEAR,
     Judgement.ABOVE: Level.ERROR,
+}
+_WATCHDOGS = dict.fromkeys(WatchdogJudgement, Level.OPEN) | {
+    WatchdogJudgement.WITHIN: Level.CLEAR,
+    WatchdogJudgement.UNLIMITED: Level.NOTE,
+    WatchdogJudgement.EMPTY: Level.ERROR,
+    WatchdogJudgement.BELOW: Level.ERROR,
+    WatchdogJudgement.ABOVE: Level.ERROR,
 }
 
 
@@ -66,6 +74,11 @@ def timing(inputs: ReportInputs) -> Block:
             points=(Point(PointKind.OPEN, "timing is not judged"),),
         )
     points = _assumed(budget)
+    points += [
+        Point(PointKind.OPEN, f"watchdog of {c.connection.name}: {c.verdict}")
+        for c in budget.connections
+        if c.judgement is WatchdogJudgement.PRINTED_ONLY
+    ]
     parts: list[Part] = [_basis(budget), *measured_cycle(inputs)]
     parts += [Heading("Watchdogs"), _watchdogs(budget), *_reasons(budget)]
     if budget.functions:
@@ -135,11 +148,8 @@ def _basis(budget: Budget) -> Paragraph:
     )
 
 
-def _limit(limit: Limit | None, *, empty: bool = False) -> Cell:
-    if limit is None:
-        return cell(muted("nothing asks"))
-    number = stated(limit.ms, "ms", limit.why)
-    return (number, Verdict("EMPTY interval", Level.ERROR)) if empty else (number,)
+def _limit(limit: Limit | None) -> Cell:
+    return cell(muted("nothing asks") if limit is None else stated(limit.ms, "ms", limit.why))
 
 
 def _watchdogs(budget: Budget) -> Table:
@@ -148,10 +158,11 @@ def _watchdogs(budget: Budget) -> Table:
             cell(strong(c.connection.name), *(muted(f) for f in c.functions)),
             cell(stated(c.configured, "ms", "connections of the network file")),
             _limit(c.least),
-            _limit(c.greatest, empty=c.empty),
+            _limit(c.printed),
+            _limit(c.handshake),
             cell(_margin(c)),
             cell(_lost(c)),
-            cell(_fits(c)),
+            cell(Verdict(c.verdict, _WATCHDOGS[c.judgement])),
         )
         for c in budget.connections
     ]
@@ -161,15 +172,17 @@ def _watchdogs(budget: Budget) -> Table:
             Column("Connection"),
             Column("Configured", number=True),
             Column("At least", number=True),
-            Column("At most", number=True),
+            Column("At most, as printed", number=True),
+            Column("At most, handshake counted", number=True),
             Column("Margin", number=True),
             Column("Lost bus cycles survived", number=True),
             Column("Verdict"),
         ),
         rows=tuple(rows),
         remark="At least: 1.2 x the longest round trip, for availability. At most: "
-        "what the required reaction times leave, the smaller of both schools. Margin: configured "
-        "over least.",
+        "what the required reaction times leave, as both schools print it (the smaller), and with "
+        "one failure and the handshake of FSoE counted; the smaller one counts. A watchdog that "
+        "only the printed formulas allow is not judged. Margin: configured over least.",
     )
 
 
@@ -185,26 +198,14 @@ def _lost(c: ConnectionBudget) -> Item:
     return stated(c.lost_frames, "cycles", "(watchdog - round trip - 1 ms) / T_Com")
 
 
-def _fits(c: ConnectionBudget) -> Verdict:
-    if c.empty:
-        return Verdict("no watchdog fits", Level.ERROR)
-    if c.configured is None:
-        return Verdict("not judged: not stated", Level.OPEN)
-    if c.least is None and c.greatest is None:
-        return Verdict("not judged: no times", Level.OPEN)
-    if c.least is not None and c.configured < c.least.ms:
-        return Verdict("below the least", Level.ERROR)
-    if c.greatest is not None and c.configured > c.greatest.ms:
-        return Verdict("above the greatest", Level.ERROR)
-    if c.greatest is None:
-        return Verdict("not below the least; nothing limits it above", Level.NOTE)
-    return Verdict("inside the interval", Level.CLEAR)
-
-
 def _reasons(budget: Budget) -> list[Part]:
     rows: list[tuple[Item, ...]] = []
     for c in budget.connections:
-        for word, limit in (("at least", c.least), ("at most", c.greatest)):
+        for word, limit in (
+            ("at least", c.least),
+            ("at most", c.printed),
+            ("at most", c.handshake),
+        ):
             if limit is not None:
                 rows.append(
                     (

@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Limit, Quantity, with_cycle
+from fsoe_net.timing.handshake import broken
 
 __all__ = ["budget_document", "budget_picture", "budget_text"]
 
@@ -17,6 +18,7 @@ _DASHES = {
     "error-free": "",
     "ETG.5100, one failure": "7 4",
     "Beckhoff, two watchdogs": "2 3",
+    "FSoE handshake, one failure": "10 3 2 3 2 3",
     "required": "12 3 2 3",
 }
 _STYLE = (
@@ -38,22 +40,29 @@ _HANDSHAKE = "FSoE handshake counted"
 def budget_text(budget: Budget) -> str:
     """Return watchdogs as a table, then each safety function with every part of its sum."""
     lines = [_assumptions(budget), ""]
-    rows = [["connection", "watchdog", "least", "greatest", "margin", "lost cycles", "functions"]]
+    heads = ("connection", "watchdog", "least", "greatest: printed", "handshake counted", "margin")
+    rows = [[*heads, "lost cycles", "verdict", "functions"]]
     for c in budget.connections:
         rows.append(
             [
                 c.connection.name,
                 _ms(c.configured),
                 _limit(c.least),
-                "EMPTY" if c.empty else _limit(c.greatest),
+                _limit(c.printed),
+                _limit(c.handshake),
                 "-" if c.margin is None else f"{c.margin:.1f}x",
                 "-" if c.lost_frames is None else str(c.lost_frames),
+                "EMPTY: no watchdog fits" if c.empty else c.verdict,
                 ", ".join(c.functions) or "-",
             ]
         )
     lines += _columns(rows)
     for c in budget.connections:
-        for word, limit in (("at least", c.least), ("at most", c.greatest)):
+        for word, limit in (
+            ("at least", c.least),
+            ("at most", c.printed),
+            ("at most", c.handshake),
+        ):
             if limit is not None:
                 lines.append(f"  {c.connection.name} {word} {limit.ms:.1f} ms: {limit.why}")
     for row in budget.functions:
@@ -153,7 +162,11 @@ def _connection_document(c: ConnectionBudget) -> dict[str, Any]:
         "measured_round_trip_ms": c.measured,
         "least": _limit_document(c.least),
         "greatest": _limit_document(c.greatest),
+        "greatest_printed": _limit_document(c.printed),
+        "greatest_handshake": _limit_document(c.handshake),
         "empty": c.empty,
+        "judgement": c.judgement.value,
+        "verdict": c.verdict,
         "margin": c.margin,
         "lost_cycles_survived": c.lost_frames,
         "functions": list(c.functions),
@@ -270,6 +283,7 @@ def _over_cycle(row: FunctionBudget, drift: float) -> list[_Curve]:
         _Curve("error-free", tuple((c, r.error_free) for c, r in found)),
         _Curve("ETG.5100, one failure", tuple((c, r.worst_etg) for c, r in found)),
         _Curve("Beckhoff, two watchdogs", tuple((c, r.worst_beckhoff) for c, r in found)),
+        _Curve("FSoE handshake, one failure", tuple((c, r.counted) for c, r in found)),
     ]
     return curves + _required(row, _CYCLES)
 
@@ -289,8 +303,18 @@ def _over_watchdog(row: FunctionBudget, now: float) -> list[_Curve]:
             tuple((w, max(r.error_free, *(rest + w for rest in rests))) for w in spots),
         ),
         _Curve("Beckhoff, two watchdogs", tuple((w, actuator + len(rests) * w) for w in spots)),
+        _Curve("FSoE handshake, one failure", tuple((w, _counted(row, w)) for w in spots)),
     ]
     return curves + _required(row, spots)
+
+
+def _counted(row: FunctionBudget, watchdog: float) -> float:
+    """Return the longest response with one failure, handshake counted, at another watchdog."""
+    if row.times is None or row.reaction is None:
+        return 0.0
+    ends = (row.reaction.watchdog_in, row.reaction.watchdog_out)
+    one, two = (None if dog is None else watchdog for dog in ends)
+    return broken(row.times, one, two)
 
 
 def _required(row: FunctionBudget, spots: Sequence[float]) -> list[_Curve]:

@@ -131,12 +131,15 @@ def _connection(out: Findings, row: ConnectionBudget) -> None:
     name = row.connection.name
     place = facts.at("watchdog_ms") if facts is not None else _place(row)
     if row.empty and row.least is not None and row.greatest is not None:
+        hint = "a shorter bus cycle, faster parts, or a longer required reaction time"
+        if row.printed is not None and row.printed.ms >= row.least.ms:
+            hint += f"; as vendors print it, {row.printed.ms:g} ms would be left"
         out.add(
             "FSN603",
             place,
             f"no watchdog fits {name}: at least {row.least.ms:g} ms ({row.least.why}), at most "
             f"{row.greatest.ms:g} ms ({row.greatest.why})",
-            hint="a shorter bus cycle, faster parts, or a longer required reaction time",
+            hint=hint,
         )
         return
     if not row.functions:

@@ -1,17 +1,11 @@
 """Times of a safety function: what the formulas say, what limits them, sums of PFH_D."""
 
-from fsoe_net.timing.budget import (
-    Budget,
-    ConnectionBudget,
-    FunctionBudget,
-    Limit,
-    Reaction,
-    make_budget,
-    with_cycle,
-)
+from fsoe_net.timing.budget import Budget, make_budget
 from fsoe_net.timing.elements import Apart, ElementRow, FunctionParts, Quantity, parts_of
-from fsoe_net.timing.judgement import Judgement
+from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.pfh import FSOE_PFH, NOT_ASSESSED, PfhSum
+from fsoe_net.timing.reaction import FunctionBudget, Reaction, with_cycle
+from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
 
 __all__ = [
     "FSOE_PFH",
@@ -27,6 +21,7 @@ __all__ = [
     "PfhSum",
     "Quantity",
     "Reaction",
+    "WatchdogJudgement",
     "make_budget",
     "parts_of",
     "with_cycle",

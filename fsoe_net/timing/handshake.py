@@ -19,6 +19,9 @@ from __future__ import annotations
 from fsoe_net.timing.formulas import PartTimes, round_trip_input, round_trip_output
 
 __all__ = [
+    "besides_input",
+    "besides_output",
+    "broken",
     "broken_input",
     "broken_output",
     "disturbed_both",
@@ -33,6 +36,16 @@ def polled_error_free(t: PartTimes) -> float:
     return _around(t, _polled_in(t), _polled_out(t))
 
 
+def besides_input(t: PartTimes) -> float:
+    """Return what `broken_input` counts besides the watchdog."""
+    return _around(t, t.input + t.transfer_in + 3 * t.logic, _polled_out(t))
+
+
+def besides_output(t: PartTimes) -> float:
+    """Return what `broken_output` counts besides the watchdog."""
+    return _around(t, _polled_in(t), t.logic + t.transfer_out + 3 * t.output)
+
+
 def broken_input(t: PartTimes, watchdog: float) -> float:
     """Return the longest response when the connection to the input device breaks for good.
 
@@ -40,8 +53,7 @@ def broken_input(t: PartTimes, watchdog: float) -> float:
         t: Times of the parts.
         watchdog: Watchdog of that connection on the slowest clock, ms.
     """
-    broken = watchdog + t.input + t.transfer_in + 3 * t.logic
-    return _around(t, max(_polled_in(t), broken), _polled_out(t))
+    return max(polled_error_free(t), watchdog + besides_input(t))
 
 
 def broken_output(t: PartTimes, watchdog: float) -> float:
@@ -51,8 +63,24 @@ def broken_output(t: PartTimes, watchdog: float) -> float:
         t: Times of the parts.
         watchdog: Watchdog of that connection on the slowest clock, ms.
     """
-    broken = watchdog + t.logic + t.transfer_out + 3 * t.output
-    return _around(t, _polled_in(t), max(_polled_out(t), broken))
+    return max(polled_error_free(t), watchdog + besides_output(t))
+
+
+def broken(t: PartTimes, watchdog_in: float | None, watchdog_out: float | None) -> float:
+    """Return the longest response with at most one connection broken for good.
+
+    Args:
+        t: Times of the parts.
+        watchdog_in: Watchdog of the connection to the input device on the slowest clock, ms;
+            ``None``: input and logic are one SubDevice.
+        watchdog_out: The same of the output device.
+    """
+    found = [polled_error_free(t)]
+    if watchdog_in is not None:
+        found.append(broken_input(t, watchdog_in))
+    if watchdog_out is not None:
+        found.append(broken_output(t, watchdog_out))
+    return max(found)
 
 
 def disturbed_input(t: PartTimes, watchdog: float) -> float:

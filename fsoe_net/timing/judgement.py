@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 
-__all__ = ["Judgement"]
+__all__ = ["Judgement", "WatchdogJudgement"]
 
 
 class Judgement(enum.Enum):
@@ -16,3 +16,16 @@ class Judgement(enum.Enum):
     UNVERIFIED = "unverified"  # within, but nobody answers for a value of it
     MISSING = "missing"  # not judged: something is not stated
     NONE = "none"  # nothing is required
+
+
+class WatchdogJudgement(enum.Enum):
+    """How a configured watchdog stands to its admissible interval."""
+
+    WITHIN = "within"
+    EMPTY = "empty"  # no watchdog fits
+    BELOW = "below"  # it may end without a fault
+    ABOVE = "above"  # the required reaction time is not kept
+    PRINTED_ONLY = "printed only"  # within as vendors print it, above with the handshake counted
+    UNLIMITED = "unlimited"  # not below the least; no reaction time is required
+    UNSTATED = "unstated"
+    NO_TIMES = "no times"

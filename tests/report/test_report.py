@@ -256,6 +256,24 @@ def test_timing_has_both_schools_side_by_side():
     assert pfh[2][0]["value"] == pytest.approx(1e-8 + 1.11e-9 + 1.03e-9 + 1.25e-9 + 1e-8 + 1e-9)
 
 
+def test_a_watchdog_has_both_greatest_values_and_its_judgement(tmp_path: Path):
+    rows = table(as_json(inputs_of(TIMED)), "timing", "watchdogs")["rows"]
+    values = [[c[0].get("value") for c in row[1:5]] for row in rows]
+    # 230 less 100 + 20 (Beckhoff); less 86 and 89 with the handshake counted
+    assert values == [[100.0, 19.2, 110.0, 144.0], [100.0, 16.8, 110.0, 141.0]]
+    assert [words(row[7]) for row in rows] == [["inside the interval"]] * 2
+    path = tmp_path / "printed.yaml"
+    text = TIMED.read_text("utf-8").replace("devices/", f"{TIMED.parent}/devices/")
+    text = text.replace("10, watchdog_ms: 100", "10, watchdog_ms: 95")
+    text = text.replace("11, watchdog_ms: 100", "11, watchdog_ms: 60")
+    path.write_text(text.replace("reaction_ms: 230", "reaction_ms: 180"), "utf-8")
+    document = as_json(inputs_of(path))
+    row = table(document, "timing", "watchdogs")["rows"][0]
+    assert row[7][0]["level"] == "open"
+    assert "above the 94.0 ms that the handshake of FSoE leaves" in words(row[7])[0]
+    assert any("not judged: within as printed" in p["text"] for p in document["points"])
+
+
 def test_copies_have_addresses_and_datagrams():
     document = as_json(inputs_of(TIMED))
     row = table(document, "copies", "copies")["rows"][2]

@@ -10,7 +10,15 @@ import pytest
 
 from fsoe_net.load import builtin_library, load_network
 from fsoe_net.model import Library, Resolution, resolve
-from fsoe_net.timing import Apart, Budget, Judgement, make_budget
+from fsoe_net.rules import check_timing
+from fsoe_net.timing import (
+    Apart,
+    Budget,
+    ConnectionBudget,
+    Judgement,
+    WatchdogJudgement,
+    make_budget,
+)
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"
 NONE = Library(devices=())
@@ -79,11 +87,115 @@ def test_each_watchdog_has_its_interval(resolution_of: Maker) -> None:
     # 230 - 100 - 20 by Beckhoff is stricter than 230 - 62 and 230 - 68 by ETG.5100.
     assert one.greatest is not None
     assert (one.greatest.ms, "Beckhoff" in one.greatest.why) == (110, True)
+    assert (one.printed, two.printed) == (one.greatest, two.greatest)
+    # 230 less 2 * 5 + (4 + 2 + 3 * 2) + 24 + 2 * 20, and 2 * 5 + 26 + (2 + 2 + 3 * 3) + 2 * 20.
+    assert one.handshake is not None
+    assert two.handshake is not None
+    assert (one.handshake.ms, two.handshake.ms) == (144, 141)
+    assert "86 ms besides the watchdog (one failure, FSoE handshake counted)" in one.handshake.why
+    assert one.judgement is WatchdogJudgement.WITHIN
     assert one.margin == pytest.approx(100 / 19.2)
     assert (one.lost_frames, two.lost_frames) == (83, 85)
     assert one.spdus_per_hour == 1.8e6
     assert rows["drive_1"].least is None
     assert rows["drive_1"].functions == ()
+    assert rows["drive_1"].judgement is WatchdogJudgement.NO_TIMES
+
+
+def watchdogs(resolution: Resolution, **more: object) -> dict[str, ConnectionBudget]:
+    return {c.connection.sub.name: c for c in budget_of(resolution, **more).connections}
+
+
+def with_watchdogs(required: float, first: int, second: int) -> tuple[str, tuple[str, str]]:
+    """Return what asks for a time, and the watchdogs of el1904 and el2904."""
+    old = "connection_id: 1, watchdog_ms: 100}\n      - {main: el6910, sub: el2904, address: 102, "
+    new = old.replace("100}", f"{first}}}") + f"connection_id: 2, watchdog_ms: {second}"
+    text = FUNCTION.replace("required_reaction_ms: 230", f"required_reaction_ms: {required}")
+    return text, (old + "connection_id: 2, watchdog_ms: 100", new)
+
+
+def test_a_watchdog_that_only_the_printed_formulas_allow_is_not_judged(
+    resolution_of: Maker,
+) -> None:
+    # el1904: Beckhoff leaves 180 - 60 - 20, ETG.5100 180 - 62, the handshake 180 - 86.
+    resolution = resolution_of(*with_watchdogs(180, 95, 60))
+    rows = watchdogs(resolution)
+    one, two = rows["el1904"], rows["el2904"]
+    assert one.printed is not None
+    assert one.handshake is not None
+    assert (one.printed.ms, one.handshake.ms) == (100, 94)
+    assert one.greatest == one.handshake
+    assert one.judgement is WatchdogJudgement.PRINTED_ONLY
+    assert one.verdict.startswith("not judged: within as printed, above the 94.0 ms")
+    assert two.printed is not None
+    assert two.handshake is not None
+    assert (two.printed.ms, two.handshake.ms) == (180 - 95 - 20, 180 - 89)
+    assert two.judgement is WatchdogJudgement.WITHIN
+    (row,) = budget_of(resolution).functions
+    assert row.judgement is Judgement.PRINTED_ONLY
+    rows = watchdogs(resolution_of(*with_watchdogs(180, 94, 60)))
+    assert rows["el1904"].judgement is WatchdogJudgement.WITHIN
+
+
+def test_an_interval_that_the_handshake_empties_is_an_error(resolution_of: Maker) -> None:
+    # 105 - 86 = 19 is less than 1.2 * 16 = 19.2; ETG.5100 alone would leave 105 - 62 = 43.
+    resolution = resolution_of(*with_watchdogs(105, 20, 17))
+    one = watchdogs(resolution)["el1904"]
+    assert one.printed is not None
+    assert one.greatest is not None
+    assert (one.printed.ms, one.greatest.ms) == (43, 19)
+    assert (one.empty, one.judgement) == (True, WatchdogJudgement.EMPTY)
+    found = check_timing(resolution.network, budget_of(resolution))
+    assert [d.code for d in found] == ["FSN603", "FSN603", "FSN610", "FSN610"]
+    assert "at most 19 ms (estop: 105 ms required, 86 ms besides" in found[0].message
+    assert "as vendors print it, 43 ms would be left" in (found[0].hint or "")
+    # A millisecond more is a value: 20 ms.
+    rows = watchdogs(resolution_of(*with_watchdogs(106, 20, 17)))
+    assert [rows[n].judgement for n in ("el1904", "el2904")] == [WatchdogJudgement.WITHIN] * 2
+
+
+def test_one_connection_there_and_back_counts_twice(resolution_of: Maker) -> None:
+    # Beckhoff: 2 * watchdog + 20 within 230; what is configured is no bound of itself.
+    text = FUNCTION.replace("sub: el2904", "sub: el1904")
+    one = watchdogs(resolution_of(text))["el1904"]
+    assert one.printed is not None
+    assert one.printed.ms == 105
+    assert "20 ms besides the watchdog, which counts twice" in one.printed.why
+    # Besides, a second output device with 100 ms: 230 - 100 - 20 is no longer the smaller.
+    more = text + "      - {kind: output, sub: el2904, time_ms: 3, source: manual}\n"
+    rows = watchdogs(resolution_of(more.replace("230", "200")))
+    assert rows["el1904"].printed is not None
+    assert rows["el1904"].printed.ms == 80
+    assert rows["el2904"].printed is not None
+    assert rows["el2904"].printed.ms == 80
+
+
+@pytest.mark.parametrize(
+    ("required", "first", "found"),
+    [
+        ("230", 100, WatchdogJudgement.WITHIN),
+        ("230", 19, WatchdogJudgement.BELOW),
+        ("220", 100, WatchdogJudgement.WITHIN),
+        ("219.9", 100, WatchdogJudgement.ABOVE),
+        ("", 100, WatchdogJudgement.UNLIMITED),
+    ],
+)
+def test_a_configured_watchdog_against_its_interval(
+    resolution_of: Maker, required: str, first: int, found: WatchdogJudgement
+) -> None:
+    text, network = with_watchdogs(0, first, 100)
+    line = f"required_reaction_ms: {required}" if required else ""
+    resolution = resolution_of(text.replace("required_reaction_ms: 0", line), network=network)
+    assert watchdogs(resolution)["el1904"].judgement is found
+
+
+def test_a_watchdog_that_is_not_stated_has_an_interval(resolution_of: Maker) -> None:
+    rows = watchdogs(resolution_of(network=("watchdog_ms: 100}", "slot: 0}")))
+    one = rows["el1904"]
+    assert one.judgement is WatchdogJudgement.UNSTATED
+    assert one.greatest is not None
+    # Beckhoff's other watchdog is open: 230 - 86 remains, ETG.5100 would leave 230 - 62.
+    assert one.greatest.ms == 144
 
 
 def test_an_empty_interval_is_told(resolution_of: Maker) -> None:
@@ -113,6 +225,11 @@ def test_a_slow_clock_makes_watchdogs_longer(resolution_of: Maker) -> None:
     (row,) = budget_of(resolution_of(), drift=0.01).functions
     assert row.reaction is not None
     assert row.reaction.worst_beckhoff == pytest.approx(222)
+    one = watchdogs(resolution_of(), drift=0.01)["el1904"]
+    assert one.printed is not None
+    assert one.handshake is not None
+    assert one.printed.ms == pytest.approx((230 - 101 - 20) / 1.01)
+    assert one.handshake.ms == pytest.approx(144 / 1.01)
 
 
 def test_a_copy_one_cycle_later(resolution_of: Maker) -> None:

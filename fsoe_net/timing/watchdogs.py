@@ -1,0 +1,224 @@
+"""The watchdog of a connection and its admissible interval.
+
+    least watchdog      availability: 1.2 x the round trip       ETG.5100 9.3, or as measured
+    greatest, printed   the required reaction, by both schools   ETG.5100 9.3 and Beckhoff
+    greatest, handshake the required reaction, one failure       `fsoe_net.timing.handshake`
+
+The smaller of the two greatest ones counts. A watchdog that only the printed formulas allow is not
+judged; an interval without a value is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fsoe_net.model import Connection
+from fsoe_net.timing.formulas import (
+    RESERVE,
+    lost_frames_survived,
+    round_trip_input,
+    round_trip_output,
+    worst_case_input,
+    worst_case_output,
+)
+from fsoe_net.timing.handshake import besides_input, besides_output
+from fsoe_net.timing.judgement import WatchdogJudgement
+from fsoe_net.timing.reaction import FunctionBudget, longest_watchdog, watchdog_of
+
+__all__ = ["ConnectionBudget", "Limit", "connection_budget"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """One bound of a watchdog, ms, and what sets it, in words."""
+
+    ms: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConnectionBudget:
+    """Watchdog of one connection; times in ms.
+
+    Attributes:
+        connection: Which.
+        configured: Watchdog of the network file; ``None`` when not stated.
+        round_trip: Longest time between two frames without a fault, from the formulas or as
+            measured, whichever is longer; ``None`` when times are missing.
+        measured: Longest round trip that was measured; ``None`` without a measurement.
+        least: Smallest watchdog that a healthy connection keeps.
+        printed: Largest one that the required reaction times allow by the formulas of both schools;
+            ``None``: nothing asks.
+        handshake: The same with one failure and the handshake of FSoE counted.
+        functions: Safety functions that use it.
+        spdus_per_hour: Safety PDUs per hour, both directions.
+    """
+
+    connection: Connection
+    configured: float | None
+    round_trip: float | None = None
+    measured: float | None = None
+    least: Limit | None = None
+    printed: Limit | None = None
+    handshake: Limit | None = None
+    functions: tuple[str, ...] = ()
+    spdus_per_hour: float | None = None
+    cycle: float | None = None
+
+    @property
+    def greatest(self) -> Limit | None:
+        """The smaller of both greatest watchdogs; ``None``: nothing asks."""
+        return _smaller(self.printed, self.handshake)
+
+    @property
+    def empty(self) -> bool:
+        """Whether no watchdog fits at all."""
+        return (
+            self.least is not None
+            and self.greatest is not None
+            and self.greatest.ms < self.least.ms
+        )
+
+    @property
+    def margin(self) -> float | None:
+        """How many times the least watchdog the configured one is."""
+        if self.configured is None or self.least is None or not self.least.ms:
+            return None
+        return self.configured / self.least.ms
+
+    @property
+    def judgement(self) -> WatchdogJudgement:
+        """How the configured watchdog stands to its interval."""
+        if self.empty:
+            return WatchdogJudgement.EMPTY
+        if self.configured is None:
+            return WatchdogJudgement.UNSTATED
+        if self.least is not None and self.configured < self.least.ms:
+            return WatchdogJudgement.BELOW
+        if self.printed is not None and self.configured > self.printed.ms:
+            return WatchdogJudgement.ABOVE
+        if self.handshake is not None and self.configured > self.handshake.ms:
+            return WatchdogJudgement.PRINTED_ONLY
+        if self.greatest is None:
+            return WatchdogJudgement.NO_TIMES if self.least is None else WatchdogJudgement.UNLIMITED
+        return WatchdogJudgement.WITHIN
+
+    @property
+    def verdict(self) -> str:
+        """The same in words."""
+        counted = 0.0 if self.handshake is None else self.handshake.ms
+        return {
+            WatchdogJudgement.EMPTY: "no watchdog fits",
+            WatchdogJudgement.UNSTATED: "not judged: not stated",
+            WatchdogJudgement.NO_TIMES: "not judged: no times",
+            WatchdogJudgement.BELOW: "below the least",
+            WatchdogJudgement.ABOVE: "above the greatest",
+            WatchdogJudgement.PRINTED_ONLY: "not judged: within as printed, above the "
+            f"{counted:.1f} ms that the handshake of FSoE leaves",
+            WatchdogJudgement.UNLIMITED: "not below the least; nothing limits it above",
+            WatchdogJudgement.WITHIN: "inside the interval",
+        }[self.judgement]
+
+    @property
+    def lost_frames(self) -> int | None:
+        """Bus cycles in a row that may be lost before the watchdog ends."""
+        if self.configured is None or self.round_trip is None or self.cycle is None:
+            return None
+        return lost_frames_survived(self.configured, self.round_trip, self.cycle)
+
+
+def connection_budget(
+    connection: Connection,
+    rows: Sequence[FunctionBudget],
+    cycle: float | None,
+    measured: float | None,
+    drift: float,
+) -> ConnectionBudget:
+    """Work out the watchdog of one connection.
+
+    Args:
+        connection: Which.
+        rows: All safety functions.
+        cycle: Bus cycle, ms; ``None`` when nobody states it.
+        measured: Longest round trip that was seen, ms; it counts when it is the longer one.
+        drift: As in `Budget`.
+    """
+    least: Limit | None = None
+    trip: float | None = None
+    printed: Limit | None = None
+    handshake: Limit | None = None
+    for row in rows:
+        for there, side in ((row.parts.to_input, "input"), (row.parts.to_output, "output")):
+            if connection.name not in (c.name for c in there) or row.times is None:
+                continue
+            time = (round_trip_input if side == "input" else round_trip_output)(row.times)
+            if trip is None or time > trip:
+                why = f"{row.function.name}: 1.2 x {time:g} ms round trip of its {side}"
+                trip, least = time, Limit(ms=time * RESERVE, why=why)
+            printed = _smaller(printed, _printed(connection, row, side, drift))
+            handshake = _smaller(handshake, _handshake(row, side, drift))
+    if measured is not None and (trip is None or measured > trip):
+        trip = measured
+        least = Limit(ms=measured * RESERVE, why=f"1.2 x {measured:g} ms round trip as measured")
+    functions = [r.function.name for r in rows if connection.name in _names(r)]
+    return ConnectionBudget(
+        connection=connection,
+        configured=watchdog_of(connection),
+        round_trip=trip,
+        measured=measured,
+        least=least,
+        printed=printed,
+        handshake=handshake,
+        functions=tuple(functions),
+        # Two safety PDUs in four bus cycles, see the reference on residual errors.
+        spdus_per_hour=None if cycle is None else 2 * 3_600_000 / (4 * cycle),
+        cycle=cycle,
+    )
+
+
+def _names(row: FunctionBudget) -> set[str]:
+    return {c.name for c in (*row.parts.to_input, *row.parts.to_output)}
+
+
+def _smaller(one: Limit | None, two: Limit | None) -> Limit | None:
+    known = [limit for limit in (one, two) if limit is not None]
+    return min(known, key=lambda limit: limit.ms, default=None)
+
+
+def _room(row: FunctionBudget, rest: float, what: str, drift: float, *, share: int = 1) -> Limit:
+    """Return what a required reaction time leaves for `share` watchdogs on a slow clock, each."""
+    required = row.function.required_reaction_ms or 0.0
+    besides = f"{rest:g} ms besides the watchdog" + ("" if share == 1 else ", which counts twice")
+    return Limit(
+        ms=(required - rest) / share / (1 + drift),
+        why=f"{row.function.name}: {required:g} ms required, {besides} ({what})",
+    )
+
+
+def _printed(connection: Connection, row: FunctionBudget, side: str, drift: float) -> Limit | None:
+    """Return the largest watchdog that keeps the required reaction time in both schools."""
+    times = row.times
+    if row.function.required_reaction_ms is None or times is None:
+        return None
+    rest = worst_case_input(times, 0.0) if side == "input" else worst_case_output(times, 0.0)
+    by_etg = _room(row, rest, "ETG.5100", drift)
+    others = row.parts.to_output if side == "input" else row.parts.to_input
+    apart = [c for c in others if c.name != connection.name]
+    what = "two watchdogs and actuator, Beckhoff"
+    both = None
+    if len(apart) < len(others):  # one connection there and back: its watchdog is the other, too
+        both = _room(row, times.actuator, what, drift, share=2)
+    other = longest_watchdog(apart, drift)
+    if other is None and apart:
+        return _smaller(by_etg, both)  # the other watchdog is open; FunctionBudget says so
+    by_beckhoff = _room(row, (other or 0.0) + times.actuator, what, drift)
+    return _smaller(by_etg, _smaller(both, by_beckhoff))
+
+
+def _handshake(row: FunctionBudget, side: str, drift: float) -> Limit | None:
+    """Return the largest watchdog that keeps the required time when this connection breaks."""
+    if row.function.required_reaction_ms is None or row.times is None:
+        return None
+    rest = besides_input(row.times) if side == "input" else besides_output(row.times)
+    return _room(row, rest, "one failure, FSoE handshake counted", drift)
