@@ -15,6 +15,7 @@ from fsoe_net.core.snapshot import (
     Histogram,
     Snapshot,
     Statistics,
+    bucket_end,
 )
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "Sighting",
     "Snapshot",
     "Statistics",
+    "bucket_end",
     "frame_fits",
     "frame_sequence",
     "is_test_rig",

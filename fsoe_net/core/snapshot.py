@@ -14,6 +14,7 @@ __all__ = [
     "Histogram",
     "Snapshot",
     "Statistics",
+    "bucket_end",
 ]
 
 
@@ -34,6 +35,32 @@ class Histogram:
     p999_ns: int
     max_ns: int
     buckets: tuple[tuple[int, int], ...]
+
+    def at_most(self, per_million: int) -> int:
+        """Return the time that a share of all times does not exceed, ns, as the core does.
+
+        It is the upper end of the bucket in which that time fell, never above ``max_ns``; 0
+        without any time.
+
+        Args:
+            per_million: The share, such as 999990 for 99.999 %.
+        """
+        seen = 0
+        for floor_ns, times in self.buckets[:-1]:
+            seen += times
+            if seen * 1_000_000 >= self.count * per_million:
+                return min(bucket_end(floor_ns) - 1, self.max_ns)
+        return self.max_ns
+
+
+def bucket_end(floor_ns: int) -> int:
+    """Return where the bucket with this smallest time ends, ns: the smallest time of the next.
+
+    A bucket is a quarter of the power of two below it wide, and 1 ns below 4 ns.
+    """
+    if floor_ns < 4:
+        return floor_ns + 1
+    return floor_ns + (1 << (floor_ns.bit_length() - 3))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

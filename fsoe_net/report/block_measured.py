@@ -1,4 +1,4 @@
-"""What was measured of the bus cycle, for the block on timing."""
+"""What was measured of the bus cycle T_Com, for the block on timing."""
 
 from __future__ import annotations
 
@@ -8,55 +8,71 @@ from fsoe_net.report.document import (
     Column,
     Heading,
     Level,
+    Paragraph,
     Part,
     Table,
+    Text,
     Verdict,
     cell,
     code,
+    muted,
     stated,
 )
 from fsoe_net.report.inputs import ReportInputs
 
 __all__ = ["measured_cycle"]
 
-_KEYS = ("min_ns", "mean_ns", "p99_ns", "p999_ns", "max_ns")
+_SHARES = (990_000, 999_000, 999_990)
+_HEADS = ("Cycles", "Min", "Mean", "p99", "p99.9", "p99.999", "Max")
+_REMARK = (
+    "From one cycle to the next. Min, mean and max are exact. A percentile is the upper end of the "
+    "histogram bucket in which it fell, never above max: the true one is at most a fifth less. "
+    "It is stated when so many cycles were measured that one of them may lie above it."
+)
 
 
 def measured_cycle(inputs: ReportInputs) -> list[Part]:
-    """Return the bus cycle as measured by each piece of evidence; nothing when there is none."""
+    """Return the bus cycle as measured by each piece of evidence."""
     rows: list[tuple[Cell, ...]] = []
     for e in inputs.evidence:
-        if e.run is not None and e.run.period_ns.get("max_ns"):
-            rows.append(_row(e.source.path, e.run.period_ns, emulated=e.run.emulated))
+        if e.run is not None and e.run.period is not None:
+            rows.append(_row(e.source.path, e.run.period, emulated=e.run.emulated))
     if inputs.live is not None and inputs.live.snapshot.cycle.statistics.period.count:
-        found = _named(inputs.live.snapshot.cycle.statistics.period)
+        found = inputs.live.snapshot.cycle.statistics.period
         emulated = inputs.live.status.backend == "emulated"
         rows.append(_row(inputs.live.socket, found, emulated=emulated))
+    title = Heading("Bus cycle T_Com as measured")
     if not rows:
-        return []
-    heads = ("Least", "Mean", "99 %", "99.9 %", "Most")
-    columns = (Column("Measured in"), *(Column(h, number=True) for h in heads))
-    return [
-        Heading("Bus cycle as measured"),
-        Table(name="bus cycle as measured", columns=columns, rows=tuple(rows)),
-    ]
+        words = "Not measured: no run in real time and no running bus among the evidence."
+        return [title, Paragraph((Text(words),))]
+    columns = (Column("Measured in"), *(Column(h, number=True) for h in _HEADS))
+    name = "bus cycle as measured"
+    return [title, Table(name=name, columns=columns, rows=tuple(rows), remark=_REMARK)]
 
 
-def _named(h: Histogram) -> dict[str, int]:
-    return {key: getattr(h, key) for key in _KEYS}
-
-
-def _row(path: str, values: object, *, emulated: bool) -> tuple[Cell, ...]:
-    found = values if isinstance(values, dict) else {}
-    cells = []
-    for key in _KEYS:
-        ns = found.get(key)
-        cells.append(cell(stated(None if ns is None else ns / 1e6, "ms", path, _ms(ns))))
+def _row(path: str, h: Histogram, *, emulated: bool) -> tuple[Cell, ...]:
     head = cell(code(path))
     if emulated:
         head = (*head, Verdict("EMULATED, not evidence for this machine", Level.NOTE))
-    return (head, *cells)
+    return (
+        head,
+        cell(stated(h.count, "cycles", path)),
+        _exact(h.min_ns, path),
+        _exact(h.mean_ns, path),
+        *(_share(h, per_million, path) for per_million in _SHARES),
+        _exact(h.max_ns, path),
+    )
 
 
-def _ms(ns: int | None) -> str:
-    return "" if ns is None else f"{ns / 1e6:.4f}"
+def _exact(ns: int, path: str) -> Cell:
+    return cell(stated(ns / 1e6, "ms", path, f"{ns / 1e6:.4f}"))
+
+
+def _share(h: Histogram, per_million: int, path: str) -> Cell:
+    """Return a percentile; too few cycles have none: it would be the greatest time."""
+    least = 1_000_000 // (1_000_000 - per_million)
+    if h.count < least:
+        return cell(muted(f"not stated: fewer than {least:_} cycles".replace("_", " ")))
+    ns = h.at_most(per_million)
+    source = f"{path}, upper end of a histogram bucket"
+    return cell(stated(ns / 1e6, "ms", source, f"{ns / 1e6:.4f}"))

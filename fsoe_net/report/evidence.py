@@ -6,9 +6,10 @@ import hashlib
 import io
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
+from fsoe_net.core import Histogram
 from fsoe_net.errors import InputError
 from fsoe_net.load import parse_scan
 from fsoe_net.model import Scan, SourceFile
@@ -44,7 +45,7 @@ class RunRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvidence:
-    """What the JSON document of a run says; ``period_ns`` of the bus cycle by name."""
+    """What the JSON document of a run says; ``period`` of the bus cycle, in real time only."""
 
     mode: str
     backend: str
@@ -54,7 +55,7 @@ class RunEvidence:
     cycles: int
     overruns: int
     wkc_errors: int
-    period_ns: Mapping[str, int]
+    period: Histogram | None
     rows: tuple[RunRow, ...]
 
     @property
@@ -121,7 +122,6 @@ def _document(data: bytes) -> dict[str, Any] | None:
 
 def _run(document: Mapping[str, Any]) -> RunEvidence:
     statistics = document["statistics"]
-    period = statistics.get("period") or {}
     return RunEvidence(
         mode=str(document["mode"]),
         backend=str((document.get("bus") or {}).get("backend", "emulated")),
@@ -131,7 +131,7 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
         cycles=int(statistics["cycles"]),
         overruns=int(statistics["overruns"]),
         wkc_errors=int(statistics["wkc_errors"]),
-        period_ns={str(k): int(v) for k, v in period.items() if isinstance(v, int)},
+        period=_period(statistics.get("period") or {}),
         rows=tuple(
             RunRow(
                 name=str(c["name"]),
@@ -145,6 +145,22 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
             for c in document["connections"]
         ),
     )
+
+
+def _period(row: Mapping[str, Any]) -> Histogram | None:
+    """Return the times from cycle to cycle; ``None`` in virtual time.
+
+    Raises:
+        KeyError, TypeError, ValueError: It is no whole histogram.
+    """
+    if not row.get("count"):
+        return None
+    values = {f.name: int(row[f.name]) for f in fields(Histogram) if f.name != "buckets"}
+    buckets = tuple((int(floor), int(times)) for floor, times in row["buckets"])
+    floors = [floor for floor, _ in buckets]
+    if floors != sorted(set(floors)) or sum(times for _, times in buckets) != values["count"]:
+        raise ValueError("buckets of the bus cycle do not rise or are not all there")
+    return Histogram(**values, buckets=buckets)
 
 
 def _real(value: Any) -> float | None:

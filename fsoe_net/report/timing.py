@@ -7,7 +7,7 @@ import io
 import math
 from html import escape
 
-from fsoe_net.core import Histogram, Statistics
+from fsoe_net.core import Histogram, Statistics, bucket_end
 
 __all__ = [
     "histogram_name",
@@ -141,19 +141,12 @@ def _text(x: float, y: float, text: str, anchor: str, cls: str = "") -> str:
     return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{cls}">{escape(text)}</text>'
 
 
-def _ceiling(floor_ns: int) -> int:
-    """Return the end of a bucket: a quarter of the power of two below it wide."""
-    if floor_ns < 4:
-        return floor_ns + 1
-    return floor_ns + max(1, (1 << (floor_ns.bit_length() - 1)) // 4)
-
-
 class _Axis:
     """Logarithmic time to places in the picture, whole decades."""
 
     def __init__(self, histogram: Histogram) -> None:
         least = max(1, histogram.buckets[0][0])
-        most = _ceiling(histogram.buckets[-1][0])
+        most = bucket_end(histogram.buckets[-1][0])
         self.first = math.floor(math.log10(least))
         self.last = max(self.first + 1, math.ceil(math.log10(most)))
 
@@ -180,13 +173,13 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
         f'<line class="axis" x1="{_LEFT}" y1="{base}" x2="{_WIDTH - _RIGHT}" y2="{base}"/>',
     ]
     for floor_ns, count in histogram.buckets:
-        left, right = axis.x(floor_ns), axis.x(_ceiling(floor_ns))
+        left, right = axis.x(floor_ns), axis.x(bucket_end(floor_ns))
         # A single time among millions must be seen: bars are logarithmic too.
         tall = _PLOT * math.log1p(count) / math.log1p(most)
         parts.append(
             f'<rect class="bar" x="{left:.1f}" y="{base - tall:.1f}" width="{right - left:.1f}" '
-            f'height="{tall:.1f}"><title>{_time(floor_ns)} … {_time(_ceiling(floor_ns))}: {count} '
-            f"of {total}</title></rect>"
+            f'height="{tall:.1f}"><title>{_time(floor_ns)} … {_time(bucket_end(floor_ns))}: '
+            f"{count} of {total}</title></rect>"
         )
     for ns in (histogram.p50_ns, histogram.p99_ns, histogram.p999_ns):
         x = axis.x(ns)

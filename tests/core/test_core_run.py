@@ -8,7 +8,7 @@ from core.rig import Rig, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.core import Core, EmulatedBus
+from fsoe_net.core import Core, EmulatedBus, bucket_end
 from fsoe_net.errors import CoreError
 from fsoe_net.fsoe import OutsideState
 
@@ -208,6 +208,10 @@ def test_thread_runs_beside_python() -> None:
     assert 0 <= latency.min_ns <= latency.mean_ns <= latency.max_ns
     assert latency.p50_ns <= latency.p99_ns <= latency.p999_ns <= latency.max_ns
     assert latency.buckets[0][0] <= latency.min_ns
+    for h in (latency, statistics.period, statistics.work):
+        shares = (h.at_most(500_000), h.at_most(990_000), h.at_most(999_000))
+        assert shares == (h.p50_ns, h.p99_ns, h.p999_ns)
+        assert h.buckets[-1][0] <= h.max_ns < bucket_end(h.buckets[-1][0])
     assert statistics.copy.max_ns <= statistics.work.max_ns
     rig.cycle()
 
