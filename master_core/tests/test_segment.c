@@ -209,6 +209,55 @@ static void any_datagram(void) {
     tear_down(&rig);
 }
 
+/** FMMUs that end before they begin, or whose bits need more bytes than 16 bits can count: they map
+ *  nothing. */
+static void fmmus_of_nonsense_map_nothing(void) {
+    static const struct {
+        uint8_t length_low, length_high, first_bit, last_bit, physical_bit;
+    } nonsense[] = {{1, 0, 5, 2, 0}, {1, 0, 7, 0, 7}, {0xFF, 0xFF, 0, 7, 7}, {0, 0, 0, 7, 0}};
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_op(&rig, 1001, 0, 9);
+    for (size_t i = 0; i < sizeof nonsense / sizeof nonsense[0]; i++) {
+        const uint8_t fmmu[16] = {[4] = nonsense[i].length_low,
+                                  [5] = nonsense[i].length_high,
+                                  [6] = nonsense[i].first_bit,
+                                  [7] = nonsense[i].last_bit,
+                                  [9] = 0x11,
+                                  [10] = nonsense[i].physical_bit,
+                                  [11] = 3,
+                                  [12] = 1};
+        const uint8_t none[16] = {0};
+        CHECK(datagram(&rig, FPWR, 1001, 0x0600, fmmu, 16) == 1);
+        CHECK(datagram(&rig, FPWR, 1001, 0x0610, none, 16) == 1);
+        CHECK(datagram(&rig, LRW, 0, 0, NULL, 200) == 0);
+    }
+    tear_down(&rig);
+}
+
+/** SM1 is made shorter than any answer after PREOP was granted; and then as long as it was. */
+static void no_answer_into_a_mailbox_too_short(void) {
+    static const uint8_t request[8] = {0x40, 0x00, 0x20, 0};
+    static const uint8_t value[600] = {1, 2, 3};
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_preop(&rig, 1001);
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 0, value, sizeof value) == FSN_OK);
+    for (uint16_t length = 0; length < 16; length++) {
+        set_sm(&rig, 1001, 1, 0x1080, length, 0x22);
+        post(&rig, request, 8);
+        CHECK(datagram(&rig, FPRD, 1001, 0x080D, NULL, 1) == 1 && (rig.data[0] & 8) == 0);
+    }
+    set_sm(&rig, 1001, 1, 0x1080, 128, 0x22);
+    CHECK(sdo(&rig, request, 8) == 122 && rig.data[8] == 0x41);
+    /* In the middle of an upload as well: its segments find no room. */
+    static const uint8_t segment[8] = {0x60};
+    set_sm(&rig, 1001, 1, 0x1080, 8, 0x22);
+    post(&rig, segment, 8);
+    CHECK(datagram(&rig, FPRD, 1001, 0x080D, NULL, 1) == 1 && (rig.data[0] & 8) == 0);
+    tear_down(&rig);
+}
+
 static void no_real_interface_is_taken(void) {
     struct rig rig = set_up();
     const struct fsn_segment_link_options absent = {.interface = "no-such-if"};
@@ -234,6 +283,8 @@ int main(void) {
     unplugging_cuts_all_behind();
     eeprom_is_read();
     any_datagram();
+    fmmus_of_nonsense_map_nothing();
+    no_answer_into_a_mailbox_too_short();
     no_real_interface_is_taken();
     return 0;
 }

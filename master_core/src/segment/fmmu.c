@@ -18,7 +18,8 @@ static bool get_fmmu(const struct esc *esc, unsigned number, struct esc_fmmu *fm
         .write = (r[11] & 2) != 0,
     };
     fmmu->whole_bytes = fmmu->start_bit == 0 && fmmu->end_bit == 7 && fmmu->physical_bit == 0;
-    return (r[12] & 1) != 0 && fmmu->length > 0;
+    const bool any = fmmu->length > 1 || (fmmu->length == 1 && fmmu->start_bit <= fmmu->end_bit);
+    return (r[12] & 1) != 0 && any;
 }
 
 void esc_fmmu_load(struct esc *esc) {
@@ -57,17 +58,22 @@ static bool overlap(const struct esc_fmmu *f, uint32_t logical, uint16_t size_by
     return true;
 }
 
-/** First and last bit of an FMMU that is no multiple of bytes; they lie in one access. */
+/** Bits of an FMMU that is no multiple of bytes; at least one, see get_fmmu(). */
 static uint32_t bit_count(const struct esc_fmmu *f) {
     return 8u * f->length - f->start_bit - (7u - f->end_bit);
+}
+
+/** Bytes of memory they lie in; one access. */
+static uint32_t byte_count(const struct esc_fmmu *f) {
+    return (f->physical_bit + bit_count(f) + 7) / 8;
 }
 
 static bool read_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logical, uint8_t *data,
                       uint16_t size_bytes) {
     uint8_t bytes[64];
     const uint32_t bits = bit_count(f);
-    const uint16_t needed = (uint16_t)((f->physical_bit + bits + 7) / 8);
-    if (needed > sizeof bytes || !esc_read(esc, f->physical, bytes, needed, false)) {
+    const uint32_t needed = byte_count(f);
+    if (needed > sizeof bytes || !esc_read(esc, f->physical, bytes, (uint16_t)needed, false)) {
         return false;
     }
     bool hit = false;
@@ -90,7 +96,7 @@ static bool write_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logic
                        const uint8_t *data, uint16_t size_bytes) {
     uint8_t bytes[64];
     const uint32_t bits = bit_count(f);
-    const uint16_t needed = (uint16_t)((f->physical_bit + bits + 7) / 8);
+    const uint32_t needed = byte_count(f);
     if (needed > sizeof bytes || (uint32_t)f->physical + needed > ESC_MEMORY_BYTES) {
         return false;
     }
@@ -108,7 +114,7 @@ static bool write_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logic
         bytes[to / 8] = (uint8_t)(on ? bytes[to / 8] | mask : bytes[to / 8] & ~mask);
         hit = true;
     }
-    return hit && esc_write(esc, f->physical, bytes, needed);
+    return hit && esc_write(esc, f->physical, bytes, (uint16_t)needed);
 }
 
 void esc_fmmu_pass(struct esc *esc, struct datagram *d) {

@@ -310,6 +310,9 @@ void esc_mailbox_in(struct esc *esc) {
     memcpy(message, esc->memory + start, taken);
     esc->answer_due_ns = esc->now_ns + esc->faults.mailbox_delay_ns;
     sm(esc, 0)[5] &= (uint8_t)~SM_FULL; /* the device has taken it */
+    if (room(esc) < HEADER_BYTES + COE_BYTES + SDO_BYTES) {
+        return; /* SM1 has been written since PREOP: no answer fits */
+    }
     const uint32_t body = esc_get16(message);
     const uint8_t type = message[5] & 0x0F;
     const uint8_t service = message[HEADER_BYTES + 1] >> 4;
