@@ -13,6 +13,8 @@ if(EXISTS "${SOEM_SOURCE_DIR}/soem/ethercatmain.h")
   target_include_directories(soem_objects SYSTEM PUBLIC ${SOEM_SOURCE_DIR}/soem
     ${SOEM_SOURCE_DIR}/osal ${SOEM_SOURCE_DIR}/osal/linux ${SOEM_SOURCE_DIR}/oshw/linux)
   target_compile_definitions(soem_objects PUBLIC EC_VER2 _GNU_SOURCE)
+  # It subtracts times off the wire as signed numbers; so that they wrap, as their clocks do.
+  target_compile_options(soem_objects PRIVATE -fwrapv)
   set_target_properties(soem_objects PROPERTIES POSITION_INDEPENDENT_CODE ON C_EXTENSIONS ON)
   set(soem_use soem_objects)
   message(STATUS "fsn: SOEM from ${SOEM_SOURCE_DIR}")

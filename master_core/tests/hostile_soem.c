@@ -20,7 +20,11 @@
 #include "fsn/live.h"
 #include "fsn/segment.h"
 
-enum { SKIPPED = 77, ETHERCAT = 0x88A4, HEAD = 16, ROUND_MS = 400 };
+enum { SKIPPED = 77, ETHERCAT = 0x88A4, HEAD = 16, DATAGRAM_HEAD = 10, ROUND_MS = 400 };
+enum { REG_LINKS = 0x0110, REG_PORT_TIMES = 0x0900, REG_LATCHED = 0x0918 };
+
+/** What every answer says, whatever is damaged besides. */
+enum lie { NO_LIE, NO_LINKS, WILD_CLOCKS };
 
 struct wire {
     struct fsn_segment *segment;
@@ -28,6 +32,7 @@ struct wire {
     uint64_t random; /**< of the thread that answers */
     uint64_t own_random;
     atomic_uint one_in; /**< of so many answers one is damaged; 0: none */
+    atomic_uint lie;    /**< enum lie */
     atomic_bool stop;
 };
 
@@ -62,6 +67,40 @@ static size_t damage(struct wire *w, uint8_t *frame, size_t len) {
     return len;
 }
 
+/** A clock that jumps from one end of its range to the other with every register that is read. */
+static void go_wild(uint8_t *data, size_t size, uint16_t address) {
+    static unsigned turn;
+    memset(data, turn % 2 == 0 ? 0x00 : 0xFF, size);
+    data[size - 1] = turn++ % 2 == 0 ? 0x80 : 0x7F;
+    if (address == REG_LATCHED) {
+        memset(data, 0, size - 1);
+        data[size - 1] = 0x80;
+    }
+}
+
+/** No port has a link though the frame came through one, or the clocks are wild. */
+static void lie(uint8_t *frame, size_t len, unsigned what) {
+    for (size_t at = HEAD; at + DATAGRAM_HEAD + 2 <= len;) {
+        const uint16_t address = (uint16_t)(frame[at + 4] | frame[at + 5] << 8);
+        const size_t size = (size_t)(frame[at + 6] | (frame[at + 7] & 7) << 8);
+        const bool more = (frame[at + 7] & 0x80) != 0;
+        uint8_t *data = frame + at + DATAGRAM_HEAD;
+        if (at + DATAGRAM_HEAD + size + 2 > len) {
+            return;
+        }
+        if (what == NO_LINKS && address == REG_LINKS) {
+            memset(data, 0, size);
+        } else if (what == WILD_CLOCKS && (size == 4 || size == 8) && address >= REG_PORT_TIMES &&
+                   address <= REG_LATCHED) {
+            go_wild(data, size, address);
+        }
+        if (!more) {
+            return;
+        }
+        at += DATAGRAM_HEAD + size + 2;
+    }
+}
+
 static void *answer(void *argument) {
     struct wire *w = argument;
     while (!atomic_load(&w->stop)) {
@@ -71,6 +110,7 @@ static void *answer(void *argument) {
             continue;
         }
         size_t len = fsn_segment_frame(w->segment, frame, (size_t)got, now_ns());
+        lie(frame, len, atomic_load(&w->lie));
         const unsigned one_in = atomic_load(&w->one_in);
         if (len > 0 && one_in > 0 && pick(w, one_in) == 0) {
             len = damage(w, frame, len);
@@ -142,6 +182,11 @@ int main(int argc, char **argv) {
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, answer, &w) == 0);
     unsigned opened = 0;
+    for (unsigned what = NO_LINKS; what <= WILD_CLOCKS; what++) {
+        atomic_store(&w.lie, what);
+        (void)play(&w, plan, true, 0);
+    }
+    atomic_store(&w.lie, NO_LIE);
     for (unsigned i = 0; i < rounds; i++) {
         opened += play(&w, plan, i % 2 == 0, 2 + pick_own(&w, 60));
     }

@@ -173,8 +173,21 @@ static fsn_status make_nodes(struct fsn_soem *bus, const struct fsn_plan *plan) 
     return FSN_OK;
 }
 
+/** Who answers has a link, whatever its DL status said or a lost frame made of it: SOEM believes
+ * it, and works out delays with a port that it never set. */
+static void believe_no_missing_link(struct fsn_soem *bus) {
+    for (int s = 1; s <= bus->slave_count; s++) {
+        ec_slavet *slave = &bus->slaves[s];
+        if (slave->activeports == 0) {
+            slave->activeports = 1; /* port 0, where frames come in */
+            slave->topology = 1;
+        }
+    }
+}
+
 /** Distributed clocks: delays and offsets; returns the station of the reference clock, 0 without.*/
 static uint16_t start_clocks(struct fsn_soem *bus) {
+    believe_no_missing_link(bus);
     if (bus->dc_every == 0 || !ecx_configdc(&bus->context)) {
         return 0;
     }
