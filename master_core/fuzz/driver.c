@@ -1,6 +1,6 @@
 /** Drives a fuzz target without libFuzzer.
  *
- *    fuzz_NAME ROUNDS             mutates good inputs, the same way every time
+ *    fuzz_NAME ROUNDS [SEED]      mutates good inputs, the same way every time
  *    fuzz_NAME FILE…              replays files, such as what libFuzzer has found
  *    fuzz_NAME --seed-corpus DIR  writes good inputs for libFuzzer to start from */
 #include <string.h>
@@ -81,8 +81,7 @@ static int write_corpus(const char *directory) {
 }
 
 /** Runs the good inputs as they are, then mutated, in turn. */
-static void run_rounds(long rounds) {
-    uint64_t seed = 42;
+static void run_rounds(uint64_t rounds, uint64_t seed) {
     size_t len;
     uint8_t *good;
     for (size_t i = 0; (good = fuzz_seed(i, &len)) != NULL; i++) {
@@ -102,15 +101,22 @@ static void run_rounds(long rounds) {
     }
 }
 
+static bool read_number(const char *text, uint64_t *number) {
+    char *end;
+    *number = strtoull(text, &end, 10);
+    return end != text && *end == 0;
+}
+
 int main(int argc, char **argv) {
     if (argc == 3 && strcmp(argv[1], "--seed-corpus") == 0) {
         return write_corpus(argv[2]);
     }
-    char *end = NULL;
-    const long rounds = argc == 2 ? strtol(argv[1], &end, 10) : 0;
-    if (argc == 2 && end != argv[1] && *end == 0) {
-        run_rounds(rounds);
-        printf("%ld mutated inputs\n", rounds);
+    uint64_t rounds;
+    uint64_t seed = 42;
+    if ((argc == 2 || argc == 3) && read_number(argv[1], &rounds) &&
+        (argc == 2 || read_number(argv[2], &seed))) {
+        run_rounds(rounds, seed);
+        printf("%llu mutated inputs\n", (unsigned long long)rounds);
         return 0;
     }
     int status = argc < 2;
