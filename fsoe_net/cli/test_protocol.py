@@ -170,7 +170,8 @@ def _say(protocol: Protocol, output: str) -> int:
         for seen in (step.emulated, step.live)
         if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED
     ]
-    click.echo(f"{output}: {len(steps)} steps, {len(protocol.open_steps)} open at the machine")
+    machine = f"{len(protocol.open_steps)} of {len(protocol.machine_steps)} open at the machine"
+    click.echo(f"{output}: {len(steps)} steps, {machine}")
     tried = [s.emulated for s in steps if s.emulated is not None]
     if tried:
         left = sum(seen.outcome is Outcome.NOT_RUN for seen in tried)

@@ -20,6 +20,11 @@ class StepKind(enum.Enum):
     LOSS = "loss"
     FAULT = "fault"
 
+    @property
+    def at_machine(self) -> bool:
+        """Whether a person tries it at the machine; faults are put into the emulated bus only."""
+        return self is not StepKind.FAULT
+
 
 class Outcome(enum.Enum):
     """What came of a step."""
@@ -100,9 +105,41 @@ class ProtocolStep(Located):
 
     @property
     def is_open(self) -> bool:
-        """Whether the step still waits for a person: what was emulated does not close it."""
+        """Whether the step still waits for a person: what programs saw never closes it."""
         machine = self.machine
-        return machine.outcome in (None, Outcome.NOT_RUN) or not machine.by or not machine.date
+        return self.kind.at_machine and (
+            machine.outcome in (None, Outcome.NOT_RUN) or not machine.by or not machine.date
+        )
+
+    @property
+    def is_late(self) -> bool:
+        """Whether a person measured a longer time than is allowed."""
+        measured, limit = self.machine.measured_ms, self.limit_ms
+        return measured is not None and limit is not None and measured > limit
+
+    @property
+    def is_failed(self) -> bool:
+        """Whether it went otherwise than expected at the machine, signed or not.
+
+        A step that is not tried at the machine has failed when the emulated bus says so.
+        """
+        if not self.kind.at_machine:
+            return _otherwise(self.emulated)
+        return self.machine.outcome is Outcome.NOT_AS_EXPECTED or self.is_late
+
+    @property
+    def is_done(self) -> bool:
+        """Whether a person tried it at the machine, signed it, and it went as expected."""
+        return self.kind.at_machine and not self.is_open and not self.is_failed
+
+    @property
+    def is_disputed(self) -> bool:
+        """Whether a person saw what was expected, and a program did not."""
+        return self.is_done and (_otherwise(self.emulated) or _otherwise(self.live))
+
+
+def _otherwise(seen: Seen | None) -> bool:
+    return seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +161,21 @@ class Protocol(Located):
     steps: tuple[ProtocolStep, ...]
 
     @property
-    def open_steps(self) -> tuple[str, ...]:
-        """Ids of the steps that a person has not finished at the machine."""
-        return tuple(step.id for step in self.steps if step.is_open)
+    def machine_steps(self) -> tuple[ProtocolStep, ...]:
+        """Return the steps that a person tries at the machine; a sign-off needs all of them."""
+        return tuple(step for step in self.steps if step.kind.at_machine)
+
+    @property
+    def open_steps(self) -> tuple[ProtocolStep, ...]:
+        """Return the steps that a person has not finished at the machine."""
+        return tuple(step for step in self.steps if step.is_open)
+
+    @property
+    def failed_steps(self) -> tuple[ProtocolStep, ...]:
+        """Return the steps that went otherwise than expected; one may be open besides."""
+        return tuple(step for step in self.steps if step.is_failed)
+
+    @property
+    def disputed_steps(self) -> tuple[ProtocolStep, ...]:
+        """Return the finished steps in which a program saw something else than the person."""
+        return tuple(step for step in self.steps if step.is_disputed)

@@ -29,7 +29,7 @@ from fsoe_net.report.document import (
     strong,
 )
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
-from fsoe_net.report.inputs import ReportInputs, Tried
+from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
 from fsoe_net.run import RunResult, state_text
 
 __all__ = ["bus_evidence", "tests"]
@@ -342,7 +342,12 @@ def tests(inputs: ReportInputs) -> Block:
         parts += [files_table("test protocol", [tried.source]), _checklist(tried)]
         left = sum(s.is_open for s in tried.steps)
         if left:
-            words = f"{left} of {len(tried.steps)} test steps are open at the machine"
+            count = sum(s.at_machine for s in tried.steps)
+            words = f"{left} of {count} test steps are open at the machine"
+            points.append(Point(PointKind.OPEN, words))
+        failed = [s for s in tried.steps if s.is_failed]
+        if failed:
+            words = f"{len(failed)} test steps did not go as expected, first: {failed[0].what}"
             points.append(Point(PointKind.OPEN, words))
         if tried.plan_sha256 != _plan_sha256(inputs):
             words = f"{tried.source.path} was made for another plan"
@@ -376,8 +381,8 @@ def _checklist(tried: Tried) -> Table:
             else cell(stated(s.limit_ms, "ms", s.limit_source or source)),
             _result(s.emulated, s.emulated_ms, source),
             _result(s.live, s.live_ms, source),
-            _result(s.machine, s.machine_ms, source) or BLANK,
-            cell(s.who) if s.who else BLANK,
+            _by_hand(s, source),
+            cell(s.who) if s.who else BLANK if s.at_machine else (),
         )
         for s in tried.steps
     )
@@ -390,10 +395,16 @@ def _checklist(tried: Tried) -> Table:
     )
 
 
-def _result(word: str, ms: float | None, source: str) -> Cell:
+def _by_hand(s: TestStep, source: str) -> Cell:
+    if not s.at_machine:
+        return cell(muted("not tried at the machine"))
+    return _result(s.machine, s.machine_ms, source, failed=s.is_failed) or BLANK
+
+
+def _result(word: str, ms: float | None, source: str, *, failed: bool = False) -> Cell:
     items: list[Item] = []
     if word:
-        failed = word.startswith("not as expected")
+        failed = failed or word.startswith("not as expected")
         items.append(Verdict(word, Level.ERROR) if failed else Text(word))
     if ms is not None:
         items.append(stated(ms, "ms", source))

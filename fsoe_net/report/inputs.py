@@ -70,6 +70,8 @@ class TestStep:
         machine: What a person wrote down at the machine.
         who: Who that was, and when.
         is_open: Whether it still waits for a person.
+        is_failed: Whether it went otherwise than expected.
+        at_machine: Whether a person tries it at the machine.
     """
 
     __test__ = False
@@ -86,6 +88,8 @@ class TestStep:
     machine_ms: float | None = None
     who: str = ""
     is_open: bool = True
+    is_failed: bool = False
+    at_machine: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from fsoe_net.model import EMULATED_NOTE, AtMachine, Outcome, Protocol, ProtocolStep, Seen
+from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Seen
 from fsoe_net.report.html import html_page, table
 
 __all__ = ["protocol_page"]
@@ -44,7 +44,10 @@ def protocol_page(protocol: Protocol, *, version: str) -> str:
     ]
     if protocol.fingerprint:
         body.append(f"<p>Fingerprint <code>{escape(protocol.fingerprint)}</code></p>")
-    body.append(f"<p><b>{count} of {len(protocol.steps)} steps open at the machine.</b></p>")
+    words = f"{count} of {len(protocol.machine_steps)} steps open at the machine"
+    if protocol.failed_steps:
+        words += f", {len(protocol.failed_steps)} not as expected"
+    body.append(f"<p><b>{words}.</b></p>")
     body.append(table(_HEAD, [_row(step) for step in protocol.steps]))
     return html_page(title, body, style=_STYLE)
 
@@ -61,7 +64,7 @@ def _row(step: ProtocolStep) -> tuple[str, ...]:
         escape(step.expected) + limit,
         _seen(step.emulated),
         _seen(step.live),
-        _machine(machine),
+        _machine(step),
         escape(" ".join(part for part in (machine.by, machine.date) if part)),
     )
 
@@ -72,8 +75,12 @@ def _seen(seen: Seen | None) -> str:
     return _words(seen.outcome, seen.measured_ms, seen.remark)
 
 
-def _machine(machine: AtMachine) -> str:
-    return _words(machine.outcome, machine.measured_ms, machine.remark)
+def _machine(step: ProtocolStep) -> str:
+    if not step.kind.at_machine:
+        return "<span class='muted'>not tried at the machine</span>"
+    machine = step.machine
+    late = '<span class="fail">later than allowed</span><br>' if step.is_late else ""
+    return late + _words(machine.outcome, machine.measured_ms, machine.remark)
 
 
 def _words(outcome: Outcome | None, measured_ms: float | None, remark: str) -> str:

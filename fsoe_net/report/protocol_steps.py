@@ -32,6 +32,8 @@ def _step(s: ProtocolStep) -> TestStep:
         machine_ms=machine.measured_ms,
         who=", ".join(w for w in (machine.by, machine.date) if w),
         is_open=s.is_open,
+        is_failed=s.is_failed,
+        at_machine=s.kind.at_machine,
     )
 
 

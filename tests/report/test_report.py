@@ -16,7 +16,7 @@ from report.made import CODES, TIMED, inputs_of, with_mistakes
 
 from fsoe_net.diag import Diagnostic, Severity, Span
 from fsoe_net.load.schema import read_schema
-from fsoe_net.model import SourceFile
+from fsoe_net.model import SourceFile, StepKind
 from fsoe_net.plan import compile_plan
 from fsoe_net.report import (
     Against,
@@ -326,6 +326,8 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
             live=None,
             machine=seen(None),
             is_open=True,
+            is_failed=False,
+            kind=StepKind.TRIGGER,
         ),
         SimpleNamespace(
             **common,
@@ -333,6 +335,8 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
             live=None,
             machine=seen("not as expected", 80.5, "A. B."),
             is_open=False,
+            is_failed=True,
+            kind=StepKind.LOSS,
         ),
     )
     protocol = SimpleNamespace(plan_sha256="0" * 64, steps=steps)
@@ -345,6 +349,7 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
     told = [p["text"] for p in document["points"] if p["block"] == "Tests"]
     assert told == [
         "1 of 2 test steps are open at the machine",
+        "1 test steps did not go as expected, first: press ES1",
         "old.fsnplan was made for another plan",
     ]
     empty = as_json(inputs_of(TIMED))

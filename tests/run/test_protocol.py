@@ -22,6 +22,7 @@ from fsoe_net.model import (
     Protocol,
     ProtocolStep,
     Resolution,
+    Seen,
     StepKind,
     resolve,
 )
@@ -74,7 +75,8 @@ def test_steps_of_functions_connections_devices_and_faults() -> None:
     assert "ES1 is pressed" in trigger.what
     assert "K1 opens" in trigger.expected
     assert trigger.limit_ms == 230
-    assert len(protocol.open_steps) == len(ids)
+    assert protocol.open_steps == protocol.machine_steps == protocol.steps[:6]
+    assert protocol.failed_steps == ()
 
 
 @needs_core
@@ -88,7 +90,8 @@ def test_the_emulated_bus_measures_and_closes_no_step() -> None:
     times = {name: s.emulated.measured_ms for name, s in steps.items() if s.emulated}
     assert 0 < (times["trigger estop"] or 0) < 20  # two handshakes of a few bus cycles
     assert 100 <= (times["loss io"] or 0) <= 110  # its watchdog is 100 ms
-    assert done.open_steps == wanted.open_steps
+    assert len(done.open_steps) == len(wanted.open_steps) == len(wanted.steps)
+    assert not any(step.is_done for step in done.steps)
     assert all(not s.machine.filled and s.live is None for s in done.steps)
     assert run_protocol_virtual(wanted, resolution, plan) == done
 
@@ -164,7 +167,8 @@ def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
     assert out.diagnostics == []
     assert EMULATED_NOTE in text
     jsonschema.validate(yaml.safe_load(text), read_schema("protocol"))
-    assert protocol.steps[0].id not in protocol.open_steps
+    assert protocol.steps[0] not in protocol.open_steps
+    assert protocol.steps[0].is_done
 
 
 @pytest.mark.parametrize(
@@ -216,6 +220,45 @@ def test_a_step_stays_open_without_name_and_date() -> None:
     assert replace(step, machine=replace(DONE, by="")).is_open
     assert replace(step, machine=replace(DONE, date="")).is_open
     assert replace(step, machine=replace(DONE, outcome=Outcome.NOT_RUN)).is_open
+    assert replace(step, machine=replace(DONE, outcome=None)).is_open
+
+
+FINE = Seen(outcome=Outcome.AS_EXPECTED, measured_ms=5.0)
+WRONG = replace(FINE, outcome=Outcome.NOT_AS_EXPECTED)
+
+
+def test_what_programs_saw_closes_no_step() -> None:
+    protocol, _ = protocol_of(timed())
+    seen = replace(
+        protocol, steps=tuple(replace(s, emulated=FINE, live=FINE) for s in protocol.steps)
+    )
+    assert seen.open_steps == seen.machine_steps
+    assert not any(step.is_done for step in seen.steps)
+
+
+def test_a_step_that_failed_is_never_done() -> None:
+    protocol, _ = protocol_of(timed())
+    trigger = by_id(protocol)["trigger estop"]
+    fine = replace(trigger, machine=DONE)
+    assert fine.is_done
+    failed = replace(trigger, machine=replace(DONE, outcome=Outcome.NOT_AS_EXPECTED))
+    assert (failed.is_open, failed.is_failed, failed.is_done) == (False, True, False)
+    unsigned = replace(failed, machine=replace(failed.machine, by=""))
+    assert (unsigned.is_open, unsigned.is_failed) == (True, True)
+    late = replace(trigger, machine=replace(DONE, measured_ms=230.1))
+    assert (late.is_late, late.is_failed, late.is_done) == (True, True, False)
+    assert replace(protocol, steps=(fine, failed, late)).failed_steps == (failed, late)
+    disputed = replace(fine, live=WRONG)
+    assert disputed.is_done
+    assert replace(protocol, steps=(fine, disputed)).disputed_steps == (disputed,)
+
+
+def test_a_class_of_faults_is_not_tried_at_the_machine() -> None:
+    protocol, _ = protocol_of(timed())
+    fault = by_id(protocol)["fault delay"]
+    for step in (fault, replace(fault, emulated=FINE), replace(fault, machine=DONE)):
+        assert (step.is_open, step.is_done, step.is_failed) == (False, False, False)
+    assert replace(fault, emulated=WRONG, machine=DONE).is_failed
 
 
 def test_what_people_wrote_is_kept_or_nothing_is_written() -> None:
@@ -323,7 +366,8 @@ def test_each_loss_is_confirmed_and_watched() -> None:
         assert "outputs" in seen.remark  # what it did not see
     assert steps["trigger estop"].live is None
     assert steps["fault delay"].live is None
-    assert all(step.is_open and step.emulated is None for step in steps.values())
+    assert all(step.is_open or step.kind is StepKind.FAULT for step in steps.values())
+    assert all(step.emulated is None for step in steps.values())
 
 
 @pytest.mark.parametrize(
