@@ -11,10 +11,10 @@ from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.plan import write_whole
-from fsoe_net.errors import InputError
+from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, load_protocol
-from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep
-from fsoe_net.plan import compile_plan, fingerprint_of
+from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution
+from fsoe_net.plan import Fingerprint, compile_plan, fingerprint_of
 from fsoe_net.report import protocol_page
 from fsoe_net.run import (
     Client,
@@ -96,8 +96,8 @@ def command(
     if not resolution.connections:
         raise InputError("nothing to try: these files hold no FSoE connection")
     compiled = compile_plan(resolution)
-    plan = compiled.to_bytes()
-    protocol = make_protocol(resolution, plan, fingerprint=fingerprint_of(compiled).whole)
+    plan, fingerprint = compiled.to_bytes(), fingerprint_of(compiled)
+    protocol = make_protocol(resolution, plan, fingerprint=fingerprint.whole)
     old = given or (output if kind == ".yaml" and Path(output).exists() else None)
     before = None if old is None else _read(old)
     if before is not None:
@@ -107,15 +107,48 @@ def command(
             protocol, resolution, plan, faults=faults, on_step=_note if _shown() else None
         )
     if socket is not None:
-        with Client(socket) as client:
-            protocol = run_protocol_live(protocol, resolution, client, _Person())
-    text = (
-        write_protocol(protocol)
-        if kind == ".yaml"
-        else protocol_page(protocol, version=__version__)
-    )
-    write_whole(output, text.encode("utf-8"))
+        protocol = _live(protocol, resolution, socket, fingerprint, output)
+    _write(protocol, output)
     ctx.exit(_say(protocol, output))
+
+
+def _write(protocol: Protocol, output: str) -> None:
+    yaml = _kind(output) == ".yaml"
+    text = write_protocol(protocol) if yaml else protocol_page(protocol, version=__version__)
+    write_whole(output, text.encode("utf-8"))
+
+
+def _live(
+    protocol: Protocol, resolution: Resolution, socket: str, wanted: Fingerprint, output: str
+) -> Protocol:
+    """Look at a running bus; what was seen is written also when it breaks off."""
+    seen: list[Protocol] = []
+
+    def on_step(so_far: Protocol, step: ProtocolStep) -> None:
+        seen.append(so_far)
+        _tell_step(step)
+
+    try:
+        with Client(socket) as client:
+            return run_protocol_live(
+                protocol, resolution, client, _Person(), fingerprint=wanted, on_step=on_step
+            )
+    except (KeyboardInterrupt, click.Abort, EnvironmentFault):
+        if seen:
+            _write(seen[-1], output)
+            click.echo(
+                f"\nbroken off: {output} has the {len(seen)} steps looked at so far; put back what "
+                "you took off the bus, start again with the same command for the rest",
+                err=True,
+            )
+        raise
+
+
+def _tell_step(step: ProtocolStep) -> None:
+    seen = step.live
+    if seen is not None:
+        time = "" if seen.measured_ms is None else f", {seen.measured_ms:g} ms {seen.time_is}"
+        click.echo(f"  {step.id}: {seen.outcome.value}{time}; {seen.remark}", err=True)
 
 
 def _kind(output: str) -> str:

@@ -14,7 +14,7 @@ from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.known import Known, read_known
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.plan import Plan, cycle_sha256, fingerprint_of_sections
+from fsoe_net.plan import Plan
 from fsoe_net.report import Side, compare, side_of_plan
 
 __all__ = ["command"]
@@ -96,18 +96,15 @@ def command(
 
 def _live(wanted: Known, socket: str) -> _Compared:
     """Ask the core; a bus cycle that is not the one its plan states counts as another section."""
-    from fsoe_net.run import Client
+    from fsoe_net.run import Client, fingerprint_in_use
 
     with Client(socket) as client:
         status = client.status()
-    told = status.fingerprint
+    told = fingerprint_in_use(status)
     if told is None:
         raise EnvironmentFault(
             f"{socket}: this fsn-master tells no fingerprint; install a newer one"
         )
-    used = cycle_sha256(status.cycle_ns)
-    if told.sections["cycle"] not in (used, cycle_sha256(0)):
-        told = fingerprint_of_sections({**told.sections, "cycle": used})
     note = f"fsn-master {status.version}, cycle {status.cycle_ns / 1e6:g} ms"
     return _compare(wanted, Known(path=socket, fingerprint=told), note)
 

@@ -1,6 +1,7 @@
 """Looks at the machine for what disturbs a real-time cycle; changes nothing."""
 
 from fsoe_net.host.doctor import Examination, examine
+from fsoe_net.host.ethtool import driver as network_driver
 from fsoe_net.host.finding import Finding, Level
 from fsoe_net.host.seam import Host, RealSeam, Seam, Unreadable
 
@@ -13,4 +14,5 @@ __all__ = [
     "Seam",
     "Unreadable",
     "examine",
+    "network_driver",
 ]

@@ -81,6 +81,7 @@ def _seen(node: Node | None, out: Collector) -> Seen | None:
         fields=node.places(),
         outcome=Outcome(_text(node, "result")),
         measured_ms=_ms(node, "measured_ms", out),
+        time_is=_text(node, "time_is"),
         remark=_text(node, "remark"),
     )
 

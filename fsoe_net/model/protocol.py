@@ -41,11 +41,13 @@ class Seen(Located):
     Attributes:
         outcome: What came of it.
         measured_ms: Time that was measured, ms; ``None`` without one.
+        time_is: What that time is: from what to what, and how finely it is seen.
         remark: What was seen besides, or why it was not run.
     """
 
     outcome: Outcome
     measured_ms: float | None = None
+    time_is: str = ""
     remark: str = ""
 
 

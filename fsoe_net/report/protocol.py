@@ -72,7 +72,8 @@ def _row(step: ProtocolStep) -> tuple[str, ...]:
 def _seen(seen: Seen | None) -> str:
     if seen is None:
         return ""
-    return _words(seen.outcome, seen.measured_ms, seen.remark)
+    said = "; ".join(text for text in (seen.time_is, seen.remark) if text)
+    return _words(seen.outcome, seen.measured_ms, said)
 
 
 def _machine(step: ProtocolStep) -> str:

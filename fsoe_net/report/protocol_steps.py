@@ -40,4 +40,6 @@ def _step(s: ProtocolStep) -> TestStep:
 def _words(seen: Seen | AtMachine | None) -> str:
     if seen is None or seen.outcome is None:
         return ""
-    return f"{seen.outcome.value}: {seen.remark}" if seen.remark else str(seen.outcome.value)
+    said = [getattr(seen, "time_is", ""), seen.remark]
+    words = "; ".join(text for text in said if text)
+    return f"{seen.outcome.value}: {words}" if words else str(seen.outcome.value)

@@ -15,6 +15,7 @@ from fsoe_net.run.control_values import (
     WatchedCycle,
 )
 from fsoe_net.run.emulate import EmulateResult, SegmentSession, serve
+from fsoe_net.run.in_use import fingerprint_in_use
 from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
 from fsoe_net.run.live_capture import LiveCapture
@@ -73,6 +74,7 @@ __all__ = [
     "control_socket",
     "counted_session_ids",
     "find_master",
+    "fingerprint_in_use",
     "keep_machine",
     "make_protocol",
     "random_session_ids",

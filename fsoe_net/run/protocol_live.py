@@ -8,19 +8,31 @@ the area is guarded.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 from typing import Protocol as Interface
 
-from fsoe_net.errors import InputError
-from fsoe_net.model import Outcome, Protocol, ProtocolStep, Resolution, Seen, StepKind
+from fsoe_net.model import (
+    EMULATED_NOTE,
+    Outcome,
+    Protocol,
+    ProtocolStep,
+    Resolution,
+    Seen,
+    StepKind,
+)
+from fsoe_net.plan import Fingerprint
 from fsoe_net.run.control_values import NamedConnection, Status
+from fsoe_net.run.in_use import check_in_use, emulated_bus
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 from fsoe_net.run.protocol import connections_of
+from fsoe_net.run.protocol_times import LossTimes, is_data
 
 __all__ = ["Asked", "Observer", "run_protocol_live"]
 
-_WAIT_S = 60.0
+_PERSON_S = 300.0  # for what a person does at the machine
+_SETTLE_S = 20.0  # for what connections do by themselves
 _POLL_S = 0.02
 
 
@@ -35,6 +47,12 @@ class Observer(Interface):
 
     def subdevices(self) -> tuple[SubDeviceSnapshot, ...]:
         """Return the SubDevices."""
+
+    def subscribe(self) -> None:
+        """Have every change told."""
+
+    def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
+        """Return what was told, after waiting at most ``wait_s`` for the first of it."""
 
 
 class Asked(Interface):
@@ -53,8 +71,11 @@ def run_protocol_live(
     observer: Observer,
     person: Asked,
     *,
-    wait_s: float = _WAIT_S,
-    sleep: Callable[[float], None] = time.sleep,
+    fingerprint: Fingerprint | None = None,
+    person_s: float = _PERSON_S,
+    settle_s: float = _SETTLE_S,
+    clock: Callable[[], float] = time.monotonic,
+    on_step: Callable[[Protocol, ProtocolStep], None] | None = None,
 ) -> Protocol:
     """Return the protocol with the column of the live bus filled in where it shows something.
 
@@ -63,22 +84,44 @@ def run_protocol_live(
         resolution: A network without errors.
         observer: A running ``fsn-master``.
         person: Confirms each loss, and does it.
-        wait_s: How long to wait for each thing a person does.
-        sleep: Waits between two looks.
+        fingerprint: Of these files; without it the hashes of the plans are compared.
+        person_s: How long to wait for each thing a person does.
+        settle_s: How long to wait for what connections do by themselves.
+        clock: Seconds.
+        on_step: Called after each step that was looked at, with the protocol as it then is: what
+            was seen is kept when a later step breaks off.
 
     Raises:
-        InputError: ``fsn-master`` runs another plan.
+        InputError: ``fsn-master`` runs another configuration.
         EnvironmentFault: It does not answer.
     """
-    running = observer.status().plan_sha256
-    if running != protocol.plan_sha256:
-        raise InputError(
-            f"fsn-master runs another plan ({running[:16]}) than these files give "
-            f"({protocol.plan_sha256[:16]}); start it with the plan of these files"
-        )
-    watch = _Watch(resolution, observer, person, wait_s, sleep)
-    steps = tuple(replace(step, live=watch.seen(step) or step.live) for step in protocol.steps)
-    return replace(protocol, steps=steps)
+    status = observer.status()
+    check_in_use(status, fingerprint, protocol.plan_sha256)
+    rig = emulated_bus(status)
+    if rig:
+        person.tell(f"{EMULATED_NOTE}: {rig}.")
+    observer.subscribe()
+    watch = _Watch(resolution, observer, person, status, person_s, settle_s, clock)
+    bus = f"{status.backend} on {status.interface}" if status.interface else status.backend
+    mark = f"{EMULATED_NOTE}: {rig}" if rig else bus
+    for number, step in enumerate(protocol.steps):
+        seen = watch.seen(step)
+        if seen is None:
+            continue
+        seen = replace(seen, remark=f"{mark}; {seen.remark}")
+        tried = replace(step, live=_kept(step.live, seen))
+        steps = (*protocol.steps[:number], tried, *protocol.steps[number + 1 :])
+        protocol = replace(protocol, steps=steps)
+        if on_step is not None:
+            on_step(protocol, replace(tried, live=seen))
+    return protocol
+
+
+def _kept(before: Seen | None, now: Seen) -> Seen:
+    """A step that is left out this time keeps what was seen when it was run."""
+    if before is not None and now.outcome is Outcome.NOT_RUN:
+        return before
+    return now
 
 
 class _Watch:
@@ -89,14 +132,18 @@ class _Watch:
         resolution: Resolution,
         observer: Observer,
         person: Asked,
-        wait_s: float,
-        sleep: Callable[[float], None],
+        status: Status,
+        person_s: float,
+        settle_s: float,
+        clock: Callable[[], float],
     ) -> None:
         self._resolution = resolution
         self._observer = observer
         self._person = person
-        self._looks = max(1, round(wait_s / _POLL_S))
-        self._sleep = sleep
+        self._cycle_ms = status.cycle_ns / 1e6
+        self._person_s = person_s
+        self._settle_s = settle_s
+        self._clock = clock
 
     def seen(self, step: ProtocolStep) -> Seen | None:
         """Return what this step shows; ``None`` when it cannot show anything."""
@@ -106,50 +153,148 @@ class _Watch:
             return self._loss(step)
         return None
 
+    def _idle(self, own: set[str]) -> str:
+        states = self._states()
+        return ", ".join(sorted(name for name in own if states.get(name) == "data_failsafe"))
+
     def _states(self) -> dict[str, str]:
         return {c.name: c.seen.state.word for c in self._observer.connections()}
 
     def _start_up(self, name: str) -> Seen:
-        state = self._states().get(name, "not there")
-        reached = state.startswith("data")
+        if name not in self._states():
+            return _not_run("fsn-master knows no connection of this name")
+        reached = self._until(lambda: is_data(self._states()[name]), self._settle_s)
         return Seen(
             outcome=Outcome.AS_EXPECTED if reached else Outcome.NOT_AS_EXPECTED,
-            remark=f"now {state}; outputs before a reset are not seen here",
+            remark=f"now {_words(self._states()[name])}; outputs before a reset are not seen here",
         )
 
+    # -- loss -------------------------------------------------------------------------------------
+
     def _loss(self, step: ProtocolStep) -> Seen:
-        name = step.subject
-        own = {c.name for c in connections_of(self._resolution, name)}
-        if not self._ready(own):
-            return Seen(outcome=Outcome.NOT_RUN, remark="its connections were not in Data")
+        own = {c.name for c in connections_of(self._resolution, step.subject)}
+        if why := self._unfit(step.subject, own):
+            return _not_run(why)
+        if idle := self._idle(own):
+            self._person.tell(
+                f"{idle} sends FailSafeData: outputs are off already. Press reset before you go on."
+            )
         if not self._person.guarded(step):
-            return Seen(outcome=Outcome.NOT_RUN, remark="nobody confirmed that the area is guarded")
-        self._person.tell(f"Take {name} off the bus now.")
-        if not self._until(lambda: self._gone(name)):
-            return Seen(outcome=Outcome.NOT_RUN, remark=f"{name} stayed on the bus")
-        left = self._until(lambda: not any(self._in_data(own)))
-        stayed = sum(state.startswith("data") for state in self._states().values())
-        self._person.tell(f"Put {name} back.")
-        back = self._until(lambda: not self._gone(name) and self._ready(own))
-        words = f"{stayed} connections in Data without it; outputs are not seen here"
+            return _not_run("nobody confirmed that the area is guarded")
+        if why := self._unfit(step.subject, own):
+            return _not_run(why)
+        before, away = self._states(), self._off()
+        self._observer.events()
+        times = LossTimes(own)
+        self._person.tell(f"Take {step.subject} off the bus now.")
+        if why := self._taken(step.subject, away, times):
+            return _not_run(why)
+        left = self._until(lambda: not any(map(is_data, self._of(own))), self._settle_s, times)
+        stayed = sum(map(is_data, self._states().values()))
+        self._person.tell(f"Put {step.subject} back.")
+        back = self._back(before, away)
+        return self._judged(step, before, own, times, left=left, back=back, stayed=stayed)
+
+    def _judged(
+        self,
+        step: ProtocolStep,
+        before: Mapping[str, str],
+        own: set[str],
+        times: LossTimes,
+        *,
+        left: bool,
+        back: bool,
+        stayed: int,
+    ) -> Seen:
+        words = [f"{stayed} of {len(before)} connections in Data without it"]
+        if idle := sorted(n for n in own if before[n] == "data_failsafe"):
+            words.append(f"{', '.join(idle)} sent FailSafeData before, so outputs were off already")
+        if times.silent:
+            words.append(
+                f"{', '.join(times.silent)} fell silent with both ends off the bus: no time seen"
+            )
+        if times.interruptions:
+            words.append(
+                f"{times.interruptions} times the bus lost frames before it: the time is uncertain"
+            )
+        if not left:
+            words.append("its connections stayed in Data")
         if not back:
-            words += "; its connections did not come back"
-        fine = left and back
-        return Seen(outcome=Outcome.AS_EXPECTED if fine else Outcome.NOT_AS_EXPECTED, remark=words)
+            words.append("not all came back into Data")
+        took = times.took_ms()
+        late = took is not None and step.limit_ms is not None and took > step.limit_ms
+        if late:
+            words.append(f"later than {step.limit_ms:g} ms")
+        fine = left and back and not late
+        return Seen(
+            outcome=Outcome.AS_EXPECTED if fine else Outcome.NOT_AS_EXPECTED,
+            measured_ms=took,
+            time_is=""
+            if took is None
+            else "from the first bus cycle without it until its connections had left Data on the "
+            f"bus, to the bus cycle of {self._cycle_ms:g} ms; devices and outputs not in it",
+            remark="; ".join([*words, "outputs are not seen here"]),
+        )
 
-    def _in_data(self, names: set[str]) -> list[bool]:
-        return [s.startswith("data") for name, s in self._states().items() if name in names]
+    def _unfit(self, name: str, own: set[str]) -> str:
+        states = self._states()
+        if missing := sorted(own - states.keys()):
+            return f"fsn-master knows no connection {missing[0]}"
+        if idle := sorted(n for n in own if not is_data(states[n])):
+            return f"its connections were not in Data: {idle[0]} in {_words(states[idle[0]])}"
+        return f"{name} was not in OP" if name in self._off() else ""
 
-    def _ready(self, names: set[str]) -> bool:
-        return all(self._in_data(names))
+    def _taken(self, name: str, away: set[str], times: LossTimes) -> str:
+        """Wait until it is gone; return why it was not."""
+        others: set[str] = set()
 
-    def _gone(self, name: str) -> bool:
-        found = [sub for sub in self._observer.subdevices() if sub.name == name]
-        return not any(sub.in_op for sub in found)
+        def gone() -> bool:
+            off = self._off() - away
+            if name not in off and off - others:
+                others.update(off)
+                self._person.tell(f"{', '.join(sorted(off))} left the bus, {name} is still there.")
+            return name in off
 
-    def _until(self, done: Callable[[], bool]) -> bool:
-        for _ in range(self._looks):
-            if done():
-                return True
-            self._sleep(_POLL_S)
-        return done()
+        if self._until(gone, self._person_s, times):
+            return ""
+        self._person.tell(f"{name} has not left the bus: leave it as it is. Next step.")
+        wrong = f"; {', '.join(sorted(others))} left instead" if others else ""
+        return f"{name} stayed on the bus{wrong}"
+
+    def _back(self, before: Mapping[str, str], away: set[str]) -> bool:
+        """Wait until all SubDevices and connections are back: those behind it are lost with it."""
+        inside = [name for name, word in before.items() if is_data(word)]
+        return self._until(
+            lambda: self._off() <= away and all(map(is_data, self._of(inside))), self._person_s
+        )
+
+    def _of(self, names: set[str] | list[str]) -> list[str]:
+        states = self._states()
+        return [states[name] for name in names]
+
+    def _off(self) -> set[str]:
+        return {sub.name for sub in self._observer.subdevices() if not sub.in_op}
+
+    def _until(
+        self, done: Callable[[], bool], wait_s: float, times: LossTimes | None = None
+    ) -> bool:
+        """Look until it is done, and keep the times of what is told meanwhile."""
+        end = self._clock() + wait_s
+        while True:
+            found = done()
+            over = self._clock() >= end
+            for event in self._observer.events(0.0 if found or over else _POLL_S):
+                if times is not None:
+                    times.take(event)
+            if found or over:
+                return found
+
+
+def _words(state: str) -> str:
+    return {"data_process": "ProcessData", "data_failsafe": "FailSafeData"}.get(
+        state, state.capitalize()
+    )
+
+
+def _not_run(why: str) -> Seen:
+    return Seen(outcome=Outcome.NOT_RUN, remark=why)

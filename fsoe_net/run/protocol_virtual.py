@@ -116,7 +116,14 @@ class _Emulation:
             return Seen(outcome=Outcome.NOT_AS_EXPECTED, remark="never reached Data")
         if self._early:
             return Seen(outcome=Outcome.NOT_AS_EXPECTED, remark="an output was on before a reset")
-        return Seen(outcome=Outcome.AS_EXPECTED, measured_ms=reached / _MS)
+        return Seen(
+            outcome=Outcome.AS_EXPECTED,
+            measured_ms=reached / _MS,
+            time_is=self._time_is("from the first bus cycle until Data"),
+        )
+
+    def _time_is(self, words: str) -> str:
+        return f"{words}; to the bus cycle of {self._cycle_ns / _MS:g} ms"
 
     # -- trigger ----------------------------------------------------------------------------------
 
@@ -130,8 +137,11 @@ class _Emulation:
         return _within(
             step,
             slowest,
-            f"longest of {_PHASES} tries, from safe input to safe output; the emulated devices "
-            "answer within a bus cycle, sensor and actuator are not in it",
+            self._time_is(
+                "from safe inputs 0 to safe outputs 0, both at the emulated devices, which answer "
+                "within a bus cycle; sensor and actuator not in it"
+            ),
+            f"longest of {_PHASES} tries, each a bus cycle later",
         )
 
     def _triggered(self, function: SafetyFunction, act_ns: int) -> Seen | int:
@@ -178,6 +188,7 @@ class _Emulation:
                 return Seen(
                     outcome=Outcome.NOT_AS_EXPECTED,
                     measured_ms=(off_ns - act_ns) / _MS,
+                    time_is=self._time_is("until it went off"),
                     remark=f"{again[0]} came on again without a reset",
                 )
         if off_ns is None:
@@ -211,7 +222,10 @@ class _Emulation:
             if port.setup.connection.main.name in mains
         ]
         found = self._reaction(session, names, act_ns, end_ns)
-        return found if isinstance(found, Seen) else _within(step, found, "until all are off")
+        if isinstance(found, Seen):
+            return found
+        words = "from the last bus cycle with it until all safe outputs of its logic are 0"
+        return _within(step, found, self._time_is(words), "one try")
 
     def _bystander(self, session: Session, end_ns: int) -> Seen:
         network, came_on, before = session.network, False, 0
@@ -243,15 +257,15 @@ class _Emulation:
         return Seen(
             outcome=Outcome.AS_EXPECTED if row.passed else Outcome.NOT_AS_EXPECTED,
             measured_ms=row.latency_max_ns / _MS if row.detected else None,
+            time_is="the longest from a fault until it was detected" if row.detected else "",
             remark=_counts(row),
         )
 
 
 def _counts(row: ClassResult) -> str:
-    longest = "; the time is the longest until detection" if row.detected else ""
     return (
         f"{row.injected} faults: {row.detected} detected, {row.tolerated} tolerated, "
-        f"{row.collisions} CRC collisions, {row.wrongly_accepted} wrongly accepted{longest}"
+        f"{row.collisions} CRC collisions, {row.wrongly_accepted} wrongly accepted"
     )
 
 
@@ -283,11 +297,12 @@ def _not_run(why: str) -> Seen:
     return Seen(outcome=Outcome.NOT_RUN, remark=why)
 
 
-def _within(step: ProtocolStep, took_ns: int, remark: str) -> Seen:
+def _within(step: ProtocolStep, took_ns: int, time_is: str, remark: str) -> Seen:
     took = took_ns / _MS
     late = step.limit_ms is not None and took > step.limit_ms
     return Seen(
         outcome=Outcome.NOT_AS_EXPECTED if late else Outcome.AS_EXPECTED,
         measured_ms=took,
+        time_is=time_is,
         remark=f"later than {step.limit_ms:g} ms; {remark}" if late else remark,
     )

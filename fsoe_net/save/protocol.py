@@ -61,5 +61,6 @@ def _seen(seen: Seen | None) -> dict[str, Any] | None:
     return {
         "result": seen.outcome.value,
         "measured_ms": seen.measured_ms,
+        "time_is": seen.time_is,
         "remark": seen.remark,
     }

@@ -1,0 +1,68 @@
+"""What a running ``fsn-master`` really uses, against what the files say."""
+
+from __future__ import annotations
+
+from fsoe_net.errors import InputError
+from fsoe_net.host import Host, Unreadable, network_driver
+from fsoe_net.plan import Fingerprint, cycle_sha256, fingerprint_of_sections
+from fsoe_net.run.control_values import Status
+
+__all__ = ["check_in_use", "emulated_bus", "fingerprint_in_use"]
+
+_NO_CARDS = frozenset({"veth", "tun", "dummy", "netdevsim", "macvlan"})
+
+
+def fingerprint_in_use(status: Status) -> Fingerprint | None:
+    """Return the fingerprint of what runs, with the bus cycle that is really used.
+
+    ``None`` from a program that tells none. A cycle other than that of the plan counts as another
+    section.
+    """
+    told = status.fingerprint
+    if told is None:
+        return None
+    used = cycle_sha256(status.cycle_ns)
+    if told.sections["cycle"] in (used, cycle_sha256(0)):
+        return told
+    return fingerprint_of_sections({**told.sections, "cycle": used})
+
+
+def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -> None:
+    """Make sure that what runs is what the files say.
+
+    Args:
+        status: Of the running ``fsn-master``.
+        wanted: Fingerprint of the files; without it, or when none is told, the plans are compared.
+        plan_sha256: Of the plan of the files.
+
+    Raises:
+        InputError: It runs something else; the message names the sections that differ.
+    """
+    told = fingerprint_in_use(status)
+    if wanted is None or told is None:
+        if status.plan_sha256 != plan_sha256:
+            raise InputError(
+                f"fsn-master runs another plan ({status.plan_sha256[:16]}) than these files give "
+                f"({plan_sha256[:16]}); start it with the plan of these files"
+            )
+        return
+    if told.whole != wanted.whole:
+        raise InputError(
+            f"fsn-master runs another configuration ({told.short}) than these files give "
+            f"({wanted.short}); it differs in {', '.join(wanted.changed(told))}; start it with the "
+            "plan of these files, `fsoe-net verify` shows the difference"
+        )
+
+
+def emulated_bus(status: Status) -> str:
+    """Return why the bus is a rig and no machine; empty when nothing shows that.
+
+    A network card tells nothing: whatever answers behind it, this cannot know.
+    """
+    if status.backend == "emulated":
+        return "the bus of fsn-master is emulated"
+    try:
+        driver = network_driver(Host(), status.interface) if status.interface else ""
+    except (OSError, Unreadable):
+        return ""
+    return f"{status.interface} is no network card ({driver})" if driver in _NO_CARDS else ""
