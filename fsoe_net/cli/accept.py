@@ -33,7 +33,7 @@ Example:
   fsoe-net accept network.yaml --protocol protocol.yaml --report report.html --report report.json
       --author "A. Meier" --verifier "B. Kaya" -o acceptance.yaml
       --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya"
-      --justify "fault *=no faults can be put into frames at the machine by B. Kaya"
+      --justify "loss io_box=soldered in, cannot be unplugged by B. Kaya"
 
 Afterwards: fsoe-net verify network.yaml --accepted acceptance.yaml (or --live SOCKET), and
 fsoe-net report network.yaml --acceptance acceptance.yaml -o report.html for what has changed since.
@@ -69,7 +69,7 @@ on the report."""
     "--justify",
     multiple=True,
     metavar="WHAT=REASON by NAME",
-    help="Let a warning (CODE@file:line) or a step that was not done (its id, `loss *`, `fault *`) "
+    help="Let a warning (CODE@file:line) or a step that was not done (its id, `loss *`) "
     "pass; may be given again. @FILE: one per line.",
 )
 @click.option(

@@ -116,8 +116,8 @@ from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 __all__ = [
     "DRIVER_WORD",
     "EMULATED_NOTE",
-    "Acceptance",
     "TYPE_BITS",
+    "Acceptance",
     "Action",
     "AnsweredConnection",
     "AnsweredDevice",

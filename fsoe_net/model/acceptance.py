@@ -91,7 +91,7 @@ class Acceptance(Located):
         open_points: How many open points it lists, and
         assumptions: how many assumptions.
         protocol: File of the test protocol.
-        steps: How many steps it has.
+        steps: How many steps of it are done at the machine.
         author: Who made the configuration.
         verifier: Who checked it; somebody else.
         findings: Warnings that were let pass.

@@ -34,7 +34,7 @@ from fsoe_net.plan import Plan, fingerprint_of
 
 __all__ = ["Grounds", "Reason", "Refusal", "SignedReport", "read_signed_report", "sign_off"]
 
-_LEFT_OUT = (StepKind.LOSS, StepKind.FAULT)
+_LEFT_OUT = (StepKind.LOSS,)
 """Steps that a reason may replace at once; the others when they were done for the record before and
 no change calls for them again."""
 
@@ -49,7 +49,7 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
-    """Why something is let pass: ``CODE@file:line``, the id of a step, or all, as ``fault *``."""
+    """Why something is let pass: ``CODE@file:line``, the id of a step, or all, as ``loss *``."""
 
     subject: str
     reason: str
@@ -197,7 +197,7 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
         if r.subject not in out.used:
             out.refuse(
                 f"--justify {r.subject}: there is no such warning or open step",
-                "write CODE@file:line as the report shows it, the id of a step, or `fault *`",
+                "write CODE@file:line as the report shows it, the id of a step, or `loss *`",
             )
     if out.refusals:
         return None, tuple(out.refusals)
@@ -216,7 +216,7 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
         open_points=g.report.open_points,
         assumptions=g.report.assumptions,
         protocol=g.protocol_source,
-        steps=len(g.protocol.steps),
+        steps=len(g.protocol.machine_steps),
         author=g.author,
         verifier=g.verifier,
         findings=tuple(out.findings),
@@ -345,12 +345,10 @@ def _failures(step: ProtocolStep) -> Iterator[str]:
     for where, seen in (("emulated", step.emulated), ("live", step.live)):
         if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED:
             yield f"{where}: not as expected"
-    machine = step.machine
-    if machine.outcome is Outcome.NOT_AS_EXPECTED:
+    if step.is_late:
+        yield f"{step.machine.measured_ms:g} ms at the machine, {step.limit_ms:g} ms allowed"
+    elif step.is_failed:
         yield "not as expected at the machine"
-    limit, measured = step.limit_ms, machine.measured_ms
-    if limit is not None and measured is not None and measured > limit:
-        yield f"{measured:g} ms at the machine, {limit:g} ms allowed"
 
 
 def _missing(step: ProtocolStep) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from report.made import BASE, TIMED
-from report.signed import NO_FAULTS, done, grounds_of, record_of, report_with, source
+from report.signed import done, grounds_of, record_of, report_with, source
 
 from fsoe_net.diag import Diagnostic, Span
 from fsoe_net.errors import InputError
@@ -37,9 +37,8 @@ def test_a_record_says_what_it_rests_on() -> None:
     assert record is not None
     assert record.whole == fingerprint_of(grounds.plan).whole
     assert record.plan == grounds.plan.to_bytes()
-    assert {s.step.split()[0] for s in record.steps_left_out} == {"fault"}
-    assert all((s.reason, s.by) == (NO_FAULTS.reason, "B. Kaya") for s in record.steps_left_out)
-    assert record.steps == len(grounds.asked.steps)
+    assert record.steps_left_out == ()
+    assert record.steps == 6
     assert [s.path for s in record.inputs] == [s.path for s in grounds.resolution.network.sources]
     assert record.open_points > 0
     assert record.assumptions > 0
@@ -100,7 +99,7 @@ def _row(severity: str) -> dict[str, object]:
 
 def _with_finding(severity: str, *reasons: Reason) -> Grounds:
     report = read_signed_report([(source("r.json"), report_with(findings=[_row(severity)]))])
-    return grounds_of(report=report, reasons=[NO_FAULTS, *reasons])
+    return grounds_of(report=report, reasons=reasons)
 
 
 def test_an_error_cannot_be_justified() -> None:
@@ -137,7 +136,7 @@ def test_notes_need_nobody() -> None:
 def test_what_the_report_does_not_tell_is_told() -> None:
     late = Diagnostic(code="FSN607", message="since yesterday", span=Span("a.yaml", 7, 3))
     reason = Reason(subject="FSN607@a.yaml:7", reason="known", by="B. Kaya")
-    found = refused(grounds_of(diagnostics=[late], reasons=[NO_FAULTS, reason]))
+    found = refused(grounds_of(diagnostics=[late], reasons=[reason]))
     assert found[0] == "FSN607 at a.yaml:7:3 is not in the report: since yesterday"
 
 
@@ -152,17 +151,23 @@ def test_a_step_nobody_did_is_open(kind: StepKind, machine: dict[str, object]) -
     assert found.endswith("open at the machine")
 
 
-def test_only_loss_and_faults_may_be_left_out() -> None:
+def test_only_a_loss_may_be_left_out() -> None:
     for kind, word in ((StepKind.LOSS, "loss"), (StepKind.TRIGGER, "trigger")):
-        reasons = [NO_FAULTS, Reason(subject=f"{word} *", reason="no plug", by="B. Kaya")]
-        found = refused(with_step(grounds_of(reasons=reasons), kind, outcome=None))
-        assert bool(found) == (kind is StepKind.TRIGGER)
+        reasons = [Reason(subject=f"{word} *", reason="no plug", by="B. Kaya")]
+        grounds = with_step(grounds_of(reasons=reasons), kind, outcome=None)
+        record, refusals = sign_off(grounds)
+        if kind is StepKind.LOSS:
+            assert record is not None
+            (row,) = record.steps_left_out
+            assert (row.step, row.reason, row.by) == ("loss io", "no plug", "B. Kaya")
+        else:
+            assert refusals[0].what == "step trigger estop at : open at the machine"
 
 
 def test_what_failed_is_never_let_pass() -> None:
     for kind in (StepKind.TRIGGER, StepKind.LOSS):
         name = "loss *" if kind is StepKind.LOSS else "trigger estop"
-        reasons = [NO_FAULTS, Reason(subject=name, reason="never mind", by="B. Kaya")]
+        reasons = [Reason(subject=name, reason="never mind", by="B. Kaya")]
         grounds = with_step(grounds_of(reasons=reasons), kind, outcome=Outcome.NOT_AS_EXPECTED)
         assert "not as expected at the machine" in refused(grounds)[0]
 
@@ -173,7 +178,7 @@ def test_what_an_emulation_shows_to_fail_stands_against_it_but_never_for_it() ->
     for column in ("emulated", "live"):
         steps = tuple(replace(s, **{column: bad}) for s in grounds.protocol.steps)
         failing = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
-        assert len(refused(failing)) >= len(steps)
+        assert len(refused(failing)) == len(steps)
         steps = tuple(replace(s, **{column: good}) for s in grounds.asked.steps)
         alone = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
         assert "step trigger estop at : open at the machine" in refused(alone)
@@ -220,7 +225,7 @@ def test_a_change_is_explained_and_history_is_kept(tmp_path: Path) -> None:
 
 
 def test_steps_that_a_change_does_not_touch_may_rest_on_the_record_before() -> None:
-    reasons = [NO_FAULTS, Reason(subject="trigger estop", reason="not touched", by="B. Kaya")]
+    reasons = [Reason(subject="trigger estop", reason="not touched", by="B. Kaya")]
     more = {"before": record_of(), "before_source": source("a.yaml"), "reasons": reasons}
     untouched = grounds_of(again=["start-up logic-io"], **more)
     record, _ = sign_off(with_step(untouched, StepKind.TRIGGER, outcome=None))
