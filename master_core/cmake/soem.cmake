@@ -15,6 +15,9 @@ if(EXISTS "${SOEM_SOURCE_DIR}/soem/ethercatmain.h")
   target_compile_definitions(soem_objects PUBLIC EC_VER2 _GNU_SOURCE)
   # It subtracts times off the wire as signed numbers; so that they wrap, as their clocks do.
   target_compile_options(soem_objects PRIVATE -fwrapv)
+  # One function of it does not end on some bytes: ours takes its place.
+  set_source_files_properties(${SOEM_SOURCE_DIR}/soem/ethercatmain.c PROPERTIES COMPILE_OPTIONS
+    "-include;${CMAKE_CURRENT_SOURCE_DIR}/src/backends/soem/weak.h")
   set_target_properties(soem_objects PROPERTIES POSITION_INDEPENDENT_CODE ON C_EXTENSIONS ON)
   set(soem_use soem_objects)
   message(STATUS "fsn: SOEM from ${SOEM_SOURCE_DIR}")
@@ -32,12 +35,13 @@ endif()
 if(soem_use)
   set(soem_backend src/backends/soem)
   add_library(fsn_soem STATIC ${soem_backend}/soem.c ${soem_backend}/acyclic.c ${soem_backend}/find.c
-    ${soem_backend}/configure.c ${soem_backend}/pdo.c ${soem_backend}/tend.c)
+    ${soem_backend}/configure.c ${soem_backend}/pdo.c ${soem_backend}/sii.c
+    ${soem_backend}/tend.c)
   if(TARGET soem_objects)
     target_sources(fsn_soem PRIVATE $<TARGET_OBJECTS:soem_objects>)
     get_target_property(soem_headers soem_objects INTERFACE_INCLUDE_DIRECTORIES)
     target_include_directories(fsn_soem SYSTEM PRIVATE ${soem_headers})
-    target_compile_definitions(fsn_soem PRIVATE EC_VER2)
+    target_compile_definitions(fsn_soem PRIVATE EC_VER2 FSN_SOEM_FROM_SOURCE)
   else()
     set(soem_headers ${soem_include})
     target_link_libraries(fsn_soem PUBLIC soem_installed)

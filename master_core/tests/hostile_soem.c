@@ -21,18 +21,27 @@
 #include "fsn/segment.h"
 
 enum { SKIPPED = 77, ETHERCAT = 0x88A4, HEAD = 16, DATAGRAM_HEAD = 10, ROUND_MS = 400 };
+enum {
+    CMD_FPWR = 5,
+    REG_AL_CONTROL = 0x0120,
+    REG_SII_DATA = 0x0508,
+    REG_MAILBOX = 0x0800,
+    ASKED = 16,
+    TRIES = 10
+};
 enum { REG_LINKS = 0x0110, REG_PORT_TIMES = 0x0900, REG_LATCHED = 0x0918 };
 
 /** What every answer says, whatever is damaged besides. */
-enum lie { NO_LIE, NO_LINKS, WILD_CLOCKS };
+enum lie { NO_LIE, NO_LINKS, WILD_CLOCKS, ROUND_SII, NO_MAILBOX };
 
 struct wire {
     struct fsn_segment *segment;
     int socket;
     uint64_t random; /**< of the thread that answers */
     uint64_t own_random;
-    atomic_uint one_in; /**< of so many answers one is damaged; 0: none */
-    atomic_uint lie;    /**< enum lie */
+    atomic_uint one_in;       /**< of so many answers one is damaged; 0: none */
+    atomic_uint lie;          /**< enum lie */
+    atomic_bool asked[ASKED]; /**< for PREOP, by station; of the thread that answers */
     atomic_bool stop;
 };
 
@@ -78,8 +87,11 @@ static void go_wild(uint8_t *data, size_t size, uint16_t address) {
     }
 }
 
-/** No port has a link though the frame came through one, or the clocks are wild. */
+/** No port has a link though the frame came through one, the clocks are wild, or the SII has no
+ * end. */
 static void lie(uint8_t *frame, size_t len, unsigned what) {
+    /* A category of a type nobody looks for, whose length ends where it begins. */
+    static const uint8_t back_to_itself[] = {0x77, 0x77, 0xFE, 0xFF};
     for (size_t at = HEAD; at + DATAGRAM_HEAD + 2 <= len;) {
         const uint16_t address = (uint16_t)(frame[at + 4] | frame[at + 5] << 8);
         const size_t size = (size_t)(frame[at + 6] | (frame[at + 7] & 7) << 8);
@@ -90,6 +102,8 @@ static void lie(uint8_t *frame, size_t len, unsigned what) {
         }
         if (what == NO_LINKS && address == REG_LINKS) {
             memset(data, 0, size);
+        } else if (what == ROUND_SII && address == REG_SII_DATA && size >= 4) {
+            memcpy(data, back_to_itself, 4);
         } else if (what == WILD_CLOCKS && (size == 4 || size == 8) && address >= REG_PORT_TIMES &&
                    address <= REG_LATCHED) {
             go_wild(data, size, address);
@@ -101,12 +115,26 @@ static void lie(uint8_t *frame, size_t len, unsigned what) {
     }
 }
 
+/** Whether a frame is lost on its way there: those that set up the mailbox of a SubDevice, until it
+ *  was asked for PREOP without one. */
+static bool is_lost(struct wire *w, const uint8_t *frame) {
+    const uint16_t address = (uint16_t)(frame[HEAD + 4] | frame[HEAD + 5] << 8);
+    const unsigned which = frame[HEAD + 2] % ASKED;
+    if (frame[HEAD] != CMD_FPWR || atomic_load(&w->lie) != NO_MAILBOX) {
+        return false;
+    }
+    if (address == REG_AL_CONTROL && (frame[HEAD + DATAGRAM_HEAD] & 0x0F) == FSN_AL_PREOP) {
+        atomic_store(&w->asked[which], true);
+    }
+    return address == REG_MAILBOX && !atomic_load(&w->asked[which]);
+}
+
 static void *answer(void *argument) {
     struct wire *w = argument;
     while (!atomic_load(&w->stop)) {
         uint8_t frame[1600] = {0};
         const ssize_t got = recv(w->socket, frame, sizeof frame, 0);
-        if (got <= 0) {
+        if (got <= HEAD + DATAGRAM_HEAD || is_lost(w, frame)) {
             continue;
         }
         size_t len = fsn_segment_frame(w->segment, frame, (size_t)got, now_ns());
@@ -182,10 +210,20 @@ int main(int argc, char **argv) {
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, answer, &w) == 0);
     unsigned opened = 0;
-    for (unsigned what = NO_LINKS; what <= WILD_CLOCKS; what++) {
+    for (unsigned what = NO_LINKS; what <= ROUND_SII; what++) {
         atomic_store(&w.lie, what);
         (void)play(&w, plan, true, 0);
     }
+    bool without = false; /* once on a busy machine, at once on any other */
+    for (int tries = 0; !without && tries < TRIES; tries++) {
+        atomic_store(&w.lie, NO_LIE);
+        for (int i = 0; i < ASKED; i++) {
+            atomic_store(&w.asked[i], false);
+        }
+        atomic_store(&w.lie, NO_MAILBOX);
+        without = play(&w, plan, true, 0);
+    }
+    CHECK(without);
     atomic_store(&w.lie, NO_LIE);
     for (unsigned i = 0; i < rounds; i++) {
         opened += play(&w, plan, i % 2 == 0, 2 + pick_own(&w, 60));

@@ -52,34 +52,13 @@ static bool write_register(struct fsn_soem *bus, const struct node *node, uint16
                     (void *)(uintptr_t)data, EC_TIMEOUTRET3) == 1;
 }
 
-/** Start address of a sync manager by the SII; 0 when it has none, or was not to be read. SOEM
- * reads all at the start, and takes a time-out for an empty SII. */
-static uint16_t sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number) {
-    ec_slavet *s = &bus->slaves[slave];
-    if (number < EC_MAXSM && s->SM[number].StartAddr == 0) {
-        ec_eepromSMt sm = {0};
-        soem_drain(bus);
-        bus->context.esislave = 0; /* nothing of what was read before counts */
-        if (ecx_siiSM(&bus->context, slave, &sm) > 0) {
-            for (uint16 n = 0; n < sm.nSM && n < EC_MAXSM; n++) {
-                if (n > 0 && ecx_siiSMnext(&bus->context, slave, &sm, n) == 0) {
-                    break;
-                }
-                s->SM[n].StartAddr = htoes(sm.PhStart);
-                s->SM[n].SMflags = htoel((uint32)sm.Creg | (uint32)sm.Activate << 16);
-            }
-        }
-    }
-    return number < EC_MAXSM ? etohs(s->SM[number].StartAddr) : 0;
-}
-
 /** Start address by the SII, length by the plan. */
 static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
                            uint16_t *physical) {
     const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
     const uint8_t number = r[4];
     const ec_slavet *s = &bus->slaves[node->slave];
-    *physical = sii_start(bus, node->slave, number);
+    *physical = soem_sii_start(bus, node->slave, number);
     if (*physical == 0) {
         soem_note(bus, node, FSN_FOUND_MAPPING,
                   "its SII has no address for SM%u, or could not be read", number);

@@ -6,7 +6,7 @@
 
 #include "live/port.h"
 
-enum { PREOP_MS = 3000 };
+enum { PREOP_MS = 3000, AL_CODE_MAILBOX = 0x0016 };
 
 /** SOEM's number of the SubDevice that the plan means; 0: nothing stands there. */
 static uint16_t slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_info *info) {
@@ -71,6 +71,20 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
     return first;
 }
 
+/** Once more when it refuses because the frames that set up its mailbox were lost or late. */
+static bool reach_preop(struct fsn_soem *bus, uint16_t slave) {
+    if (soem_reach(bus, slave, FSN_AL_PREOP, PREOP_MS)) {
+        return true;
+    }
+    const ec_slavet *s = &bus->slaves[slave];
+    if ((s->state & EC_STATE_ERROR) == 0 || s->ALstatuscode != AL_CODE_MAILBOX) {
+        return false;
+    }
+    soem_drain(bus);
+    soem_prepare_mailbox(bus, slave);
+    return soem_reach(bus, slave, FSN_AL_PREOP, PREOP_MS);
+}
+
 fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
     const int found = ecx_config_init(&bus->context, FALSE);
     if (found == EC_SLAVECOUNTEXCEEDED) {
@@ -88,7 +102,7 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
     }
     for (uint32_t n = 0; n < bus->node_count; n++) {
         struct node *node = &bus->nodes[n];
-        if (!soem_reach(bus, node->slave, FSN_AL_PREOP, PREOP_MS)) {
+        if (!reach_preop(bus, node->slave)) {
             const ec_slavet *s = &bus->slaves[node->slave];
             node->seen.al_status = (uint8_t)s->state;
             node->seen.al_code = s->ALstatuscode;

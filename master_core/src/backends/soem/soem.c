@@ -50,6 +50,15 @@ bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned
     return ecx_statecheck(&bus->context, slave, al_state, (int)(1000 * most_ms)) == al_state;
 }
 
+void soem_prepare_mailbox(struct fsn_soem *bus, uint16_t slave) {
+    ec_slavet *s = &bus->slaves[slave];
+    if (s->mbx_l > 0) {
+        (void)ecx_FPWR(bus->context.port, s->configadr, ECT_REG_SM0, sizeof(ec_smt) * 2, s->SM,
+                       EC_TIMEOUTRET3);
+    }
+    ecx_eeprom2pdi(&bus->context, slave);
+}
+
 /* -- life ----------------------------------------------------------------------------------- */
 
 static bool copy_name(char *to, const char *from) {

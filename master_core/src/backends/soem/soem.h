@@ -49,8 +49,9 @@ struct fsn_soem {
     ec_slavet slaves[SOEM_MOST_SLAVES];
     int slave_count;
     ec_groupt groups[1];
-    uint8 esi_buffer[EC_MAXEEPBUF];
-    uint32 esi_map[EC_MAXEEPBITMAP];
+    /* Longer than SOEM says: it writes 8 bytes where the last 2 begin, and marks as many. */
+    uint8 esi_buffer[(EC_MAXEEPBUF) + 8];
+    uint32 esi_map[EC_MAXEEPBITMAP + 1];
     ec_eringt errors;
     ec_idxstackT stack;
     boolean ecat_error;
@@ -96,6 +97,12 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node);
 /* Process data of one SubDevice against the plan (pdo.c). */
 fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);
 
+/* SII (sii.c). */
+
+/** Start address of a sync manager by the SII; 0 when it has none, or was not to be read. SOEM
+ * reads all at the start, and takes a time-out for an empty SII. */
+uint16_t soem_sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number);
+
 /* Supervision (tend.c). */
 bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns);
 
@@ -126,6 +133,8 @@ void soem_drain(struct fsn_soem *bus);
 fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node);
 /** Asks for an AL state and waits for it, milliseconds. */
 bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned most_ms);
+/** Sets up the mailbox, without which a SubDevice that has one does not leave INIT. */
+void soem_prepare_mailbox(struct fsn_soem *bus, uint16_t slave);
 bool soem_has_coe(const struct fsn_soem *bus, uint16_t slave);
 
 #endif

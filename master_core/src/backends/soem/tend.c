@@ -245,16 +245,6 @@ static uint8_t above(uint8_t state) {
     return state == FSN_AL_INIT ? FSN_AL_PREOP : (uint8_t)(2 * state);
 }
 
-/** From INIT to PREOP the mailbox must be there. */
-static void prepare_mailbox(struct fsn_soem *bus, const struct node *node) {
-    ec_slavet *s = &bus->slaves[node->slave];
-    if (s->mbx_l > 0) {
-        (void)ecx_FPWR(bus->context.port, s->configadr, ECT_REG_SM0, sizeof(ec_smt) * 2, s->SM,
-                       EC_TIMEOUTRET3);
-    }
-    ecx_eeprom2pdi(&bus->context, node->slave);
-}
-
 /** One step of one SubDevice upwards. */
 static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t now_ns) {
     if (state == FSN_AL_INIT || state == FSN_AL_BOOT) {
@@ -263,7 +253,7 @@ static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_
             ask(bus, node, FSN_AL_INIT, now_ns);
             return;
         }
-        prepare_mailbox(bus, node);
+        soem_prepare_mailbox(bus, node->slave);
     }
     if (state == FSN_AL_PREOP && !node->configured && soem_configure(bus, node) != FSN_OK) {
         node->retry_ns = now_ns + RETRY_NS;

@@ -1,0 +1,7 @@
+/** Included before SOEM's ethercatmain.c, so that sii.c has its place: see there. */
+#ifndef FSN_SOEM_WEAK_H
+#define FSN_SOEM_WEAK_H
+
+#pragma weak ecx_siifind
+
+#endif

@@ -1,0 +1,54 @@
+/** The SOEM backend, its segment behind a veth pair, and patience: on a busy machine frames come
+ * late, and SOEM gives up after milliseconds. Nothing here asserts how fast anything is. */
+#ifndef FSN_TEST_SOEM_RIG_H
+#define FSN_TEST_SOEM_RIG_H
+
+#include "builder.h"
+#include "fsn/fsn.h"
+#include "fsn/live.h"
+#include "fsn/segment.h"
+
+enum { SUBDEVICES = 4, FRAME = 6, PATIENCE_MS = 20000, TRIES = 20 };
+
+struct rig {
+    uint8_t *bytes;
+    struct fsn_plan *plan, *plan_of_segment;
+    struct fsn_segment *segment;
+    void *bus;
+    struct fsn_core *core;
+    struct fsn_fault fault;
+    const char *second; /**< interface at the other end of the ring */
+    uint8_t beat;       /**< what the SubDevices deliver, changed by each check */
+};
+
+uint64_t now_ns(void);
+void pause_ms(long ms);
+/** A main at position 0 and three subs behind it. */
+uint8_t *build(size_t *len);
+
+struct rig *set_up_with(const char *second);
+struct rig *set_up(void);
+/** Opens the bus once. */
+fsn_status open_bus(struct rig *rig);
+/** Takes back what open_bus() made. */
+void close_bus(struct rig *rig);
+/** Opens the bus, starts the cycle and leads all to OP. */
+struct rig *bring_up_from(struct rig *rig);
+struct rig *bring_up(void);
+void tear_down(struct rig *rig);
+
+struct fsn_bus_subdevice look(struct rig *rig, uint32_t n);
+struct fsn_statistics statistics(struct rig *rig);
+/** Cycles that were left out and replies that came late so far: when it grows, this machine was
+ *  too busy, and whoever was lost meanwhile was lost by that. */
+uint64_t lateness(struct rig *rig);
+/** Tends the bus until a SubDevice has an AL state, or none (0); fails after long. */
+void tend_until(struct rig *rig, uint32_t n, uint8_t al_state);
+void tend_until_all_in_op(struct rig *rig);
+/** Whether a frame goes from sub `k` to its place in the main, and one from there to the sub; waits
+ *  long for it. */
+bool flows(struct rig *rig, uint32_t k);
+/** The same where none is expected: it waits 200 ms. */
+bool flows_soon(struct rig *rig, uint32_t k);
+
+#endif
