@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -41,7 +42,7 @@ from fsoe_net.report import (
     tried_of,
 )
 from fsoe_net.rules import check_scan, check_timing
-from fsoe_net.run import RunResult, make_protocol
+from fsoe_net.run import RunResult, compare_protocol, make_protocol
 from fsoe_net.timing import Budget, make_budget
 
 __all__ = ["command", "since"]
@@ -54,7 +55,8 @@ Examples:
   fsoe-net report network.yaml --protocol protocol.yaml -o report.html
   fsoe-net report network.yaml --acceptance acceptance.yaml -o report.html
 
-Exit codes: 0 no error; 1 the network has an error (the report says so on top) or the run failed;
+Exit codes: 0 no error; 1 the network has an error (the report says so on top), the run failed, or
+the test protocol is not of this network;
 2 wrong use."""
 
 
@@ -154,7 +156,7 @@ def command(
         live=asked,
         given=None if plan_file is None else _given(plan_file),
         against=before,
-        tried=None if protocol is None else _tried(protocol),
+        tried=None if protocol is None else _tried(protocol, resolution, plan),
         accepted=None if record is None else _accepted(record, fingerprint),
     )
     write_whole(output, render_report(inputs, form).encode("utf-8"))
@@ -162,8 +164,12 @@ def command(
     refused = "NOT ACCEPTABLE: " if errors else ""
     if errors:
         print_diagnostics([d for d in found if d.level is Severity.ERROR], err=True)
+    tried = inputs.tried
+    misfit = tried is not None and not tried.fits
+    if misfit:
+        verdict += "; the test protocol CANNOT BE TAKEN as it is"
     click.echo(f"{output}: {refused}{summary(found) or 'no findings'}{verdict}")
-    ctx.exit(int(errors or (result is not None and not result.passed)))
+    ctx.exit(int(errors or misfit or (result is not None and not result.passed)))
 
 
 def _findings(
@@ -238,14 +244,22 @@ def _given(path: str) -> GivenPlan:
     return GivenPlan(source=source, plan=decode_plan(data))
 
 
-def _tried(path: str) -> Tried:
+def _tried(path: str, resolution: Resolution | None, plan: Plan | None) -> Tried:
+    """Read a test protocol; what keeps its results from being taken is printed and reported."""
     source, _ = _source(path)
     out = Collector()
     protocol = load_protocol(path, out)
     if protocol is None:
-        errors = [d for d in out.diagnostics if d.level is Severity.ERROR]
-        raise InputError(f"{path} is no test protocol; make one with test-protocol", errors)
-    return tried_of(source, protocol)
+        found = summary(out.diagnostics)
+        raise InputError(f"{path} cannot be taken as a test protocol: {found}", out.diagnostics)
+    if resolution is not None and plan is not None:
+        whole = fingerprint_of(plan).whole
+        fresh = make_protocol(resolution, plan.to_bytes(), fingerprint=whole)
+        compare_protocol(protocol, fresh, out)
+    print_diagnostics(out.diagnostics, err=True)
+    notes = tuple(f"{d.span.line}: {d.message}" for d in out.diagnostics)
+    bad = any(d.level is Severity.ERROR for d in out.diagnostics)
+    return replace(tried_of(source, protocol), notes=notes, fits=not bad)
 
 
 def _accepted(found: Record, now: Fingerprint | None) -> GivenRecord:

@@ -9,7 +9,7 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
-from fsoe_net.cli.output import summary
+from fsoe_net.cli.output import print_diagnostics, summary
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, load_protocol
@@ -163,9 +163,11 @@ def _read(path: str) -> Protocol:
     protocol = load_protocol(path, out)
     if protocol is None:
         raise InputError(
-            f"{path} is no test protocol; nothing written: {summary(out.diagnostics)}",
+            f"{path} cannot be taken as a test protocol, nothing written: "
+            f"{summary(out.diagnostics)}",
             out.diagnostics,
         )
+    print_diagnostics(out.diagnostics, err=True)
     return protocol
 
 

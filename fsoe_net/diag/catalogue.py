@@ -82,8 +82,10 @@ FSN156 error   answer does not fit what the files say
 FSN157 error   question needs an answer
 FSN158 warning file of a folder is left out
 FSN159 warning transfers or connections of a file cannot be taken
-FSN160 error   acceptance record does not hold together
-FSN161 error   author and verifier of an acceptance record are one person
+FSN160 warning result in a test protocol is not complete: its step stays open
+FSN161 error   entry in a test protocol cannot be taken
+FSN162 error   acceptance record does not hold together
+FSN163 error   author and verifier of an acceptance record are one person
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output

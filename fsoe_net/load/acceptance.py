@@ -46,7 +46,7 @@ def load_acceptance(path: str | os.PathLike[str], out: Collector) -> Acceptance 
 
     Args:
         path: The file.
-        out: Takes FSN101 … FSN116, FSN160 and FSN161 with line and column.
+        out: Takes FSN101 … FSN116, FSN162 and FSN163 with line and column.
 
     Returns:
         The record, or ``None`` when it could not be understood. Whether its fingerprint is that of
@@ -68,7 +68,7 @@ def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | Non
     record = _record(root, out)
     if same_person(record.author.name, record.verifier.name):
         out.add(
-            "FSN161",
+            "FSN163",
             root.at("verifier"),
             f"author and verifier are one person: {record.verifier.name}",
             hint="somebody who is not the author verifies; make the record anew",
@@ -112,7 +112,7 @@ def _text(node: MapNode, key: str) -> str:
 def _stated(node: MapNode, key: str, out: Collector) -> str:
     text = _text(node, key).strip()
     if not text:
-        out.add("FSN160", node.at(key), f"{key} is empty", hint="make the record anew")
+        out.add("FSN162", node.at(key), f"{key} is empty", hint="make the record anew")
     return text
 
 
@@ -128,7 +128,7 @@ def _hash(node: MapNode, key: str, out: Collector) -> str:
     text = _text(node, key).lower()
     if not _HASH.fullmatch(text):
         out.add(
-            "FSN160",
+            "FSN162",
             node.at(key),
             f"{key} is no SHA-256 of 64 hexadecimal digits",
             hint="take the record from version control, or make it anew",
@@ -145,7 +145,7 @@ def _date(node: MapNode, out: Collector) -> str:
     try:
         datetime.date.fromisoformat(text)
     except ValueError:
-        out.add("FSN160", node.at("date"), f"{text!r} is no date", hint="write YYYY-MM-DD")
+        out.add("FSN162", node.at("date"), f"{text!r} is no date", hint="write YYYY-MM-DD")
     return text
 
 
@@ -211,7 +211,7 @@ def _plan(root: MapNode, out: Collector) -> bytes:
     except (binascii.Error, ValueError, zlib.error) as exc:
         trouble = f"cannot be unpacked: {exc}"
     out.add(
-        "FSN160",
+        "FSN162",
         root.at("plan"),
         f"the plan in this record {trouble}",
         hint="take the record from version control, or make it anew",

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 
+from fsoe_net.diag import Severity
 from fsoe_net.load.files import Collector
-from fsoe_net.load.numbers import read_float
+from fsoe_net.load.protocol_entry import check_entry
 from fsoe_net.load.schema import check_structure
 from fsoe_net.load.yaml_tree import MapNode, Node, load_yaml
 from fsoe_net.model import AtMachine, Outcome, Protocol, ProtocolStep, Seen, StepKind
 
 __all__ = ["load_protocol"]
 
+_NUMBER = re.compile(r"-?\d+(\.\d*)?([eE][+-]?\d{1,3})?")
 _MAX_MS = 7 * 24 * 3600 * 1000.0
 
 
@@ -20,7 +23,7 @@ def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | No
 
     Args:
         path: The file.
-        out: Takes FSN101 … FSN116 with line and column.
+        out: Takes FSN101 … FSN116, FSN160 and FSN161 with line and column.
 
     Returns:
         The protocol, or ``None`` when it could not be understood.
@@ -30,15 +33,16 @@ def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | No
         return None
     before = len(out.diagnostics)
     check_structure(root, "protocol", out)
-    if len(out.diagnostics) > before:
+    if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
         return None
     steps = tuple(_step(node, out) for node in root.maps("steps"))
     seen: set[str] = set()
     for step in steps:
         if step.id in seen:
-            out.add("FSN113", step.span, f"step {step.id} is there twice", hint="keep one of them")
+            out.add("FSN161", step.span, f"step {step.id} is there twice", hint="keep one of them")
         seen.add(step.id)
-    if len(out.diagnostics) > before:
+        check_entry(step, out)
+    if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
         return None
     return Protocol(
         span=root.span,
@@ -100,10 +104,15 @@ def _machine(node: MapNode, out: Collector) -> AtMachine:
 
 
 def _ms(node: MapNode, key: str, out: Collector) -> float | None:
-    if not node.text(key):
+    text = (node.text(key) or "").strip()
+    if not text:
         return None
-    value = read_float(node.get(key), out, what=key)
-    if value is not None and not 0 <= value <= _MAX_MS:
-        out.add("FSN113", node.at(key), f"{key} is {value:g}", hint="write a time in ms, 0 or more")
+    hint = "write a time in ms, 0 or more, such as 61.5"
+    if not _NUMBER.fullmatch(text):
+        out.add("FSN111", node.at(key), f"{key} {text!r} is no number", hint=hint)
+        return None
+    value = float(text)
+    if not 0 <= value <= _MAX_MS:
+        out.add("FSN113", node.at(key), f"{key} is {value:g}", hint=hint)
         return None
     return value

@@ -286,7 +286,7 @@ def _missing_keys(node: MapNode, error: Any, path: list[str | int], out: Collect
 
 def _not_allowed(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
     allowed = error.validator_value if error.validator == "enum" else [error.validator_value]
-    words = [str(w) for w in allowed if w is not None]
+    words = [str(w) for w in allowed if w not in (None, "")]
     text = node.text if isinstance(node, ScalarNode) else "a list or map"
     close = difflib.get_close_matches(text.lower(), words, n=1, cutoff=0.6)
     out.add(

@@ -17,19 +17,19 @@ def accepted_plan(record: Acceptance, out: Findings) -> tuple[Plan, Fingerprint]
 
     Args:
         record: The record.
-        out: Takes FSN160 where the record does not hold together: a plan that is none, safety
+        out: Takes FSN162 where the record does not hold together: a plan that is none, safety
             functions that are not those of the plan, or another fingerprint than it tells.
     """
     mend = "take the record from version control, or make it anew"
     try:
         plan = decode_plan(record.plan)
     except PlanFormatError as exc:
-        out.add("FSN160", record.at("plan"), f"the plan in this record: {exc}", hint=mend)
+        out.add("FSN162", record.at("plan"), f"the plan in this record: {exc}", hint=mend)
         return None
     if plan.safety_sha256 != safety_sha256(record.safety_functions):
         place = record.at("safety_functions")
         text = "the safety functions in this record are not those of its plan"
-        out.add("FSN160", place, text, hint=mend)
+        out.add("FSN162", place, text, hint=mend)
         return None
     found = fingerprint_of(plan)
     told = {name: record.sections.get(name) for name in SECTIONS}
@@ -37,6 +37,6 @@ def accepted_plan(record: Acceptance, out: Findings) -> tuple[Plan, Fingerprint]
     if wrong or record.whole != found.whole:
         where = f"section {', '.join(wrong)}" if wrong else "the whole"
         text = f"the fingerprint in this record is not that of its plan: {where}"
-        out.add("FSN160", record.at("sections" if wrong else "fingerprint"), text, hint=mend)
+        out.add("FSN162", record.at("sections" if wrong else "fingerprint"), text, hint=mend)
         return None
     return plan, found

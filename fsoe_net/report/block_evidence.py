@@ -352,6 +352,7 @@ def tests(inputs: ReportInputs) -> Block:
         if tried.plan_sha256 != _plan_sha256(inputs):
             words = f"{tried.source.path} was made for another plan"
             points.append(Point(PointKind.OPEN, words))
+        points += [Point(PointKind.OPEN, f"{tried.source.path}:{note}") for note in tried.notes]
     if inputs.run is not None:
         parts += _emulated_run(inputs.run)
     elif inputs.scenario:

@@ -94,11 +94,17 @@ class TestStep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A test protocol: its file, the plan it was made for, and its steps."""
+    """A test protocol: its file, the plan it was made for, and its steps.
+
+    ``notes``: line and words of what is wrong or unfinished; ``fits``: whether its results can be
+    taken for this network.
+    """
 
     source: SourceFile
     plan_sha256: str
     steps: tuple[TestStep, ...]
+    notes: tuple[str, ...] = ()
+    fits: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

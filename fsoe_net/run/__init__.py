@@ -21,7 +21,7 @@ from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master, find_master
-from fsoe_net.run.protocol import keep_machine, make_protocol
+from fsoe_net.run.protocol import compare_protocol, keep_machine, make_protocol
 from fsoe_net.run.protocol_live import run_protocol_live
 from fsoe_net.run.protocol_virtual import run_protocol_virtual
 from fsoe_net.run.result import (
@@ -71,6 +71,7 @@ __all__ = [
     "Verdict",
     "WatchedConnection",
     "WatchedCycle",
+    "compare_protocol",
     "control_socket",
     "counted_session_ids",
     "find_master",

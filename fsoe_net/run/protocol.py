@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.campaign import CATALOGUE
+from fsoe_net.load import Collector
 from fsoe_net.model import (
     Connection,
     ElementKind,
@@ -17,8 +18,9 @@ from fsoe_net.model import (
     SafetyFunction,
     StepKind,
 )
+from fsoe_net.plan import short_code
 
-__all__ = ["connections_of", "keep_machine", "make_protocol"]
+__all__ = ["compare_protocol", "connections_of", "keep_machine", "make_protocol"]
 
 
 def make_protocol(resolution: Resolution, plan_bytes: bytes, *, fingerprint: str = "") -> Protocol:
@@ -114,10 +116,11 @@ def keep_machine(new: Protocol, old: Protocol) -> Protocol:
     """Return the new protocol with what people wrote into the old one, and its other columns.
 
     Raises:
-        InputError: People wrote into the old one, and it is of another plan or has other steps.
+        InputError: People wrote into the old one, and it is of another configuration
+            or has other steps.
     """
     written = {step.id: step for step in old.steps if step.machine.filled}
-    if new.plan_sha256 != old.plan_sha256:
+    if not _same(new, old):
         if written:
             raise InputError(
                 "that file holds results at the machine of another plan "
@@ -132,6 +135,63 @@ def keep_machine(new: Protocol, old: Protocol) -> Protocol:
         )
     before = {step.id: step for step in old.steps}
     return replace(new, steps=tuple(_merged(step, before.get(step.id)) for step in new.steps))
+
+
+def _same(new: Protocol, old: Protocol) -> bool:
+    if new.fingerprint and old.fingerprint:
+        return new.fingerprint == old.fingerprint
+    return new.plan_sha256 == old.plan_sha256
+
+
+def compare_protocol(given: Protocol, fresh: Protocol, out: Collector) -> None:
+    """Report where a protocol is not the one of a network as it is now.
+
+    Args:
+        given: As people filled it in.
+        fresh: What `make_protocol` gives for the network.
+        out: Takes FSN161; nothing when results can be taken as they are.
+    """
+    anew = "write a new one with `fsoe-net test-protocol … -o NEW.yaml` and do its steps"
+    if given.fingerprint != fresh.fingerprint:
+        key = "fingerprint" if given.fingerprint else "plan_sha256"
+        now = short_code(fresh.fingerprint)
+        before = short_code(given.fingerprint) if given.fingerprint else "not known"
+        words = f"made for another configuration ({before}) than these files give ({now})"
+        out.add("FSN161", given.at(key), words, hint=anew)
+        return  # its steps are those of that one
+    steps = {step.id: step for step in given.steps}
+    for step in fresh.steps:
+        if step.id not in steps:
+            words = f"step {step.id} of these files is missing"
+            hint = (
+                "`fsoe-net test-protocol … -o` this file puts it back, and keeps what is filled in"
+            )
+            out.add("FSN161", given.at("steps"), words, hint=hint)
+    asked = {step.id: step for step in fresh.steps}
+    for step in given.steps:
+        now_asked = asked.get(step.id)
+        if now_asked is None:
+            words = f"step {step.id} is none of these files"
+            out.add("FSN161", step.span, words, hint="remove it, or name the files it belongs to")
+        elif key := _changed(step, now_asked):
+            words = f"step {step.id}: {key} is not what these files give"
+            out.add("FSN161", step.at(key), words, hint=f"write back: {_asks(now_asked)[key]}")
+
+
+def _asks(step: ProtocolStep) -> dict[str, object]:
+    return {
+        "kind": step.kind.value,
+        "subject": step.subject,
+        "do": step.what,
+        "expect": step.expected,
+        "limit_ms": step.limit_ms,
+    }
+
+
+def _changed(given: ProtocolStep, fresh: ProtocolStep) -> str:
+    """Return the first key in which a step asks for something else; empty for none."""
+    asked = _asks(fresh)
+    return next((key for key, value in _asks(given).items() if value != asked[key]), "")
 
 
 def _merged(step: ProtocolStep, old: ProtocolStep | None) -> ProtocolStep:

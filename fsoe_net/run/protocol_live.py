@@ -222,6 +222,8 @@ class _Watch:
         if not back:
             words.append("not all came back into Data")
         took = times.took_ms()
+        if took is not None:
+            took += self._cycle_ms  # from the last bus cycle with it, as on the emulated bus
         late = took is not None and step.limit_ms is not None and took > step.limit_ms
         if late:
             words.append(f"later than {step.limit_ms:g} ms")
@@ -231,7 +233,7 @@ class _Watch:
             measured_ms=took,
             time_is=""
             if took is None
-            else "from the first bus cycle without it until its connections had left Data on the "
+            else "from the last bus cycle with it until its connections had left Data on the "
             f"bus, to the bus cycle of {self._cycle_ms:g} ms; devices and outputs not in it",
             remark="; ".join([*words, "outputs are not seen here"]),
         )

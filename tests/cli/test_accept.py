@@ -177,5 +177,5 @@ def test_a_record_that_was_changed_accepts_nothing(folder: Path) -> None:
     ):
         done = fsn(*command)
         assert done.returncode != 0
-        assert "FSN160" in done.stderr
+        assert "FSN162" in done.stderr
         assert "a.yaml:" in done.stderr

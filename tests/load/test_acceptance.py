@@ -117,19 +117,19 @@ def test_what_was_changed_is_found(find: str, put: str, at: str) -> None:
     assert TEXT.count(find) >= 1
     (found,) = complaints(TEXT.replace(find, put, 1))
     place, code = found.rsplit(" ", 1)
-    assert code == "FSN160"
+    assert code == "FSN162"
     line = _line(at) if at != "  copies" else _line("sections") + 1
     assert int(place.split(":")[1]) in (line, line + 1)
 
 
 def test_a_plan_that_ends_early_is_none() -> None:
     cut = TEXT.rstrip("\n").rsplit("\n", 3)[0] + "\n"
-    assert [row.rsplit(" ", 1)[1] for row in complaints(cut)] == ["FSN160"]
+    assert [row.rsplit(" ", 1)[1] for row in complaints(cut)] == ["FSN162"]
 
 
 def test_one_person_in_two_roles_is_found() -> None:
     text = TEXT.replace("name: B. Kaya", "name: a.meier", 1)
-    assert complaints(text) == [f"acceptance.yaml:{_line('verifier') + 1}:3 FSN161"]
+    assert complaints(text) == [f"acceptance.yaml:{_line('verifier') + 1}:3 FSN163"]
 
 
 @pytest.mark.parametrize("key", ["plan", "fingerprint", "author", "sections", "protocol"])

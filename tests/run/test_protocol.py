@@ -36,6 +36,7 @@ from fsoe_net.plan import (
 )
 from fsoe_net.report import protocol_page
 from fsoe_net.run import (
+    compare_protocol,
     keep_machine,
     make_protocol,
     run_protocol_live,
@@ -192,6 +193,9 @@ def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
         ("limit_ms: 230.0", "limit_ms: -1", "-1"),
         ("id: loss io2", "id: loss io", "twice"),
         ("emulated: null", "emulatd: null", "emulatd"),
+        ("date: ''", "date: 21.11.2026", "such as 2026-11-21"),
+        ("date: ''", "date: 2026-02-30", "is no date"),
+        ("    measured_ms: ''", "    measured_ms: 61,5", "61,5"),
     ],
 )
 def test_mistakes_of_people_are_located(
@@ -223,6 +227,91 @@ def test_a_date_and_a_number_by_hand_are_read(tmp_path: Path) -> None:
     assert out.diagnostics == []
     assert read is not None
     assert read.steps[0].machine == DONE
+
+
+def written(tmp_path: Path, **machine: object) -> tuple[Collector, Protocol | None]:
+    """Return what is read when people have written into one step, and nothing else."""
+    protocol, _ = protocol_of(timed())
+    document = yaml.safe_load(write_protocol(protocol))
+    for step in document["steps"]:
+        if step["id"] == machine.get("step", "trigger estop"):
+            step["machine"] = {k: v for k, v in machine.items() if k != "step"}
+    path = tmp_path / "protocol.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False), "utf-8")
+    out = Collector()
+    return out, load_protocol(path, out)
+
+
+@pytest.mark.parametrize(
+    ("machine", "missing"),
+    [
+        ({"result": "as expected"}, "by and date not filled in"),
+        ({"result": "as expected", "by": "A. Person"}, ": date not filled in"),
+        ({"by": "A. Person", "date": "2026-11-21"}, ": result not filled in"),
+        ({"measured_ms": 61.5}, "result and by and date"),
+    ],
+)
+def test_an_unfinished_entry_is_named_and_stays_open(
+    machine: dict[str, Any], missing: str, tmp_path: Path
+) -> None:
+    out, read = written(tmp_path, **machine)
+    (found,) = out.diagnostics
+    assert (found.code, found.span.line > 4) == ("FSN160", True)
+    assert missing in found.message
+    assert "2026-11-21" in (found.hint or "")
+    assert read is not None
+    assert by_id(read)["trigger estop"].is_open
+
+
+SIGNED = {"result": "as expected", "by": "A. Person", "date": "2026-11-21"}
+
+
+def test_a_time_above_the_limit_is_not_as_expected(tmp_path: Path) -> None:
+    out, read = written(tmp_path, **SIGNED, measured_ms=231)
+    assert read is None
+    assert "231 ms is longer than the limit of 230 ms" in out.diagnostics[0].message
+    out, read = written(tmp_path, **{**SIGNED, "result": "not as expected"}, measured_ms=231)
+    assert read is not None
+    assert out.diagnostics == []
+    assert [step.id for step in read.failed_steps] == ["trigger estop"]
+
+
+def test_a_step_on_the_emulated_bus_only_takes_no_entry_at_the_machine(tmp_path: Path) -> None:
+    out, read = written(tmp_path, **SIGNED, step="fault delay")
+    assert read is None
+    assert "emulated bus only" in out.diagnostics[0].message
+
+
+def test_a_protocol_is_held_against_the_files() -> None:
+    resolution = timed()
+    plan = compile_plan(resolution)
+    whole = fingerprint_of(plan).whole
+    fresh = make_protocol(resolution, plan.to_bytes(), fingerprint=whole)
+
+    def said(given: Protocol) -> list[str]:
+        out = Collector()
+        compare_protocol(given, fresh, out)
+        assert all(d.code == "FSN161" and d.hint for d in out.diagnostics)
+        return [d.message for d in out.diagnostics]
+
+    assert said(fresh) == []
+    assert said(replace(fresh, plan_sha256="0" * 64)) == []  # the fingerprint counts
+    first, *others = fresh.steps
+    assert said(replace(fresh, steps=tuple(others))) == [
+        f"step {first.id} of these files is missing"
+    ]
+    strange = replace(first, id="loss other")
+    assert said(replace(fresh, steps=(*fresh.steps, strange))) == [
+        "step loss other is none of these files"
+    ]
+    trigger = by_id(fresh)["trigger estop"]
+    wide = replace(trigger, limit_ms=900.0)
+    steps = tuple(wide if step is trigger else step for step in fresh.steps)
+    assert said(replace(fresh, steps=steps)) == [
+        "step trigger estop: limit_ms is not what these files give"
+    ]
+    (words,) = said(replace(fresh, fingerprint="0" * 64))
+    assert words.startswith("made for another configuration (0000 0000 0000 0000)")
 
 
 def test_a_step_stays_open_without_name_and_date() -> None:
@@ -443,8 +532,8 @@ def test_each_loss_is_confirmed_watched_and_measured() -> None:
         assert "outputs" in seen.remark  # what it did not see
     loss = steps["loss io"].live
     assert loss is not None
-    assert loss.measured_ms == 101
-    assert "first bus cycle without it" in loss.time_is
+    assert loss.measured_ms == 102
+    assert "last bus cycle with it" in loss.time_is
     assert "bus cycle of 1 ms" in loss.time_is
     assert "1 of 2 connections in Data" in loss.remark
     assert steps["trigger estop"].live is None
@@ -455,7 +544,7 @@ def test_each_loss_is_confirmed_watched_and_measured() -> None:
 
 def test_a_live_reaction_that_comes_too_late_is_said() -> None:
     protocol, _ = protocol_of(timed())
-    steps = live(Person(Bus(protocol.plan_sha256, react_ns=201 * CYCLE_NS)), protocol)
+    steps = live(Person(Bus(protocol.plan_sha256, react_ns=200 * CYCLE_NS)), protocol)
     seen = steps["loss io"].live
     assert seen is not None
     assert (seen.outcome, seen.measured_ms) == (Outcome.NOT_AS_EXPECTED, 201)
