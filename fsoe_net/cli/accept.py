@@ -13,13 +13,12 @@ from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.known import Record, read_record
 from fsoe_net.cli.output import counted
 from fsoe_net.cli.plan import write_whole
-from fsoe_net.cli.report import since
+from fsoe_net.cli.report import read_protocol, since
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, load_protocol, read_bytes
-from fsoe_net.model import Acceptance, Intervention, Protocol, SignedBy, SourceFile
-from fsoe_net.plan import compile_plan, fingerprint_of, short_code
+from fsoe_net.load import Collector, read_bytes
+from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile
+from fsoe_net.plan import compile_plan, short_code
 from fsoe_net.report import Grounds, Reason, Refusal, read_signed_report, sign_off
-from fsoe_net.run import make_protocol
 from fsoe_net.save import write_acceptance
 
 __all__ = ["command"]
@@ -117,11 +116,10 @@ def command(
     changes = [_intervention(row, day) for row in intervention]
     before = None if replaces is None else read_record(replaces)
     report = read_signed_report([_read(path) for path in reports])
-    source, filled = _protocol(protocol)
     checked = check_files(files, packages=packages, xacro_args=xacro_args, compared=True)
     resolution = whole_network(checked, "no record written")
     plan = compile_plan(resolution)
-    asked = make_protocol(resolution, plan.to_bytes(), fingerprint=fingerprint_of(plan).whole)
+    source, filled, wrong = read_protocol(protocol, resolution, plan)
     changed = None if before is None else since(before, resolution)
     record, refusals = sign_off(
         Grounds(
@@ -132,7 +130,7 @@ def command(
             diagnostics=checked.diagnostics,
             protocol=filled,
             protocol_source=source,
-            asked=asked,
+            protocol_findings=wrong,
             author=SignedBy(name=author.strip(), date=day),
             verifier=SignedBy(name=verifier.strip(), date=day),
             reasons=reasons,
@@ -199,14 +197,6 @@ def _read(path: str) -> tuple[SourceFile, bytes]:
     if data is None:
         raise InputError(f"{path} cannot be read", out.diagnostics)
     return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data
-
-
-def _protocol(path: str) -> tuple[SourceFile, Protocol]:
-    out = Collector()
-    found = load_protocol(path, out)
-    if found is None:
-        raise InputError(f"{path} is no test protocol that can be used", out.diagnostics)
-    return out.sources[0], found
 
 
 def _refuse(refusals: tuple[Refusal, ...]) -> None:

@@ -19,7 +19,7 @@ from fsoe_net.cli.plan import write_whole
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, builtin_library, load_protocol
-from fsoe_net.model import Resolution, SourceFile
+from fsoe_net.model import Protocol, Resolution, SourceFile
 from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, fingerprint_of
 from fsoe_net.report import (
     FORMATS,
@@ -45,7 +45,7 @@ from fsoe_net.rules import check_scan, check_timing
 from fsoe_net.run import RunResult, compare_protocol, make_protocol
 from fsoe_net.timing import Budget, make_budget
 
-__all__ = ["command", "since"]
+__all__ = ["command", "read_protocol", "since"]
 
 _EPILOG = """\b
 Examples:
@@ -244,8 +244,17 @@ def _given(path: str) -> GivenPlan:
     return GivenPlan(source=source, plan=decode_plan(data))
 
 
-def _tried(path: str, resolution: Resolution | None, plan: Plan | None) -> Tried:
-    """Read a test protocol; what keeps its results from being taken is printed and reported."""
+def read_protocol(
+    path: str, resolution: Resolution | None, plan: Plan | None
+) -> tuple[SourceFile, Protocol, list[Diagnostic]]:
+    """Read a test protocol, and hold it against the network where there is one.
+
+    Returns:
+        Its file, the protocol, and what keeps its results from being taken.
+
+    Raises:
+        InputError: It is none.
+    """
     source, _ = _source(path)
     out = Collector()
     protocol = load_protocol(path, out)
@@ -256,9 +265,14 @@ def _tried(path: str, resolution: Resolution | None, plan: Plan | None) -> Tried
         whole = fingerprint_of(plan).whole
         fresh = make_protocol(resolution, plan.to_bytes(), fingerprint=whole)
         compare_protocol(protocol, fresh, out)
-    print_diagnostics(out.diagnostics, err=True)
-    notes = tuple(f"{d.span.line}: {d.message}" for d in out.diagnostics)
-    bad = any(d.level is Severity.ERROR for d in out.diagnostics)
+    return source, protocol, out.diagnostics
+
+
+def _tried(path: str, resolution: Resolution | None, plan: Plan | None) -> Tried:
+    source, protocol, found = read_protocol(path, resolution, plan)
+    print_diagnostics(found, err=True)
+    notes = tuple(f"{d.span.line}: {d.message}" for d in found)
+    bad = any(d.level is Severity.ERROR for d in found)
     return replace(tried_of(source, protocol), notes=notes, fits=not bad)
 
 

@@ -102,7 +102,7 @@ class Grounds:
         diagnostics: What the files of the network show today.
         protocol: The test protocol as filled in.
         protocol_source: Its file.
-        asked: The protocol of this network as it is written today, nothing filled in.
+        protocol_findings: What is wrong with it, also beside the network of today.
         author: Who made the configuration.
         verifier: Who checked it.
         reasons: For warnings and steps.
@@ -119,7 +119,7 @@ class Grounds:
     diagnostics: Sequence[Diagnostic] = ()
     protocol: Protocol
     protocol_source: SourceFile
-    asked: Protocol
+    protocol_findings: Sequence[Diagnostic] = ()
     author: SignedBy
     verifier: SignedBy
     reasons: Sequence[Reason] = ()
@@ -286,32 +286,17 @@ def _findings(g: Grounds, out: _Gathered) -> None:
 
 
 def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
-    if g.protocol.fingerprint != whole:
+    errors = [d for d in g.protocol_findings if d.level is Severity.ERROR]
+    for d in errors:
+        out.refuse(f"{d.code} at {d.span}: {d.message}", d.hint)
+    if g.protocol.fingerprint == whole:
+        for step in g.protocol.steps:
+            _step(step, g, out)
+    elif not errors:  # the steps of another configuration say nothing
         out.refuse(
             f"{g.protocol_source.path} is the protocol of another configuration",
             "write one with `fsoe-net test-protocol` and do its steps",
         )
-        return
-    given = {step.id: step for step in g.protocol.steps}
-    for asked in g.asked.steps:
-        step = given.get(asked.id)
-        if step is None:
-            out.refuse(
-                f"step {asked.id} is not in {g.protocol_source.path}",
-                "write the protocol anew; what people wrote into it is kept",
-            )
-            continue
-        if _asks(step) != _asks(asked):
-            out.refuse(
-                f"step {step.id} at {step.span} asks for something else than this network does",
-                "write the protocol anew with `fsoe-net test-protocol`",
-            )
-            continue
-        _step(step, g, out)
-
-
-def _asks(step: ProtocolStep) -> tuple[str, str, float | None]:
-    return step.what, step.expected, step.limit_ms
 
 
 def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:

@@ -55,7 +55,6 @@ def grounds_of(path: Path = TIMED, **more: object) -> Grounds:
         "diagnostics": inputs.diagnostics,
         "protocol": filled(asked),
         "protocol_source": source("protocol.yaml"),
-        "asked": asked,
         "author": SignedBy(name="A. Meier", date=DAY),
         "verifier": SignedBy(name="B. Kaya", date=DAY),
     }

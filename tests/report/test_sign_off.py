@@ -11,7 +11,7 @@ from report.signed import done, grounds_of, record_of, report_with, source
 
 from fsoe_net.diag import Diagnostic, Span
 from fsoe_net.errors import InputError
-from fsoe_net.model import Intervention, Outcome, Seen, SignedBy, StepKind, same_person
+from fsoe_net.model import AtMachine, Intervention, Outcome, Seen, SignedBy, StepKind, same_person
 from fsoe_net.plan import fingerprint_of
 from fsoe_net.report import Grounds, Reason, read_signed_report, sign_off
 
@@ -179,13 +179,15 @@ def test_what_an_emulation_shows_to_fail_stands_against_it_but_never_for_it() ->
         steps = tuple(replace(s, **{column: bad}) for s in grounds.protocol.steps)
         failing = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
         assert len(refused(failing)) == len(steps)
-        steps = tuple(replace(s, **{column: good}) for s in grounds.asked.steps)
+        steps = tuple(
+            replace(s, machine=AtMachine(), **{column: good}) for s in grounds.protocol.steps
+        )
         alone = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
         assert "step trigger estop at : open at the machine" in refused(alone)
 
 
 def test_a_reaction_is_measured_and_within_its_limit() -> None:
-    limit = next(s.limit_ms for s in grounds_of().asked.steps if s.kind is StepKind.TRIGGER)
+    limit = next(s.limit_ms for s in grounds_of().protocol.steps if s.kind is StepKind.TRIGGER)
     assert limit is not None
     assert refused(with_step(grounds_of(), StepKind.TRIGGER, measured_ms=limit)) == []
     (late,) = refused(with_step(grounds_of(), StepKind.TRIGGER, measured_ms=limit + 0.1))
@@ -196,13 +198,18 @@ def test_a_reaction_is_measured_and_within_its_limit() -> None:
 
 def test_the_protocol_is_whole_and_of_this_configuration() -> None:
     grounds = grounds_of()
-    other = replace(grounds, protocol=replace(grounds.protocol, fingerprint="ab" * 32))
-    assert "another configuration" in refused(other)[0]
-    short = replace(grounds.protocol, steps=grounds.protocol.steps[1:])
-    assert refused(replace(grounds, protocol=short))[0].startswith("step start-up logic-io is not")
-    steps = tuple(replace(s, limit_ms=9999.0) for s in grounds.protocol.steps)
-    softer = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
-    assert all("asks for something else" in row for row in refused(softer)[:-1])
+    wrong = [
+        Diagnostic(code="FSN161", message="a step is missing", span=Span("p.yaml", 1, 1), hint="x"),
+        Diagnostic(code="FSN160", message="not signed", span=Span("p.yaml", 9, 1)),
+    ]
+    found = refused(replace(grounds, protocol_findings=wrong))
+    assert found == ["FSN161 at p.yaml:1:1: a step is missing"]
+    other = replace(grounds.protocol, fingerprint="ab" * 32, steps=())
+    assert refused(replace(grounds, protocol=other)) == [
+        "protocol.yaml is the protocol of another configuration"
+    ]
+    found = refused(replace(grounds, protocol=other, protocol_findings=wrong))
+    assert found == ["FSN161 at p.yaml:1:1: a step is missing"]
 
 
 def test_a_change_is_explained_and_history_is_kept(tmp_path: Path) -> None:
