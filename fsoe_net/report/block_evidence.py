@@ -368,7 +368,7 @@ def _checklist(tried: Tried) -> Table:
         "Expected",
         "At most",
         "EMULATED",
-        "MACHINE, by program",
+        "LIVE, by program",
         "MACHINE, by hand",
         "Who, when",
     )

@@ -9,7 +9,7 @@ from fsoe_net.run.control_values import Status
 
 __all__ = ["check_in_use", "emulated_bus", "fingerprint_in_use"]
 
-_NO_CARDS = frozenset({"veth", "tun", "dummy", "netdevsim", "macvlan"})
+_NO_CARDS = frozenset({"veth", "tun", "dummy", "netdevsim"})
 
 
 def fingerprint_in_use(status: Status) -> Fingerprint | None:

@@ -342,7 +342,7 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
     protocol = SimpleNamespace(plan_sha256="0" * 64, steps=steps)
     document = as_json(inputs_of(TIMED, tried=tried_of(FILE, protocol)))
     shown = table(document, "tests", "checklist")
-    assert shown["columns"][3:6] == ["EMULATED", "MACHINE, by program", "MACHINE, by hand"]
+    assert shown["columns"][3:6] == ["EMULATED", "LIVE, by program", "MACHINE, by hand"]
     one, two = shown["rows"]
     assert [words(c) for c in one[2:]] == [["150"], ["as expected", "61"], [], [""], [""]]
     assert [words(c) for c in two[3:]] == [[], [], ["not as expected", "80.5"], ["A. B., 1 May"]]
