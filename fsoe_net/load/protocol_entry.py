@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import datetime
 import re
+from datetime import date
 
 from fsoe_net.load.files import Collector
 from fsoe_net.model import AtMachine, Outcome, ProtocolStep
@@ -62,7 +62,7 @@ def _check_date(step: ProtocolStep, out: Collector) -> None:
     try:
         if match is None:
             raise ValueError
-        datetime.date.fromisoformat(match[1])
+        date.fromisoformat(match[1])
     except ValueError:
         out.add(
             "FSN161",
