@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from typing import TYPE_CHECKING
 
 from fsoe_net.model import Scan, ScannedSubDevice
-from fsoe_net.observe import IncidentHead
 from fsoe_net.report.block_head import files_table
 from fsoe_net.report.document import (
     BLANK,
@@ -30,7 +30,10 @@ from fsoe_net.report.document import (
 )
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
 from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
-from fsoe_net.run import RunResult, state_text
+
+if TYPE_CHECKING:
+    from fsoe_net.observe import IncidentHead
+    from fsoe_net.run import RunResult
 
 __all__ = ["bus_evidence", "tests"]
 
@@ -213,7 +216,7 @@ def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
     rows = tuple(
         (
             cell(strong(c.name)),
-            cell(state_text(c.state)),
+            cell(_state_words(c.state)),
             cell(stated(c.cycle_mean, "ms", path)),
             cell(stated(c.cycle_max, "ms", path)),
             cell(stated(c.watchdog, "ms", path)),
@@ -244,7 +247,7 @@ def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]
     rows = tuple(
         (
             cell(strong(c.name)),
-            cell(state_text(c.state)),
+            cell(_state_words(c.state)),
             tuple(
                 stated(d.wrong, f"wrong frames {to}", path)
                 for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
@@ -292,7 +295,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     rows = tuple(
         (
             cell(strong(name)),
-            cell(state_text(c.state.word)),
+            cell(_state_words(c.state.word)),
             cell(_seen(max(c.to_sub.cycle_mean_ns, c.to_main.cycle_mean_ns), source)),
             cell(_seen(max(c.to_sub.cycle_max_ns, c.to_main.cycle_max_ns), source)),
             cell(stated(c.to_sub.wrong + c.to_main.wrong, "frames", source)),
@@ -412,6 +415,12 @@ def _result(word: str, ms: float | None, source: str, *, failed: bool = False) -
     return tuple(items)
 
 
+def _state_words(word: str) -> str:
+    from fsoe_net.run import state_text  # slow to load, and most reports have no run
+
+    return state_text(word)
+
+
 def _emulated_run(run: RunResult) -> list[Part]:
     source = "run of this plan on the emulated bus"
     s = run.statistics
@@ -440,7 +449,7 @@ def _emulated_run(run: RunResult) -> list[Part]:
             rows=tuple(
                 (
                     cell(strong(c.name)),
-                    cell(state_text(c.state)),
+                    cell(_state_words(c.state)),
                     cell(stated(c.fsoe_cycle_ms["mean"], "ms", source)),
                     cell(stated(c.fsoe_cycle_ms["max"], "ms", source)),
                     cell(stated(c.watchdog_ms, "ms", source)),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from fsoe_net.core import Histogram
+from typing import TYPE_CHECKING
+
 from fsoe_net.report.document import (
     Cell,
     Column,
@@ -19,6 +20,9 @@ from fsoe_net.report.document import (
     stated,
 )
 from fsoe_net.report.inputs import ReportInputs
+
+if TYPE_CHECKING:
+    from fsoe_net.core import Histogram
 
 __all__ = ["measured_cycle"]
 

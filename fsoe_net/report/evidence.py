@@ -7,14 +7,16 @@ import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fsoe_net.core import Histogram
 from fsoe_net.errors import InputError
 from fsoe_net.load import parse_scan
 from fsoe_net.model import Scan, SourceFile
-from fsoe_net.observe import IncidentHead, IncidentReader
-from fsoe_net.run import Client, LiveSnapshot, Status
+
+if TYPE_CHECKING:
+    from fsoe_net.observe import IncidentHead
+    from fsoe_net.run import LiveSnapshot, Status
 
 __all__ = [
     "Evidence",
@@ -106,6 +108,8 @@ def read_evidence(path: str) -> Evidence:
             return Evidence(source=source, run=_run(document))
         except (KeyError, TypeError, ValueError, AttributeError) as exc:
             raise InputError(f"{path} is no whole result of a run: {exc}; {_NEXT}") from exc
+    from fsoe_net.observe import IncidentReader  # most reports need none of it
+
     try:
         return Evidence(source=source, incident=IncidentReader(path, io.BytesIO(data)).head)
     except InputError as exc:
@@ -173,6 +177,8 @@ def ask_live(socket: str) -> LiveEvidence:
     Raises:
         EnvironmentFault: Nobody answers, or the bus is stopped.
     """
+    from fsoe_net.run import Client
+
     with Client(socket) as client:
         status, snapshot = client.status(), client.snapshot()
         names = tuple(c.name for c in client.connections())

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from fsoe_net.diag import Diagnostic, Severity
 from fsoe_net.model import Acceptance, JustifiedFinding, Resolution, SourceFile
 from fsoe_net.plan import Fingerprint, Plan
 from fsoe_net.report.diff import Difference
 from fsoe_net.report.evidence import Evidence, LiveEvidence
-from fsoe_net.run import RunResult
 from fsoe_net.timing import Budget
+
+if TYPE_CHECKING:
+    from fsoe_net.run import RunResult
 
 __all__ = ["Against", "GivenPlan", "GivenRecord", "ReportInputs", "TestStep", "Tried"]
 
