@@ -81,7 +81,7 @@ def copies(inputs: ReportInputs) -> Block:
         Picture(
             title=f"Copy {n}: {_name(plan, c)}",
             words=f"{_end(plan, c, source=True)} → {_end(plan, c, source=False)}, "
-            f"{c.size_bytes} bytes",
+            f"{c.size_bytes} byte{'' if c.size_bytes == 1 else 's'}",
             svg=copy_picture(plan, n),
             wide=False,
         )

@@ -10,9 +10,9 @@ from typing import Any
 from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Limit, Quantity, with_cycle
 from fsoe_net.timing.handshake import broken
 
-__all__ = ["budget_document", "budget_picture", "budget_text"]
+__all__ = ["budget_document", "budget_picture", "budget_text", "reaction_pictures"]
 
-_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 300, 64, 190, 30, 44
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 250, 64, 190, 30, 44
 _CYCLES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 8.0, 10.0)
 _DASHES = {
     "error-free": "",
@@ -242,37 +242,42 @@ def budget_picture(budget: Budget, title: str) -> str:
 
     Curves differ in their dashes and carry their names, so that no colour is needed.
     """
-    panels: list[str] = []
-    for row in budget.functions:
-        if row.reaction is None or budget.cycle is None:
-            continue
-        panels.append(
-            _panel(
-                f"{row.function.name}: over the bus cycle, ms",
-                _over_cycle(row, budget.drift),
-                here=budget.cycle,
-            )
-        )
-        watchdog = max(row.reaction.watchdog_in or 0.0, row.reaction.watchdog_out or 0.0)
-        if watchdog:
-            panels.append(
-                _panel(
-                    f"{row.function.name}: over both watchdogs, ms",
-                    _over_watchdog(row, watchdog),
-                    here=watchdog,
-                )
-            )
-    height = _HEIGHT * max(1, len(panels)) + 34
+    return _svg([p for row in budget.functions for _, p in _panels(budget, row)], title)
+
+
+def reaction_pictures(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
+    """Return what `budget_picture` draws of one function, each panel as title and picture."""
+    return [(title, _svg([panel], title, head=0)) for title, panel in _panels(budget, row)]
+
+
+def _panels(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
+    if row.reaction is None or budget.cycle is None:
+        return []
+    found = [("over the bus cycle, ms", _over_cycle(row, budget.drift), budget.cycle)]
+    watchdog = max(row.reaction.watchdog_in or 0.0, row.reaction.watchdog_out or 0.0)
+    if watchdog:
+        found.append(("over both watchdogs, ms", _over_watchdog(row, watchdog), watchdog))
+    name = row.function.name
+    return [
+        (f"Reaction times of {name} {over}", _panel(f"{name}: {over}", curves, here=here))
+        for over, curves, here in found
+    ]
+
+
+def _svg(panels: Sequence[str], title: str, head: int = 34) -> str:
+    """Return panels below each other; ``head``: height of a line for the title, 0 for none."""
+    height = _HEIGHT * max(1, len(panels)) + head
     body = "".join(
-        f'<g transform="translate(0 {34 + n * _HEIGHT})">{p}</g>' for n, p in enumerate(panels)
+        f'<g transform="translate(0 {head + n * _HEIGHT})">{p}</g>' for n, p in enumerate(panels)
     )
+    told = _text(20, 22, title, "start") if head else ""
     if not panels:
         body = _text(20, 80, "no safety function has a reaction time", "start")
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="budget" viewBox="0 0 {_WIDTH} {height}" '
         f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
         f"<style>{_STYLE}</style>"
-        f'<rect class="back" width="{_WIDTH}" height="{height}"/>{_text(20, 22, title, "start")}'
+        f'<rect class="back" width="{_WIDTH}" height="{height}"/>{told}'
         f"{body}</svg>\n"
     )
 

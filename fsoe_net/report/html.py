@@ -25,7 +25,14 @@ svg{width:100%;height:auto;font-family:inherit}svg.bytes{max-width:640px}
 .label{font-size:12px;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:4px}
 .tiny{font-size:9px;fill:#57606a}.sm{fill:#eaeef2;stroke:#8c959f}.tick{stroke:#fff;stroke-width:.8}
 .sign td{height:2.2em}
-@media print{body{max-width:none;margin:0}h2{break-after:avoid}tr{break-inside:avoid}}
+code{overflow-wrap:anywhere}
+@media screen and (max-width:700px){body{margin:.6em auto}table{display:block;overflow-x:auto}
+figure,p:has(>svg){overflow-x:auto}}
+@media print{@page{size:A4;margin:13mm 13mm 15mm;@bottom-right{content:"page " counter(page) " of "
+counter(pages);font:8.5pt sans-serif}}
+body{max-width:none;margin:0;padding:0;font-size:9.3pt;-webkit-print-color-adjust:exact;
+print-color-adjust:exact}
+h2,h3{break-after:avoid}tr,figure,.note{break-inside:avoid}a{color:inherit}}
 """
 
 

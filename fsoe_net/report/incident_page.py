@@ -136,8 +136,8 @@ def _strip(strip: Strip) -> str:
         f'<rect x="0" y="12" width="{_STRIP_WIDTH}" height="14" fill="#dafbe1"/>{bars}'
         f'<line x1="{at:.1f}" y1="2" x2="{at:.1f}" y2="28" stroke="#1f2328" stroke-width="2"/>'
         f'<text x="{at:.1f}" y="38" text-anchor="{anchor}" class="small">the moment</text></svg>'
-        '<p class="muted">green: working counter complete; brown: incomplete; red: frames lost; '
-        "violet: cycle late</p>"
+        '<p class="muted">Light band: working counter complete. Dark on it: higher than the band '
+        "(red): frames lost; as high (brown): incomplete; low (violet): cycle late.</p>"
     )
 
 

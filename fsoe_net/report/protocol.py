@@ -10,9 +10,15 @@ from fsoe_net.report.html import html_page, table
 __all__ = ["protocol_page"]
 
 _STYLE = (  # room to write in the last two columns, seen as such on black and white paper
-    "@media print{@page{size:A4 landscape;margin:12mm}}body{max-width:1400px}"
+    "@media print{@page{size:A4 landscape;margin:10mm 10mm 13mm;@bottom-left{content:SEAL;"
+    "font:8.5pt sans-serif}}body{font-size:8.5pt;line-height:1.35}th,td{padding:.25em .45em}"
+    "tbody tr{height:13mm}}body{max-width:1400px}"
     "th:nth-child(n+6),td:nth-child(n+6){border-left:1px solid #57606a}"
-    "th:nth-child(6){width:18%}th:nth-child(7){width:12%}th:nth-child(5){width:9%}"
+    "@media print,screen and (min-width:701px){table{table-layout:fixed}"
+    "th:nth-child(1){width:12%}th:nth-child(2){width:14%}th:nth-child(3){width:20%}"
+    "th:nth-child(4){width:18%}th:nth-child(5){width:7%}th:nth-child(7){width:11%}}"
+    "@media screen and (max-width:700px){td{min-width:9em}}"
+    "td{overflow-wrap:break-word}th .muted{font-weight:400}"
 )
 _HEAD = (
     "Step",
@@ -49,7 +55,17 @@ def protocol_page(protocol: Protocol, *, version: str) -> str:
         words += f", {len(protocol.failed_steps)} not as expected"
     body.append(f"<p><b>{words}.</b></p>")
     body.append(table(_HEAD, [_row(step) for step in protocol.steps]))
-    return html_page(title, body, style=_STYLE)
+    return html_page(title, body, style=_STYLE.replace("SEAL", _foot(title, protocol.fingerprint)))
+
+
+def _foot(title: str, fingerprint: str) -> str:
+    """Return what stands below each printed page, as a string of CSS."""
+    short = fingerprint[:16].upper()
+    code = " ".join(short[n : n + 4] for n in range(0, len(short), 4))
+    words = f"{title} · fingerprint {code or 'not known'}"
+    return (
+        '"' + "".join(c if c.isalnum() or c in " ·_-." else f"\\{ord(c):06x}" for c in words) + '"'
+    )
 
 
 def _row(step: ProtocolStep) -> tuple[str, ...]:

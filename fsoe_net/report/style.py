@@ -1,8 +1,22 @@
 """Style of the report page: light and dark, phone width, A4 with a head on each page."""
 
-__all__ = ["STYLE"]
+__all__ = ["PICTURES", "STYLE"]
 
-STYLE = """
+PICTURES = """\
+svg{width:100%;height:auto;font-family:inherit}text{fill:var(--ink)}
+.box{fill:var(--back);stroke:var(--soft);stroke-width:1.5}.box.main{fill:var(--main);
+stroke:var(--c0);stroke-width:3}.box.sub{fill:var(--sub);stroke:var(--amber)}
+.bus{stroke:var(--soft);stroke-width:5}.arc{fill:none;stroke-width:2.5}
+.name{font-size:15px;font-weight:600}.small{font-size:11.5px;fill:var(--soft)}
+.label{font-size:12px;font-weight:600}.under{fill:var(--back)}
+.tiny{font-size:10.5px;fill:var(--soft)}.sm{fill:var(--sm);stroke:var(--soft)}
+.tick{stroke:var(--back);stroke-width:.8}
+"""
+"""Of the drawings alone."""
+
+STYLE = (
+    PICTURES
+    + """
 :root{color-scheme:light dark;--ink:#1f2328;--back:#fff;--soft:#57606a;--line:#d0d7de;
 --head:#f3f5f7;--red:#a40e26;--amber:#7d4e00;--blue:#0550ae;--main:#ddf4ff;
 --sub:#fff8c5;--sm:#eaeef2;--c0:#0550ae;--c1:#953800;--c2:#116329;--c3:#6639ba;--c4:#99286e;
@@ -48,14 +62,6 @@ ul{margin:.4em 0;padding-left:1.4em}.toc{columns:2;margin:.3em 0;padding-left:1.
 figure{margin:.8em 0}figcaption{font-size:.85em}.pictures{display:grid;
 grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr));gap:.2em 1.6em}
 .pictures figure{margin:.3em 0}
-svg{width:100%;height:auto;font-family:inherit}text{fill:var(--ink)}
-.box{fill:var(--back);stroke:var(--soft);stroke-width:1.5}.box.main{fill:var(--main);
-stroke:var(--c0);stroke-width:3}.box.sub{fill:var(--sub);stroke:var(--amber)}
-.bus{stroke:var(--soft);stroke-width:5}.arc{fill:none;stroke-width:2.5}
-.name{font-size:15px;font-weight:600}.small{font-size:11.5px;fill:var(--soft)}
-.label{font-size:12px;font-weight:600;paint-order:stroke;stroke:var(--back);stroke-width:4px}
-.tiny{font-size:10px;fill:var(--soft)}.sm{fill:var(--sm);stroke:var(--soft)}
-.tick{stroke:var(--back);stroke-width:.8}
 .sheet,.sheet>tbody,.sheet>tbody>tr,.sheet>tbody>tr>td{display:block}
 .sheet>thead,.sheet>tfoot{display:none}
 @media screen and (max-width:700px){body{padding:.6em .7em 3em}h1{font-size:1.5em}
@@ -82,5 +88,7 @@ print-color-adjust:exact}
 .pagefoot{border-top:1px solid #000;padding-top:1mm;margin-top:3mm;font-size:8pt}
 h2{margin-top:1.6em}h2,h3{break-after:avoid}.data tr,figure,.note,.banner{break-inside:avoid}
 .data thead{display:table-header-group}.pictures{grid-template-columns:1fr 1fr}
+figure svg{max-height:225mm}
 a{color:inherit;text-decoration:none}.data th,.data td{padding:.25em .4em}}
 """
+)

@@ -10,6 +10,7 @@ __all__ = ["copy_picture", "topology_picture"]
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP = 170, 62, 34
 _MAX_PER_ROW = 5
+_DASHES = ("", "9 4", "2 3", "12 3 2 3", "18 5", "5 3 2 3 2 3")
 _COLOURS = ("#0550ae", "#953800", "#116329", "#6639ba", "#99286e", "#424a53")
 
 
@@ -51,8 +52,9 @@ def topology_picture(plan: Plan) -> str:
     subs = {c.sub for c in plan.connections}
     for n in shown:
         parts.append(_box(plan, n, place[n], n in mains, n in subs, lines.get(n, "")))
-    if not dense:
-        parts += [_arc(plan, n, place) for n in range(len(plan.connections))]
+    if not dense:  # names above all lines, so that none is struck through
+        arcs = [_arc(plan, n, place) for n in range(len(plan.connections))]
+        parts += [line for line, _ in arcs] + [name for _, name in arcs]
     hidden = len(plan.subdevices) - len(shown)
     if hidden:
         text = f"{hidden} SubDevices without a copy"
@@ -111,10 +113,11 @@ def _box(
     )
 
 
-def _arc(plan: Plan, number: int, place: dict[int, tuple[float, float]]) -> str:
+def _arc(plan: Plan, number: int, place: dict[int, tuple[float, float]]) -> tuple[str, str]:
+    """Return the line of a connection and its name; lines differ in colour and in dash."""
     connection = plan.connections[number]
     if connection.main not in place or connection.sub not in place:
-        return ""
+        return "", ""
     (x1, y1), (x2, y2) = place[connection.main], place[connection.sub]
     shift = 10 * (number % 4) - 15
     start, end = x1 + _BOX_WIDTH / 2 + shift, x2 + _BOX_WIDTH / 2 + shift / 2
@@ -122,12 +125,16 @@ def _arc(plan: Plan, number: int, place: dict[int, tuple[float, float]]) -> str:
     top = min(y1, y2) - lift
     middle = (start + end) / 2
     label = f"ConnID {connection.connection_id}" if connection.connection_id else connection.name
+    dash, wide = _DASHES[number % len(_DASHES)], 7.6 * len(label) + 4
+    base = top + lift * 0.25 + 4
     return (
-        f"<g><title>{escape(connection.name)}</title>"
         f'<path d="M{start:g},{y1:g} C{start:g},{top:g} {end:g},{top:g} {end:g},{y2:g}" '
-        f'class="arc" style="stroke:{_colour(number)}"/>'
-        + f'<text x="{middle:g}" y="{top + lift * 0.22:g}" text-anchor="middle" class="label" '
-        f'style="fill:{_colour(number)}">{escape(label)}</text></g>'
+        f'class="arc" stroke-dasharray="{dash}" style="stroke:{_colour(number)}"/>',
+        f"<g><title>{escape(connection.name)}</title>"
+        f'<rect x="{middle - wide / 2:g}" y="{base - 11:g}" width="{wide:g}" height="14" '
+        'class="under"/>'
+        f'<text x="{middle:g}" y="{base:g}" text-anchor="middle" class="label" '
+        f'style="fill:{_colour(number)}">{escape(label)}</text></g>',
     )
 
 
@@ -139,7 +146,7 @@ def copy_picture(plan: Plan, number: int) -> str:
         (copy.source_sm, copy.source_bit // 8, "from"),
         (copy.destination_sm, copy.destination_bit // 8, "to"),
     )
-    parts = ['<svg viewBox="0 0 640 92" class="bytes" role="img" aria-label="copied bytes">']
+    parts = ['<svg viewBox="0 0 400 86" class="bytes" role="img" aria-label="copied bytes">']
     for row, (sm_number, first, word) in enumerate(ends):
         parts.append(_byte_row(plan, sm_number, first, copy.size_bytes, word, 40 * row, colour))
     return "".join([*parts, "</svg>"])
@@ -150,17 +157,22 @@ def _byte_row(
 ) -> str:
     sm = plan.sync_managers[sm_number]
     total = max(1, sm.size_bytes)
-    left, room = 150, 480
+    left, room = 122, 266
     unit = room / total
     name = plan.subdevices[sm.subdevice].name
     entry = entry_at(plan, sm_number, 8 * first)
     last = first + size - 1
-    shown = name if len(name) <= 14 else name[:13] + "…"
+    shown = name if len(name) <= 9 else name[:8] + "…"
+    told = str(first) if size == 1 else f"{first} … {last}"
+    wide = 6.2 * len(told)
+    middle = left + unit * (first + size / 2)
+    middle = min(max(middle, left + wide / 2 - 4), left + room - wide / 2 + 4)
+    end = 6.2 * len(str(total)) + 8
     cells = "".join(
         f'<line x1="{left + unit * n:g}" y1="{y + 10:g}" x2="{left + unit * n:g}" y2="{y + 26:g}" '
         'class="tick"/>'
         for n in range(1, total)
-        if total <= 96
+        if total <= 64
     )
     return (
         f"<g><title>{escape(name)} SM{sm.index}: bytes {first} … {last} of {total}"
@@ -170,12 +182,15 @@ def _byte_row(
         + f'<rect x="{left + unit * first:g}" y="{y + 10:g}" width="{unit * size:g}" height="16" '
         f'style="fill:{colour}"/>'
         + cells
-        + _text(left, y + 38, "0", "tiny")
-        + _text(left + room, y + 38, str(total), "tiny")
-        + (_text(left + unit * first, y + 38, str(first), "tiny") if first else "")
+        + _text(middle, y + 38, told, "tiny")
         + (
-            _text(left + unit * (last + 1), y + 38, str(last + 1), "tiny")
-            if last + 1 < total
+            _text(left, y + 38, "0", "tiny", "start")
+            if first and middle - wide / 2 > left + 14
+            else ""
+        )
+        + (
+            _text(left + room, y + 38, str(total - 1), "tiny", "end")
+            if last + 1 < total and middle + wide / 2 < left + room - end
             else ""
         )
         + "</g>"

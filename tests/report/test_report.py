@@ -388,3 +388,31 @@ def test_thirty_two_connections(tmp_path: Path):
     assert len(table(document, "connections", "connections")["rows"]) == 32
     svg = next(p["svg"] for p in block(document, "architecture")["parts"] if "svg" in p)
     assert "32 connections" in svg
+
+
+def test_connections_differ_by_dash_and_names_lie_above_all_lines():
+    document = as_json(inputs_of(ROOT / "examples" / "el6910" / "network.yaml"))
+    svg = next(p["svg"] for p in block(document, "architecture")["parts"] if "svg" in p)
+    dashes = re.findall(r'class="arc" stroke-dasharray="([^"]*)"', svg)
+    assert len(dashes) == len(set(dashes)) == 4
+    assert svg.rindex('class="arc"') < svg.index('class="label"')
+
+
+def test_no_picture_is_cut_at_the_end_of_a_page():
+    """Each function has pictures of its own; A4 is less than 1.3 times as high as wide."""
+    document = as_json(inputs_of(TIMED))
+    pictures = [p for b in document["blocks"] for p in b["parts"] if p["type"] == "picture"]
+    assert sum("Reaction times of estop" in p["title"] for p in pictures) == 2
+    for picture in pictures:
+        box = re.match(r'<svg[^>]* viewBox="\S+ \S+ (\S+) (\S+)"', picture["svg"])
+        assert box is not None
+        assert float(box[2]) < 1.2 * float(box[1]), picture["title"]
+    assert "figure svg{max-height:225mm}" in render_report(inputs_of(TIMED), "html")
+
+
+def test_bytes_of_a_narrow_range_are_named_once(tmp_path: Path):
+    document = as_json(inputs_of(write_big_network(tmp_path, 33, 64)))
+    pictures = [p["svg"] for p in block(document, "copies")["parts"] if "svg" in p]
+    texts = [re.findall(r'class="tiny">([^<]*)<', svg) for svg in pictures]
+    assert texts[0] == ["0 … 5", "0 … 5", "311"]  # whole source: its ends are those of the range
+    assert texts[-1] == ["186 … 191", "0", "311", "0 … 5"]
