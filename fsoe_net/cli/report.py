@@ -1,4 +1,4 @@
-"""``fsoe-net report``: the configuration with its evidence as HTML, Markdown or JSON."""
+"""``fsoe-net report``: the configuration with its evidence as HTML, PDF, Markdown or JSON."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ import struct
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.diff import read_side
-from fsoe_net.cli.inputs import Checked, check_files, input_options, whole_network
+from fsoe_net.cli.inputs import Checked, check_files, input_options, library_of, whole_network
 from fsoe_net.cli.known import Record, read_record
 from fsoe_net.cli.output import print_diagnostics, summary
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, builtin_library, load_protocol
+from fsoe_net.load import Collector, LoadOptions, load_protocol
 from fsoe_net.model import Protocol, Resolution, SourceFile
 from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, fingerprint_of
 from fsoe_net.report import (
@@ -34,16 +35,21 @@ from fsoe_net.report import (
     ask_live,
     compare,
     longest_round_trips,
+    pdf_library,
     read_evidence,
     render_report,
+    render_report_pdf,
     side_of_network,
     side_of_plan,
     steps_again,
     tried_of,
 )
 from fsoe_net.rules import check_scan, check_timing
-from fsoe_net.run import RunResult, compare_protocol, make_protocol
+from fsoe_net.run import compare_protocol, make_protocol
 from fsoe_net.timing import Budget, make_budget
+
+if TYPE_CHECKING:
+    from fsoe_net.run import RunResult
 
 __all__ = ["command", "read_protocol", "since"]
 
@@ -67,7 +73,7 @@ the test protocol is not of this network;
     "--output",
     type=click.Path(dir_okay=False),
     required=True,
-    help="File to write: .html, .md or .json.",
+    help="File to write: .html, .md, .json or, with the extra pdf, .pdf.",
 )
 @click.option("--plan", "plan_file", type=click.Path(), help="Plan file that shall be its plan.")
 @click.option(
@@ -121,8 +127,10 @@ def command(
     network with an error gets a report that says so first, with every finding.
     """
     form = Path(output).suffix.lstrip(".").lower()
-    if form not in FORMATS:
-        raise click.BadParameter(f"{output!r} ends in none of .html, .md, .json", ctx)
+    if form == "pdf":
+        pdf_library()
+    elif form not in FORMATS:
+        raise click.BadParameter(f"{output!r} ends in none of .html, .md, .json, .pdf", ctx)
     if against is not None and acceptance is not None:
         raise click.UsageError("--against and --acceptance: the change log starts from one of them")
     record = None if acceptance is None else read_record(acceptance)
@@ -159,7 +167,7 @@ def command(
         tried=None if protocol is None else _tried(protocol, resolution, plan),
         accepted=None if record is None else _accepted(record, fingerprint),
     )
-    write_whole(output, render_report(inputs, form).encode("utf-8"))
+    write_whole(output, _rendered(inputs, form))
     verdict = "" if result is None else f"; run {'passed' if result.passed else 'FAILED'}"
     refused = "NOT ACCEPTABLE: " if errors else ""
     if errors:
@@ -170,6 +178,12 @@ def command(
         verdict += "; the test protocol CANNOT BE TAKEN as it is"
     click.echo(f"{output}: {refused}{summary(found) or 'no findings'}{verdict}")
     ctx.exit(int(errors or misfit or (result is not None and not result.passed)))
+
+
+def _rendered(inputs: ReportInputs, form: str) -> bytes:
+    if form == "pdf":
+        return render_report_pdf(inputs)
+    return render_report(inputs, form).encode("utf-8")
 
 
 def _findings(
@@ -199,7 +213,7 @@ def _budget(
     if resolution is None:
         return None
     measured = longest_round_trips(tuple(evidence), live)
-    return make_budget(resolution, builtin_library(), measured=measured)
+    return make_budget(resolution, library_of(resolution.network), measured=measured)
 
 
 def _plan(resolution: Resolution | None, *, errors: bool) -> Plan | None:

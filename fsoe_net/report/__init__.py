@@ -38,7 +38,8 @@ from fsoe_net.report.sign_off import (
     read_signed_report,
     sign_off,
 )
-from fsoe_net.report.write import FORMATS, render_report
+from fsoe_net.report.write import FORMATS, render_report, render_report_pdf
+from fsoe_net.report.write_pdf import pdf_library
 
 __all__ = [
     "FORMATS",
@@ -65,10 +66,12 @@ __all__ = [
     "compare",
     "longest_round_trips",
     "make_document",
+    "pdf_library",
     "protocol_page",
     "read_evidence",
     "read_signed_report",
     "render_report",
+    "render_report_pdf",
     "side_of_description",
     "side_of_network",
     "side_of_plan",

@@ -1,4 +1,4 @@
-"""The three forms of a report, by the ending of its file."""
+"""The forms of a report, by the ending of its file."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from fsoe_net.report.make import make_document
 from fsoe_net.report.write_html import report_html
 from fsoe_net.report.write_json import report_json
 from fsoe_net.report.write_markdown import report_markdown
+from fsoe_net.report.write_pdf import report_pdf
 
-__all__ = ["FORMATS", "render_report"]
+__all__ = ["FORMATS", "render_report", "render_report_pdf"]
 
 FORMATS: Mapping[str, Callable[[Document], str]] = {
     "html": report_html,
     "md": report_markdown,
     "json": report_json,
 }
-"""Writers by the ending of the file, without its dot."""
+"""Writers of text by the ending of the file, without its dot; PDF is no text."""
 
 
 def render_report(inputs: ReportInputs, form: str = "html") -> str:
@@ -28,3 +29,12 @@ def render_report(inputs: ReportInputs, form: str = "html") -> str:
         KeyError: There is no such form.
     """
     return FORMATS[form](make_document(inputs))
+
+
+def render_report_pdf(inputs: ReportInputs) -> bytes:
+    """Return the report as PDF: the HTML form, printed.
+
+    Raises:
+        InputError: The extra ``pdf`` is not installed.
+    """
+    return report_pdf(make_document(inputs))

@@ -47,7 +47,7 @@ def test_a_network_with_errors_gets_a_report_and_exit_code_1(tmp_path: Path):
     ("arguments", "code", "words"),
     [
         (("nowhere.yaml", "-o", "OUT/x.html"), 1, "no such file"),
-        ((ESTOP, "-o", "OUT/x.pdf"), 2, ".html, .md, .json"),
+        ((ESTOP, "-o", "OUT/x.txt"), 2, ".html, .md, .json"),
         ((ESTOP, "--evidence", "nowhere.json", "-o", "OUT/x.html"), 1, "nowhere.json"),
         ((ESTOP, "--evidence", ESTOP, "-o", "OUT/x.html"), 1, "evidence is a scan.json"),
         ((ESTOP, "--plan", ESTOP, "-o", "OUT/x.html"), 1, "no .fsnplan"),

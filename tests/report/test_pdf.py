@@ -1,0 +1,98 @@
+"""The report as PDF through an extra, and what is said where it is missing."""
+
+from __future__ import annotations
+
+import logging
+import re
+import sys
+import zlib
+from pathlib import Path
+
+import pytest
+from cli.tool import fsn
+from report.made import TIMED, inputs_of
+
+from fsoe_net.errors import InputError
+from fsoe_net.report import pdf_library, render_report, render_report_pdf
+from fsoe_net.report.write_pdf import _for_print
+
+try:
+    pdf_library()
+except InputError as missing:
+    LACKING = str(missing)
+else:
+    LACKING = ""
+needs_library = pytest.mark.skipif(bool(LACKING), reason=LACKING)
+of_library = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
+
+def test_without_the_extra_the_message_names_it_and_the_way_by_a_browser(monkeypatch):
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+    with pytest.raises(InputError, match=r"pip install 'fsoe-net\[pdf\]'.*\.html.*browser"):
+        pdf_library()
+
+
+def test_without_pango_the_message_names_it(monkeypatch, tmp_path: Path):
+    (tmp_path / "weasyprint.py").write_text("raise OSError('cannot load library pango')\n", "utf-8")
+    monkeypatch.delitem(sys.modules, "weasyprint", raising=False)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match=r"cannot load library pango.*libpango.*browser"):
+        pdf_library()
+
+
+def test_the_command_says_so_before_it_reads_anything(monkeypatch, tmp_path: Path):
+    (tmp_path / "weasyprint.py").write_text("raise ImportError('none')\n", "utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    out = tmp_path / "r.pdf"
+    done = fsn("report", "no_such.yaml", "-o", str(out))
+    assert done.returncode == 1
+    assert "fsoe-net[pdf]" in done.stderr
+    assert "no_such" not in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not out.exists()
+
+
+def test_for_print_each_picture_has_its_own_rules_and_plain_colours():
+    page = _for_print(render_report(inputs_of(TIMED), "html"))
+    pictures = re.findall(r"<svg.*?</svg>", page, flags=re.S)
+    assert len(pictures) > 5
+    for svg in pictures:
+        assert "var(" not in svg
+        assert ".box{fill:#fff" in svg
+    assert "position:running(head)" in page
+
+
+@needs_library
+@of_library
+def test_the_same_report_gives_the_same_bytes_with_head_and_number_on_each_page(tmp_path: Path):
+    inputs = inputs_of(TIMED)
+    level = logging.getLogger("weasyprint").level
+    pdf = render_report_pdf(inputs)
+    assert logging.getLogger("weasyprint").level == level
+    assert pdf == render_report_pdf(inputs)
+    assert pdf.startswith(b"%PDF-")
+    for word in (b"/CreationDate", b"/ModDate"):
+        assert word not in pdf
+    boxes = re.findall(rb"/MediaBox \[([^\]]*)\]", _plain(pdf))
+    assert len(boxes) >= 6
+    assert {tuple(round(float(n)) for n in b.split()) for b in boxes} == {(0, 0, 595, 842)}
+
+
+@needs_library
+@of_library
+def test_the_command_writes_it(tmp_path: Path):
+    out = tmp_path / "r.pdf"
+    done = fsn("report", str(TIMED), "-o", str(out))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert out.read_bytes().startswith(b"%PDF-")
+
+
+def _plain(pdf: bytes) -> bytes:
+    """Return the file with its compressed streams unpacked behind it."""
+    found = [pdf]
+    for stream in re.findall(rb"stream\r?\n(.*?)endstream", pdf, flags=re.S):
+        try:
+            found.append(zlib.decompressobj().decompress(stream))
+        except zlib.error:
+            continue
+    return b"".join(found)
