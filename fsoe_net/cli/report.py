@@ -45,7 +45,6 @@ from fsoe_net.report import (
     tried_of,
 )
 from fsoe_net.rules import check_scan, check_timing
-from fsoe_net.run import compare_protocol, make_protocol
 from fsoe_net.timing import Budget, make_budget
 
 if TYPE_CHECKING:
@@ -276,6 +275,8 @@ def read_protocol(
         found = summary(out.diagnostics)
         raise InputError(f"{path} cannot be taken as a test protocol: {found}", out.diagnostics)
     if resolution is not None and plan is not None:
+        from fsoe_net.run import compare_protocol, make_protocol
+
         whole = fingerprint_of(plan).whole
         fresh = make_protocol(resolution, plan.to_bytes(), fingerprint=whole)
         compare_protocol(protocol, fresh, out)
@@ -316,6 +317,8 @@ def _against(path: str, resolution: Resolution | None, options: LoadOptions) -> 
 def _compared(
     source: SourceFile, before: Side, resolution: Resolution, fingerprint: Fingerprint | None
 ) -> Against:
+    from fsoe_net.run import make_protocol  # slow to load, as in read_protocol
+
     difference = compare(before, side_of_network(resolution, resolution.network.name))
     steps = make_protocol(resolution, b"").steps
     return Against(
