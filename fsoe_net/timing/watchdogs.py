@@ -209,10 +209,9 @@ def _printed(connection: Connection, row: FunctionBudget, side: str, drift: floa
     both = None
     if len(apart) < len(others):  # one connection there and back: its watchdog is the other, too
         both = _room(row, times.actuator, what, drift, share=2)
-    other = longest_watchdog(apart, drift)
-    if other is None and apart:
-        return _smaller(by_etg, both)  # the other watchdog is open; FunctionBudget says so
-    by_beckhoff = _room(row, (other or 0.0) + times.actuator, what, drift)
+    # An open watchdog counts as 0 here, which leaves more than ETG.5100; FunctionBudget names it.
+    other = longest_watchdog(apart, drift) or 0.0
+    by_beckhoff = _room(row, other + times.actuator, what, drift)
     return _smaller(by_etg, _smaller(both, by_beckhoff))
 
 

@@ -1,0 +1,338 @@
+"""Budgets in which both directions differ, so that nothing can stand in for its counterpart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from timing.test_budget import (
+    FUNCTION,
+    Maker,
+    budget_of,
+    resolution_of,
+    watchdogs,
+    with_watchdogs,
+)
+
+from fsoe_net.diag import Severity
+from fsoe_net.load import builtin_library
+from fsoe_net.model import Library, LibraryFigure
+from fsoe_net.rules import check_timing
+from fsoe_net.timing import Judgement, PfhSum, WatchdogJudgement, make_budget, with_cycle
+from fsoe_net.timing.formulas import (
+    PartTimes,
+    beckhoff_typical,
+    error_free,
+    worst_case_input,
+    worst_case_output,
+)
+from fsoe_net.timing.handshake import broken, broken_input, broken_output
+
+__all__ = ["resolution_of"]
+
+UNEQUAL = PartTimes(
+    sensor=5, input=4, logic=2, output=3, actuator=20, cycle=1, cycles_in=2, cycles_out=3
+)
+
+
+def test_each_direction_has_its_own_transfer() -> None:
+    assert error_free(UNEQUAL) == 10 + 8 + 2 + 4 + 4 + 3 + 6 + 40
+    assert worst_case_input(UNEQUAL, 100) == 10 + 100 + 4 + 3 + 6 + 40
+    assert worst_case_output(UNEQUAL, 100) == 10 + 8 + 2 + 4 + 4 + 100 + 40
+    # The healthy ways: (8 + 4 + 4) + 4 + 2 + 4 there, (6 + 4 + 6) + 2 + 3 + 6 back.
+    assert broken_input(UNEQUAL, 100) == 10 + (100 + 4 + 2 + 6) + 27 + 40
+    assert broken_output(UNEQUAL, 100) == 10 + 26 + (100 + 2 + 3 + 9) + 40
+    assert broken(UNEQUAL, 100, None) == 189
+    assert broken(UNEQUAL, None, 100) == 190
+    assert broken(UNEQUAL, None, None) == 10 + 26 + 27 + 40
+
+
+def test_beckhoff_counts_three_cycles_for_each_connection_that_is_there() -> None:
+    times = {"sensor": 5, "input": 4, "logic": 2, "output": 3, "actuator": 20, "cycle": 4}
+    for there, back, cycles in ((2, 2, 6), (0, 2, 3), (2, 0, 3), (0, 0, 0)):
+        t = PartTimes(**times, cycles_in=there, cycles_out=back)  # type: ignore[arg-type]
+        assert beckhoff_typical(t) == 34 + cycles * 4
+
+
+def test_sensor_and_actuator_may_take_no_time_and_never_less() -> None:
+    t = PartTimes(input=0, logic=0, output=0, cycle=1)
+    assert (t.sensor, t.actuator) == (0, 0)
+    for wrong in ({"sensor": -1.0}, {"actuator": -1.0}):
+        with pytest.raises(ValueError, match="not negative"):
+            PartTimes(input=0, logic=0, output=0, cycle=1, **wrong)
+    for cycles in ({"cycles_in": -1, "cycles_out": 2}, {"cycles_in": 2, "cycles_out": -1}):
+        with pytest.raises(ValueError, match="bus cycles"):
+            PartTimes(input=0, logic=0, output=0, cycle=1, **cycles)
+
+
+def test_output_and_logic_in_one_subdevice(resolution_of: Maker) -> None:
+    (row,) = budget_of(resolution_of(FUNCTION.replace("sub: el2904", "sub: el6910"))).functions
+    assert row.reaction is not None
+    assert row.reaction.error_free == 10 + 8 + 2 + 4 + 4 + 6 + 40
+    assert (row.reaction.worst_output, row.reaction.worst_beckhoff) == (None, 120)
+    assert row.reaction.disturbed == 10 + (200 + 4) + (4 + 6) + 40
+    assert row.pfh.fsoe == 1e-9
+    (row,) = budget_of(resolution_of(FUNCTION.replace("sub: el1904", "sub: el6910"))).functions
+    assert row.reaction is not None
+    assert row.reaction.disturbed == 10 + (8 + 4) + (200 + 6) + 40
+    assert row.pfh.fsoe == 1e-9
+    one = FUNCTION.replace("sub: el1904", "sub: el6910").replace("sub: el2904", "sub: el6910")
+    (row,) = budget_of(resolution_of(one)).functions
+    assert row.reaction is not None
+    assert (row.reaction.worst_beckhoff, row.reaction.disturbed) == (20, 10 + 12 + 10 + 40)
+    assert row.pfh.fsoe == 0
+
+
+@pytest.mark.parametrize(("number", "sub"), [(1, "el1904"), (2, "el2904")])
+def test_one_watchdog_that_is_missing_is_enough(
+    resolution_of: Maker, number: int, sub: str
+) -> None:
+    gone = (f"connection_id: {number}, watchdog_ms: 100", f"connection_id: {number}")
+    budget = budget_of(resolution_of(network=gone))
+    (row,) = budget.functions
+    name = next(c.connection.name for c in budget.connections if c.connection.sub.name == sub)
+    assert row.unstated == (f"the watchdog of {name} is not stated",)
+    assert (row.reaction, row.judgement) == (None, Judgement.MISSING)
+    with pytest.raises(ValueError, match="estop has no reaction time"):
+        with_cycle(row, 4, 0)
+
+
+def test_another_cycle_needs_every_time(resolution_of: Maker) -> None:
+    (row,) = budget_of(resolution_of()).functions
+    assert with_cycle(row, 4, 0).error_free == 88
+    assert with_cycle(row, 4, 0.01).worst_beckhoff == pytest.approx(222)
+    (row,) = budget_of(resolution_of(FUNCTION.replace("time_ms: 4, ", ""))).functions
+    with pytest.raises(ValueError, match="estop has no reaction time"):
+        with_cycle(row, 4, 0)
+
+
+def test_of_parallel_inputs_the_longest_watchdog_and_time_count(resolution_of: Maker) -> None:
+    text = FUNCTION + "      - {kind: input, sub: drive_1, time_ms: 1, source: manual}\n"
+    short = ("connection_id: 3, watchdog_ms: 100", "connection_id: 3, watchdog_ms: 50")
+    (row,) = budget_of(resolution_of(text, network=short)).functions
+    assert row.reaction is not None
+    assert (row.reaction.watchdog_in, row.reaction.watchdog_out) == (100, 100)
+    assert row.reaction.error_free == 76
+
+
+@pytest.mark.parametrize(
+    ("required", "found"), [(119, Judgement.WITHIN), (118.9, Judgement.PRINTED_ONLY)]
+)
+def test_what_takes_exactly_the_required_time_is_within(
+    resolution_of: Maker, required: float, found: Judgement
+) -> None:
+    # Watchdogs of 30 ms: handshake counted 30 + 89; ETG.5100 30 + 68; Beckhoff 30 + 30 + 20.
+    (row,) = budget_of(resolution_of(*with_watchdogs(required, 30, 30))).functions
+    assert row.reaction is not None
+    assert (row.reaction.counted, row.reaction.worst, row.judgement) == (119, 98, found)
+
+
+def test_a_margin_needs_a_watchdog_and_times(resolution_of: Maker) -> None:
+    rows = watchdogs(resolution_of())
+    assert (rows["drive_1"].margin, rows["drive_1"].lost_frames) == (None, None)
+    resolution = resolution_of(network=("connection_id: 1, watchdog_ms: 100", "connection_id: 1"))
+    one = watchdogs(resolution)["el1904"]
+    assert (one.least is None, one.margin, one.lost_frames) == (False, None, None)
+    # A measurement stands alone where times are missing; one of nothing has no margin.
+    name = next(c.name for c in resolution.connections if c.sub.name == "drive_1")
+    for ms, margin, lost in ((10.0, pytest.approx(100 / 12), 89), (0.0, None, 99)):
+        row = watchdogs(resolution, measured={name: ms})["drive_1"]
+        assert (row.margin, row.lost_frames) == (margin, lost)
+
+
+def test_an_interval_of_one_value_is_not_empty(resolution_of: Maker) -> None:
+    # 1.2 * 20 ms as measured, and 110 - 86 ms with the handshake counted
+    resolution = resolution_of(*with_watchdogs(110, 24, 17))
+    name = next(c.name for c in resolution.connections if c.sub.name == "el1904")
+    one = watchdogs(resolution, measured={name: 20.0})["el1904"]
+    assert one.least is not None
+    assert one.handshake is not None
+    assert (one.least.ms, one.handshake.ms) == (24, 24)
+    assert (one.empty, one.judgement) == (False, WatchdogJudgement.WITHIN)
+    one = watchdogs(resolution, measured={name: 16.0})["el1904"]
+    assert one.least is not None
+    assert "measured" not in one.least.why
+
+
+def test_the_output_by_etg_alone(resolution_of: Maker) -> None:
+    # 105 - 68 by ETG.5100, 105 - 20 - 20 by Beckhoff
+    two = watchdogs(resolution_of(*with_watchdogs(105, 20, 17)))["el2904"]
+    assert two.printed is not None
+    assert two.printed.ms == 37
+    # The watchdog of the input is open: Beckhoff's sum says nothing then.
+    gone = ("connection_id: 1, watchdog_ms: 100", "connection_id: 1")
+    two = watchdogs(resolution_of(network=gone))["el2904"]
+    assert two.printed is not None
+    assert (two.printed.ms, "ETG.5100" in two.printed.why) == (162, True)
+
+
+def test_two_safety_pdus_in_four_cycles(resolution_of: Maker) -> None:
+    rows = watchdogs(resolution_of(), cycle=4.0)
+    assert rows["el1904"].spdus_per_hour == 2 * 3_600_000 / 16
+    assert [rows[n].functions for n in ("el1904", "el2904")] == [("estop",), ("estop",)]
+
+
+# -- elements -------------------------------------------------------------------------------------
+
+
+def test_figures_of_the_library_are_taken_by_name(resolution_of: Maker) -> None:
+    figures = (("pfh_per_hour", 3e-9), ("input_ms", 4.5), ("output_ms", 9.0))
+    whole = builtin_library()
+    device = whole.find(2, 0x07703052)
+    assert device is not None
+    device = replace(
+        device,
+        sources={"sheet": "sheet 7"},
+        figures=tuple(LibraryFigure(name=n, value=v, source="sheet") for n, v in figures),
+    )
+    bare = FUNCTION.replace("time_ms: 4, pfh_per_hour: 1.11e-9, source: manual", 'manual: "3.0.0"')
+    library = Library(devices=(device,))
+    (row,) = make_budget(resolution_of(bare), library).functions
+    element = row.parts.rows[1]
+    assert (element.time.value, element.pfh.value) == (4.5, 3e-9)
+    assert element.time.source == "device library: sheet 7; confirmed by manual 3.0.0"
+    assert (element.time.verified, element.pfh.verified) == (True, True)
+    (row,) = make_budget(resolution_of(bare.replace('manual: "3.0.0"', "")), library).functions
+    element = row.parts.rows[1]
+    assert element.time.source == "device library: sheet 7"
+    assert (element.time.verified, row.parts.unverified) == (False, ("el1904",))
+
+
+def test_a_time_that_is_missing_is_zero_and_unverified(resolution_of: Maker) -> None:
+    (row,) = budget_of(resolution_of(FUNCTION.replace("time_ms: 4, ", ""))).functions
+    assert (row.parts.input, row.parts.rows[1].time.verified) == (0, False)
+    assert row.parts.unverified == ()
+    sensor = "      - {kind: sensor, name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, source: sheet}\n"
+    (row,) = budget_of(resolution_of(FUNCTION.replace(sensor, ""))).functions
+    assert row.parts.sensor == 0
+
+
+def test_one_of_two_logics_is_enough_to_be_joined(resolution_of: Maker) -> None:
+    text = FUNCTION + "      - {kind: logic, sub: drive_2, time_ms: 1, source: manual}\n"
+    (row,) = budget_of(resolution_of(text)).functions
+    assert row.parts.apart == ()
+    assert [c.sub.name for c in row.parts.to_input] == ["el1904"]
+
+
+# -- PFH ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("required", "limit"),
+    [
+        # ISO 13849-1 table 2, IEC 62061 table 3
+        ("{pl: a}", 1e-4),
+        ("{pl: b}", 1e-5),
+        ("{pl: c}", 3e-6),
+        ("{pl: d}", 1e-6),
+        ("{pl: e}", 1e-7),
+        ("{sil: 1}", 1e-5),
+        ("{sil: 2}", 1e-6),
+        ("{sil: 3}", 1e-7),
+        ("{pl: c, sil: 2}", 1e-6),
+        ("{pl: e, sil: 1}", 1e-7),
+    ],
+)
+def test_the_limit_of_each_level(resolution_of: Maker, required: str, limit: float) -> None:
+    (row,) = budget_of(resolution_of(FUNCTION.replace("{pl: d}", required))).functions
+    assert row.pfh.limit == limit
+
+
+def test_a_sum_that_reaches_the_limit_is_above_it() -> None:
+    for total, found in ((1e-6, Judgement.ABOVE), (9.99e-7, Judgement.WITHIN)):
+        pfh = PfhSum(total=total, fsoe=0.0, limit=1e-6, missing=(), unverified=())
+        assert pfh.judgement is found
+
+
+# -- rules ----------------------------------------------------------------------------------------
+
+
+def test_a_network_without_safety_functions_has_no_findings(resolution_of: Maker) -> None:
+    resolution = resolution_of("")
+    assert check_timing(resolution.network, budget_of(resolution)) == []
+
+
+@pytest.mark.parametrize(("required", "count"), [("", 0), ("required: {pl: d}", 1)])
+def test_a_pfh_is_asked_for_only_with_a_level(
+    resolution_of: Maker, required: str, count: int
+) -> None:
+    text = FUNCTION.replace("required: {pl: d}", required).replace("pfh_per_hour: 1.11e-9, ", "")
+    resolution = resolution_of(text)
+    found = check_timing(resolution.network, budget_of(resolution))
+    words = [d.message for d in found if d.code == "FSN606"]
+    assert words == ["estop cannot be judged: the PFH of el1904 is not stated"] * count
+
+
+def test_apart_and_unstated_are_two_findings_that_do_not_mix(resolution_of: Maker) -> None:
+    text = FUNCTION.replace("logic, sub: el6910", "logic, sub: drive_1")
+    resolution = resolution_of(text.replace("time_ms: 4, ", ""))
+    found = check_timing(resolution.network, budget_of(resolution))
+    assert [d.message for d in found if d.code == "FSN605"] == [
+        "estop: no FSoE connection joins el1904 and drive_1",
+        "estop: no FSoE connection joins el2904 and drive_1",
+    ]
+    assert [d for d in found if d.code == "FSN606"] == []
+
+
+@pytest.mark.parametrize(
+    ("required", "first", "second", "words"),
+    [
+        # 75 + 62 by ETG.5100, 75 + 30 + 20 by Beckhoff
+        (130, 75, 30, "estop may take 137 ms (ETG.5100), 130 ms are required"),
+        (219.9, 100, 100, "estop may take 220 ms (Beckhoff), 219.9 ms are required"),
+        # 90 + 62 and 90 + 42 + 20
+        (151, 90, 42, "estop may take 152 ms (ETG.5100), 151 ms are required"),
+    ],
+)
+def test_the_school_that_takes_longer_is_named(
+    resolution_of: Maker, required: float, first: int, second: int, words: str
+) -> None:
+    resolution = resolution_of(*with_watchdogs(required, first, second))
+    found = check_timing(resolution.network, budget_of(resolution))
+    assert [d.message for d in found if d.code == "FSN604"] == [words]
+
+
+@pytest.mark.parametrize(
+    ("first", "level", "words"),
+    [
+        (24, None, ""),
+        (23, Severity.WARNING, "less than the reserve of 20 % is left"),
+        (20, Severity.WARNING, "less than the reserve of 20 % is left"),
+        (19, Severity.ERROR, "it would expire without a fault"),
+    ],
+)
+def test_a_watchdog_shorter_than_the_round_trip_is_an_error(
+    resolution_of: Maker, first: int, level: Severity | None, words: str
+) -> None:
+    # 20 ms as measured, 24 ms with the reserve
+    resolution = resolution_of(*with_watchdogs(230, first, 100))
+    name = next(c.name for c in resolution.connections if c.sub.name == "el1904")
+    found = check_timing(resolution.network, budget_of(resolution, measured={name: 20.0}))
+    short = [(d.level, d.hint or "") for d in found if d.code == "FSN602"]
+    assert [row[0] for row in short] == ([] if level is None else [level])
+    assert all(words in row[1] for row in short)
+
+
+@pytest.mark.parametrize(
+    ("required", "left"), [(85, None), (86, "24 ms would be left"), (87, "25 ms would be left")]
+)
+def test_an_empty_interval_names_what_the_printed_formulas_leave(
+    resolution_of: Maker, required: float, left: str | None
+) -> None:
+    # 24 ms at least, as measured; at most required - 62 by ETG.5100 and required - 86 counted
+    resolution = resolution_of(*with_watchdogs(required, 24, 17))
+    name = next(c.name for c in resolution.connections if c.sub.name == "el1904")
+    found = check_timing(resolution.network, budget_of(resolution, measured={name: 20.0}))
+    hint = next(d.hint or "" for d in found if d.code == "FSN603" and name in d.message)
+    assert ("as vendors print it" in hint) == (left is not None)
+    assert left is None or left in hint
+
+
+@pytest.mark.parametrize(
+    ("sub", "hint"), [("el190", "did you mean el1904?"), ("valve", "SubDevices: ")]
+)
+def test_an_element_that_is_no_subdevice(resolution_of: Maker, sub: str, hint: str) -> None:
+    resolution = resolution_of(FUNCTION.replace("sub: el1904", f"sub: {sub}"))
+    found = check_timing(resolution.network, budget_of(resolution))
+    (wrong,) = [d for d in found if d.code == "FSN605"]
+    assert (wrong.hint or "").startswith(hint)
