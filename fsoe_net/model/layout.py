@@ -120,6 +120,11 @@ class DeviceLayout:
     managers: tuple[SmLayout, ...]
     partners: Mapping[tuple[int, int], tuple[int, int]]
 
+    @property
+    def blocks(self) -> tuple[FsoeBlock, ...]:
+        """The FSoE frames of all sync managers."""
+        return tuple(block for sm in self.managers for block in sm.blocks)
+
 
 def layout_of(device: Device) -> DeviceLayout:
     """Place every entry of a device and recognise its FSoE frames."""

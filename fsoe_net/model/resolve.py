@@ -310,6 +310,8 @@ def _couple(
     First by the blocks they use (a device's output block has one input block as partner), then in
     file order for what the blocks do not tell.
     """
+    if len(to_sub) == len(to_main) == 1:
+        return [(to_sub[0], to_main[0])], []
     couples: list[tuple[ResolvedTransfer, ResolvedTransfer]] = []
     left_up = list(to_main)
     waiting: _Rows = []

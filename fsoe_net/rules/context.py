@@ -103,6 +103,10 @@ class Context(Findings):
         """Remember that the two modules of a transfer already have an error of their own."""
         self.blamed_pairs.add(module_pair(row))
 
+    def is_blamed(self, row: ResolvedTransfer) -> bool:
+        """Whether the two modules of a transfer already have an error of their own."""
+        return bool(self.blamed_pairs) and module_pair(row) in self.blamed_pairs
+
     def is_exchanged(self, end: ResolvedEnd) -> bool:
         """Whether the device of this end has its PDO groups exchanged (FSN401)."""
         sub = end.subdevice

@@ -280,10 +280,10 @@ def _interfaces(ctx: Context, device: Device) -> None:
 
 
 def _image_size(ctx: Context) -> None:
+    alike = Counter(id(layout) for layout in ctx.resolution.layouts)
     total = sum(
-        sm.size_bytes
-        for layout in ctx.resolution.layouts
-        if layout is not None
+        alike[id(layout)] * sm.size_bytes
+        for _, layout, _ in ctx.devices()
         for sm in layout.managers
         if sm.registered
     )

@@ -47,7 +47,7 @@ def _one(ctx: Context, row: ResolvedTransfer) -> None:
         starts = [_start(ctx, row, end) for end in (row.source, row.destination)]
         if all(starts):
             _sizes(ctx, row)
-    if all(d.code == "FSN307" for d in ctx.diagnostics[before:]):
+    if len(ctx.diagnostics) == before or all(d.code == "FSN307" for d in ctx.diagnostics[before:]):
         _overwritten(ctx, row)  # what a wrong length would touch is no finding of its own
 
 
@@ -174,7 +174,6 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
 def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
     source, destination = row.source.block, row.destination.block
     size = row.transfer.size_bytes
-    span = row.transfer.at("size")
     if source is None or destination is None:
         known = source or destination
         if known is not None and size != known.frame_bytes:
@@ -188,7 +187,7 @@ def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
     if source.frame_bytes != destination.frame_bytes:
         ctx.add(
             "FSN210",
-            span,
+            row.transfer.at("size"),
             f"{row.transfer.source} sends a frame of {source.frame_bytes} bytes, "
             f"{row.transfer.destination} takes one of {destination.frame_bytes}",
             hint=_matching_block(ctx, row, source)

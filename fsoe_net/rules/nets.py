@@ -48,7 +48,7 @@ def check_nets(ctx: Context) -> None:
     lonely = [
         row
         for row in ctx.resolution.single
-        if id(row.net) not in ctx.unsure_nets and module_pair(row) not in ctx.blamed_pairs
+        if id(row.net) not in ctx.unsure_nets and not ctx.is_blamed(row)
     ]
     for row in lonely:
         _missing_direction(ctx, row)
@@ -66,7 +66,7 @@ def _destinations(ctx: Context) -> None:
         end = row.destination
         if not row.found or end.sm is None or end.subdevice is None:
             continue
-        if module_pair(row) in ctx.blamed_pairs:
+        if ctx.is_blamed(row):
             continue  # its length or place is wrong already
         first, behind = touched_bytes(end, row.transfer.size_bytes)
         by_sm[end.subdevice.name, end.sm.sm.index].append((first, behind, row))
@@ -313,18 +313,17 @@ def _unserved(ctx: Context) -> None:
     used = ctx.used_blocks()
     blamed = set().union(*ctx.blamed_pairs)
     touched = {name for name, _ in used}
+    frames_of = {id(layout): layout.blocks for _, layout, _ in ctx.devices()}
     without: list[SubDevice] = []
     for sub, layout in zip(network.subdevices, ctx.resolution.layouts, strict=True):
-        idle = [
-            block
-            for sm in (layout.managers if layout else ())
-            for block in sm.blocks
-            if (sub.name, block.key) not in used
-        ]
-        if not idle or sub.name in blamed:
+        frames = frames_of.get(id(layout), ())
+        if not frames or sub.name in blamed:
             continue
         if sub.name not in touched:
             without.append(sub)
+            continue
+        idle = [block for block in frames if (sub.name, block.key) not in used]
+        if not idle:
             continue
         names = few([b.command.address for b in idle])
         ctx.add(
