@@ -15,7 +15,6 @@ from fsoe_net.model import (
     Direction,
     Entry,
     EntryView,
-    FsoeBlock,
     Resolution,
     ResolvedEnd,
     ResolvedTransfer,
@@ -87,14 +86,17 @@ class _SharedSymbol:
 class _Shared:
     """What one sync manager gives to the plan, the same for every SubDevice of a type.
 
-    ``pdos`` count their entries from the first of this sync manager.
+    ``number`` counts the sync managers of the device, ``pdos`` their entries from the first of this
+    sync manager. ``frames`` are the key and the numbers of each FSoE frame.
     """
 
+    number: int
     direction: int
     watchdog: int
     registered: bool
     pdos: tuple[PlanPdo, ...]
     entries: tuple[PlanEntry, ...]
+    frames: tuple[tuple[tuple[int, int], int, int, int], ...]
     symbols: tuple[_SharedSymbol, ...]
 
 
@@ -109,7 +111,7 @@ class _Compiler:
     sdos: list[PlanSdo] = field(default_factory=list)
     symbols: list[PlanSymbol] = field(default_factory=list)
     blocks: list[PlanBlock] = field(default_factory=list)
-    sm_numbers: dict[tuple[int, int], int] = field(default_factory=dict)
+    first_sms: dict[int, int] = field(default_factory=dict)
     subdevice_numbers: dict[int, int] = field(default_factory=dict)
     symbol_names: set[str] = field(default_factory=set)
     shared: dict[int, _Shared] = field(default_factory=dict)
@@ -138,14 +140,14 @@ class _Compiler:
             safety_sha256=safety_sha256(network.safety_functions),
         )
 
-    def _used(self) -> set[tuple[int, tuple[int, int]]]:
-        """Return (SubDevice, frame) of every frame that a copy moves."""
-        used: set[tuple[int, tuple[int, int]]] = set()
+    def _used(self) -> dict[int, set[tuple[int, int]]]:
+        """Return, for every SubDevice of a copy, its frames that a copy moves."""
+        used: dict[int, set[tuple[int, int]]] = {}
         for row in self.resolution.transfers:
             for end in (row.source, row.destination):
+                frames = used.setdefault(id(end.subdevice), set())
                 if end.block is not None:
-                    used.add((id(end.subdevice), end.block.key))
-                used.add((id(end.subdevice), (-1, -1)))
+                    frames.add(end.block.key)
         return used
 
     def _subdevice(
@@ -153,12 +155,17 @@ class _Compiler:
         number: int,
         sub: SubDevice,
         layout: DeviceLayout | None,
-        used: set[tuple[int, tuple[int, int]]],
+        used: dict[int, set[tuple[int, int]]],
     ) -> PlanSubDevice:
         self.subdevice_numbers[id(sub)] = number
         first_sm, first_sdo = len(self.sync_managers), len(self.sdos)
-        for sm in layout.managers if layout else ():
-            self._sync_manager(number, sub, sm, used)
+        self.first_sms[id(sub)] = first_sm
+        copied = used.get(id(sub), set())
+        for count, sm in enumerate(layout.managers if layout else ()):
+            shared = self.shared.get(id(sm))
+            if shared is None:
+                shared = self.shared[id(sm)] = _shared(sub, sm, count)
+            self._sync_manager(number, sub, sm, shared, copied)
         for sdo in sub.device.sdos if sub.device else ():
             self.sdos.append(
                 PlanSdo(
@@ -181,7 +188,7 @@ class _Compiler:
             first_sdo=first_sdo,
             sdo_count=len(self.sdos) - first_sdo,
             assign_activate=(sub.device.assign_activate if sub.device else 0) & 0xFFFF,
-            in_copy=(id(sub), (-1, -1)) in used,
+            in_copy=id(sub) in used,
         )
 
     def _sync_manager(
@@ -189,13 +196,10 @@ class _Compiler:
         number: int,
         sub: SubDevice,
         sm: SmLayout,
-        used: set[tuple[int, tuple[int, int]]],
+        shared: _Shared,
+        copied: set[tuple[int, int]],
     ) -> None:
         sm_number = len(self.sync_managers)
-        self.sm_numbers[id(sub), sm.sm.index] = sm_number
-        shared = self.shared.get(id(sm))
-        if shared is None:
-            shared = self.shared[id(sm)] = _shared(sub, sm)
         self.sync_managers.append(
             PlanSyncManager(
                 subdevice=number,
@@ -219,8 +223,16 @@ class _Compiler:
                 )
             )
         self.entries += shared.entries
-        for block in sm.blocks:
-            self.blocks.append(_block(sm_number, block, (id(sub), block.key) in used))
+        for key, byte_offset, frame_bytes, safe_bytes in shared.frames:
+            self.blocks.append(
+                PlanBlock(
+                    sm=sm_number,
+                    byte_offset=byte_offset,
+                    frame_bytes=frame_bytes,
+                    safe_bytes=safe_bytes,
+                    copied=key in copied,
+                )
+            )
         for symbol in shared.symbols:
             self._symbol(sub, symbol, sm_number)
 
@@ -283,7 +295,8 @@ class _Compiler:
 
     def _place(self, end: ResolvedEnd) -> tuple[int, int]:
         assert end.sm is not None  # noqa: S101  (compile_plan has refused everything else)
-        return self.sm_numbers[id(end.subdevice), end.sm.sm.index], 8 * end.byte_offset
+        number = self.first_sms[id(end.subdevice)] + self.shared[id(end.sm)].number
+        return number, 8 * end.byte_offset
 
     def _connections(self, numbers: dict[int, int]) -> tuple[PlanConnection, ...]:
         return tuple(
@@ -304,7 +317,7 @@ class _Compiler:
         )
 
 
-def _shared(sub: SubDevice, sm: SmLayout) -> _Shared:
+def _shared(sub: SubDevice, sm: SmLayout, number: int) -> _Shared:
     pdos: list[PlanPdo] = []
     entries: list[PlanEntry] = []
     bit = 0
@@ -330,11 +343,13 @@ def _shared(sub: SubDevice, sm: SmLayout) -> _Shared:
             )
             bit += entry.bits
     return _Shared(
+        number=number,
         direction=1 if sm.sm.direction is Direction.OUTPUT else 2,
         watchdog=_WATCHDOG[sm.sm.watchdog],
         registered=sm.registered,
         pdos=tuple(pdos),
         entries=tuple(entries),
+        frames=tuple((b.key, b.byte_offset, b.frame_bytes, b.safe_bytes) for b in sm.blocks),
         symbols=tuple(_symbols(sm)),
     )
 
@@ -360,16 +375,6 @@ def _symbols(sm: SmLayout) -> Iterator[_SharedSymbol]:
                 factor=view.factor * scale,
                 offset=view.offset * scale if output else view.offset,
             )
-
-
-def _block(sm_number: int, block: FsoeBlock, copied: bool) -> PlanBlock:
-    return PlanBlock(
-        sm=sm_number,
-        byte_offset=block.byte_offset,
-        frame_bytes=block.frame_bytes,
-        safe_bytes=block.safe_bytes,
-        copied=copied,
-    )
 
 
 def _whole(entry: Entry) -> EntryView:

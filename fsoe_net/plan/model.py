@@ -1,8 +1,13 @@
-"""The copy plan in memory: plain records, numbered as in the file."""
+"""The copy plan in memory: plain records, numbered as in the file.
+
+Those of which a large bus has hundreds of thousands are named tuples, since making a frozen
+dataclass takes several times as long; they give up the `index` method of tuples.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 __all__ = [
     "NONE",
@@ -40,12 +45,11 @@ class PlanSubDevice:
     in_copy: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanSyncManager:
+class PlanSyncManager(NamedTuple):
     """One sync manager; ``direction`` 1 output, 2 input; ``watchdog`` 0 leave, 1 on, 2 off."""
 
     subdevice: int
-    index: int
+    index: int  # type: ignore[assignment]
     direction: int
     watchdog: int
     registered: bool
@@ -64,11 +68,10 @@ class PlanSyncManager:
         return self.direction == 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanPdo:
+class PlanPdo(NamedTuple):
     """One PDO."""
 
-    index: int
+    index: int  # type: ignore[assignment]
     first_entry: int
     entry_count: int
     bit_offset: int
@@ -116,8 +119,7 @@ class PlanSymbol:
     offset: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanBlock:
+class PlanBlock(NamedTuple):
     """One recognised FSoE frame."""
 
     sm: int

@@ -91,7 +91,7 @@ def plan_json(plan: Plan) -> dict[str, object]:
         "fingerprint": fingerprint_of(plan).to_json(),
         "cycle_ns": plan.cycle_ns,
         "subdevices": [asdict(s) for s in plan.subdevices],
-        "sync_managers": [asdict(s) | {"size_bytes": s.size_bytes} for s in plan.sync_managers],
+        "sync_managers": [s._asdict() | {"size_bytes": s.size_bytes} for s in plan.sync_managers],
         "connections": [
             asdict(c) | {"main": plan.subdevices[c.main].name, "sub": plan.subdevices[c.sub].name}
             for c in plan.connections
@@ -109,7 +109,7 @@ def plan_json(plan: Plan) -> dict[str, object]:
             for number, c in enumerate(plan.copies)
         ],
         "symbols": [asdict(s) for s in plan.symbols],
-        "blocks": [asdict(b) for b in plan.blocks],
+        "blocks": [b._asdict() for b in plan.blocks],
         "igh_image": {
             "size_bytes": domain.size_bytes,
             "working_counter": domain.working_counter,

@@ -94,7 +94,10 @@ def one(table: str, number: int = 0, **changes: object) -> Change:
 
     def change(plan: Plan) -> Plan:
         rows = list(getattr(plan, table))
-        rows[number] = replace(rows[number], **changes)
+        row = rows[number]
+        rows[number] = (
+            row._replace(**changes) if isinstance(row, tuple) else replace(row, **changes)
+        )
         return replace(plan, **{table: tuple(rows)})
 
     return change
