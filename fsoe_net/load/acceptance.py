@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import base64
 import binascii
-import datetime
 import os
 import re
 import zlib
+from datetime import date
 from typing import cast
 
 from fsoe_net.load.files import Collector, read_bytes
@@ -143,7 +143,7 @@ def _file(node: MapNode, out: Collector) -> SourceFile:
 def _date(node: MapNode, out: Collector) -> str:
     text = _text(node, "date")
     try:
-        datetime.date.fromisoformat(text)
+        date.fromisoformat(text)
     except ValueError:
         out.add("FSN162", node.at("date"), f"{text!r} is no date", hint="write YYYY-MM-DD")
     return text
