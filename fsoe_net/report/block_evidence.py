@@ -355,6 +355,9 @@ def tests(inputs: ReportInputs) -> Block:
         if tried.plan_sha256 != _plan_sha256(inputs):
             words = f"{tried.source.path} was made for another plan"
             points.append(Point(PointKind.OPEN, words))
+        if not tried.fits:
+            word = f"{tried.source.path} cannot be taken for this network"
+            parts.append(Paragraph((Verdict(word, Level.ERROR), Text(": see block 13."))))
         points += [Point(PointKind.OPEN, f"{tried.source.path}:{note}") for note in tried.notes]
     if inputs.run is not None:
         parts += _emulated_run(inputs.run)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import chain
 
 from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
 from fsoe_net.report.block_copies import copies
@@ -13,6 +14,7 @@ from fsoe_net.report.block_network import architecture, connections
 from fsoe_net.report.block_record import change_log, fingerprint, open_points, sign_off
 from fsoe_net.report.block_timing import quantities, timing
 from fsoe_net.report.document import (
+    Block,
     Bullets,
     Column,
     Document,
@@ -64,15 +66,15 @@ def make_document(inputs: ReportInputs) -> Document:
     )
     last = open_points(points, inputs)
     network = None if inputs.resolution is None else inputs.resolution.network
-    verdict = _verdict(inputs)
+    against = _against(first)
     return Document(
         project=(network.project if network is not None else "") or inputs.name,
         network=inputs.name,
         version=inputs.version,
         short="" if inputs.fingerprint is None else inputs.fingerprint.short,
         whole="" if inputs.fingerprint is None else inputs.fingerprint.whole,
-        verdict=verdict,
-        lead=_lead(inputs, points),
+        verdict=_verdict(inputs, len(against)),
+        lead=_lead(inputs, points, against),
         blocks=(*first, last),
         points=points,
         findings=tuple(inputs.diagnostics),
@@ -100,7 +102,39 @@ def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
     return Point(PointKind.ASSUMPTION, f"{text} (let pass by {justified.by}: {justified.reason})")
 
 
-def _verdict(inputs: ReportInputs) -> Verdict:
+def _against(blocks: Sequence[Block]) -> tuple[tuple[str, Verdict], ...]:
+    """Return what stands against the network in the blocks, each with the title of its block."""
+    return tuple(
+        dict.fromkeys(
+            (block.title, item)
+            for block in blocks
+            for part in block.parts
+            for item in _items(part)
+            if isinstance(item, Verdict) and item.level is Level.ERROR
+        )
+    )
+
+
+def _items(part: Part) -> Iterator[Item]:
+    if isinstance(part, Paragraph):
+        yield from part.items
+    elif isinstance(part, Bullets):
+        yield from chain.from_iterable(part.rows)
+    elif isinstance(part, Table):
+        for row in part.rows:
+            yield from chain.from_iterable(row)
+
+
+def _verdict(inputs: ReportInputs, against: int) -> Verdict:
+    """Judge by the findings; without errors among them, by what else stands against it."""
+    found = _of_findings(inputs)
+    if not against or found.level is Level.ERROR:
+        return found
+    count = f"{against} verdict{'' if against == 1 else 's'} against it"
+    return Verdict(f"{found.word}, but {count}", Level.ERROR)
+
+
+def _of_findings(inputs: ReportInputs) -> Verdict:
     found = inputs.diagnostics
     if not found:
         return Verdict("no findings", Level.CLEAR)
@@ -116,8 +150,19 @@ def _verdict(inputs: ReportInputs) -> Verdict:
     return Verdict(f"no errors, no warnings; {counts}", Level.NOTE)
 
 
-def _lead(inputs: ReportInputs, points: Sequence[tuple[str, Point]]) -> tuple[Part, ...]:
+def _lead(
+    inputs: ReportInputs,
+    points: Sequence[tuple[str, Point]],
+    against: Sequence[tuple[str, Verdict]],
+) -> tuple[Part, ...]:
     parts: list[Part] = []
+    if against and not any(d.level is Severity.ERROR for d in inputs.diagnostics):
+        rows: list[tuple[Item, ...]] = [
+            (Text(f"{title}: "), verdict) for title, verdict in against[:_ROWS_ON_FIRST_PAGE]
+        ]
+        if len(against) > _ROWS_ON_FIRST_PAGE:
+            rows.append((Text(f"and {len(against) - _ROWS_ON_FIRST_PAGE} more in the blocks"),))
+        parts += [Heading("Against it"), Bullets(tuple(rows))]
     found = sorted(inputs.diagnostics, key=lambda d: d.level.rank)
     if found:
         parts += [Heading("Findings"), _findings(found, inputs)]

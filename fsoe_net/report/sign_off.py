@@ -31,6 +31,7 @@ from fsoe_net.model import (
     same_person,
 )
 from fsoe_net.plan import Plan, fingerprint_of
+from fsoe_net.report.document import Level
 
 __all__ = ["Grounds", "Reason", "Refusal", "SignedReport", "read_signed_report", "sign_off"]
 
@@ -87,6 +88,7 @@ class SignedReport:
     findings: tuple[_Finding, ...]
     open_points: int
     assumptions: int
+    against: str = ""
     not_of: tuple[str, ...] = ()
 
 
@@ -160,6 +162,8 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         whole = str((document["fingerprint"] or {}).get("whole", ""))
         findings = tuple(_finding(f) for f in document["findings"])
         kinds = [p["kind"] for p in document["points"]]
+        verdict = document["verdict"]
+        against = str(verdict["word"]) if verdict["level"] == Level.ERROR.value else ""
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as exc:
         raise InputError(f"{source.path} is no report of fsoe-net in JSON") from exc
     pages = [(s.path, d) for s, d in files if s is not source and not d.startswith(b"%PDF")]
@@ -169,6 +173,7 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         findings=findings,
         open_points=kinds.count("open"),
         assumptions=kinds.count("assumption"),
+        against=against,
         not_of=tuple(path for path, d in pages if not whole or whole.encode() not in d),
     )
 
@@ -249,6 +254,11 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
             f"the report is not of this configuration: its fingerprint begins with {told}, that of "
             f"the network with {whole[:16].upper()}",
             "write the report anew, and have it signed",
+        )
+    if g.report.against and not any(f.level == Severity.ERROR.value for f in g.report.findings):
+        out.refuse(
+            f"the report says: {g.report.against}",
+            "mend what its first page names, and write it anew",
         )
     for path in g.report.not_of:
         out.refuse(

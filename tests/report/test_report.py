@@ -21,6 +21,7 @@ from fsoe_net.plan import compile_plan
 from fsoe_net.report import (
     Against,
     GivenPlan,
+    Tried,
     compare,
     make_document,
     render_report,
@@ -416,3 +417,15 @@ def test_bytes_of_a_narrow_range_are_named_once(tmp_path: Path):
     texts = [re.findall(r'class="tiny">([^<]*)<', svg) for svg in pictures]
     assert texts[0] == ["0 … 5", "0 … 5", "311"]  # whole source: its ends are those of the range
     assert texts[-1] == ["186 … 191", "0", "311", "0 … 5"]
+
+
+def test_what_stands_against_it_in_a_block_stands_on_the_first_page() -> None:
+    source = SourceFile(path="protocol.yaml", sha256="0" * 64)
+    tried = Tried(source=source, plan_sha256="0" * 64, steps=(), fits=False)
+    document = as_json(inputs_of(TIMED, tried=tried))
+    assert document["verdict"]["level"] == "error"
+    assert document["verdict"]["word"] == "no findings, but 1 verdict against it"
+    (rows,) = [p["rows"] for p in document["lead"] if p["type"] == "list"][:1]
+    assert ["".join(words(row)) for row in rows] == [
+        "Tests: protocol.yaml cannot be taken for this network"
+    ]
