@@ -120,7 +120,7 @@ def command(
     resolution = whole_network(checked, "no record written")
     plan = compile_plan(resolution)
     source, filled, wrong = read_protocol(protocol, resolution, plan)
-    changed = None if before is None else since(before, resolution)
+    changed = None if before is None else since(before, resolution, plan)
     record, refusals = sign_off(
         Grounds(
             version=__version__,

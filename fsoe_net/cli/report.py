@@ -145,9 +145,9 @@ def command(
         result = _run(resolution, scenario_file)
     options = LoadOptions(packages=packages, xacro_args=xacro_args)
     fingerprint = None if plan is None or errors else fingerprint_of(plan)
-    before = None if record is None or resolution is None else since(record, resolution)
+    before = None if record is None or resolution is None else since(record, resolution, plan)
     if against is not None:
-        before = _against(against, resolution, options)
+        before = _against(against, resolution, plan, options)
     inputs = ReportInputs(
         name=Path(files[0]).stem if resolution is None else resolution.network.name,
         version=__version__,
@@ -296,13 +296,15 @@ def _accepted(found: Record, now: Fingerprint | None) -> GivenRecord:
     return GivenRecord(source=found.source, record=found.record, fits=fits)
 
 
-def since(found: Record, resolution: Resolution) -> Against:
+def since(found: Record, resolution: Resolution, now: Plan | None) -> Against:
     """Return what has changed since a record was signed, and which steps that calls for."""
     before = side_of_plan(found.plan, found.source.path, found.record.safety_functions)
-    return _compared(found.source, before, resolution, found.fingerprint)
+    return _compared(found.source, before, resolution, found.plan, now)
 
 
-def _against(path: str, resolution: Resolution | None, options: LoadOptions) -> Against | None:
+def _against(
+    path: str, resolution: Resolution | None, now: Plan | None, options: LoadOptions
+) -> Against | None:
     if resolution is None:
         return None
     source, data = _source(path)
@@ -310,12 +312,16 @@ def _against(path: str, resolution: Resolution | None, options: LoadOptions) -> 
     if before is None:
         errors = [d for d in found if d.level is Severity.ERROR]
         raise InputError(f"{path} cannot be compared", errors)
-    fingerprint = fingerprint_of(decode_plan(data)) if data.startswith(MAGIC) else None
-    return _compared(source, before, resolution, fingerprint)
+    plan = decode_plan(data) if data.startswith(MAGIC) else None
+    return _compared(source, before, resolution, plan, now)
 
 
 def _compared(
-    source: SourceFile, before: Side, resolution: Resolution, fingerprint: Fingerprint | None
+    source: SourceFile,
+    before: Side,
+    resolution: Resolution,
+    plan: Plan | None,
+    now: Plan | None,
 ) -> Against:
     from fsoe_net.run import make_protocol  # slow to load, as in read_protocol
 
@@ -324,6 +330,12 @@ def _compared(
     return Against(
         source=source,
         difference=difference,
-        again=steps_again(difference.changes, resolution, steps),
-        fingerprint=fingerprint,
+        again=steps_again(
+            difference.changes,
+            resolution,
+            steps,
+            plans=None if plan is None or now is None else (plan, now),
+            functions=before.functions,
+        ),
+        fingerprint=None if plan is None else fingerprint_of(plan),
     )

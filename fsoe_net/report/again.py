@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 
-from fsoe_net.model import ProtocolStep, Resolution, StepKind
+from fsoe_net.model import (
+    ProtocolStep,
+    Resolution,
+    SafetyFunction,
+    StepKind,
+    TransferKind,
+)
+from fsoe_net.plan import Plan, safety_text
 from fsoe_net.report.diff_types import Change
+from fsoe_net.report.touched import touched_subdevices
 
 __all__ = ["steps_again"]
 
@@ -14,46 +22,100 @@ _ENDS = {"copy": 2, "connection": 2}
 
 
 def steps_again(
-    changes: Iterable[Change], resolution: Resolution, steps: Iterable[ProtocolStep]
+    changes: Iterable[Change],
+    resolution: Resolution,
+    steps: Iterable[ProtocolStep],
+    *,
+    plans: tuple[Plan, Plan] | None = None,
+    functions: Sequence[SafetyFunction] | None = None,
 ) -> tuple[str, ...]:
     """Return the ids of the steps to do again, in their order.
 
     A change of a SubDevice, its process data, a copy or a connection touches every connection and
     every safety function with an end there. A change of what all share, of something that is no
-    more, or of a place that this network does not name, touches everything: nothing is taken to
-    be harmless.
+    more or has another name, or of a place that this network does not name, touches everything:
+    nothing is taken to be harmless.
 
     Args:
         changes: What differs from what was accepted.
         resolution: The network of today.
         steps: The protocol of that network.
+        plans: What was accepted, and the plan of today: what differs in their fingerprints counts
+            too, also where ``changes`` do not tell it.
+        functions: The safety functions that were accepted, where they are known.
     """
-    network = resolution.network
     steps = tuple(steps)
-    words = {s.name: _word(s.name) for s in network.subdevices if s.name}
+    named = _named(tuple(changes), resolution)
+    more = frozenset() if plans is None else touched_subdevices(*plans)
+    if named is None or more is None:
+        return tuple(step.id for step in steps)
+    subdevices, touched_functions = named[0] | more, named[1]
+    if functions is not None:
+        accepted = {f.name: safety_text((f,)) for f in functions}
+        for f in resolution.network.safety_functions:
+            if accepted.get(f.name) != safety_text((f,)):
+                touched_functions.add(f.name)
+    touched_functions |= _functions_over(subdevices, resolution)
+    connections = {c.name for c in resolution.connections if subdevices & {c.main.name, c.sub.name}}
+    touched: dict[StepKind, Collection[str]] = {
+        StepKind.START_UP: connections,
+        StepKind.TRIGGER: touched_functions,
+        StepKind.LOSS: subdevices,
+    }
+    return tuple(s.id for s in steps if s.subject in touched.get(s.kind, ()))
+
+
+def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str], set[str]] | None:
+    """Return the SubDevices and safety functions that changes name, ``None`` for all."""
+    words = {s.name: _word(s.name) for s in resolution.network.subdevices if s.name}
     functions: set[str] = set()
     subdevices: set[str] = set()
-    everything = tuple(step.id for step in steps)
     for change in changes:
         if change.area == "safety_function":
             functions.add(change.where)  # one that is no more has no step
             if not change.where:
-                return everything
+                return None
             continue
         here = {name for name, word in words.items() if word.search(change.where)}
-        if change.kind == "removed" or len(here) < _ENDS.get(change.area, 1):
-            return everything
+        # With a name that is no more, others in its place may look like it: io, io-2.
+        other_name = change.area == "subdevice" and (
+            change.what == "name" or change.where not in words
+        )
+        if other_name or change.kind == "removed" or len(here) < _ENDS.get(change.area, 1):
+            return None
+        if change.area in _ENDS:
+            told = f"{change.before} {change.after}"  # an end that is another one now
+            here |= {name for name, word in words.items() if word.search(told)}
         subdevices |= here
-    functions |= {
-        f.name for f in network.safety_functions if subdevices & {e.sub for e in f.elements}
-    }
-    connections = {c.name for c in resolution.connections if subdevices & {c.main.name, c.sub.name}}
-    touched = {
-        StepKind.START_UP: connections,
-        StepKind.TRIGGER: functions,
-        StepKind.LOSS: subdevices,
-    }
-    return tuple(s.id for s in steps if s.subject in touched.get(s.kind, ()))
+    return subdevices, functions
+
+
+def _functions_over(subdevices: Collection[str], resolution: Resolution) -> set[str]:
+    """Return the safety functions whose signal goes over one of these SubDevices."""
+    if not subdevices:
+        return set()
+    mains: dict[str, set[str]] = {}
+    for c in resolution.connections:
+        mains.setdefault(c.sub.name, set()).add(c.main.name)
+    feeds: dict[str, set[str]] = {}
+    for row in resolution.transfers:
+        source, destination = row.source.subdevice, row.destination.subdevice
+        standard = row.transfer.kind is TransferKind.STANDARD
+        if standard and source is not None and destination is not None:
+            feeds.setdefault(destination.name, set()).add(source.name)
+    found = set()
+    for function in resolution.network.safety_functions:
+        used = {e.sub for e in function.elements if e.sub}
+        waiting = list(used)
+        while waiting:  # its logic belongs to it, named as an element or not
+            new = mains.get(waiting.pop(), set()) - used
+            used |= new
+            waiting += new
+        for name in tuple(used):  # a reset, for example
+            used |= feeds.get(name, set())
+        if not used or not used.isdisjoint(subdevices):
+            found.add(function.name)
+    return found
 
 
 def _word(name: str) -> re.Pattern[str]:

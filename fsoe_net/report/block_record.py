@@ -110,7 +110,7 @@ def change_log(inputs: ReportInputs) -> Block:
     found = against.difference
     count = len(found.changes)
     parts: list[Part] = [_compared(against, inputs)]
-    points = []
+    points: list[Point] = []
     if found.changes:
         parts.append(
             Table(
@@ -121,10 +121,14 @@ def change_log(inputs: ReportInputs) -> Block:
                 rows=tuple(_change(c) for c in found.changes),
             )
         )
-        parts += [Heading("Steps of the test protocol to do again"), _again(against)]
         points.append(
             Point(PointKind.OPEN, f"{count} changes since {against.source.path}: to be tried again")
         )
+    elif _sections_changed(against, inputs):
+        word = f"another fingerprint than {against.source.path}: to be tried again"
+        points.append(Point(PointKind.OPEN, word))
+    if points or against.again:
+        parts += [Heading("Steps of the test protocol to do again"), _again(against)]
     points += [Point(PointKind.OPEN, f"not compared: {w}") for w in found.not_compared]
     if inputs.accepted is not None and inputs.accepted.record.interventions:
         parts += [Heading("Interventions since the first record"), _interventions(inputs.accepted)]
@@ -133,6 +137,7 @@ def change_log(inputs: ReportInputs) -> Block:
 
 def _compared(against: Against, inputs: ReportInputs) -> Paragraph:
     count = len(against.difference.changes)
+    changed = _sections_changed(against, inputs)
     items: list[Item] = [
         Text("Compared with "),
         code(against.source.path),
@@ -142,11 +147,12 @@ def _compared(against: Against, inputs: ReportInputs) -> Paragraph:
     ]
     if count:
         items.append(stated(count, "difference" if count == 1 else "differences", "by meaning"))
+    elif changed:
+        items.append(Verdict("no difference by meaning, but another fingerprint", Level.WARNING))
     else:
         items.append(Verdict("no difference in what both speak about", Level.CLEAR))
     if against.fingerprint is not None:
         items += [Text("; its fingerprint "), code(against.fingerprint.short)]
-        changed = _sections_changed(against, inputs)
         if changed:
             items.append(Text(f" (sections that differ: {', '.join(changed)})"))
     items.append(Text("."))

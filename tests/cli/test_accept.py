@@ -179,3 +179,18 @@ def test_a_record_that_was_changed_accepts_nothing(folder: Path) -> None:
         assert done.returncode != 0
         assert "FSN162" in done.stderr
         assert "a.yaml:" in done.stderr
+
+
+def test_another_fingerprint_without_a_difference_by_meaning_is_told(folder: Path) -> None:
+    done = fsn("accept", *_prepared(folder), *PEOPLE, *SOLDERED, "-o", "a.yaml")
+    assert done.returncode == 0, done.stderr
+    board = folder / "devices" / "el6910.yaml"
+    text = board.read_text("utf-8")
+    board.write_text(
+        text.replace("sub_index: 1, type: uint8}\ntpdo", "sub_index: 1, type: int8}\ntpdo")
+    )
+    assert fsn("report", "timed.yaml", "--acceptance", "a.yaml", "-o", "now.md").returncode == 0
+    page = (folder / "now.md").read_text("utf-8")
+    assert "no difference by meaning, but another fingerprint" in page
+    assert "- `start-up logic-io`" in page
+    assert "another fingerprint than a.yaml: to be tried again" in page

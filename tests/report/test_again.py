@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +10,8 @@ import pytest
 from report.made import BASE, TIMED, inputs_of
 
 from fsoe_net.model import Resolution
-from fsoe_net.report import Change, compare, side_of_network, steps_again
+from fsoe_net.plan import compile_plan, fingerprint_of
+from fsoe_net.report import Change, compare, side_of_network, side_of_plan, steps_again
 from fsoe_net.run import make_protocol
 
 
@@ -83,3 +85,101 @@ def test_what_cannot_be_placed_touches_all(change: Change) -> None:
     resolution = _resolution()
     steps = make_protocol(resolution, b"").steps
     assert len(steps_again([change], resolution, steps)) == len(steps)
+
+
+LOGIC = ["start-up logic-io", "start-up logic-io2", "trigger estop", "loss logic"]
+
+
+def _network(folder: Path, text: str, device: tuple[str, str] = ("", "")) -> Resolution:
+    shutil.copytree(BASE / "devices", folder / "devices")
+    path = folder / "devices" / "el6910.yaml"
+    board = path.read_text("utf-8")
+    assert device[0] in board
+    path.write_text(board.replace(*device, 1) if device[0] else board, "utf-8")
+    (folder / "n.yaml").write_text(text, "utf-8")
+    return _resolution(folder / "n.yaml")
+
+
+def _since(before: Resolution, now: Resolution) -> tuple[list[str], list[str]]:
+    """Return the steps since a record, as it has them, and all steps."""
+    plans = compile_plan(before), compile_plan(now)
+    assert fingerprint_of(plans[0]).whole != fingerprint_of(plans[1]).whole
+    functions = before.network.safety_functions
+    old = side_of_plan(plans[0], "a", functions)
+    changes = compare(old, side_of_network(now, "b")).changes
+    steps = make_protocol(now, b"").steps
+    again = steps_again(changes, now, steps, plans=plans, functions=functions)
+    return list(again), [step.id for step in steps]
+
+
+@pytest.mark.parametrize(
+    "device",
+    [
+        ("0xf200, sub_index: 1, type: uint8", "0xf200, sub_index: 1, type: int8"),
+        ("state_interface: logic_state", "state_interface: logic_state, factor: 2"),
+        ("index: 0x17ff", "index: 0x17fe"),
+        ("rpdo:", "assign_activate: 0x0300\nrpdo:"),
+    ],
+    ids=["type", "factor", "PDO", "distributed clocks"],
+)
+def test_what_only_the_fingerprint_tells_counts_too(
+    tmp_path: Path, device: tuple[str, str]
+) -> None:
+    now = _network(tmp_path, TIMED.read_text("utf-8"), device)
+    assert _since(_resolution(), now)[0] == LOGIC
+
+
+def test_another_order_touches_all(tmp_path: Path) -> None:
+    text = TIMED.read_text("utf-8")
+    rows = [
+        f"  - {{name: {name}, config: devices/ek1914.yaml}}\n"
+        for name in ("io, position: 0", "io2, position: 1")
+    ]
+    assert "".join(rows) in text
+    text = text.replace("".join(rows), "".join(reversed(rows)))
+    again, steps = _since(_resolution(), _network(tmp_path, text))
+    assert again == steps
+
+
+@pytest.mark.parametrize("name", ["io-2", '"io 2"'])
+def test_a_new_name_beside_one_that_looks_like_the_old_touches_all(
+    tmp_path: Path, name: str
+) -> None:
+    text = TIMED.read_text("utf-8")
+    (tmp_path / "a").mkdir()
+    before = _network(tmp_path / "a", text.replace("io2", name))
+    (tmp_path / "b").mkdir()
+    again, steps = _since(before, _network(tmp_path / "b", text.replace("io2", "box")))
+    assert again == steps
+
+
+def test_the_logic_belongs_to_a_function_that_does_not_name_it(tmp_path: Path) -> None:
+    text = "".join(
+        line for line in TIMED.read_text("utf-8").splitlines(True) if "kind: logic" not in line
+    )
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    before = _network(tmp_path / "a", text)
+    sdos = "sdo:\n  - {index: 0x8000, sub_index: 1, type: uint8, value: 3}\nrpdo:"
+    now = _network(tmp_path / "b", text, ("rpdo:", sdos))
+    assert _since(before, now)[0] == LOGIC
+
+
+def test_an_element_that_is_no_subdevice_any_more_touches_its_function(tmp_path: Path) -> None:
+    text = TIMED.read_text("utf-8").replace("logic, sub: logic,", "logic, name: logic,")
+    assert _since(_resolution(), _network(tmp_path, text))[0] == ["trigger estop"]
+
+
+def test_the_new_end_of_a_copy_is_touched_too() -> None:
+    resolution = _resolution()
+    steps = make_protocol(resolution, b"").steps
+    change = Change(
+        kind="changed",
+        area="copy",
+        where="io 0x6010:01 -> logic 0xf200:01",
+        what="source",
+        before="io 0x6010:01",
+        after="io2 0x6010:01",
+    )
+    again = steps_again([change], resolution, steps)
+    assert {"loss io", "loss io2", "loss logic"} <= set(again)

@@ -1,0 +1,82 @@
+"""Which SubDevices differ between two plans, by everything that makes the fingerprint.
+
+A difference by meaning leaves out what says nothing to people, as the type of an entry. Steps of a
+test protocol must not be left out for that, so it is asked here once more, by the canonical text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fsoe_net.plan import NONE, Plan, canonical_section
+
+__all__ = ["touched_subdevices"]
+
+_Row = tuple[object, ...]
+
+
+def touched_subdevices(before: Plan, now: Plan) -> frozenset[str] | None:
+    """Return the SubDevices whose own tables, copies or connections differ, by their names of now.
+
+    Args:
+        before: What was accepted.
+        now: The plan of today.
+
+    Returns:
+        Their names; ``None`` when all may be touched: the bus cycle differs, SubDevices have
+        another order, are no more, or have no name of their own.
+    """
+    old, new = ([s.name for s in plan.subdevices] for plan in (before, now))
+    staying = set(new)
+    if before.cycle_ns != now.cycle_ns or len(set(old)) != len(old) or len(staying) != len(new):
+        return None
+    if old != [name for name in new if name in set(old)]:
+        return None
+    first, second = _own(before), _own(now)
+    touched = {name for name in new if first.get(name) != second.get(name)}
+    for row in set(_shared(before)) ^ set(_shared(now)):
+        touched |= {name for name in row[:2] if isinstance(name, str)}
+    return frozenset(touched & staying)
+
+
+def _own(plan: Plan) -> dict[str, list[str]]:
+    """Return the lines of each SubDevice, without its number."""
+    names = [s.name for s in plan.subdevices]
+    found: dict[str, list[str]] = {name: [] for name in names}
+    at = 0
+    for section in ("devices", "process_data"):
+        for line in canonical_section(plan, section).splitlines()[1:]:
+            kind, _, rest = line.partition(" ")
+            if kind == "device":
+                number, _, rest = rest.partition(" ")
+                at = int(number)
+            elif kind in ("sm", "frame", "symbol"):
+                number, _, rest = rest.partition(".")
+                at = int(number)
+            found[names[at]].append(f"{kind} {rest}")
+    return found
+
+
+def _shared(plan: Plan) -> Iterator[_Row]:
+    """Yield copies and connections, the names of their two ends first."""
+    names = {n: s.name for n, s in enumerate(plan.subdevices)}
+
+    def end(number: int, bit: int) -> tuple[str, _Row]:
+        sm = plan.sync_managers[number]
+        return names[sm.subdevice], (sm.index, bit)
+
+    for c in plan.copies:
+        source, source_at = end(c.source_sm, c.source_bit)
+        destination, destination_at = end(c.destination_sm, c.destination_bit)
+        paired = c.connection != NONE
+        yield source, destination, source_at, destination_at, c.bits, c.net, c.kind, paired
+    for k in plan.connections:
+        down, up = plan.copies[k.copy_to_sub], plan.copies[k.copy_to_main]
+        ends = (
+            end(down.source_sm, down.source_bit),
+            end(down.destination_sm, down.destination_bit),
+            end(up.source_sm, up.source_bit),
+            end(up.destination_sm, up.destination_bit),
+        )
+        facts = (k.connection_id, k.address, k.watchdog_ms, k.safe_to_sub, k.safe_to_main)
+        yield names.get(k.main), names.get(k.sub), ends, facts
