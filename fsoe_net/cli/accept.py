@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import datetime
 import hashlib
-from pathlib import Path
+import os
+from collections.abc import Iterable
 
 import click
 
@@ -15,8 +16,8 @@ from fsoe_net.cli.output import counted
 from fsoe_net.cli.plan import write_whole
 from fsoe_net.cli.report import read_protocol, since
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, read_bytes
-from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile
+from fsoe_net.load import Collector, parse_acceptance, read_bytes
+from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile, says_something
 from fsoe_net.plan import compile_plan, short_code
 from fsoe_net.report import Grounds, Reason, Refusal, read_signed_report, sign_off
 from fsoe_net.save import write_acceptance
@@ -107,12 +108,14 @@ def command(
     reason, a test protocol whose steps were done at the machine, and a verifier who is not the
     author. FILES as for `fsoe-net check`.
     """
-    if Path(output).exists():
+    if os.path.lexists(output):  # a link to a file that is no more stays too
         raise click.UsageError(
             f"{output} is there and stays; write to another file and name it with --replaces"
         )
     day = _day(date)
-    reasons = [_reason(row) for row in _rows(justify)]
+    rows = _rows(justify)
+    for row in rows:
+        _reason(row)  # what is no reason is told before files are read
     changes = [_intervention(row, day) for row in intervention]
     before = None if replaces is None else read_record(replaces)
     report = read_signed_report([_read(path) for path in reports])
@@ -133,7 +136,7 @@ def command(
             protocol_findings=wrong,
             author=SignedBy(name=author.strip(), date=day),
             verifier=SignedBy(name=verifier.strip(), date=day),
-            reasons=reasons,
+            reasons=[_reason(row, [step.id for step in filled.steps]) for row in rows],
             interventions=changes,
             before=None if before is None else before.record,
             before_source=None if before is None else before.source,
@@ -143,7 +146,7 @@ def command(
     if record is None:
         _refuse(refusals)
         ctx.exit(1)
-    write_whole(output, write_acceptance(record).encode("utf-8"))
+    write_whole(output, _readable(record))
     _say(output, record, before)
 
 
@@ -171,8 +174,12 @@ def _rows(values: tuple[str, ...]) -> list[str]:
     return rows
 
 
-def _reason(row: str) -> Reason:
+def _reason(row: str, steps: Iterable[str] = ()) -> Reason:
+    """Return a reason; names in steps may have an equals sign of their own."""
     subject, _, rest = row.partition("=")
+    for step in steps:
+        if row.startswith(f"{step}=") and len(step) > len(subject):
+            subject, rest = step, row[len(step) + 1 :]
     reason, by = _by(rest)
     if not (subject.strip() and reason and by):
         raise click.BadParameter(f"{row!r} is not WHAT=REASON by NAME", param_hint="--justify")
@@ -188,7 +195,8 @@ def _intervention(row: str, day: str) -> Intervention:
 
 def _by(text: str) -> tuple[str, str]:
     words, found, name = text.strip().rpartition(" by ")
-    return (words.strip(), name.strip()) if found else ("", "")
+    said = found and says_something(words) and says_something(name)
+    return (words.strip(), name.strip()) if said else ("", "")
 
 
 def _read(path: str) -> tuple[SourceFile, bytes]:
@@ -197,6 +205,16 @@ def _read(path: str) -> tuple[SourceFile, bytes]:
     if data is None:
         raise InputError(f"{path} cannot be read", out.diagnostics)
     return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data
+
+
+def _readable(record: Acceptance) -> bytes:
+    """Return the bytes of the file; bytes of the command line may be no text that can be kept."""
+    data = write_acceptance(record).encode("utf-8")
+    if parse_acceptance(data, "", Collector()) is None:
+        raise InputError(
+            "no record written: a name, reason or file name is no text in UTF-8; write it otherwise"
+        )
+    return data
 
 
 def _refuse(refusals: tuple[Refusal, ...]) -> None:

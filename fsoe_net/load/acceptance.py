@@ -24,6 +24,7 @@ from fsoe_net.model import (
     SignedBy,
     SourceFile,
     same_person,
+    says_something,
 )
 
 __all__ = ["is_acceptance", "load_acceptance", "parse_acceptance"]
@@ -111,7 +112,7 @@ def _text(node: MapNode, key: str) -> str:
 
 def _stated(node: MapNode, key: str, out: Collector) -> str:
     text = _text(node, key).strip()
-    if not text:
+    if not says_something(text):
         out.add("FSN162", node.at(key), f"{key} is empty", hint="make the record anew")
     return text
 

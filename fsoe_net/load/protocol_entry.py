@@ -6,7 +6,7 @@ import re
 from datetime import date
 
 from fsoe_net.load.files import Collector
-from fsoe_net.model import AtMachine, Outcome, ProtocolStep
+from fsoe_net.model import AtMachine, Outcome, ProtocolStep, says_something
 
 __all__ = ["check_entry"]
 
@@ -50,7 +50,8 @@ def check_entry(step: ProtocolStep, out: Collector) -> None:
 
 
 def _missing(machine: AtMachine) -> list[str]:
-    rows = {"result": machine.outcome, "by": machine.by.strip(), "date": machine.date.strip()}
+    by, day = says_something(machine.by), says_something(machine.date)
+    rows = {"result": machine.outcome, "by": by, "date": day}
     return [key for key, value in rows.items() if not value]
 
 

@@ -8,6 +8,7 @@ from fsoe_net.model.acceptance import (
     Replaced,
     SignedBy,
     same_person,
+    says_something,
 )
 from fsoe_net.model.answers import (
     AnsweredConnection,
@@ -223,6 +224,7 @@ __all__ = [
     "renumbered_copies",
     "resolve",
     "same_person",
+    "says_something",
     "shared_modules",
     "signals_of",
     "slot_numbers",

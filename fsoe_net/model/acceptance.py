@@ -18,6 +18,7 @@ __all__ = [
     "Replaced",
     "SignedBy",
     "same_person",
+    "says_something",
 ]
 
 
@@ -123,6 +124,11 @@ class Acceptance(Located):
     def justification(self, code: str, message: str) -> JustifiedFinding | None:
         """Return who let a warning pass; a warning that says something else is another one."""
         return next((f for f in self.findings if (f.code, f.message) == (code, message)), None)
+
+
+def says_something(text: str) -> bool:
+    """Whether there is a letter or a digit in a text: spaces and invisible characters are none."""
+    return any(map(str.isalnum, text))
 
 
 def same_person(one: str, other: str) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
+from fsoe_net.model.acceptance import says_something
 from fsoe_net.model.bus import Located
 
 __all__ = ["EMULATED_NOTE", "AtMachine", "Outcome", "Protocol", "ProtocolStep", "Seen", "StepKind"]
@@ -110,7 +111,9 @@ class ProtocolStep(Located):
         """Whether the step still waits for a person: what programs saw never closes it."""
         machine = self.machine
         return self.kind.at_machine and (
-            machine.outcome in (None, Outcome.NOT_RUN) or not machine.by or not machine.date
+            machine.outcome in (None, Outcome.NOT_RUN)
+            or not says_something(machine.by)
+            or not says_something(machine.date)
         )
 
     @property

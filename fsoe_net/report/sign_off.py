@@ -8,7 +8,9 @@ who is not the author (IEC 62061 clause 9; ISO 13849-2 clause 4.1 speaks of inde
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator, Sequence
+import re
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
@@ -29,12 +31,14 @@ from fsoe_net.model import (
     SourceFile,
     StepKind,
     same_person,
+    says_something,
 )
 from fsoe_net.plan import Plan, fingerprint_of
 from fsoe_net.report.document import Level
 
 __all__ = ["Grounds", "Reason", "Refusal", "SignedReport", "read_signed_report", "sign_off"]
 
+_HASH = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
 _LEFT_OUT = (StepKind.LOSS,)
 """Steps that a reason may replace at once; the others when they were done for the record before and
 no change calls for them again."""
@@ -81,7 +85,18 @@ class _Finding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignedReport:
-    """The report that was signed; its findings are what its JSON form tells."""
+    """The report that was signed; its findings are what its JSON form tells.
+
+    Attributes:
+        sources: Its files.
+        whole: The fingerprint in it; empty without one.
+        findings: What it tells, errors and notes too.
+        open_points: How many it lists, and
+        assumptions: how many of these.
+        pages: How many of its files are a page for people.
+        not_of: Pages without that fingerprint.
+        hashes: What each file but a PDF names by SHA-256.
+    """
 
     sources: tuple[SourceFile, ...]
     whole: str
@@ -89,7 +104,9 @@ class SignedReport:
     open_points: int
     assumptions: int
     against: str = ""
+    pages: int = 0
     not_of: tuple[str, ...] = ()
+    hashes: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,9 +181,20 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         kinds = [p["kind"] for p in document["points"]]
         verdict = document["verdict"]
         against = str(verdict["word"]) if verdict["level"] == Level.ERROR.value else ""
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as exc:
+    except (
+        ArithmeticError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ) as exc:
         raise InputError(f"{source.path} is no report of fsoe-net in JSON") from exc
     pages = [(s.path, d) for s, d in files if s is not source and not d.startswith(b"%PDF")]
+    hashes = {
+        path: frozenset(found.decode("ascii") for found in _HASH.findall(text))
+        for path, text in ((source.path, data), *pages)
+    }
     return SignedReport(
         sources=tuple(s for s, _ in files),
         whole=whole,
@@ -174,14 +202,16 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         open_points=kinds.count("open"),
         assumptions=kinds.count("assumption"),
         against=against,
-        not_of=tuple(path for path, d in pages if not whole or whole.encode() not in d),
+        pages=len(files) - 1,
+        not_of=tuple(path for path, _ in pages if whole not in hashes[path]),
+        hashes=hashes,
     )
 
 
 def _finding(row: dict[str, Any]) -> _Finding:
     return _Finding(
         code=str(row["code"]),
-        level=str(row["severity"]),
+        level=Severity(row["severity"]).value,
         message=str(row["message"]),
         file=str(row["file"]),
         line=int(row["line"]),
@@ -198,6 +228,9 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
     _findings(g, out)
     _steps(g, fingerprint.whole, out)
     _history(g, fingerprint.whole, out)
+    for subject, count in Counter(r.subject for r in g.reasons).items():
+        if count > 1:
+            out.refuse(f"--justify {subject} is there {count} times", "keep one of them")
     for r in g.reasons:
         if r.subject not in out.used:
             out.refuse(
@@ -238,8 +271,13 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
 
 def _people(g: Grounds, out: _Gathered) -> None:
     for role, person in (("author", g.author), ("verifier", g.verifier)):
-        if not person.name.strip():
+        if not says_something(person.name):
             out.refuse(f"the {role} has no name", f"name a person with --{role}")
+        elif not person.name.isprintable():
+            out.refuse(
+                f"the name of the {role} holds characters that nobody sees: {person.name!r}",
+                "write it without them",
+            )
     if g.author.name.strip() and same_person(g.author.name, g.verifier.name):
         out.refuse(
             f"author and verifier are one person: {g.verifier.name}",
@@ -260,6 +298,18 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
             f"the report says: {g.report.against}",
             "mend what its first page names, and write it anew",
         )
+    if not g.report.pages:
+        out.refuse(
+            "there is no page of the report among the files: people sign that one",
+            "name it with --report beside the JSON form",
+        )
+    for path, hashes in g.report.hashes.items():
+        if path not in g.report.not_of and g.protocol_source.sha256 not in hashes:
+            out.refuse(
+                f"{path} does not show {g.protocol_source.path} as it is now",
+                f"write the report anew with --protocol {g.protocol_source.path}, and have it "
+                "signed",
+            )
     for path in g.report.not_of:
         out.refuse(
             f"{path} does not hold the fingerprint of the report in JSON",
@@ -268,9 +318,11 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
 
 
 def _findings(g: Grounds, out: _Gathered) -> None:
-    told = {(f.code, f.message) for f in g.report.findings}
+    told = Counter((f.code, f.level, f.message) for f in g.report.findings)
     for d in g.diagnostics:
-        if d.level is not Severity.INFO and (d.code, d.message) not in told:
+        key = d.code, d.level.value, d.message
+        told[key] -= 1
+        if d.level is not Severity.INFO and told[key] < 0:
             out.refuse(
                 f"{d.code} at {d.span} is not in the report: {d.message}",
                 "write the report anew from the files of today, and have it signed",
@@ -316,11 +368,20 @@ def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
         return
     missing = _missing(step)
     if not missing:
+        day = step.machine.date.strip()[:10]
+        if step.kind.at_machine and day > g.verifier.date:
+            out.refuse(
+                f"step {step.id} at {step.span}: done on {day}, after the day of the signatures, "
+                f"{g.verifier.date}",
+                "sign after the last step, --date says when",
+            )
         return
     if step.kind not in _LEFT_OUT and (g.before is None or step.id in g.again):
         out.refuse(f"step {step.id} at {step.span}: {missing}", "do it at the machine")
         return
-    reason = next((r for r in g.reasons if _is_meant(step, r.subject)), None)
+    meant = [r for r in g.reasons if _is_meant(step, r.subject)]
+    meant.sort(key=lambda r: r.subject != step.id)  # its own before the one for all
+    reason = next(iter(meant), None)
     if reason is None:
         out.refuse(
             f"step {step.id} at {step.span}: {missing}",

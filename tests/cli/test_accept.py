@@ -11,7 +11,7 @@ import yaml
 from cli.tool import fsn
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
-PEOPLE = ("--author", "A. Meier", "--verifier", "B. Kaya")
+PEOPLE = ("--author", "A. Meier", "--verifier", "B. Kaya", "--date", "2026-11-21")
 SOLDERED = ("--justify", "loss *=soldered in by B. Kaya")
 
 
@@ -112,7 +112,7 @@ def test_every_reason_is_told_at_once_and_nothing_is_written(folder: Path) -> No
     assert done.returncode == 1
     assert "author and verifier are one person" in done.stderr
     assert done.stderr.count("open at the machine") == 6
-    assert "no record written: 7 reasons" in done.stderr
+    assert "no record written: 9 reasons" in done.stderr  # no page, no protocol in it
     assert not (folder / "a.yaml").exists()
 
 
@@ -142,11 +142,14 @@ def test_a_justification_is_shown_wherever_the_warning_is(folder: Path) -> None:
 def test_wrong_words_and_files_are_refused(folder: Path) -> None:
     given = _prepared(folder)
     (folder / "there.yaml").write_text("mine", "utf-8")
+    (folder / "link.yaml").symlink_to("away.yaml")
     for more, wanted in (
         (["-o", "there.yaml"], "stays"),
+        (["-o", "link.yaml"], "stays"),
         (["-o", "a.yaml", "--date", "21.11.2026"], "YYYY-MM-DD"),
         (["-o", "a.yaml", "--justify", "loss *=no name"], "by NAME"),
         (["-o", "a.yaml", "--intervention", "by nobody"], "by NAME"),
+        (["-o", "a.yaml", "--justify", "loss *=- by ."], "by NAME"),
     ):
         done = fsn("accept", *given, *PEOPLE, *more)
         assert done.returncode == 2
@@ -194,3 +197,28 @@ def test_another_fingerprint_without_a_difference_by_meaning_is_told(folder: Pat
     assert "no difference by meaning, but another fingerprint" in page
     assert "- `start-up logic-io`" in page
     assert "another fingerprint than a.yaml: to be tried again" in page
+
+
+def test_what_no_file_can_keep_is_not_written(folder: Path) -> None:
+    given = _prepared(folder)
+    odd = b"loss *=odd \xff by B. Kaya".decode("utf-8", "surrogateescape")
+    done = fsn("accept", *given, *PEOPLE, "--justify", odd, "-o", "a.yaml")
+    assert done.returncode == 1
+    assert "no text in UTF-8" in done.stderr
+    assert not (folder / "a.yaml").exists()
+
+
+def test_an_equals_sign_in_a_name_is_part_of_it(folder: Path) -> None:
+    text = (folder / "timed.yaml").read_text("utf-8")
+    (folder / "timed.yaml").write_text(
+        text.replace("sub: io,", "sub: a=b,")
+        .replace("name: io,", "name: a=b,")
+        .replace("ec_module: io,", "ec_module: a=b,"),
+        "utf-8",
+    )
+    given = _prepared(folder)
+    reasons = ("--justify", "loss a=b=x = y by B. Kaya", "--justify", "loss logic=z by B. Kaya")
+    done = fsn("accept", *given, *PEOPLE, *reasons, "-o", "a.yaml")
+    assert done.returncode == 0, done.stderr
+    record = yaml.safe_load((folder / "a.yaml").read_text("utf-8"))
+    assert record["steps_left_out"][0] == {"step": "loss a=b", "reason": "x = y", "by": "B. Kaya"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,14 @@ from fsoe_net.model import (
     StepKind,
 )
 from fsoe_net.plan import fingerprint_of
-from fsoe_net.report import Grounds, read_signed_report, render_report, sign_off
+from fsoe_net.report import (
+    Grounds,
+    SignedReport,
+    read_signed_report,
+    render_report,
+    sign_off,
+    tried_of,
+)
 from fsoe_net.run import make_protocol
 
 DAY = "2026-11-21"
@@ -46,12 +54,11 @@ def grounds_of(path: Path = TIMED, **more: object) -> Grounds:
     assert resolution is not None
     assert plan is not None
     asked = make_protocol(resolution, plan.to_bytes(), fingerprint=fingerprint_of(plan).whole)
-    report = render_report(inputs, "json").encode()
     values = {
         "version": "0",
         "resolution": resolution,
         "plan": plan,
-        "report": read_signed_report([(source("report.json"), report)]),
+        "report": signed_report(report_with(path)),
         "diagnostics": inputs.diagnostics,
         "protocol": filled(asked),
         "protocol_source": source("protocol.yaml"),
@@ -65,9 +72,19 @@ def source(path: str) -> SourceFile:
     return SourceFile(path=path, sha256="0" * 64)
 
 
+def signed_report(data: bytes) -> SignedReport:
+    """Return the report with this JSON form, and a page beside it."""
+    page = b"<html>" + b" ".join(re.findall(rb"[0-9a-f]{64}", data))
+    return read_signed_report([(source("r.html"), page), (source("r.json"), data)])
+
+
 def report_with(path: Path = TIMED, **more: object) -> bytes:
     """Return the report in JSON, changed at its top level."""
-    return json.dumps({**json.loads(render_report(inputs_of(path), "json")), **more}).encode()
+    inputs = inputs_of(path)
+    assert inputs.resolution is not None
+    tried = tried_of(source("protocol.yaml"), filled(make_protocol(inputs.resolution, b"")))
+    form = json.loads(render_report(replace(inputs, tried=tried), "json"))
+    return json.dumps({**form, **more}).encode()
 
 
 def record_of(path: Path = TIMED) -> Acceptance:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from report.made import BASE, TIMED
-from report.signed import done, grounds_of, record_of, report_with, source
+from report.signed import done, grounds_of, record_of, report_with, signed_report, source
 
 from fsoe_net.diag import Diagnostic, Span
 from fsoe_net.errors import InputError
@@ -61,11 +61,9 @@ def test_names_that_differ_are_two_people() -> None:
 
 def test_a_report_of_something_else_is_none() -> None:
     other = report_with(fingerprint={"short": "x", "whole": "ab" * 32})
-    grounds = grounds_of(report=read_signed_report([(source("r.json"), other)]))
+    grounds = grounds_of(report=signed_report(other))
     assert refused(grounds)[0].startswith("the report is not of this configuration")
-    none = grounds_of(
-        report=read_signed_report([(source("r.json"), report_with(fingerprint=None))])
-    )
+    none = grounds_of(report=signed_report(report_with(fingerprint=None)))
     assert "begins with none" in refused(none)[0]
 
 
@@ -73,7 +71,8 @@ def test_the_page_is_of_the_same_configuration() -> None:
     whole = fingerprint_of(grounds_of().plan).whole.encode()
     json_form = (source("r.json"), report_with())
     for page, wanted in (
-        (b"<html>" + whole, []),
+        (b"<html>" + whole + b" " + b"0" * 64, []),
+        (b"<html>" + whole, ["r.html does not show protocol.yaml as it is now"]),
         (b"%PDF-1.7 packed", []),
         (b"<html>", ["r.html does not hold the fingerprint of the report in JSON"]),
     ):
@@ -92,13 +91,84 @@ def test_two_reports_are_one_too_many() -> None:
         read_signed_report([(source("a.json"), b"{}"), (source("b.json"), b"{}")])
 
 
+@pytest.mark.parametrize("severity", ["Warning", "", "none", 1])
+def test_a_finding_of_no_known_weight_is_no_report(severity: object) -> None:
+    data = report_with(findings=[{**_row("info"), "severity": severity}])
+    with pytest.raises(InputError, match=r"r\.json"):
+        signed_report(data)
+
+
+def test_a_place_out_of_all_numbers_is_no_report() -> None:
+    data = report_with(findings=[{**_row("info"), "line": float("inf")}])
+    with pytest.raises(InputError, match=r"r\.json"):
+        signed_report(data)
+
+
+def test_people_sign_a_page() -> None:
+    alone = read_signed_report([(source("r.json"), report_with())])
+    assert refused(grounds_of(report=alone)) == [
+        "there is no page of the report among the files: people sign that one"
+    ]
+
+
+def test_the_report_shows_the_protocol_of_now() -> None:
+    now = replace(source("protocol.yaml"), sha256="1" * 64)
+    assert refused(grounds_of(protocol_source=now)) == [
+        "r.json does not show protocol.yaml as it is now",
+        "r.html does not show protocol.yaml as it is now",
+    ]
+
+
+@pytest.mark.parametrize("name", ["...", "\u200b", "-"])
+def test_a_person_has_a_name(name: str) -> None:
+    (found,) = refused(grounds_of(author=SignedBy(name=name, date="2026-11-21")))
+    assert found == "the author has no name"
+
+
+@pytest.mark.parametrize("name", ["A. Kaya\u200b", "A.\nKaya", "\u202eA. Kaya", "A.\x1b[31mKaya"])
+def test_a_name_holds_nothing_unseen(name: str) -> None:
+    (found,) = refused(grounds_of(author=SignedBy(name=name, date="2026-11-21")))
+    assert found.startswith("the name of the author holds characters that nobody sees")
+
+
+def test_nobody_signs_before_the_last_step() -> None:
+    day = SignedBy(name="B. Kaya", date="2026-11-20")
+    found = refused(grounds_of(verifier=day))
+    assert len(found) == 6
+    assert "done on 2026-11-21, after the day of the signatures, 2026-11-20" in found[0]
+
+
+@pytest.mark.parametrize("by", ["  ", "\u200b", "\t"])
+def test_spaces_sign_no_step(by: str) -> None:
+    (found,) = refused(with_step(grounds_of(), StepKind.TRIGGER, by=by))
+    assert found.endswith("open at the machine")
+
+
+def test_the_reason_of_a_step_goes_before_that_of_all() -> None:
+    each = [Reason(subject=s, reason=s, by="B. Kaya") for s in ("loss *", "loss io2", "loss io")]
+    grounds = grounds_of(reasons=each)
+    steps = tuple(
+        replace(s, machine=AtMachine()) if s.kind is StepKind.LOSS else s
+        for s in grounds.protocol.steps
+    )
+    record, refusals = sign_off(replace(grounds, protocol=replace(grounds.protocol, steps=steps)))
+    assert record is not None, refusals
+    assert [s.reason for s in record.steps_left_out] == ["loss io", "loss io2", "loss *"]
+
+
+def test_two_reasons_for_one_are_one_too_many() -> None:
+    twice = [Reason(subject="loss *", reason=r, by="B. Kaya") for r in "ab"]
+    found = refused(with_step(grounds_of(reasons=twice), StepKind.LOSS, outcome=None))
+    assert found == ["--justify loss * is there 2 times"]
+
+
 def _row(severity: str) -> dict[str, object]:
     row = {"code": "FSN607", "severity": severity, "message": "says so", "file": "cells/a.yaml"}
     return {**row, "line": 7, "column": 3}
 
 
 def _with_finding(severity: str, *reasons: Reason) -> Grounds:
-    report = read_signed_report([(source("r.json"), report_with(findings=[_row(severity)]))])
+    report = signed_report(report_with(findings=[_row(severity)]))
     return grounds_of(report=report, reasons=reasons)
 
 
@@ -139,6 +209,15 @@ def test_a_report_with_something_against_it_is_not_signed() -> None:
 
 def test_notes_need_nobody() -> None:
     assert refused(_with_finding("info")) == []
+
+
+@pytest.mark.parametrize("rows", [[_row("info")], [_row("warning")]], ids=["note", "once"])
+def test_a_report_that_was_thinned_out_is_seen(rows: list[dict[str, object]]) -> None:
+    found = Diagnostic(code="FSN607", message="says so", span=Span("cells/a.yaml", 7, 3))
+    reason = Reason(subject="FSN607@a.yaml:7", reason="known", by="B. Kaya")
+    report = signed_report(report_with(findings=rows))
+    told = refused(grounds_of(diagnostics=[found, found], report=report, reasons=[reason]))
+    assert "FSN607 at cells/a.yaml:7:3 is not in the report: says so" in told
 
 
 def test_what_the_report_does_not_tell_is_told() -> None:
