@@ -217,15 +217,28 @@ def sign_off(inputs: ReportInputs) -> Block:
                 ),
             )
         )
-    return _sign_off(
-        parts,
-        (record.author, record.verifier),
-        Point(
-            PointKind.ASSUMPTION,
-            f"the signatures of {record.author.name} and {record.verifier.name} stand on the "
-            "report that the record names",
-        ),
+    signed = Point(
+        PointKind.ASSUMPTION,
+        f"the signatures of {record.author.name} and {record.verifier.name} stand on the report "
+        "that the record names",
     )
+    return _sign_off(parts, (record.author, record.verifier), signed, *_changed_files(inputs))
+
+
+def _changed_files(inputs: ReportInputs) -> list[Point]:
+    """Say that files changed though the fingerprint did not: it does not hold everything."""
+    given, resolution = inputs.accepted, inputs.resolution
+    if given is None or resolution is None:
+        return []
+    accepted = {s.sha256 for s in given.record.inputs}
+    changed = [s.path for s in resolution.network.sources if s.sha256 not in accepted]
+    if not changed:
+        return []
+    words = (
+        f"changed since the record, within the same fingerprint: {', '.join(changed)}; look "
+        "whether app_parameters are among it, which no fingerprint holds"
+    )
+    return [Point(PointKind.OPEN, words)]
 
 
 def _of(given: GivenRecord) -> str:
@@ -236,7 +249,7 @@ def _of(given: GivenRecord) -> str:
     )
 
 
-def _sign_off(parts: list[Part], people: Sequence[SignedBy], point: Point) -> Block:
+def _sign_off(parts: list[Part], people: Sequence[SignedBy], *points: Point) -> Block:
     roles = ("Author", "Verifier, who is not the author", "Released for the machine by")
     rows = []
     for number, role in enumerate(roles):
@@ -246,7 +259,7 @@ def _sign_off(parts: list[Part], people: Sequence[SignedBy], point: Point) -> Bl
         rows.append((cell(role), name, date, BLANK))
     heads = ("Role", "Name", "Date", "Signature")
     table = Table(name="sign-off", columns=tuple(Column(h) for h in heads), rows=tuple(rows))
-    return Block(key="sign_off", title="Sign-off", parts=(*parts, table), points=(point,))
+    return Block(key="sign_off", title="Sign-off", parts=(*parts, table), points=points)
 
 
 def _interventions(given: GivenRecord) -> Table:

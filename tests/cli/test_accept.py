@@ -56,6 +56,14 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     assert "| Verifier, who is not the author | B. Kaya | 2026-11-21 | ____ |" in page
     assert "soldered in" in page
     assert "not signed" not in page
+    assert "changed since the record" not in page
+    text = (folder / "timed.yaml").read_text("utf-8")
+    (folder / "timed.yaml").write_text(text.replace('"01 00"', '"02 00"'), "utf-8")
+    done = fsn("report", "timed.yaml", "--acceptance", "first.yaml", "-o", "same.md")
+    page = (folder / "same.md").read_text("utf-8")
+    assert "a record of this configuration" in page
+    assert "within the same fingerprint: timed.yaml; look whether app\\_parameters" in page
+    (folder / "timed.yaml").write_text(text, "utf-8")
 
     text = (folder / "timed.yaml").read_text("utf-8")
     text = text.replace("connection_id: 11", "connection_id: 12").replace(

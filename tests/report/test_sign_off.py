@@ -201,7 +201,7 @@ def test_another_place_is_another_warning(subject: str) -> None:
 
 def test_a_report_with_something_against_it_is_not_signed() -> None:
     verdict = {"type": "verdict", "level": "error", "word": "no findings, but 1 verdict against it"}
-    report = read_signed_report([(source("r.json"), report_with(verdict=verdict))])
+    report = signed_report(report_with(verdict=verdict))
     assert refused(grounds_of(report=report)) == [
         "the report says: no findings, but 1 verdict against it"
     ]
