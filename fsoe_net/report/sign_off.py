@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
-from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.diag import Diagnostic, Severity, Span
 from fsoe_net.errors import InputError
 from fsoe_net.model import (
     Acceptance,
@@ -62,28 +62,6 @@ class Reason:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Finding:
-    code: str
-    level: str
-    message: str
-    file: str
-    line: int
-    column: int
-
-    @property
-    def at(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-
-    def is_meant(self, subject: str) -> bool:
-        """Whether a user names it: ``FSN233@network.yaml:12``; a folder or column may be there."""
-        code, _, place = subject.partition("@")
-        line = f":{self.line}" if self.line else ""
-        column = f":{self.column}" if self.line else ""
-        files = (self.file, PurePath(self.file).name)
-        return code == self.code and any(place in (f + line, f + line + column) for f in files)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SignedReport:
     """The report that was signed; its findings are what its JSON form tells.
 
@@ -93,6 +71,7 @@ class SignedReport:
         findings: What it tells, errors and notes too.
         open_points: How many it lists, and
         assumptions: how many of these.
+        against: Its verdict when that is against the network; empty otherwise.
         pages: How many of its files are a page for people.
         not_of: Pages without that fingerprint.
         hashes: What each file but a PDF names by SHA-256.
@@ -100,7 +79,7 @@ class SignedReport:
 
     sources: tuple[SourceFile, ...]
     whole: str
-    findings: tuple[_Finding, ...]
+    findings: tuple[Diagnostic, ...]
     open_points: int
     assumptions: int
     against: str = ""
@@ -208,14 +187,12 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
     )
 
 
-def _finding(row: dict[str, Any]) -> _Finding:
-    return _Finding(
+def _finding(row: dict[str, Any]) -> Diagnostic:
+    return Diagnostic(
         code=str(row["code"]),
-        level=Severity(row["severity"]).value,
+        severity=Severity(row["severity"]),
         message=str(row["message"]),
-        file=str(row["file"]),
-        line=int(row["line"]),
-        column=int(row["column"]),
+        span=Span(str(row["file"]), int(row["line"]), int(row["column"])),
     )
 
 
@@ -293,7 +270,7 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
             f"the network with {whole[:16].upper()}",
             "write the report anew, and have it signed",
         )
-    if g.report.against and not any(f.level == Severity.ERROR.value for f in g.report.findings):
+    if g.report.against and not any(f.level is Severity.ERROR for f in g.report.findings):
         out.refuse(
             f"the report says: {g.report.against}",
             "mend what its first page names, and write it anew",
@@ -320,7 +297,7 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
 def _findings(g: Grounds, out: _Gathered) -> None:
     told = Counter((f.code, f.level, f.message) for f in g.report.findings)
     for d in g.diagnostics:
-        key = d.code, d.level.value, d.message
+        key = d.code, d.level, d.message
         told[key] -= 1
         if d.level is not Severity.INFO and told[key] < 0:
             out.refuse(
@@ -328,23 +305,40 @@ def _findings(g: Grounds, out: _Gathered) -> None:
                 "write the report anew from the files of today, and have it signed",
             )
     for f in g.report.findings:
-        if f.level == Severity.ERROR.value:
-            out.refuse(f"{f.code} at {f.at}: {f.message}", "mend it; an error cannot be justified")
-        elif f.level == Severity.WARNING.value:
-            reason = next((r for r in g.reasons if f.is_meant(r.subject)), None)
-            if reason is None:
-                out.refuse(
-                    f"{f.code} at {f.at} is not justified: {f.message}",
-                    f'mend it, or --justify "{f.code}@{PurePath(f.file).name}:{f.line}=reason by '
-                    'name"',
-                )
-                continue
-            out.used.add(reason.subject)
-            row = JustifiedFinding(
-                code=f.code, place=f.at, message=f.message, reason=reason.reason, by=reason.by
-            )
-            if row not in out.findings:
-                out.findings.append(row)
+        if f.level is Severity.ERROR:
+            out.refuse(f"{f.code} at {f.span}: {f.message}", "mend it; no reason is taken for it")
+        elif f.level is Severity.WARNING:
+            _warning(f, g, out)
+
+
+def _warning(found: Diagnostic, g: Grounds, out: _Gathered) -> None:
+    places = _places(found)
+    reason = next((r for r in g.reasons if r.subject in places), None)
+    if reason is None:
+        out.refuse(
+            f"{found.code} at {found.span} is not justified: {found.message}",
+            f'mend it, or --justify "{places[-1]}=reason by name"',
+        )
+        return
+    out.used.add(reason.subject)
+    row = JustifiedFinding(
+        code=found.code,
+        place=str(found.span),
+        message=found.message,
+        reason=reason.reason,
+        by=reason.by,
+    )
+    if row not in out.findings:
+        out.findings.append(row)
+
+
+def _places(found: Diagnostic) -> tuple[str, ...]:
+    """Return how a user may name it: with or without folder and column, shortest last."""
+    span = found.span
+    names = (span.file, PurePath(span.file).name)
+    whole = [str(Span(name, span.line, span.column)) for name in names]
+    line = f":{span.line}" if span.line else ""
+    return tuple(f"{found.code}@{place}" for place in (*whole, *(name + line for name in names)))
 
 
 def _steps(g: Grounds, whole: str, out: _Gathered) -> None:

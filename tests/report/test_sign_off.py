@@ -239,7 +239,9 @@ def test_a_step_nobody_did_is_open(kind: StepKind, machine: dict[str, object]) -
 
 
 def test_only_a_loss_may_be_left_out() -> None:
-    for kind, word in ((StepKind.LOSS, "loss"), (StepKind.TRIGGER, "trigger")):
+    ids = {StepKind.TRIGGER: "trigger estop", StepKind.START_UP: "start-up logic-io"}
+    for kind in (StepKind.LOSS, *ids):
+        word = "loss" if kind is StepKind.LOSS else ids[kind].partition(" ")[0]
         reasons = [Reason(subject=f"{word} *", reason="no plug", by="B. Kaya")]
         grounds = with_step(grounds_of(reasons=reasons), kind, outcome=None)
         record, refusals = sign_off(grounds)
@@ -248,7 +250,7 @@ def test_only_a_loss_may_be_left_out() -> None:
             (row,) = record.steps_left_out
             assert (row.step, row.reason, row.by) == ("loss io", "no plug", "B. Kaya")
         else:
-            assert refusals[0].what == "step trigger estop at : open at the machine"
+            assert refusals[0].what == f"step {ids[kind]} at : open at the machine"
 
 
 def test_what_failed_is_never_let_pass() -> None:
