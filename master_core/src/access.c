@@ -8,25 +8,23 @@
 #include "core_internal.h"
 #include "rt/words.h"
 
-/** Reads the words once; false when the writer was at them meanwhile. */
+/** Reads the last whole picture; false when the writer has begun to overwrite it meanwhile. */
 static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statistics,
                          struct fsn_connection_status *connections, uint8_t *image) {
-    const uint32_t before = atomic_load_explicit(&rt->snapshot.sequence, memory_order_acquire);
-    if (before % 2 != 0) {
-        return false;
-    }
-    const _Atomic uint64_t *from = rt->snapshot.words;
+    const uint32_t picture = atomic_load_explicit(&rt->snapshot.whole, memory_order_acquire);
+    const _Atomic uint64_t *from = rt->snapshot.words[picture % FSN_RT_PICTURES];
     from = fsn_words_take(from, statistics, sizeof rt->statistics);
     from = fsn_words_take(from, connections, rt->connection_count * sizeof *connections);
     fsn_words_take(from, image, rt->image_bytes);
-    /* The loads above may not sink below the second look at the sequence. */
+    /* The loads above may not sink below this look at what was begun. */
     atomic_thread_fence(memory_order_acquire);
-    return atomic_load_explicit(&rt->snapshot.sequence, memory_order_relaxed) == before;
+    return atomic_load_explicit(&rt->snapshot.begun, memory_order_relaxed) - picture <
+           FSN_RT_PICTURES;
 }
 
 fsn_status fsn_core_snapshot(struct fsn_core *core, struct fsn_statistics *statistics,
                              struct fsn_connection_status *connections, uint8_t *image) {
-    /* Bounded, so that a writer that died in the middle cannot hang a reader. */
+    /* Bounded: a reader that is always overtaken is told so instead of hanging. */
     enum { ATTEMPTS = 1000 };
     if (core == NULL) {
         return FSN_E_ARG;

@@ -379,9 +379,11 @@ static fsn_status activate_snapshot(struct fsn_core *core, struct fsn_fault *fau
     const size_t count = fsn_words_of(sizeof rt->statistics) +
                          fsn_words_of(rt->connection_count * sizeof(struct fsn_connection_status)) +
                          fsn_words_of(rt->image_bytes);
-    rt->snapshot.words = calloc(count, sizeof *rt->snapshot.words);
-    if (rt->snapshot.words == NULL) {
-        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    for (int i = 0; i < FSN_RT_PICTURES; i++) {
+        rt->snapshot.words[i] = calloc(count, sizeof *rt->snapshot.words[i]);
+        if (rt->snapshot.words[i] == NULL) {
+            return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+        }
     }
     fsn_rt_publish(rt);
     return FSN_OK;

@@ -58,7 +58,9 @@ void fsn_core_free(struct fsn_core *core) {
     free(core->rt.input.wkc);
     free(core->rt.input.sm_stale);
     free((void *)core->rt.stale);
-    free((void *)core->rt.snapshot.words);
+    for (int i = 0; i < FSN_RT_PICTURES; i++) {
+        free((void *)core->rt.snapshot.words[i]);
+    }
     free((void *)core->rt.recorder.words);
     fsn_plan_free((struct fsn_plan *)core->plan);
     free(core);

@@ -175,14 +175,35 @@ static void one_core_per_bus(void) {
     emulated_rig_end(&rig);
 }
 
-/** A writer that stopped in the middle of a snapshot does not hang its readers. */
-static void stuck_writer_is_told(void) {
+/** A writer that stopped in the middle of a picture leaves the one before to its readers; a reader
+ *  that is overtaken every time is told. */
+static void writer_in_the_middle_takes_nothing_away(void) {
     struct emulated_rig rig = set_up_full();
+    struct fsn_rt_snapshot *shown = &rig.core->rt.snapshot;
     struct fsn_statistics s;
-    atomic_fetch_add(&rig.core->rt.snapshot.sequence, 1);
-    CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_E_BUSY);
-    atomic_fetch_add(&rig.core->rt.snapshot.sequence, 1);
+    emulated_rig_cycle(&rig);
+    emulated_rig_cycle(&rig);
+    const uint32_t next = atomic_fetch_add(&shown->begun, 1) + 1;
+    atomic_store(&shown->words[next % FSN_RT_PICTURES][0], UINT64_MAX);
     CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_OK);
+    CHECK(s.cycles == 2 && s.now_ns == rig.now_ns);
+    atomic_fetch_add(&shown->begun, 1);
+    CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_E_BUSY);
+    emulated_rig_cycle(&rig);
+    CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_OK && s.cycles == 3);
+    emulated_rig_end(&rig);
+}
+
+/** Both pictures show a connection as it is, also the one filled after the change's own cycle. */
+static void no_picture_shows_an_old_state(void) {
+    struct emulated_rig rig = set_up_full();
+    send(&rig, 1, "\x2a\x01\x02\x03\x04\x05");
+    for (int i = 0; i < 2 * FSN_RT_PICTURES; i++) {
+        struct fsn_connection_status c;
+        emulated_rig_cycle(&rig);
+        CHECK(fsn_core_snapshot(rig.core, NULL, &c, NULL) == FSN_OK);
+        CHECK(c.direction[FSN_TO_SUB].frames == 1);
+    }
     emulated_rig_end(&rig);
 }
 
@@ -279,7 +300,8 @@ int main(void) {
     datagrams_end_at_their_limit();
     resets_are_counted_once();
     one_core_per_bus();
-    stuck_writer_is_told();
+    writer_in_the_middle_takes_nothing_away();
+    no_picture_shows_an_old_state();
     nothing_is_refused();
     everyone_at_once();
     return 0;

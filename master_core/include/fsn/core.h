@@ -164,7 +164,7 @@ FSN_API void fsn_core_stop(struct fsn_core *core);
  *  @param[out] connections   fsn_plan_connection_count() elements; may be NULL.
  *  @param[out] image         fsn_core_image_bytes() bytes; may be NULL.
  *  @retval FSN_E_ARG   no core.
- *  @retval FSN_E_BUSY  the writer was faster than every attempt, or is stuck; try again.
+ *  @retval FSN_E_BUSY  at every attempt two cycles ended while it read; try again.
  *  Context: any thread. Never delays the cyclic thread; at most 1 000 attempts. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_snapshot(struct fsn_core *core,
                                                   struct fsn_statistics *statistics,

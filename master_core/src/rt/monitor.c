@@ -45,7 +45,7 @@ static void fall_silent(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns)
     struct fsn_connection_status *status = &rt->monitors[connection].status;
     const uint32_t before = status->outside;
     watch->new_ns = 0;
-    watch->changed = true;
+    watch->unshown = FSN_RT_PICTURES;
     status->outside = FSN_OUTSIDE_SILENT;
     if (before != FSN_OUTSIDE_SILENT) {
         report(rt, connection, before, now_ns);
@@ -69,7 +69,7 @@ void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {
         watch->new_ns = now_ns != 0 ? now_ns : 1;
         memcpy(seen[0], frames[0], watch->size_bytes[0]);
         memcpy(seen[1], frames[1], watch->size_bytes[1]);
-        watch->changed = true;
+        watch->unshown = FSN_RT_PICTURES;
         const uint32_t before = rt->monitors[c].status.outside;
         look(&rt->monitors[c], frames, now_ns);
         if (rt->monitors[c].status.outside != before) {

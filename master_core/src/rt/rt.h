@@ -11,6 +11,7 @@
 
 enum {
     FSN_RT_EVENTS = 256, /**< slots of the event ring, a power of two */
+    FSN_RT_PICTURES = 2, /**< pictures that the cycle shows in turn */
     FSN_RT_FRESH = 4,    /**< beside the number of the set between writer and cycle */
 };
 
@@ -32,7 +33,7 @@ struct fsn_rt_watch {
     uint32_t seen;          /**< where they lie, one behind the other, in fsn_rt.seen */
     uint64_t new_ns;        /**< when a frame of it was new */
     uint64_t silent_ns;     /**< after so long without a new frame it counts as silent */
-    bool changed;           /**< it has seen a new frame since it was published */
+    uint8_t unshown;        /**< pictures that still show it as it was before its last change */
 };
 
 /** Bits of the image that a symbol names. */
@@ -62,10 +63,11 @@ struct fsn_rt_ring {
     struct fsn_event slot[FSN_RT_EVENTS];
 };
 
-/** Picture for other threads, guarded by a sequence that is odd while it changes. */
+/** Pictures for other threads: the cycle fills one while readers take the other, the last that is
+ *  whole. A reader fails only where the cycle has come around to its picture meanwhile. */
 struct fsn_rt_snapshot {
-    _Atomic uint32_t sequence;
-    _Atomic uint64_t *words; /**< statistics, connections, image, each padded to 8 bytes */
+    _Atomic uint32_t begun, whole; /**< pictures so far; number n lies at n % FSN_RT_PICTURES */
+    _Atomic uint64_t *words[FSN_RT_PICTURES]; /**< statistics, connections, image, each padded */
 };
 
 /** Ring of the last cycles. Slot n of a cycle: sequence, struct fsn_cycle, working counters, image,

@@ -1,21 +1,23 @@
 #include "rt.h"
 #include "words.h"
 
-/* Sequence lock: odd while the words change. Readers see either nothing of a change or retry. */
+/* Only the cycle writes `whole`. A reader that meets a word of a newer picture also sees, after its
+ * fence, that this picture was begun. */
 void fsn_rt_publish(struct fsn_rt *rt) {
     struct fsn_rt_snapshot *s = &rt->snapshot;
-    const uint32_t sequence = atomic_load_explicit(&s->sequence, memory_order_relaxed);
-    atomic_store_explicit(&s->sequence, sequence + 1, memory_order_relaxed);
+    const uint32_t picture = atomic_load_explicit(&s->whole, memory_order_relaxed) + 1;
+    atomic_store_explicit(&s->begun, picture, memory_order_relaxed);
     atomic_thread_fence(memory_order_release);
-    _Atomic uint64_t *words = fsn_words_put(s->words, &rt->statistics, sizeof rt->statistics);
+    _Atomic uint64_t *words =
+        fsn_words_put(s->words[picture % FSN_RT_PICTURES], &rt->statistics, sizeof rt->statistics);
     for (uint32_t c = 0; c < rt->connection_count; c++) {
         struct fsn_rt_watch *watch = &rt->watches[c];
-        if (watch->changed) {
+        if (watch->unshown > 0) {
             fsn_words_put(words, &rt->monitors[c].status, sizeof rt->monitors[c].status);
-            watch->changed = false;
+            watch->unshown--;
         }
         words += fsn_words_of(sizeof rt->monitors[c].status);
     }
     fsn_words_put(words, rt->image, rt->image_bytes);
-    atomic_store_explicit(&s->sequence, sequence + 2, memory_order_release);
+    atomic_store_explicit(&s->whole, picture, memory_order_release);
 }
