@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from fsoe_net.cli.output import counted
-from fsoe_net.model import Scan, ScannedSubDevice
+from fsoe_net.model import Scan, ScannedConnection, ScannedSubDevice
 
 __all__ = ["scan_table"]
 
 _COLUMNS = ("pos", "name", "vendor", "product", "revision", "state", "out/in", "FSoE", "links")
+
+_STATES = {
+    100: "Reset",
+    101: "Session",
+    102: "Connection",
+    103: "Parameter",
+    104: "Data",
+    105: "Data, fail-safe",
+}
 
 
 def scan_table(scan: Scan) -> str:
@@ -68,16 +77,22 @@ def _address(s: ScannedSubDevice) -> str:
 
 def _details(s: ScannedSubDevice) -> list[str]:
     lines = []
-    for c in s.fsoe.connections if s.fsoe is not None else ():
-        lines.append(
-            f"0x{c.object_index:04x}: FSoE address {_or_unknown(c.address)}, ConnID "
-            f"{_or_unknown(c.connection_id)}, watchdog {_or_unknown(c.watchdog_ms)} ms"
-        )
+    if s.fsoe is not None:
+        lines += [_connection(c) for c in s.fsoe.connections]
+        lines += [_connection(c) for c in s.fsoe.given if c.connection_id]  # 0: nothing given
     for p in s.ports:
         if p.link_lost or p.rx_errors:
             lost = counted(p.link_lost, "lost link")
             lines.append(f"port {p.port}: {lost}, {counted(p.rx_errors, 'receive error')}")
     return lines + [f"problem: {text}" for text in s.problems]
+
+
+def _connection(c: ScannedConnection) -> str:
+    state = f", {_STATES[c.state]}" if c.state in _STATES else ""
+    return (
+        f"0x{c.object_index:04x}: FSoE address {_or_unknown(c.address)}, ConnID "
+        f"{_or_unknown(c.connection_id)}, watchdog {_or_unknown(c.watchdog_ms)} ms{state}"
+    )
 
 
 def _or_unknown(value: int | None) -> str:

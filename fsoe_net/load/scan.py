@@ -223,18 +223,23 @@ def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:
         fields=node.places(),
         address=address,
         addresses=tuple(addresses),
-        connections=tuple(
-            ScannedConnection(
-                span=row.span,
-                fields=row.places(),
-                object_index=_int(row, "object", _U16, out) or 0,
-                address=_int(row, "address", _U16, out),
-                connection_id=_int(row, "connection_id", _U16, out),
-                watchdog_ms=_int(row, "watchdog_ms", _U16, out),
-                state=_int(row, "state", _U16, out),
-            )
-            for row in node.maps("connections")
-        ),
+        connections=_connections(node, "connections", out),
+        given=_connections(node, "given", out),
+    )
+
+
+def _connections(node: MapNode, key: str, out: Collector) -> tuple[ScannedConnection, ...]:
+    return tuple(
+        ScannedConnection(
+            span=row.span,
+            fields=row.places(),
+            object_index=_int(row, "object", _U16, out) or 0,
+            address=_int(row, "address", _U16, out),
+            connection_id=_int(row, "connection_id", _U16, out),
+            watchdog_ms=_int(row, "watchdog_ms", _U16, out),
+            state=_int(row, "state", _U16, out),
+        )
+        for row in node.maps(key)
     )
 
 

@@ -71,7 +71,11 @@ class ScannedSm(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScannedConnection(Located):
-    """One FSoE connection as a device tells of it: object 0xE901, 0xE911 …; watchdog in ms."""
+    """One FSoE connection as a device tells of it: object 0x9nn1, 0xE9n1 or 0x6791.
+
+    ``watchdog_ms`` in ms; ``state``: 100 Reset, 101 Session, 102 Connection, 103 Parameter,
+    104 Data, 105 Data with FailSafeData.
+    """
 
     object_index: int
     address: int | None = None
@@ -84,12 +88,17 @@ class ScannedConnection(Located):
 class ScannedFsoe(Located):
     """FSoE addresses of a device (0xF980:01, …) and what it tells of its connections.
 
-    ``address`` is the first of ``addresses``; most devices have one.
+    Attributes:
+        address: The first of ``addresses``; most devices have one.
+        addresses: Of its SubInstances.
+        connections: Of its MainInstances; those too whose side it does not tell.
+        given: Of its SubInstances: what their MainInstances gave them, 0 before that.
     """
 
     address: int | None = None
     addresses: tuple[int, ...] = ()
     connections: tuple[ScannedConnection, ...] = ()
+    given: tuple[ScannedConnection, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

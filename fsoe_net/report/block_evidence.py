@@ -124,7 +124,8 @@ def _scan(path: str, scan: Scan) -> list[Part]:
                 name=f"FSoE objects {path}",
                 columns=tuple(Column(h) for h in heads),
                 rows=tuple(fsoe),
-                remark="Objects 0xF980 and 0xE901 ff. as read from the devices.",
+                remark="Addresses (0xF980) and communication parameters (0x9nn1, 0xE9n1, 0x6791) "
+                "as read from the devices.",
             )
         )
     mapped = [row for s in scan.subdevices for row in _mapping_rows(path, s)]
@@ -165,7 +166,7 @@ def _fsoe_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
             cell(stated(c.connection_id, "", path)),
             cell(stated(c.watchdog_ms, "ms", path)),
         )
-        for c in s.fsoe.connections
+        for c in (*s.fsoe.connections, *s.fsoe.given)
     ]
     return rows
 

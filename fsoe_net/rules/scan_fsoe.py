@@ -56,11 +56,17 @@ def check_fsoe_values(
         found: SubDevices on the bus by name; those that are not there have been named elsewhere.
     """
     stated = [fact for net in network.nets for fact in net.connections]
-    unread = _addresses(out, stated, found)
-    for main in dict.fromkeys(f.main for f in stated):
+    mains = dict.fromkeys(f.main for f in stated)
+    given = {
+        name: _given(there, is_main=name in mains)
+        for name, there in found.items()
+        if there.fsoe is not None
+    }
+    unread = _addresses(out, stated, found, given)
+    for main in mains:
         facts = [f for f in stated if f.main == main and f.main in found]
         if facts:
-            _connections(out, main, facts, found[main], unread)
+            unread += _connections(out, main, facts, found[main], given)
     for fact in dict.fromkeys(unread):
         out.add(
             "FSN513",
@@ -71,10 +77,22 @@ def check_fsoe_values(
         )
 
 
+def _given(there: ScannedSubDevice, *, is_main: bool) -> list[ScannedConnection]:
+    """Return what a device tells of its SubInstances.
+
+    Not every device tells on which side of a connection it is; the network does.
+    """
+    assert there.fsoe is not None  # noqa: S101  (asked by the caller)
+    return [*there.fsoe.given, *(() if is_main else there.fsoe.connections)]
+
+
 def _addresses(
-    out: Findings, stated: list[ConnectionFacts], found: Mapping[str, ScannedSubDevice]
+    out: Findings,
+    stated: list[ConnectionFacts],
+    found: Mapping[str, ScannedSubDevice],
+    given: Mapping[str, list[ScannedConnection]],
 ) -> list[ConnectionFacts]:
-    """Compare 0xF980:01 of each SubInstance; return whose cannot be read."""
+    """Compare the FSoE address of each SubInstance; return whose cannot be read."""
     facts: dict[str, ConnectionFacts] = {}
     for fact in stated:
         if fact.address is not None and fact.sub in found:
@@ -82,9 +100,10 @@ def _addresses(
     told: dict[str, int] = {}
     for name, fact in facts.items():
         fsoe = found[name].fsoe
-        if fsoe is not None and fsoe.addresses:
-            own = fact.address in fsoe.addresses
-            told[name] = fact.address if own and fact.address is not None else fsoe.addresses[0]
+        own = [] if fsoe is None else list(fsoe.addresses)
+        own = own or [r.address for r in given.get(name, ()) if r.address is not None]
+        if own:
+            told[name] = fact.address if fact.address in own else own[0]
     wrong = [name for name in told if told[name] != facts[name].address]
     done: set[str] = set()
     for name in wrong:
@@ -129,13 +148,18 @@ def _connections(
     main: str,
     facts: list[ConnectionFacts],
     there: ScannedSubDevice,
-    unread: list[ConnectionFacts],
-) -> None:
-    """Compare the connections a MainInstance tells of with what is stated."""
+    given: Mapping[str, list[ScannedConnection]],
+) -> list[ConnectionFacts]:
+    """Compare the connections a MainInstance tells of with what is stated.
+
+    Of one that tells nothing, compare what its SubInstances were given.
+
+    Returns:
+        Those of which nothing can be read.
+    """
     rows = list(there.fsoe.connections) if there.fsoe is not None else []
     if not rows:
-        unread.extend(f for f in facts if _is_stated(f))
-        return
+        return _as_given(out, main, [f for f in facts if _is_stated(f)], given)
     pairs = _paired(facts, rows)
     for value in _VALUES:
         _compare(out, main, value, pairs)
@@ -147,6 +171,25 @@ def _connections(
             f"{main} tells of {len(rows)} connections; nothing of {few(unpaired)}",
             hint="does the safety project in the device have these connections?",
         )
+    return []
+
+
+def _as_given(
+    out: Findings,
+    main: str,
+    facts: list[ConnectionFacts],
+    given: Mapping[str, list[ScannedConnection]],
+) -> list[ConnectionFacts]:
+    """Compare what SubInstances tell of a connection that has been up; return the others."""
+    pairs: list[tuple[ConnectionFacts, ScannedConnection]] = []
+    for fact in facts:
+        rows = given.get(fact.sub, [])
+        row = next((r for r in rows if r.address == fact.address), rows[0] if rows else None)
+        if row is not None and row.connection_id and row.watchdog_ms:  # 0: nothing given so far
+            pairs.append((fact, row))
+    for value in _VALUES[1:]:  # the address has been compared
+        _compare(out, main, value, pairs, by_sub=True)
+    return [f for f in facts if not any(f is p for p, _ in pairs)]
 
 
 def _is_stated(fact: ConnectionFacts) -> bool:
@@ -183,6 +226,8 @@ def _compare(
     main: str,
     value: _Value,
     pairs: list[tuple[ConnectionFacts, ScannedConnection]],
+    *,
+    by_sub: bool = False,
 ) -> None:
     wrong = [
         (fact, planned, told)
@@ -215,10 +260,11 @@ def _compare(
                 related=(Related(span=other.at(value.key), message=f"{other.sub}"),),
             )
             continue
+        has = f"has {value.what} {told}{value.unit}"
+        whose = f"{fact.sub} {has}, given by {main}" if by_sub else f"{main} {has} for {fact.sub}"
         out.add(
             value.code,
             fact.at(value.key),
-            f"{main} has {value.what} {told}{value.unit} for {fact.sub}; the network says "
-            f"{planned}{value.unit}",
+            f"{whose}; the network says {planned}{value.unit}",
             hint="the safety project in the device counts: correct it there or here",
         )

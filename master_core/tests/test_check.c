@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "emulated_rig.h"
+#include "live/fsoe_objects.h"
 
 enum { KNOWN_ADDRESS = 2, SUB = 1, POSITION = 5 };
 
@@ -109,8 +110,80 @@ static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && !readable);
 }
 
+/** Objects of one SubDevice, by index and subindex; all others are not there. */
+struct dictionary {
+    struct {
+        uint16_t index;
+        uint8_t sub;
+        uint16_t value;
+    } row[8];
+};
+
+static fsn_status look_up(void *bus, struct fsn_transfer *t) {
+    const struct dictionary *d = bus;
+    for (size_t i = 0; i < sizeof d->row / sizeof d->row[0]; i++) {
+        if (d->row[i].index == t->index && d->row[i].sub == t->sub) {
+            t->data[0] = (uint8_t)d->row[i].value;
+            t->data[1] = (uint8_t)(d->row[i].value >> 8);
+            return FSN_OK;
+        }
+    }
+    t->abort_code = 0x06020000;
+    return FSN_E_BUS_SDO;
+}
+
+static void address_is_found_where_the_device_has_it(struct fsn_plan *plan) {
+    struct fsn_connection_info c;
+    CHECK(fsn_plan_connection(plan, 0, &c) == FSN_OK);
+    const uint16_t own = c.address;
+    const uint16_t other = (uint16_t)(own + 1);
+    const struct {
+        struct dictionary objects;
+        fsn_status status;
+        bool readable;
+    } rows[] = {
+        /* Two SubInstances in one SubDevice. */
+        {{{{0xF980, 0, 2}, {0xF980, 1, other}, {0xF980, 2, own}}}, FSN_OK, true},
+        {{{{0xF980, 0, 1}, {0xF980, 1, other}, {0xF980, 2, own}}}, FSN_E_BUS_ADDRESS, true},
+        {{{{0xF980, 1, other}}}, FSN_E_BUS_ADDRESS, true},
+        /* Only the module of its frame, mapped from 0x6000, tells it. */
+        {{{{0x9001, 0, 8}, {0x9001, 2, own}}}, FSN_OK, true},
+        {{{{0x9001, 0, 4}, {0x9001, 2, other}}}, FSN_E_BUS_ADDRESS, true},
+        {{{{0x9001, 0, 3}, {0x9001, 2, other}}}, FSN_OK, false}, /* something else */
+        {{{{0x9011, 0, 8}, {0x9011, 2, other}}}, FSN_OK, false}, /* another module */
+        {{{{0x9001, 0, 8}}}, FSN_OK, false},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct dictionary objects = rows[i].objects;
+        const struct fsn_objects reached = {.bus = &objects, .upload = look_up};
+        bool readable = !rows[i].readable;
+        char detail[FSN_DETAIL_BYTES];
+        CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == rows[i].status);
+        CHECK(readable == rows[i].readable);
+    }
+}
+
+static void parameters_follow_the_frame(void) {
+    static const uint16_t rows[][3] = {
+        /* command, parameters, diagnosis */
+        {0x6000, 0x9001, 0xA000}, {0x7000, 0x9001, 0xA000},
+        {0x7080, 0x9081, 0xA080}, {0x6FF0, 0x9FF1, 0xAFF0},
+        {0xE600, 0xE901, 0xEA00}, {0xE7F0, 0xE9F1, 0xEAF0},
+        {0x6760, 0x6791, 0},      {0x6770, 0x6791, 0},
+        {0x6001, 0, 0},           {0x5000, 0, 0},
+        {0x8000, 0, 0},           {0xE800, 0, 0},
+        {0xE501, 0, 0},           {0, 0, 0},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        CHECK(fsn_parameter_object(rows[i][0]) == rows[i][1]);
+        CHECK(fsn_diagnosis_object(rows[i][1]) == rows[i][2]);
+    }
+}
+
 int main(void) {
     struct fsn_plan *plan = load();
+    parameters_follow_the_frame();
+    address_is_found_where_the_device_has_it(plan);
     identities_are_compared();
     who_takes_no_sdo_says_why(plan);
     addresses_are_compared_where_both_tell_them(plan);

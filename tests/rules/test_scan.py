@@ -271,6 +271,36 @@ def test_main_instance_that_tells_nothing_is_one_note_per_connection(robot: dict
     assert _codes(robot) == ["FSN513"] * 4
 
 
+def test_sub_instances_tell_what_a_silent_main_instance_gave_them(robot: dict[str, Any]):
+    """Of a MainInstance without readable objects, what its SubInstances have counts."""
+    rows = robot["subdevices"]
+    told = rows[1]["fsoe"]["connections"]
+    rows[1]["fsoe"] = None
+    for row, one in zip(rows[2:], told, strict=True):
+        row["fsoe"]["given"] = [{**one, "object": 0x9001}]
+    assert _codes(robot) == []
+    rows[3]["fsoe"]["given"][0] |= {"connection_id": 77, "watchdog_ms": 5}
+    rows[4]["fsoe"]["given"][0] |= {"connection_id": 0, "watchdog_ms": 0}  # not connected so far
+    found = _found(ROBOT, robot)
+    assert [d.code for d in found] == ["FSN509", "FSN510", "FSN513"]
+    assert "el2904 has connection ID 77, given by el6910; the network says" in found[0].message
+    assert "el2904 has FSoE watchdog 5 ms, given by el6910" in found[1].message
+    assert "FSoE values of drive_1 cannot be read" in found[2].message
+
+
+def test_an_address_stands_in_the_connection_where_a_device_has_no_other(robot: dict[str, Any]):
+    """0x9nn1:02, also of a device that does not tell on which side of the connection it is."""
+    fsoe = robot["subdevices"][2]["fsoe"]
+    row = {"object": 0x9001, "address": fsoe["address"], "connection_id": 0, "watchdog_ms": 0}
+    for key in ("given", "connections"):
+        robot["subdevices"][2]["fsoe"] = {"address": None, "connections": [], key: [dict(row)]}
+        assert _codes(robot) == []
+        robot["subdevices"][2]["fsoe"][key][0]["address"] = 99
+        (wrong,) = _found(ROBOT, robot)
+        assert wrong.code == "FSN508"
+        assert "el1904 (position 2) has FSoE address 99" in wrong.message
+
+
 def test_split_padding_is_the_same_padding(robot: dict[str, Any]):
     entries = robot["subdevices"][2]["sms"][0]["pdos"][0]["entries"]
     assert entries[1] == {"index": 0, "subindex": 0, "bits": 8}

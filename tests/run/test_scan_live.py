@@ -70,6 +70,30 @@ def as_expected(network, seen):
     return seen["scan"][0] == 0
 
 
+# Objects with the parameters of FSoE connections, by position: of MainInstances, of SubInstances.
+TOLD = {
+    ESTOP: {0: ([], [0x9001]), 1: ([0x9081], [])},
+    ROBOT: {
+        1: ([0x9001, 0x9011, 0x9021, 0x9031], []),
+        2: ([], [0x9001]),
+        3: ([], [0x9001]),
+        4: ([], [0x6791]),
+        5: ([], [0x6791]),
+    },
+}
+
+
+def told_by_devices(file):
+    rows = json.loads(file.read_text("utf-8"))["subdevices"]
+    return {
+        row["position"]: tuple(
+            [c["object"] for c in row["fsoe"][key]] for key in ("connections", "given")
+        )
+        for row in rows
+        if row["fsoe"] is not None
+    }
+
+
 @pytest.mark.parametrize("network", [ESTOP, ROBOT])
 def test_each_change_on_the_wire_is_its_finding(network, tmp_path):
     commands = [row[0] for row in CHANGES[network]]
@@ -79,6 +103,7 @@ def test_each_change_on_the_wire_is_its_finding(network, tmp_path):
     assert "goes to PREOP" in seen["checks"][0]["err"]
     assert "brought to PREOP" in seen["scan"][1]
     files = folder / "found"
+    assert told_by_devices(files / "scan.json") == TOLD[network]
     done = fsn("check", "network.yaml", "--scan", "scan.json", "--format", "json", cwd=files)
     codes = {d["code"] for d in json.loads(done.stdout)["diagnostics"]}
     assert codes <= {"FSN125", "FSN232", "FSN512", "FSN406", "FSN408", "FSN411"}

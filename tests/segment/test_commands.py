@@ -167,18 +167,21 @@ def test_devices_tell_what_they_are():
     setup = session.network.setups[0]
     assert sub.read(0xF980, 0) == 1
     assert sub.read(0xF980, 1) == setup.address
-    assert main.read(0xE901, 0) == 4
-    told = [main.read(0xE901, n) for n in (1, 2, 3, 4)]
-    assert told == [100, setup.address, setup.connection_id, setup.watchdog_ms]
+    for index in (0x9081, 0xE901):  # its frame is mapped from 0x7080 and 0x6080
+        assert main.read(index, 0) == 8
+        told = [main.read(index, n) for n in (1, 2, 3, 4, 6)]
+        assert told == [0x3130, setup.address, setup.connection_id, setup.watchdog_ms, 0]
+    assert main.read(0xEA00, 1) == 100
+    assert [sub.read(0x9001, n) for n in (0, 2, 3, 4, 6)] == [8, setup.address, 0, 0, 1]
     session.step_devices(0)
     instance = session.network.mains["el1918-ek1914"].instance
     for state, number in zip(State, range(100, 104), strict=False):
         instance.state = state
         session._objects.update()
-        assert main.read(0xE901, 1) == number
+        assert main.read(0xA080, 1) == main.read(0xEA00, 1) == number
     instance.state = State.DATA
     session._objects.update()
-    assert main.read(0xE901, 1) == 105  # nothing valid has come in
+    assert main.read(0xA080, 1) == 105  # nothing valid has come in
 
 
 def test_another_address_is_told():
@@ -188,7 +191,7 @@ def test_another_address_is_told():
     assert session.command("fsoe-address ek1914 77", 1, 0) == "ok"
     assert session.network.subs["el1918-ek1914"].instance.config.address == 77
     session.step_devices(0)
-    assert sub.read(0xF980, 1) == 77
+    assert sub.read(0xF980, 1) == sub.read(0x9001, 2) == 77
     assert session.command("power-cycle ek1914", 1, 0) == "ok"
     assert Sdo(session.segment, 0).read(0xF980, 1) == 77
 

@@ -1,5 +1,6 @@
 /** Objects that nobody writes through this program. */
 #include "job.h"
+#include "live/fsoe_objects.h"
 #include "plan_internal.h"
 
 struct range {
@@ -85,6 +86,25 @@ static bool is_in_frame(const struct fsn_plan *plan, uint32_t subdevice, uint16_
     return false;
 }
 
+/** Whether an object holds parameters, information or diagnosis of the module (0x8nnx to 0xAnnx)
+ *  whose FSoE frame is mapped from 0x6nnx or 0x7nnx. */
+static bool is_of_frame_module(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index) {
+    struct fsn_block_info block;
+    struct fsn_sm_info sm;
+    for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {
+        if (fsn_plan_sm(plan, block.sm, &sm) != FSN_OK || sm.subdevice != subdevice) {
+            continue;
+        }
+        const uint16_t parameters =
+            fsn_parameter_object(fsn_object_at(plan, block.sm, 8 * block.byte_offset));
+        if (parameters >> 12 == 9 && index >> 12 >= 8 && index >> 12 <= 0xA &&
+            (index & 0xFF0) == (parameters & 0xFF0)) {
+            return true;
+        }
+    }
+    return false;
+}
+
 const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index,
                             bool bus_runs) {
     const char *why = find(always, sizeof always / sizeof always[0], index);
@@ -93,6 +113,9 @@ const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uin
     }
     if (why == NULL && index != 0 && is_in_frame(plan, subdevice, index)) {
         why = "it is mapped into an FSoE frame";
+    }
+    if (why == NULL && is_of_frame_module(plan, subdevice, index)) {
+        why = "it belongs to the module of an FSoE frame: its project and its own tool write it";
     }
     if (why == NULL && bus_runs) {
         why = find(running, sizeof running / sizeof running[0], index);

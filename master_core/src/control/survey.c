@@ -54,6 +54,15 @@ static bool upload(struct fsn_surveyed *of, struct fsn_transfer *transfer) {
     return status == FSN_OK;
 }
 
+bool fsn_survey_word(struct fsn_surveyed *of, uint16_t index, uint8_t sub, uint16_t *value) {
+    uint8_t bytes[8] = {0};
+    struct fsn_transfer transfer = {
+        .index = index, .sub = sub, .data = bytes, .size_bytes = sizeof bytes};
+    const bool read = upload(of, &transfer) && transfer.size_bytes == 2;
+    *value = fsn_get16(bytes);
+    return read;
+}
+
 bool fsn_survey_number(struct fsn_surveyed *of, uint16_t index, uint8_t sub, uint32_t *value) {
     uint8_t bytes[8] = {0};
     struct fsn_transfer transfer = {

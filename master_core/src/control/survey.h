@@ -38,6 +38,7 @@ enum {
     FSN_SURVEY_PROBLEMS = 16,
     FSN_SURVEY_TEXT = 160,
     FSN_SURVEY_ENTRIES = 255,
+    FSN_SURVEY_CONNECTIONS = 256, /**< of one SubDevice: modules of a SubDevice profile */
 };
 
 /** Contents of an SII; NULL and 0 when it could not be read. */
@@ -55,6 +56,9 @@ struct fsn_surveyed {
     bool coe;     /**< objects can be read; until the first one without an answer */
     bool stopped; /**< broken off */
     uint32_t transfers;
+    /** Objects that tell of its FSoE connections, should its process data hold FSoE frames. */
+    uint16_t tells[FSN_SURVEY_CONNECTIONS];
+    uint32_t tell_count;
     uint32_t problems;
     char problem[FSN_SURVEY_PROBLEMS][FSN_SURVEY_TEXT];
 };
@@ -65,10 +69,15 @@ __attribute__((format(printf, 2, 3))) void fsn_survey_problem(struct fsn_surveye
 /** Reads a number of up to 4 bytes; false when there is none (then `of->coe` says whether it is
  *  worth to go on). */
 bool fsn_survey_number(struct fsn_surveyed *of, uint16_t index, uint8_t sub, uint32_t *value);
+/** Reads a number of 2 bytes; false when there is none. */
+bool fsn_survey_word(struct fsn_surveyed *of, uint16_t index, uint8_t sub, uint16_t *value);
+
+/** Takes note of an entry of its process data: index, subindex, bits (survey_fsoe.c). */
+void fsn_survey_entry(struct fsn_surveyed *of, uint32_t entry);
 
 /** Writes "sms" (survey_sms.c). */
 void fsn_survey_sms(struct fsn_surveyed *of, struct fsn_json *json);
-/** Writes "fsoe" (survey_fsoe.c). */
+/** Writes "fsoe", after fsn_survey_sms() (survey_fsoe.c). */
 void fsn_survey_fsoe(struct fsn_surveyed *of, struct fsn_json *json);
 
 /* SII (survey_sii.c). */

@@ -87,7 +87,7 @@ static void put_name(const struct fsn_surveyed *of, struct fsn_json *json, uint1
 }
 
 /** Writes a PDO; returns its bits. */
-static uint32_t put_pdo(const struct fsn_surveyed *of, struct fsn_json *json, const struct pdo *pdo,
+static uint32_t put_pdo(struct fsn_surveyed *of, struct fsn_json *json, const struct pdo *pdo,
                         bool outputs) {
     uint32_t bits = 0;
     fsn_json_open(json, '{');
@@ -103,6 +103,7 @@ static uint32_t put_pdo(const struct fsn_surveyed *of, struct fsn_json *json, co
         fsn_json_put_u64(json, "bits", entry & 0xFF);
         fsn_json_close(json, '}');
         bits += entry & 0xFF;
+        fsn_survey_entry(of, entry);
     }
     fsn_json_close(json, ']');
     fsn_json_close(json, '}');
@@ -140,8 +141,7 @@ static uint32_t put_object_pdos(struct fsn_surveyed *of, struct fsn_json *json, 
     return bits;
 }
 
-static uint32_t put_sii_pdos(const struct fsn_surveyed *of, struct fsn_json *json,
-                             const struct sm *sm) {
+static uint32_t put_sii_pdos(struct fsn_surveyed *of, struct fsn_json *json, const struct sm *sm) {
     struct fsn_sii_pdo found;
     uint32_t at = 0;
     uint32_t inside = 0;
@@ -161,8 +161,7 @@ static uint32_t put_sii_pdos(const struct fsn_surveyed *of, struct fsn_json *jso
 }
 
 /** What the bus says about a sync manager of a SubDevice without objects. */
-static uint32_t put_bus_pdos(const struct fsn_surveyed *of, struct fsn_json *json,
-                             const struct sm *sm) {
+static uint32_t put_bus_pdos(struct fsn_surveyed *of, struct fsn_json *json, const struct sm *sm) {
     const struct fsn_survey *s = of->survey;
     uint32_t bits = 0;
     for (uint32_t i = 0; i < FSN_SURVEY_PDOS; i++) {

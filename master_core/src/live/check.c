@@ -3,9 +3,11 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "live/fsoe_objects.h"
+
 enum {
-    FSOE_ADDRESS = 0xF980,
     KNOWN_ADDRESS = 2, /**< bit of fsn_connection_info.known */
+    MOST_ADDRESSES = 16,
 };
 
 fsn_status fsn_objects_read(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
@@ -67,21 +69,62 @@ fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevic
     return FSN_OK;
 }
 
+/** Reads which FSoE addresses a SubDevice has: the one that is wanted where it has it, else its
+ *  first. */
+static bool read_own_address(const struct fsn_objects *objects, uint16_t wanted, uint16_t *found) {
+    uint8_t bytes[8];
+    if (fsn_objects_read(objects, FSN_ADDRESSES, 1, bytes) != FSN_OK) {
+        return false;
+    }
+    *found = fsn_get16(bytes);
+    uint8_t count = 1;
+    if (*found != wanted && fsn_objects_read(objects, FSN_ADDRESSES, 0, bytes) == FSN_OK) {
+        count = bytes[0] < MOST_ADDRESSES ? bytes[0] : MOST_ADDRESSES;
+    }
+    for (uint8_t sub = 2; sub <= count && *found != wanted; sub++) {
+        if (fsn_objects_read(objects, FSN_ADDRESSES, sub, bytes) == FSN_OK &&
+            fsn_get16(bytes) == wanted) {
+            *found = wanted;
+        }
+    }
+    return true;
+}
+
+/** Reads the address of a SubInstance from the parameters of its connection. */
+static bool read_given_address(const struct fsn_plan *plan, const struct fsn_connection_info *c,
+                               const struct fsn_objects *objects, uint16_t *found) {
+    uint8_t bytes[8];
+    struct fsn_copy_info copy;
+    if (fsn_plan_copy(plan, c->copy_to_main, &copy) != FSN_OK) {
+        return false;
+    }
+    const uint16_t object =
+        fsn_parameter_object(fsn_object_at(plan, copy.source_sm, 8 * copy.source_byte));
+    if (object == 0 || fsn_objects_read(objects, object, 0, bytes) != FSN_OK ||
+        bytes[0] < FSN_PARAMETER_WATCHDOG_MS ||
+        fsn_objects_read(objects, object, FSN_PARAMETER_ADDRESS, bytes) != FSN_OK) {
+        return false;
+    }
+    *found = fsn_get16(bytes);
+    return true;
+}
+
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
                              const struct fsn_objects *objects, bool *readable,
                              char detail[FSN_DETAIL_BYTES]) {
     struct fsn_connection_info c;
     *readable = false;
     for (uint32_t i = 0; objects != NULL && fsn_plan_connection(plan, i, &c) == FSN_OK; i++) {
-        uint8_t bytes[8];
+        uint16_t address;
         if (c.sub_subdevice != subdevice || (c.known & KNOWN_ADDRESS) == 0 ||
-            fsn_objects_read(objects, FSOE_ADDRESS, 1, bytes) != FSN_OK) {
+            (!read_own_address(objects, c.address, &address) &&
+             !read_given_address(plan, &c, objects, &address))) {
             continue;
         }
         *readable = true;
-        if (fsn_get16(bytes) != c.address) {
-            snprintf(detail, FSN_DETAIL_BYTES, "it has FSoE address %u, the plan says %u",
-                     fsn_get16(bytes), c.address);
+        if (address != c.address) {
+            snprintf(detail, FSN_DETAIL_BYTES, "it has FSoE address %u, the plan says %u", address,
+                     c.address);
             return FSN_E_BUS_ADDRESS;
         }
     }

@@ -1,0 +1,54 @@
+#include "live/fsoe_objects.h"
+
+#include "plan_internal.h"
+
+enum {
+    MODULE = 0x0FF0, /**< bits of an index that number the module */
+    DRIVE_FROM_SUB = 0x6760,
+    DRIVE_TO_SUB = 0x6770,
+    DRIVE_PARAMETERS = 0x6791,
+};
+
+uint16_t fsn_parameter_object(uint16_t command_index) {
+    if (command_index == DRIVE_FROM_SUB || command_index == DRIVE_TO_SUB) {
+        return DRIVE_PARAMETERS;
+    }
+    switch (command_index & ~MODULE) {
+    case 0x6000:
+    case 0x7000:
+        return (uint16_t)(0x9001 | (command_index & MODULE));
+    default:
+        break;
+    }
+    switch (command_index & ~0xF0) {
+    case 0xE600:
+    case 0xE700:
+        return (uint16_t)(FSN_CONNECTIONS | (command_index & 0xF0));
+    default:
+        return 0;
+    }
+}
+
+uint16_t fsn_diagnosis_object(uint16_t parameter_index) {
+    if ((parameter_index & ~MODULE) == 0x9001) {
+        return (uint16_t)(0xA000 | (parameter_index & MODULE));
+    }
+    if ((parameter_index & ~0xF0) == FSN_CONNECTIONS) {
+        return (uint16_t)(0xEA00 | (parameter_index & 0xF0));
+    }
+    return 0;
+}
+
+uint16_t fsn_object_at(const struct fsn_plan *plan, uint32_t sm, uint32_t bit) {
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
+    for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
+        const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
+        for (uint32_t e = 0; e < fsn_get32(pdo + 8); e++) {
+            const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
+            if (fsn_get32(entry + 8) == bit && fsn_get16(entry) != 0) {
+                return fsn_get16(entry);
+            }
+        }
+    }
+    return 0;
+}
