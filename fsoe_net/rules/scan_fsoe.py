@@ -101,7 +101,7 @@ def _addresses(
     for name, fact in facts.items():
         fsoe = found[name].fsoe
         own = [] if fsoe is None else list(fsoe.addresses)
-        own = own or [r.address for r in given.get(name, ()) if r.address is not None]
+        own = own or [r.address for r in given.get(name, ()) if r.address]  # 0: not known so far
         if own:
             told[name] = fact.address if fact.address in own else own[0]
     wrong = [name for name in told if told[name] != facts[name].address]

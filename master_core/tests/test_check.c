@@ -51,6 +51,7 @@ static struct fsn_plan *load(void) {
     size_t len;
     uint8_t *bytes = build_full(&len);
     uint8_t *connection = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_CONNECTION - 1) + 4);
+    connection[26] = 7; /* its address */
     connection[30] |= KNOWN_ADDRESS;
     build_fix_crc(bytes, len);
     CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
@@ -152,6 +153,7 @@ static void address_is_found_where_the_device_has_it(struct fsn_plan *plan) {
         {{{{0x9001, 0, 3}, {0x9001, 2, other}}}, FSN_OK, false}, /* something else */
         {{{{0x9011, 0, 8}, {0x9011, 2, other}}}, FSN_OK, false}, /* another module */
         {{{{0x9001, 0, 8}}}, FSN_OK, false},
+        {{{{0x9001, 0, 8}, {0x9001, 2, 0}}}, FSN_OK, false}, /* before the first connection */
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         struct dictionary objects = rows[i].objects;

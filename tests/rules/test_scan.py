@@ -295,6 +295,8 @@ def test_an_address_stands_in_the_connection_where_a_device_has_no_other(robot: 
     for key in ("given", "connections"):
         robot["subdevices"][2]["fsoe"] = {"address": None, "connections": [], key: [dict(row)]}
         assert _codes(robot) == []
+        robot["subdevices"][2]["fsoe"][key][0]["address"] = 0  # not known before a connection
+        assert _codes(robot) == ["FSN513"]
         robot["subdevices"][2]["fsoe"][key][0]["address"] = 99
         (wrong,) = _found(ROBOT, robot)
         assert wrong.code == "FSN508"

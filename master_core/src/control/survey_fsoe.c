@@ -112,7 +112,7 @@ static bool look(struct fsn_surveyed *of, struct told *told) {
     for (uint32_t i = 0; i < told->connections; i++) {
         struct told_connection *c = &told->connection[i];
         const uint16_t address = c->value[FSN_PARAMETER_ADDRESS];
-        if ((c->known & 1 << FSN_PARAMETER_ADDRESS) == 0) {
+        if ((c->known & 1 << FSN_PARAMETER_ADDRESS) == 0 || address == 0) {
             continue;
         }
         if (c->side == SIDE_UNKNOWN && has_address(told, address)) {

@@ -90,7 +90,8 @@ static bool read_own_address(const struct fsn_objects *objects, uint16_t wanted,
     return true;
 }
 
-/** Reads the address of a SubInstance from the parameters of its connection. */
+/** Reads the address of a SubInstance from the parameters of its connection; 0 there: not known
+ *  before the first connection. */
 static bool read_given_address(const struct fsn_plan *plan, const struct fsn_connection_info *c,
                                const struct fsn_objects *objects, uint16_t *found) {
     uint8_t bytes[8];
@@ -106,7 +107,7 @@ static bool read_given_address(const struct fsn_plan *plan, const struct fsn_con
         return false;
     }
     *found = fsn_get16(bytes);
-    return true;
+    return *found != 0;
 }
 
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
