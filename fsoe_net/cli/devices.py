@@ -81,7 +81,7 @@ def _named(library: Library, name: str) -> LibraryDevice:
 
 def _list(devices: Iterable[LibraryDevice]) -> list[str]:
     rows = [
-        (d.name, "/".join(sorted({m.role for m in d.mappings})), sizes, d.about)
+        (d.name, "/".join(d.roles), sizes or "by project", d.about)
         for d in devices
         for sizes in [", ".join(dict.fromkeys(_sizes(m) for m in d.mappings))]
     ]
@@ -118,6 +118,9 @@ def _page(device: LibraryDevice) -> list[str]:
     ]
     for mapping in device.mappings:
         lines += ["", *_mapping(device, mapping)]
+    if not device.mappings:
+        lines += ["", f"Process data ({_side(device.role)}): made by its safety project"]
+        lines += [f"  source: {text}" for text in device.sources.values()]
     if device.figures:
         lines += ["", "Figures, unverified; only the manual of the revision in use counts:"]
         lines += [f"  {f.name} {f.value:g} ({device.sources[f.source]})" for f in device.figures]
@@ -127,7 +130,7 @@ def _page(device: LibraryDevice) -> list[str]:
 
 
 def _mapping(device: LibraryDevice, mapping: LibraryMapping) -> list[str]:
-    side = "MainInstance" if mapping.role == "main" else "SubInstance"
+    side = _side(mapping.role)
     slots = f", {counted(mapping.slots, 'slot')}" if mapping.slots else ""
     lines = [f"{mapping.name} ({side}{slots})", f"  source: {device.sources[mapping.source]}"]
     if mapping.revision_from is not None:
@@ -146,6 +149,10 @@ def _mapping(device: LibraryDevice, mapping: LibraryMapping) -> list[str]:
         lines.append(f"  restart relevant: {words}")
     lines += [f"  note: {n}" for n in mapping.notes]
     return lines
+
+
+def _side(role: str) -> str:
+    return "MainInstance" if role == "main" else "SubInstance"
 
 
 def _pdo(pdo: Pdo) -> str:
@@ -167,6 +174,7 @@ def _json(device: LibraryDevice) -> dict[str, object]:
     return {
         "name": device.name,
         "about": device.about,
+        "roles": list(device.roles),
         "identities": [
             {"order": i.order, "vendor_id": i.vendor_id, "product_code": i.product_code}
             for i in device.identities

@@ -151,6 +151,7 @@ def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
         fields=root.places(),
         name=root.text("name") or "",
         about=root.text("about") or "",
+        role=root.text("role") or "",
         identities=identities,
         sources={k: n.text.strip() for k, n in pairs.items() if isinstance(n, ScalarNode)},
         mappings=tuple(_mapping(row, out) for row in root.maps("mappings")),

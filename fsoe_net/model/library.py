@@ -107,15 +107,27 @@ class LibraryFigure(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LibraryDevice(Located):
-    """One device; ``sources`` maps keys to where the facts were found."""
+    """One device.
+
+    Attributes:
+        sources: Keys to where the facts were found.
+        mappings: Process data it was seen with; none where a project of the user's makes them.
+        role: ``sub`` or ``main`` for a device without mappings; else empty, they tell it.
+    """
 
     name: str
     about: str
     identities: tuple[LibraryIdentity, ...]
     sources: dict[str, str]
     mappings: tuple[LibraryMapping, ...]
+    role: str = ""
     figures: tuple[LibraryFigure, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """Sides of FSoE connections it can be on, ``main`` first."""
+        return tuple(sorted({m.role for m in self.mappings} or {self.role}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,6 +161,10 @@ def contradictions(device: LibraryDevice) -> list[tuple[Located, str]]:
     FSoE allows, and each output frame needs its partner.
     """
     found: list[tuple[Located, str]] = []
+    if bool(device.role) is bool(device.mappings):
+        found.append(
+            (device, "a role stands at the device where it has no mapping, and only there")
+        )
     names = [m.name for m in device.mappings]
     for mapping in device.mappings:
         if names.count(mapping.name) > 1:

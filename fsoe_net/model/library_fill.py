@@ -50,7 +50,7 @@ def library_role(
     known = library_device(sub, library)
     if known is None:
         return ""
-    roles = {m.role for m in known.mappings}
+    roles = set(known.roles)
     if len(roles) > 1:
         roles = {m.role for m in known.mappings if _lengths(m) == sorted(lengths)}
     return roles.pop() if len(roles) == 1 else ""
@@ -90,7 +90,10 @@ def fill_from_library(
     if not chosen:
         return LibraryFill(
             sub=_identified(sub, known),
-            remarks=(f"the device library has no process data for this {known.name}",),
+            remarks=(
+                f"the device library has no process data for this {known.name}",
+                *(() if known.mappings else known.notes),
+            ),
         )
     question = Question(
         ask=Ask.PROCESS_DATA,

@@ -32,6 +32,14 @@ def test_one_device_in_full():
         assert words in done.stdout
 
 
+def test_a_logic_without_process_data_says_where_they_are():
+    done = fsn("devices", "el6910")
+    assert done.returncode == 0
+    assert "Process data (MainInstance): made by its safety project" in done.stdout
+    assert "Read them from the device" in done.stdout
+    assert "EL6910               main      by project" in fsn("devices").stdout
+
+
 def test_json_has_places_sources_and_figures():
     document = json.loads(fsn("devices", "EL1904", "--format", "json").stdout)
     (device,) = document["devices"]

@@ -97,6 +97,16 @@ def test_a_device_is_found_by_identity_and_by_name():
     assert library.named("EL9999") is None
 
 
+def test_a_device_whose_project_makes_its_process_data():
+    device = builtin_library().named("EL6910")
+    assert (device.mappings, device.roles) == ((), ("main",))
+    bare = OWN.split("mappings:")[0] + "mappings: []\n"
+    for text in (bare, OWN + "role: sub\n"):
+        assert [line.split()[0] for line in read(text)[1]] == ["FSN139"]
+    device, found = read(bare + "role: sub\n")
+    assert (found, device.roles) == ([], ("sub",))
+
+
 def test_a_revision_picks_the_mapping():
     first, second, _ = builtin_library().named("EL1918").mappings
     assert (first.fits(0x00100000), second.fits(0x00100000)) == (True, False)
