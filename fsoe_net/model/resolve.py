@@ -171,7 +171,7 @@ class _Pairing:
         self._layouts = layouts
         self._made = made
         self._numbers: dict[int, dict[tuple[int, int], int]] = {}
-        self._names: dict[str, int] = {}
+        self._names: set[str] = set()
         self.connections: list[Connection] = []
         self.single: _Rows = []
         self.unmatched: list[UnmatchedFacts] = []
@@ -280,9 +280,14 @@ class _Pairing:
             )
 
 
-def _unique(name: str, used: dict[str, int]) -> str:
-    used[name] = used.get(name, 0) + 1
-    return name if used[name] == 1 else f"{name}-{used[name]}"
+def _unique(name: str, used: set[str]) -> str:
+    """Return the name, with a counter where it is taken; a SubDevice may itself end in ``-2``."""
+    found, number = name, 1
+    while found in used:
+        number += 1
+        found = f"{name}-{number}"
+    used.add(found)
+    return found
 
 
 def _by_partner(rows: _Rows, main_name: str | None) -> dict[tuple[str, str], tuple[_Rows, _Rows]]:

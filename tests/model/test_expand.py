@@ -224,6 +224,20 @@ def test_two_drives_with_two_frame_pairs_each():
     ]
 
 
+def test_a_subdevice_whose_name_ends_in_a_counter_keeps_names_apart():
+    network = bus(
+        {**TWO, "left-2": TWO["left"]},
+        facts("left", 0, 1),
+        facts("left", 2, 0),
+        facts("left-2", 1, 1),
+    )
+    assert [c.name for c in resolve(network).connections] == [
+        "logic-left",
+        "logic-left-2",
+        "logic-left-2-2",
+    ]
+
+
 def test_a_slot_may_be_left_out_when_only_one_is_left():
     network = bus(TWO, facts("left", sub_slot=0), facts("left", 0, 1), facts("left", 9))
     assert hitches(network) == [(Hitch.SEVERAL, "main"), (Hitch.NO_SLOT, "slot")]
