@@ -5,7 +5,7 @@ from __future__ import annotations
 from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
 from fsoe_net.model import Network, SafetyFunction
 from fsoe_net.rules.context import nearest
-from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Judgement
+from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Judgement, exceeds
 
 __all__ = ["check_timing"]
 
@@ -132,7 +132,7 @@ def _connection(out: Findings, row: ConnectionBudget) -> None:
     place = facts.at("watchdog_ms") if facts is not None else _place(row)
     if row.empty and row.least is not None and row.greatest is not None:
         hint = "a shorter bus cycle, faster parts, or a longer required reaction time"
-        if row.printed is not None and row.printed.ms >= row.least.ms:
+        if row.printed is not None and not exceeds(row.least.ms, row.printed.ms):
             hint += f"; as vendors print it, {row.printed.ms:g} ms would be left"
         out.add(
             "FSN603",
@@ -149,9 +149,9 @@ def _connection(out: Findings, row: ConnectionBudget) -> None:
             f"{name} belongs to no safety function",
             hint="name its SubDevices as elements, or leave it as it is",
         )
-    if row.configured is None or row.least is None or row.configured >= row.least.ms:
+    if row.configured is None or row.least is None or not row.below_least:
         return
-    breaks = row.round_trip is not None and row.configured < row.round_trip
+    breaks = row.round_trip is not None and exceeds(row.round_trip, row.configured)
     out.add(
         "FSN602",
         place,

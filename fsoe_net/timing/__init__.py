@@ -2,7 +2,7 @@
 
 from fsoe_net.timing.budget import Budget, make_budget
 from fsoe_net.timing.elements import Apart, ElementRow, FunctionParts, Quantity, parts_of
-from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
+from fsoe_net.timing.judgement import Judgement, WatchdogJudgement, exceeds
 from fsoe_net.timing.pfh import FSOE_PFH, NOT_ASSESSED, PfhSum
 from fsoe_net.timing.reaction import FunctionBudget, Reaction, with_cycle
 from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
@@ -22,6 +22,7 @@ __all__ = [
     "Quantity",
     "Reaction",
     "WatchdogJudgement",
+    "exceeds",
     "make_budget",
     "parts_of",
     "with_cycle",

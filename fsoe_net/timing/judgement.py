@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import enum
 
-__all__ = ["Judgement", "WatchdogJudgement"]
+__all__ = ["Judgement", "WatchdogJudgement", "exceeds"]
+
+_ROUNDING_MS = 1e-6  # a nanosecond: what sums of decimal fractions are off is a million times less
+
+
+def exceeds(one: float, other: float) -> bool:
+    """Whether a time in ms is longer than another, not only by the rounding of floating point.
+
+    12.6 + 19.4 + ... may come out as 243.60000000000002 where 243.6 is allowed.
+    """
+    return one - other > _ROUNDING_MS
 
 
 class Judgement(enum.Enum):

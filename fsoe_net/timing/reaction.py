@@ -19,7 +19,7 @@ from fsoe_net.timing.formulas import (
     worst_case_output,
 )
 from fsoe_net.timing.handshake import broken, disturbed_both, polled_error_free
-from fsoe_net.timing.judgement import Judgement
+from fsoe_net.timing.judgement import Judgement, exceeds
 from fsoe_net.timing.pfh import PfhSum, sum_pfh
 
 __all__ = [
@@ -104,9 +104,9 @@ class FunctionBudget:
             return Judgement.NONE
         if reaction is None:
             return Judgement.MISSING
-        if reaction.worst > required:
+        if exceeds(reaction.worst, required):
             return Judgement.ABOVE
-        if reaction.counted > required:
+        if exceeds(reaction.counted, required):
             return Judgement.PRINTED_ONLY
         return Judgement.UNVERIFIED if self.parts.unverified else Judgement.WITHIN
 

@@ -23,7 +23,7 @@ from fsoe_net.timing.formulas import (
     worst_case_output,
 )
 from fsoe_net.timing.handshake import besides_input, besides_output
-from fsoe_net.timing.judgement import WatchdogJudgement
+from fsoe_net.timing.judgement import WatchdogJudgement, exceeds
 from fsoe_net.timing.reaction import FunctionBudget, longest_watchdog, watchdog_of
 
 __all__ = ["ConnectionBudget", "Limit", "connection_budget"]
@@ -77,7 +77,7 @@ class ConnectionBudget:
         return (
             self.least is not None
             and self.greatest is not None
-            and self.greatest.ms < self.least.ms
+            and exceeds(self.least.ms, self.greatest.ms)
         )
 
     @property
@@ -88,17 +88,26 @@ class ConnectionBudget:
         return self.configured / self.least.ms
 
     @property
+    def below_least(self) -> bool:
+        """Whether the configured watchdog may end without a fault."""
+        return (
+            self.configured is not None
+            and self.least is not None
+            and exceeds(self.least.ms, self.configured)
+        )
+
+    @property
     def judgement(self) -> WatchdogJudgement:
         """How the configured watchdog stands to its interval."""
         if self.empty:
             return WatchdogJudgement.EMPTY
         if self.configured is None:
             return WatchdogJudgement.UNSTATED
-        if self.least is not None and self.configured < self.least.ms:
+        if self.below_least:
             return WatchdogJudgement.BELOW
-        if self.printed is not None and self.configured > self.printed.ms:
+        if self.printed is not None and exceeds(self.configured, self.printed.ms):
             return WatchdogJudgement.ABOVE
-        if self.handshake is not None and self.configured > self.handshake.ms:
+        if self.handshake is not None and exceeds(self.configured, self.handshake.ms):
             return WatchdogJudgement.PRINTED_ONLY
         if self.greatest is None:
             return WatchdogJudgement.NO_TIMES if self.least is None else WatchdogJudgement.UNLIMITED

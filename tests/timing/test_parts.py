@@ -127,6 +127,23 @@ def test_what_takes_exactly_the_required_time_is_within(
     assert (row.reaction.counted, row.reaction.worst, row.judgement) == (119, 98, found)
 
 
+def test_rounding_of_floating_point_is_no_finding(resolution_of: Maker) -> None:
+    # 2 * 5 + 2 * 9.9 + 2 + 4 * 13.9 + 100 + 2 * 17.6 ms are 222.6 ms, a little more as floats.
+    functions, network = with_watchdogs(222.6, 100, 100)
+    for old, new in (("4,", "9.9,"), ("2,", "13.9,"), ("20,", "17.6,")):
+        assert functions.count(f"time_ms: {old}") == 1
+        functions = functions.replace(f"time_ms: {old}", f"time_ms: {new}")
+    resolution = resolution_of(functions, network)
+    budget = budget_of(resolution)
+    (row,) = budget.functions
+    assert row.reaction is not None
+    assert row.reaction.worst_output == pytest.approx(222.6)
+    assert row.reaction.worst > 222.6  # else this example shows nothing
+    assert row.judgement is Judgement.PRINTED_ONLY
+    codes = [d.code for d in check_timing(resolution.network, budget)]
+    assert "FSN604" not in codes
+
+
 def test_a_margin_needs_a_watchdog_and_times(resolution_of: Maker) -> None:
     rows = watchdogs(resolution_of())
     assert (rows["drive_1"].margin, rows["drive_1"].lost_frames) == (None, None)
