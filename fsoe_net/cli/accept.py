@@ -13,8 +13,8 @@ from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.known import Record, read_record
 from fsoe_net.cli.output import counted
-from fsoe_net.cli.plan import write_whole
 from fsoe_net.cli.report import read_protocol, since
+from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, parse_acceptance, read_bytes
 from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile, says_something

@@ -15,7 +15,8 @@ from pathlib import Path
 import click
 
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
-from fsoe_net.errors import FsnError
+from fsoe_net.cli.write import write_whole
+from fsoe_net.errors import EnvironmentFault, FsnError
 from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
 from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
 from fsoe_net.run.campaign import (
@@ -184,8 +185,8 @@ def _write(text: str, output: str | None) -> None:
         click.echo(text)
         return
     try:
-        Path(output).write_text(text + "\n", encoding="utf-8")
-    except OSError:
+        write_whole(output, f"{text}\n".encode())
+    except EnvironmentFault:
         click.echo(text)  # not lost for a full disk
         raise
 

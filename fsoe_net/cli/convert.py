@@ -11,7 +11,7 @@ import click
 
 from fsoe_net.cli.convert_eni import renewed_eni
 from fsoe_net.cli.output import counted, print_diagnostics
-from fsoe_net.cli.plan import write_whole
+from fsoe_net.cli.write import write_whole
 from fsoe_net.diag import Severity, sort_diagnostics
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import (

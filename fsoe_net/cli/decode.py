@@ -12,6 +12,7 @@ import click
 
 from fsoe_net.cli.decode_output import CaptureFacts, JsonOutput, Output, Row, TextOutput
 from fsoe_net.cli.inputs import check_files, whole_network
+from fsoe_net.cli.write import write_whole
 from fsoe_net.core import Scanner, Sighting
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe import Command, Verdict, safe_data_of
@@ -135,7 +136,7 @@ def _write_lua(files: tuple[str, ...], output: str | None) -> None:
     if output is None:
         click.echo(text, nl=False)
         return
-    Path(output).write_text(text, encoding="utf-8")
+    write_whole(output, text.encode("utf-8"))
     click.echo(f"{output}: open a capture with: wireshark -X lua_script:{output} FILE", err=True)
 
 

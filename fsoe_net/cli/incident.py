@@ -7,7 +7,7 @@ import json
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.plan import write_whole
+from fsoe_net.cli.write import write_whole
 from fsoe_net.observe import IncidentReader
 from fsoe_net.observe.evidence import gather
 from fsoe_net.report.incident_page import incident_page

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-from pathlib import Path
 
 import click
 
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.write import write_whole
 from fsoe_net.diag import Severity, without_collector
-from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, read_bytes
 from fsoe_net.plan import (
     Plan,
@@ -23,7 +22,7 @@ from fsoe_net.plan import (
     plan_text,
 )
 
-__all__ = ["command", "write_whole"]
+__all__ = ["command"]
 
 _EPILOG = """\b
 Examples:
@@ -105,16 +104,3 @@ def _show(plan: Plan, image: str | None, fmt: str) -> None:
         click.echo(igh_text(plan))
     else:
         click.echo(plan_text(plan))
-
-
-def write_whole(output: str, data: bytes) -> None:
-    """Write whole or not at all: a plan cut off by a full disk must not replace a good one."""
-    target = Path(output)
-    partial = target.with_name(target.name + f".{os.getpid()}.part")
-    try:
-        partial.write_bytes(data)
-        partial.replace(target)
-    except OSError as exc:
-        raise EnvironmentFault(f"cannot write {output}: {exc.strerror}") from exc
-    finally:
-        partial.unlink(missing_ok=True)

@@ -16,7 +16,7 @@ from fsoe_net.cli.diff import read_side
 from fsoe_net.cli.inputs import Checked, check_files, input_options, library_of, whole_network
 from fsoe_net.cli.known import Record, read_record
 from fsoe_net.cli.output import print_diagnostics, summary
-from fsoe_net.cli.plan import write_whole
+from fsoe_net.cli.write import write_whole
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, load_protocol

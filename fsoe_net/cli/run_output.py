@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from fsoe_net.cli.write import write_whole
 from fsoe_net.core import Statistics
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.report.timing import timing_csv, timing_picture, timing_text
@@ -197,9 +198,6 @@ def write_timing(result: RunResult, stats: str | None, plot: str | None, *, text
     ):
         if path is None:
             continue
-        try:
-            Path(path).write_text(content, encoding="utf-8")
-        except OSError as exc:
-            raise EnvironmentFault(f"cannot write {path}: {exc.strerror}") from exc
+        write_whole(path, content.encode("utf-8"))
     if text and (stats is not None or plot is not None):
         click.echo(timing_text(result.statistics))

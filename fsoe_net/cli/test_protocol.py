@@ -10,7 +10,7 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import print_diagnostics, summary
-from fsoe_net.cli.plan import write_whole
+from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, load_protocol
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution

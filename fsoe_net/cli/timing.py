@@ -9,7 +9,7 @@ import click
 
 from fsoe_net.cli.inputs import check_files, input_options, library_of, whole_network
 from fsoe_net.cli.output import exit_code, print_diagnostics
-from fsoe_net.cli.plan import write_whole
+from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import InputError
 from fsoe_net.report import budget_document, budget_picture, budget_text
 from fsoe_net.rules import check_timing

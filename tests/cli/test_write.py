@@ -1,0 +1,53 @@
+"""Files that commands write: whole, never in the place of something that is no file."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from fsoe_net.cli.write import write_whole
+from fsoe_net.errors import EnvironmentFault
+
+
+def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path):
+    path = tmp_path / "a.fsnplan"
+    for data in (b"first", b"second"):
+        write_whole(str(path), data)
+        assert path.read_bytes() == data
+    assert os.listdir(tmp_path) == ["a.fsnplan"]
+
+
+def test_a_link_stays_a_link(tmp_path: Path):
+    (tmp_path / "data").mkdir()
+    path = tmp_path / "data" / "a.fsnplan"
+    link = tmp_path / "link"
+    link.symlink_to(path)
+    write_whole(str(link), b"new")
+    assert link.is_symlink()
+    assert path.read_bytes() == b"new"
+
+
+def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path: Path):
+    # as /dev/null, which root could replace
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    got: list[bytes] = []
+    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
+    reader.start()
+    write_whole(str(pipe), b"plan")
+    assert pipe.is_fifo()
+    reader.join(timeout=60)
+    assert got == [b"plan"]
+
+
+@pytest.mark.parametrize("name", ["folder", "file/a", "missing/a"])
+def test_what_cannot_be_written_is_named(tmp_path: Path, name: str):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    path = tmp_path / name
+    with pytest.raises(EnvironmentFault, match=f"cannot write .*{name}: "):
+        write_whole(str(path), b"plan")
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
