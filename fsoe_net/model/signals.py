@@ -28,6 +28,11 @@ class Signal:
     bits: int
     label: str = ""
 
+    @property
+    def address(self) -> str:
+        """``0x6001:01``, as `Entry.address`."""
+        return f"0x{self.index:04x}:{self.subindex:02x}"
+
     def read(self, data: bytes | bytearray) -> int:
         """Return the value in these safe data."""
         whole = int.from_bytes(data, "little")

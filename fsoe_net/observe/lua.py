@@ -75,8 +75,7 @@ def _connection(
 def _signals(number: int, way: int, signals: tuple[Signal, ...]) -> str:
     rows = []
     for s in signals:
-        address = s.name.partition(".")[2]
-        text = f"{s.label} ({address})" if s.label else address
+        text = f"{s.label} ({s.address})" if s.label else s.address
         word = re.sub(r"[^a-z0-9]+", "_", s.name.lower()).strip("_")
         field = _quoted(f"fsoe.c{number}.{_WAYS[way]}.{word}")
         rows.append(f"{{filter = {field}, text = {_quoted(text)}, bit = {s.bit}, bits = {s.bits}}}")

@@ -35,8 +35,7 @@ class ConnectionNames:
     def values(self, direction: int, safe_data: bytes) -> str:
         """Return the named values of some safe data, e.g. ``STO=1 SS1=0``."""
         return " ".join(
-            f"{s.label or s.name.partition('.')[2]}={s.read(safe_data)}"
-            for s in self.signals[direction]
+            f"{s.label or s.address}={s.read(safe_data)}" for s in self.signals[direction]
         )
 
     def signal_values(self, direction: int, safe_data: bytes) -> dict[str, dict[str, object]]:

@@ -116,13 +116,15 @@ class Symbol:
 
     @property
     def subdevice(self) -> str:
-        """Name of its SubDevice."""
-        return self.name.partition(".")[0]
+        """Name of its SubDevice, which may have points itself."""
+        return self.name.removesuffix(self.entry).removesuffix(".")
 
     @property
     def entry(self) -> str:
         """Its name inside the SubDevice, e.g. ``0x6040:00``."""
-        return self.name.partition(".")[2]
+        if self.interface and self.name.endswith(f".{self.interface}"):
+            return self.interface
+        return self.name.rpartition(".")[2]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,10 +1,13 @@
 """Every request of the control protocol through its typed method."""
 
+from dataclasses import replace
+
 import pytest
 from run.fake_master import fake_master
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.run import BusState, Client, control_socket
+from fsoe_net.run.console.names import Names
 
 
 @pytest.fixture
@@ -33,6 +36,20 @@ def test_state_and_values(master, client):
     assert client.connections()[0].seen.state.word == "data_process"
     client.get("drive_1.position", typed=True)
     assert master.asked[-1] == "get --typed drive_1.position"
+
+
+@pytest.mark.parametrize(
+    ("name", "interface", "entry"),
+    [
+        ("cell.drive.0x607a:00", "", "0x607a:00"),
+        ("cell.drive.0x607a:00", "position", "0x607a:00"),
+        ("cell.drive.axis.position", "axis.position", "axis.position"),
+    ],
+)
+def test_a_subdevice_may_have_points_in_its_name(client, name, interface, entry):
+    symbol = replace(client.symbols()[0], name=name, interface=interface)
+    assert (symbol.subdevice, symbol.entry) == ("cell.drive", entry)
+    assert Names([symbol]).some("cell.drive") == [name]
 
 
 def test_values_are_written_as_the_protocol_has_them(master, client):

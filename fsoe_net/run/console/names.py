@@ -61,9 +61,8 @@ class Names:
 
     def proper(self, name: str) -> str:
         """Return the name `symbols` has for one that may be of a driver's interface."""
-        owner, _, interface = name.partition(".")
-        same = (s for s in self.symbols if s.subdevice == owner and s.is_output)
-        return next((s.name for s in same if s.interface and s.interface == interface), name)
+        outputs = (s for s in self.symbols if s.is_output and s.interface)
+        return next((s.name for s in outputs if f"{s.subdevice}.{s.interface}" == name), name)
 
     def outputs_of(self, scope: str, entry: str) -> list[str]:
         """Return the outputs ``SUBDEVICE.ENTRY``; for ``all``, of each SubDevice that has it."""
