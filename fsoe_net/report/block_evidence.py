@@ -353,6 +353,13 @@ def tests(inputs: ReportInputs) -> Block:
         if failed:
             words = f"{len(failed)} test steps did not go as expected, first: {failed[0].what}"
             points.append(Point(PointKind.OPEN, words))
+        disputed = [s for s in tried.steps if s.is_disputed]
+        if disputed:
+            words = (
+                f"{len(disputed)} test steps went as expected by hand and not by program, first: "
+                f"{disputed[0].what}"
+            )
+            points.append(Point(PointKind.OPEN, words))
         if tried.plan_sha256 != _plan_sha256(inputs):
             words = f"{tried.source.path} was made for another plan"
             points.append(Point(PointKind.OPEN, words))

@@ -74,6 +74,7 @@ class TestStep:
         who: Who that was, and when.
         is_open: Whether it still waits for a person.
         is_failed: Whether it went otherwise than expected.
+        is_disputed: Whether a person saw what was expected, and a program did not.
         at_machine: Whether a person tries it at the machine.
     """
 
@@ -92,6 +93,7 @@ class TestStep:
     who: str = ""
     is_open: bool = True
     is_failed: bool = False
+    is_disputed: bool = False
     at_machine: bool = True
 
 

@@ -53,6 +53,8 @@ def protocol_page(protocol: Protocol, *, version: str) -> str:
     words = f"{count} of {len(protocol.machine_steps)} steps open at the machine"
     if protocol.failed_steps:
         words += f", {len(protocol.failed_steps)} not as expected"
+    if protocol.disputed_steps:
+        words += f", {len(protocol.disputed_steps)} as expected by hand and not by program"
     body.append(f"<p><b>{words}.</b></p>")
     body.append(table(_HEAD, [_row(step) for step in protocol.steps]))
     return html_page(title, body, style=_STYLE.replace("SEAL", _foot(title, protocol.fingerprint)))

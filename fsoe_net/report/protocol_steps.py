@@ -33,6 +33,7 @@ def _step(s: ProtocolStep) -> TestStep:
         who=", ".join(w for w in (machine.by, machine.date) if w),
         is_open=s.is_open,
         is_failed=s.is_failed,
+        is_disputed=s.is_disputed,
         at_machine=s.kind.at_machine,
     )
 

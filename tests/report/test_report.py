@@ -328,6 +328,7 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
             machine=seen(None),
             is_open=True,
             is_failed=False,
+            is_disputed=False,
             kind=StepKind.TRIGGER,
         ),
         SimpleNamespace(
@@ -337,6 +338,17 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
             machine=seen("not as expected", 80.5, "A. B."),
             is_open=False,
             is_failed=True,
+            is_disputed=False,
+            kind=StepKind.LOSS,
+        ),
+        SimpleNamespace(
+            **common,
+            emulated=None,
+            live=SimpleNamespace(**vars(seen("not as expected")), time_is=""),
+            machine=seen("as expected", 80.5, "A. B."),
+            is_open=False,
+            is_failed=False,
+            is_disputed=True,
             kind=StepKind.LOSS,
         ),
     )
@@ -344,13 +356,14 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
     document = as_json(inputs_of(TIMED, tried=tried_of(FILE, protocol)))
     shown = table(document, "tests", "checklist")
     assert shown["columns"][3:6] == ["EMULATED", "LIVE, by program", "MACHINE, by hand"]
-    one, two = shown["rows"]
+    one, two, _ = shown["rows"]
     assert [words(c) for c in one[2:]] == [["150"], ["as expected", "61"], [], [""], [""]]
     assert [words(c) for c in two[3:]] == [[], [], ["not as expected", "80.5"], ["A. B., 1 May"]]
     told = [p["text"] for p in document["points"] if p["block"] == "Tests"]
     assert told == [
-        "1 of 2 test steps are open at the machine",
+        "1 of 3 test steps are open at the machine",
         "1 test steps did not go as expected, first: press ES1",
+        "1 test steps went as expected by hand and not by program, first: press ES1",
         "old.fsnplan was made for another plan",
     ]
     empty = as_json(inputs_of(TIMED))

@@ -216,7 +216,13 @@ def test_a_step_that_failed_is_never_done() -> None:
     assert replace(protocol, steps=(fine, failed, late)).failed_steps == (failed, late)
     disputed = replace(fine, live=WRONG)
     assert disputed.is_done
-    assert replace(protocol, steps=(fine, disputed)).disputed_steps == (disputed,)
+    both = replace(protocol, steps=(fine, disputed))
+    assert both.disputed_steps == (disputed,)
+    assert "1 as expected by hand and not by program" in protocol_page(both, version="0")
+    assert (
+        "by program"
+        not in protocol_page(replace(both, steps=(fine,)), version="0").partition("<table")[0]
+    )
 
 
 def test_a_class_of_faults_is_not_tried_at_the_machine() -> None:
