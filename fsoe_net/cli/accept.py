@@ -167,7 +167,7 @@ def _rows(values: tuple[str, ...]) -> list[str]:
             continue
         _, data = _read(value[1:])
         try:
-            lines = data.decode("utf-8").splitlines()
+            lines = data.decode("utf-8-sig").splitlines()
         except UnicodeDecodeError as exc:
             raise InputError(f"{value[1:]} is no text in UTF-8") from exc
         rows += [line for line in map(str.strip, lines) if line and not line.startswith("#")]

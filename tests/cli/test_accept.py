@@ -134,7 +134,8 @@ def test_a_justification_is_shown_wherever_the_warning_is(folder: Path) -> None:
     codes = [r.split('"')[1].split("=")[0] for r in rows]
     assert codes
     (folder / "reasons.txt").write_text(
-        "# let pass\n" + "".join(f"{c}=value of the board by C. Okoro\n" for c in codes), "utf-8"
+        "# let pass\n" + "".join(f"{c}=value of the board by C. Okoro\n" for c in codes),
+        "utf-8-sig",  # as editors of Windows write it
     )
     done = fsn("accept", *given, *PEOPLE, *SOLDERED, "--justify", "@reasons.txt", "-o", "a.yaml")
     assert done.returncode == 0, done.stderr
