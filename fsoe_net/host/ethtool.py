@@ -23,7 +23,6 @@ class Coalescing:
 
     rx_us: int
     rx_frames: int
-    tx_us: int
     adaptive: bool
 
 
@@ -44,9 +43,7 @@ def _ask(host: Host, interface: str, code: int, form: struct.Struct) -> tuple[in
 def coalescing(host: Host, interface: str) -> Coalescing:
     """Return how frames are gathered; raises `OSError` when the driver does not say."""
     row = _ask(host, interface, _GCOALESCE, _COALESCE)
-    return Coalescing(
-        rx_us=row[1], rx_frames=row[2], tx_us=row[5], adaptive=bool(row[10] or row[11])
-    )
+    return Coalescing(rx_us=row[1], rx_frames=row[2], adaptive=bool(row[10] or row[11]))
 
 
 def eee(host: Host, interface: str) -> Eee:

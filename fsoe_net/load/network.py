@@ -251,7 +251,6 @@ class _Assembly:
             alias=alias or 0,
             position=position or 0,
             device=self._device(config, node.span.file, node.at("config")),
-            config_path=config,
             revision=read_int(
                 node.get("revision"), self.out, what="revision", low=0, high=2**32 - 1, reader=own
             ),
@@ -355,7 +354,6 @@ class _Assembly:
             alias=decl.alias,
             position=decl.position,
             device=device,
-            config_path=decl.slave_config,
             plugin=decl.plugin,
             required=decl.required,
             origin=decl.origin,
@@ -379,7 +377,6 @@ class _Assembly:
             alias=row.alias,
             position=row.position,
             device=self._device(row.slave_config, file.path, row.config_span),
-            config_path=row.slave_config,
             plugin=row.plugin,
             origin=row.origin,
             master_id=master_id,
@@ -427,7 +424,6 @@ class _Assembly:
                 name=Path(path).stem,
                 position=n,
                 device=device,
-                config_path=path,
             )
             for n, (path, device) in enumerate(self._slaves)
         ]

@@ -203,7 +203,7 @@ def read_float(node: Node | None, out: Collector, *, what: str) -> float | None:
     if not isinstance(node, ScalarNode) or node.is_null:
         return None
     text = node.text
-    if text.lower() in (".nan", ".inf", "+.inf", "-.inf") and text in _SPECIAL:
+    if text in _SPECIAL:
         return _SPECIAL[text]
     if re.match(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\Z", text):
         return float(text)

@@ -90,7 +90,6 @@ class SiiImage:
     revision: int
     serial: int
     alias: int
-    checksum_right: bool
     protocols: int = 0
     strings: list[str] = field(default_factory=list)
     general: SiiGeneral | None = None
@@ -159,7 +158,6 @@ def read_sii(data: bytes, span: Span, out: Collector) -> SiiImage | None:
         revision=revision,
         serial=serial,
         alias=alias,
-        checksum_right=right,
         protocols=int.from_bytes(data[0x38:0x3A], "little"),
     )
     if not right:
@@ -181,7 +179,7 @@ def read_sii_categories(data: bytes, span: Span, out: Collector) -> SiiImage:
         span: Its place.
         out: Takes FSN138 for damaged categories.
     """
-    image = SiiImage(vendor=0, product=0, revision=0, serial=0, alias=0, checksum_right=False)
+    image = SiiImage(vendor=0, product=0, revision=0, serial=0, alias=0)
     _categories(data, image, span, out)
     return image
 

@@ -195,7 +195,6 @@ class SubDevice(Located):
     alias: int = 0
     position: int
     device: Device | None
-    config_path: str = ""
     revision: int | None = None
     plugin: str | None = None
     required: bool = True

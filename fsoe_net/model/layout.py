@@ -25,7 +25,6 @@ __all__ = [
 ]
 
 _CRC_BITS = 16
-_CONNECTION_ID_BITS = 16
 _COMMAND_BITS = 8
 _LONGEST_FRAME = 255  # bytes
 _NEIGHBOUR = 0x0F  # a CRC was seen eight objects away from its command, never farther

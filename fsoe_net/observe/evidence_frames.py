@@ -137,7 +137,6 @@ class LinkFacts:
     state: OutsideState
     state_at_moment: OutsideState
     states: frozenset[OutsideState]
-    told_id: int | None
     told_address: int | None
     told_watchdog_ms: int | None
     told_app_bytes: int | None
@@ -363,7 +362,6 @@ class LinkWatch:
             state=state,
             state_at_moment=self._at_moment or state,
             states=frozenset(self._states),
-            told_id=_word(connection, 0),
             told_address=_word(connection, 2),
             told_watchdog_ms=_word(parameter, 2),
             told_app_bytes=_word(parameter, 4),

@@ -49,8 +49,8 @@ def igh_image(plan: Plan) -> IghDomain:
     """Lay out the domain: per SubDevice first the output, then the input sync managers.
 
     A sync manager gets its FMMU when its first entry is registered; RxPDO entries are registered
-    first. One without registered entries gets no place. The expected working counter counts 2 for
-    each SubDevice with outputs and 1 for each with inputs, per datagram.
+    first. One without registered entries gets no place. A datagram that reads and writes counts 2
+    for each SubDevice with outputs and 1 for each with inputs, any other 1 for each SubDevice.
     """
     fmmus: list[IghFmmu] = []
     end = 0

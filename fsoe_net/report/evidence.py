@@ -29,7 +29,6 @@ __all__ = [
 ]
 
 _NEXT = "evidence is a scan.json, a result of fsoe-net run --format json, or an incident file"
-_LONGEST_HEAD = 64 << 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,6 @@ __all__ = ["BusOptions", "LiveUpdate", "run_on_bus"]
 
 _UPDATE_S = 0.1
 _GRACE_S = 10  # fsn-master outlives the stated duration by this much when nobody stops it
-_BACK_S = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -74,7 +74,6 @@ class FaultClass:
         name: As in ``--faults``.
         kind: Communication error of IEC 61784-3 it belongs to.
         text: What happens, for people.
-        relay: Whether it is a fault of the relay rather than of the network.
         make: Draws a case; ``None`` when this point has none. Its arguments: random source,
             point, other connections, number of the run.
     """
@@ -82,7 +81,6 @@ class FaultClass:
     name: str
     kind: str
     text: str
-    relay: bool = False
     make: _Make
 
 
@@ -340,42 +338,36 @@ CATALOGUE: dict[str, FaultClass] = {
             name="stale_copy",
             kind="unintended repetition",
             text="the relay copies an old image",
-            relay=True,
             make=_make_stale,
         ),
         FaultClass(
             name="torn_copy",
             kind="corruption",
             text="the relay copies half of a new frame",
-            relay=True,
             make=_make_torn,
         ),
         FaultClass(
             name="crossed_copy",
             kind="addressing",
             text="the relay swaps two connections",
-            relay=True,
             make=_make_crossed,
         ),
         FaultClass(
             name="offset_slip",
             kind="corruption",
             text="the relay copies from a wrong byte on",
-            relay=True,
             make=_make_slip,
         ),
         FaultClass(
             name="late_cycle",
             kind="unacceptable delay",
             text="the relay copies one cycle late",
-            relay=True,
             make=_make_late,
         ),
         FaultClass(
             name="double_writer",
             kind="insertion",
             text="two copies write one image in turn",
-            relay=True,
             make=_make_double,
         ),
     )
