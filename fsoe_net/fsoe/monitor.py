@@ -49,6 +49,11 @@ class OutsideState(enum.IntEnum):
         """Lower-case word for files and tables, e.g. ``data_process``."""
         return self.name.lower()
 
+    @property
+    def in_data(self) -> bool:
+        """Whether it is Data, with ProcessData or FailSafeData."""
+        return self in (OutsideState.DATA_FAILSAFE, OutsideState.DATA_PROCESS)
+
 
 _DATA = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _LAGGING = (

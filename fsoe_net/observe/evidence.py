@@ -24,7 +24,6 @@ from fsoe_net.plan import NONE, Plan
 
 __all__ = ["Evidence", "Planned", "gather"]
 
-_DATA = (OutsideState.DATA_PROCESS, OutsideState.DATA_FAILSAFE)
 _MOST_PAIRED = 24
 _NEAR_CYCLES = 8
 
@@ -109,7 +108,7 @@ class Evidence:
             return True
         if self.head.trigger.kind is not TriggerKind.REQUEST or self.link is None:
             return False
-        return not any(state in _DATA for state in self.link.states)
+        return not any(state.in_data for state in self.link.states)
 
     @property
     def watchdog_ns(self) -> int | None:
@@ -176,7 +175,7 @@ class Evidence:
             for name, link in self.links.items()
             if name == self.name
             or link.reset_at(self.moment_ns, near) is not None
-            or link.state_at_moment not in _DATA
+            or not link.state_at_moment.in_data
         ]
 
 
@@ -242,7 +241,7 @@ def _bounds(head: IncidentHead, area: Area) -> tuple[int, int]:
 def _first_bad(links: dict[str, LinkFacts]) -> str:
     """Return a connection that is not in Data, else one with FailSafeData, else the first."""
     for name, link in links.items():
-        if link.state not in _DATA:
+        if not link.state.in_data:
             return name
     for name, link in links.items():
         if link.state is not OutsideState.DATA_PROCESS:

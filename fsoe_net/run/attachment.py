@@ -13,7 +13,7 @@ from fsoe_net.fsoe import reset_code_text
 from fsoe_net.run.client import Client
 from fsoe_net.run.control_values import BusState, Status
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
-from fsoe_net.run.result import ConnectionResult, RunEvent
+from fsoe_net.run.result import ConnectionResult, RunEvent, is_data
 from fsoe_net.run.story import ENDS, ConnectionFacts, Story, connection_result
 
 __all__ = ["Attachment", "BusView", "WatchedConnection"]
@@ -76,7 +76,7 @@ class BusView:
         """Whether now every connection is in Data and every SubDevice in OP."""
         if not self.current or self.snapshot is None:
             return False
-        in_data = all(c.result.state.startswith("data") for c in self.connections)
+        in_data = all(is_data(c.result.state) for c in self.connections)
         return in_data and all(s.in_op for s in self.snapshot.subdevices if s.known)
 
 

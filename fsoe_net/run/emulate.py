@@ -14,7 +14,7 @@ from fsoe_net.run.engine import state_word
 from fsoe_net.run.faults import apply_step
 from fsoe_net.run.fit import check_step
 from fsoe_net.run.live_objects import LiveObjects
-from fsoe_net.run.result import RunEvent, Verdict
+from fsoe_net.run.result import RunEvent, Verdict, is_data
 from fsoe_net.run.stage import DeviceSide, Stage
 
 __all__ = ["EmulateResult", "SegmentSession", "serve"]
@@ -109,7 +109,7 @@ class SegmentSession(Stage):
         engine.finish(duration_ns)
         verdicts = engine.verdicts()
         connections = self.connections()
-        in_data = all(word.startswith("data") for word in connections.values())
+        in_data = all(map(is_data, connections.values()))
         return EmulateResult(
             duration_ms=duration_ns / 1e6,
             states=self.states(),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from fsoe_net.emul import EmulatedNetwork, Port
 from fsoe_net.fsoe import EventKind, State, reset_code_text
 from fsoe_net.model import Action, Expectation, Scenario, Step
-from fsoe_net.run.result import RunEvent, Verdict
+from fsoe_net.run.result import RunEvent, Verdict, is_data
 
 __all__ = ["Engine", "state_word"]
 
@@ -141,7 +141,7 @@ class Engine:
             sub = self.network.subs[name]
             self._instance_events(name, main, now_ns)
             self._instance_events(name, sub, now_ns)
-            if name not in self.time_to_data_ns and state_word(main, sub).startswith("data"):
+            if name not in self.time_to_data_ns and is_data(state_word(main, sub)):
                 self.time_to_data_ns[name] = now_ns
         for device in self.network.masters:
             if device.logic.on is not self._was_on[device.name]:
@@ -183,7 +183,7 @@ class Engine:
         for name in names:
             state = state_word(self.network.mains[name], self.network.subs[name])
             wanted = expectation.state
-            if wanted and state != wanted and not (wanted == "data" and state.startswith("data")):
+            if wanted and state != wanted and not (wanted == "data" and is_data(state)):
                 return f"{name} was in {state}"
             least, most = expectation.min_resets, expectation.max_resets
             resets = self.resets[name]

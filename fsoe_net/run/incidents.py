@@ -31,7 +31,6 @@ _AFTER_NS = 1_000_000_000
 _MOST_BYTES = 64 << 20
 _MOST_EVENTS = 500
 _MOST_FILES = 50
-_DATA = (OutsideState.DATA_PROCESS, OutsideState.DATA_FAILSAFE)
 
 
 @dataclass(slots=True)
@@ -175,7 +174,7 @@ class IncidentRecorder:
 
     def _event(self, event: CoreEvent) -> None:
         name = self._session.plan.connection_names[event.connection]
-        left = event.before in _DATA and event.after not in _DATA
+        left = event.before.in_data and not event.after.in_data
         keys: dict[str, Any] = {
             "connection": name,
             "before": event.before.word,
@@ -188,7 +187,7 @@ class IncidentRecorder:
             keys |= {"reset_by": event.by, "reset_code": event.reset_code, "reset_text": code}
             text += f", by the {event.by}: {code}"
         self._note("connection", event.now_ns, "warning" if left else "info", text, **keys)
-        if event.after in _DATA:
+        if event.after.in_data:
             self._had_data.add(event.connection)
         if left:
             self._begin(TriggerKind.LEFT_DATA, event, event.now_ns, text)
@@ -198,7 +197,7 @@ class IncidentRecorder:
         names = self._session.plan.connection_names
         snapshot = self._session.core.snapshot()
         for number, row in enumerate(snapshot.connections):
-            if row.state in _DATA or number in self._had_data:
+            if row.state.in_data or number in self._had_data:
                 continue
             text = f"connection {names[number]} is in {row.state.word}, not in Data"
             never = CoreEvent(

@@ -13,7 +13,7 @@ from fsoe_net.model import Connection, Resolution
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master
-from fsoe_net.run.result import BusResult, ConnectionResult, RunResult
+from fsoe_net.run.result import BusResult, ConnectionResult, RunResult, is_data
 from fsoe_net.run.story import ConnectionFacts, Story, connection_result
 
 __all__ = ["BusOptions", "LiveUpdate", "run_on_bus"]
@@ -204,7 +204,7 @@ def _all_in_data(
 ) -> bool:
     """Return whether all are in Data; the last frame of a SubDevice that is gone does not count."""
     away = {s.name for s in subdevices if s.known and not s.in_op}
-    return all(c.state.startswith("data") and not {c.main, c.sub} & away for c in connections)
+    return all(is_data(c.state) and not {c.main, c.sub} & away for c in connections)
 
 
 def run_on_bus(

@@ -27,7 +27,8 @@ from fsoe_net.run.control_values import NamedConnection, Status
 from fsoe_net.run.in_use import check_in_use, emulated_bus
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 from fsoe_net.run.protocol import connections_of
-from fsoe_net.run.protocol_times import LossTimes, is_data
+from fsoe_net.run.protocol_times import LossTimes
+from fsoe_net.run.result import is_data
 
 __all__ = ["Asked", "Observer", "run_protocol_live"]
 

@@ -5,14 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-__all__ = ["LossTimes", "is_data"]
+from fsoe_net.run.result import is_data
 
-_DATA = ("process data", "failsafe data", "data_process", "data_failsafe")
-
-
-def is_data(state: object) -> bool:
-    """Tell whether a connection is in Data, in the words of states or of events."""
-    return state in _DATA
+__all__ = ["LossTimes"]
 
 
 class LossTimes:

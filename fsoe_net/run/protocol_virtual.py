@@ -22,6 +22,7 @@ from fsoe_net.model import (
 )
 from fsoe_net.run.campaign import campaign_links, run_campaign
 from fsoe_net.run.engine import state_word
+from fsoe_net.run.result import is_data
 from fsoe_net.run.session import Session, counted_session_ids
 
 __all__ = ["run_protocol_virtual"]
@@ -234,8 +235,7 @@ class _Emulation:
             came_on = came_on or (now > self._act_ns and count > before)
             before = count
         stayed = sum(
-            state_word(main, network.subs[name]).startswith("data")
-            for name, main in network.mains.items()
+            is_data(state_word(main, network.subs[name])) for name, main in network.mains.items()
         )
         return Seen(
             outcome=Outcome.NOT_AS_EXPECTED if came_on else Outcome.AS_EXPECTED,

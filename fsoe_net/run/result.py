@@ -8,9 +8,25 @@ from dataclasses import asdict, dataclass
 from fsoe_net.core import Statistics
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 
-__all__ = ["BusResult", "ConnectionResult", "RunEvent", "RunResult", "Verdict", "state_text"]
+__all__ = [
+    "BusResult",
+    "ConnectionResult",
+    "RunEvent",
+    "RunResult",
+    "Verdict",
+    "is_data",
+    "state_text",
+]
 
 _STATE_TEXT = {"data_process": "Data · ProcessData", "data_failsafe": "Data · FailSafeData"}
+
+
+_DATA = (*_STATE_TEXT, "process data", "failsafe data")
+
+
+def is_data(state: object) -> bool:
+    """Tell whether a connection is in Data, in the words of states or of events."""
+    return state in _DATA
 
 
 def state_text(word: str) -> str:

@@ -17,7 +17,7 @@ from fsoe_net.observe import CaptureWriter
 from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.incidents import IncidentRecorder
-from fsoe_net.run.result import ConnectionResult, RunResult
+from fsoe_net.run.result import ConnectionResult, RunResult, is_data
 from fsoe_net.run.stage import DEFAULT_CYCLE_NS, DeviceSide, Stage
 
 __all__ = ["Session", "run_live", "run_virtual"]
@@ -110,7 +110,7 @@ class Session(Stage):
         snapshot = self.core.snapshot()
         connections = self.connections(snapshot)
         verdicts = self.engine.verdicts()
-        reached = all(c.state.startswith("data") for c in connections)
+        reached = all(is_data(c.state) for c in connections)
         passed = all(v.held for v in verdicts) if verdicts else reached
         return RunResult(
             mode=mode,

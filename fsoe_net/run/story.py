@@ -105,7 +105,7 @@ def connection_result(
     code = story.last_reset.get(name)
     to_data = story.to_data_ns.get(name)
     word = wire.state.word
-    in_data = word.startswith("data")
+    in_data = wire.state.in_data
     return ConnectionResult(
         name=name,
         net=facts.net,

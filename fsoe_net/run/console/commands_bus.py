@@ -110,7 +110,7 @@ def _state(room: Room, words: Sequence[str]) -> None:
 def _status_line(status: Status, connections: Sequence[NamedConnection]) -> str:
     parts = [str(status.state)]
     if status.state in (BusState.RUNNING, BusState.STARTING):
-        in_data = sum(c.seen.state.word.startswith("data") for c in connections)
+        in_data = sum(c.seen.state.in_data for c in connections)
         parts += [
             f"cycle {status.cycle_ns / 1e6:g} ms",
             f"{status.cycles} cycles",
