@@ -270,7 +270,7 @@ def _quantity(q: Quantity, text: str = "") -> Cell:
     if q.value is None:
         return cell(Verdict("not stated", Level.OPEN))
     number = stated(q.value, q.unit, q.source or "no source", text)
-    return (number,) if q.verified else (number, Verdict("unverified", Level.OPEN))
+    return (number,) if q.answered_for else (number, Verdict("unverified", Level.OPEN))
 
 
 def _elements(row: FunctionBudget) -> Table:

@@ -133,7 +133,7 @@ def _quantity(quantity: Quantity) -> str:
     if quantity.value is None:
         return "not stated"
     number = f"{quantity.value:g} {quantity.unit}"
-    return number if quantity.verified else f"{number} (unverified)"
+    return number if quantity.answered_for else f"{number} (unverified)"
 
 
 # -- JSON -----------------------------------------------------------------------------------------
@@ -175,7 +175,7 @@ def _connection_document(c: ConnectionBudget) -> dict[str, Any]:
 
 
 def _quantity_document(q: Quantity) -> dict[str, Any]:
-    return {"value": q.value, "unit": q.unit, "source": q.source, "verified": q.verified}
+    return {"value": q.value, "unit": q.unit, "source": q.source, "unverified": not q.answered_for}
 
 
 def _function_document(row: FunctionBudget) -> dict[str, Any]:

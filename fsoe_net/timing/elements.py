@@ -14,6 +14,7 @@ from fsoe_net.model import (
     Resolution,
     SafetyFunction,
     SubDevice,
+    says_something,
 )
 
 __all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
@@ -27,14 +28,14 @@ class Quantity:
         value: ``None``: not stated.
         unit: ``ms`` or ``1/h``.
         source: In words; empty when nobody says.
-        verified: Whether somebody answers for it: the network file states it with a source, or
-            names the manual that confirms the value of the library.
+        answered_for: Whether somebody answers for it: the network file states it with a source, or
+            names the manual that confirms the value of the library. It claims no more than that.
     """
 
     value: float | None
     unit: str
     source: str = ""
-    verified: bool = False
+    answered_for: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +151,7 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
                 r.element.name
                 for r in rows
                 for q in (r.time, r.pfh)
-                if q.value is not None and not q.verified
+                if q.value is not None and not q.answered_for
             )
         ),
     )
@@ -203,14 +204,21 @@ def _quantity(
 ) -> Quantity:
     if stated is not None:
         words = [element.source, f"manual {element.manual}" if element.manual else ""]
-        source = ", ".join(w for w in words if w)
-        return Quantity(value=stated, unit=unit, source=source, verified=bool(source))
+        return Quantity(
+            value=stated,
+            unit=unit,
+            source=", ".join(w for w in words if w),
+            answered_for=says_something(element.source) or says_something(element.manual),
+        )
     for known in () if device is None else device.figures:
         if known.name == figure and device is not None:
             source = f"device library: {device.sources.get(known.source, known.source)}"
             if element.manual:
                 source += f"; confirmed by manual {element.manual}"
             return Quantity(
-                value=known.value, unit=unit, source=source, verified=bool(element.manual)
+                value=known.value,
+                unit=unit,
+                source=source,
+                answered_for=says_something(element.manual),
             )
     return Quantity(value=None, unit=unit)

@@ -88,6 +88,6 @@ def sum_pfh(function: SafetyFunction, parts: FunctionParts, *, crosses_bus: bool
         limit=limit_of(function),
         missing=tuple(r.element.name for r in parts.rows if r.pfh.value is None),
         unverified=tuple(
-            r.element.name for r in parts.rows if r.pfh.value is not None and not r.pfh.verified
+            r.element.name for r in parts.rows if r.pfh.value is not None and not r.pfh.answered_for
         ),
     )

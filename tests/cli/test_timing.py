@@ -38,7 +38,7 @@ def test_every_number_of_the_text_is_in_the_document() -> None:
         "value": 5.0,
         "unit": "ms",
         "source": "sheet of the maker",
-        "verified": True,
+        "unverified": False,
     }
     assert (function["judgement"], function["pfh"]["judgement"]) == ("within", "within")
     assert function["pfh"]["total"] == pytest.approx(2.439e-8)

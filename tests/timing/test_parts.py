@@ -208,16 +208,16 @@ def test_figures_of_the_library_are_taken_by_name(resolution_of: Maker) -> None:
     element = row.parts.rows[1]
     assert (element.time.value, element.pfh.value) == (4.5, 3e-9)
     assert element.time.source == "device library: sheet 7; confirmed by manual 3.0.0"
-    assert (element.time.verified, element.pfh.verified) == (True, True)
+    assert (element.time.answered_for, element.pfh.answered_for) == (True, True)
     (row,) = make_budget(resolution_of(bare.replace('manual: "3.0.0"', "")), library).functions
     element = row.parts.rows[1]
     assert element.time.source == "device library: sheet 7"
-    assert (element.time.verified, row.parts.unverified) == (False, ("el1904",))
+    assert (element.time.answered_for, row.parts.unverified) == (False, ("el1904",))
 
 
 def test_a_time_that_is_missing_is_zero_and_unverified(resolution_of: Maker) -> None:
     (row,) = budget_of(resolution_of(FUNCTION.replace("time_ms: 4, ", ""))).functions
-    assert (row.parts.input, row.parts.rows[1].time.verified) == (0, False)
+    assert (row.parts.input, row.parts.rows[1].time.answered_for) == (0, False)
     assert row.parts.unverified == ()
     sensor = "      - {kind: sensor, name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, source: sheet}\n"
     (row,) = budget_of(resolution_of(FUNCTION.replace(sensor, ""))).functions
