@@ -216,9 +216,16 @@ class IncidentRecorder:
         self._events.append(row | {"text": text} | keys)
 
     def _begin(self, kind: TriggerKind, event: CoreEvent | None, now_ns: int, text: str) -> None:
-        if self._open is not None or self._begun >= _MOST_FILES or self._last is None:
+        if self._open is not None or self._last is None:
             return
         self._begun += 1
+        if self._begun > _MOST_FILES:
+            if self._begun == _MOST_FILES + 1:
+                with self._lock:
+                    self._outcome.append(
+                        f"not written: {text}; one run writes {_MOST_FILES} files at most"
+                    )
+            return
         session = self._session
         trigger: dict[str, Any] = {
             "kind": kind.value,
@@ -291,8 +298,6 @@ class IncidentRecorder:
             if done.path is not None:
                 self.files.append(done.path)
             self._outcome += [line for line in (told, done.fault) if line]
-            if len(self.files) == _MOST_FILES:
-                self._outcome.append(f"{_MOST_FILES} files were written; no more in this run")
 
     def _tell(self, now_ns: int) -> None:
         with self._lock:

@@ -261,6 +261,23 @@ def test_a_folder_that_is_gone_disturbs_nothing(tmp_path):
     assert "no incident file was written" in told[0]
 
 
+@pytest.mark.parametrize("disk", [True, False])
+def test_the_last_file_of_a_run_is_told_also_when_none_could_be_written(
+    tmp_path, monkeypatch, disk
+):
+    monkeypatch.setattr("fsoe_net.run.incidents._MOST_FILES", 1)
+    rig = Rig(network("estop", tmp_path), tmp_path)
+    if not disk:
+        (tmp_path / "incidents").rmdir()
+    rig.run(100)
+    for text in ("first", "second", "third"):
+        rig.recorder.request(text)
+        rig.run(6000)
+    assert len(rig.recorder.files) == disk
+    told = [e.text for e in rig.session.engine.events if e.source == "incident"]
+    assert told[1:] == ["not written: second; one run writes 1 files at most"]
+
+
 def test_names_of_files():
     utc = START.strftime("%Y-%m-%dT%H:%M:%S.000Z")
     name = incident_name(utc, "../a b/ü")
