@@ -24,7 +24,9 @@ from fsoe_net.report.document import (
     Text,
     Verdict,
     cell,
+    decimal,
     muted,
+    outward,
     stated,
     strong,
 )
@@ -151,8 +153,14 @@ def _basis(budget: Budget) -> Paragraph:
     )
 
 
-def _limit(limit: Limit | None) -> Cell:
-    return cell(muted("nothing asks") if limit is None else stated(limit.ms, "ms", limit.why))
+def _limit(limit: Limit | None, *, up: bool = False) -> Cell:
+    return cell(muted("nothing asks") if limit is None else _bound(limit.ms, limit.why, up=up))
+
+
+def _bound(value: float | None, source: str, *, up: bool = True) -> Item:
+    """Return a time that is judged, or that judges: never shown on the better side of itself."""
+    text = "" if value is None else decimal(outward(value, up=up))
+    return stated(value, "ms", source, text)
 
 
 def _watchdogs(budget: Budget) -> Table:
@@ -160,7 +168,7 @@ def _watchdogs(budget: Budget) -> Table:
         (
             cell(strong(c.connection.name), *(muted(f) for f in c.functions)),
             cell(stated(c.configured, "ms", "connections of the network file")),
-            _limit(c.least),
+            _limit(c.least, up=True),
             _limit(c.printed),
             _limit(c.handshake),
             cell(_margin(c)),
@@ -213,7 +221,7 @@ def _reasons(budget: Budget) -> list[Part]:
                 rows.append(
                     (
                         Text(f"{c.connection.name} {word} "),
-                        stated(limit.ms, "ms", limit.why),
+                        _bound(limit.ms, limit.why, up=limit is c.least),
                         Text(f": {limit.why}"),
                     )
                 )
@@ -228,12 +236,12 @@ def _reactions(budget: Budget) -> Table:
         rows.append(
             (
                 cell(strong(row.function.name)),
-                cell(stated(r.error_free if r else None, "ms", etg)),
-                cell(stated(r.worst_etg if r else None, "ms", etg)),
-                cell(stated(r.typical if r else None, "ms", typical)),
-                cell(stated(r.worst_beckhoff if r else None, "ms", typical)),
-                cell(stated(r.counted if r else None, "ms", _HANDSHAKE)),
-                cell(stated(r.disturbed if r else None, "ms", _HANDSHAKE)),
+                cell(_bound(r.error_free if r else None, etg)),
+                cell(_bound(r.worst_etg if r else None, etg)),
+                cell(_bound(r.typical if r else None, typical)),
+                cell(_bound(r.worst_beckhoff if r else None, typical)),
+                cell(_bound(r.counted if r else None, _HANDSHAKE)),
+                cell(_bound(r.disturbed if r else None, _HANDSHAKE)),
                 cell(stated(required, "ms", "risk assessment, as the network file states it")),
                 cell(Verdict(row.verdict, _LEVELS[row.judgement])),
             )

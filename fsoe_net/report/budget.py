@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from fsoe_net.report.document import outward
 from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Limit, Quantity, with_cycle
 from fsoe_net.timing.handshake import broken
 
@@ -47,9 +48,9 @@ def budget_text(budget: Budget) -> str:
             [
                 c.connection.name,
                 _ms(c.configured),
-                _limit(c.least),
-                _limit(c.printed),
-                _limit(c.handshake),
+                _limit(c.least, _up),
+                _limit(c.printed, _down),
+                _limit(c.handshake, _down),
                 "-" if c.margin is None else f"{c.margin:.1f}x",
                 "-" if c.lost_frames is None else str(c.lost_frames),
                 "EMPTY: no watchdog fits" if c.empty else c.verdict,
@@ -58,13 +59,13 @@ def budget_text(budget: Budget) -> str:
         )
     lines += _columns(rows)
     for c in budget.connections:
-        for word, limit in (
-            ("at least", c.least),
-            ("at most", c.printed),
-            ("at most", c.handshake),
+        for word, limit, way in (
+            ("at least", c.least, _up),
+            ("at most", c.printed, _down),
+            ("at most", c.handshake, _down),
         ):
             if limit is not None:
-                lines.append(f"  {c.connection.name} {word} {limit.ms:.1f} ms: {limit.why}")
+                lines.append(f"  {c.connection.name} {word} {_limit(limit, way)}: {limit.why}")
     for row in budget.functions:
         lines += ["", *_function_lines(row)]
     if not budget.functions:
@@ -94,16 +95,16 @@ def _function_lines(row: FunctionBudget) -> list[str]:
     lines = [title, *_columns(cells)]
     if r is not None:
         both = " and ".join(
-            f"{w} {_ms(v)}" for w, v in (("input", r.worst_input), ("output", r.worst_output)) if v
+            f"{w} {_up(v)}" for w, v in (("input", r.worst_input), ("output", r.worst_output)) if v
         )
         times = [
-            ["  error-free", _ms(r.error_free), "ETG.5100 9.3"],
-            ["  worst case, one failure", _ms(r.worst_etg), f"ETG.5100 9.3 ({both or 'no bus'})"],
-            ["  typical", _ms(r.typical), "Beckhoff"],
-            ["  worst case, two watchdogs", _ms(r.worst_beckhoff), "Beckhoff"],
-            ["  error-free, waits for the turn", _ms(r.polled), _HANDSHAKE],
-            ["  one connection breaks", _ms(r.broken), _HANDSHAKE],
-            ["  both lost and late at will", _ms(r.disturbed), f"{_HANDSHAKE}; not in the verdict"],
+            ["  error-free", _up(r.error_free), "ETG.5100 9.3"],
+            ["  worst case, one failure", _up(r.worst_etg), f"ETG.5100 9.3 ({both or 'no bus'})"],
+            ["  typical", _up(r.typical), "Beckhoff"],
+            ["  worst case, two watchdogs", _up(r.worst_beckhoff), "Beckhoff"],
+            ["  error-free, waits for the turn", _up(r.polled), _HANDSHAKE],
+            ["  one connection breaks", _up(r.broken), _HANDSHAKE],
+            ["  both lost and late at will", _up(r.disturbed), f"{_HANDSHAKE}; not in the verdict"],
         ]
         lines += _columns(times)
     required = f.required_reaction_ms
@@ -125,8 +126,18 @@ def _ms(value: float | None) -> str:
     return "not stated" if value is None else f"{value:.1f} ms"
 
 
-def _limit(limit: Limit | None) -> str:
-    return "-" if limit is None else f"{limit.ms:.1f} ms"
+def _up(value: float | None) -> str:
+    """Print a time, or a least value: 49.94 ms as 50.0 ms."""
+    return _ms(None if value is None else outward(value, 1, up=True))
+
+
+def _down(value: float | None) -> str:
+    """Print a greatest value: 49.96 ms as 49.9 ms."""
+    return _ms(None if value is None else outward(value, 1, up=False))
+
+
+def _limit(limit: Limit | None, way: Callable[[float], str]) -> str:
+    return "-" if limit is None else way(limit.ms)
 
 
 def _quantity(quantity: Quantity) -> str:

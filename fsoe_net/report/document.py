@@ -8,6 +8,7 @@ knows it; `Document.points` gathers them, and no writer leaves them out.
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 
 from fsoe_net.diag import Diagnostic
@@ -242,6 +243,17 @@ def decimal(value: float, digits: int = 2) -> str:
     """Return a number rounded to some digits behind the point, without zeros at its end."""
     text = f"{value:.{digits}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def outward(value: float, digits: int = 2, *, up: bool) -> float:
+    """Round a bound to the side on which it still holds.
+
+    A least value and a time that is judged go up, a greatest value goes down: 49.996 ms at most
+    must not be shown as 50 ms. What floating point is off does not count.
+    """
+    factor: float = 10**digits
+    scaled = round(value * factor, 6)
+    return (math.ceil(scaled) if up else math.floor(scaled)) / factor
 
 
 def stated(value: float | None, unit: str, source: str, text: str = "") -> Item:

@@ -10,6 +10,8 @@ import pytest
 
 from fsoe_net.load import builtin_library, load_network
 from fsoe_net.model import Library, Resolution, resolve
+from fsoe_net.report.budget import budget_text
+from fsoe_net.report.document import outward
 from fsoe_net.rules import check_timing
 from fsoe_net.timing import (
     Apart,
@@ -343,3 +345,20 @@ def test_input_and_logic_in_one_subdevice(resolution_of: Maker) -> None:
     assert row.reaction.error_free == 74
     assert row.reaction.worst_input is None
     assert row.reaction.worst_beckhoff == 120
+
+
+def test_bounds_are_shown_on_their_safe_side(resolution_of: Maker):
+    """A greatest watchdog of 109.98 ms is no 110.0 ms, and 62.04 ms are no 62.0 ms."""
+    functions = FUNCTION.replace("time_ms: 20", "time_ms: 20.02")
+    budget = make_budget(resolution_of(functions), NONE)
+    text = budget_text(budget)
+    row = next(c for c in budget.connections if c.printed is not None)
+    assert row.printed is not None
+    shown = float(text.split("at most ", 1)[1].split(" ms")[0])
+    assert 0 < row.printed.ms - shown < 0.1
+    (function,) = budget.functions
+    assert function.reaction is not None
+    shown = float(text.split("error-free ", 1)[1].split(" ms")[0])
+    assert 0 < shown - function.reaction.error_free < 0.1
+    assert outward(222.60000000000002, 1, up=True) == outward(222.6, 1, up=False) == 222.6
+    assert (outward(49.996, up=False), outward(49.991, up=True)) == (49.99, 50.0)
