@@ -25,6 +25,7 @@ from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, f
 from fsoe_net.report import (
     FORMATS,
     Against,
+    Document,
     Evidence,
     GivenPlan,
     GivenRecord,
@@ -35,10 +36,10 @@ from fsoe_net.report import (
     ask_live,
     compare,
     longest_round_trips,
+    make_document,
     pdf_library,
     read_evidence,
-    render_report,
-    render_report_pdf,
+    report_pdf,
     side_of_network,
     side_of_plan,
     steps_again,
@@ -166,23 +167,25 @@ def command(
         tried=None if protocol is None else _tried(protocol, resolution, plan),
         accepted=None if record is None else _accepted(record, fingerprint),
     )
-    write_whole(output, _rendered(inputs, form))
+    document = make_document(inputs)
+    write_whole(output, _rendered(document, form))
     verdict = "" if result is None else f"; run {'passed' if result.passed else 'FAILED'}"
-    refused = "NOT ACCEPTABLE: " if errors else ""
     if errors:
         print_diagnostics([d for d in found if d.level is Severity.ERROR], err=True)
     tried = inputs.tried
     misfit = tried is not None and not tried.fits
     if misfit:
         verdict += "; the test protocol CANNOT BE TAKEN as it is"
-    click.echo(f"{output}: {refused}{summary(found) or 'no findings'}{verdict}")
+    click.echo(f"{output}: {document.verdict.word}{verdict}")
+    for title, stands in document.against:
+        click.echo(f"  against it: {title}: {stands.word}")
     ctx.exit(int(errors or misfit or (result is not None and not result.passed)))
 
 
-def _rendered(inputs: ReportInputs, form: str) -> bytes:
+def _rendered(document: Document, form: str) -> bytes:
     if form == "pdf":
-        return render_report_pdf(inputs)
-    return render_report(inputs, form).encode("utf-8")
+        return report_pdf(document)
+    return FORMATS[form](document).encode("utf-8")
 
 
 def _findings(

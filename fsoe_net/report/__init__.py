@@ -39,7 +39,7 @@ from fsoe_net.report.sign_off import (
     sign_off,
 )
 from fsoe_net.report.write import FORMATS, render_report, render_report_pdf
-from fsoe_net.report.write_pdf import pdf_library
+from fsoe_net.report.write_pdf import pdf_library, report_pdf
 
 __all__ = [
     "FORMATS",
@@ -72,6 +72,7 @@ __all__ = [
     "read_signed_report",
     "render_report",
     "render_report_pdf",
+    "report_pdf",
     "side_of_description",
     "side_of_network",
     "side_of_plan",

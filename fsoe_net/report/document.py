@@ -202,6 +202,8 @@ class Document:
         blocks: In the order of the report.
         points: What is open or assumed, of all blocks, each with the title of its block.
         findings: What the blocks and points say about findings, as the data they are.
+        against: What the first page holds against the network beside findings, each with the title
+            of its block; empty where findings are errors.
     """
 
     project: str
@@ -214,6 +216,7 @@ class Document:
     blocks: tuple[Block, ...]
     points: tuple[tuple[str, Point], ...]
     findings: tuple[Diagnostic, ...] = ()
+    against: tuple[tuple[str, Verdict], ...] = ()
 
 
 # -- short ways to write cells --------------------------------------------------------------------

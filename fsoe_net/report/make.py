@@ -66,7 +66,7 @@ def make_document(inputs: ReportInputs) -> Document:
     )
     last = open_points(points, inputs)
     network = None if inputs.resolution is None else inputs.resolution.network
-    against = _against(first)
+    against = () if _has_error(inputs) else _against(first)
     return Document(
         project=(network.project if network is not None else "") or inputs.name,
         network=inputs.name,
@@ -78,7 +78,12 @@ def make_document(inputs: ReportInputs) -> Document:
         blocks=(*first, last),
         points=points,
         findings=tuple(inputs.diagnostics),
+        against=against,
     )
+
+
+def _has_error(inputs: ReportInputs) -> bool:
+    return any(d.level is Severity.ERROR for d in inputs.diagnostics)
 
 
 def _counts(found: Sequence[Diagnostic]) -> str:
@@ -128,7 +133,7 @@ def _items(part: Part) -> Iterator[Item]:
 def _verdict(inputs: ReportInputs, against: int) -> Verdict:
     """Judge by the findings; without errors among them, by what else stands against it."""
     found = _of_findings(inputs)
-    if not against or found.level is Level.ERROR:
+    if not against:
         return found
     count = f"{against} verdict{'' if against == 1 else 's'} against it"
     return Verdict(f"{found.word}, but {count}", Level.ERROR)
@@ -156,7 +161,7 @@ def _lead(
     against: Sequence[tuple[str, Verdict]],
 ) -> tuple[Part, ...]:
     parts: list[Part] = []
-    if against and not any(d.level is Severity.ERROR for d in inputs.diagnostics):
+    if against:
         rows: list[tuple[Item, ...]] = [
             (Text(f"{title}: "), verdict) for title, verdict in against[:_ROWS_ON_FIRST_PAGE]
         ]

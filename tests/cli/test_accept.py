@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -74,7 +75,10 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     assert done.returncode == 1
     assert "connection_id 11 -> 12" in done.stdout
     assert "actuator K1: time_ms 20 -> 21" in done.stdout
-    assert fsn("report", "timed.yaml", "--acceptance", "first.yaml", "-o", "now.md").returncode == 0
+    done = fsn("report", "timed.yaml", "--acceptance", "first.yaml", "-o", "now.md")
+    assert done.returncode == 0
+    assert re.search(r"^now\.md: .*, but \d verdicts? against it$", done.stdout, re.MULTILINE)
+    assert "against it: Sign-off: first.yaml is the record of ANOTHER" in done.stdout
     page = (folder / "now.md").read_text("utf-8")
     assert "ANOTHER configuration" in page
     for step in ("start-up logic-io2", "trigger estop", "loss io2"):

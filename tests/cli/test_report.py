@@ -41,6 +41,8 @@ def test_a_network_with_errors_gets_a_report_and_exit_code_1(tmp_path: Path):
     assert "NOT ACCEPTABLE" in said
     assert set(said.replace("[", " ").replace("]", " ").split()) >= CODES
     assert document["verdict"]["word"].startswith("NOT ACCEPTABLE")
+    assert f"r.json: {document['verdict']['word']}" in said
+    assert "against it" not in said
 
 
 @pytest.mark.parametrize(
