@@ -17,7 +17,13 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import summary
-from fsoe_net.cli.run_output import check_target, live_view, print_result, write_timing
+from fsoe_net.cli.run_output import (
+    check_target,
+    live_view,
+    make_folder,
+    print_result,
+    write_timing,
+)
 from fsoe_net.core import Snapshot
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
@@ -163,8 +169,8 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
 )
 @click.option(
     "--incidents",
-    type=click.Path(exists=True, file_okay=False, writable=True),
-    help="Folder for a file when a connection fails; see `fsoe-net incident`.",
+    type=click.Path(file_okay=False, writable=True),
+    help="Folder for a file when a connection fails, made if missing; see `fsoe-net incident`.",
 )
 @_bus_options
 @click.option("--stats", type=click.Path(), help="Write timing histograms (CSV).")
@@ -229,6 +235,7 @@ def command(
     check_target(plot, "--plot")
     checked = check_files(files, packages=packages, xacro_args=xacro_args)
     resolution = whole_network(checked, "nothing started")
+    make_folder(incidents, "--incidents")
     duration_ns = round(duration * 1e9) if duration else None
     if interface is not None:
         options = BusOptions(

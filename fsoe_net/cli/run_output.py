@@ -25,6 +25,7 @@ __all__ = [
     "event_line",
     "interesting",
     "live_view",
+    "make_folder",
     "not_in_op",
     "number_text",
     "print_events",
@@ -166,6 +167,22 @@ def _print_verdicts(result: RunResult) -> None:
         click.echo(
             f"not every connection is in Data{' with its SubDevices in OP' if missing else ''}"
         )
+
+
+def make_folder(path: str | None, option: str) -> None:
+    """Make the folder of an option when it is missing; not those above it, lest a typo makes some.
+
+    Raises:
+        EnvironmentFault: It is not there and cannot be made.
+    """
+    if path is None or Path(path).is_dir():
+        return
+    try:
+        Path(path).mkdir()
+    except FileNotFoundError as exc:
+        raise EnvironmentFault(f"{option} {path}: there is no folder {Path(path).parent}") from exc
+    except OSError as exc:
+        raise EnvironmentFault(f"{option} {path}: {exc.strerror}") from exc
 
 
 def check_target(path: str | None, option: str) -> None:

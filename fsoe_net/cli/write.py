@@ -30,7 +30,9 @@ def write_whole(output: str | os.PathLike[str], data: bytes) -> None:
         partial.write_bytes(data)
         partial.replace(target)
     except OSError as exc:
-        raise EnvironmentFault(f"cannot write {os.fspath(output)}: {exc.strerror}") from exc
+        folder = Path(output).parent
+        why = exc.strerror if folder.is_dir() else f"there is no folder {folder}"
+        raise EnvironmentFault(f"cannot write {os.fspath(output)}: {why}") from exc
     finally:
         if partial is not None:
             with contextlib.suppress(OSError):  # it has its name by now, or was never made

@@ -53,7 +53,9 @@ def read_bytes(
         info = os.stat(shown)
         if not stat.S_ISREG(info.st_mode):
             what = "a directory" if stat.S_ISDIR(info.st_mode) else "not a regular file"
-            return _refuse(out, shown, named_at, f"it is {what}", "give the path of a file")
+            inside = os.path.join(shown, "network.yaml")
+            hint = f"give {inside}" if os.path.isfile(inside) else "give the path of a file"
+            return _refuse(out, shown, named_at, f"it is {what}", hint)
         if info.st_size > most:
             size = f"it has {info.st_size} bytes, more than the {most} allowed"
             return _refuse(out, shown, named_at, size, "is this really a configuration file?")

@@ -14,7 +14,7 @@ from fsoe_net.load.device import device_from_yaml, load_device
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.numbers import Reader, read_float, read_int
 from fsoe_net.load.safety import safety_functions_from_yaml
-from fsoe_net.load.schema import check_structure, schema_keys
+from fsoe_net.load.schema import check_structure, kind_by_keys, refuse_kind, schema_keys
 from fsoe_net.load.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.load.urdf import DriverSystem, ModuleDecl, known_plugin_findings, load_urdf
 from fsoe_net.load.yaml_tree import MapNode, parse_yaml
@@ -106,7 +106,7 @@ class _Assembly:
         root = parse_yaml(data, path, self.out)
         if root is None:
             return
-        kind = self._kind_of(root, path)
+        kind = self._kind_of(root)
         if kind is FileKind.NETWORK:
             if self._network_file is not None:
                 self._refuse_second(path, self._network_file.path)
@@ -141,7 +141,7 @@ class _Assembly:
             hint="check networks one at a time",
         )
 
-    def _kind_of(self, root: MapNode, path: str) -> FileKind | None:
+    def _kind_of(self, root: MapNode) -> FileKind | None:
         scores = {
             kind: len(schema_keys(name) & set(root.pairs))
             for kind, name in (
@@ -150,6 +150,10 @@ class _Assembly:
                 (FileKind.SLAVE, "slave"),
             )
         }
+        other = kind_by_keys(root)
+        if other in ("acceptance", "answers", "protocol", "scenario"):
+            refuse_kind(root, other, "network", "FSN117", self.out)
+            return None
         if "subdevices" in root.pairs:
             return FileKind.NETWORK
         best = max(scores, key=lambda k: (scores[k], k is FileKind.TRANSFERS))
@@ -162,14 +166,6 @@ class _Assembly:
             close = difflib.get_close_matches(key.lower(), words, n=1, cutoff=0.75)
             if close:
                 return words[close[0]]
-        if {"steps", "expect"} & set(root.pairs):
-            self.out.add(
-                "FSN117",
-                root.span,
-                "this is a scenario, not a network",
-                hint=f"fsoe-net run NETWORK --scenario {path}",
-            )
-            return None
         keys = ", ".join(list(root.pairs)[:5]) or "none"
         self.out.add(
             "FSN117",

@@ -28,6 +28,7 @@ class Reader(enum.Enum):
     OWN = "network YAML"
 
 
+_MOST_TO_SAY = 0xFFFF  # no user has a limit above it in mind
 _MAX_DIGITS = 40  # Python refuses to convert thousands of them; 64 bits need 20
 
 _HEX = re.compile(r"0[xX][0-9a-fA-F]+\Z")
@@ -79,7 +80,7 @@ def read_int(
         return None
     value = _agreed(node.text, reader)
     if value is None:
-        value = _disputed(node, out, what=what, reader=reader)
+        value = _disputed(node, out, what=what, low=low, high=high, reader=reader)
     if value is not None and not low <= value <= high:
         _out_of_range(
             value, node.text, node.span, out, what=what, low=low, high=high, reader=reader
@@ -88,7 +89,9 @@ def read_int(
     return value
 
 
-def _disputed(node: ScalarNode, out: Collector, *, what: str, reader: Reader) -> int | None:
+def _disputed(
+    node: ScalarNode, out: Collector, *, what: str, low: int, high: int, reader: Reader
+) -> int | None:
     """Name what is wrong with a spelling; return the number where one is sure all the same."""
     text = node.text
     if len(text) > _MAX_DIGITS:
@@ -106,7 +109,7 @@ def _disputed(node: ScalarNode, out: Collector, *, what: str, reader: Reader) ->
             "FSN112" if re.search(r"[0-9]", text) else "FSN111",
             node.span,
             f"{what} {text!r} is no integer",
-            hint=f"write {_mend_of(text)}" if _mend_of(text) else "write 0x6000 or 24576",
+            hint=_hint_of(text, what, low, high),
         )
     return None
 
@@ -158,11 +161,23 @@ def _misread(text: str, span: Span, out: Collector, *, what: str, mend: str) -> 
     )
 
 
+def _hint_of(text: str, what: str, low: int, high: int) -> str:
+    """Say how to write a number that is none: the one that was meant, or what is allowed."""
+    if mend := _mend_of(text):
+        return f"write {mend}"
+    if re.match(r"\s*0[xX]", text):
+        return "hexadecimal digits are 0 … 9 and a … f"
+    if what == "index":
+        return "write it as 0x6000"
+    span = f", {low} … {high}" if 0 <= low < high <= _MOST_TO_SAY else ""
+    return f"write a whole number{span}"
+
+
 def _mend_of(text: str) -> str:
     """Guess the number that was meant."""
     text = re.sub(r"(?<=[0-9a-fA-F])_(?=[0-9a-fA-F])", "", text)
     for pattern, base in (
-        (r"\s*0[xX]\s*([0-9a-fA-F]+)", 16),
+        (r"\s*0[xX]\s*([0-9a-fA-F]+)(?![0-9a-zA-Z])", 16),
         (r"\s*#[xX]([0-9a-fA-F]+)", 16),
         (r"\s*([0-9a-fA-F]+)[hH]\Z", 16),
         (r"\s*0b([01]+)\Z", 2),
@@ -207,12 +222,16 @@ def read_float(node: Node | None, out: Collector, *, what: str) -> float | None:
         return _SPECIAL[text]
     if re.match(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\Z", text):
         return float(text)
-    nan = text.lower() in ("nan", "inf", "-inf")
+    hint = "write a number, such as 1000 or 1.5"
+    if text.lower() in ("nan", "inf", "-inf"):
+        hint = f"write .{text.lower().lstrip('-')}"
+    elif re.match(r"[0-9.]+\s*[µa-zA-Z]+\Z", text) and re.search(r"_(us|ms|s)\Z", what):
+        hint = f"write the number alone; {what} says its unit"
     out.add(
         "FSN111",
         node.span,
         f"{what} {text!r} is no number",
-        hint=f"write .{text.lower().lstrip('-')}" if nan else "write 0, 1.5 or .nan",
+        hint=hint,
     )
     return None
 

@@ -23,7 +23,14 @@ if TYPE_CHECKING:
 
     from fsoe_net.load.files import Collector
 
-__all__ = ["check_structure", "nearest_key", "read_schema", "schema_keys"]
+__all__ = [
+    "check_structure",
+    "kind_by_keys",
+    "nearest_key",
+    "read_schema",
+    "refuse_kind",
+    "schema_keys",
+]
 
 _SKIPPED = {"pattern", "minimum", "maximum", "exclusiveMinimum"}
 
@@ -43,6 +50,40 @@ _CONFUSED = {
     "watchdog": "watchdog_ms",
     "fsoe_address": "address",
 }
+
+
+_ASKED_FOR = frozenset({"acceptance", "protocol", "scenario"})  # an option says what it should be
+_NAMED = {  # told apart by keys; what it is, and what takes it
+    "protocol": ("a test protocol", "`fsoe-net report NETWORK --protocol FILE` takes it"),
+    "acceptance": ("an acceptance record", "`fsoe-net verify NETWORK --accepted FILE` takes it"),
+    "network": ("a network", "`fsoe-net check FILE` takes it"),
+    "slave": ("a slave YAML", "a network names it: `config: FILE`"),
+    "answers": ("a file of answers", "`fsoe-net init --answers FILE` takes it"),
+    "scenario": ("a scenario", "`fsoe-net run NETWORK --scenario FILE` takes it"),
+}
+_TELLTALES = (
+    ("protocol", {"plan_sha256"}),
+    ("acceptance", {"acceptance_record"}),
+    ("network", {"subdevices"}),
+    ("slave", {"vendor_id", "rpdo", "tpdo"}),
+    ("scenario", {"duration_s", "expect", "steps"}),
+)
+
+
+def kind_by_keys(root: MapNode) -> str | None:
+    """Return the schema of the file of this project that has keys of no other, else ``None``."""
+    keys = set(root.pairs)
+    rows = root.maps("subdevices")
+    if any("type" in row.pairs for row in rows) and not any("config" in row.pairs for row in rows):
+        return "answers"
+    return next((name for name, telling in _TELLTALES if telling & keys), None)
+
+
+def refuse_kind(root: MapNode, kind: str, wanted: str, code: str, out: Collector) -> None:
+    """Say which file this is, and where it belongs."""
+    what, hint = _NAMED[kind]
+    hint = hint.replace("FILE", root.span.file)
+    out.add(code, root.span, f"this is {what}, not {_NAMED[wanted][0]}", hint=hint)
 
 
 def read_schema(name: str) -> dict[str, Any]:
@@ -96,8 +137,13 @@ def check_structure(root: MapNode, name: str, out: Collector) -> None:
     Args:
         root: The document.
         name: Schema, e.g. ``transfers``.
-        out: Takes FSN109, FSN110, FSN111, FSN116.
+        out: Takes FSN109, FSN110, FSN111, FSN116; only FSN140 where the keys are those of another
+            file of this project.
     """
+    other = kind_by_keys(root) if name in _ASKED_FOR else None
+    if other is not None and other != name:
+        refuse_kind(root, other, name, "FSN140", out)
+        return
     validator = _validator(name)
     if validator.is_valid(_Shapes(_worded_keys(name)).sample(root)):
         return  # the usual case: thousands of transfers of one shape, checked once
@@ -280,8 +326,13 @@ def _missing_keys(node: MapNode, error: Any, path: list[str | int], out: Collect
                 node.span,
                 f"{_where(path)} has no {key!r}"
                 + ("; the driver goes on with a random value" if inside_pdo else ""),
-                hint=f"add {key}: {properties.get(key, {}).get('description', '')}".rstrip(": "),
+                hint=f"add {key}: {_what_to_write(properties.get(key, {}))}".rstrip(": "),
             )
+
+
+def _what_to_write(schema: dict[str, Any]) -> str:
+    """Return the only value there is, else what the value means."""
+    return str(schema["const"] if "const" in schema else schema.get("description", ""))
 
 
 def _not_allowed(node: Node, error: Any, path: list[str | int], out: Collector) -> None:

@@ -51,7 +51,9 @@ class IncidentReader:
             raise IncidentError("no head: the file is empty or begins with an empty line", name, 1)
         document = _object(line)
         if isinstance(document, str):
-            reason = document if line.endswith(b"\n") else f"the head is cut off: {document}"
+            reason = f"this is no incident file: {document} in its first line"
+            if line.startswith(b"{") and not line.endswith(b"\n"):
+                reason = f"the head is cut off: {document}"
             raise IncidentError(reason, name, 1)
         self.head: IncidentHead = head_of(Values(document, name, 1))
 
@@ -137,12 +139,12 @@ def _object(line: bytes) -> Mapping[str, Any] | str:
     try:
         found = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
     except UnicodeDecodeError:
-        return "this is no UTF-8"
+        return "no UTF-8"
     except RecursionError:
         return "nested too deep"
-    except ValueError as exc:
-        return f"this is no JSON: {exc}"
-    return found if isinstance(found, dict) else "this is no JSON object"
+    except ValueError:
+        return "no JSON"
+    return found if isinstance(found, dict) else "no JSON object"
 
 
 def _no_constant(name: str) -> float:

@@ -14,7 +14,8 @@ _HEAD = f"""\
 # Test protocol. Column "emulated": {EMULATED_NOTE}.
 # Column "live": what a running fsn-master showed. Column "machine" is yours: write into it
 #   result: as expected | not as expected | not run, measured_ms, remark, by, date.
-# A step stays open until machine has result, by and date. Not certified, no safety function.
+# A step stays open until machine has result, by and date. Steps without it (faults) are tried on
+#   the emulated bus only. Not certified, no safety function.
 """
 
 
@@ -34,8 +35,7 @@ def write_protocol(protocol: Protocol) -> str:
 
 
 def _step(step: ProtocolStep) -> dict[str, Any]:
-    machine = step.machine
-    return {
+    row: dict[str, Any] = {
         "id": step.id,
         "kind": step.kind.value,
         "subject": step.subject,
@@ -45,14 +45,17 @@ def _step(step: ProtocolStep) -> dict[str, Any]:
         "limit_source": step.limit_source,
         "emulated": _seen(step.emulated),
         "live": _seen(step.live),
-        "machine": {
+    }
+    machine = step.machine
+    if step.kind.at_machine or machine.filled:
+        row["machine"] = {
             "result": machine.outcome.value if machine.outcome else "",
             "measured_ms": "" if machine.measured_ms is None else machine.measured_ms,
             "remark": machine.remark,
             "by": machine.by,
             "date": machine.date,
-        },
-    }
+        }
+    return row
 
 
 def _seen(seen: Seen | None) -> dict[str, Any] | None:

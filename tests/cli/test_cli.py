@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 
@@ -10,9 +11,10 @@ from cli.tool import fsn
 from networks import EXAMPLES
 
 from fsoe_net.cli.output import print_diagnostics
+from fsoe_net.cli.plan import write_whole
 from fsoe_net.core import CorePlan
 from fsoe_net.diag import Diagnostic, Span
-from fsoe_net.errors import CoreMissing, PlanFormatError
+from fsoe_net.errors import CoreMissing, EnvironmentFault, PlanFormatError
 
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
 
@@ -83,7 +85,7 @@ def test_machine_formats(tmp_path: Path):
         (("check", ESTOP, "--runtime", "ros2-2026"), 2, "'ros2-2026-06', 'ros2-2026-08'"),
         (("plan", "--show", ESTOP), 1, "no .fsnplan file"),
         (("plan", "--show", "nowhere"), 1, "no such file"),
-        (("plan", ESTOP, "-o", "/nonexistent/x.fsnplan"), 3, "No such file"),
+        (("plan", ESTOP, "-o", "/nonexistent/x.fsnplan"), 3, "no folder /nonexistent"),
         (("run", "nowhere.yaml"), 1, "no such file"),
         (("run", ESTOP, "--scenario", "nowhere.yaml"), 1, "no such file"),
         (("run", ESTOP, "--duration", "0"), 2, "duration"),
@@ -169,3 +171,56 @@ def test_thousands_of_findings_of_one_kind_are_counted_not_printed(capsys):
     assert len(lines) == 102
     assert lines[-1].startswith("FSN202: 150 more")
     assert "other" in lines[-2]
+
+
+def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def closed(path: Path, *_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system", str(path))
+
+    monkeypatch.setattr(Path, "write_bytes", closed)
+    monkeypatch.setattr(Path, "unlink", closed)
+    with pytest.raises(EnvironmentFault) as told:
+        write_whole(str(tmp_path / "a.html"), b"x")
+    assert str(told.value) == f"cannot write {tmp_path}/a.html: Read-only file system"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("check", "protocol.yaml"), "FSN117", "a test protocol, not a network"),
+        (("check", "scenario.yaml"), "FSN117", "a scenario, not a network"),
+        (("check", "answers.yaml"), "FSN117", "`fsoe-net init --answers answers.yaml` takes it"),
+        (("check", "x.fsnplan"), "FSN102", "a compiled plan, not YAML"),
+        (("check", str(EXAMPLES / "estop")), "FSN101", "hint: give "),
+        (("run", ESTOP, "--scenario", ESTOP), "FSN140", "a network, not a scenario"),
+        (("verify", ESTOP, "--accepted", "protocol.yaml"), "FSN117", "a test protocol, not"),
+        (
+            ("report", ESTOP, "--protocol", ESTOP, "-o", "r.md"),
+            "FSN140",
+            "a network, not a test protocol",
+        ),
+        (
+            ("report", ESTOP, "--acceptance", "protocol.yaml", "-o", "r.md"),
+            "FSN140",
+            "a test protocol, not an acceptance record",
+        ),
+    ],
+)
+def test_a_file_of_another_kind_is_named_once(
+    arguments: tuple[str, ...], code: str, words: str, tmp_path: Path
+):
+    for name, text in (
+        ("protocol.yaml", "version: 1\nnetwork: x\nplan_sha256: ''\nsteps: []\n"),
+        ("scenario.yaml", "version: 1\nduration_s: 2\n"),
+        ("answers.yaml", "subdevices:\n  - {type: EL6910}\n"),
+    ):
+        (tmp_path / name).write_text(text, "utf-8")
+    (tmp_path / "x.fsnplan").write_bytes(b"FSNPLAN\0\1\0\0\0\xb2")
+    done = fsn(*arguments, cwd=tmp_path)
+    said = done.stdout + done.stderr
+    assert done.returncode in (1, 2)
+    assert words in said
+    assert said.count("FSN") - said.count("explain FSN") == 1
+    assert f"error[{code}]" in said

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import yaml
 from cli.tool import fsn
 
 TIMED = str(Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml")
@@ -17,6 +18,8 @@ def test_an_empty_protocol_and_its_page(tmp_path: Path) -> None:
     assert "open at the machine" in done.stdout
     written = text.read_text("utf-8")
     assert "EMULATED, not evidence for this machine" in written
+    for step in yaml.safe_load(written)["steps"]:  # no form to fill in where none is taken
+        assert ("machine" in step) == (step["kind"] != "fault")
     done = fsn("test-protocol", TIMED, "--from", str(text), "-o", str(page))
     assert done.returncode == 0, done.stderr
     assert "trigger estop" in page.read_text("utf-8")

@@ -10,7 +10,7 @@ from networks import EXAMPLES
 
 from fsoe_net.cli.incident import command as incident
 from fsoe_net.cli.run import command as run
-from fsoe_net.errors import IncidentError
+from fsoe_net.errors import EnvironmentFault, IncidentError
 
 ESTOP = EXAMPLES / "estop"
 
@@ -66,13 +66,20 @@ def test_another_file_is_refused_with_its_place(tmp_path):
     path.write_text("hello\n")
     done = CliRunner().invoke(incident, [str(path)])
     assert isinstance(done.exception, IncidentError)
-    assert str(done.exception).startswith(f"{path}:1: this is no JSON")
+    assert str(done.exception).endswith("x:1: this is no incident file: no JSON in its first line")
 
 
-def test_a_folder_that_is_not_there_is_refused():
-    done = CliRunner().invoke(run, [str(ESTOP / "network.yaml"), "--incidents=absent"])
-    assert done.exit_code == 2
-    assert "does not exist" in done.output
+def test_the_folder_is_made_but_none_above_it(tmp_path):
+    quick = ["--virtual-time", "--duration=0.05"]
+    target = tmp_path / "incidents"
+    done = CliRunner().invoke(run, [str(ESTOP / "network.yaml"), *quick, f"--incidents={target}"])
+    assert done.exit_code == 0, done.output
+    assert target.is_dir()
+    target = tmp_path / "typo" / "incidents"
+    done = CliRunner().invoke(run, [str(ESTOP / "network.yaml"), *quick, f"--incidents={target}"])
+    assert isinstance(done.exception, EnvironmentFault)
+    assert str(done.exception).endswith(f"there is no folder {tmp_path / 'typo'}")
+    assert not target.parent.exists()
 
 
 def test_a_live_run_writes_in_the_background(tmp_path):

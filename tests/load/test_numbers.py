@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from fsoe_net.load.files import Collector
-from fsoe_net.load.numbers import Reader, driver_endpoint_number, read_int
+from fsoe_net.load.numbers import Reader, driver_endpoint_number, read_float, read_int
 from fsoe_net.load.yaml_tree import ScalarNode
 
 
@@ -71,3 +71,34 @@ def test_traps_are_named(text: str, reader: Reader, code: str):
 
 def test_upper_case_prefix_is_fine_in_slave_yaml():
     assert read("0X6000", Reader.SLAVE) == (0x6000, [])
+
+
+@pytest.mark.parametrize(
+    ("text", "what", "hint"),
+    [
+        ("one", "slot", "write a whole number, 0 … 65535"),
+        ("one", "index", "write it as 0x6000"),
+        ("100 ms", "watchdog_ms", "write 100"),
+        ("0x607g", "index", "hexadecimal digits are 0 … 9 and a … f"),  # not 0x0607
+        ("0x6000:01", "index", "write 0x6000"),
+    ],
+)
+def test_the_hint_is_what_was_meant_or_what_is_allowed(text: str, what: str, hint: str):
+    out = Collector()
+    node = ScalarNode("f", 0, text, True)
+    assert read_int(node, out, what=what, low=0, high=0xFFFF, reader=Reader.OWN) is None
+    assert [d.hint for d in out.diagnostics] == [hint]
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("1ms", "write the number alone; cycle_us says its unit"),
+        ("fast", "write a number, such as 1000 or 1.5"),
+        ("nan", "write .nan"),
+    ],
+)
+def test_a_time_with_a_unit_is_told_where_its_unit_stands(text: str, hint: str):
+    out = Collector()
+    assert read_float(ScalarNode("f", 0, text, True), out, what="cycle_us") is None
+    assert [d.hint for d in out.diagnostics] == [hint]

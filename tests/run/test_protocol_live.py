@@ -34,7 +34,7 @@ def slow(tmp_path: Path) -> Path:
 
 def live_of(seen: dict[str, str]) -> dict[str, dict[str, object]]:
     document = yaml.safe_load(seen["file"])
-    assert all(not any(step["machine"].values()) for step in document["steps"])
+    assert all(not any(step.get("machine", {}).values()) for step in document["steps"])
     assert all(step["emulated"] is None for step in document["steps"])
     return {step["id"]: step["live"] for step in document["steps"] if step["live"]}
 

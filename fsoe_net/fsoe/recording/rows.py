@@ -42,7 +42,9 @@ def rows(lines: Iterable[str]) -> Iterator[Row]:
         except RecursionError as exc:
             raise RecordingError("nested too deeply", number) from exc
         except ValueError as exc:
-            raise RecordingError(f"no JSON, or cut off: {exc}", number) from exc
+            raise RecordingError(
+                "no JSON, or cut off; a recording has an object per line", number
+            ) from exc
         if not isinstance(row, dict):
             raise RecordingError(f"a {type(row).__name__} instead of an object", number)
         yield Row(row, number)
