@@ -75,7 +75,8 @@ def _named(library: Library, name: str) -> LibraryDevice:
         known = [w for d in library.devices for w in (d.name, *(i.order for i in d.identities))]
         close = difflib.get_close_matches(name.upper(), known, n=1, cutoff=0.5)
         hint = f" Did you mean {close[0]!r}?" if close else " `fsoe-net devices` lists all."
-        raise click.BadParameter(f"no device {name!r}.{hint}", param_hint="NAME")
+        others = " Of others, `fsoe-net init` reads process data from an ESI, ENI or bus."
+        raise click.BadParameter(f"no device {name!r} is known.{hint}{others}", param_hint="NAME")
     return device
 
 

@@ -185,7 +185,9 @@ def question_findings(made: Made, *, answered: bool) -> list[Diagnostic]:
         Diagnostic(
             code="FSN157",
             span=q.span,
-            message=q.text,
+            message=f"{q.text} One of: {', '.join(w for w, _ in q.choices)}"
+            if q.choices
+            else q.text,
             severity=Severity.ERROR
             if q.ask is Ask.SUBDEVICES or not answered
             else Severity.WARNING,

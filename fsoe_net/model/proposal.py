@@ -132,7 +132,8 @@ class _Maker:
                 )
                 self._open.append(f"{name}: {what}")
             if fill.question is not None:
-                self._open.append(f"{name}: its process data are not known")
+                words = ", ".join(word for word, _ in fill.question.choices)
+                self._open.append(f"{name}: which process data? {words}")
             elif not has_layout(fill.sub.device) and library_device(sub, self._library):
                 self._open.append(f"{name}: an FSoE device, and no file has its process data")
             rows.append(fill.sub)

@@ -54,6 +54,7 @@ def test_a_name_that_is_not_there_gets_a_hint():
     done = fsn("devices", "EL1905")
     assert done.returncode == 2
     assert "Did you mean 'EL190" in done.stderr
+    assert "`fsoe-net init` reads process data" in " ".join(done.stderr.split())
 
 
 def test_an_own_file_with_a_mistake_is_refused_with_its_line(tmp_path: Path):

@@ -431,3 +431,9 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path):
     done = init(EXAMPLE / "network.yaml", out=Path("/proc/fsn"), answers=None)
     assert done.returncode == 3
     assert "cannot write /proc/fsn" in done.stderr
+
+
+def test_open_questions_name_what_can_be_answered(tmp_path: Path):
+    done = init(out=tmp_path / "out", answers="subdevices: [{type: EL6900}, {type: EL1904}]\n")
+    assert "does el1904 (EL1904) have? One of: device PDO, module 0xBE" in done.stderr
+    assert "el1904: which process data? device PDO, module 0xBE" in done.stdout

@@ -203,6 +203,7 @@ def test_waiting_and_expecting(master, rig):
     [
         ("get", "usage: get NAME"),
         ("get drive_1.0x6042", "did you mean drive_1"),
+        ("get logic.0x7000", "; logic has ack$"),  # no other index is guessed for a named output
         ("get x*", "like x"),
         ("set", "usage: set"),
         ("set drive_1.0x6040", "gets no value"),

@@ -16,6 +16,7 @@ _TIME = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|min|h)")
 _UNIT_S = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _MOST_S = 7 * 24 * 3600.0
 _WORDS = {"true": True, "on": True, "false": False, "off": False}
+_MOST_TO_TELL = 12
 _MOST_NAMES = 200  # of 256 words and 8192 bytes of a request
 _MOST_BYTES = 7_000
 
@@ -92,7 +93,16 @@ class Names:
         return found[0] if len(found) == 1 else None
 
     def _hint(self, text: str) -> str:
-        return _nearest(text, [*self.by_name, *self.subdevices]) or "; list shows the names"
+        owner, _, entry = text.partition(".")
+        of_owner = [s for s in self.symbols if s.subdevice == owner]
+        if not of_owner or not entry:
+            return _nearest(text, [*self.by_name, *self.subdevices]) or "; list shows the names"
+        # an entry with a name is not known by its index: another index would be a wrong guess
+        by_index = entry.lower().startswith("0x") and any("0x" not in s.entry for s in of_owner)
+        near = "" if by_index else _nearest(text, [s.name for s in of_owner])
+        names = list(dict.fromkeys(s.entry for s in of_owner))
+        more = f" and {len(names) - _MOST_TO_TELL} more" if len(names) > _MOST_TO_TELL else ""
+        return near or f"; {owner} has {', '.join(names[:_MOST_TO_TELL])}{more}"
 
 
 def _like(pattern: str, names: Sequence[str]) -> list[str]:
