@@ -52,7 +52,7 @@ FSN126 info    relative path depends on where the driver is started
 FSN127 warning interface nested inside ec_module is never exported
 FSN128 error   component name used in several ros2_control blocks
 FSN129 error   transfer crosses two EtherCAT masters
-FSN130 error   cycle time or control frequency is not above zero
+FSN130 error   cycle time or control frequency is not possible
 FSN131 error   address is spelled in a way that is read as another number
 FSN132 info    fsoe_config is the old name of transfer_config
 FSN133 error   referenced file cannot be read

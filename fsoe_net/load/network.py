@@ -20,6 +20,8 @@ from fsoe_net.load.urdf import DriverSystem, ModuleDecl, known_plugin_findings, 
 from fsoe_net.load.yaml_tree import MapNode, parse_yaml
 from fsoe_net.model import Device, Net, Network, SafetyFunction, SubDevice
 
+_SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
+
 __all__ = ["FileKind", "LoadOptions", "LoadResult", "load_network"]
 
 
@@ -202,6 +204,7 @@ class _Assembly:
             fields=root.places(),
             cycle_ns=self._cycle_ns(root),
             subdevices=subs,
+            partial="subdevices" not in root.pairs,  # said once, not of each name again
             nets=nets,
             safety_functions=safety_functions_from_yaml(root, self.out),
             project=root.text("project") or "",
@@ -212,12 +215,12 @@ class _Assembly:
         cycle_us = read_float(root.get("cycle_us"), self.out, what="cycle_us")
         if cycle_us is None:
             return None
-        if not 0 < cycle_us <= 4_000_000:
+        if not _SHORTEST_CYCLE_US <= cycle_us <= 4_000_000:
             self.out.add(
                 "FSN130",
                 root.at("cycle_us"),
                 f"cycle_us {root.text('cycle_us')} is no possible bus cycle",
-                hint="write the cycle in microseconds, for example cycle_us: 1000",
+                hint="write the cycle in microseconds: 1 ms is cycle_us: 1000",
             )
             return None
         return max(1, round(cycle_us * 1000))

@@ -48,6 +48,8 @@ _CONFUSED = {
     "entries": "channels",
     "conn_id": "connection_id",
     "watchdog": "watchdog_ms",
+    "slaves": "subdevices",
+    "devices": "subdevices",
     "fsoe_address": "address",
 }
 

@@ -248,7 +248,7 @@ def _row(c: Connection) -> tuple[Cell, ...]:
         ),
         cell(stated(facts.watchdog_ms if facts else None, "ms", _FACTS)),
         tuple(
-            Number(value=n, text=str(n), unit=f"bytes to {to}", source=_LAYOUT)
+            Number(value=n, text=str(n), unit=_bytes_to(n, to), source=_LAYOUT)
             for n, to in ((_safe_bytes(frames[0]), "sub"), (_safe_bytes(frames[1]), "main"))
         ),
         tuple(
@@ -257,6 +257,10 @@ def _row(c: Connection) -> tuple[Cell, ...]:
         ),
         _parameters(facts.app_parameters if facts else b""),
     )
+
+
+def _bytes_to(number: int, end: str) -> str:
+    return f"byte{'' if number == 1 else 's'} to {end}"
 
 
 def _safe_bytes(frame_bytes: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 
 from fsoe_net.observe.candidate import Candidate
@@ -19,7 +20,9 @@ padding:.5em 1em;margin:.6em 0}.cause h2{margin:0;border:0}.cause ul{margin:.3em
 .next{background:#f6f8fa;padding:.2em .8em;margin:.3em 0}dt{font-weight:600}dd{margin:0 0 .2em 1em}
 td,th{padding:.15em .5em}.mark td{background:#fff8c5}.bytes{font:11.5px ui-monospace,monospace;
 word-break:break-all}.bytes b{background:#fff1a8}svg.timing{max-width:620px}
-svg.strip{max-height:46px}@media print{body{font-size:9.5px}.bytes{font-size:8.5px}
+svg.strip{max-height:46px}figure{margin:.3em 0}
+@media screen and (max-width:700px){figure>svg.timing{min-width:600px}}
+@media print{body{font-size:9.5px}.bytes{font-size:8.5px}
 .cause{break-inside:avoid}@page{margin:12mm}}
 """
 _STRIP_WIDTH, _STRIP_HEIGHT = 960, 40
@@ -64,9 +67,14 @@ def _likely(story: Story) -> list[str]:
         '<div class="cause"><h2>Likely cause</h2>'
         f"<p><b>{escape(found.title)}</b></p>"
         f'<p class="muted">{escape(found.looks)}</p><ul>{facts}</ul>'
-        f'<dl class="next"><dt>Measure</dt><dd>{escape(found.measure)}</dd>'
-        f"<dt>Change</dt><dd>{escape(found.change)}</dd></dl></div>"
+        f'<dl class="next"><dt>Measure</dt><dd>{_words(found.measure)}</dd>'
+        f"<dt>Change</dt><dd>{_words(found.change)}</dd></dl></div>"
     ]
+
+
+def _words(text: str) -> str:
+    """Return text with what stands between backticks as code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def _others(story: Story) -> list[str]:
@@ -144,7 +152,7 @@ def _strip(strip: Strip) -> str:
 def _timing(story: Story) -> list[str]:
     histograms = story.evidence.head.counters.histograms
     wanted = [k for k in ("period", "round_trip", "latency", "work") if k in histograms][:2]
-    pictures = [histogram_picture(key, histograms[key]) for key in wanted]
+    pictures = [f"<figure>{histogram_picture(k, histograms[k])}</figure>" for k in wanted]
     rows = [[escape(cell) for cell in row] for row in story.worst]
     worst = [table(WORST_COLUMNS, rows)] if rows else []
     return ["<h2>Timing</h2>", *pictures, *worst] if pictures or worst else []

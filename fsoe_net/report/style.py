@@ -64,7 +64,10 @@ grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr));gap:.2em 1.6
 .pictures figure{margin:.3em 0}
 .sheet,.sheet>tbody,.sheet>tbody>tr,.sheet>tbody>tr>td{display:block}
 .sheet>thead,.sheet>tfoot{display:none}
-@media screen and (max-width:700px){body{padding:.6em .7em 3em}h1{font-size:1.5em}
+@media screen and (max-width:900px){table.data{font-size:.84em}.data th,.data td{padding:.3em}
+.n{white-space:normal}.data .v{min-width:0}}
+@media screen and (max-width:700px){table.data{font-size:.93em}body{padding:.6em .7em 3em}
+h1{font-size:1.5em}
 .banner{font-size:1.1em}.toc{columns:1}
 .data thead{display:none}.data,.data tbody,.data tr,.data td{display:block;width:100%}
 .data tr{border:1px solid var(--line);margin:.5em 0;padding:.2em 0}

@@ -224,3 +224,23 @@ def test_a_file_of_another_kind_is_named_once(
     assert words in said
     assert said.count("FSN") - said.count("explain FSN") == 1
     assert f"error[{code}]" in said
+
+
+def test_a_cycle_written_in_milliseconds_is_told(tmp_path: Path):
+    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{EXAMPLES}/estop/devices/")
+    assert "cycle_us: 1000" in text
+    (tmp_path / "n.yaml").write_text(text.replace("cycle_us: 1000", "cycle_us: 1"), "utf-8")
+    done = fsn("check", "n.yaml", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "error[FSN130]: cycle_us 1 is no possible bus cycle" in done.stdout
+    assert "1 ms is cycle_us: 1000" in done.stdout
+
+
+def test_a_network_under_another_key_is_one_finding(tmp_path: Path):
+    text = Path(ESTOP).read_text("utf-8").replace("subdevices:", "slaves:")
+    (tmp_path / "n.yaml").write_text(text, "utf-8")
+    done = fsn("check", "n.yaml", cwd=tmp_path)
+    assert done.stdout.count("error[") == 1, done.stdout
+    assert "error[FSN109]: unknown key 'slaves' at the top level\n  hint: write 'subdevices'" in (
+        done.stdout
+    )

@@ -59,6 +59,8 @@ def test_the_page_needs_nothing_else(file, tmp_path):
     assert "<script" not in text
     assert "http" not in text
     assert "<b>ek1914 was gone" in text
+    assert "<code>fsoe-net monitor</code>" in text
+    assert "`" not in text
 
 
 def test_another_file_is_refused_with_its_place(tmp_path):
