@@ -269,6 +269,17 @@ class _Maker:
             if same and row.slot is None and (not several or row.sub_slot == link.sub.slot):
                 state_facts(link, row, self._out)
 
+    def _facts_of(self, subdevice: int) -> list[str]:
+        """Return what answers state of a SubInstance that gets no connection to hold it."""
+        facts = [
+            f"{key} {value}"
+            for row in self._answers.connections
+            if row.sub == self._names[subdevice] and row.slot is None
+            for key in ("address", "connection_id", "watchdog_ms")
+            if (value := getattr(row, key)) is not None
+        ]
+        return [f"answered: {', '.join(facts)}"] if facts else []
+
     def _open_pair(self, row: OpenPair, ends: list[FrameEnd], *, has_main: bool) -> None:
         sub = row.sub
         end = ends[sub.subdevice]
@@ -280,7 +291,7 @@ class _Maker:
                 else "no MainInstance is known"
             )
             self._open.append(f"{name}: not connected: {why}")
-            end.remarks.append(f"not connected: {why}")
+            end.remarks += [f"not connected: {why}", *self._facts_of(sub.subdevice)]
             return
         slots = self._slots(row.candidates)
         rivals = ", ".join(dict.fromkeys(self._names[r.subdevice] for r in row.rivals))
@@ -299,7 +310,8 @@ class _Maker:
         )
         self._open.append(f"{name}: which slot? {slots}")
         if row.proposed is None:
-            end.remarks.append(f"not connected: more SubInstances than slots of {_bytes(sub)}")
+            why = f"more SubInstances than slots of {_bytes(sub)}"
+            end.remarks += [f"not connected: {why}", *self._facts_of(sub.subdevice)]
             return
         link = Link(
             main=row.proposed,

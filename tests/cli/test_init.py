@@ -437,3 +437,13 @@ def test_open_questions_name_what_can_be_answered(tmp_path: Path):
     done = init(out=tmp_path / "out", answers="subdevices: [{type: EL6900}, {type: EL1904}]\n")
     assert "does el1904 (EL1904) have? One of: device PDO, module 0xBE" in done.stderr
     assert "el1904: which process data? device PDO, module 0xBE" in done.stdout
+
+
+def test_facts_of_a_subinstance_without_a_connection_are_not_lost(tmp_path: Path):
+    ring = "{type: EL6910}, {type: EL1904, name: stop, count: 4}, {type: EL2904}"
+    answers = f"subdevices: [{ring}]\nconnections: [{{sub: el2904, address: 18}}]\n"
+    out = tmp_path / "out"
+    done = init(*devices(tmp_path), out=out, answers=answers)
+    assert done.returncode == 0, done.stderr
+    written = (out / "network.yaml").read_text("utf-8")
+    assert re.search(r"not connected: more SubInstances.*\n\s*# answered: address 18\n", written)
