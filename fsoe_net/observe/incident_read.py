@@ -142,8 +142,10 @@ def _object(line: bytes) -> Mapping[str, Any] | str:
         return "no UTF-8"
     except RecursionError:
         return "nested too deep"
-    except ValueError:
+    except json.JSONDecodeError:
         return "no JSON"
+    except ValueError as exc:
+        return f"no JSON: {exc}"
     return found if isinstance(found, dict) else "no JSON object"
 
 
