@@ -44,7 +44,7 @@ def test_files_that_agree(cell: Path):
     assert (done.returncode, done.stderr) == (0, "")
     assert ": 3 SubDevices, 2 FSoE connections" in done.stdout
     assert "no findings" not in done.stdout  # a note is one
-    assert "compared with 4 other files; 1 note\n" in done.stdout
+    assert "compared with 4 other files; 2 notes\n" in done.stdout
     assert "Beckhoff" not in done.stdout
     quiet = fsn("check", "-q", "network.yaml", *others, cwd=cell)
     assert (quiet.returncode, quiet.stdout) == (0, "")
