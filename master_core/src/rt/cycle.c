@@ -162,6 +162,7 @@ void fsn_rt_loop(struct fsn_rt *rt) {
         before = now;
         rt->late_ns = rt->free_run ? 0 : late;
         rt->left_out = rt->late_ns / rt->cycle_ns;
+        s->overruns += rt->left_out; /* in the picture of this cycle already, as its time is */
         mark(rt, "fsn: cycle begins");
         fsn_rt_cycle(rt, now, true);
         mark(rt, "fsn: cycle ends");
@@ -172,7 +173,6 @@ void fsn_rt_loop(struct fsn_rt *rt) {
         if (rt->left_out > 0) {
             /* Missed wake-ups are counted and dropped, not caught up: a burst of cycles would put
              * several frames of one device into one of its own cycles. */
-            s->overruns += rt->left_out;
             next += rt->left_out * rt->cycle_ns;
             mark(rt, "fsn: overrun");
         }
