@@ -27,7 +27,7 @@ enum {
     REG_SII_DATA = 0x0508,
     REG_MAILBOX = 0x0800,
     ASKED = 16,
-    TRIES = 10
+    PATIENCE_MS = 120000 /**< only reached when a bus never opens */
 };
 enum { REG_LINKS = 0x0110, REG_PORT_TIMES = 0x0900, REG_LATCHED = 0x0918 };
 
@@ -191,6 +191,23 @@ static bool play(struct wire *w, struct fsn_plan *plan, bool from_the_beginning,
     return open;
 }
 
+/** Whether the bus opens, damaged only behind that: SOEM waits for milliseconds, so that a busy
+ *  machine needs more than one go. */
+static bool opens(struct wire *w, struct fsn_plan *plan, enum lie what, unsigned one_in) {
+    const uint64_t end = now_ns() + PATIENCE_MS * UINT64_C(1000000);
+    bool open = false;
+    while (!open && now_ns() < end) {
+        atomic_store(&w->lie, NO_LIE);
+        for (int i = 0; i < ASKED; i++) {
+            atomic_store(&w->asked[i], false);
+        }
+        atomic_store(&w->lie, what);
+        open = play(w, plan, false, one_in);
+    }
+    atomic_store(&w->lie, NO_LIE);
+    return open;
+}
+
 int main(int argc, char **argv) {
     const unsigned rounds = argc > 1 ? (unsigned)atoi(argv[1]) : 4;
     if ((unshare(CLONE_NEWNET) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) ||
@@ -214,21 +231,11 @@ int main(int argc, char **argv) {
         atomic_store(&w.lie, what);
         (void)play(&w, plan, true, 0);
     }
-    bool without = false; /* once on a busy machine, at once on any other */
-    for (int tries = 0; !without && tries < TRIES; tries++) {
-        atomic_store(&w.lie, NO_LIE);
-        for (int i = 0; i < ASKED; i++) {
-            atomic_store(&w.asked[i], false);
-        }
-        atomic_store(&w.lie, NO_MAILBOX);
-        without = play(&w, plan, true, 0);
-    }
-    CHECK(without);
-    atomic_store(&w.lie, NO_LIE);
+    CHECK(opens(&w, plan, NO_MAILBOX, 0));
     for (unsigned i = 0; i < rounds; i++) {
         opened += play(&w, plan, i % 2 == 0, 2 + pick_own(&w, 60));
     }
-    CHECK(rounds < 2 || opened > 0); /* a healthy bus opens */
+    CHECK(rounds < 2 || opened > 0 || opens(&w, plan, NO_LIE, 30)); /* a healthy bus */
     atomic_store(&w.stop, true);
     pthread_join(thread, NULL);
     close(w.socket);

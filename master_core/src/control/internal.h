@@ -78,6 +78,7 @@ struct fsn_control {
     char sha256[2 * FSN_SHA256_BYTES + 1];
     struct fsn_fingerprint fingerprint; /**< of the plan as it was loaded */
     struct fsn_client client[FSN_CONTROL_CLIENTS];
+    uint64_t polled_ns; /**< what was sent before then has been read, when clients are served */
     uint32_t last_number;
     int listener;   /**< -1: none */
     char path[108]; /**< as long as the system allows */

@@ -230,6 +230,7 @@ static uint64_t look_again_ns(const struct fsn_control *control) {
 
 size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint64_t *wait_ns) {
     *wait_ns = look_again_ns(control);
+    control->polled_ns = fsn_now_ns();
     fds[0] = (struct pollfd){.fd = control->listener, .events = POLLIN};
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         const struct fsn_client *client = &control->client[i];
@@ -257,10 +258,17 @@ static void serve_client(struct fsn_control *control, struct fsn_client *client,
     }
 }
 
-static void check_silence(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
+/** A client was silent when nothing of it lay there at the last poll: however long this thread was
+ *  held up since, what came meanwhile is not read yet. */
+static bool is_silent(const struct fsn_control *control, const struct fsn_client *client) {
     const uint64_t lease_ns = client->lease_ms * UINT64_C(1000000);
-    if (client->lease_ms != 0 && !client->more && client->job == NULL &&
-        now_ns - client->heard_ns > lease_ns) {
+    return client->lease_ms != 0 && !client->more && client->job == NULL &&
+           control->polled_ns > client->heard_ns &&
+           control->polled_ns - client->heard_ns > lease_ns;
+}
+
+static void check_silence(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
+    if (is_silent(control, client)) {
         client->heard_ns = now_ns;
         fsn_watch_take_back(control, client, "silent");
     }
