@@ -43,7 +43,11 @@ class Client:
     def __init__(self, path: Path | str) -> None:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self.socket.settimeout(WAIT_S)
-        self.socket.connect(str(path))
+        try:
+            self.socket.connect(str(path))
+        except OSError:
+            self.socket.close()
+            raise
         self._file = self.socket.makefile("rb")
         self.events: list[JsonObject] = []
 
@@ -142,6 +146,25 @@ class Master:
         with self._grown:
             self._grown.wait_for(lambda: {e["event"] for e in lines()} == set(events), WAIT_S)
             return lines()
+
+
+@contextlib.contextmanager
+def killed_at_the_end(process: subprocess.Popen[bytes]) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that a failing test does not wait for for ever."""
+    with process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def when_it_listens(path: Path, process: subprocess.Popen[bytes]) -> Client:
+    """Connect as soon as somebody listens: the file of a socket is there a moment before."""
+    while True:
+        try:
+            return Client(path)
+        except (FileNotFoundError, ConnectionRefusedError):
+            assert process.poll() is None
 
 
 def write_plan(directory: Path, name: str = "el6910") -> Path:

@@ -84,6 +84,7 @@ def test_a_snapshot_is_whole() -> None:
 
 def test_values_are_typed_and_all_or_none() -> None:
     with running() as master, master.client() as client:
+        client.good("lease 0")
         assert client.value(MODE) == 8  # nobody writes it: its stop value
         client.good(f"set {MODE}=-3 {LAMP}=on")
         client.wait_for(MODE, -3)
@@ -100,6 +101,7 @@ def test_values_are_typed_and_all_or_none() -> None:
 def test_an_output_belongs_to_one_client() -> None:
     with running() as master, master.client() as first, master.client() as second:
         second.good("events on")
+        second.good("lease 0")
         first.good("lease 0")
         first.good(f"set {MODE}=1")
         assert "is written by client 1" in second.refused(f"set {MODE}=2", "FSN_E_CLOSED")

@@ -59,8 +59,8 @@ def test_values_of_one_set_are_in_one_cycle() -> None:
 
 def test_images_fit_the_layout() -> None:
     with running() as master, master.client() as client:
-        client.good(f"set {MODE}=-3")
         client.good("lease 0")
+        client.good(f"set {MODE}=-3")
         client.good("watch 1 --image")
         layout = client.good("layout")
         line = lines(client, "image", 5)[-1]

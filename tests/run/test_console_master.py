@@ -22,8 +22,8 @@ def console_of(master, **more):
 
 
 def test_outputs_stay_while_a_script_waits_and_fall_back_at_its_end(master):
-    console, lines = console_of(master, lease_ms=200)
-    script = f"set {OUTPUT} 1; wait 1s; expect {OUTPUT} 1; list {OUTPUT}"
+    console, lines = console_of(master, lease_ms=3000)
+    script = f"set {OUTPUT} 1; wait 4s; expect {OUTPUT} 1; list {OUTPUT}"
     console.run_script(script, "s")
     assert "you" in lines[-1]
     assert console.owned() == [OUTPUT]
@@ -60,6 +60,7 @@ def test_what_can_restart_a_machine_is_armed_first(master):
 def test_another_client_has_the_output(master):
     console, _ = console_of(master)
     with master.client() as other:
+        other.good("lease 0")
         other.good(f"set {OUTPUT}=3")
         with pytest.raises(ConsoleError, match=r"s:1:1: set: .*client"):
             console.run_script(f"set {OUTPUT} 1", "s")

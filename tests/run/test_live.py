@@ -110,16 +110,20 @@ def test_error_in_the_display_stops_the_threads():
 # The child interrupts itself once the run is under way, however slow the machine is. A job in the
 # background ignores the signal from birth on; Python then installs no handler of its own.
 _MAIN = """\
-import os, signal, threading
+import os, signal
 import fsoe_net.cli.run as command
 from fsoe_net.cli.main import main
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 run_live = command.run_live
 
-def interrupted(session, duration_ns, **options):
-    threading.Timer(1, os.kill, (os.getpid(), signal.SIGINT)).start()
-    return run_live(session, duration_ns, **options)
+def interrupted(session, duration_ns, *, on_update=None, **options):
+    def shown(*seen):
+        if on_update is not None:
+            on_update(*seen)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    return run_live(session, duration_ns, on_update=shown, **options)
 
 command.run_live = interrupted
 main()

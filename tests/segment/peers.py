@@ -21,6 +21,7 @@ from fsoe_net.plan import compile_plan, decode_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 
 DEADLINE_S = 20.0
+NO_FRAME = -1  # of SOEM: nothing came back in time
 
 
 class Devices:
@@ -81,10 +82,12 @@ def soem(devices, second=None):
     master = pysoem.Master()
     master.open("near", second)
     seen = {"found": master.config_init()}
+    if seen["found"] != devices.segment.size:
+        sys.exit(f"found {seen['found']} SubDevices")
     seen["identities"] = [[s.name, s.man, s.id] for s in master.slaves]
     master.config_map()
     seen["sizes"] = [[len(s.output), len(s.input)] for s in master.slaves]
-    seen["safeop"] = master.state_check(pysoem.SAFEOP_STATE, 500_000)
+    seen["safeop"] = master.state_check(pysoem.SAFEOP_STATE, 20_000_000)
     seen["vendor"] = int.from_bytes(master.slaves[-1].sdo_read(0x1018, 1), "little")
     master.send_processdata()
     master.receive_processdata(2000)
@@ -93,20 +96,25 @@ def soem(devices, second=None):
     copies = relay(devices)
     outputs = {n: bytearray(len(s.output)) for n, s in enumerate(master.slaves)}
     end = time.monotonic() + DEADLINE_S
-    cycles = good = 0
-    while time.monotonic() < end and not (devices.in_data() and cycles > 200):
+    back = good = 0
+    states = []
+    while not (good > 200 and set(states) == {pysoem.OP_STATE} and devices.in_data()):
+        if time.monotonic() > end:
+            sys.exit(f"never all in OP and in Data at once: {states}")
         for source, at, destination, to, size in copies:
             outputs[destination][to : to + size] = master.slaves[source].input[at : at + size]
         for n, data in outputs.items():
             master.slaves[n].output = bytes(data)
         master.send_processdata()
-        good += master.receive_processdata(2000) == master.expected_wkc
-        cycles += 1
+        counted = master.receive_processdata(2000)
+        back += counted != NO_FRAME  # a busy machine brings some too late
+        good += counted == master.expected_wkc
+        if good > 200 and devices.in_data():
+            master.read_state()
+            states = [s.state for s in master.slaves]
         time.sleep(0.0005)
-    seen["in_data"] = devices.in_data()  # once nothing is copied any more, it is over soon
-    master.read_state()
-    seen["states"] = [s.state for s in master.slaves]
-    seen["good"] = good / cycles
+    # Once nothing is copied any more, it is over soon: this was so at the end of the loop.
+    seen |= {"in_data": True, "states": states, "good": good / back}
     master.close()
     return seen
 
@@ -138,12 +146,15 @@ def kickcat(devices, second=""):
     bus.request_state(kick.State.OPERATIONAL)
     bus.wait_for_state(kick.State.OPERATIONAL, 3.0, cycle)
     end = time.monotonic() + DEADLINE_S
-    while time.monotonic() < end and not devices.in_data():
+    states = []
+    while not (set(states) == {"OP"} and devices.in_data()):
+        if time.monotonic() > end:
+            sys.exit(f"never all in OP and in Data at once: {states}")
         cycle()
+        states = [devices.segment.al_status(n).state for n in range(devices.segment.size)]
         time.sleep(0.0005)
-    seen["in_data"] = devices.in_data()  # once nothing is copied any more, it is over soon
-    seen["states"] = [devices.segment.al_status(n).state for n in range(devices.segment.size)]
-    return seen
+    # Once nothing is copied any more, it is over soon: this was so at the end of the loop.
+    return seen | {"in_data": True, "states": states}
 
 
 def main() -> None:
