@@ -18,6 +18,7 @@
 enum {
     BEFORE_MS = 5000,   /**< kept before the moment */
     AFTER_MS = 1000,    /**< and behind it */
+    LATE_MS = 1000,     /**< longer nobody waits for a cycle behind that */
     PAUSE_MS = 10000,   /**< between two that nobody asked for */
     PATIENCE_MS = 5000, /**< in OP and not in Data for so long */
     ANSWER_MS = 2000,   /**< longer nobody waits for the FSoE values of the SubDevices */
@@ -263,6 +264,23 @@ void fsn_control_bus_failed(struct fsn_control *control, const char *text) {
     (void)fsn_incident_begin(control, &trigger);
 }
 
+/** Where the cycle was held up as well, what it does next is of the window: the file waits for a
+ *  cycle behind its end, but not for one that stands still. */
+static bool is_over(struct fsn_control *control, uint64_t now_ns) {
+    struct fsn_incidents *in = control->incidents;
+    struct fsn_pending *p = &in->pending;
+    const uint64_t patience_ns = in->job != NULL ? ANSWER_MS * UINT64_C(1000000) : 0;
+    if (control->core == NULL) {
+        return true;
+    }
+    if (now_ns < p->until_ns + patience_ns) {
+        return false;
+    }
+    p->late_ns = p->late_ns == 0 ? now_ns : p->late_ns;
+    return control->statistics.now_ns >= p->until_ns ||
+           now_ns - p->late_ns >= LATE_MS * UINT64_C(1000000);
+}
+
 void fsn_incident_turn(struct fsn_control *control, uint64_t now_ns) {
     struct fsn_incidents *in = control->incidents;
     struct fsn_incident_result result;
@@ -277,9 +295,7 @@ void fsn_incident_turn(struct fsn_control *control, uint64_t now_ns) {
         in->looked_ns = now_ns;
         look_for_missing(control, now_ns);
     }
-    const uint64_t patience_ns = in->job != NULL ? ANSWER_MS * UINT64_C(1000000) : 0;
-    if (in->pending.active && in->file == NULL &&
-        (now_ns >= in->pending.until_ns + patience_ns || control->core == NULL)) {
+    if (in->pending.active && in->file == NULL && is_over(control, now_ns)) {
         finish(control);
     }
 }

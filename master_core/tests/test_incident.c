@@ -1,0 +1,147 @@
+/** The window of an incident ends with a cycle, not with a clock. No time passes here. */
+#define _GNU_SOURCE
+
+#include <dirent.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "control/incident.h"
+#include "control/incident_kept.h"
+#include "control/internal.h"
+#include "emulated_rig.h"
+
+enum { MS = 1000000 };
+
+struct rig {
+    struct emulated_rig on;
+    struct fsn_control *control;
+    char folder[32];
+};
+
+static void tell_status(void *self, struct fsn_control_status *status) {
+    (void)self;
+    *status = (struct fsn_control_status){.state = "running",
+                                          .backend = "emulated",
+                                          .plan_file = "plan",
+                                          .policy = "other",
+                                          .cycle_ns = MS};
+}
+
+static fsn_status grant(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+    (void)self;
+    (void)wish;
+    (void)refusal;
+    return FSN_OK;
+}
+
+static void swallow(void *self, enum fsn_log_level level, const char *text, const char *json,
+                    size_t json_bytes) {
+    (void)self;
+    (void)level;
+    (void)text;
+    (void)json;
+    (void)json_bytes;
+}
+
+static struct fsn_job *submitted;
+
+static void take_job(void *self, struct fsn_job *job) {
+    (void)self;
+    submitted = job;
+}
+
+static const struct fsn_control_host host = {
+    .status = tell_status, .wish = grant, .submit = take_job, .log = swallow};
+static const struct fsn_control_access nobody;
+
+static struct rig set_up(void) {
+    static const struct build_sm sm[2][2] = {{{1, 8}, {2, 8}}, {{1, 8}, {2, 8}}};
+    const struct build build = {.subdevices = 2, .sm = sm, .cycle_ns = MS};
+    struct rig rig = {.on = emulated_rig_build(&build), .folder = "/tmp/fsn-test-XXXXXX"};
+    struct fsn_refusal refusal;
+    CHECK(mkdtemp(rig.folder) != NULL);
+    CHECK(fsn_core_keep(rig.on.core, UINT64_C(10000) * MS, (size_t)8 << 20) == FSN_OK);
+    rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
+    CHECK(rig.control != NULL);
+    CHECK(fsn_control_keep_incidents(rig.control, rig.folder, &refusal) == FSN_OK);
+    fsn_control_attach(rig.control, rig.on.core);
+    return rig;
+}
+
+/** One cycle at a time of our choice, and what the control thread makes of it. */
+static void cycle_at(struct rig *rig, uint64_t now_ns) {
+    CHECK(fsn_core_cycle(rig->on.core, now_ns) == FSN_OK);
+    fsn_watch(rig->control, now_ns);
+}
+
+static bool is_kept_still(struct rig *rig, uint64_t now_ns) {
+    fsn_incident_turn(rig->control, now_ns);
+    return rig->control->incidents->pending.active;
+}
+
+static void begin_at(struct rig *rig, uint64_t now_ns) {
+    const struct fsn_trigger trigger = {.kind = "request", .now_ns = now_ns, .text = "a test"};
+    CHECK(fsn_incident_begin(rig->control, &trigger));
+    submitted->status = FSN_E_ABSENT; /* this bus has no objects */
+    fsn_control_job_done(rig->control, submitted);
+    CHECK(rig->control->incidents->job == NULL);
+}
+
+/** Returns how many files there were. */
+static int tear_down(struct rig *rig) {
+    fsn_control_free(rig->control); /* waits for the file */
+    emulated_rig_end(&rig->on);
+    char path[400];
+    int files = 0;
+    DIR *folder = opendir(rig->folder);
+    CHECK(folder != NULL);
+    for (struct dirent *entry = readdir(folder); entry != NULL; entry = readdir(folder)) {
+        if (entry->d_name[0] != '.') {
+            snprintf(path, sizeof path, "%s/%s", rig->folder, entry->d_name);
+            CHECK(unlink(path) == 0);
+            files++;
+        }
+    }
+    closedir(folder);
+    CHECK(rmdir(rig->folder) == 0);
+    return files;
+}
+
+static void a_cycle_that_was_held_up_is_waited_for(void) {
+    struct rig rig = set_up();
+    cycle_at(&rig, UINT64_C(1000) * MS);
+    begin_at(&rig, UINT64_C(1000) * MS);
+    cycle_at(&rig, UINT64_C(1400) * MS);
+    CHECK(is_kept_still(&rig, UINT64_C(1999) * MS));
+    CHECK(is_kept_still(&rig, UINT64_C(9000) * MS)); /* this thread was held up as well */
+    CHECK(is_kept_still(&rig, UINT64_C(9999) * MS));
+    cycle_at(&rig, UINT64_C(9999) * MS);
+    CHECK(!is_kept_still(&rig, UINT64_C(9999) * MS));
+    CHECK(tear_down(&rig) == 1);
+}
+
+static void a_cycle_that_stands_still_is_not(void) {
+    struct rig rig = set_up();
+    cycle_at(&rig, UINT64_C(1000) * MS);
+    begin_at(&rig, UINT64_C(1000) * MS);
+    CHECK(is_kept_still(&rig, UINT64_C(2000) * MS));
+    CHECK(is_kept_still(&rig, UINT64_C(2999) * MS));
+    CHECK(!is_kept_still(&rig, UINT64_C(3000) * MS));
+    CHECK(tear_down(&rig) == 1);
+}
+
+static void one_that_runs_is_not_either(void) {
+    struct rig rig = set_up();
+    cycle_at(&rig, UINT64_C(1000) * MS);
+    begin_at(&rig, UINT64_C(1000) * MS);
+    cycle_at(&rig, UINT64_C(2000) * MS);
+    CHECK(!is_kept_still(&rig, UINT64_C(2000) * MS));
+    CHECK(tear_down(&rig) == 1);
+}
+
+int main(void) {
+    a_cycle_that_was_held_up_is_waited_for();
+    a_cycle_that_stands_still_is_not();
+    one_that_runs_is_not_either();
+    return 0;
+}
