@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping
 
@@ -205,24 +206,29 @@ class Client(Link):
     ) -> Iterator[WatchedCycle]:
         """Yield every N-th cycle; arguments as `watch_on`. Ends after ``duration_s``, else never.
 
+        The time counts from when cycles are told. What has come is looked for once in any case.
+
         ``skipped`` of a cycle tells how many are missing before it. Reading it does not renew the
         lease; `renew` does.
 
         Raises:
             EnvironmentFault: No cycle has come for 5 s.
         """
-        until = None if duration_s is None else time.monotonic() + duration_s
         self.watch_on(*names, every=every, typed=typed, image=image)
+        left_s = math.inf if duration_s is None else duration_s
+        until = time.monotonic() + left_s
         try:
-            while until is None or time.monotonic() < until:
-                wait_s = _SILENT_S if until is None else min(_SILENT_S, until - time.monotonic())
-                found = self.watched(max(0.0, wait_s))
-                if not found and wait_s >= _SILENT_S:
+            while True:
+                found = self.watched(min(_SILENT_S, max(0.0, left_s)))
+                if not found and left_s >= _SILENT_S:
                     raise EnvironmentFault(
                         f"no cycle has come for {_SILENT_S:g} s on {self.path}; `status` says "
                         "whether the bus is stopped"
                     )
                 yield from found
+                left_s = until - time.monotonic()
+                if left_s <= 0:
+                    return
         finally:
             if not self.closed:
                 self.watch_off()

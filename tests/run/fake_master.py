@@ -140,8 +140,11 @@ class FakeMaster:
                 else:
                     self.asked.append(" ".join(words))
                 reply = self._reply(peer, number, words)
-                peer.sendall(json.dumps(reply, separators=(",", ":")).encode() + b"\n")
-                self._after(peer, words)
+                rows = [json.dumps(reply, separators=(",", ":"))]
+                rows += [json.dumps(row) for row in self._watched(words)]
+                # All at once: nothing may come between a reply and what belongs to it.
+                peer.sendall("".join(f"{row}\n" for row in rows).encode())
+                self._after(words)
         self._peers.pop(peer, None)
         for row in self.symbols:
             if row.get("client") == number:
@@ -187,18 +190,22 @@ class FakeMaster:
         } | {n: {"state": self.state} for n in ("start", "stop", "restart", "shutdown")}
         return {"ok": True} | answers.get(name, {})
 
-    def _after(self, peer, words):
-        """What comes behind a reply: watched cycles, changes of the state."""
-        if words[0] == "watch" and words[1] != "off":
-            names = [w for w in words[2:] if not w.startswith("--")]
-            for cycle in (10, 20, 50):
-                row = {"event": "values", "cycle": cycle, "now_ns": cycle, "values": {}}
-                row["values"] = {n: self.values.get(n, 0) for n in names}
-                if "--image" in words:
-                    row = {"event": "image", "cycle": cycle, "now_ns": cycle, "image": "0aff"}
-                    row |= {"expected_wkc": 3, "actual_wkc": 2}
-                row |= {"skipped": 2} if cycle == 50 else {}
-                peer.sendall(json.dumps(row).encode() + b"\n")
+    def _watched(self, words):
+        """Watched cycles, behind the reply."""
+        if words[0] != "watch" or words[1] == "off":
+            return
+        names = [w for w in words[2:] if not w.startswith("--")]
+        for cycle in (10, 20, 50):
+            row = {"event": "values", "cycle": cycle, "now_ns": cycle, "values": {}}
+            row["values"] = {n: self.values.get(n, 0) for n in names}
+            if "--image" in words:
+                row = {"event": "image", "cycle": cycle, "now_ns": cycle, "image": "0aff"}
+                row |= {"expected_wkc": 3, "actual_wkc": 2}
+            row |= {"skipped": 2} if cycle == 50 else {}
+            yield row
+
+    def _after(self, words):
+        """What comes behind a reply: changes of the state."""
         steps = {"start": ["opening", "running"], "stop": ["stopping", "stopped"]}
         steps["restart"] = steps["stop"] + steps["start"]
         for state in steps.get(words[0], []) if words[0] not in self.refuse else []:

@@ -1,6 +1,8 @@
 """Every request of the control protocol through its typed method."""
 
+import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from run.fake_master import fake_master
@@ -109,6 +111,14 @@ def test_a_bus_without_cycles_ends_the_watch(master, client, monkeypatch):
     monkeypatch.setattr("fsoe_net.run.client._SILENT_S", 0.05)
     with pytest.raises(EnvironmentFault, match="no cycle has come"):
         list(client.watch("drive_1.0x6041:00"))
+    assert [c.cycle for c in client.watch("drive_1.0x6041:00", duration_s=0.01)] == [10, 20, 50]
+
+
+def test_a_watch_that_is_held_up_yields_what_has_come(master, client, monkeypatch):
+    """The time is over at every look at the clock."""
+    clock = itertools.count(step=3600.0)
+    late = SimpleNamespace(monotonic=lambda: next(clock))
+    monkeypatch.setattr("fsoe_net.run.client.time", late)
     assert [c.cycle for c in client.watch("drive_1.0x6041:00", duration_s=0.01)] == [10, 20, 50]
 
 
