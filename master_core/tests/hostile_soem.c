@@ -23,6 +23,7 @@
 enum { SKIPPED = 77, ETHERCAT = 0x88A4, HEAD = 16, DATAGRAM_HEAD = 10, ROUND_MS = 400 };
 enum {
     CMD_FPWR = 5,
+    REG_SII = 0x0500,
     REG_AL_CONTROL = 0x0120,
     REG_SII_DATA = 0x0508,
     REG_MAILBOX = 0x0800,
@@ -32,7 +33,7 @@ enum {
 enum { REG_LINKS = 0x0110, REG_PORT_TIMES = 0x0900, REG_LATCHED = 0x0918 };
 
 /** What every answer says, whatever is damaged besides. */
-enum lie { NO_LIE, NO_LINKS, WILD_CLOCKS, ROUND_SII, NO_MAILBOX };
+enum lie { NO_LIE, NO_LINKS, WILD_CLOCKS, ROUND_SII, NO_MAILBOX, NO_SII };
 
 struct wire {
     struct fsn_segment *segment;
@@ -116,10 +117,13 @@ static void lie(uint8_t *frame, size_t len, unsigned what) {
 }
 
 /** Whether a frame is lost on its way there: those that set up the mailbox of a SubDevice, until it
- *  was asked for PREOP without one. */
+ *  was asked for PREOP without one; or those that read the SII of the second one. */
 static bool is_lost(struct wire *w, const uint8_t *frame) {
     const uint16_t address = (uint16_t)(frame[HEAD + 4] | frame[HEAD + 5] << 8);
     const unsigned which = frame[HEAD + 2] % ASKED;
+    if (atomic_load(&w->lie) == NO_SII) {
+        return which == 2 && address >= REG_SII && address < REG_SII + 16;
+    }
     if (frame[HEAD] != CMD_FPWR || atomic_load(&w->lie) != NO_MAILBOX) {
         return false;
     }
@@ -208,6 +212,28 @@ static bool opens(struct wire *w, struct fsn_plan *plan, enum lie what, unsigned
     return open;
 }
 
+/** A SubDevice whose SII does not come is told as one that could not be read, in good time, and not
+ *  as another one. */
+static bool tells_of_an_sii_that_does_not_come(struct wire *w, const struct fsn_plan *plan) {
+    const struct fsn_live_options options = {.interface = "near"};
+    const uint64_t end = now_ns() + PATIENCE_MS * UINT64_C(1000000);
+    bool told = false;
+    atomic_store(&w->lie, NO_SII);
+    while (!told && now_ns() < end) {
+        struct fsn_core *core;
+        struct fsn_fault fault;
+        void *bus;
+        CHECK(fsn_backend_soem()->create(&options, &bus, NULL) == FSN_OK);
+        const fsn_status status =
+            fsn_core_create(plan, fsn_backend_soem()->ops, bus, &core, &fault);
+        CHECK(status != FSN_OK && status != FSN_E_BUS_IDENTITY);
+        told = status == FSN_E_BUS_STATE && strstr(fault.detail, "SII could not be read") != NULL;
+        fsn_backend_soem()->free(bus);
+    }
+    atomic_store(&w->lie, NO_LIE);
+    return told;
+}
+
 int main(int argc, char **argv) {
     const unsigned rounds = argc > 1 ? (unsigned)atoi(argv[1]) : 4;
     if ((unshare(CLONE_NEWNET) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) ||
@@ -231,6 +257,7 @@ int main(int argc, char **argv) {
         atomic_store(&w.lie, what);
         (void)play(&w, plan, true, 0);
     }
+    CHECK(tells_of_an_sii_that_does_not_come(&w, plan));
     CHECK(opens(&w, plan, NO_MAILBOX, 0));
     for (unsigned i = 0; i < rounds; i++) {
         opened += play(&w, plan, i % 2 == 0, 2 + pick_own(&w, 60));

@@ -36,6 +36,20 @@ static void note_identity(struct fsn_soem *bus, struct node *node, uint32_t vend
     }
 }
 
+/** What SOEM could not read are zeros: nobody knows then whether it is another one. */
+static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, const ec_slavet *s) {
+    note_identity(bus, node, s->eep_man, s->eep_id, s->eep_rev);
+    if (node->seen.found == FSN_FOUND_RIGHT) {
+        return FSN_OK;
+    }
+    if (s->eep_man != 0 || s->eep_id != 0) {
+        return FSN_E_BUS_IDENTITY;
+    }
+    soem_note(bus, node, FSN_FOUND_UNKNOWN,
+              "its SII could not be read: frames were lost or late, or it is empty");
+    return FSN_E_BUS_STATE;
+}
+
 static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
     fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
     if (fault != NULL) {
@@ -61,8 +75,7 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
         } else {
             const ec_slavet *s = &bus->slaves[node->slave];
             bus->places[node->slave].node = (int)n;
-            note_identity(bus, node, s->eep_man, s->eep_id, s->eep_rev);
-            status = node->seen.found == FSN_FOUND_RIGHT ? FSN_OK : FSN_E_BUS_IDENTITY;
+            status = note_who_answers(bus, node, s);
         }
         if (status != FSN_OK && first == FSN_OK) {
             first = soem_refuse(fault, status, node);

@@ -3,7 +3,11 @@
 
 #ifdef FSN_SOEM_FROM_SOURCE
 
-enum { CATEGORIES = 0x80, END = 0xFFFF };
+enum {
+    CATEGORIES = 0x80,
+    END = 0xFFFF,
+    MOST_EMPTY = 16 /**< categories one behind the other with neither type nor length */
+};
 
 static uint16_t word_at(ecx_contextt *context, uint16_t slave, uint32_t at) {
     const uint8_t low = ecx_siigetbyte(context, slave, (uint16)at);
@@ -12,18 +16,22 @@ static uint16_t word_at(ecx_contextt *context, uint16_t slave, uint32_t at) {
 
 /** SOEM's own search goes back to where it was when a length makes its 16 bits wrap, and never ends
  *  then: one damaged answer is enough. Where SOEM is built from its source this one takes its place
- *  (weak.h), for all that SOEM reads of an SII. */
+ *  (weak.h), for all that SOEM reads of an SII. What could not be read are zeros: a SubDevice that
+ *  does not hear its address costs a time-out for each of them, minutes for all that fit. */
 int16 ecx_siifind(ecx_contextt *context, uint16 slave, uint16 cat) {
     const bool was_of_device = context->slavelist[slave].eep_pdi != 0;
     int16 found = 0;
-    for (uint32_t at = CATEGORIES; at + 4 <= EC_MAXEEPBUF && found == 0;) {
+    int empty = 0;
+    for (uint32_t at = CATEGORIES; at + 4 <= EC_MAXEEPBUF && found == 0 && empty < MOST_EMPTY;) {
         const uint16_t type = word_at(context, slave, at);
         if (type == cat) {
             found = (int16)(at + 2); /* where its length is */
         } else if (type == END) {
             break;
         }
-        at += 4 + 2u * word_at(context, slave, at + 2);
+        const uint16_t words = word_at(context, slave, at + 2);
+        empty = type == 0 && words == 0 ? empty + 1 : 0;
+        at += 4 + 2u * words;
     }
     if (was_of_device) {
         ecx_eeprom2pdi(context, slave);
