@@ -119,9 +119,10 @@ void tend_until_all_in_op(struct rig *rig) {
 }
 
 struct rig *bring_up_from(struct rig *rig) {
-    for (int tries = 0; open_bus(rig) != FSN_OK; tries++) {
+    const uint64_t end = now_ns() + OPEN_PATIENCE_MS * UINT64_C(1000000);
+    while (open_bus(rig) != FSN_OK) {
         fprintf(stderr, "%s: %s\n", rig->fault.rule, rig->fault.detail);
-        CHECK(tries < TRIES);
+        CHECK(now_ns() < end);
         close_bus(rig);
     }
     const struct fsn_thread_options thread = {.cycle_ns = 1000000};

@@ -8,7 +8,7 @@
 #include "fsn/live.h"
 #include "fsn/segment.h"
 
-enum { SUBDEVICES = 4, FRAME = 6, PATIENCE_MS = 20000, TRIES = 20 };
+enum { SUBDEVICES = 4, FRAME = 6, PATIENCE_MS = 20000, OPEN_PATIENCE_MS = 120000, TRIES = 20 };
 
 struct rig {
     uint8_t *bytes;

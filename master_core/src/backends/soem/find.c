@@ -42,11 +42,13 @@ static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, cons
     if (node->seen.found == FSN_FOUND_RIGHT) {
         return FSN_OK;
     }
-    if (s->eep_man != 0 || s->eep_id != 0) {
+    if (s->eep_man != 0 && s->eep_id != 0) {
         return FSN_E_BUS_IDENTITY;
     }
     soem_note(bus, node, FSN_FOUND_UNKNOWN,
-              "its SII could not be read: frames were lost or late, or it is empty");
+              "its SII could not be read (frames lost or late), or is empty: vendor 0x%08x "
+              "product 0x%08x",
+              (unsigned)s->eep_man, (unsigned)s->eep_id);
     return FSN_E_BUS_STATE;
 }
 
