@@ -11,7 +11,7 @@ from fsoe_net.cli.inputs import check_files, input_options, library_of, whole_ne
 from fsoe_net.cli.output import exit_code, print_diagnostics
 from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import InputError
-from fsoe_net.report import budget_document, budget_picture, budget_text
+from fsoe_net.report import budget_document, budget_picture, budget_text, measured_ms
 from fsoe_net.rules import check_timing
 from fsoe_net.timing import make_budget
 
@@ -138,12 +138,11 @@ def _measured(path: str) -> dict[str, float]:
     try:
         with open(path, encoding="utf-8") as stream:
             document = json.load(stream)
-        return {
-            str(c["name"]): float(c["fsoe_cycle_ms"]["max"])
-            for c in document["connections"]
-            if c["fsoe_cycle_ms"]["max"] is not None
+        times = {
+            str(c["name"]): measured_ms(c["fsoe_cycle_ms"]["max"]) for c in document["connections"]
         }
     except (ValueError, KeyError, TypeError, RecursionError) as exc:
         raise InputError(
             f"{path} is no result of a run; make one with fsoe-net run --format json"
         ) from exc
+    return {name: ms for name, ms in times.items() if ms is not None}

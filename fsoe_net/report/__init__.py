@@ -17,6 +17,7 @@ from fsoe_net.report.evidence import (
     LiveEvidence,
     ask_live,
     longest_round_trips,
+    measured_ms,
     read_evidence,
 )
 from fsoe_net.report.inputs import (
@@ -66,6 +67,7 @@ __all__ = [
     "compare",
     "longest_round_trips",
     "make_document",
+    "measured_ms",
     "pdf_library",
     "protocol_page",
     "read_evidence",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,7 @@ __all__ = [
     "RunRow",
     "ask_live",
     "longest_round_trips",
+    "measured_ms",
     "read_evidence",
 ]
 
@@ -129,7 +131,7 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
         mode=str(document["mode"]),
         backend=str((document.get("bus") or {}).get("backend", "emulated")),
         plan_sha256=str(document["plan_sha256"]),
-        duration_ms=float(document["duration_ms"]),
+        duration_ms=measured_ms(document["duration_ms"]) or 0.0,
         passed=document["result"] == "pass",
         cycles=int(statistics["cycles"]),
         overruns=int(statistics["overruns"]),
@@ -139,9 +141,9 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
             RunRow(
                 name=str(c["name"]),
                 state=str(c["state"]),
-                cycle_mean=_real(c["fsoe_cycle_ms"].get("mean")),
-                cycle_max=_real(c["fsoe_cycle_ms"].get("max")),
-                watchdog=_real(c["watchdog_ms"]),
+                cycle_mean=measured_ms(c["fsoe_cycle_ms"].get("mean")),
+                cycle_max=measured_ms(c["fsoe_cycle_ms"].get("max")),
+                watchdog=measured_ms(c["watchdog_ms"]),
                 resets=int(c["resets"]),
                 reset_text=str(c["last_reset_text"]),
             )
@@ -166,8 +168,16 @@ def _period(row: Mapping[str, Any]) -> Histogram | None:
     return Histogram(**values, buckets=buckets)
 
 
-def _real(value: Any) -> float | None:
-    return None if value is None else float(value)
+def measured_ms(value: Any) -> float | None:
+    """Return a time of a document, ms; ``None`` where nothing was measured.
+
+    Raises:
+        TypeError, ValueError: It is none. NaN above all: every comparison with it would pass.
+    """
+    ms = None if value is None else float(value)
+    if ms is not None and not 0 <= ms < math.inf:
+        raise ValueError(f"{value} is no time in ms")
+    return ms
 
 
 def ask_live(socket: str) -> LiveEvidence:

@@ -74,7 +74,21 @@ def test_wrong_options_are_usage(option: tuple[str, str], words: str) -> None:
     assert words in done.stderr
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"connections": [{}]}', "[" * 100_000])
+def _row(most: str) -> str:
+    rows = '{"connections": [{"name": "logic-io", "fsoe_cycle_ms": {"max": MOST}}]}'
+    return rows.replace("MOST", most)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        '{"connections": [{}]}',
+        "[" * 100_000,
+        *(_row(most) for most in ("NaN", "Infinity", "1e999", "-1", '"long"')),
+    ],
+)
 def test_what_is_no_run_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "run.json"
     path.write_text(text)
