@@ -99,7 +99,7 @@ def command(
     if template:
         made = make_proposal(inputs, answers)
         _refuse(made)
-        click.echo(answers_template(made, inputs), nl=False)
+        click.echo(answers_template(made, inputs, answers_file), nl=False)
         return
     asking = not no_input and sys.stdin.isatty()
     made = _answered(inputs, answers, asking=asking)

@@ -74,13 +74,24 @@ def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
     return (*lines, *facts, *proposal.remarks.get(number, ()))
 
 
-def answers_template(made: Made, inputs: Inputs) -> str:
-    """Return an answers file with everything that is open, as comments to be completed."""
+def answers_template(made: Made, inputs: Inputs, answered: str | None = None) -> str:
+    """Return an answers file with everything that is open, as comments to be completed.
+
+    Args:
+        made: The proposal so far.
+        inputs: What it was made from.
+        answered: File whose answers it has already; they are not in the text.
+    """
     lines = [
         "# Answers for `fsoe-net init`. Delete the # in front of what you know and complete it;",
         "# what you leave out stays open. Use: fsoe-net init FILES --answers THIS-FILE -o FOLDER",
         f"name: {made.name}",
     ]
+    if answered is not None:
+        lines = [
+            f"# What is open beside the answers in {answered}: complete it there. The answers",
+            "# themselves are not repeated here, so do not write this over that file.",
+        ]
     proposal = made.proposal
     if proposal is None or proposal.bus.cycle_us is None:
         lines += ["# cycle_us: 1000", ""]

@@ -328,6 +328,8 @@ def test_the_template_is_taken_as_it_is_and_when_completed(tmp_path: Path):
     answers.write_text(RING, "utf-8")
     files = devices(tmp_path)
     text = fsn("init", *files, "--answers", str(answers), "--answers-template").stdout
+    assert f"open beside the answers in {answers}" in text
+    assert "name: " not in text.splitlines()[2]  # it is in the answers
     plain = init(*files, out=tmp_path / "one", answers=text + RING)
     assert plain.returncode == 0, plain.stderr
     full = re.sub(r"^#   - ", "  - ", text.replace("# connections:", "connections:"), flags=re.M)
