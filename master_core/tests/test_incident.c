@@ -7,7 +7,7 @@
 
 #include "control/incident.h"
 #include "control/incident_kept.h"
-#include "control/internal.h"
+#include "control_host.h"
 #include "emulated_rig.h"
 
 enum { MS = 1000000 };
@@ -18,31 +18,6 @@ struct rig {
     char folder[32];
 };
 
-static void tell_status(void *self, struct fsn_control_status *status) {
-    (void)self;
-    *status = (struct fsn_control_status){.state = "running",
-                                          .backend = "emulated",
-                                          .plan_file = "plan",
-                                          .policy = "other",
-                                          .cycle_ns = MS};
-}
-
-static fsn_status grant(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
-    (void)self;
-    (void)wish;
-    (void)refusal;
-    return FSN_OK;
-}
-
-static void swallow(void *self, enum fsn_log_level level, const char *text, const char *json,
-                    size_t json_bytes) {
-    (void)self;
-    (void)level;
-    (void)text;
-    (void)json;
-    (void)json_bytes;
-}
-
 static struct fsn_job *submitted;
 
 static void take_job(void *self, struct fsn_job *job) {
@@ -50,9 +25,7 @@ static void take_job(void *self, struct fsn_job *job) {
     submitted = job;
 }
 
-static const struct fsn_control_host host = {
-    .status = tell_status, .wish = grant, .submit = take_job, .log = swallow};
-static const struct fsn_control_access nobody;
+static struct fsn_control_host host;
 
 static struct rig set_up(void) {
     static const struct build_sm sm[2][2] = {{{1, 8}, {2, 8}}, {{1, 8}, {2, 8}}};
@@ -61,6 +34,7 @@ static struct rig set_up(void) {
     struct fsn_refusal refusal;
     CHECK(mkdtemp(rig.folder) != NULL);
     CHECK(fsn_core_keep(rig.on.core, UINT64_C(10000) * MS, (size_t)8 << 20) == FSN_OK);
+    host = test_host(take_job);
     rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(rig.control != NULL);
     CHECK(fsn_control_keep_incidents(rig.control, rig.folder, &refusal) == FSN_OK);

@@ -7,7 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "control/internal.h"
+#include "control_host.h"
 #include "emulated_rig.h"
 
 enum { LEASE_MS = 60000 };
@@ -19,30 +19,6 @@ struct rig {
     int peer; /**< the client's end */
     struct pollfd fds[FSN_CONTROL_FDS];
 };
-
-static void tell_status(void *self, struct fsn_control_status *status) {
-    (void)self;
-    *status = (struct fsn_control_status){.state = "running", .cycle_ns = 1000000};
-}
-
-static fsn_status grant(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
-    (void)self;
-    (void)wish;
-    (void)refusal;
-    return FSN_OK;
-}
-
-static void swallow(void *self, enum fsn_log_level level, const char *text, const char *json,
-                    size_t json_bytes) {
-    (void)self;
-    (void)level;
-    (void)text;
-    (void)json;
-    (void)json_bytes;
-}
-
-static const struct fsn_control_host host = {.status = tell_status, .wish = grant, .log = swallow};
-static const struct fsn_control_access nobody;
 
 static void say(struct rig *rig, const char *line) {
     CHECK(write(rig->peer, line, strlen(line)) == (ssize_t)strlen(line));
@@ -61,6 +37,8 @@ static bool holds_its_output(struct rig *rig) {
     return fsn_outputs_state(rig->control->outputs, 0).owner == rig->client->number;
 }
 
+static struct fsn_control_host host;
+
 static struct rig *set_up(void) {
     static const struct build_sm sm[2][2] = {{{1, 8}, {2, 8}}, {{1, 8}, {2, 8}}};
     static const struct build_symbol symbols[] = {{.sm = 0, .bits = 32}};
@@ -69,6 +47,7 @@ static struct rig *set_up(void) {
     static struct rig rig;
     int ends[2];
     rig = (struct rig){.on = emulated_rig_build(&build)};
+    host = test_host(NULL);
     rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(rig.control != NULL);
     fsn_control_attach(rig.control, rig.on.core);

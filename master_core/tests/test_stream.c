@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#include "control/internal.h"
+#include "control_host.h"
 #include "emulated_rig.h"
 
 enum { KEPT = 64, SM_BYTES = 1000 };
@@ -18,29 +18,7 @@ struct rig {
     uint64_t lines, skipped; /**< seen so far */
 };
 
-static void tell_status(void *self, struct fsn_control_status *status) {
-    (void)self;
-    *status = (struct fsn_control_status){.state = "running", .cycle_ns = 1000000};
-}
-
-static fsn_status grant(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
-    (void)self;
-    (void)wish;
-    (void)refusal;
-    return FSN_OK;
-}
-
-static void swallow(void *self, enum fsn_log_level level, const char *text, const char *json,
-                    size_t json_bytes) {
-    (void)self;
-    (void)level;
-    (void)text;
-    (void)json;
-    (void)json_bytes;
-}
-
-static const struct fsn_control_host host = {.status = tell_status, .wish = grant, .log = swallow};
-static const struct fsn_control_access nobody;
+static struct fsn_control_host host;
 
 static struct rig set_up(void) {
     static const struct build_sm sm[2][2] = {{{1, SM_BYTES}, {2, SM_BYTES}}, {{1, 8}, {2, 8}}};
@@ -50,6 +28,7 @@ static struct rig set_up(void) {
     struct rig rig = {.on = emulated_rig_build(&build), .next = 1};
     CHECK(fsn_core_keep(rig.on.core, (KEPT - 1) * 1000, (size_t)1 << 20) == FSN_OK);
     CHECK(fsn_core_kept_cycles(rig.on.core) == KEPT);
+    host = test_host(NULL);
     rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(rig.control != NULL);
     fsn_control_attach(rig.control, rig.on.core);

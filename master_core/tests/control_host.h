@@ -1,0 +1,41 @@
+/** A host for tests of the control socket: the bus runs, every wish is granted, nothing is logged.
+ */
+#ifndef FSN_TEST_CONTROL_HOST_H
+#define FSN_TEST_CONTROL_HOST_H
+
+#include "control/internal.h"
+
+static inline void host_status(void *self, struct fsn_control_status *status) {
+    (void)self;
+    *status = (struct fsn_control_status){.state = "running",
+                                          .backend = "emulated",
+                                          .plan_file = "plan",
+                                          .policy = "other",
+                                          .cycle_ns = 1000000};
+}
+
+static inline fsn_status host_grants(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+    (void)self;
+    (void)wish;
+    (void)refusal;
+    return FSN_OK;
+}
+
+static inline void host_is_silent(void *self, enum fsn_log_level level, const char *text,
+                                  const char *json, size_t json_bytes) {
+    (void)self;
+    (void)level;
+    (void)text;
+    (void)json;
+    (void)json_bytes;
+}
+
+static const struct fsn_control_access nobody; /**< nobody else may connect */
+
+/** @param[in] submit  takes acyclic jobs; NULL: there are none. */
+static inline struct fsn_control_host test_host(void (*submit)(void *, struct fsn_job *)) {
+    return (struct fsn_control_host){
+        .status = host_status, .wish = host_grants, .submit = submit, .log = host_is_silent};
+}
+
+#endif
