@@ -82,16 +82,7 @@ def answers_template(made: Made, inputs: Inputs, answered: str | None = None) ->
         inputs: What it was made from.
         answered: File whose answers it has already; they are not in the text.
     """
-    lines = [
-        "# Answers for `fsoe-net init`. Delete the # in front of what you know and complete it;",
-        "# what you leave out stays open. Use: fsoe-net init FILES --answers THIS-FILE -o FOLDER",
-        f"name: {made.name}",
-    ]
-    if answered is not None:
-        lines = [
-            f"# What is open beside the answers in {answered}: complete it there. The answers",
-            "# themselves are not repeated here, so do not write this over that file.",
-        ]
+    lines = _template_head(made.name, answered)
     proposal = made.proposal
     if proposal is None or proposal.bus.cycle_us is None:
         lines += ["# cycle_us: 1000", ""]
@@ -120,6 +111,19 @@ def answers_template(made: Made, inputs: Inputs, answered: str | None = None) ->
         rows += [line for q in questions[Ask.CONNECTIONS] for line in _open_connection(q)]
         lines += ["# connections:", *rows] if rows else []
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _template_head(name: str, answered: str | None) -> list[str]:
+    if answered is not None:
+        return [
+            f"# What is open beside the answers in {answered}: complete it there. The answers",
+            "# themselves are not repeated here, so do not write this over that file.",
+        ]
+    return [
+        "# Answers for `fsoe-net init`. Delete the # in front of what you know and complete it;",
+        "# what you leave out stays open. Use: fsoe-net init FILES --answers THIS-FILE -o FOLDER",
+        f"name: {name}",
+    ]
 
 
 def _open_connection(question: Question) -> list[str]:
