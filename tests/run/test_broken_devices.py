@@ -1,7 +1,6 @@
 """`fsoe-net campaign` with devices, modules and disks that break: one sentence each."""
 
 import json
-import multiprocessing
 import os
 import re
 import subprocess
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from networks import EXAMPLES, example
+from run.children import none_left
 
 from fsoe_net.cli import campaign as command_module
 from fsoe_net.cli.main import main
@@ -219,7 +219,7 @@ def test_progress_is_told_within_the_pieces_of_other_processes(monkeypatch):
     assert len(seen) > 1  # it is one piece
     assert seen == sorted(set(seen))
     assert seen[-1] == 3000
-    assert not multiprocessing.active_children()
+    assert none_left()
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,11 @@
 import dataclasses
 import gc
 import json
-import multiprocessing
 import sys
 
 import pytest
 from networks import EXAMPLES, example
+from run.children import none_left
 
 from fsoe_net.cli.main import main
 from fsoe_net.errors import EnvironmentFault, InputError
@@ -99,7 +99,7 @@ def test_interruption_leaves_no_process(monkeypatch):
     assert result.interrupted
     assert result.classes[0].injected == 50
     gc.collect()
-    assert not multiprocessing.active_children()
+    assert none_left()
 
 
 def test_devices_that_raise_are_named_also_from_another_process():
