@@ -72,37 +72,34 @@ static bool is_between(const struct fsn_plan *plan, uint32_t sm, uint16_t index,
     return false;
 }
 
-/** Whether an object is mapped into an FSoE frame: what it holds is safe data, command or CRC. */
-static bool is_in_frame(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index) {
-    struct fsn_block_info block;
-    struct fsn_sm_info sm;
-    for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {
-        if (fsn_plan_sm(plan, block.sm, &sm) == FSN_OK && sm.subdevice == subdevice &&
-            is_between(plan, block.sm, index, 8 * block.byte_offset,
-                       8 * (block.byte_offset + block.frame_bytes))) {
-            return true;
-        }
-    }
-    return false;
+/** Whether an object holds parameters, information or diagnosis (0x8nnx to 0xAnnx) of the module
+ *  whose frame at a byte of a sync manager is mapped from 0x6nnx or 0x7nnx. */
+static bool is_of_module(const struct fsn_plan *plan, const struct fsn_block_info *frame,
+                         uint16_t index) {
+    const uint16_t parameters =
+        fsn_parameter_object(fsn_object_at(plan, frame->sm, 8 * frame->byte_offset));
+    return parameters >> 12 == 9 && index >> 12 >= 8 && index >> 12 <= 0xA &&
+           (index & 0xFF0) == (parameters & 0xFF0);
 }
 
-/** Whether an object holds parameters, information or diagnosis of the module (0x8nnx to 0xAnnx)
- *  whose FSoE frame is mapped from 0x6nnx or 0x7nnx. */
-static bool is_of_frame_module(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index) {
-    struct fsn_block_info block;
+/** What an object has to do with the FSoE frames of a SubDevice; NULL: nothing. */
+static const char *find_in_frames(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index) {
+    struct fsn_block_info frame;
     struct fsn_sm_info sm;
-    for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {
-        if (fsn_plan_sm(plan, block.sm, &sm) != FSN_OK || sm.subdevice != subdevice) {
+    for (uint32_t i = 0; fsn_plan_block(plan, i, &frame) == FSN_OK; i++) {
+        if (fsn_plan_sm(plan, frame.sm, &sm) != FSN_OK || sm.subdevice != subdevice) {
             continue;
         }
-        const uint16_t parameters =
-            fsn_parameter_object(fsn_object_at(plan, block.sm, 8 * block.byte_offset));
-        if (parameters >> 12 == 9 && index >> 12 >= 8 && index >> 12 <= 0xA &&
-            (index & 0xFF0) == (parameters & 0xFF0)) {
-            return true;
+        if (is_between(plan, frame.sm, index, 8 * frame.byte_offset,
+                       8 * (frame.byte_offset + frame.frame_bytes))) {
+            return "it is mapped into an FSoE frame";
+        }
+        if (is_of_module(plan, &frame, index)) {
+            return "it belongs to the module of an FSoE frame: its project and its own tool write "
+                   "it";
         }
     }
-    return false;
+    return NULL;
 }
 
 const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index,
@@ -111,11 +108,8 @@ const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uin
     if (why == NULL && carries_safety(plan, subdevice)) {
         why = find(safety, sizeof safety / sizeof safety[0], index);
     }
-    if (why == NULL && index != 0 && is_in_frame(plan, subdevice, index)) {
-        why = "it is mapped into an FSoE frame";
-    }
-    if (why == NULL && is_of_frame_module(plan, subdevice, index)) {
-        why = "it belongs to the module of an FSoE frame: its project and its own tool write it";
+    if (why == NULL && index != 0) {
+        why = find_in_frames(plan, subdevice, index);
     }
     if (why == NULL && bus_runs) {
         why = find(running, sizeof running / sizeof running[0], index);
