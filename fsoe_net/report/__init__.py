@@ -39,7 +39,7 @@ from fsoe_net.report.sign_off import (
     read_signed_report,
     sign_off,
 )
-from fsoe_net.report.write import FORMATS, render_report, render_report_pdf
+from fsoe_net.report.write import FORMATS, render_report
 from fsoe_net.report.write_pdf import pdf_library, report_pdf
 
 __all__ = [
@@ -73,7 +73,6 @@ __all__ = [
     "read_evidence",
     "read_signed_report",
     "render_report",
-    "render_report_pdf",
     "report_pdf",
     "side_of_description",
     "side_of_network",

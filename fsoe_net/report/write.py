@@ -10,9 +10,8 @@ from fsoe_net.report.make import make_document
 from fsoe_net.report.write_html import report_html
 from fsoe_net.report.write_json import report_json
 from fsoe_net.report.write_markdown import report_markdown
-from fsoe_net.report.write_pdf import report_pdf
 
-__all__ = ["FORMATS", "render_report", "render_report_pdf"]
+__all__ = ["FORMATS", "render_report"]
 
 FORMATS: Mapping[str, Callable[[Document], str]] = {
     "html": report_html,
@@ -29,12 +28,3 @@ def render_report(inputs: ReportInputs, form: str = "html") -> str:
         KeyError: There is no such form.
     """
     return FORMATS[form](make_document(inputs))
-
-
-def render_report_pdf(inputs: ReportInputs) -> bytes:
-    """Return the report as PDF: the HTML form, printed.
-
-    Raises:
-        InputError: The extra ``pdf`` is not installed.
-    """
-    return report_pdf(make_document(inputs))

@@ -13,7 +13,7 @@ from cli.tool import fsn
 from report.made import TIMED, inputs_of
 
 from fsoe_net.errors import InputError
-from fsoe_net.report import pdf_library, render_report, render_report_pdf
+from fsoe_net.report import make_document, pdf_library, render_report, report_pdf
 from fsoe_net.report.write_pdf import _for_print
 
 try:
@@ -67,9 +67,9 @@ def test_for_print_each_picture_has_its_own_rules_and_plain_colours():
 def test_the_same_report_gives_the_same_bytes_with_head_and_number_on_each_page(tmp_path: Path):
     inputs = inputs_of(TIMED)
     level = logging.getLogger("weasyprint").level
-    pdf = render_report_pdf(inputs)
+    pdf = report_pdf(make_document(inputs))
     assert logging.getLogger("weasyprint").level == level
-    assert pdf == render_report_pdf(inputs)
+    assert pdf == report_pdf(make_document(inputs))
     assert pdf.startswith(b"%PDF-")
     for word in (b"/CreationDate", b"/ModDate"):
         assert word not in pdf
