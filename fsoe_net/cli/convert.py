@@ -28,6 +28,7 @@ from fsoe_net.save import (
     DriverVersion,
     Written,
     describe,
+    eni_notes,
     own_words_lost,
     write_c_header,
     write_driver,
@@ -52,7 +53,7 @@ _Writer = Callable[[Description, str], Written]
 
 def _eni(description: Description, file: str) -> Written:
     facts = any(c.address is not None or c.watchdog_ms for c in description.connections)
-    notes = ["mailbox addresses are not in this file", *own_words_lost(description, nets=True)]
+    notes = [*eni_notes(description), *own_words_lost(description, nets=True)]
     if facts:
         notes.append("addresses and watchdogs of connections are not in this file")
     return Written(files={file: write_eni(description)}, notes=tuple(notes))
@@ -121,7 +122,7 @@ def command(files: tuple[str, ...], output: str, source: str | None, target: str
         _write({output: renewed_eni(description, given, notes)}, Path())
         _tell(output, description, 1, notes)
         return
-    description = _read(files, kind, notes)
+    description = _read(files, kind, notes, starts=chosen == "eni")
     notes += [
         f"{s.name or s.order or 'a SubDevice'}: {n}"
         for s in description.subdevices
@@ -178,7 +179,10 @@ def _target(output: str) -> str:
 # -- input ----------------------------------------------------------------------------------------
 
 
-def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> Description:
+def _read(
+    files: tuple[str, ...], kind: InputKind | None, notes: list[str], *, starts: bool = False
+) -> Description:
+    """Read and join the files; with ``starts`` also what an ESI says about starting a device."""
     out = Collector()
     kinds = [(f, kind or find_kind(f, out)) for f in map(_file_of, dict.fromkeys(files))]
     buses: list[Description] = []
@@ -194,7 +198,8 @@ def _read(files: tuple[str, ...], kind: InputKind | None, notes: list[str]) -> D
         (buses if is_bus else types).insert(0, made)
     _refuse_errors(out)
     bus = join_buses(buses, notes) if buses else None
-    types += _read_esi([f for f, k in kinds if k is InputKind.ESI], bus, out, notes)
+    esis = [f for f, k in kinds if k is InputKind.ESI]
+    types += _read_esi(esis, bus, out, notes, starts=starts)
     _refuse_errors(out)
     print_diagnostics(sort_diagnostics(out.diagnostics), err=True)
     if bus is not None:
@@ -226,19 +231,23 @@ def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:
 
 
 def _read_esi(
-    files: list[str], bus: Description | None, out: Collector, notes: list[str]
+    files: list[str], bus: Description | None, out: Collector, notes: list[str], *, starts: bool
 ) -> list[Description]:
-    """Return the devices that the bus lacks; without a bus all of each file."""
+    """Return the devices that the bus lacks; without a bus all of each file.
+
+    With ``starts`` also devices whose process data are known: those a file lacks are no finding.
+    """
     types = []
     for file in files:
         if bus is None:
-            made = load_foreign(file, InputKind.ESI, out)
+            found = [load_foreign(file, InputKind.ESI, out)]
         else:
             lacking = [s for s in bus.subdevices if not has_layout(s.device)]
-            made = load_devices(file, lacking, out)
-            if made is None:
+            known = [s for s in bus.subdevices if has_layout(s.device)] if starts else []
+            found = [load_devices(file, lacking, out), load_devices(file, known, Collector())]
+            if found == [None, None]:
                 notes.append(f"{file}: no SubDevice needs a device of it")
-        types += [] if made is None else [made]
+        types += [made for made in found if made is not None]
     return types
 
 

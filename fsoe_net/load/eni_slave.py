@@ -11,12 +11,15 @@ from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import xml_number
 from fsoe_net.load.xml_tree import Element
 from fsoe_net.model import (
+    ClockFacts,
     DescribedSubDevice,
     Device,
     Direction,
     Entry,
+    MailboxFacts,
     Pdo,
     Sdo,
+    StartFacts,
     SyncManager,
     Watchdog,
 )
@@ -29,9 +32,11 @@ _DC_ACTIVATION = 0x0980
 _SM_REGISTERS = range(0x0800, 0x0900)  # an FMMU that maps these carries mailbox states
 _TYPES = {"outputs": Direction.OUTPUT, "inputs": Direction.INPUT}
 _WATCHDOG_BIT = 0x40
+_PROTOCOLS = ("AoE", "EoE", "CoE", "FoE", "SoE", "VoE")
 _WRITES = (2, 5)  # APWR, FPWR
 _DOWNLOADS = (1, 2)
-_ASSIGNMENT = (range(0x1600, 0x1800), range(0x1A00, 0x1C00), range(0x1C10, 0x1C30))
+_ASSIGNED = range(0x1C10, 0x1C30)
+_ASSIGNMENT = (range(0x1600, 0x1800), range(0x1A00, 0x1C00), _ASSIGNED)
 _FORMATS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
 
 
@@ -66,6 +71,7 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
     if hot:
         notes.append("it belongs to a group that comes and goes, and has no ring position")
     dc = element.first("DC")
+    sdos, objects = _sdos(element, out, notes)
     if dc is not None and not activate:
         notes.append("it has a DC section, but no start-up command writes register 0x0980")
     device = Device(
@@ -75,8 +81,9 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
         product_code=_needed(info, "ProductCode", out),
         assign_activate=activate,
         sync_managers=managers,
-        sdos=_sdos(element, out, notes),
+        sdos=sdos,
     )
+    revision = xml_number(info.first("RevisionNo"), out)
     described = DescribedSubDevice(
         span=info.span,
         fields={c.name: c.value_span for c in info.children},
@@ -84,9 +91,19 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
         position=None if hot else _position(info, number, out),
         device=device,
         available=tuple(p for p in available if p.index not in assigned),
-        revision=xml_number(info.first("RevisionNo"), out),
-        serial=xml_number(info.first("SerialNo"), out),
+        revision=revision,
+        serial=xml_number(info.first("SerialNo"), out) or None,  # 0: any
         notes=tuple(notes),
+        start=StartFacts(
+            revision=revision,
+            physics=_text(info.first("Physics"))[:4],
+            mailbox=_mailbox(element.first("Mailbox")),
+            clock=_clock(dc),
+            starts=_of_managers(process_data, "StartAddress", 0xFFFF),
+            controls=_of_managers(process_data, "ControlByte", 0xFF),
+            assigns=any(index in _ASSIGNED for index, _ in objects),
+            maps=frozenset(i for i, sub in objects if sub and i not in _ASSIGNED),
+        ),
     )
     windows = () if process_data is None else tuple(read_windows(process_data, out))
     return EniSlave(
@@ -96,6 +113,45 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
 
 def _text(element: Element | None) -> str:
     return "" if element is None else element.text.strip()
+
+
+def _of_managers(process_data: Element | None, name: str, high: int) -> dict[int, int]:
+    """Return the numbers of sync managers; `_manager` reports those that are wrong."""
+    rows = {}
+    for number in range(_MAX_SM + 1):
+        sm = None if process_data is None else process_data.first(f"Sm{number}")
+        value = None if sm is None else xml_number(sm.first(name), Collector(), high=high)
+        if value is not None:
+            rows[number] = value
+    return rows
+
+
+def _mailbox(element: Element | None) -> MailboxFacts | None:
+    out = Collector()  # no rule reads a mailbox, so an odd one is no finding
+    windows = []
+    for names in (("Send",), ("Recv", "Receive")):
+        window = next((w for n in names if element is not None and (w := element.first(n))), None)
+        start = None if window is None else xml_number(window.first("Start"), out, high=0xFFFF)
+        size = None if window is None else xml_number(window.first("Length"), out, high=0xFFFF)
+        windows.append((start, size) if start is not None and size else None)
+    if element is None or windows[0] is None or windows[1] is None:
+        return None
+    return MailboxFacts(
+        to_sub=windows[0],
+        from_sub=windows[1],
+        protocols=tuple(
+            dict.fromkeys(t for p in element.all("Protocol") if (t := _text(p)) in _PROTOCOLS)
+        ),
+    )
+
+
+def _clock(element: Element | None) -> ClockFacts | None:
+    out = Collector()
+    cycle = None if element is None else xml_number(element.first("CycleTime0"), out)
+    if element is None or cycle is None:
+        return None
+    shift = xml_number(element.first("ShiftTime"), out, low=-0x80000000)
+    return ClockFacts(cycle_ns=cycle, shift_ns=shift or 0)
 
 
 def _needed(info: Element, name: str, out: Collector) -> int:
@@ -297,22 +353,27 @@ def _fmmu(data: bytes) -> Fmmu | None:
     )
 
 
-def _sdos(element: Element, out: Collector, notes: list[str]) -> tuple[Sdo, ...]:
-    """Return the CoE start-up SDOs; what sets PDOs is left out, the PDO lists say the same."""
+def _sdos(
+    element: Element, out: Collector, notes: list[str]
+) -> tuple[tuple[Sdo, ...], set[tuple[int, int]]]:
+    """Return the CoE start-up SDOs without those that set PDOs, and the objects of the latter."""
     mailbox = element.first("Mailbox")
     coe = None if mailbox is None else mailbox.first("CoE")
     commands = None if coe is None else coe.first("InitCmds")
     sdos: list[Sdo] = []
     assigning = other = 0
+    objects: set[tuple[int, int]] = set()
     for cmd in commands.all("InitCmd") if commands is not None else ():
         ccs = xml_number(cmd.first("Ccs"), out, high=0xFF)
         index = xml_number(cmd.first("Index"), out, high=0xFFFF)
         if index is None or (ccs is not None and ccs not in _DOWNLOADS):
             other += 1
             continue
+        subindex = xml_number(cmd.first("SubIndex"), out, high=0xFF) or 0
         data = _hex(cmd.first("Data"), out)
         if any(index in group for group in _ASSIGNMENT):
             assigning += 1
+            objects.add((index, max(subindex, int(_is_complete(cmd)))))
         elif len(data) not in _FORMATS or _is_complete(cmd):
             other += 1
         else:
@@ -320,7 +381,7 @@ def _sdos(element: Element, out: Collector, notes: list[str]) -> tuple[Sdo, ...]
                 Sdo(
                     span=cmd.span,
                     index=index,
-                    subindex=xml_number(cmd.first("SubIndex"), out, high=0xFF) or 0,
+                    subindex=subindex,
                     size_bytes=len(data),
                     value=int(struct.unpack(_FORMATS[len(data)], data)[0]),
                 )
@@ -329,7 +390,7 @@ def _sdos(element: Element, out: Collector, notes: list[str]) -> tuple[Sdo, ...]
         notes.append(f"{assigning} start-up SDOs that assign PDOs are left out: the lists say it")
     if other:
         notes.append(f"{other} start-up commands are no plain download of 1, 2, 4 or 8 bytes")
-    return tuple(sdos)
+    return tuple(sdos), objects
 
 
 def _is_complete(cmd: Element) -> bool:

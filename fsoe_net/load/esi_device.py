@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fsoe_net.diag import Related, Severity, Span
 from fsoe_net.load.esi_catalogue import EsiRow
 from fsoe_net.load.esi_parts import EsiPdo, PartReader, SlotPlace, flag, name_of, slot_places
+from fsoe_net.load.esi_start import esi_start
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import esi_number
 from fsoe_net.load.xml_tree import Element
@@ -124,6 +125,7 @@ class _DeviceReader:
             module_ident=tuple(idents),
             notes=tuple(dict.fromkeys(self._notes))[:_MAX_NOTES],
             facts=self._facts(pdos),
+            start=esi_start(self._element, row.revision, pdos),
             span=self._element.span,
         )
 

@@ -31,12 +31,15 @@ from fsoe_net.model.bus import (
     Watchdog,
 )
 from fsoe_net.model.description import (
+    ClockFacts,
     DescribedConnection,
     DescribedCopy,
     DescribedEnd,
     DescribedSubDevice,
     Description,
+    MailboxFacts,
     PdoFacts,
+    StartFacts,
     TypeFacts,
 )
 from fsoe_net.model.detect import (
@@ -126,6 +129,7 @@ __all__ = [
     "Answers",
     "Ask",
     "AtMachine",
+    "ClockFacts",
     "Connection",
     "ConnectionFacts",
     "ConnectionTrouble",
@@ -159,6 +163,7 @@ __all__ = [
     "LibraryMapping",
     "Located",
     "LogicChoice",
+    "MailboxFacts",
     "MatchedProject",
     "Miss",
     "Net",
@@ -194,6 +199,7 @@ __all__ = [
     "SignedBy",
     "SmLayout",
     "SourceFile",
+    "StartFacts",
     "Step",
     "StepKind",
     "SubDevice",

@@ -12,12 +12,15 @@ from dataclasses import dataclass, field, replace
 from fsoe_net.model.bus import Device, Direction, Located, Pdo
 
 __all__ = [
+    "ClockFacts",
     "DescribedConnection",
     "DescribedCopy",
     "DescribedEnd",
     "DescribedSubDevice",
     "Description",
+    "MailboxFacts",
     "PdoFacts",
+    "StartFacts",
     "TypeFacts",
 ]
 
@@ -61,6 +64,68 @@ class TypeFacts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MailboxFacts:
+    """The mailbox of a SubDevice.
+
+    Attributes:
+        to_sub: First byte in the memory of the SubDevice and length in bytes, towards it.
+        from_sub: The same for the way back.
+        protocols: ``CoE``, ``FoE`` and so on, in the order of the source.
+    """
+
+    to_sub: tuple[int, int]
+    from_sub: tuple[int, int]
+    protocols: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockFacts:
+    """Times of the distributed clock.
+
+    Attributes:
+        cycle_ns: Period of SYNC0; 0: the bus cycle, changed by ``factor``.
+        factor: Multiplies the bus cycle; a negative one divides it.
+        shift_ns: Shift of SYNC0.
+    """
+
+    cycle_ns: int = 0
+    factor: int = 1
+    shift_ns: int = 0
+
+    def period_ns(self, cycle_us: int) -> int:
+        """Return the period of SYNC0 for a bus cycle in microseconds."""
+        if self.cycle_ns:
+            return self.cycle_ns
+        cycle = 1000 * cycle_us
+        return cycle // -self.factor if self.factor < 0 else cycle * max(self.factor, 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartFacts:
+    """What a MainDevice needs to start a SubDevice, beyond its process data.
+
+    Attributes:
+        revision: Revision these facts are of; ``None`` where the source has none.
+        physics: Media of its ports in the letters of ESI and ENI, such as ``YY`` or ``YKY``.
+        mailbox: ``None`` when it has none.
+        clock: ``None`` when the source has none.
+        starts: First byte of sync managers by number.
+        controls: Control byte of sync managers by number.
+        assigns: Its PDOs are assigned by start-up SDOs.
+        maps: PDOs whose entries are written by start-up SDOs.
+    """
+
+    revision: int | None = None
+    physics: str = ""
+    mailbox: MailboxFacts | None = None
+    clock: ClockFacts | None = None
+    starts: Mapping[int, int] = field(default_factory=dict)
+    controls: Mapping[int, int] = field(default_factory=dict)
+    assigns: bool = False
+    maps: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DescribedSubDevice(Located):
     """One SubDevice, or one device type.
 
@@ -78,6 +143,7 @@ class DescribedSubDevice(Located):
         truncated: The source ends in the middle of this SubDevice.
         notes: What a reader had to assume, in words, for people.
         facts: What is said beside the process data; no part of a comparison.
+        start: What a MainDevice needs to start it; ``None`` where no source says; not compared.
     """
 
     name: str = ""
@@ -93,6 +159,7 @@ class DescribedSubDevice(Located):
     truncated: bool = False
     notes: tuple[str, ...] = ()
     facts: TypeFacts = field(default_factory=TypeFacts, compare=False)
+    start: StartFacts | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

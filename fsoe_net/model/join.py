@@ -132,11 +132,14 @@ def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> De
         serial=sub.serial or other.serial,
         available=sub.available or other.available,
         module_ident=sub.module_ident or other.module_ident,
+        start=sub.start or other.start,
     )
 
 
 def fill_devices(bus: Description, types: Sequence[Description], notes: list[str]) -> Description:
     """Fill SubDevices without process data from device types of the same identity.
+
+    One with process data keeps them; only what its type says about starting it comes in.
 
     Args:
         bus: SubDevices in a ring.
@@ -154,11 +157,14 @@ def fill_devices(bus: Description, types: Sequence[Description], notes: list[str
             == (sub.device.vendor_id, sub.device.product_code)
         ]
         used.update(n for n, _, _ in same)
-        if has_layout(sub.device) or not same:
+        if not same:
             subs.append(sub)
             continue
         exact = [r for r in same if r[1].revision == sub.revision]
         _, row, path = (exact or same)[0]
+        if has_layout(sub.device):
+            subs.append(replace(sub, start=sub.start or row.start))
+            continue
         if not exact and sub.revision is not None and row.revision is not None:
             notes.append(
                 f"{_shown(sub)}: revision 0x{sub.revision:08x} is not in {path}; the process data "

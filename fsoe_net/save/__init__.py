@@ -4,7 +4,7 @@ from fsoe_net.save.acceptance import write_acceptance
 from fsoe_net.save.c_header import write_c_header
 from fsoe_net.save.describe import describe
 from fsoe_net.save.driver import DriverVersion, write_driver, write_network
-from fsoe_net.save.eni import write_eni
+from fsoe_net.save.eni import eni_notes, write_eni
 from fsoe_net.save.eni_copies import replace_copies
 from fsoe_net.save.lcec import write_lcec
 from fsoe_net.save.protocol import write_protocol
@@ -17,6 +17,7 @@ __all__ = [
     "Remarks",
     "Written",
     "describe",
+    "eni_notes",
     "own_words_lost",
     "replace_copies",
     "write_acceptance",

@@ -333,3 +333,28 @@ def test_a_network_without_nets_is_compared(tmp_path: Path):
     assert converted(tmp_path / "bus.h", "-o", tmp_path / "n" / "network.yaml").returncode == 0
     same = fsn("diff", str(tmp_path / "bus.h"), str(tmp_path / "n" / "network.yaml"))
     assert same.returncode == 0, same.stdout + same.stderr
+
+
+def test_an_esi_beside_a_network_fills_an_eni(tmp_path: Path):
+    esi = tmp_path / "maker.xml"
+    esi.write_text(
+        "<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices>"
+        '<Device Physics="KK"><Type ProductCode="#x077e3052" RevisionNo="#x00110000">EL1918'
+        "</Type><Name>EL1918</Name></Device></Devices></Descriptions></EtherCATInfo>",
+        "utf-8",
+    )
+    network = ROOT / "examples" / "estop" / "network.yaml"
+    made = converted(network, esi, "-o", tmp_path / "bus.eni.xml")
+    assert made.returncode == 0
+    assert made.stderr.splitlines() == [
+        "note: RevisionNo of ek1914 is not in this file; some tools need it",
+        "note: Physics, mailbox, control bytes and SYNC0 times of ek1914 are not in this file",
+        "note: name the ESI of the vendor as a further FILE to have that in it",
+        "note: RevisionNo of el1918 is that of the ESI; compare with the devices",
+        "note: restart_relevant marks of entries are not in this file",
+        "note: names of nets are not in this file",
+        "note: addresses and watchdogs of connections are not in this file",
+    ]
+    text = (tmp_path / "bus.eni.xml").read_text("utf-8")
+    assert text.count("<RevisionNo>1114112</RevisionNo>") == 1
+    assert text.count("<Physics>KK</Physics>") == 1
