@@ -16,7 +16,7 @@ from fsoe_net.cli.output import counted
 from fsoe_net.cli.report import read_protocol, since
 from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, parse_acceptance, read_bytes
+from fsoe_net.load import Collector, LoadOptions, parse_acceptance, read_bytes
 from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile, says_something
 from fsoe_net.plan import compile_plan, short_code
 from fsoe_net.report import Grounds, Reason, Refusal, read_signed_report, sign_off
@@ -90,8 +90,7 @@ on the report."""
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     reports: tuple[str, ...],
     protocol: str,
     author: str,
@@ -119,7 +118,7 @@ def command(
     changes = [_intervention(row, day) for row in intervention]
     before = None if replaces is None else read_record(replaces)
     report = read_signed_report([_read(path) for path in reports])
-    checked = check_files(files, packages=packages, xacro_args=xacro_args, compared=True)
+    checked = check_files(files, loading, compared=True)
     resolution = whole_network(checked, "no record written")
     plan = compile_plan(resolution)
     source, filled, wrong = read_protocol(protocol, resolution, plan)

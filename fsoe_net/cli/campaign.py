@@ -18,6 +18,7 @@ from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import EnvironmentFault, FsnError
 from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
+from fsoe_net.load import LoadOptions
 from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
 from fsoe_net.run.campaign import (
     CampaignResult,
@@ -120,8 +121,7 @@ def _unknown(name: str) -> str:
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     names: tuple[str, ...],
     cycles: int,
     seed: int,
@@ -138,7 +138,7 @@ def command(
     FILES as for `check`; sizes, ConnIDs, addresses, watchdogs and parameters are those of the
     network.
     """
-    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    checked = check_files(files, loading)
     resolution = whole_network(checked, "no fault put in")
     _try_places(output, save_dir)
     if sub or main:

@@ -8,7 +8,7 @@ from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_opt
 from fsoe_net.cli.output import FORMATS, counted, exit_code, print_diagnostics, summary
 from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import InputError
-from fsoe_net.load import load_scan
+from fsoe_net.load import LoadOptions, load_scan
 from fsoe_net.model import Scan
 from fsoe_net.rules import Runtime
 
@@ -48,8 +48,7 @@ bus or no permission. `fsoe-net explain CODE` says more of a finding."""
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     runtime: str,
     fmt: str,
     interface: str | None,
@@ -70,8 +69,7 @@ def command(
     scan = _scan(interface, socket, scan_file, yes=yes)
     checked = check_files(
         files,
-        packages=packages,
-        xacro_args=xacro_args,
+        loading,
         runtime=present,
         scan=scan,
         compared=True,

@@ -70,8 +70,7 @@ def command(
     ctx: click.Context,
     a: str,
     b: str,
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     quiet: bool,
     fmt: str,
 ) -> None:
@@ -80,10 +79,9 @@ def command(
     Comments, order of keys and names that do not matter to a bus are no difference; moved offsets,
     other devices, sizes, addresses and watchdogs are.
     """
-    options = LoadOptions(packages=packages, xacro_args=xacro_args)
     sides = []
     for path in (a, b):
-        side, found = read_side(path, options)
+        side, found = read_side(path, loading)
         if side is None:
             errors = [d for d in found if d.level is Severity.ERROR]
             click.echo(f"error: {path} cannot be compared", err=True)

@@ -15,6 +15,7 @@ from fsoe_net.cli.run import scenario_of
 from fsoe_net.cli.run_output import print_events
 from fsoe_net.core import SegmentLink, is_test_rig
 from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.load import LoadOptions
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import (
     EmulateResult,
@@ -79,8 +80,7 @@ so, or a file has an error; 2 wrong use; 3 no such interface, or no permission."
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     interface: str,
     interface2: str | None,
     priority: int,
@@ -95,7 +95,7 @@ def command(
 
     FILES as for `check`. EMULATION: nothing here is safe, certified or a real device.
     """
-    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    checked = check_files(files, loading)
     resolution = whole_network(checked, "nothing started")
     scenario = scenario_of(scenario_file) if scenario_file is not None else None
     plan = compile_plan(resolution).to_bytes()

@@ -9,6 +9,7 @@ import click
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.known import Known, read_known
 from fsoe_net.errors import InputError
+from fsoe_net.load import LoadOptions
 from fsoe_net.plan import SECTIONS
 
 __all__ = ["command"]
@@ -36,8 +37,7 @@ It is no approval: it says that two configurations are the same, not that one is
 )
 def command(
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     fmt: str,
     section: str | None,
 ) -> None:
@@ -46,7 +46,7 @@ def command(
     FILES: a .fsnplan, or a network as for `fsoe-net check`. Comments, the order of keys, file names
     and dates are not in it; docs/reference/fingerprint.md says what is.
     """
-    known = read_known(files, packages=packages, xacro_args=xacro_args)
+    known = read_known(files, loading)
     if section is not None:
         click.echo(_section(known, section), nl=False)
     elif fmt == "json":

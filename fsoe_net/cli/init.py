@@ -60,8 +60,7 @@ written."""
 @click.option("--no-input", is_flag=True, help="Ask nothing; what is not answered stays open.")
 def command(
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     interface: str | None,
     socket: str | None,
     yes: bool,
@@ -86,8 +85,7 @@ def command(
         )
     if not template:
         _look_ahead(Path(output))
-    options = LoadOptions(packages=packages, xacro_args=xacro_args)
-    found = gather(files, options, leave_out=() if answers_file is None else (answers_file,))
+    found = gather(files, loading, leave_out=() if answers_file is None else (answers_file,))
     found.out.diagnostics += out.diagnostics
     if interface is not None or socket is not None:
         from fsoe_net.cli.scan import take_scan

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import click
 
@@ -53,21 +54,40 @@ def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
 
 
 def input_options(function: _F) -> _F:
-    """Add FILES, ``--package`` and ``--arg`` to a command."""
+    """Add FILES and the options of `reference_options` to a command."""
     argument = click.argument("files", nargs=-1, required=True, type=click.Path())
     return reference_options(argument(function))
 
 
 def reference_options(function: _F) -> _F:
-    """Add ``--package`` and ``--arg`` to a command."""
+    """Add the options that say how references in files are followed; they come as ``loading``."""
+
+    @functools.wraps(function)
+    def with_loading(
+        *args: Any,
+        packages: dict[str, str],
+        xacro_args: dict[str, str],
+        xacro_env: tuple[str, ...],
+        trust_xacro: bool,
+        **kwargs: Any,
+    ) -> Any:
+        loading = LoadOptions(
+            packages=packages, xacro_args=xacro_args, xacro_env=xacro_env, trust_xacro=trust_xacro
+        )
+        return function(*args, loading=loading, **kwargs)
+
     for decorate in (
         click.option(
-            "--package",
-            "packages",
+            "--trust-xacro",
+            is_flag=True,
+            help="Expand xacro without confinement: the file may then do all that you may do.",
+        ),
+        click.option(
+            "--env",
+            "xacro_env",
             multiple=True,
-            metavar="NAME=DIR",
-            callback=_pair("=", "NAME=DIR"),
-            help="Folder of a ROS package, for $(find NAME) and package://NAME.",
+            metavar="NAME",
+            help="Environment variable that a xacro file may read by $(env NAME).",
         ),
         click.option(
             "--arg",
@@ -77,9 +97,17 @@ def reference_options(function: _F) -> _F:
             callback=_pair(":=", "NAME:=VALUE"),
             help="Argument of a xacro file.",
         ),
+        click.option(
+            "--package",
+            "packages",
+            multiple=True,
+            metavar="NAME=DIR",
+            callback=_pair("=", "NAME=DIR"),
+            help="Folder of a ROS package, for $(find NAME) and package://NAME.",
+        ),
     ):
-        function = decorate(function)
-    return function
+        with_loading = decorate(with_loading)
+    return cast(_F, with_loading)
 
 
 def runtime_option(function: _F) -> _F:
@@ -142,9 +170,8 @@ def library_of(network: Network) -> Library:
 
 def check_files(
     files: Sequence[str],
+    loading: LoadOptions | None = None,
     *,
-    packages: dict[str, str] | None = None,
-    xacro_args: dict[str, str] | None = None,
     runtime: Runtime = Runtime.FSN,
     scan: Scan | None = None,
     compared: bool = False,
@@ -154,16 +181,14 @@ def check_files(
 
     Args:
         files: Files of the network.
-        packages: Folders of ROS packages by name.
-        xacro_args: Arguments of a xacro file.
+        loading: How references in them are followed.
         runtime: Also what this runtime minds.
         scan: What is on the bus.
         compared: There may be other files among ``files``, and the device library is asked too.
         timed: Check the safety functions too; a caller with a budget of its own does that itself.
     """
-    options = LoadOptions(packages=packages or {}, xacro_args=xacro_args or {})
     own, others = split_files(files) if compared else (files, [])
-    loaded = load_network(own, options)
+    loaded = load_network(own, loading)
     found = list(loaded.diagnostics)
     resolution = resolve(loaded.network) if loaded.network is not None else None
     references = References()

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.diag import without_collector
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, is_acceptance, load_acceptance, read_bytes
+from fsoe_net.load import Collector, LoadOptions, is_acceptance, load_acceptance, read_bytes
 from fsoe_net.model import Acceptance, SafetyFunction, SourceFile
 from fsoe_net.plan import (
     MAGIC,
@@ -65,9 +65,8 @@ class Record:
 @without_collector
 def read_known(
     files: Sequence[str],
+    loading: LoadOptions | None = None,
     *,
-    packages: dict[str, str] | None = None,
-    xacro_args: dict[str, str] | None = None,
     refusal: str = "no fingerprint",
 ) -> Known:
     """Read a plan, a record, a fingerprint in JSON, or the files of a network; known by content.
@@ -90,7 +89,7 @@ def read_known(
                 return Known(path=path, fingerprint=fingerprint_from_json(_document(data)))
         except InputError as exc:
             raise InputError(f"{path}: {exc}") from exc
-    checked = check_files(files, packages=packages, xacro_args=xacro_args, timed=False)
+    checked = check_files(files, loading, timed=False)
     resolution = whole_network(checked, refusal)
     plan = compile_plan(resolution)
     return Known(

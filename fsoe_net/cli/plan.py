@@ -11,7 +11,7 @@ from fsoe_net.cli.output import counted, print_diagnostics
 from fsoe_net.cli.write import write_whole
 from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, read_bytes
+from fsoe_net.load import Collector, LoadOptions, read_bytes
 from fsoe_net.plan import (
     Plan,
     compile_plan,
@@ -49,8 +49,7 @@ _MOST_PLAN_BYTES = 64 * 1024 * 1024  # as fsn-master takes them
 @without_collector
 def command(
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     output: str | None,
     show: bool,
     image: str | None,
@@ -66,7 +65,7 @@ def command(
     if show:
         _show(_read(files), image, fmt)
         return
-    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    checked = check_files(files, loading)
     resolution = whole_network(checked, "no plan written")
     warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
     print_diagnostics(warnings, err=True)

@@ -110,8 +110,7 @@ the test protocol is not of this network;
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     output: str,
     plan_file: str | None,
     evidence_files: tuple[str, ...],
@@ -134,7 +133,7 @@ def command(
     if against is not None and acceptance is not None:
         raise click.UsageError("--against and --acceptance: the change log starts from one of them")
     record = None if acceptance is None else read_record(acceptance)
-    checked = check_files(files, packages=packages, xacro_args=xacro_args, compared=True)
+    checked = check_files(files, loading, compared=True)
     evidence = tuple(_evidence(path) for path in evidence_files)
     asked = None if live is None else ask_live(live)
     found = _findings(checked, evidence, asked)
@@ -144,11 +143,10 @@ def command(
     result = None
     if scenario_file is not None and resolution is not None and plan is not None and not errors:
         result = _run(resolution, scenario_file)
-    options = LoadOptions(packages=packages, xacro_args=xacro_args)
     fingerprint = None if plan is None or errors else fingerprint_of(plan)
     before = None if record is None or resolution is None else since(record, resolution, plan)
     if against is not None:
-        before = _against(against, resolution, plan, options)
+        before = _against(against, resolution, plan, loading)
     inputs = ReportInputs(
         name=Path(files[0]).stem if resolution is None else resolution.network.name,
         version=__version__,

@@ -27,7 +27,7 @@ from fsoe_net.cli.run_output import (
 from fsoe_net.core import Snapshot
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, load_scenario, read_bytes
+from fsoe_net.load import Collector, LoadOptions, load_scenario, read_bytes
 from fsoe_net.model import Resolution, Scenario
 from fsoe_net.observe import CaptureWriter
 from fsoe_net.plan import compile_plan, decode_plan
@@ -182,8 +182,7 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     plan_file: str | None,
     duration: float | None,
     scenario_file: str | None,
@@ -233,7 +232,7 @@ def command(
     _check_options(interface, live, emulated, wanted)
     check_target(stats, "--stats")
     check_target(plot, "--plot")
-    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    checked = check_files(files, loading)
     resolution = whole_network(checked, "nothing started")
     make_folder(incidents, "--incidents")
     duration_ns = round(duration * 1e9) if duration else None

@@ -12,7 +12,7 @@ from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.output import print_diagnostics, summary
 from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.load import Collector, load_protocol
+from fsoe_net.load import Collector, LoadOptions, load_protocol
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution
 from fsoe_net.plan import Fingerprint, compile_plan, fingerprint_of
 from fsoe_net.report import protocol_page
@@ -70,8 +70,7 @@ used; 2 wrong use; 3 no fsn-master, or no disk."""
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     virtual: bool,
     socket: str | None,
     faults: int,
@@ -91,7 +90,7 @@ def command(
         raise click.UsageError(
             "--live asks a person at the machine before each step: start it from a terminal"
         )
-    checked = check_files(files, packages=packages, xacro_args=xacro_args)
+    checked = check_files(files, loading)
     resolution = whole_network(checked, "no protocol")
     if not resolution.connections:
         raise InputError("nothing to try: these files hold no FSoE connection")

@@ -11,6 +11,7 @@ from fsoe_net.cli.inputs import check_files, input_options, library_of, whole_ne
 from fsoe_net.cli.output import exit_code, print_diagnostics
 from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import InputError
+from fsoe_net.load import LoadOptions
 from fsoe_net.report import budget_document, budget_picture, budget_text, measured_ms
 from fsoe_net.rules import check_timing
 from fsoe_net.timing import make_budget
@@ -92,8 +93,7 @@ class _Share(click.ParamType[float]):
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     cycle: float | None,
     copy_cycles: int,
     drift: float,
@@ -106,7 +106,7 @@ def command(
     FILES as for `fsoe-net check`; times and requirements stand in `safety_functions` of the network
     file, devices of the library fill in as unverified.
     """
-    checked = check_files(files, packages=packages, xacro_args=xacro_args, timed=False)
+    checked = check_files(files, loading, timed=False)
     resolution = whole_network(checked, "no budget")
     budget = make_budget(
         resolution,

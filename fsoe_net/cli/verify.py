@@ -14,6 +14,7 @@ from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.known import Known, read_known
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.load import LoadOptions
 from fsoe_net.plan import Plan
 from fsoe_net.report import Side, compare, side_of_plan
 
@@ -62,8 +63,7 @@ class _Compared:
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
-    packages: dict[str, str],
-    xacro_args: dict[str, str],
+    loading: LoadOptions,
     accepted: str,
     live: str | None,
     fmt: str,
@@ -76,10 +76,10 @@ def command(
     if not files and live is None:
         raise click.UsageError("name a network or plan, or --live SOCKET, to be compared")
     try:
-        wanted = read_known((accepted,), packages=packages, xacro_args=xacro_args)
+        wanted = read_known((accepted,), loading)
         given = None
         if files:
-            given = read_known(files, packages=packages, xacro_args=xacro_args)
+            given = read_known(files, loading)
     except InputError as exc:
         click.echo(f"error: {exc}", err=True)
         print_diagnostics(exc.diagnostics, err=True)

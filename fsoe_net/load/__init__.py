@@ -6,7 +6,8 @@ from fsoe_net.load.eni import load_eni_images
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_foreign
 from fsoe_net.load.library import builtin_library, load_library, parse_library_device
-from fsoe_net.load.network import FileKind, LoadOptions, LoadResult, load_network
+from fsoe_net.load.network import FileKind, LoadResult, load_network
+from fsoe_net.load.options import LoadOptions
 from fsoe_net.load.protocol import load_protocol
 from fsoe_net.load.ring import DeviceType, list_types, ring_of
 from fsoe_net.load.scan import load_scan, parse_scan

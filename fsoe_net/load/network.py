@@ -6,13 +6,14 @@ import difflib
 import enum
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics, without_collector
 from fsoe_net.load.device import device_from_yaml, load_device
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.numbers import Reader, read_float, read_int
+from fsoe_net.load.options import LoadOptions
 from fsoe_net.load.safety import safety_functions_from_yaml
 from fsoe_net.load.schema import check_structure, kind_by_keys, refuse_kind, schema_keys
 from fsoe_net.load.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
@@ -22,7 +23,7 @@ from fsoe_net.model import Device, Net, Network, SafetyFunction, SubDevice
 
 _SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
 
-__all__ = ["FileKind", "LoadOptions", "LoadResult", "load_network"]
+__all__ = ["FileKind", "LoadResult", "load_network"]
 
 
 class FileKind(enum.Enum):
@@ -31,19 +32,6 @@ class FileKind(enum.Enum):
     NETWORK = "network YAML"
     TRANSFERS = "transfer YAML"
     SLAVE = "slave YAML"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoadOptions:
-    """How references are followed.
-
-    Args:
-        packages: ROS package name to folder, for ``$(find pkg)`` and ``package://pkg``.
-        xacro_args: Values of ``$(arg name)``.
-    """
-
-    packages: Mapping[str, str] = field(default_factory=dict)
-    xacro_args: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,9 +114,7 @@ class _Assembly:
             self._refuse_second(path, self._urdf)
             return
         self._urdf = path
-        result = load_urdf(
-            path, packages=self._options.packages, xacro_args=self._options.xacro_args
-        )
+        result = load_urdf(path, self._options)
         self.out.diagnostics.extend(result.diagnostics)
         for row in result.sources:
             if row not in self.out.sources:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fsoe_net.diag import Diagnostic, Related
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign import XML_KINDS
+from fsoe_net.load.options import LoadOptions
 from fsoe_net.load.urdf_params import DRIVER_PLUGIN, known_plugin_findings
 from fsoe_net.load.urdf_system import COMPONENTS, DriverSystem, ModuleDecl, plugin_of, read_system
 from fsoe_net.load.xacro_expand import expand_xacro, uses_xacro
@@ -44,22 +44,16 @@ class UrdfResult:
     sources: tuple[SourceFile, ...]
 
 
-def load_urdf(
-    path: str | os.PathLike[str],
-    *,
-    packages: Mapping[str, str] | None = None,
-    xacro_args: Mapping[str, str] | None = None,
-) -> UrdfResult:
+def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) -> UrdfResult:
     """Read a URDF or xacro file. Never raises for anything in the file or the file system.
 
     Args:
         path: The file; expanded only when it uses xacro.
-        packages: ROS package name to folder, for ``$(find name)``.
-        xacro_args: Values of ``$(arg name)``.
+        options: How references in it are followed.
     """
     out = Collector()
     systems: list[DriverSystem] = []
-    root = _document(os.fspath(path), out, packages or {}, xacro_args or {})
+    root = _document(os.fspath(path), out, options or LoadOptions())
     if root is not None:
         blocks = [e for e in root.all("ros2_control") if _is_ethercat(e)]
         if not blocks:
@@ -76,9 +70,7 @@ def load_urdf(
     )
 
 
-def _document(
-    path: str, out: Collector, packages: Mapping[str, str], arguments: Mapping[str, str]
-) -> Element | None:
+def _document(path: str, out: Collector, options: LoadOptions) -> Element | None:
     data = read_bytes(path, out)
     root = parse_xml(data, path, out) if data is not None else None
     if root is None:
@@ -91,7 +83,7 @@ def _document(
         out.add("FSN117", root.span, f"this is {kind}, not a URDF", hint=hint)
         return None
     if uses_xacro(root):
-        return expand_xacro(path, out, packages=packages, arguments=arguments)
+        return expand_xacro(path, out, options)
     return root
 
 

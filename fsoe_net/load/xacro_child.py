@@ -4,29 +4,32 @@ Reads a JSON request from standard input, writes a JSON answer to standard outpu
 gets its place as DOM user data before xacro sees it; minidom hands user data on when xacro clones
 macro bodies and blocks, so the expansion knows where each element was written.
 
-The file may be hostile. Expressions cannot reach beyond what xacro offers them, and nothing is
-written, started or connected to; processor time and memory are bounded.
+The file may be hostile, and its expressions reach the whole interpreter. So the kernel confines
+this process before it reads the file (`fsoe_net.load.confine`): it reads files in a few folders and
+writes its answer. Processor time, memory and the length of the answer are bounded.
 """
 
 from __future__ import annotations
 
+import glob
 import json
 import os
+import re
 import resource
 import signal
 import sys
 import xml.dom.minidom
-from types import CodeType, FrameType, TracebackType
+from types import FrameType, SimpleNamespace, TracebackType
 from typing import Any
 from xml.dom import Node
 from xml.parsers.expat import ExpatError
 
+from fsoe_net.load.confine import confine, end_with_parent, inside, python_folders
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.xml_tree import MAX_ELEMENTS, Element, parse_xml
 
 _PLACE = "fsn-place"
 _MAX_TEXT = 32 * 1024 * 1024
-_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _TEXT_NODES = (Node.TEXT_NODE, Node.CDATA_SECTION_NODE)
 
 Place = tuple[str, int, int, int, int]  # file, line, column; line and column of the text, or 0, 0
@@ -48,6 +51,14 @@ class _Unknown(LookupError):
     """A package that no mapping knows."""
 
 
+class _Withheld(LookupError):
+    """An environment variable that is set, but not given to the file."""
+
+
+class _Outside(Exception):
+    """A file outside the folders that may be read."""
+
+
 class _Carry:
     """DOM user data handler: a clone stands where its original stands."""
 
@@ -65,35 +76,13 @@ def _limit(limits: dict[str, Any]) -> None:
     for what, soft, hard in (
         (resource.RLIMIT_CPU, seconds, seconds + 1),
         (resource.RLIMIT_AS, limits["memory_bytes"], limits["memory_bytes"]),
-        (resource.RLIMIT_FSIZE, 0, 0),
-        (resource.RLIMIT_NPROC, 0, 0),
+        (resource.RLIMIT_FSIZE, limits["answer_bytes"], limits["answer_bytes"]),
         (resource.RLIMIT_CORE, 0, 0),
     ):
         top = resource.getrlimit(what)[1]
         if top != resource.RLIM_INFINITY:
             soft, hard = min(soft, top), min(hard, top)
         resource.setrlimit(what, (soft, hard))
-
-
-def _audit(event: str, arguments: tuple[Any, ...]) -> None:
-    """Refuse what no robot description needs."""
-    if event == "open":
-        path, _mode, flags = arguments
-        refused = not isinstance(path, int) and bool(flags & _WRITING)
-    else:
-        refused = event not in ("os.listdir", "os.scandir") and event.startswith(
-            ("os.", "shutil.", "socket.", "subprocess.", "ctypes.", "resource.", "signal.")
-        )
-    if refused:
-        raise PermissionError(f"a robot description must not do this: {event}")
-
-
-def _hidden_names(code: CodeType) -> list[str]:
-    """Return the double underscore names of an expression, comprehensions and lambdas included."""
-    inner = [c for c in code.co_consts if isinstance(c, CodeType)]
-    return [n for n in code.co_names if n.startswith("__")] + [
-        name for c in inner for name in _hidden_names(c)
-    ]
 
 
 class _Xacro:
@@ -104,15 +93,15 @@ class _Xacro:
         import yaml  # noqa: F401 - xacro imports it when first used, too late for the limits
         from xacro import substitution_args
 
-        self.out = Collector()
+        self._read: list[str] = []
         self._request = request
         self._xacro: Any = xacro
-        self._evaluate = xacro.safe_eval
         self._parse = xacro.parse
         xacro.parse = self._parse_file
-        xacro.safe_eval = self._checked_eval
-        substitution_args._eval_find = self._find
-        substitution_args._eval_dict["find"] = self._find
+        xacro.glob = SimpleNamespace(glob=self._glob)
+        for name, function in (("find", self._find), ("env", self._env), ("optenv", self._optenv)):
+            setattr(substitution_args, f"_eval_{name}", function)
+            substitution_args._eval_dict[name] = function
 
     def expand(self) -> list[list[Any]]:
         document = self._xacro.process_file(
@@ -120,20 +109,17 @@ class _Xacro:
         )
         return _rows(document.documentElement)
 
-    def sources(self) -> list[tuple[str, str]]:
-        """Return every file that was read, with its SHA-256; also YAML that expressions loaded."""
-        known = {row.path for row in self.out.sources}
-        for file in self._xacro.all_includes:
-            if file not in known:
-                read_bytes(file, self.out)
-        return [(row.path, row.sha256) for row in self.out.sources]
+    def sources(self) -> list[str]:
+        """Return every file that was read; also YAML that expressions loaded."""
+        return list(dict.fromkeys([*self._read, *self._xacro.all_includes]))
 
     def _parse_file(self, inp: Any, filename: str | None = None) -> Any:
         if inp is not None or filename is None:
             return self._parse(inp, filename)
+        self._check_place(filename)
         out = Collector()
         data = read_bytes(filename, out)
-        self.out.sources += out.sources
+        self._read += [row.path for row in out.sources]
         if data is None:
             self._xacro.filestack.pop()
             message = out.diagnostics[0].message
@@ -152,21 +138,36 @@ class _Xacro:
         _mark(document, root)
         return document
 
+    def _check_place(self, path: str) -> None:
+        folders = self._request["readable"]
+        if folders is not None and not inside(path, folders):
+            raise _Outside(path)
+
+    def _glob(self, pattern: str) -> list[str]:
+        fixed = re.split(r"[*?[]", pattern, maxsplit=1)[0]
+        self._check_place(os.path.dirname(fixed) or ".")
+        return glob.glob(pattern)
+
     def _find(self, name: str) -> str:
         packages = self._request["packages"]
         if name in packages:
             return str(packages[name])
-        for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-            share = os.path.join(prefix, "share", name)
-            if prefix and os.path.isdir(share):
-                return share
+        for share in self._request["shares"]:
+            folder = os.path.join(share, name)
+            if os.path.isdir(folder):
+                return folder
         raise _Unknown(name)
 
-    def _checked_eval(self, expression: str, *scopes: Any) -> Any:
-        hidden = _hidden_names(compile(expression.strip(), "<expression>", "eval"))
-        if hidden:
-            raise self._xacro.XacroException(f"use of invalid name(s): {', '.join(hidden)}")
-        return self._evaluate(expression, *scopes)
+    def _env(self, name: str) -> str:
+        if name in self._request["env"]:
+            return str(self._request["env"][name])
+        if name in self._request["withheld"]:
+            raise _Withheld(name)
+        raise LookupError(f"environment variable {name!r} is not set")
+
+    def _optenv(self, name: str, default: str = "") -> str:
+        known = name in self._request["env"] or name in self._request["withheld"]
+        return self._env(name) if known else default
 
 
 def _mark(document: xml.dom.minidom.Document, root: Element) -> None:
@@ -231,7 +232,18 @@ def _chain(exc: BaseException) -> list[BaseException]:
     return chain
 
 
-def _explain(exc: BaseException) -> dict[str, Any]:
+def _path_outside(cause: BaseException, readable: list[str] | None) -> str | None:
+    """Return the path that an error is about when the file may not read it."""
+    if isinstance(cause, _Outside):
+        return str(cause.args[0])
+    # What an expression opens is hidden by the kernel: refused, or as if it did not exist.
+    if not isinstance(cause, OSError) or cause.filename is None or readable is None:
+        return None
+    path = str(cause.filename)
+    return None if inside(path, readable) else path
+
+
+def _explain(exc: BaseException, readable: list[str] | None) -> dict[str, Any]:
     where = _where(exc.__traceback__)
     message, hint = " ".join(str(exc).split())[:500] or type(exc).__name__, ""
     for cause in _chain(exc):
@@ -240,6 +252,13 @@ def _explain(exc: BaseException) -> dict[str, Any]:
         if isinstance(cause, _Unknown):
             name = cause.args[0]
             message, hint = f"package {name!r} is not known", f"pass --package {name}=DIR"
+        elif isinstance(cause, _Withheld):
+            name = cause.args[0]
+            message = f"environment variable {name!r} is set, but this file may not read it"
+            hint = f"pass --env {name} if it may"
+        elif (path := _path_outside(cause, readable)) is not None:
+            message = f"{path!r} is outside the folders that this file may read"
+            hint = f"pass --package NAME={os.path.dirname(path) or '.'} if it may"
         elif type(cause).__name__ == "ArgException":
             name = str(cause)
             message, hint = f"$(arg {name}) has no value", f"pass --arg {name}:=VALUE"
@@ -269,14 +288,18 @@ def main() -> None:
     answer: dict[str, Any] = {"sources": []}
     try:
         worker = _Xacro(request)
+        end_with_parent()
         _limit(request["limits"])
-        sys.addaudithook(_audit)
         try:
+            if request["readable"] is not None:
+                confine([*request["readable"], *python_folders()])
             answer["rows"] = worker.expand()
         except (Exception, _TimeUp) as exc:
-            answer["error"] = _explain(exc)
+            answer["error"] = _explain(exc, request["readable"])
         answer["sources"] = worker.sources()
     except ImportError as exc:
-        answer["error"] = _explain(exc) | {"message": f"xacro is not installed: {exc}"}
-    with os.fdopen(answer_to, "w", encoding="utf-8") as pipe:
-        json.dump(answer, pipe)
+        answer["error"] = _explain(exc, request["readable"]) | {
+            "message": f"xacro is not installed: {exc}"
+        }
+    with os.fdopen(answer_to, "w", encoding="utf-8") as file:
+        json.dump(answer, file)

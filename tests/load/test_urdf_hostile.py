@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from fsoe_net.diag import Diagnostic
 from fsoe_net.load import urdf
+from fsoe_net.load.options import LoadOptions
 from fsoe_net.load.urdf import load_urdf
 
 BASE = (Path(__file__).parent / "urdf" / "robot.urdf").read_bytes()
@@ -255,5 +256,5 @@ def test_random_mutations_of_xacro(edits: list[tuple[int, int, bytes]], tmp_path
         data = data[:at] + put + data[at + length :]
     path = tmp_path / "r.xacro"
     path.write_bytes(data)
-    result = load_urdf(path, packages={"devices": "/opt"})
+    result = load_urdf(path, LoadOptions(packages={"devices": "/opt"}))
     assert all(d.message and d.hint and d.span.line for d in result.diagnostics)

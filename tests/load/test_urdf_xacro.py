@@ -14,6 +14,7 @@ import pytest
 from fsoe_net.diag import Diagnostic
 from fsoe_net.load import xacro_expand
 from fsoe_net.load.files import Collector
+from fsoe_net.load.options import LoadOptions
 from fsoe_net.load.urdf import UrdfResult, load_urdf
 
 HERE = Path(__file__).parent / "urdf"
@@ -49,13 +50,13 @@ def _all(result: UrdfResult) -> tuple[Diagnostic, ...]:
     return result.diagnostics
 
 
-def _only(path: Path, **options: dict[str, str]) -> Diagnostic:
-    (found,) = load_urdf(path, **options).diagnostics
+def _only(path: Path) -> Diagnostic:
+    (found,) = load_urdf(path).diagnostics
     return found
 
 
 def test_macros_and_includes_keep_their_places():
-    result = load_urdf(CELL, packages=DEVICES)
+    result = load_urdf(CELL, LoadOptions(packages=DEVICES))
     assert _places(result) == [
         "FSN131 terminal.xacro:13:9",
         "FSN131 terminal.xacro:13:9",
@@ -73,7 +74,9 @@ def test_macros_and_includes_keep_their_places():
 
 
 def test_values_are_expanded_and_else_kept_as_written():
-    (system,) = load_urdf(CELL, packages=DEVICES, xacro_args={"config": "other"}).systems
+    (system,) = load_urdf(
+        CELL, LoadOptions(packages=DEVICES, xacro_args={"config": "other"})
+    ).systems
     assert system.control_frequency == 1000.0
     assert system.transfer_file == "other/transfers.yaml"
     assert [m.slave_config for m in system.modules] == [
@@ -85,7 +88,7 @@ def test_values_are_expanded_and_else_kept_as_written():
 
 
 def test_includes_are_sources_with_their_digests():
-    rows = load_urdf(CELL, packages=DEVICES).sources
+    rows = load_urdf(CELL, LoadOptions(packages=DEVICES)).sources
     assert [(r.path, r.sha256) for r in rows] == [
         (str(p), hashlib.sha256(p.read_bytes()).hexdigest()) for p in (CELL, TERMINAL)
     ]
@@ -107,7 +110,7 @@ def test_expansion_equals_that_of_xacro_itself(tmp_path: Path):
         [sys.executable, "-c", code, str(copy)], capture_output=True, text=True, check=True
     ).stdout
     root = xacro_expand.expand_xacro(
-        str(copy), Collector(), packages={"devices": str(share)}, arguments={}
+        str(copy), Collector(), LoadOptions(packages={"devices": str(share), "macros": str(HERE)})
     )
     assert root is not None
     ours = [(e.name, e.attributes, e.text) for e in root.walk()]
@@ -145,7 +148,9 @@ def test_undefined_argument(write: Write):
     assert (found.code, found.span.line, found.span.column) == ("FSN119", 3, 3)
     assert found.hint == "pass --arg side:=VALUE"
     path = write('<xacro:arg name="side" default="l"/><a b="$(arg side)"/>')
-    assert _places(load_urdf(path, xacro_args={"side": "r"})) == ["FSN125 main.xacro:1:1"]
+    assert _places(load_urdf(path, LoadOptions(xacro_args={"side": "r"}))) == [
+        "FSN125 main.xacro:1:1"
+    ]
 
 
 FAILURES = [
@@ -164,7 +169,7 @@ FAILURES = [
     ),
     ('<xacro:macro name="m"/><xacro:m b="1"/>', "2:24", 'Invalid parameter "b"', "delete b"),
     ('<xacro:if value="maybe"/>', "2:1", "not a boolean expression", "`xacro "),
-    ('<a b="$(env FSN_NOT_SET)"/>', "2:1", "not set", "set 'FSN_NOT_SET'"),
+    ('<a b="$(env FSN_NOT_SET)"/>', "2:1", "not set", "set FSN_NOT_SET"),
     ("<xacro:insert_block/>", "2:1", "missing attribute 'name'", "`xacro "),
     ('<xacro:include filename="bad.xacro"/>', "FSN118 bad.xacro:1:10", "mismatched tag", "line 1"),
     ('<xacro:include filename="dtd.xacro"/>', "FSN118 dtd.xacro:1:1", "document type", "delete"),
@@ -270,7 +275,7 @@ ENDLESS = {
     "much memory": ("<a>${len([0] * 10 ** 8)}</a>", "more time or memory"),
     "long list": ("<a>${[0] * 10 ** 12}</a>", "more time or memory"),
     "slow expression": ("<a>${python.sum(x for x in range(10 ** 12))}</a>", "more time or memory"),
-    "device": ('<xacro:include filename="/dev/zero"/>', "not a regular file"),
+    "device": ('<xacro:include filename="/dev/zero"/>', "outside the folders"),
 }
 
 
@@ -301,52 +306,11 @@ def test_what_blocks_ends_at_the_wall_clock(
     assert (found.code, "within 1.5 s" in found.message) == ("FSN119", True)
 
 
-_TYPE = (
-    "[[c for c in x.__class__.__base__.__subclasses__() if c.__name__ == 'Popen'] for x in [()]]"
-)
-_BUILTINS = "[[c for c in x.__class__.__base__.__subclasses__()][0] for x in [()]]"
-
-
-@pytest.mark.parametrize("expression", [_TYPE, _BUILTINS, "(lambda x: x.__class__)(1)"])
-def test_expressions_cannot_reach_beyond_xacro(expression: str, write: Write):
-    found = _only(write(f'<a b="${{{expression.replace("<", "&lt;")}}}"/>'))
-    assert (found.code, found.span.line, found.span.column) == ("FSN119", 2, 1)
-    assert "invalid name" in found.message
-
-
-@pytest.mark.parametrize(
-    "code",
-    [
-        "open({path!r}, 'w')",
-        "open({path!r}, 'a')",
-        "__import__('os').remove({path!r})",
-        "__import__('os').system('true')",
-        "__import__('subprocess').Popen(['true'])",
-        "__import__('socket').socket()",
-        "__import__('os').fork()",
-    ],
-)
-def test_the_child_process_changes_nothing(code: str, tmp_path: Path):
-    """Behind the check of expressions stands an audit hook."""
-    victim = tmp_path / "victim"
-    victim.write_text("kept")
-    program = (
-        "import sys, os, socket, subprocess\n"
-        "from fsoe_net.load.xacro_child import _audit\n"
-        "sys.addaudithook(_audit)\n"
-        f"try: {code.format(path=str(victim))}\n"
-        "except PermissionError: sys.exit(7)"
-    )
-    done = subprocess.run([sys.executable, "-c", program], check=False)
-    assert (done.returncode, victim.read_text()) == (7, "kept")
-
-
 @pytest.mark.parametrize(
     "answer", [b"", b"[]", b"{}", b'{"sources": 1}', b'{"sources": [], "rows": [[0]]}', b"\xff"]
 )
 def test_a_broken_answer_is_a_finding(answer: bytes, write: Write, monkeypatch: pytest.MonkeyPatch):
-    done = subprocess.CompletedProcess([], 0, stdout=answer)
-    monkeypatch.setattr(subprocess, "run", lambda *_a, **_k: done)
+    monkeypatch.setattr(subprocess, "run", lambda *_a, stdout, **_k: stdout.write(answer))
     assert _only(write("<a>${1}</a>")).code == "FSN119"
 
 

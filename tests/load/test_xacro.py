@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from fsoe_net.load.options import LoadOptions
 from fsoe_net.load.urdf import load_urdf
 
 MACRO = """<?xml version="1.0"?>
@@ -50,7 +51,7 @@ def write(folder: Path, robot: str = ROBOT, macro: str = MACRO) -> str:
 
 
 def test_macros_includes_and_order(tmp_path: Path):
-    result = load_urdf(write(tmp_path), xacro_args={"rate": "250"})
+    result = load_urdf(write(tmp_path), LoadOptions(xacro_args={"rate": "250"}))
     assert result.diagnostics == ()
     (system,) = result.systems
     assert system.control_frequency == 250
@@ -85,7 +86,7 @@ def test_failures_are_located_and_say_what_to_do(tmp_path: Path, old: str, new: 
 
 def test_packages_are_found(tmp_path: Path):
     path = write(tmp_path, ROBOT.replace("macro.xacro", "$(find my_robot)/macro.xacro"))
-    result = load_urdf(path, packages={"my_robot": str(tmp_path)})
+    result = load_urdf(path, LoadOptions(packages={"my_robot": str(tmp_path)}))
     assert result.diagnostics == ()
 
 

@@ -1,0 +1,25 @@
+"""How references in the files of a network are followed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+__all__ = ["LoadOptions"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadOptions:
+    """How references are followed.
+
+    Args:
+        packages: ROS package name to folder, for ``$(find pkg)`` and ``package://pkg``.
+        xacro_args: Values of ``$(arg name)``.
+        xacro_env: Names of the environment variables that ``$(env name)`` may read.
+        trust_xacro: Expand xacro without confinement; the file may do all that the user may do.
+    """
+
+    packages: Mapping[str, str] = field(default_factory=dict)
+    xacro_args: Mapping[str, str] = field(default_factory=dict)
+    xacro_env: tuple[str, ...] = ()
+    trust_xacro: bool = False
