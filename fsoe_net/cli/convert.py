@@ -48,6 +48,7 @@ Examples:
   fsoe-net convert start-up.pcapng -o network.yaml
   fsoe-net convert network.yaml machine.eni.xml -o new.eni.xml"""
 
+_NO_NET = "FSN125"
 _Writer = Callable[[Description, str], Written]
 
 
@@ -216,7 +217,8 @@ def _read(
 def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:
     """Return what YAML and URDF say, and whether it is a bus: slave YAMLs are device types."""
     loaded = load_network(files, LoadOptions())
-    out.diagnostics += loaded.diagnostics
+    # A bus without copies can be described all the same; a note says that nothing is moved.
+    out.diagnostics += [d for d in loaded.diagnostics if d.code != _NO_NET]
     _refuse_errors(out)
     network = loaded.network
     if network is None:

@@ -37,6 +37,7 @@ class _Manager:
     index: int
     direction: Direction | None
     mailbox: bool
+    virtual: bool
     start: int | None
     default_bytes: int
     span: Span
@@ -266,6 +267,7 @@ class _DeviceReader:
                     index=index,
                     direction=direction,
                     mailbox=mailbox,
+                    virtual=flag(element, "Virtual"),
                     start=start or None,
                     default_bytes=esi_number(element.attributes.get("DefaultSize", "")) or 0,
                     span=element.span,
@@ -305,12 +307,12 @@ class _DeviceReader:
 
     def _place_of(self, pdo: EsiPdo, written: dict[int, _Manager]) -> int | None:
         what = f"PDO 0x{pdo.pdo.index:04x}"
-        if pdo.virtual:
+        manager = written.get(pdo.sm) if pdo.sm is not None else None
+        if pdo.virtual and (manager is None or not manager.virtual):
             self._note(f"{what} is virtual: it has no place in the process data")
             return None
         if pdo.sm is None:
             return self._place_of_mandatory(pdo, written) if pdo.mandatory else None
-        manager = written.get(pdo.sm)
         if manager is None:
             message = f"{what} goes to SM{pdo.sm}, which the device does not have"
             self._contradiction(pdo, message, "compare Sm with the <Sm> elements of the device")

@@ -153,23 +153,32 @@ def load_devices(
 
     Args:
         path: The ESI.
-        wanted: SubDevices; their identity, revision and modules count.
+        wanted: SubDevices; their identity, revision and modules count. One without an identity is
+            found by its order number, where the file has one device of that.
         out: Takes what is wrong with it.
     """
     catalogue = list_esi(path, out)
     if catalogue is None:
         return None
-    offered = {(r.vendor, r.product) for r in catalogue.rows if r.kind == "device"}
-    choices = {
-        EsiChoice(
-            vendor=sub.device.vendor_id,
-            product=sub.device.product_code,
-            revision=sub.revision,
-            modules=sub.module_ident or None,
-        )
-        for sub in wanted
-        if (sub.device.vendor_id, sub.device.product_code) in offered
-    }
+    offered: dict[object, set[tuple[int, int]]] = {}
+    for row in catalogue.rows:
+        identity = (row.vendor, row.product)
+        for key in (identity, row.type.casefold()) if row.kind == "device" else ():
+            offered.setdefault(key, set()).add(identity)
+    choices = set()
+    for sub in wanted:
+        own = (sub.device.vendor_id, sub.device.product_code)
+        same = offered.get(own if own[1] else sub.order.casefold() or None, set())
+        if len(same) == 1:
+            vendor, product = next(iter(same))
+            choices.add(
+                EsiChoice(
+                    vendor=vendor,
+                    product=product,
+                    revision=sub.revision,
+                    modules=sub.module_ident or None,
+                )
+            )
     rows: list[DescribedSubDevice] = []
     for choice in sorted(choices, key=repr):
         found = load_esi(path, out, choice=choice)

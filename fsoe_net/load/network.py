@@ -18,8 +18,8 @@ from fsoe_net.load.safety import safety_functions_from_yaml
 from fsoe_net.load.schema import check_structure, kind_by_keys, refuse_kind, schema_keys
 from fsoe_net.load.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.load.urdf import DriverSystem, ModuleDecl, known_plugin_findings, load_urdf
-from fsoe_net.load.yaml_tree import MapNode, parse_yaml
-from fsoe_net.model import Device, Net, Network, SafetyFunction, SubDevice
+from fsoe_net.load.yaml_tree import MapNode, SeqNode, parse_yaml
+from fsoe_net.model import Device, Net, Network, SafetyFunction, SubDevice, layout_of
 
 _SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
 
@@ -181,7 +181,9 @@ class _Assembly:
     def _from_network_file(self, file: _Yaml) -> Network:
         root = file.root
         subs = [s for s in map(self._subdevice, root.maps("subdevices")) if s is not None]
-        nets = nets_from_yaml(root, self.out)
+        frames = any(s.device is not None and layout_of(s.device).blocks for s in subs)
+        needed = frames or not isinstance(root.get("nets"), SeqNode)
+        nets = nets_from_yaml(root, self.out, needed=needed)
         for extra in self._transfer_files:
             nets += nets_from_yaml(extra.root, self.out)
         network = self._network(

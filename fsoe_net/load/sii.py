@@ -45,6 +45,7 @@ MAX_SII_BYTES = 4 * 1024 * 1024
 _HEADER_BYTES = 0x80
 _IDENTITY_BYTES = 0x20
 _END = 0xFFFF
+_VIRTUAL_SM = 0x04  # in the enable byte of a sync manager
 _STRINGS, _GENERAL, _FMMU, _SM, _TX, _RX, _DC = 10, 30, 40, 41, 50, 51, 60
 _REPEATED = frozenset({_STRINGS, _GENERAL, _FMMU, _SM, _DC})
 _COE = 0x04
@@ -317,9 +318,11 @@ def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> Desc
     available: list[Pdo] = []
     for pdo in image.pdos:
         model = pdo.model(image.text, span)
-        if pdo.sm == 0xFF or pdo.virtual:
+        # Virtual PDOs have their place on a virtual sync manager, such as a register of the clock.
+        elsewhere = pdo.virtual and not _is_virtual(pdo.sm, image)
+        if pdo.sm == 0xFF or elsewhere:
             available.append(model)
-            if pdo.virtual:
+            if elsewhere:
                 notes.append(f"PDO 0x{pdo.index:04x} is virtual: no place in the process data")
             continue
         _check_place(pdo, image, span, out)
@@ -360,6 +363,10 @@ def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> Desc
         ),
         span=span,
     )
+
+
+def _is_virtual(index: int, image: SiiImage) -> bool:
+    return index < len(image.managers) and bool(image.managers[index].enable & _VIRTUAL_SM)
 
 
 def _check_place(pdo: SiiPdo, image: SiiImage, span: Span, out: Collector) -> None:

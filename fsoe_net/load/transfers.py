@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from fsoe_net.diag import Related, Span
+from fsoe_net.diag import Related, Severity, Span
 from fsoe_net.load.files import Collector
 from fsoe_net.load.numbers import Reader, read_int, warn_decimal_index
 from fsoe_net.load.schema import nearest_key
@@ -29,8 +29,14 @@ class ModuleRow:
     config_span: Span
 
 
-def nets_from_yaml(root: MapNode, out: Collector) -> tuple[Net, ...]:
-    """Return the nets of a document whose structure has been checked; broken parts are left out."""
+def nets_from_yaml(root: MapNode, out: Collector, *, needed: bool = True) -> tuple[Net, ...]:
+    """Return the nets of a document whose structure has been checked; broken parts are left out.
+
+    Args:
+        root: The document.
+        out: Takes what is wrong.
+        needed: Whether FSoE frames are known, so that an empty list is a mistake.
+    """
     nets = [_net(node, out) for node in root.maps("nets")]
     if not nets and isinstance(root.get("nets"), (SeqNode, type(None))):
         misspelt = any(k not in ("nets", "safety_modules", "transfer_modules") for k in root.pairs)
@@ -39,7 +45,10 @@ def nets_from_yaml(root: MapNode, out: Collector) -> tuple[Net, ...]:
                 "FSN125",
                 root.at("nets"),
                 "no net is given: the driver would start and copy nothing",
-                hint="add nets: with at least one net and its transfers",
+                severity=None if needed else Severity.INFO,
+                hint="add nets: with at least one net and its transfers"
+                if needed
+                else "fine for a bus without FSoE; else add nets: with their transfers",
             )
     return tuple(nets)
 

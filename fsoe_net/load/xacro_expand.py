@@ -93,7 +93,8 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
     given = os.environ if options.trust_xacro else options.xacro_env
     request = {
         "file": path,
-        "packages": dict(options.packages),
+        # xacro would take a relative folder from the file that names the package.
+        "packages": {name: os.path.abspath(d) for name, d in options.packages.items()},
         "arguments": dict(options.xacro_args),
         "env": {name: os.environ[name] for name in given if name in os.environ},
         "withheld": [name for name in os.environ if name not in given],

@@ -21,6 +21,14 @@ def has_layout(device: Device) -> bool:
     return any(device.pdos_of(sm) for sm in device.sync_managers)
 
 
+def _is_of_type(sub: DescribedSubDevice, row: DescribedSubDevice) -> bool:
+    """Whether a SubDevice is of a type: by identity, and by order number where it has none."""
+    one, two = sub.device, row.device
+    if one.product_code:
+        return (one.vendor_id, one.product_code) == (two.vendor_id, two.product_code)
+    return bool(sub.order) and sub.order.casefold() == row.order.casefold()
+
+
 def join_buses(buses: Sequence[Description], notes: list[str]) -> Description:
     """Join descriptions whose SubDevices have a place in the ring.
 
@@ -100,7 +108,8 @@ def _moved(end: DescribedEnd, numbers: dict[int, int]) -> DescribedEnd:
 
 
 def _shown(sub: DescribedSubDevice) -> str:
-    return sub.name or sub.order or "a SubDevice"
+    name = "" if sub.name.isdigit() and sub.order else sub.name  # a mere number says nothing
+    return name or sub.order or "a SubDevice"
 
 
 def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> DescribedSubDevice:
@@ -150,12 +159,7 @@ def fill_devices(bus: Description, types: Sequence[Description], notes: list[str
     used: set[int] = set()
     subs = []
     for sub in bus.subdevices:
-        same = [
-            (n, row, path)
-            for n, (row, path) in enumerate(rows)
-            if (row.device.vendor_id, row.device.product_code)
-            == (sub.device.vendor_id, sub.device.product_code)
-        ]
+        same = [(n, row, path) for n, (row, path) in enumerate(rows) if _is_of_type(sub, row)]
         used.update(n for n, _, _ in same)
         if not same:
             subs.append(sub)

@@ -21,6 +21,8 @@ __all__ = [
     "state_facts",
 ]
 
+_VALUES = ("address", "connection_id", "watchdog_ms", "app_parameters")
+
 
 @dataclass(slots=True, kw_only=True)
 class Link:
@@ -147,10 +149,10 @@ def link_connections(
             for k in links
             if (k.main.subdevice, k.sub.subdevice) == (main, row.sub)
             and row.slot in (None, k.main.slot)
-            and not k.facts.span.file
+            and _agree(k.facts, row)
         ]
         if same:
-            same[0].facts = _marked(row, path)
+            _take(same[0], row, path)
             continue
         bare = [e.name for e in (ends[main], ends[row.sub]) if not e.pairs and not e.doubtful]
         if bare:
@@ -171,6 +173,25 @@ def link_connections(
                 "answers",
             )
     return problems, disputed
+
+
+def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
+    """Whether two files may speak of one connection: nothing that both say differs."""
+    if one.span.file and one.span.file == two.span.file:
+        return False
+    pairs = [(getattr(one, key), getattr(two, key)) for key in _VALUES]
+    return all(a == b or a in (None, b"") or b in (None, b"") for a, b in pairs)
+
+
+def _take(link: Link, row: DescribedConnection, path: str) -> None:
+    """Put what a file says to a link that another one named."""
+    if not link.facts.span.file:
+        link.facts = _marked(row, path)
+        return
+    given = {k: v for k in _VALUES if (v := getattr(row, k)) not in (None, b"")}
+    if given:
+        link.facts = replace(link.facts, **given)
+        link.why += f"; {_where(row, path)} has its values"
 
 
 def _marked(row: DescribedConnection, path: str) -> DescribedConnection:

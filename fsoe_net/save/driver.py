@@ -136,7 +136,7 @@ class _Files:
 
     def rows(self) -> Iterator[tuple[DescribedSubDevice, str, str, str]]:
         """Yield each SubDevice with its name, address and slave YAML."""
-        by_text: dict[str, str] = {}
+        by_text: dict[tuple[str, str], str] = {}
         needed: dict[int, set[int]] = {}
         for copy in self._description.copies:
             for end in (copy.source, copy.destination):
@@ -145,12 +145,14 @@ class _Files:
         for number, sub in enumerate(self._description.subdevices):
             name = self._names[number]
             text = self._slave_yaml(sub.device, name, frozenset(needed.get(number, ())))
-            if text not in by_text:
-                path = by_text[text] = f"devices/{words[number]}.yaml"
+            # Without an identity two types look alike: the order number tells them apart.
+            key = (text, "" if sub.device.product_code else sub.order.casefold())
+            if key not in by_text:
+                path = by_text[key] = f"devices/{words[number]}.yaml"
                 head = () if self._remarks is None else self._remarks.devices.get(number, ())
                 self.configs[path] = "\n".join([*comment(head), text])
             self._lost(sub, name)
-            yield sub, name, self._place(sub, name, number), by_text[text]
+            yield sub, name, self._place(sub, name, number), by_text[key]
 
     def _slave_yaml(self, device: Device, name: str, needed: frozenset[int]) -> str:
         """Return a slave YAML, written once for equal SubDevices unless it needs a note."""

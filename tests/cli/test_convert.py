@@ -358,3 +358,34 @@ def test_an_esi_beside_a_network_fills_an_eni(tmp_path: Path):
     text = (tmp_path / "bus.eni.xml").read_text("utf-8")
     assert text.count("<RevisionNo>1114112</RevisionNo>") == 1
     assert text.count("<Physics>KK</Physics>") == 1
+
+
+PLAIN_BUS = """<EtherCATConfig><Config><Slave><Info><Name>out</Name><AutoIncAddr>0</AutoIncAddr>
+<VendorId>2</VendorId><ProductCode>131870802</ProductCode></Info><ProcessData>
+<Send><BitStart>0</BitStart><BitLength>8</BitLength></Send>
+<Sm2><Type>Outputs</Type><StartAddress>3840</StartAddress><Pdo>5632</Pdo></Sm2>
+<RxPdo Sm="2"><Index>#x1600</Index><Name/><Entry><Index>#x7000</Index><SubIndex>1</SubIndex>
+<BitLen>8</BitLen><Name>Output</Name></Entry></RxPdo></ProcessData></Slave></Config></EtherCATConfig>
+"""
+
+
+@pytest.mark.parametrize("target", LOST)
+def test_a_bus_without_fsoe_goes_into_every_format(target: str, tmp_path: Path):
+    (tmp_path / "plain.eni.xml").write_text(PLAIN_BUS, "utf-8")
+    network = tmp_path / "n" / "network.yaml"
+    assert converted(tmp_path / "plain.eni.xml", "-o", network).returncode == 0
+    done = converted(network, "--to", target, "-o", tmp_path / "made")
+    assert (done.returncode, "error" in done.stderr) == (0, False), done.stderr
+    assert "note: no copies are known, so no safety frame would be moved" in done.stderr
+    check = fsn("check", str(network))
+    assert check.returncode == 0
+    assert "info[FSN125]: no net is given" in check.stdout
+    assert "fine for a bus without FSoE" in check.stdout
+
+
+def test_a_network_with_frames_and_no_net_stays_an_error(tmp_path: Path):
+    assert converted(NETWORK, "-o", tmp_path / "bus.h").returncode == 0
+    assert converted(tmp_path / "bus.h", "-o", tmp_path / "n" / "network.yaml").returncode == 0
+    check = fsn("check", str(tmp_path / "n" / "network.yaml"))
+    assert check.returncode == 1
+    assert "error[FSN125]" in check.stdout

@@ -449,3 +449,88 @@ def test_facts_of_a_subinstance_without_a_connection_are_not_lost(tmp_path: Path
     assert done.returncode == 0, done.stderr
     written = (out / "network.yaml").read_text("utf-8")
     assert re.search(r"not connected: more SubInstances.*\n\s*# answered: address 18\n", written)
+
+
+# -- types by order number ------------------------------------------------------------------------
+
+LCEC = """<masters><master idx="0" appTimePeriod="1000000">
+<slave idx="0" type="EK1100"/>
+<slave idx="1" type="EL6900"><modParam name="fsoeSlaveIdx" value="4"/>
+<modParam name="fsoeSlaveIdx" value="3"/></slave>
+<slave idx="2" type="EL2808"/><slave idx="3" type="EL1904"/><slave idx="4" type="EL2904"/>
+</master></masters>
+"""
+TWINSAFE = """<Project><SAddress>1</SAddress><Connections>
+<Connection><Name>K7 (EL2904)</Name><Mode>Master</Mode><SAddress>4</SAddress>
+<SWatchdog>100</SWatchdog><ConId>3</ConId><VendorId>2</VendorId><ModuleIdent>290</ModuleIdent>
+</Connection>
+<Connection><Name>K5 (EL1904)</Name><Mode>Master</Mode><SAddress>2</SAddress>
+<SWatchdog>120</SWatchdog><ConId>1</ConId><VendorId>2</VendorId><ModuleIdent>190</ModuleIdent>
+</Connection></Connections></Project>
+"""
+
+
+def terminal_esi(*orders: tuple[str, str]) -> str:
+    """An ESI with terminals of one 6-byte frame each way."""
+
+    def pdo(tag: str, index: str, high: str, sm: int) -> str:
+        rows = [(f"#x{high}000", 1, 8), (f"#x{high}001", 1, 8)]
+        rows += [(f"#x{high}000", sub, 16) for sub in (3, 2)]
+        names = ("FSoE CMD", "data", "FSoE CRC_0", "FSoE Connection ID")
+        entries = "".join(
+            f"<Entry><Index>{i}</Index><SubIndex>{s}</SubIndex><BitLen>{b}</BitLen>"
+            f"<Name>{n}</Name></Entry>"
+            for (i, s, b), n in zip(rows, names, strict=True)
+        )
+        return f'<{tag} Fixed="1" Sm="{sm}"><Index>{index}</Index><Name/>{entries}</{tag}>'
+
+    sms = "".join(
+        f'<Sm StartAddress="#x{at}">{what}</Sm>'
+        for at, what in (("1000", "MBoxOut"), ("1100", "MBoxIn"), ("1200", "Outputs"))
+    )
+    devices = "".join(
+        f'<Device Physics="KK"><Type ProductCode="#x{product}" RevisionNo="#x120000">{order}</Type>'
+        f'<Name>{order}</Name>{sms}<Sm StartAddress="#x1300">Inputs</Sm>'
+        + pdo("RxPdo", "#x1600", "7", 2)
+        + pdo("TxPdo", "#x1a00", "6", 3)
+        + "</Device>"
+        for order, product in orders
+    )
+    return (
+        "<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices>"
+        f"{devices}</Devices></Descriptions></EtherCATInfo>"
+    )
+
+
+def test_types_of_linuxcnc_ethercat_are_found_in_an_esi(tmp_path: Path):
+    files = {
+        "machine.xml": LCEC,
+        "TwinSAFE-Project.xml": TWINSAFE,
+        "maker.xml": terminal_esi(("EL1904", "07703052"), ("EL2904", "0b583052")),
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    out = tmp_path / "cell"
+    done = init(*(tmp_path / name for name in files), out=out)
+    assert done.returncode == 0, done.stderr
+    assert pairs(out) == [("el6900", 0, "el2904", False), ("el6900", 1, "el1904", False)]
+    assert [(r["address"], r["connection_id"], r["watchdog_ms"]) for r in connections(out)] == [
+        (4, 3, 100),
+        (2, 1, 120),
+    ]
+    assert "which process data" not in done.stdout
+    assert "0 of them unconfirmed" in done.stdout
+    rows = yaml.safe_load((out / "network.yaml").read_text("utf-8"))["subdevices"]
+    assert [row["config"] for row in rows] == [
+        f"devices/{name}.yaml" for name in ("ek1100", "el6900", "el2808", "el1904", "el2904")
+    ]
+    text = (out / "devices" / "el1904.yaml").read_text("utf-8")
+    assert "product_id: 0x07703052" in text
+
+
+def test_types_without_an_identity_have_a_file_each(tmp_path: Path):
+    (tmp_path / "machine.xml").write_text(LCEC, "utf-8")
+    out = tmp_path / "cell"
+    assert init(tmp_path / "machine.xml", out=out).returncode == 0
+    rows = yaml.safe_load((out / "network.yaml").read_text("utf-8"))["subdevices"]
+    assert len({row["config"] for row in rows}) == 5

@@ -198,6 +198,14 @@ def test_pdos_go_where_sm_says_and_the_rest_is_available():
     assert len(found.notes) == 2
 
 
+def test_a_virtual_pdo_has_its_place_on_a_virtual_sync_manager():
+    clock = '<Sm StartAddress="#x0998" ControlByte="#x00" Virtual="1" Enable="1">Inputs</Sm>'
+    entry = "<Entry><Index>#x1d09</Index><SubIndex>1</SubIndex><BitLen>32</BitLen></Entry>"
+    found = one(esi_text(device(SMS + clock + pdo("TxPdo", "#x1702", entry, 'Virtual="1" Sm="4"'))))
+    assert carried(found)[4] == [0x1702]
+    assert (found.available, found.notes) == ((), ())
+
+
 def test_gaps_of_any_size_stay():
     gaps = "".join(f"<Entry><Index>#x0</Index><BitLen>{n}</BitLen></Entry>" for n in (1, 9, 900))
     found = one(esi_text(device(SMS + pdo("TxPdo", "#x1a00", gaps, 'Sm="3"'))))

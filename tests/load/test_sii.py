@@ -15,6 +15,7 @@ from load.sii_image import category, image, image_of, strings
 from fsoe_net.diag import Span
 from fsoe_net.load import Collector
 from fsoe_net.load.sii import load_sii, read_sii, sii_checksum
+from fsoe_net.model import Direction
 
 
 def load(data: bytes):
@@ -86,6 +87,16 @@ def test_pdos_without_a_sync_manager_and_virtual_ones_are_available():
     ]
     assert [p.index for p in found.available] == [0x1A01, 0x1A02]
     assert "virtual" in found.notes[0]
+
+
+def test_a_virtual_pdo_has_its_place_on_a_virtual_sync_manager():
+    """The time register of an output terminal with oversampling, as its image has it."""
+    sub = one(need("sii", "ethercrab_el2262.bin").read_bytes())
+    clock = sub.device.sync_managers[2]
+    assert [p.index for p in clock.pdos or ()] == [0x1702]
+    assert (clock.start_byte, clock.direction) == (0x0998, Direction.INPUT)
+    assert sub.available == ()
+    assert sub.notes == ("of 4 clock modes the first is taken",)
 
 
 def test_a_coe_device_without_pdos_says_so():

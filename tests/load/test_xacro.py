@@ -84,6 +84,17 @@ def test_failures_are_located_and_say_what_to_do(tmp_path: Path, old: str, new: 
     assert found.span.line > 1
 
 
+def test_a_relative_package_begins_here_also_for_a_file_in_a_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    path = write(tmp_path, ROBOT.replace("macro.xacro", "$(find my_robot)/macro.xacro"))
+    (tmp_path / "robots").mkdir()
+    Path(path).rename(tmp_path / "robots" / "main.xacro")
+    monkeypatch.chdir(tmp_path)
+    result = load_urdf("robots/main.xacro", LoadOptions(packages={"my_robot": "."}))
+    assert result.diagnostics == ()
+
+
 def test_packages_are_found(tmp_path: Path):
     path = write(tmp_path, ROBOT.replace("macro.xacro", "$(find my_robot)/macro.xacro"))
     result = load_urdf(path, LoadOptions(packages={"my_robot": str(tmp_path)}))
