@@ -22,15 +22,34 @@ struct fsn_fault {
 };
 
 struct fsn_plan;
-struct fsn_subdevice_info { const char *name; uint32_t first_sm, sm_count; ...; };
-struct fsn_sm_info { uint32_t subdevice, size_bytes; uint8_t index, direction, registered; ...; };
-struct fsn_symbol_info { const char *name; uint16_t bits; uint8_t output; ...; };
-struct fsn_connection_info { const char *name; ...; };
+struct fsn_subdevice_info {
+    const char *name;
+    uint32_t first_sm, sm_count;
+    ...;
+};
+struct fsn_sm_info {
+    uint32_t subdevice, size_bytes;
+    uint8_t index, direction, registered;
+    ...;
+};
+struct fsn_symbol_info {
+    const char *name;
+    uint16_t bits;
+    uint8_t output;
+    ...;
+};
+struct fsn_connection_info {
+    const char *name;
+    ...;
+};
 
 fsn_status fsn_plan_load(const void *bytes, size_t len_bytes, struct fsn_plan **plan,
                          struct fsn_fault *fault);
 void fsn_plan_free(struct fsn_plan *plan);
-struct fsn_fingerprint { uint8_t whole[32]; uint8_t section[6][32]; };
+struct fsn_fingerprint {
+    uint8_t whole[32];
+    uint8_t section[6][32];
+};
 fsn_status fsn_plan_fingerprint(const struct fsn_plan *plan, struct fsn_fingerprint *fingerprint);
 const char *fsn_fingerprint_section(uint32_t section);
 uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
@@ -46,7 +65,9 @@ fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
 fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
                                struct fsn_connection_info *info);
 
-struct fsn_bus_ops { ...; };
+struct fsn_bus_ops {
+    ...;
+};
 struct fsn_emulated;
 const struct fsn_bus_ops *fsn_emulated_ops(void);
 fsn_status fsn_emulated_create(const struct fsn_plan *plan, struct fsn_emulated **bus);
@@ -58,10 +79,14 @@ fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm, cons
 fsn_status fsn_emulated_set_present(struct fsn_emulated *bus, uint32_t subdevice, bool present);
 
 struct fsn_core;
-struct fsn_histogram { uint64_t count, sum_ns, min_ns, max_ns; uint32_t bucket[...]; ...; };
+struct fsn_histogram {
+    uint64_t count, sum_ns, min_ns, max_ns;
+    uint32_t bucket[...];
+    ...;
+};
 struct fsn_statistics {
-    uint64_t cycles, overruns, wkc_errors, lost_frames, old_replies, bytes_copied, now_ns;
-    uint64_t dc_time_ns, events_lost;
+    uint64_t cycles, overruns, wkc_errors, lost_frames, old_replies, foreign_frames;
+    uint64_t bytes_copied, now_ns, dc_time_ns, events_lost;
     uint32_t expected_wkc, actual_wkc, copies, merged_copies, realtime, locked;
     struct fsn_histogram latency, period, work, copy, round_trip, dc_offset;
     ...;
@@ -75,10 +100,21 @@ struct fsn_direction {
     uint8_t command, reset_code;
     ...;
 };
-struct fsn_connection_status { struct fsn_direction direction[2]; uint32_t outside, gaps; ...; };
+struct fsn_connection_status {
+    struct fsn_direction direction[2];
+    uint32_t outside, gaps;
+    ...;
+};
 
-struct fsn_followed { uint16_t sequence; ...; };
-struct fsn_monitor { struct fsn_connection_status status; struct fsn_followed followed[2]; ...; };
+struct fsn_followed {
+    uint16_t sequence;
+    ...;
+};
+struct fsn_monitor {
+    struct fsn_connection_status status;
+    struct fsn_followed followed[2];
+    ...;
+};
 bool fsn_fsoe_check(const uint8_t *frame, size_t len_bytes, uint16_t old_crc, uint16_t sequence);
 uint16_t fsn_fsoe_solve_sequence(const uint8_t *frame, size_t len_bytes, uint16_t old_crc);
 fsn_status fsn_monitor_init(struct fsn_monitor *monitor, uint32_t to_sub_bytes,
@@ -91,7 +127,13 @@ struct fsn_event {
     uint8_t before, after, reset_code, by;
     ...;
 };
-struct fsn_thread_options { uint64_t cycle_ns; int priority; int cpu; bool lock_memory; ...; };
+struct fsn_thread_options {
+    uint64_t cycle_ns;
+    int priority;
+    int cpu;
+    bool lock_memory;
+    ...;
+};
 
 fsn_status fsn_core_create(const struct fsn_plan *plan, const struct fsn_bus_ops *ops, void *bus,
                            struct fsn_core **core, struct fsn_fault *fault);
@@ -111,7 +153,12 @@ fsn_status fsn_core_read_symbol(const struct fsn_core *core, const uint8_t *imag
                                 uint64_t *value);
 
 struct fsn_scan;
-struct fsn_scan_place { uint32_t address; uint8_t command, way; uint16_t size_bytes; ...; };
+struct fsn_scan_place {
+    uint32_t address;
+    uint8_t command, way;
+    uint16_t size_bytes;
+    ...;
+};
 struct fsn_scan_connection {
     struct fsn_connection_status status;
     struct fsn_scan_place places[...];
@@ -143,7 +190,10 @@ fsn_status fsn_scan_connection(const struct fsn_scan *scan, uint32_t number,
 void fsn_scan_counts(const struct fsn_scan *scan, struct fsn_scan_counts *counts);
 
 struct fsn_segment;
-struct fsn_segment_counts { uint64_t frames, datagrams, lost, foreign, work_ns; ...; };
+struct fsn_segment_counts {
+    uint64_t frames, datagrams, lost, foreign, work_ns;
+    ...;
+};
 fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segment);
 void fsn_segment_free(struct fsn_segment *segment);
 size_t fsn_segment_frame(struct fsn_segment *segment, uint8_t *frame, size_t len_bytes,
@@ -156,8 +206,8 @@ uint32_t fsn_segment_size(const struct fsn_segment *segment);
 uint32_t fsn_segment_position(const struct fsn_segment *segment, uint32_t subdevice);
 fsn_status fsn_segment_read_outputs(struct fsn_segment *segment, uint32_t sm, uint8_t *buffer,
                                     size_t len_bytes, bool *fresh);
-fsn_status fsn_segment_write_inputs(struct fsn_segment *segment, uint32_t sm,
-                                    const uint8_t *buffer, size_t len_bytes);
+fsn_status fsn_segment_write_inputs(struct fsn_segment *segment, uint32_t sm, const uint8_t *buffer,
+                                    size_t len_bytes);
 uint8_t fsn_segment_al_status(struct fsn_segment *segment, uint32_t position, uint16_t *code);
 void fsn_segment_set_present(struct fsn_segment *segment, uint32_t position, bool present);
 void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t position);
@@ -165,11 +215,14 @@ fsn_status fsn_segment_set_link(struct fsn_segment *segment, uint32_t position, 
 fsn_status fsn_segment_rx_errors(struct fsn_segment *segment, uint32_t position, uint32_t port,
                                  uint32_t errors);
 fsn_status fsn_segment_swap(struct fsn_segment *segment, uint32_t one, uint32_t other);
-struct fsn_segment_identity { uint32_t vendor_id, product_code, revision; ...; };
+struct fsn_segment_identity {
+    uint32_t vendor_id, product_code, revision;
+    ...;
+};
 fsn_status fsn_segment_set_identity(struct fsn_segment *segment, uint32_t position,
                                     const struct fsn_segment_identity *identity);
-fsn_status fsn_segment_set_sdo_abort(struct fsn_segment *segment, uint32_t position,
-                                     uint16_t index, uint32_t sub, uint32_t code);
+fsn_status fsn_segment_set_sdo_abort(struct fsn_segment *segment, uint32_t position, uint16_t index,
+                                     uint32_t sub, uint32_t code);
 fsn_status fsn_segment_set_object(struct fsn_segment *segment, uint32_t position, uint16_t index,
                                   uint8_t sub, const void *bytes, size_t len_bytes);
 fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment, uint32_t position,

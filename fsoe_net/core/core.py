@@ -295,6 +295,7 @@ class Core:
             actual_wkc=s.actual_wkc,
             lost_frames=s.lost_frames,
             old_replies=s.old_replies,
+            foreign_frames=s.foreign_frames,
             image=bytes(ffi.buffer(image, self._image_bytes)),
         )
 
@@ -391,6 +392,7 @@ def _statistics(ffi: Any, lib: Any, s: Any) -> Statistics:
         wkc_errors=s.wkc_errors,
         lost_frames=s.lost_frames,
         old_replies=s.old_replies,
+        foreign_frames=s.foreign_frames,
         bytes_copied=s.bytes_copied,
         now_ns=s.now_ns,
         dc_time_ns=s.dc_time_ns,

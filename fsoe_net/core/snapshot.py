@@ -77,6 +77,7 @@ class Statistics:
     wkc_errors: int
     lost_frames: int
     old_replies: int
+    foreign_frames: int
     bytes_copied: int
     now_ns: int
     dc_time_ns: int
@@ -163,4 +164,5 @@ class Glance:
     actual_wkc: int
     lost_frames: int
     old_replies: int
+    foreign_frames: int
     image: bytes

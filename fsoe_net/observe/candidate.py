@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fsoe_net.fsoe import reset_code_text
 from fsoe_net.observe.causes_table import CAUSES
 from fsoe_net.observe.evidence import Evidence
 
-__all__ = ["Candidate", "candidate", "code_text", "ms"]
+__all__ = ["Candidate", "any_of", "candidate", "code_text", "ms"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +66,12 @@ def _fill(text: str, words: dict[str, str]) -> str:
         word, _, rest = part.partition("}")
         filled += words[word] + rest
     return filled
+
+
+def any_of(names: Sequence[str]) -> str:
+    """Return names of which one is meant: `a`, `a or b`, `a, b or c`."""
+    head, last = ", ".join(names[:-1]), names[-1]
+    return f"{head} or {last}" if head else last
 
 
 def ms(ns: int | float) -> str:

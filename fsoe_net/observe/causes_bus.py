@@ -18,6 +18,7 @@ def bus_causes(e: Evidence) -> Iterator[Candidate]:
     """Yield what fits of the causes on the bus."""
     if e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return
+    yield from _other_main(e)
     yield from _gone(e)
     yield from _back(e)
     yield from _state(e)
@@ -26,11 +27,26 @@ def bus_causes(e: Evidence) -> Iterator[Candidate]:
     yield from _foreign(e)
 
 
+def _other_main(e: Evidence) -> Iterator[Candidate]:
+    """Somebody else sends EtherCAT frames: whatever else is seen may come of it."""
+    if not e.bus.foreign_frames:
+        return
+    yield candidate(
+        e,
+        "other_main_device",
+        98,
+        f"{e.bus.foreign_frames} EtherCAT frames of another MainDevice within "
+        f"{ms(e.bus.last_ns - e.bus.first_ns)}, beside {e.bus.cycles} cycles of this one",
+        f"{e.head.counters.foreign_frames} since the start" if e.head.counters.cycles else "",
+    )
+
+
 def _gone(e: Evidence) -> Iterator[Candidate]:
     """SubDevices that do not answer any more."""
     gone = e.lost_subdevices()
-    if not gone:
-        return
+    everybody = len(gone) == sum(s.known for s in e.head.subdevices)
+    if not gone or (everybody and _is_late(e)):
+        return  # frames that come back late have been everywhere
     mine = _own(e, [s.name for s in gone])
     first = gone[0]
     known = sorted((s for s in e.head.subdevices if s.known), key=lambda s: s.position)
@@ -126,6 +142,21 @@ def _state(e: Evidence) -> Iterator[Candidate]:
         )
 
 
+def _late(e: Evidence) -> tuple[int, int]:
+    """Return the cycles without their frames around the moment, and the replies that came late."""
+    lost = e.bus.lost_between(*e.window_ns)
+    if not lost:
+        return 0, 0
+    late = e.bus.old_between(lost[0].start_ns, lost[-1].end_ns + 4 * e.bus.cycle_ns)
+    return sum(r.cycles for r in lost), late
+
+
+def _is_late(e: Evidence) -> bool:
+    """Whether what counts as lost came back later."""
+    lost, late = _late(e)
+    return lost > 0 and 2 * late >= lost
+
+
 def _lost_frames(e: Evidence) -> Iterator[Candidate]:
     """Bursts in which nobody's data came back, and which ended."""
     start, end = e.window_ns
@@ -137,33 +168,35 @@ def _lost_frames(e: Evidence) -> Iterator[Candidate]:
     lost = e.bus.lost_between(start, end)
     if not bursts and not lost:
         return
-    missing = sum(r.cycles for r in bursts) * e.bus.cycle_ns
-    missing = max(missing, sum(r.cycles for r in lost) * e.bus.cycle_ns)
+    there, back = _late(e)
+    missing = max(there, sum(r.cycles for r in bursts)) * e.bus.cycle_ns
     watchdog = e.watchdog_ns or 100_000_000
-    score = 84 if missing >= watchdog // 4 else 60 if missing >= 2 * e.bus.cycle_ns else 30
     errors = {s.name: sum(s.rx_errors) for s in e.head.subdevices if sum(s.rx_errors)}
     first = next(iter(errors), "")
     everywhere = [r for r in e.bus.short if r.least == 0 and r.expected]
     facts = [
-        f"in the {ms(end - start)} before the moment {len(bursts) or len(lost)} bursts, "
-        f"{ms(missing)} without data, the watchdog is {ms(watchdog)}",
+        f"around the moment {len(bursts) or len(lost)} bursts, {ms(missing)} without data, the "
+        f"watchdog is {ms(watchdog)}",
         f"in the whole file {len(everywhere)} bursts, the longest "
         f"{ms(max(r.length_ns for r in everywhere))}"
         if everywhere
         else "",
     ]
-    there = sum(r.cycles for r in lost)
-    back = e.bus.old_between(start, end)
-    if there and 2 * back >= there:
+    late = _is_late(e)
+    if late:
+        few = 62 if there >= 2 else 32
         yield candidate(
             e,
             "late_replies",
-            score + 2,
-            f"{there} cycles without their frames in that time, {back} replies that came later; in "
-            f"the whole file {e.bus.lost_frames} and {e.bus.old_replies}",
+            # A frame that comes back has been everywhere: no cable explains it.
+            94 if there * e.bus.cycle_ns >= watchdog // 4 else few,
+            f"{there} cycles without their frames around the moment, {back} replies that came "
+            f"later; in the whole file {e.bus.lost_frames} and {e.bus.old_replies}",
             *facts,
         )
-        score -= 30
+    if late and 2 * there * e.bus.cycle_ns >= missing:
+        return  # what is missing came back later
+    score = 84 if missing >= watchdog // 4 else 60 if missing >= 2 * e.bus.cycle_ns else 30
     yield candidate(
         e,
         "lost_frames",

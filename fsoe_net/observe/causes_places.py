@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fsoe_net.fsoe import ResetCode
-from fsoe_net.observe.candidate import Candidate, candidate, code_text
+from fsoe_net.observe.candidate import Candidate, any_of, candidate, code_text
 from fsoe_net.observe.causes_ends import told_codes
 from fsoe_net.observe.evidence import Evidence, Planned
 from fsoe_net.observe.evidence_frames import LinkFacts
 from fsoe_net.observe.incident import TriggerKind
 
-__all__ = ["place_causes"]
+__all__ = ["place_causes", "swapped", "swapped_key"]
 
 _MAIN, _SUB = 0, 1
 _FEW = 3
@@ -26,12 +26,13 @@ def place_causes(e: Evidence) -> Iterator[Candidate]:
     yield from _torn(e, link)
     yield from _duplicates(e)
     yield from _roles(e, link)
+    crossed = list(_crossed(e, plan, link)) if e.never or e.left_data else []
+    yield from crossed
+    if not crossed:
+        yield from swapped(e)
+        yield from _refused_both(e, plan)
     if not e.never and not e.left_data:
         return
-    crossed = list(_crossed(e, plan, link))
-    yield from crossed
-    swapped = list(_swapped(e, plan)) if not crossed else []
-    yield from swapped
     yield from _address(e, plan, link)
     if not crossed:
         yield from _connection_id(e, plan, link)
@@ -153,42 +154,72 @@ def _expected_address(e: Evidence, plan: Planned, link: LinkFacts | None) -> int
     return plan.address
 
 
-def _swapped(e: Evidence, plan: Planned) -> Iterator[Candidate]:
-    """Two devices have each other's address."""
-    mine = e.address_of(plan.sub)
-    expected = _expected_address(e, plan, e.link)
-    for other in e.planned.values():
-        theirs = e.address_of(other.sub)
-        if other.sub == plan.sub:
+def swapped_key(e: Evidence, one: str, *others: str) -> str:
+    """Return which cause it is when devices have each other's FSoE address.
+
+    Where each of them stands in its place, by its type or since it never left the bus, only their
+    addresses were exchanged. Otherwise nobody but the person at the machine can know.
+    """
+    names = [one, *others]
+    if len({e.type_of(name) for name in names}) > 1:
+        return "addresses_swapped"
+    if e.left_data and not all(e.went_away(name) for name in names):
+        return "addresses_swapped"
+    return "devices_swapped"
+
+
+def swapped(e: Evidence) -> Iterator[Candidate]:
+    """Yield which devices have each other's address; those of this connection first."""
+    sub = e.plan.sub if e.plan else ""
+    has = {p.sub: e.address_of(p.sub) for p in e.planned.values()}
+    wanted = {p.sub: _expected_address(e, p, e.links.get(p.name)) for p in e.planned.values()}
+    owner = {number: sub for sub, number in wanted.items()}
+    for first in sorted(has, key=lambda name: name != sub):
+        round_ = _round(first, has, owner)
+        if not round_:
             continue
-        if mine is None and theirs is None and _both_refuse(e, plan, other):
-            yield candidate(
-                e,
-                "devices_swapped",
-                93,
-                f"{plan.sub} and {other.sub} are of the same type, and both refuse their address",
-                "what addresses they have could not be read",
-                other=other.sub,
-            )
-        if None in (mine, theirs, expected):
-            continue
-        wanted = _expected_address(e, other, e.links.get(other.name))
-        if mine == wanted and theirs == expected and mine != theirs:
-            yield candidate(
-                e,
-                "devices_swapped",
-                97,
-                f"{plan.sub} says it has address {mine}, expected is {expected}",
-                f"{other.sub} says it has address {theirs}, expected is {wanted}",
-                other=other.sub,
-            )
+        yield candidate(
+            e,
+            swapped_key(e, *round_),
+            97 if sub in round_ else 96,
+            *(f"{s} says it has address {has[s]}, expected is {wanted[s]}" for s in round_[:6]),
+            device=round_[0],
+            other=", ".join(round_[1:6]),
+        )
+        return
+
+
+def _refused_both(e: Evidence, plan: Planned) -> Iterator[Candidate]:
+    """Devices of one type refuse their address, and nobody knows which they have."""
+    partners = [o.sub for o in e.planned.values() if _both_refuse(e, plan, o)]
+    if partners and all(e.address_of(sub) is None for sub in (plan.sub, *partners)):
+        other = any_of(partners)
+        yield candidate(
+            e,
+            "devices_swapped",
+            93,
+            f"{plan.sub} and {other} are of the same type, and refuse their address",
+            "what addresses they have could not be read",
+            device=plan.sub,
+            other=other,
+        )
+
+
+def _round(first: str, has: dict[str, int | None], owner: dict[int | None, str]) -> list[str]:
+    """Return devices of which each has the address of the next, and the last that of the first."""
+    names = [first]
+    while (number := has.get(names[-1])) is not None and (then := owner.get(number)) is not None:
+        if then == first:
+            return names if len(names) > 1 else []
+        if then in names:
+            return []
+        names.append(then)
+    return []
 
 
 def _both_refuse(e: Evidence, one: Planned, two: Planned) -> bool:
     """Whether two devices of the same type both reset with code 6."""
-    rows = e.head.plan.subdevices if e.head.plan else ()
-    types = {s.name: (s.vendor_id, s.product_code) for s in rows}
-    if one.sub not in types or types[one.sub] != types.get(two.sub):
+    if one.sub == two.sub or None is e.type_of(one.sub) or e.type_of(one.sub) != e.type_of(two.sub):
         return False
     links = [e.links.get(p.name) for p in (one, two)]
     return all(

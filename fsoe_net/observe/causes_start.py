@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from fsoe_net.observe.candidate import Candidate, candidate
+from fsoe_net.observe.candidate import Candidate, any_of, candidate
+from fsoe_net.observe.causes_places import swapped, swapped_key
 from fsoe_net.observe.evidence import Evidence
 from fsoe_net.observe.incident import SubDeviceSeen, TriggerKind
 from fsoe_net.observe.incident_values import clean
@@ -28,11 +29,40 @@ _STATUS = {
 
 
 def start_causes(e: Evidence) -> Iterator[Candidate]:
-    """Yield what fits a bus that did not open."""
-    if e.head.trigger.kind is not TriggerKind.BUS_FAILED:
-        return
-    text = _told(e.head.trigger.text)
-    fault = f"the bus says: {text}"
+    """Yield what fits a bus that did not open, and SubDevices that are not as planned."""
+    failed = e.head.trigger.kind is TriggerKind.BUS_FAILED
+    text = _told(e.head.trigger.text) if failed else ""
+    fault = f"the bus says: {text}" if failed else ""
+    if failed:
+        yield from _no_bus(e, text, fault)
+        yield from _by_status(e, text, fault)
+        yield from swapped(e)
+    wrong = [s for s in e.head.subdevices if s.known and _kind(s)]
+    yield from _exchanged(e, wrong, fault)
+    for number, seen in enumerate(wrong[:8]):
+        if failed:
+            # The first one is what the bus stopped at; the others may follow from it.
+            named = seen.name in text
+            yield _one(e, seen, 92 - 5 * number + 4 * named, fault if named else "")
+        elif _kind(seen) != "device_missing":  # who is lost while the bus runs: `bus_causes`
+            yield _one(e, seen, _while_running(e, seen))
+
+
+def _while_running(e: Evidence, seen: SubDeviceSeen) -> int:
+    """Return how well it fits that a SubDevice is not as planned, while the bus runs.
+
+    What was found in its place is a fact, and those behind it may be gone with it.
+    """
+    if _kind(seen) == "wrong_device":
+        return 97
+    if seen.name == e.head.trigger.subdevice:
+        return 96
+    mine = e.plan is not None and seen.name in (e.plan.main, e.plan.sub)
+    return (80 if _kind(seen) == "state_refused" else 93) - (0 if mine else 40)
+
+
+def _no_bus(e: Evidence, text: str, fault: str) -> Iterator[Candidate]:
+    """What the words of a fault say of the bus as a whole."""
     low = text.lower()
     if "another maindevice" in low:
         yield candidate(e, "other_main_device", 95, fault)
@@ -40,13 +70,6 @@ def start_causes(e: Evidence) -> Iterator[Candidate]:
         yield candidate(e, "no_link", 95, fault)
     elif "no ethercat subdevice" in low or "no subdevice answers" in low:
         yield candidate(e, "bus_silent", 90, fault)
-    yield from _by_status(e, text, fault)
-    wrong = [s for s in e.head.subdevices if s.known and _kind(s)]
-    yield from _exchanged(e, wrong, fault)
-    for number, seen in enumerate(wrong[:8]):
-        # The first one is what the bus stopped at; the others may follow from it.
-        named = seen.name in text
-        yield _one(e, seen, 92 - 5 * number + 4 * named, fault if named else "")
 
 
 def _told(text: str) -> str:
@@ -65,16 +88,15 @@ def _by_status(e: Evidence, text: str, fault: str) -> Iterator[Candidate]:
         return
     if key == "bus_silent" and "has no link" in text:
         return
-    other = ""
+    other = why = ""
     if key == "wrong_device":
         key, other = _identity(e, text, device)
+        why = f"what stands at the place of {device} is what the plan has as {other}"
     elif key == "wrong_address":
         other = _owner(e, text, device)
-        key = "devices_swapped_places" if other else key
-    why = ""
-    if key == "devices_swapped_places":
-        why = f"what stands at the place of {device} is what the plan has as {other}"
-    yield candidate(e, key, 94, fault, why, device=device, other=other)
+        key = swapped_key(e, device, other) if other else key
+        why = f"the address that {device} has is planned for {other}"
+    yield candidate(e, key, 94, fault, why if other else "", device=device, other=other)
 
 
 def _identity(e: Evidence, text: str, device: str) -> tuple[str, str]:
@@ -88,7 +110,11 @@ def _identity(e: Evidence, text: str, device: str) -> tuple[str, str]:
     if planned.get(device) == seen:
         return "wrong_revision", ""
     others = [name for name, identity in planned.items() if identity == seen]
-    return ("devices_swapped_places", others[0]) if others else ("wrong_device", "")
+    if e.head.subdevices and all(s.known for s in e.head.subdevices):
+        # Of several of one type it is that in whose place another device was found, too.
+        wrong = {s.name for s in e.head.subdevices if _kind(s) == "wrong_device"}
+        others = [name for name in others if name in wrong]
+    return ("devices_swapped_places", any_of(others)) if others else ("wrong_device", "")
 
 
 def _owner(e: Evidence, text: str, device: str) -> str:
@@ -113,44 +139,32 @@ def _kind(seen: SubDeviceSeen) -> str:
     return words.get(seen.found, "")
 
 
-def _one(e: Evidence, seen: SubDeviceSeen, score: int, fault: str) -> Candidate:
+def _one(e: Evidence, seen: SubDeviceSeen, score: int, fault: str = "") -> Candidate:
     key = _kind(seen)
-    if key == "wrong_device" and _same_product(e, seen):
+    if key == "wrong_device" and seen.identity[:2] == e.type_of(seen.name):
         key = "wrong_revision"
     found = f"{seen.name}: {seen.found}" + (f": {seen.detail}" if seen.detail else "")
     code = f"AL status code of {seen.name}: 0x{seen.al_code:04x}" if seen.al_code else ""
-    if key == "wrong_address":
-        score += 1
     return candidate(e, key, score, found, code, fault, device=seen.name)
 
 
-def _same_product(e: Evidence, seen: SubDeviceSeen) -> bool:
-    """Whether vendor and product are those of the plan, so only the revision differs."""
-    plan = e.head.plan
-    rows = plan.subdevices if plan else ()
-    return any(
-        s.name == seen.name and (s.vendor_id, s.product_code) == seen.identity[:2] for s in rows
-    )
-
-
 def _exchanged(e: Evidence, wrong: list[SubDeviceSeen], fault: str) -> Iterator[Candidate]:
-    """Two SubDevices of which each stands where the other one should, or has its address."""
-    plan = e.head.plan
-    if plan is None:
-        return
-    planned = {s.name: (s.vendor_id, s.product_code) for s in plan.subdevices}
-    addresses = {p.sub: p.address for p in e.planned.values()}
-    for number, one in enumerate(wrong):
-        for two in wrong[number + 1 :]:
-            a, b = planned.get(one.name), planned.get(two.name)
-            if a and b and a != b and one.identity[:2] == b and two.identity[:2] == a:
-                each = f"at the place of {one.name} stands a {two.name}, and the other way round"
-                yield candidate(
-                    e, "devices_swapped_places", 98, each, fault, device=one.name, other=two.name
-                )
-            told = e.address_of(one.name), e.address_of(two.name)
-            if None not in told and told == (addresses.get(two.name), addresses.get(one.name)):
-                each = f"{one.name} has FSoE address {told[0]}, {two.name} has {told[1]}"
-                yield candidate(
-                    e, "devices_swapped_places", 98, each, fault, device=one.name, other=two.name
-                )
+    """Two SubDevices of which each stands where the other one should."""
+    for one in wrong:
+        partners = [
+            two.name
+            for two in wrong
+            if one.identity[:2] == e.type_of(two.name) != e.type_of(one.name) == two.identity[:2]
+        ]
+        if partners:
+            other = any_of(partners)
+            yield candidate(
+                e,
+                "devices_swapped_places",
+                98,
+                f"at the place of {one.name} stands a device of the type of {other}, and the other "
+                "way round",
+                fault,
+                device=one.name,
+                other=other,
+            )

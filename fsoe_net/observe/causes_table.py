@@ -50,7 +50,7 @@ _ROWS = (
     (
         "other_main_device",
         "Another MainDevice talks on this segment.",
-        "The bus is refused, or it comes up and falls back again and again.",
+        "The bus is refused, or states change by themselves and connections drop now and then.",
         "Find the other one: a PLC, a second fsn-master, a commissioning laptop on the line.",
         "Stop or unplug it; only one MainDevice may drive a segment.",
     ),
@@ -64,7 +64,8 @@ _ROWS = (
     (
         "wrong_device",
         "Another device stands in the place of {device}.",
-        "The bus does not come up after a change or an exchange of modules.",
+        "After a change or an exchange of modules the bus does not come up, or {device} stays "
+        "away from it.",
         "Compare the type labels with the configuration: `fsoe-net check NETWORK --interface IF`.",
         "Put the right device there, or correct position and identity in the configuration.",
     ),
@@ -214,16 +215,29 @@ _ROWS = (
     ),
     (
         "devices_swapped",
-        "{sub} and {other} are exchanged: each has the FSoE address of the other.",
-        "After work on the machine both connections stay out of Data.",
-        "Compare labels and addresses of {sub} and {other} with the drawing.",
-        "Put the devices (or their cables) back; do not simply exchange the addresses: wiring of "
-        "sensors and actuators hangs on the device.",
+        "{device} and {other} have exchanged FSoE addresses: the devices were exchanged, or their "
+        "address switches.",
+        "After work on the machine their connections stay out of Data.",
+        "Compare type labels, serial numbers and address switches of {device} and {other} with the "
+        "drawing: does each device stand in its place?",
+        "Devices in each other's place: put them or their cables back; do not exchange the "
+        "addresses, since the wiring of sensors and actuators belongs to the device. Devices in "
+        "their place: set the address switches back as planned, switch them off and on.",
+    ),
+    (
+        "addresses_swapped",
+        "{device} and {other} have exchanged FSoE addresses, while each device stands in its "
+        "place.",
+        "Their connections stay out of Data; the devices reset with `wrong FSoE address`.",
+        "Compare the addresses at {device} and {other} (DIP switches, rotary switch, software) "
+        "with the drawing.",
+        "Set each address as planned, switch the devices off and on; the devices stay where they "
+        "are.",
     ),
     (
         "devices_swapped_places",
         "{device} and {other} are exchanged on the bus.",
-        "After work on the machine the bus does not come up; two devices are named.",
+        "After work on the machine the bus does not come up, or both devices stay away from it.",
         "Compare labels and places of {device} and {other} with the drawing.",
         "Put the devices or their cables back.",
     ),

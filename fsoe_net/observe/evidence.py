@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 
 from fsoe_net.fsoe import OutsideState
 from fsoe_net.observe.evidence_cycles import BusFacts, BusWatch
@@ -26,6 +27,8 @@ __all__ = ["Evidence", "Planned", "gather"]
 
 _MOST_PAIRED = 24
 _NEAR_CYCLES = 8
+_OTHER = "another device"
+_ADDRESS = re.compile(r"^it has FSoE address (\d{1,5}),")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,14 +131,32 @@ class Evidence:
         """Return what the bus knew of a SubDevice."""
         return next((s for s in self.head.subdevices if s.name == name), None)
 
+    def went_away(self, subdevice: str) -> bool:
+        """Whether a SubDevice did not answer at any time in the file."""
+        seen = self.subdevice(subdevice)
+        return (seen is not None and not seen.answers) or any(
+            v.keys.get("subdevice") == subdevice and v.keys.get("after") == "none"
+            for v in self.events("subdevice")
+        )
+
     def facts(self, subdevice: str) -> FsoeFacts | None:
         """Return what a SubDevice says of its FSoE ends."""
         return next((f for f in self.head.fsoe if f.subdevice == subdevice), None)
 
     def address_of(self, subdevice: str) -> int | None:
-        """Return the FSoE address a SubDevice says it has."""
-        found = self.facts(subdevice)
-        return None if found is None else found.address
+        """Return the FSoE address a SubDevice says it has; one that was refused for it says so."""
+        facts = self.facts(subdevice)
+        if facts is not None and facts.address is not None:
+            return facts.address
+        seen = self.subdevice(subdevice)
+        told = _ADDRESS.search(seen.detail) if seen else None
+        return int(told[1]) if told else None
+
+    def type_of(self, subdevice: str) -> tuple[int, int] | None:
+        """Return vendor and product of a SubDevice as planned; ``None`` without a plan."""
+        rows = self.head.plan.subdevices if self.head.plan else ()
+        found = next((s for s in rows if clean(s.name) == subdevice), None)
+        return None if found is None else (found.vendor_id, found.product_code)
 
     def setting(self, name: str) -> FsoeSetting | None:
         """Return how the MainInstance of a connection is set, as its device says.
@@ -162,9 +183,13 @@ class Evidence:
         ]
 
     def lost_subdevices(self) -> list[SubDeviceSeen]:
-        """Return the SubDevices that did not answer when the file was written, in bus order."""
+        """Return the SubDevices that did not answer when the file was written, in bus order.
+
+        Where another device was found there is one.
+        """
         return sorted(
-            (s for s in self.head.subdevices if s.known and not s.answers), key=lambda s: s.position
+            (s for s in self.head.subdevices if s.known and not s.answers and s.found != _OTHER),
+            key=lambda s: s.position,
         )
 
     def stopped(self) -> list[str]:
@@ -184,10 +209,10 @@ def gather(reader: IncidentReader) -> Evidence:
 
     Memory is bounded by the number of connections, not by the length of the file.
     """
-    head = reader.head
+    head = _at_moment(reader.head)
     planned = _planned(head)
     moment = head.trigger.now_ns
-    name = head.trigger.connection
+    name = head.trigger.connection or _of_subdevice(planned, head.trigger.subdevice)
     bus = BusWatch(head.cycle_ns or (head.plan.cycle_ns if head.plan else 0))
     taken = frozenset((a.source_byte, a.size_bytes) for p in head.places for a in _areas(p))
     watches = {
@@ -226,6 +251,28 @@ def gather(reader: IncidentReader) -> Evidence:
     )
 
 
+def _at_moment(head: IncidentHead) -> IncidentHead:
+    """Return the head with the SubDevice of the trigger as it was found at the moment.
+
+    One that refuses a state is asked again each second: at the end of the file it may be between
+    two refusals.
+    """
+    name = head.trigger.subdevice
+    told = [
+        v.keys
+        for v in head.events
+        if name and v.keys.get("subdevice") == name and v.now_ns <= head.trigger.now_ns
+    ]
+    found = next((keys for keys in reversed(told) if keys.get("found")), None)
+    if found is None:
+        return head
+    rows = tuple(
+        replace(s, found=found["found"], detail=found.get("detail", "")) if s.name == name else s
+        for s in head.subdevices
+    )
+    return replace(head, subdevices=rows)
+
+
 def _areas(places: Places) -> tuple[Area, Area]:
     return places.to_sub, places.to_main
 
@@ -236,6 +283,12 @@ def _bounds(head: IncidentHead, area: Area) -> tuple[int, int]:
         if first <= area.source_byte < first + size:
             return first, min(first + size, head.image_bytes)
     return area.source_byte, area.source_byte + area.size_bytes
+
+
+def _of_subdevice(planned: dict[str, Planned], subdevice: str) -> str:
+    """Return the first connection of a SubDevice, or an empty text."""
+    ends = (n for n, p in planned.items() if subdevice and subdevice in (p.sub, p.main))
+    return next(ends, "")
 
 
 def _first_bad(links: dict[str, LinkFacts]) -> str:

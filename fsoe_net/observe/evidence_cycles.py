@@ -49,7 +49,8 @@ class BusFacts:
 
     ``short``: incomplete working counters; ``lost``: lost frames. ``open_short``: the working
     counter was incomplete to the end of the file. ``missed``: cycles between those of the file.
-    ``old``: time and number of replies that came too late.
+    ``old``: time and number of replies that came too late. ``foreign_frames``: of another
+    MainDevice.
     ``timeline`` are slices: ``(start_ns, cycles, incomplete, lost, most extra ns)``.
     """
 
@@ -63,6 +64,7 @@ class BusFacts:
     lost_frames: int
     old_replies: int
     old: tuple[tuple[int, int], ...]
+    foreign_frames: int
     late_cycles: int
     missed: int
     worst: tuple[SlowCycle, ...]
@@ -106,6 +108,7 @@ class BusWatch:
     _lost_frames: int = 0
     _old: int = 0
     _olds: list[tuple[int, int]] = field(default_factory=list)
+    _foreign: int = 0
     _late: int = 0
     _missed: int = 0
     _worst: list[SlowCycle] = field(default_factory=list)
@@ -121,6 +124,7 @@ class BusWatch:
             self._missed += record.cycle - last.cycle - 1
         self._cycles += 1
         self._old += record.old
+        self._foreign += record.foreign
         if record.old and len(self._olds) < _MOST_OLD:
             self._olds.append((record.now_ns, record.old))
         extra = self._timing(record, last)
@@ -205,6 +209,7 @@ class BusWatch:
             lost_frames=self._lost_frames,
             old_replies=self._old,
             old=tuple(self._olds),
+            foreign_frames=self._foreign,
             late_cycles=self._late,
             missed=self._missed,
             worst=tuple(s for s in sorted(self._worst, reverse=True) if s.extra_ns),

@@ -37,6 +37,8 @@ class TriggerKind(enum.Enum):
     """A connection was in Data and no longer is."""
     NOT_CONNECTED = "not_connected"
     """A connection did not come to Data though every SubDevice was in OP."""
+    REFUSED = "refused"
+    """A SubDevice is not as planned, or refuses a state or an object, while the bus runs."""
     BUS_FAILED = "bus_failed"
     """The bus did not open; there are no cycles."""
     REQUEST = "request"
@@ -45,10 +47,14 @@ class TriggerKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trigger:
-    """The moment. ``before`` and ``after`` are state words; ``reset_by`` is ``main`` or ``sub``."""
+    """The moment. ``before`` and ``after`` are state words; ``reset_by`` is ``main`` or ``sub``.
+
+    ``subdevice`` is the one that refuses; empty with every other kind.
+    """
 
     kind: TriggerKind
     connection: str = ""
+    subdevice: str = ""
     before: str = ""
     after: str = ""
     reset_by: str = ""
@@ -67,6 +73,7 @@ class Counters:
     wkc_errors: int = 0
     lost_frames: int = 0
     old_replies: int = 0
+    foreign_frames: int = 0
     expected_wkc: int = 0
     actual_wkc: int = 0
     realtime: bool = False
@@ -186,6 +193,7 @@ class CycleRecord:
     round_ns: int = 0
     lost: int = 0
     old: int = 0
+    foreign: int = 0
     wkc: tuple[int, int] | None = None
     image: bytes | None = None
 

@@ -103,6 +103,7 @@ def _trigger(row: Values) -> Trigger:
     return Trigger(
         kind=TriggerKind(kind),
         connection=row.label("connection"),
+        subdevice=row.label("subdevice"),
         before=_state(row.label("before")),
         after=_state(row.label("after")),
         reset_by=by if by in ("main", "sub") else "",
@@ -131,6 +132,7 @@ def _counters(row: Values) -> Counters:
         wkc_errors=row.whole("wkc_errors", missing=0),
         lost_frames=row.whole("lost_frames", missing=0),
         old_replies=row.whole("old_replies", missing=0),
+        foreign_frames=row.whole("foreign_frames", missing=0),
         expected_wkc=row.whole("expected_wkc", missing=0),
         actual_wkc=row.whole("actual_wkc", missing=0),
         realtime=row.flag("realtime"),

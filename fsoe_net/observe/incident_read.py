@@ -114,6 +114,7 @@ class IncidentReader:
             round_ns=values.whole("round", missing=0),
             lost=values.whole("lost", missing=0),
             old=values.whole("old", missing=0),
+            foreign=values.whole("foreign", missing=0),
             wkc=(wkc[0], wkc[1]) if wkc else None,
             image=image,
         )

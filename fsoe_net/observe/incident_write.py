@@ -50,6 +50,7 @@ def incident_lines(head: Mapping[str, Any], cycles: Iterable[CycleRecord]) -> It
             "round": record.round_ns,
             "lost": record.lost,
             "old": record.old,
+            "foreign": record.foreign,
         }
         row |= {key: value for key, value in numbers.items() if value}
         if record.wkc is not None:

@@ -132,6 +132,7 @@ def _title(e: Evidence) -> str:
     what = {
         TriggerKind.LEFT_DATA: f"connection {e.name} left Data",
         TriggerKind.NOT_CONNECTED: f"connection {e.name} did not reach Data",
+        TriggerKind.REFUSED: f"SubDevice {e.head.trigger.subdevice} is not as planned",
         TriggerKind.BUS_FAILED: "the bus did not open",
         TriggerKind.REQUEST: "recorded on request",
     }
@@ -148,6 +149,8 @@ def _sentence(e: Evidence) -> str:
     if trigger.kind is TriggerKind.BUS_FAILED:
         told = trigger.text.removeprefix("the bus does not open: ") or "no reason was told"
         return f"At {_when(e)} the bus did not open: {told}."
+    if trigger.kind is TriggerKind.REFUSED:
+        return f"At {_when(e)} the bus reported: {trigger.text}."
     if trigger.kind is TriggerKind.REQUEST:
         about = f" {e.name} was in {_state(e)}." if e.name else ""
         said = f" ({trigger.text})" if trigger.text else ""

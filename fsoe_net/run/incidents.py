@@ -138,6 +138,7 @@ class IncidentRecorder:
                 now_ns=seen.now_ns,
                 lost=seen.lost_frames - (last.lost_frames if last else 0),
                 old=seen.old_replies - (last.old_replies if last else 0),
+                foreign=seen.foreign_frames - (last.foreign_frames if last else 0),
                 wkc=(seen.expected_wkc, seen.actual_wkc) if short else None,
                 image=seen.image,
             )

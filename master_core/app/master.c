@@ -160,7 +160,7 @@ static void failed(struct master *m, const struct runner_result *result) {
     snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
     set_state(m, FAILED, FSN_LOG_ERROR, text);
     if (!given_up) {
-        fsn_control_bus_failed(m->control, text);
+        fsn_control_bus_failed(m->control, text, result->found);
     }
     if (!m->opened_once && !given_up) {
         /* At the start nobody is there who could mend it and try again. */

@@ -44,6 +44,8 @@ struct runner {
     /* The thread's own. */
     void *bus;
     struct fsn_core *core;
+    struct fsn_bus_subdevice *found; /**< of the last bus that did not open */
+    bool has_found;
 };
 
 static void put(struct queue *queue, struct fsn_job *job) {
@@ -81,17 +83,23 @@ static bool may_come(fsn_status status) {
 }
 
 /** The refusal names the first SubDevice that is not as planned; here are all of them. */
-static void tell_findings(const struct runner *runner) {
+static void tell_findings(struct runner *runner) {
     const struct fsn_bus_ops *ops = runner->backend->ops;
+    runner->has_found = false;
     for (uint32_t n = 0;
          runner->bus != NULL && ops->look != NULL && n < fsn_plan_subdevice_count(runner->plan);
          n++) {
         struct fsn_subdevice_info info;
-        struct fsn_bus_subdevice seen;
-        if (fsn_plan_subdevice(runner->plan, n, &info) == FSN_OK &&
-            ops->look(runner->bus, n, &seen) == FSN_OK && seen.found > FSN_FOUND_RIGHT) {
+        struct fsn_bus_subdevice *seen = &runner->found[n];
+        *seen = (struct fsn_bus_subdevice){0};
+        if (fsn_plan_subdevice(runner->plan, n, &info) != FSN_OK ||
+            ops->look(runner->bus, n, seen) != FSN_OK) {
+            continue;
+        }
+        runner->has_found = runner->has_found || seen->found != FSN_FOUND_UNKNOWN;
+        if (seen->found > FSN_FOUND_RIGHT) {
             log_line(FSN_LOG_WARNING, "SubDevice %.80s: %s: %s", info.name,
-                     fsn_found_text(seen.found), seen.detail);
+                     fsn_found_text(seen->found), seen->detail);
         }
     }
 }
@@ -235,6 +243,7 @@ static void job_open(struct runner *runner, struct runner_result *result) {
     }
     result->environment = result->status == FSN_E_SYS || result->status == FSN_E_NOMEM;
     result->core = runner->core;
+    result->found = result->status != FSN_OK && runner->has_found ? runner->found : NULL;
     if (result->status != FSN_OK && fault->rule == NULL) {
         fault->rule = fsn_status_text(result->status);
     }
@@ -389,6 +398,7 @@ struct runner *runner_create(const struct options *options, const struct fsn_pla
     runner->options = options;
     runner->plan = plan;
     runner->backend = backend;
+    runner->found = calloc((size_t)fsn_plan_subdevice_count(plan) + 1, sizeof *runner->found);
     runner->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     pthread_condattr_t attributes;
     pthread_mutex_init(&runner->lock, NULL);
@@ -396,7 +406,9 @@ struct runner *runner_create(const struct options *options, const struct fsn_pla
     pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
     pthread_cond_init(&runner->asked, &attributes);
     pthread_condattr_destroy(&attributes);
-    if (runner->wake < 0 || pthread_create(&runner->thread, NULL, run, runner) != 0) {
+    if (runner->wake < 0 || runner->found == NULL ||
+        pthread_create(&runner->thread, NULL, run, runner) != 0) {
+        free(runner->found);
         free(runner);
         return NULL;
     }
@@ -415,6 +427,7 @@ void runner_free(struct runner *runner) {
     close(runner->wake);
     pthread_mutex_destroy(&runner->lock);
     pthread_cond_destroy(&runner->asked);
+    free(runner->found);
     free(runner);
 }
 

@@ -26,6 +26,9 @@ struct runner_result {
     enum policy policy;     /**< as it came to be */
     bool locked;            /**< the memory is locked */
     bool environment;       /**< it was the system that refused, not plan or bus */
+    /** When the bus did not open: what was found of each SubDevice of the plan, until RUNNER_OPEN
+     *  is asked for again; NULL: nothing. */
+    const struct fsn_bus_subdevice *found;
 };
 
 /** Starts the thread.   @retval NULL  the system refused. */

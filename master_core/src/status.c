@@ -91,7 +91,9 @@ const char *fsn_al_code_text(uint16_t code) {
             return codes[i].text;
         }
     }
-    return "";
+    return code == 0        ? "no error is named"
+           : code >= 0x8000 ? "an error of its maker, see its manual"
+                            : "not a code of ETG.1000.6";
 }
 
 const char *fsn_section_name(uint32_t section) {

@@ -104,6 +104,87 @@ static void a_cycle_that_stands_still_is_not(void) {
     CHECK(tear_down(&rig) == 1);
 }
 
+static bool left_data_at(struct rig *rig, uint64_t now_ns) {
+    const struct fsn_trigger trigger = {.kind = "left_data", .now_ns = now_ns, .text = "a test"};
+    const bool begun = fsn_incident_begin(rig->control, &trigger);
+    if (begun) {
+        submitted->status = FSN_E_ABSENT;
+        fsn_control_job_done(rig->control, submitted);
+        cycle_at(rig, now_ns + UINT64_C(1000) * MS);
+        for (int i = 0; is_kept_still(rig, now_ns + UINT64_C(1000) * MS); i++) {
+            CHECK(i < 60000); /* the file of the one before is still being written */
+            usleep(1000);
+        }
+    }
+    return begun;
+}
+
+/** A second failure has a file of its own, and a third one; one that goes on and on has not. */
+static void a_second_failure_has_its_own(void) {
+    struct rig rig = set_up();
+    const uint64_t second = UINT64_C(1000) * MS;
+    cycle_at(&rig, second);
+    CHECK(left_data_at(&rig, 10 * second));
+    CHECK(left_data_at(&rig, 12 * second));
+    CHECK(left_data_at(&rig, 14 * second));
+    CHECK(!left_data_at(&rig, 16 * second));
+    CHECK(!left_data_at(&rig, 19 * second));
+    CHECK(left_data_at(&rig, 20 * second)); /* one each ten seconds, in the long run */
+    CHECK(!left_data_at(&rig, 29 * second));
+    CHECK(left_data_at(&rig, 30 * second));
+    CHECK(left_data_at(&rig, 100 * second));
+    CHECK(left_data_at(&rig, 102 * second));
+    CHECK(tear_down(&rig) == 7);
+}
+
+/** A SubDevice that refuses a state is one incident until it is in OP, however often it is asked.
+ */
+static void a_subdevice_that_refuses_is_one(void) {
+    struct rig rig = set_up();
+    struct fsn_incidents *in = rig.control->incidents;
+    struct fsn_bus_subdevice seen = {.found = FSN_FOUND_STATE, .al_status = FSN_AL_PREOP};
+    snprintf(seen.detail, sizeof seen.detail, "SAFEOP refused");
+    const uint64_t second = UINT64_C(1000) * MS;
+    cycle_at(&rig, second);
+    for (int i = 0; i < 3; i++) {
+        fsn_incident_subdevice(rig.control, 1, &seen, second);
+        seen.found = FSN_FOUND_RIGHT; /* it is asked again */
+        fsn_incident_subdevice(rig.control, 1, &seen, second);
+        seen.found = FSN_FOUND_STATE;
+    }
+    CHECK(in->pending.active && in->files == 1);
+    struct fsn_subdevice_info info;
+    char text[300];
+    CHECK(fsn_plan_subdevice(rig.on.plan, 1, &info) == FSN_OK);
+    snprintf(text, sizeof text, "SubDevice %s: refused a state: SAFEOP refused", info.name);
+    CHECK(strcmp(in->pending.kind, "refused") == 0 && strcmp(in->pending.text, text) == 0);
+    CHECK(strcmp(in->pending.subdevice, info.name) == 0);
+    submitted->status = FSN_E_ABSENT;
+    fsn_control_job_done(rig.control, submitted);
+    cycle_at(&rig, 2 * second);
+    CHECK(!is_kept_still(&rig, 2 * second));
+    fsn_incident_subdevice(rig.control, 1, &seen, 3 * second);
+    CHECK(!in->pending.active);
+    const struct fsn_bus_subdevice in_op = {.found = FSN_FOUND_RIGHT, .al_status = FSN_AL_OP};
+    fsn_incident_subdevice(rig.control, 1, &in_op, 4 * second);
+    fsn_incident_subdevice(rig.control, 1, &seen, 5 * second);
+    CHECK(in->pending.active && in->files == 2);
+    submitted->status = FSN_E_ABSENT;
+    fsn_control_job_done(rig.control, submitted);
+    CHECK(tear_down(&rig) >= 1);
+}
+
+/** Who was in Data has left it, and not never come. */
+static void who_was_in_data_did_come(void) {
+    struct rig rig = set_up();
+    fsn_incident_connection(rig.control, 0, FSN_OUTSIDE_RESET);
+    CHECK(rig.control->incidents->told[0] == 0);
+    fsn_incident_connection(rig.control, 0, FSN_OUTSIDE_DATA_PROCESS);
+    fsn_incident_connection(rig.control, 0, FSN_OUTSIDE_RESET);
+    CHECK(rig.control->incidents->told[0] == 1);
+    CHECK(tear_down(&rig) == 0);
+}
+
 static void one_that_runs_is_not_either(void) {
     struct rig rig = set_up();
     cycle_at(&rig, UINT64_C(1000) * MS);
@@ -117,5 +198,8 @@ int main(void) {
     a_cycle_that_was_held_up_is_waited_for();
     a_cycle_that_stands_still_is_not();
     one_that_runs_is_not_either();
+    a_second_failure_has_its_own();
+    a_subdevice_that_refuses_is_one();
+    who_was_in_data_did_come();
     return 0;
 }

@@ -2,8 +2,12 @@
  *  own; skipped (77) where that cannot be made. */
 #define _GNU_SOURCE
 
+#include <arpa/inet.h>
+#include <linux/if_packet.h>
+#include <net/if.h>
 #include <sched.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include "fsn/acyclic.h"
@@ -263,6 +267,44 @@ static void a_ring_open_at_the_start_is_told(void) {
     tear_down(rig);
 }
 
+/** Sends frames as another MainDevice does, with indices on both sides of our border. */
+static void send_foreign(int frames) {
+    uint8_t frame[60] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x01, 0x01,
+                         0x01, 0x01, 0x01, 0x01, 0x88, 0xA4, 0x0D, 0x10};
+    const struct sockaddr_ll at = {.sll_family = AF_PACKET,
+                                   .sll_protocol = htons(0x88A4),
+                                   .sll_ifindex = (int)if_nametoindex("near")};
+    const int fd = socket(AF_PACKET, SOCK_RAW, 0);
+    CHECK(fd >= 0);
+    frame[16] = 7; /* BRD */
+    frame[22] = 1; /* one byte */
+    for (int i = 0; i < frames; i++) {
+        frame[17] = i % 2 == 0 ? 0x03 : 0x83;
+        CHECK(sendto(fd, frame, sizeof frame, 0, (const struct sockaddr *)&at, sizeof at) ==
+              (ssize_t)sizeof frame);
+    }
+    close(fd);
+}
+
+/** Frames of another MainDevice are counted, each once, and none of ours: neither those of the
+ *  cycle nor SOEM's own. */
+static void foreign_frames_are_counted(void) {
+    enum { FRAMES = 100 };
+    struct rig *rig = bring_up();
+    CHECK(flows(rig, 1) && statistics(rig).foreign_frames == 0);
+    send_foreign(FRAMES);
+    for (int i = 0; statistics(rig).foreign_frames < FRAMES; i++) {
+        CHECK(i < PATIENCE_MS / 2);
+        fsn_core_tend(rig->core, FSN_AL_OP, now_ns());
+        pause_ms(2);
+    }
+    for (uint32_t k = 1; k < SUBDEVICES; k++) {
+        CHECK(flows(rig, k));
+    }
+    CHECK(statistics(rig).foreign_frames == FRAMES);
+    tear_down(rig);
+}
+
 static void stops_step_by_step(void) {
     struct rig *rig = bring_up();
     for (int i = 0; i < PATIENCE_MS / 2 && !fsn_core_tend(rig->core, FSN_AL_SAFEOP, now_ns());
@@ -417,6 +459,7 @@ int main(void) {
     who_refuses_is_asked_again();
     a_ring_survives_each_cable();
     a_ring_open_at_the_start_is_told();
+    foreign_frames_are_counted();
     stops_step_by_step();
     refusals();
     return 0;

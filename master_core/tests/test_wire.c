@@ -243,6 +243,22 @@ static void damaged_replies_are_foreign(void) {
     tear_down(rig);
 }
 
+/** What the acyclic side has heard of another MainDevice is counted once, whenever it comes. */
+static void foreign_frames_count_once(void) {
+    struct rig *rig = set_up(1);
+    exchange(rig);
+    take(rig);
+    CHECK(rig->input.foreign_frames == 0);
+    atomic_fetch_add(&rig->frames.wire.foreign, 3);
+    exchange(rig);
+    take(rig);
+    CHECK(rig->input.foreign_frames == 3);
+    exchange(rig);
+    take(rig);
+    CHECK(rig->input.foreign_frames == 0);
+    tear_down(rig);
+}
+
 static void ring(bool broken, bool second_cable_out) {
     struct rig *rig = set_up(2);
     for (unsigned i = 0; i < 3; i++) {
@@ -286,6 +302,7 @@ int main(void) {
     old_replies_never_pass(200);
     a_repeated_reply_counts_once();
     damaged_replies_are_foreign();
+    foreign_frames_count_once();
     ring(false, false);
     ring(true, false);
     ring(false, true);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -165,6 +166,25 @@ def read(path: Path) -> Evidence:
 def judged(path: Path) -> Verdicts:
     """Return what is said of a file."""
     return judge(read(path))
+
+
+def edited(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+    """Change the head of a file: what only a bus with AL states knows."""
+    first, rest = path.read_text("utf-8").split("\n", 1)
+    head = json.loads(first)
+    change(head)
+    path.write_text(json.dumps(head) + "\n" + rest, "utf-8")
+    return path
+
+
+def found(path: Path, name: str, **what: Any) -> Path:
+    """Say what the bus found of a SubDevice."""
+
+    def change(head: dict[str, Any]) -> None:
+        row = next(s for s in head["subdevices"] if s["name"] == name)
+        row |= what
+
+    return edited(path, change)
 
 
 def config(port: Any, **changes: Any) -> None:

@@ -8,9 +8,11 @@ from pathlib import Path
 from incidents.seeds_bus import BUS, HEALTHY
 from incidents.seeds_devices import DEVICES
 from incidents.seeds_start import START, start
+from incidents.seeds_symptoms import SYMPTOMS
+from incidents.seeds_tried import TRIED
 from incidents.seeds_wiring import WIRING
 
-SEEDS = WIRING | DEVICES | BUS | START
+SEEDS = WIRING | DEVICES | BUS | START | TRIED | SYMPTOMS
 
 # What shall name nothing.
 NOTHING: dict[str, Callable[[Path], Path]] = HEALTHY | {

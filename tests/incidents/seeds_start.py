@@ -126,7 +126,7 @@ _TOLD = {
     "ADDRESS, swapped": (
         "ADDRESS: SubDevice 3 (drive_1): a SubDevice has another FSoE address than the plan says: "
         "it has FSoE address 202, the plan says 201",
-        "devices_swapped_places",
+        "devices_swapped",
     ),
     "SDO": (
         "SDO: SubDevice 3 (drive_1): a SubDevice refuses a start-up SDO: 0x1c12:00: abort code "
@@ -244,6 +244,6 @@ START: dict[str, Seed] = {
                 {"subdevice": "drive_2", "address": 201, "connections": []},
             ),
         ),
-        "devices_swapped_places",
+        "devices_swapped",
     ),
 } | {f"told at start: {n}": (told(text), cause) for n, (text, cause) in _TOLD.items()}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
-from incidents.rig import CELL, COUPLER, ESTOP, MS, Rig, Seed, config, network
+from incidents.rig import CELL, COUPLER, ESTOP, MS, Rig, Seed, config, edited, network
 
 from fsoe_net.emul import choose_setups
 from fsoe_net.emul.device import main_port
@@ -47,10 +46,7 @@ def devices_swapped(tmp: Path) -> Path:
 
 def devices_swapped_unread(tmp: Path) -> Path:
     """As above, but no device tells its address, as in files of a bus that cannot read it."""
-    path = devices_swapped(tmp)
-    first, rest = path.read_text("utf-8").split("\n", 1)
-    path.write_text(json.dumps(json.loads(first) | {"fsoe": []}) + "\n" + rest, "utf-8")
-    return path
+    return edited(devices_swapped(tmp), lambda head: head.update(fsoe=[]))
 
 
 def copies_crossed(tmp: Path) -> Path:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from incidents.rig import judged
 from incidents.seeds import NOTHING, SEEDS
+from incidents.seeds_tried import NAMED
 
 from fsoe_net.observe.causes_table import CAUSES
 
@@ -24,6 +25,8 @@ def test_the_cause_is_named_first(name, tmp_path):
     assert found.likely.key == wanted, (found.likely, [c.key for c in found.others])
     assert found.likely.evidence
     assert "{" not in found.likely.title + found.likely.measure + found.likely.change
+    for device in NAMED.get(name, ()):
+        assert device in found.likely.title
 
 
 @pytest.mark.parametrize("name", NOTHING)
@@ -33,7 +36,7 @@ def test_nothing_is_named_where_nothing_is(name, tmp_path):
 
 
 def test_every_cause_has_a_seed():
-    assert set(CAUSES) - {wanted for _, wanted in SEEDS.values()} <= {"device_state"}
+    assert set(CAUSES) == {wanted for _, wanted in SEEDS.values()}
 
 
 def confusion() -> int:

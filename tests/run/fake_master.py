@@ -30,8 +30,9 @@ _HISTOGRAM = {
     "buckets": [[917_504, 2]],
 }  # fmt: skip
 _COUNTERS = (
-    "cycles", "overruns", "wkc_errors", "lost_frames", "old_replies", "bytes_copied", "now_ns",
-    "dc_time_ns", "events_lost", "expected_wkc", "actual_wkc", "copies", "merged_copies",
+    "cycles", "overruns", "wkc_errors", "lost_frames", "old_replies", "foreign_frames",
+    "bytes_copied", "now_ns", "dc_time_ns", "events_lost", "expected_wkc", "actual_wkc", "copies",
+    "merged_copies",
 )  # fmt: skip
 _TIMES = ("latency", "period", "work", "copy", "round_trip", "dc_offset")
 STATISTICS = dict.fromkeys(_COUNTERS, 0) | dict.fromkeys(_TIMES, _HISTOGRAM)

@@ -9,10 +9,13 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
+
+from incidents.rig import judged
 
 from fsoe_net.errors import FsnError
 from fsoe_net.run import Client
@@ -174,6 +177,45 @@ def incident(network, other):
     return {"last": last, "file": str(written()[0]) if written() else None}
 
 
+def _send_as_another(frames):
+    """Frames of another MainDevice: a BRD with an index that SOEM uses, too."""
+    frame = bytes.fromhex("ffffffffffff 010101010101 88a4 0d10 0703") + bytes(42)
+    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW) as raw:
+        raw.bind(("near", 0x88A4))
+        for _ in range(frames):
+            raw.send(frame)
+
+
+FAULTS = {
+    "foreign": ("foreign", "break LAST"),
+    "wrong": ("wrong LAST 2 3", "power-cycle LAST"),
+    "late": ("delay 1500us",),
+}
+
+
+def fault(name):
+    """Something happens to a running bus; which cause is named in the files it leaves?"""
+
+    def case(network, other):
+        emulator = Emulator(network)
+        running = Running(network, "--incidents", ".")
+        last = running.in_data().subdevices[-1].name
+        for step in FAULTS[name]:
+            _send_as_another(50) if step == "foreign" else emulator.do(step.replace("LAST", last))
+        wait_for("a file", lambda: [p for p in Path().glob("incident-*") if _is_whole(p)])
+        running.end(signal.SIGINT)
+        emulator.end()
+        first = min(Path().glob("incident-*"), key=lambda p: p.stat().st_mtime_ns)
+        likely = judged(first).likely
+        return {"key": likely and likely.key, "title": likely and likely.title, "last": last}
+
+    return case
+
+
+def _is_whole(path):
+    return '"end":true' in path.read_text()
+
+
 def kill_tool(network, other):
     """fsoe-net is killed: fsn-master cycles on, its socket is usable, and ends when asked."""
     emulator = Emulator(network)
@@ -230,7 +272,7 @@ def _is_running(pid):
 CASES = {
     f.__name__: f
     for f in (comes_up, silent, wrong, unplug, incident, kill_tool, kill_master, interrupt, stopped)
-}
+} | {f"fault {name}": fault(name) for name in FAULTS}
 
 
 def main():

@@ -141,6 +141,16 @@ def test_an_incident_names_its_cause_and_holds_what_the_devices_tell(tmp_path):
     assert told["ek1914"]["address"] == 14
 
 
+@pytest.mark.parametrize(
+    ("fault", "key"),
+    [("foreign", "other_main_device"), ("wrong", "wrong_device"), ("late", "late_replies")],
+)
+def test_the_cause_of_a_fault_on_the_wire_is_named(fault, key, tmp_path):
+    case = f"fault {fault}"
+    seen = on_the_wire(case, ESTOP, tmp=tmp_path, good=lambda s: s["key"] == key)
+    assert key != "wrong_device" or seen["last"] in seen["title"]
+
+
 def test_killing_the_tool_leaves_the_bus(tmp_path):
     seen = on_the_wire("kill_tool", ESTOP, tmp=tmp_path)
     assert seen == {"data": True, "socket_left": False}

@@ -37,10 +37,11 @@ struct fsn_bus_input {
     /** One per sync manager: set to 1 where an input holds the bytes of an earlier cycle. Leave it
      *  0 where the mapping does not allow to know; the working counter then tells it alone. */
     uint8_t *sm_stale;
-    uint32_t lost_frames;   /**< frames of the last send() that have not come back */
-    uint32_t old_replies;   /**< replies to earlier frames, thrown away */
-    uint64_t round_trip_ns; /**< from send() to the last reply; 0 when the bus does not know */
-    uint64_t dc_time_ns;    /**< time of the DC reference clock in this reply; 0 without one */
+    uint32_t lost_frames;    /**< frames of the last send() that have not come back */
+    uint32_t old_replies;    /**< replies to earlier frames, thrown away */
+    uint32_t foreign_frames; /**< of another MainDevice, heard since the last receive() */
+    uint64_t round_trip_ns;  /**< from send() to the last reply; 0 when the bus does not know */
+    uint64_t dc_time_ns;     /**< time of the DC reference clock in this reply; 0 without one */
 };
 
 /** AL states of EtherCAT SubDevices; FSN_AL_ERROR is a flag beside one of them. */
@@ -74,8 +75,8 @@ enum fsn_found {
 /** Returns "another device" and the like for an enum fsn_found. Context: any thread. */
 FSN_API const char *fsn_found_text(uint8_t found);
 
-/** Returns an AL status code in words, e.g. "sync manager watchdog" for 0x001B; an empty text for
- * one that ETG.1000.6 does not list. Context: any thread. */
+/** Returns an AL status code in words, e.g. "sync manager watchdog" for 0x001B; never an empty
+ * text. Context: any thread. */
 FSN_API const char *fsn_al_code_text(uint16_t code);
 
 enum { FSN_PORTS = 4 };

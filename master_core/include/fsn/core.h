@@ -28,21 +28,22 @@ struct fsn_histogram {
 
 /** Counters of the cyclic thread; they only grow. */
 struct fsn_statistics {
-    uint64_t cycles;        /**< bus cycles run */
-    uint64_t overruns;      /**< cycles left out because a wake-up came that much too late */
-    uint64_t wkc_errors;    /**< cycles with an incomplete working counter */
-    uint64_t lost_frames;   /**< frames that have not come back in their cycle */
-    uint64_t old_replies;   /**< replies to earlier frames, thrown away */
-    uint64_t bytes_copied;  /**< bytes moved by copies */
-    uint64_t now_ns;        /**< start of the last cycle, monotonic */
-    uint64_t dc_time_ns;    /**< DC reference clock as last seen; 0 without one */
-    uint64_t events_lost;   /**< events that found the ring full */
-    uint32_t expected_wkc;  /**< of the last cycle */
-    uint32_t actual_wkc;    /**< of the last cycle */
-    uint32_t copies;        /**< copies of the plan */
-    uint32_t merged_copies; /**< copies executed after merging neighbours */
-    uint32_t realtime;      /**< 1 when the thread got its real-time priority */
-    uint32_t locked;        /**< 1 when the memory of the process is locked */
+    uint64_t cycles;         /**< bus cycles run */
+    uint64_t overruns;       /**< cycles left out because a wake-up came that much too late */
+    uint64_t wkc_errors;     /**< cycles with an incomplete working counter */
+    uint64_t lost_frames;    /**< frames that have not come back in their cycle */
+    uint64_t old_replies;    /**< replies to earlier frames, thrown away */
+    uint64_t foreign_frames; /**< of another MainDevice, as far as the bus hears them */
+    uint64_t bytes_copied;   /**< bytes moved by copies */
+    uint64_t now_ns;         /**< start of the last cycle, monotonic */
+    uint64_t dc_time_ns;     /**< DC reference clock as last seen; 0 without one */
+    uint64_t events_lost;    /**< events that found the ring full */
+    uint32_t expected_wkc;   /**< of the last cycle */
+    uint32_t actual_wkc;     /**< of the last cycle */
+    uint32_t copies;         /**< copies of the plan */
+    uint32_t merged_copies;  /**< copies executed after merging neighbours */
+    uint32_t realtime;       /**< 1 when the thread got its real-time priority */
+    uint32_t locked;         /**< 1 when the memory of the process is locked */
     /* Of the cyclic thread only; empty in virtual time. */
     struct fsn_histogram latency;    /**< how late wake-ups came */
     struct fsn_histogram period;     /**< from the start of one cycle to the next */
@@ -63,17 +64,18 @@ struct fsn_event {
 
 /** One cycle, as the recorder keeps it. */
 struct fsn_cycle {
-    uint64_t cycle;         /**< its number: 1 for the first; fsn_statistics.cycles after it */
-    uint64_t now_ns;        /**< its start, monotonic */
-    uint64_t dc_time_ns;    /**< DC reference clock in its reply; 0 without one */
-    uint32_t late_ns;       /**< how late it woke up; this and the next two end at 2^32 - 1 */
-    uint32_t work_ns;       /**< from the wake-up to the end of send() */
-    uint32_t round_trip_ns; /**< from send() to the last reply; 0 where the bus does not know */
-    uint32_t lost_frames;   /**< frames that have not come back in this cycle */
-    uint32_t old_replies;   /**< replies to earlier frames, thrown away in this cycle */
-    uint32_t expected_wkc;  /**< over all datagrams */
-    uint32_t actual_wkc;    /**< over all datagrams */
-    uint32_t overruns;      /**< cycles left out right before it: it woke up that much too late */
+    uint64_t cycle;          /**< its number: 1 for the first; fsn_statistics.cycles after it */
+    uint64_t now_ns;         /**< its start, monotonic */
+    uint64_t dc_time_ns;     /**< DC reference clock in its reply; 0 without one */
+    uint32_t late_ns;        /**< how late it woke up; this and the next two end at 2^32 - 1 */
+    uint32_t work_ns;        /**< from the wake-up to the end of send() */
+    uint32_t round_trip_ns;  /**< from send() to the last reply; 0 where the bus does not know */
+    uint32_t lost_frames;    /**< frames that have not come back in this cycle */
+    uint32_t old_replies;    /**< replies to earlier frames, thrown away in this cycle */
+    uint32_t foreign_frames; /**< of another MainDevice, heard since the cycle before */
+    uint32_t expected_wkc;   /**< over all datagrams */
+    uint32_t actual_wkc;     /**< over all datagrams */
+    uint32_t overruns;       /**< cycles left out right before it: it woke up that much too late */
 };
 
 /** How the cyclic thread runs. Zero is a good value for every field but cycle_ns. */

@@ -84,8 +84,10 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
                                       struct fsn_refusal *refusal);
 
-/** The bus did not open: that is an incident as well. */
-void fsn_control_bus_failed(struct fsn_control *control, const char *text);
+/** The bus did not open: that is an incident as well.
+ *  @param[in] seen  what was found of each SubDevice of the plan; NULL: nothing. */
+void fsn_control_bus_failed(struct fsn_control *control, const char *text,
+                            const struct fsn_bus_subdevice *seen);
 
 /** There is a core now (NULL: none any more). Until the next call with NULL it is looked at. */
 void fsn_control_attach(struct fsn_control *control, struct fsn_core *core);

@@ -19,14 +19,15 @@ enum {
     BEFORE_MS = 5000,   /**< kept before the moment */
     AFTER_MS = 1000,    /**< and behind it */
     LATE_MS = 1000,     /**< longer nobody waits for a cycle behind that */
-    PAUSE_MS = 10000,   /**< between two that nobody asked for */
+    PAUSE_MS = 10000,   /**< between two that nobody asked for, in the long run */
+    AT_ONCE = 3,        /**< files without that pause: a second failure has its own */
     PATIENCE_MS = 5000, /**< in OP and not in Data for so long */
     ANSWER_MS = 2000,   /**< longer nobody waits for the FSoE values of the SubDevices */
     LOOK_MS = 500,      /**< between two looks for those */
     MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
 };
 
-fsn_status fsn_incidents_create(const char *folder, uint32_t connections,
+fsn_status fsn_incidents_create(const char *folder, const struct fsn_plan *plan,
                                 struct fsn_incidents **incidents, struct fsn_refusal *refusal) {
     struct stat found;
     if (stat(folder, &found) != 0 || !S_ISDIR(found.st_mode) || access(folder, W_OK | X_OK) != 0) {
@@ -35,14 +36,18 @@ fsn_status fsn_incidents_create(const char *folder, uint32_t connections,
                                errno != 0 ? strerror(errno) : "no folder");
     }
     struct fsn_incidents *in = calloc(1, sizeof *in);
+    const uint32_t connections = fsn_plan_connection_count(plan);
     uint8_t *told = calloc((size_t)connections + 1, 1);
-    if (in == NULL || told == NULL) {
+    uint8_t *refused = calloc((size_t)fsn_plan_subdevice_count(plan) + 1, 1);
+    if (in == NULL || told == NULL || refused == NULL) {
         free(in);
         free(told);
+        free(refused);
         return fsn_refusal_set(refusal, FSN_E_NOMEM, NULL, "out of memory");
     }
     snprintf(in->folder, sizeof in->folder, "%s", folder);
     in->told = told;
+    in->refused = refused;
     in->connections = connections;
     *incidents = in;
     return FSN_OK;
@@ -61,6 +66,7 @@ void fsn_incidents_free(struct fsn_incidents *incidents) {
     }
     fsn_json_free(&incidents->fsoe);
     free(incidents->told);
+    free(incidents->refused);
     free(incidents);
 }
 
@@ -79,7 +85,9 @@ static void put_stem(const struct fsn_pending *p, char *stem, size_t room_bytes)
     char utc[32];
     size_t used = 0;
     fsn_utc_text(p->now_ns, utc);
-    const char *what = p->connection[0] != 0 ? p->connection : p->kind;
+    const char *what = p->connection[0] != 0  ? p->connection
+                       : p->subdevice[0] != 0 ? p->subdevice
+                                              : p->kind;
     char whole[200];
     snprintf(whole, sizeof whole, "incident-%.19sZ-%s", utc, what);
     for (const char *c = whole; *c != 0 && used + 1 < room_bytes && used < 100; c++) {
@@ -143,6 +151,17 @@ static void tell_result(struct fsn_control *control, const struct fsn_incident_r
 
 /* -- beginning ------------------------------------------------------------------------------ */
 
+/** In the long run one file each ten seconds, so that a connection that flaps does not fill the
+ *  disk; a few may come at once. */
+static bool is_too_soon(struct fsn_incidents *in, uint64_t now_ns) {
+    const uint64_t pause_ns = PAUSE_MS * UINT64_C(1000000);
+    if (in->due_ns > now_ns + (AT_ONCE - 1) * pause_ns) {
+        return true;
+    }
+    in->due_ns = (in->due_ns > now_ns ? in->due_ns : now_ns) + pause_ns;
+    return false;
+}
+
 static bool is_stopping(struct fsn_control *control) {
     struct fsn_control_status status = {0};
     control->host->status(control->host->self, &status);
@@ -156,10 +175,8 @@ static void copy_text(char *to, size_t room_bytes, const char *from) {
 bool fsn_incident_begin(struct fsn_control *control, const struct fsn_trigger *t) {
     struct fsn_incidents *in = control->incidents;
     const bool asked = strcmp(t->kind, "request") == 0;
-    if (in == NULL || in->pending.active || in->file != NULL ||
-        (!asked &&
-         (is_stopping(control) ||
-          (in->last_ns != 0 && t->now_ns - in->last_ns < PAUSE_MS * UINT64_C(1000000))))) {
+    if (in == NULL || in->pending.active ||
+        (!asked && (is_stopping(control) || is_too_soon(in, t->now_ns)))) {
         return false;
     }
     if (in->files >= MOST_FILES) {
@@ -178,6 +195,7 @@ bool fsn_incident_begin(struct fsn_control *control, const struct fsn_trigger *t
                               .until_ns = t->now_ns + AFTER_MS * UINT64_C(1000000)};
     copy_text(p->kind, sizeof p->kind, t->kind);
     copy_text(p->connection, sizeof p->connection, t->connection);
+    copy_text(p->subdevice, sizeof p->subdevice, t->subdevice);
     copy_text(p->before, sizeof p->before, t->before);
     copy_text(p->after, sizeof p->after, t->after);
     copy_text(p->reset_by, sizeof p->reset_by, t->reset_by);
@@ -187,9 +205,36 @@ bool fsn_incident_begin(struct fsn_control *control, const struct fsn_trigger *t
         p->cycle = fsn_core_last_cycle(control->core);
     }
     in->job = control->core != NULL ? fsn_job_fsoe(control) : NULL;
-    in->last_ns = t->now_ns;
     in->files++;
     return true;
+}
+
+void fsn_incident_subdevice(struct fsn_control *control, uint32_t number,
+                            const struct fsn_bus_subdevice *seen, uint64_t now_ns) {
+    struct fsn_incidents *in = control->incidents;
+    struct fsn_subdevice_info info;
+    const bool wrong = seen->found > FSN_FOUND_RIGHT;
+    if (in == NULL || fsn_plan_subdevice(control->plan, number, &info) != FSN_OK ||
+        (!wrong && seen->al_status != FSN_AL_OP)) {
+        return; /* it is led on, or tried again: the last word is not spoken */
+    }
+    const bool told = in->refused[number] != 0;
+    in->refused[number] = wrong;
+    if (!wrong || told) {
+        return;
+    }
+    char text[400];
+    snprintf(text, sizeof text, "SubDevice %.120s: %s: %s", info.name, fsn_found_text(seen->found),
+             seen->detail);
+    const struct fsn_trigger trigger = {
+        .kind = "refused", .subdevice = info.name, .now_ns = now_ns, .text = text};
+    (void)fsn_incident_begin(control, &trigger);
+}
+
+void fsn_incident_connection(struct fsn_control *control, uint32_t number, uint32_t outside) {
+    if (control->incidents != NULL && fsn_outside_is_data(outside)) {
+        control->incidents->told[number] = 1; /* from here on it can only leave Data */
+    }
 }
 
 static void not_connected(struct fsn_control *control, uint32_t number, uint64_t now_ns) {
@@ -200,8 +245,8 @@ static void not_connected(struct fsn_control *control, uint32_t number, uint64_t
     }
     const char *outside = fsn_outside_text(control->connections[number].outside);
     snprintf(text, sizeof text,
-             "connection %.120s has not come to Data in %d s, it is in %s while every SubDevice is "
-             "in OP",
+             "connection %.120s has not come to Data within %d s after every SubDevice reached OP, "
+             "it is in %s",
              info.name, PATIENCE_MS / 1000, outside);
     const struct fsn_trigger trigger = {.kind = "not_connected",
                                         .connection = info.name,
@@ -228,9 +273,8 @@ static void look_for_missing(struct fsn_control *control, uint64_t now_ns) {
         return;
     }
     for (uint32_t i = 0; i < in->connections; i++) {
-        if (fsn_outside_is_data(control->connections[i].outside)) {
-            in->told[i] = 1; /* from here on it can only leave Data */
-        } else if (in->told[i] == 0 && !in->pending.active) {
+        fsn_incident_connection(control, i, control->connections[i].outside);
+        if (in->told[i] == 0 && !in->pending.active) {
             in->told[i] = 1;
             not_connected(control, i, now_ns);
         }
@@ -255,11 +299,16 @@ fsn_status fsn_answer_incident(struct fsn_asked *asked) {
 
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
                                       struct fsn_refusal *refusal) {
-    return fsn_incidents_create(folder, fsn_plan_connection_count(control->plan),
-                                &control->incidents, refusal);
+    return fsn_incidents_create(folder, control->plan, &control->incidents, refusal);
 }
 
-void fsn_control_bus_failed(struct fsn_control *control, const char *text) {
+void fsn_control_bus_failed(struct fsn_control *control, const char *text,
+                            const struct fsn_bus_subdevice *seen) {
+    if (seen != NULL) {
+        memcpy(control->seen.subdevice, seen,
+               fsn_plan_subdevice_count(control->plan) * sizeof *seen);
+        control->seen.known = true;
+    }
     const struct fsn_trigger trigger = {.kind = "bus_failed", .now_ns = fsn_now_ns(), .text = text};
     (void)fsn_incident_begin(control, &trigger);
 }
@@ -316,9 +365,16 @@ void fsn_incident_detach(struct fsn_control *control) {
     struct fsn_incidents *in = control->incidents;
     if (in != NULL) {
         if (in->pending.active) {
+            struct fsn_incident_result result;
+            if (in->file != NULL) {
+                fsn_incident_file_wait(in->file, &result);
+                in->file = NULL;
+                tell_result(control, &result);
+            }
             finish(control);
         }
         memset(in->told, 0, in->connections);
+        memset(in->refused, 0, fsn_plan_subdevice_count(control->plan));
         in->in_op_ns = 0;
     }
 }

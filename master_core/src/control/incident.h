@@ -10,10 +10,10 @@
 struct fsn_incidents;
 
 /** Writes incidents from now on.
- *  @param[in] folder       where to; must exist.
- *  @param[in] connections  how many the plan has.
+ *  @param[in] folder  where to; must exist.
+ *  @param[in] plan    what connections and SubDevices there are.
  *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
-fsn_status fsn_incidents_create(const char *folder, uint32_t connections,
+fsn_status fsn_incidents_create(const char *folder, const struct fsn_plan *plan,
                                 struct fsn_incidents **incidents, struct fsn_refusal *refusal);
 
 /** Waits until a file that is being written is whole. NULL is allowed. */
@@ -22,17 +22,25 @@ void fsn_incidents_free(struct fsn_incidents *incidents);
 /** Something happened that is worth a file. While one is being kept the next is only an event in
  *  it. Fields that do not apply are NULL or 0. */
 struct fsn_trigger {
-    const char *kind; /**< left_data, not_connected, bus_failed or request */
-    const char *connection, *before, *after, *reset_by, *reset_text;
+    const char *kind; /**< left_data, not_connected, refused, bus_failed or request */
+    const char *connection, *subdevice, *before, *after, *reset_by, *reset_text;
     uint8_t reset_code;
     uint64_t now_ns;
     const char *text; /**< for people */
 };
 
-/** Begins an incident. Does nothing without fsn_incidents_create(), during a stop, and for ten
- *  seconds after the last one unless somebody asks for it.
+/** Begins an incident. Does nothing without fsn_incidents_create(), while another one is kept, and,
+ *  unless somebody requests it, during a stop and when too many come one behind the other.
  *  @retval false  no file will be written. */
 bool fsn_incident_begin(struct fsn_control *control, const struct fsn_trigger *trigger);
+
+/** A connection is in this state now: one that was in Data has come to it. */
+void fsn_incident_connection(struct fsn_control *control, uint32_t number, uint32_t outside);
+
+/** A SubDevice has changed: one that is not as planned, or refuses a state or an object, is an
+ *  incident; once until it is in OP. */
+void fsn_incident_subdevice(struct fsn_control *control, uint32_t number,
+                            const struct fsn_bus_subdevice *seen, uint64_t now_ns);
 
 /** Keeps an event line for the next file. */
 void fsn_incident_event(struct fsn_control *control, const char *json, size_t len_bytes);

@@ -44,6 +44,7 @@ static void put_trigger(struct fsn_json *json, const struct fsn_pending *p) {
     fsn_json_open(json, '{');
     fsn_json_put_text(json, "kind", p->kind);
     put_or_null(json, "connection", p->connection);
+    put_or_null(json, "subdevice", p->subdevice);
     put_or_null(json, "before", p->before);
     put_or_null(json, "after", p->after);
     put_or_null(json, "reset_by", p->reset_by);

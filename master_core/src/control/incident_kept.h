@@ -10,7 +10,8 @@ enum { FSN_INCIDENT_EVENTS = 200, FSN_INCIDENT_HEAD_BYTES = 16 << 20 };
 /** What is being kept. */
 struct fsn_pending {
     bool active;
-    char kind[16], connection[128], before[24], after[24], reset_by[8], reset_text[80], text[600];
+    char kind[16], connection[128], subdevice[128], before[24], after[24], reset_by[8],
+        reset_text[80], text[600];
     uint8_t reset_code;
     uint64_t now_ns, cycle, until_ns;
     uint64_t late_ns; /**< when the time was over and the last cycle was not; 0: not yet */
@@ -23,9 +24,10 @@ struct fsn_incidents {
     struct fsn_json fsoe;           /**< what they told; empty without an answer */
     struct fsn_incident_file *file; /**< being written */
     char text[640];                 /**< of the one being written */
-    uint64_t last_ns;               /**< when the last one began; 0: none */
+    uint64_t due_ns;                /**< when the next one is due; see is_too_soon() */
     uint64_t in_op_ns, looked_ns;   /**< 0: not all are in OP */
     uint8_t *told;                  /**< per connection: it was told that it does not come */
+    uint8_t *refused;               /**< per SubDevice: it was not as planned, and reported */
     uint32_t connections;
     unsigned files;
     bool full_told;

@@ -137,8 +137,12 @@ static void one_subdevice(struct fsn_control *control, uint32_t number, struct f
     fsn_json_put_text(json, "name", info.name);
     fsn_json_put_u64(json, "alias", info.alias);
     fsn_json_put_u64(json, "position", info.position);
-    const bool known =
-        control->core != NULL && fsn_core_subdevice(control->core, number, &seen) == FSN_OK;
+    bool known = control->seen.known;
+    if (control->core != NULL) {
+        known = fsn_core_subdevice(control->core, number, &seen) == FSN_OK;
+    } else if (known) {
+        seen = control->seen.subdevice[number]; /* the bus did not open: as it was found */
+    }
     fsn_json_put_bool(json, "known", known);
     if (known) {
         seen.detail[FSN_DETAIL_BYTES - 1] = 0;

@@ -114,6 +114,7 @@ static void connection_event(struct fsn_control *control, const struct fsn_event
     fsn_event_tell(control, connection_level(control, event, left, data),
                    "connection %.120s: %s -> %s%s", info.name, fsn_outside_text(event->before),
                    fsn_outside_text(event->after), cause);
+    fsn_incident_connection(control, event->connection, event->after);
     if (left && !data) {
         left_data(control, event, info.name, by, cause);
     }
@@ -140,6 +141,19 @@ static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before
     }
     return after->al_status == FSN_AL_OP && before->al_status != FSN_AL_OP ? FSN_LOG_INFO
                                                                            : FSN_LOG_DETAIL;
+}
+
+static void put_links(const struct fsn_bus_subdevice *seen, char *text, size_t room_bytes) {
+    size_t used = 0;
+    for (unsigned port = 0; port < FSN_PORTS; port++) {
+        if (seen->link[port] != 0) {
+            used += (size_t)snprintf(text + used, room_bytes - used, "%s%u",
+                                     used == 0 ? ", links at ports " : " ", port);
+        }
+    }
+    if (used == 0) {
+        snprintf(text, room_bytes, ", no link at any port");
+    }
 }
 
 static void subdevice_event(struct fsn_control *control, uint32_t number,
@@ -170,12 +184,18 @@ static void subdevice_event(struct fsn_control *control, uint32_t number,
         snprintf(code, sizeof code, ", AL status code 0x%04x %s", (unsigned)after->al_code,
                  fsn_al_code_text(after->al_code));
     }
+    char links[32] = "";
+    if (memcmp(before->link, after->link, sizeof after->link) != 0) {
+        put_links(after, links, sizeof links);
+    }
     const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN;
+    const bool unread = fine && (before->al_status | after->al_status) == FSN_AL_NONE;
+    const bool moved = before->al_status != after->al_status;
     fsn_event_tell(
-        control, subdevice_level(before, after), "SubDevice %.120s: %s%s%s%s%s%s%s%.150s",
-        info.name, from, before->al_status != after->al_status ? " -> " : "",
-        before->al_status != after->al_status ? to : "", code, fine ? "" : ", ",
-        fine ? "" : fsn_found_text(after->found), after->detail[0] != 0 ? ": " : "", after->detail);
+        control, subdevice_level(before, after), "SubDevice %.120s: %s%s%s%s%s%s%s%s%.150s",
+        info.name, unread ? "its AL state is not read yet" : from, moved ? " -> " : "",
+        moved ? to : "", code, links, fine ? "" : ", ", fine ? "" : fsn_found_text(after->found),
+        after->detail[0] != 0 ? ": " : "", after->detail);
 }
 
 static void look_at_subdevices(struct fsn_control *control, uint64_t now_ns) {
@@ -194,6 +214,7 @@ static void look_at_subdevices(struct fsn_control *control, uint64_t now_ns) {
         seen->subdevice[i] = after;
         if (!seen->known || !same_subdevice(&before, &after)) {
             subdevice_event(control, i, &before, &after, now_ns);
+            fsn_incident_subdevice(control, i, &after, now_ns);
         }
     }
     seen->known = true;

@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "live/port.h"
+
 enum {
     CMD_LRW = 12,
     DATAGRAM_HEAD = 10,
@@ -143,6 +145,14 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
         build(frame, logical, f == dc_frame);
     }
     return FSN_OK;
+}
+
+void fsn_frames_sign(struct fsn_frames *frames, uint16_t tag) {
+    for (uint32_t f = 0; f < frames->wire.frame_count; f++) {
+        uint8_t *at = frames->wire.frames[f].sent + FSN_PORT_TAG;
+        at[0] = (uint8_t)(tag >> 8);
+        at[1] = (uint8_t)tag;
+    }
 }
 
 void fsn_frames_free(struct fsn_frames *frames) {

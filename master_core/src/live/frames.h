@@ -22,6 +22,9 @@ struct fsn_frames {
 fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
                              struct fsn_frames *frames);
 
+/** Gives every frame its source address; see fsn_port_tag(). */
+void fsn_frames_sign(struct fsn_frames *frames, uint16_t tag);
+
 /** Frees what create made; also of frames that are all zeros. */
 void fsn_frames_free(struct fsn_frames *frames);
 

@@ -25,7 +25,12 @@
 #define PACKET_IGNORE_OUTGOING 23
 #endif
 
-enum { INDEX_BYTE = 17, ETHERCAT = 0x88A4, CYCLIC_BUFFER_BYTES = 4 << 20 };
+enum {
+    INDEX_BYTE = 17,
+    ETHERCAT = 0x88A4,
+    CYCLIC_BUFFER_BYTES = 4 << 20,
+    EAR_BYTES = 64, /**< of each foreign frame: nobody reads them */
+};
 
 static fsn_status refuse_system(struct fsn_fault *fault, const char *interface, const char *rule) {
     const int error = errno;
@@ -47,10 +52,30 @@ static fsn_status refuse_detail(struct fsn_fault *fault, fsn_status status, cons
     return status;
 }
 
-/** Packets with an index on one side of the border. The acyclic side takes whole packets only,
- *  since SOEM believes the length a frame states: the header, 16 bytes, and that many more. */
-static int attach_filter(int socket, bool cyclic) {
-    struct sock_filter acyclic_code[] = {
+/** Goes on behind it with frames of ours, and `others` instructions further with foreign ones. */
+#define IS_OURS(tag, others)                                                                       \
+    BPF_STMT(BPF_LD | BPF_H | BPF_ABS, FSN_PORT_SOURCE),                                           \
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, FSN_PORT_OURS, 0, (others) + 2),                       \
+        BPF_STMT(BPF_LD | BPF_H | BPF_ABS, FSN_PORT_TAG),                                          \
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, (tag), 0, (others))
+
+/** Older kernels cannot leave out what this host sends; then our own frames are seen twice, and
+ *  dropped later. */
+static void ignore_outgoing(int socket) {
+    const int yes = 1;
+    (void)setsockopt(socket, SOL_PACKET, PACKET_IGNORE_OUTGOING, &yes, sizeof yes);
+}
+
+static int attach(int socket, struct sock_filter *code, size_t count) {
+    const struct sock_fprog program = {.len = (unsigned short)count, .filter = code};
+    return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program);
+}
+
+fsn_status fsn_port_filter_acyclic(int socket, uint16_t tag) {
+    /* Whole packets only, since SOEM believes the length a frame states: the header, 16 bytes, and
+     * that many more. */
+    struct sock_filter code[] = {
+        IS_OURS(tag, 13),
         BPF_STMT(BPF_LD | BPF_B | BPF_ABS, INDEX_BYTE),
         BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, FSN_WIRE_FIRST_INDEX, 11, 0),
         BPF_STMT(BPF_LD | BPF_B | BPF_ABS, 15),
@@ -66,26 +91,30 @@ static int attach_filter(int socket, bool cyclic) {
         BPF_STMT(BPF_RET | BPF_K, 0xFFFF),
         BPF_STMT(BPF_RET | BPF_K, 0),
     };
-    struct sock_filter cyclic_code[] = {
+    ignore_outgoing(socket);
+    return attach(socket, code, sizeof code / sizeof code[0]) == 0 ? FSN_OK : FSN_E_SYS;
+}
+
+static int filter_cyclic(int socket, uint16_t tag) {
+    struct sock_filter code[] = {
+        IS_OURS(tag, 3),
         BPF_STMT(BPF_LD | BPF_B | BPF_ABS, INDEX_BYTE),
         BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, FSN_WIRE_FIRST_INDEX, 0, 1),
         BPF_STMT(BPF_RET | BPF_K, 0xFFFF),
         BPF_STMT(BPF_RET | BPF_K, 0),
     };
-    const struct sock_fprog program = {
-        .len = cyclic ? sizeof cyclic_code / sizeof cyclic_code[0]
-                      : sizeof acyclic_code / sizeof acyclic_code[0],
-        .filter = cyclic ? cyclic_code : acyclic_code,
-    };
-    const int yes = 1;
-    /* Older kernels cannot leave out what this host sends; then our own frames come back as
-     * foreign ones and are dropped later. */
-    (void)setsockopt(socket, SOL_PACKET, PACKET_IGNORE_OUTGOING, &yes, sizeof yes);
-    return setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program);
+    ignore_outgoing(socket);
+    return attach(socket, code, sizeof code / sizeof code[0]);
 }
 
-fsn_status fsn_port_filter_acyclic(int socket) {
-    return attach_filter(socket, false) == 0 ? FSN_OK : FSN_E_SYS;
+static int filter_foreign(int socket, uint16_t tag) {
+    struct sock_filter code[] = {
+        IS_OURS(tag, 1),
+        BPF_STMT(BPF_RET | BPF_K, 0),
+        BPF_STMT(BPF_RET | BPF_K, EAR_BYTES),
+    };
+    ignore_outgoing(socket);
+    return attach(socket, code, sizeof code / sizeof code[0]);
 }
 
 static int bind_to(int fd, unsigned number, uint16_t protocol) {
@@ -107,7 +136,20 @@ static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
     return *fd < 0 ? refuse_system(fault, interface, "no raw socket could be opened") : FSN_OK;
 }
 
-fsn_status fsn_port_open(const char *interface, bool stamp, int *out, struct fsn_fault *fault) {
+uint16_t fsn_port_tag(const char *interface) {
+    struct ifreq request = {0};
+    const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
+    const bool ok = fd >= 0 && ioctl(fd, SIOCGIFHWADDR, &request) == 0;
+    if (fd >= 0) {
+        close(fd);
+    }
+    const uint8_t *address = (const uint8_t *)request.ifr_hwaddr.sa_data;
+    return ok ? (uint16_t)(address[4] << 8 | address[5]) : 1;
+}
+
+fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *out,
+                         struct fsn_fault *fault) {
     unsigned number;
     int fd;
     *out = -1;
@@ -125,13 +167,39 @@ fsn_status fsn_port_open(const char *interface, bool stamp, int *out, struct fsn
     }
     struct packet_mreq all = {.mr_ifindex = (int)number, .mr_type = PACKET_MR_PROMISC};
     (void)setsockopt(fd, SOL_PACKET, PACKET_ADD_MEMBERSHIP, &all, sizeof all);
-    if (attach_filter(fd, true) != 0 || bind_to(fd, number, ETHERCAT) != 0) {
+    if (filter_cyclic(fd, tag) != 0 || bind_to(fd, number, ETHERCAT) != 0) {
         const fsn_status refused = refuse_system(fault, interface, "the raw socket is of no use");
         close(fd);
         return refused;
     }
     *out = fd;
     return FSN_OK;
+}
+
+fsn_status fsn_port_open_ear(const char *interface, uint16_t tag, int *out,
+                             struct fsn_fault *fault) {
+    unsigned number;
+    const fsn_status status = open_raw(interface, out, &number, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    const int least = 0; /* what does not fit is counted all the same */
+    (void)setsockopt(*out, SOL_SOCKET, SO_RCVBUF, &least, sizeof least);
+    if (filter_foreign(*out, tag) != 0 || bind_to(*out, number, ETHERCAT) != 0) {
+        const fsn_status refused = refuse_system(fault, interface, "the raw socket is of no use");
+        close(*out);
+        *out = -1;
+        return refused;
+    }
+    return FSN_OK;
+}
+
+uint32_t fsn_port_heard(int socket) {
+    struct tpacket_stats counted = {0}; /* reading them begins anew */
+    socklen_t size = sizeof counted;
+    return getsockopt(socket, SOL_PACKET, PACKET_STATISTICS, &counted, &size) == 0
+               ? counted.tp_packets
+               : 0;
 }
 
 fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fault) {

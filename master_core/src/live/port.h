@@ -4,18 +4,37 @@
 
 #include "fsn/status.h"
 #include <stdbool.h>
+#include <stdint.h>
 
-/** Opens the cyclic socket of an interface: it sees replies with indices of the cyclic frames only.
+/** Source address of every frame of ours, so that those of another MainDevice are told apart:
+ *  FSN_PORT_OURS, two bytes of our choice, the tag. The first SubDevice sets the bit of a locally
+ *  administered address, which is set here already. */
+enum { FSN_PORT_OURS = 0x0246, FSN_PORT_SOURCE = 6, FSN_PORT_TAG = 10 };
+
+/** Returns the tag of an interface: it differs from those of other computers, and stays the same
+ *  when the bus is started again. */
+uint16_t fsn_port_tag(const char *interface);
+
+/** Opens the cyclic socket of an interface: it sees replies to our cyclic frames only.
  *  @param[in]  stamp   whether the kernel shall note when packets came in.
  *  @param[out] socket  to be closed by the caller; -1 on refusal.
  *  @retval FSN_E_SYS    the system refused, sys_errno says why: EPERM when CAP_NET_RAW is
  *                       missing, ENODEV without such an interface.
  *  Details go to `fault`. */
-fsn_status fsn_port_open(const char *interface, bool stamp, int *socket, struct fsn_fault *fault);
+fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *socket,
+                         struct fsn_fault *fault);
 
-/** Lets a socket of the acyclic side see whole EtherCAT packets with indices below those of the
- *  cyclic frames, and none that this host sent. */
-fsn_status fsn_port_filter_acyclic(int socket);
+/** Lets a socket of the acyclic side see whole EtherCAT packets of ours with indices below those of
+ *  the cyclic frames. */
+fsn_status fsn_port_filter_acyclic(int socket, uint16_t tag);
+
+/** Opens a socket for fsn_port_heard().
+ *  @param[out] socket  to be closed by the caller; -1 on refusal. */
+fsn_status fsn_port_open_ear(const char *interface, uint16_t tag, int *socket,
+                             struct fsn_fault *fault);
+
+/** Returns how many EtherCAT frames that are not ours came in since the last call. */
+uint32_t fsn_port_heard(int socket);
 
 /** Makes sure that nobody else of this host's network namespace uses the interface with us.
  *  @param[out] lock  to be kept open as long as the interface is used; -1 on refusal.

@@ -51,6 +51,7 @@ static void clear_input(struct fsn_rt *rt) {
     memset(rt->input.sm_stale, 0, rt->sm_count);
     rt->input.lost_frames = 0;
     rt->input.old_replies = 0;
+    rt->input.foreign_frames = 0;
     rt->input.round_trip_ns = 0;
     rt->input.dc_time_ns = 0;
 }
@@ -70,6 +71,7 @@ static void judge_input(struct fsn_rt *rt) {
     s->wkc_errors += bad > 0;
     s->lost_frames += rt->input.lost_frames;
     s->old_replies += rt->input.old_replies;
+    s->foreign_frames += rt->input.foreign_frames;
     if (rt->input.dc_time_ns != 0) {
         s->dc_time_ns = rt->input.dc_time_ns;
     }

@@ -201,11 +201,8 @@ static uint64_t drain(struct fsn_wire *wire, uint32_t port, struct fsn_bus_input
                 packet[FSN_WIRE_NOP + 1] >= FSN_WIRE_FIRST_INDEX + FSN_WIRE_FRAMES;
             atomic_store_explicit(&wire->crossed, from_second != (port == 1), memory_order_relaxed);
             last_ns = at_ns;
-        } else if (taken == OLD) {
-            input->old_replies++;
-        } else {
-            atomic_fetch_add_explicit(&wire->foreign, 1, memory_order_relaxed);
         }
+        input->old_replies += taken == OLD;
     }
     return last_ns;
 }
@@ -293,6 +290,9 @@ void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input) {
     if (wire->cycle == 0) {
         return; /* nothing was sent yet */
     }
+    const uint64_t foreign = atomic_load_explicit(&wire->foreign, memory_order_relaxed);
+    input->foreign_frames = (uint32_t)(foreign - wire->foreign_told);
+    wire->foreign_told = foreign;
     const uint64_t last_ns = collect(wire, input);
     if (last_ns > wire->sent_ns) {
         input->round_trip_ns = last_ns - wire->sent_ns;

@@ -8,7 +8,7 @@
  *  With two sockets the same frame enters the ring at both ends. On a closed ring only the first is
  *  processed; on a broken one each visits the SubDevices on its side.
  *
- *  Built by fsn_frames_create(); then only the cyclic thread touches it, `answers` excepted. */
+ *  Built by fsn_frames_create(); then only the cyclic thread touches it, except for its atomics. */
 #ifndef FSN_WIRE_H
 #define FSN_WIRE_H
 
@@ -65,8 +65,11 @@ struct fsn_wire {
     /** Of the last send: CLOCK_MONOTONIC when replies are waited for, else CLOCK_REALTIME, the
      * clock on which the kernel stamps packets. */
     uint64_t sent_ns;
-    _Atomic uint64_t foreign; /**< packets that were no reply to us */
-    _Atomic uint8_t crossed;  /**< with two ports: 1 while the ring is closed */
+    /** Frames of another MainDevice; the acyclic side counts them, since this one never sees them.
+     */
+    _Atomic uint64_t foreign;
+    uint64_t foreign_told;   /**< of them, in an input */
+    _Atomic uint8_t crossed; /**< with two ports: 1 while the ring is closed */
 };
 
 /** Takes the replies to the last frames, drops older ones, and moves inputs into the image. */

@@ -36,19 +36,55 @@ static void note_identity(struct fsn_soem *bus, struct node *node, uint32_t vend
     }
 }
 
-/** What SOEM could not read are zeros: nobody knows then whether it is another one. */
-static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, const ec_slavet *s) {
-    note_identity(bus, node, s->eep_man, s->eep_id, s->eep_rev);
+/** Vendor, product and revision at a position, from its SII. */
+struct identity {
+    uint32_t vendor, product, revision;
+};
+
+static uint16_t position_address(uint16_t slave) {
+    return (uint16_t)(1 - slave);
+}
+
+static uint32_t read_sii(struct fsn_soem *bus, uint16_t slave, uint16_t word) {
+    soem_drain(bus);
+    return etohl(
+        (uint32_t)ecx_readeepromAP(&bus->context, position_address(slave), word, EC_TIMEOUTEEP));
+}
+
+static struct identity read_identity(struct fsn_soem *bus, uint16_t slave) {
+    const uint8 to_master = 2;
+    const uint8 given = 0;
+    const uint16_t at = position_address(slave);
+    (void)ecx_APWR(bus->context.port, at, ECT_REG_EEPCFG, 1, (void *)(uintptr_t)&to_master,
+                   EC_TIMEOUTRET);
+    (void)ecx_APWR(bus->context.port, at, ECT_REG_EEPCFG, 1, (void *)(uintptr_t)&given,
+                   EC_TIMEOUTRET);
+    return (struct identity){.vendor = read_sii(bus, slave, ECT_SII_MANUF),
+                             .product = read_sii(bus, slave, ECT_SII_ID),
+                             .revision = read_sii(bus, slave, ECT_SII_REV)};
+}
+
+/** Notes who stands at a place. What could not be read are zeros, in any of the three: a device is
+ *  another one when a second look finds the same. */
+static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint16_t slave,
+                                   struct identity first) {
+    note_identity(bus, node, first.vendor, first.product, first.revision);
     if (node->seen.found == FSN_FOUND_RIGHT) {
         return FSN_OK;
     }
-    if (s->eep_man != 0 && s->eep_id != 0) {
+    const struct identity again = read_identity(bus, slave);
+    note_identity(bus, node, again.vendor, again.product, again.revision);
+    if (node->seen.found == FSN_FOUND_RIGHT) {
+        return FSN_OK;
+    }
+    if (again.vendor != 0 && again.product != 0 && again.vendor == first.vendor &&
+        again.product == first.product && again.revision == first.revision) {
         return FSN_E_BUS_IDENTITY;
     }
     soem_note(bus, node, FSN_FOUND_UNKNOWN,
               "its SII could not be read (frames lost or late), or is empty: vendor 0x%08x "
               "product 0x%08x",
-              (unsigned)s->eep_man, (unsigned)s->eep_id);
+              (unsigned)again.vendor, (unsigned)again.product);
     return FSN_E_BUS_STATE;
 }
 
@@ -76,8 +112,10 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
             status = FSN_E_BUS_MISSING;
         } else {
             const ec_slavet *s = &bus->slaves[node->slave];
+            const struct identity found = {s->eep_man, s->eep_id, s->eep_rev};
             bus->places[node->slave].node = (int)n;
-            status = note_who_answers(bus, node, s);
+            node->seen.al_status = FSN_AL_INIT; /* where SOEM has led everybody */
+            status = note_who_answers(bus, node, node->slave, found);
         }
         if (status != FSN_OK && first == FSN_OK) {
             first = soem_refuse(fault, status, node);
@@ -135,15 +173,12 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
             }
             return soem_refuse(fault, FSN_E_BUS_STATE, node);
         }
+        node->seen.al_status = FSN_AL_PREOP;
     }
     return FSN_OK;
 }
 
 /* -- coming back ---------------------------------------------------------------------------- */
-
-static uint16_t position_address(uint16_t slave) {
-    return (uint16_t)(1 - slave);
-}
 
 /** Station address of what stands at a position; false when nothing answers there. */
 static bool station_at(struct fsn_soem *bus, uint16_t slave, uint16_t *station) {
@@ -164,32 +199,16 @@ static bool is_known(const struct fsn_soem *bus, uint16_t station) {
     return false;
 }
 
-static uint32_t read_sii(struct fsn_soem *bus, uint16_t slave, uint16_t word) {
-    soem_drain(bus);
-    return etohl(
-        (uint32_t)ecx_readeepromAP(&bus->context, position_address(slave), word, EC_TIMEOUTEEP));
-}
-
 /** Whether the device at a position, which has no station address, is the one that was there; what
  *  else stands there is noted and left alone. */
 static bool is_same_device(struct fsn_soem *bus, uint16_t slave) {
-    const uint8 to_master = 2;
-    const uint8 given = 0;
-    const uint16_t at = position_address(slave);
-    (void)ecx_APWR(bus->context.port, at, ECT_REG_EEPCFG, 1, (void *)(uintptr_t)&to_master,
-                   EC_TIMEOUTRET);
-    (void)ecx_APWR(bus->context.port, at, ECT_REG_EEPCFG, 1, (void *)(uintptr_t)&given,
-                   EC_TIMEOUTRET);
-    const uint32_t vendor = read_sii(bus, slave, ECT_SII_MANUF);
-    const uint32_t product = read_sii(bus, slave, ECT_SII_ID);
-    const uint32_t revision = read_sii(bus, slave, ECT_SII_REV);
+    const struct identity found = read_identity(bus, slave);
     const int node = bus->places[slave].node;
     if (node != SOEM_NO_NODE) {
-        note_identity(bus, &bus->nodes[node], vendor, product, revision);
-        return bus->nodes[node].seen.found == FSN_FOUND_RIGHT;
+        return note_who_answers(bus, &bus->nodes[node], slave, found) == FSN_OK;
     }
     const ec_slavet *s = &bus->slaves[slave];
-    return vendor == s->eep_man && product == s->eep_id;
+    return found.vendor == s->eep_man && found.product == s->eep_id;
 }
 
 static void take_back(struct fsn_soem *bus, uint16_t slave) {

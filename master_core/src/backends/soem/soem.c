@@ -28,7 +28,18 @@ void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const cha
     pthread_mutex_unlock(&bus->seen_lock);
 }
 
+/** Here, since every exchange beside the cycle begins with it, however long they take together. */
+static void hear(struct fsn_soem *bus) {
+    for (size_t i = 0; i < FSN_WIRE_PORTS; i++) {
+        if (bus->ears[i] >= 0) {
+            atomic_fetch_add_explicit(&bus->frames.wire.foreign, fsn_port_heard(bus->ears[i]),
+                                      memory_order_relaxed);
+        }
+    }
+}
+
 void soem_drain(struct fsn_soem *bus) {
+    hear(bus);
     const int sockets[] = {bus->port.sockhandle,
                            bus->redundant[0] != '\0' ? bus->redundant_port.sockhandle : -1};
     for (size_t i = 0; i < sizeof sockets / sizeof sockets[0]; i++) {
@@ -86,28 +97,31 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
     bus->cycle_ns = options->cycle_ns;
     bus->wait_ns = options->receive_wait_ns;
     bus->dc_every = options->dc_every;
-    bus->sockets[0] = bus->sockets[1] = bus->lock = -1;
+    bus->sockets[0] = bus->sockets[1] = bus->ears[0] = bus->ears[1] = bus->lock = -1;
+    bus->tag = fsn_port_tag(bus->interface);
     pthread_mutex_init(&bus->seen_lock, NULL);
     *out = bus;
     return FSN_OK;
 }
 
+static void close_socket(int *socket) {
+    if (*socket >= 0) {
+        close(*socket);
+    }
+    *socket = -1;
+}
+
 void soem_let_go(struct fsn_soem *bus) {
     for (unsigned port = 0; port < FSN_WIRE_PORTS; port++) {
-        if (bus->sockets[port] >= 0) {
-            close(bus->sockets[port]);
-        }
-        bus->sockets[port] = -1;
+        close_socket(&bus->sockets[port]);
+        close_socket(&bus->ears[port]);
     }
     fsn_frames_free(&bus->frames);
     if (bus->nic_open) {
         ecx_close(&bus->context);
         bus->nic_open = false;
     }
-    if (bus->lock >= 0) {
-        close(bus->lock);
-        bus->lock = -1;
-    }
+    close_socket(&bus->lock);
 }
 
 static void soem_free(void *context) {
@@ -143,6 +157,16 @@ static void set_up_context(struct fsn_soem *bus) {
     };
 }
 
+/** SOEM writes a header once for each of its frames, and the middle of the address when it sends:
+ *  by that it knows its two interfaces. */
+static void sign(struct fsn_soem *bus, ec_bufT *frame) {
+    uint8_t *bytes = (uint8_t *)frame;
+    bytes[FSN_PORT_SOURCE] = FSN_PORT_OURS >> 8;
+    bytes[FSN_PORT_SOURCE + 1] = FSN_PORT_OURS & 0xFF;
+    bytes[FSN_PORT_TAG] = (uint8_t)(bus->tag >> 8);
+    bytes[FSN_PORT_TAG + 1] = (uint8_t)bus->tag;
+}
+
 fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault) {
     set_up_context(bus);
     const bool redundant = bus->redundant[0] != '\0';
@@ -150,10 +174,15 @@ fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault) {
                                                   bus->interface, bus->redundant)
                              : ecx_init(&bus->context, bus->interface);
     bus->nic_open = bus->port.sockhandle > 0;
-    if (ok <= 0 || fsn_port_filter_acyclic(bus->port.sockhandle) != FSN_OK ||
-        (redundant && fsn_port_filter_acyclic(bus->redundant_port.sockhandle) != FSN_OK)) {
+    if (ok <= 0 || fsn_port_filter_acyclic(bus->port.sockhandle, bus->tag) != FSN_OK ||
+        (redundant &&
+         fsn_port_filter_acyclic(bus->redundant_port.sockhandle, bus->tag) != FSN_OK)) {
         return fsn_refuse_all(fault, FSN_E_SYS, "SOEM cannot use the interface");
     }
+    for (size_t i = 0; i < EC_MAXBUF; i++) {
+        sign(bus, &bus->port.txbuf[i]);
+    }
+    sign(bus, &bus->port.txbuf2);
     return FSN_OK;
 }
 
@@ -206,11 +235,15 @@ static uint16_t start_clocks(struct fsn_soem *bus) {
 /** Sockets of the cycle. Before those of SOEM: the kernel gives a packet to the socket that came
  *  first last, and that one needs no copy of it. */
 static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
+    const char *interface[FSN_WIRE_PORTS] = {bus->interface, bus->redundant};
     const bool stamp = bus->wait_ns == 0;
-    const fsn_status status = fsn_port_open(bus->interface, stamp, &bus->sockets[0], fault);
-    return status != FSN_OK || bus->redundant[0] == '\0'
-               ? status
-               : fsn_port_open(bus->redundant, stamp, &bus->sockets[1], fault);
+    fsn_status status = FSN_OK;
+    for (size_t i = 0; i < FSN_WIRE_PORTS && interface[i][0] != '\0' && status == FSN_OK; i++) {
+        status = fsn_port_open(interface[i], bus->tag, stamp, &bus->sockets[i], fault);
+        status = status != FSN_OK ? status
+                                  : fsn_port_open_ear(interface[i], bus->tag, &bus->ears[i], fault);
+    }
+    return status;
 }
 
 static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
@@ -221,6 +254,7 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
                               "sync manager, at most 64 frames");
     }
     struct fsn_wire *wire = &bus->frames.wire;
+    fsn_frames_sign(&bus->frames, bus->tag);
     struct timespec now;
     clock_gettime(CLOCK_REALTIME, &now);
     wire->run = (uint32_t)now.tv_nsec ^ ((uint32_t)now.tv_sec << 16) ^ (uint32_t)getpid();

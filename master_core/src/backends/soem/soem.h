@@ -65,6 +65,8 @@ struct fsn_soem {
     bool nic_open;
     int lock;                    /**< -1, or what keeps others off the interface */
     int sockets[FSN_WIRE_PORTS]; /**< of the cycle */
+    int ears[FSN_WIRE_PORTS];    /**< hear another MainDevice */
+    uint16_t tag;                /**< in the source address of all our frames */
 
     const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
     struct fsn_frames frames;

@@ -231,12 +231,17 @@ static void ask(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t
 
 static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
     const struct place *place = &bus->places[node->slave];
-    soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x: %s",
-              node->asked == FSN_AL_OP       ? "OP"
-              : node->asked == FSN_AL_SAFEOP ? "SAFEOP"
-              : node->asked == FSN_AL_PREOP  ? "PREOP"
-                                             : "INIT",
-              place->al_status, place->al_code, fsn_al_code_text(place->al_code));
+    const char *state = node->asked == FSN_AL_OP       ? "OP"
+                        : node->asked == FSN_AL_SAFEOP ? "SAFEOP"
+                        : node->asked == FSN_AL_PREOP  ? "PREOP"
+                                                       : "INIT";
+    if ((place->al_status & EC_STATE_ERROR) != 0) {
+        soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x: %s",
+                  state, place->al_status, place->al_code, fsn_al_code_text(place->al_code));
+    } else {
+        soem_note(bus, node, FSN_FOUND_STATE, "not in %s after %u ms: AL status 0x%02x", state,
+                  (unsigned)(patience_ns / 1000000), place->al_status);
+    }
     node->asked = 0;
     node->retry_ns = now_ns + RETRY_NS;
 }
