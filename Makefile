@@ -10,12 +10,12 @@ demo: $(VENV)/.ready
 	@echo '== check: what is wrong in the files, at file, line and column'
 	$(FSN) check examples/estop/network.yaml
 	@echo; echo '== plan: compiled to a self-checking copy plan'
-	$(FSN) plan examples/estop/network.yaml -o estop.fsnplan
+	$(FSN) plan examples/estop/network.yaml -o estop.fsnplan --overwrite
 	$(FSN) plan --show estop.fsnplan
 	@echo; echo '== run: emulated bus, copied by the C core; an e-stop is pressed and released'
 	$(FSN) run examples/estop/network.yaml --plan estop.fsnplan --scenario examples/estop/scenario.yaml
 	@echo; echo '== report'
-	$(FSN) report examples/estop/network.yaml --scenario examples/estop/scenario.yaml -o report.html
+	$(FSN) report examples/estop/network.yaml --scenario examples/estop/scenario.yaml -o report.html --overwrite
 
 # The real-time executable, beside the tool in the virtual environment.
 master: $(VENV)/bin/fsn-master

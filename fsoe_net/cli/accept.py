@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import hashlib
-import os
 from collections.abc import Iterable
 
 import click
@@ -12,9 +11,10 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.known import Record, read_record
+from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import counted
 from fsoe_net.cli.report import read_protocol, since
-from fsoe_net.cli.write import write_whole
+from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, parse_acceptance, read_bytes
 from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile, says_something
@@ -35,8 +35,8 @@ Example:
       --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya"
       --justify "loss io_box=soldered in, cannot be unplugged by B. Kaya"
 
-Afterwards: fsoe-net verify network.yaml --accepted acceptance.yaml (or --live SOCKET), and
-fsoe-net report network.yaml --acceptance acceptance.yaml -o report.html for what has changed since.
+Afterwards: fsoe-net verify network.yaml --accepted acceptance.yaml (or --socket PATH), and
+fsoe-net report network.yaml --accepted acceptance.yaml -o report.html for what has changed since.
 
 Exit codes: 0 written, 1 refused with every reason, or a file cannot be read, 2 wrong use.
 
@@ -51,14 +51,14 @@ on the report."""
     "reports",
     multiple=True,
     required=True,
-    type=click.Path(),
+    type=FILE,
     metavar="FILE",
     help="The signed report: the page, and the same in JSON.",
 )
 @click.option(
     "--protocol",
     required=True,
-    type=click.Path(),
+    type=FILE,
     metavar="FILE",
     help="The test protocol as it was filled in at the machine.",
 )
@@ -78,14 +78,8 @@ on the report."""
     metavar="WHAT by NAME",
     help="What was changed since the record before, and why; may be given again.",
 )
-@click.option("--replaces", type=click.Path(), metavar="FILE", help="The acceptance record before.")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False),
-    required=True,
-    help="File to write (.yaml); an existing one stays.",
-)
+@click.option("--replaces", type=FILE, metavar="FILE", help="The acceptance record before.")
+@output_option("File to write (.yaml).", required=True)
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -100,6 +94,7 @@ def command(
     intervention: tuple[str, ...],
     replaces: str | None,
     output: str,
+    overwrite: bool,
 ) -> None:
     """Write the acceptance record of a network, or say everything that stands against it.
 
@@ -107,10 +102,7 @@ def command(
     reason, a test protocol whose steps were done at the machine, and a verifier who is not the
     author. FILES as for `fsoe-net check`.
     """
-    if os.path.lexists(output):  # a link to a file that is no more stays too
-        raise click.UsageError(
-            f"{output} is there and stays; write to another file and name it with --replaces"
-        )
+    check_target(output, overwrite=overwrite)
     day = _day(date)
     rows = _rows(justify)
     for row in rows:
@@ -145,7 +137,7 @@ def command(
     if record is None:
         _refuse(refusals)
         ctx.exit(1)
-    write_whole(output, _readable(record))
+    write_whole(output, _readable(record), overwrite=overwrite)
     _say(output, record, before)
 
 

@@ -15,8 +15,9 @@ from pathlib import Path
 import click
 
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
-from fsoe_net.cli.write import write_whole
-from fsoe_net.errors import EnvironmentFault, FsnError
+from fsoe_net.cli.options import FOLDER, output_option
+from fsoe_net.cli.write import STDOUT, check_target, write_whole
+from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
 from fsoe_net.load import LoadOptions
 from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
@@ -111,11 +112,9 @@ def _unknown(name: str) -> str:
     default="text",
     show_default=True,
 )
+@output_option("File to write; default: standard output.")
 @click.option(
-    "-o", "--output", type=click.Path(dir_okay=False), help="File to write; else the terminal."
-)
-@click.option(
-    "--save-dir", type=click.Path(file_okay=False), help="Folder for recordings of failing cases."
+    "--save-dir", type=FOLDER, metavar="DIR", help="Folder for recordings of failing cases."
 )
 @click.pass_context
 def command(
@@ -131,6 +130,7 @@ def command(
     main: str | None,
     fmt: str,
     output: str | None,
+    overwrite: bool,
     save_dir: str | None,
 ) -> None:
     """Put seeded faults into the connections of a network and count what becomes of them.
@@ -140,7 +140,8 @@ def command(
     """
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no fault put in")
-    _try_places(output, save_dir)
+    check_target(output, overwrite=overwrite, stdout=True)  # hours may lie between
+    _try_folder(save_dir)
     if sub or main:
         sys.path.insert(0, os.getcwd())
     with stdout_to_stderr() if sub or main else nullcontext():
@@ -160,7 +161,7 @@ def command(
         elapsed_s = time.monotonic() - start_s
         saved, broken = _save(result, save_dir)
     text = {"json": _json, "markdown": to_markdown, "text": to_text}[fmt](result, saved)
-    _write(text, output)
+    _write(text, output, overwrite=overwrite)
     _say(result, elapsed_s, output)
     if broken is not None:
         raise broken
@@ -169,25 +170,21 @@ def command(
     ctx.exit(0 if result.passed else 1)
 
 
-def _try_places(output: str | None, save_dir: str | None) -> None:
-    """Open what is written at the end: hours may lie between."""
-    if output:
-        with open(output, "a", encoding="utf-8"):
-            pass
+def _try_folder(save_dir: str | None) -> None:
     if save_dir:
         Path(save_dir).mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=save_dir):
             pass
 
 
-def _write(text: str, output: str | None) -> None:
-    if not output:
+def _write(text: str, output: str | None, *, overwrite: bool) -> None:
+    if output is None:
         click.echo(text)
         return
     try:
-        write_whole(output, f"{text}\n".encode())
-    except EnvironmentFault:
-        click.echo(text)  # not lost for a full disk
+        write_whole(output, f"{text}\n".encode(), overwrite=overwrite)
+    except (EnvironmentFault, InputError):
+        click.echo(text)  # not lost for a full disk, or a file made meanwhile
         raise
 
 
@@ -244,7 +241,7 @@ def _say(result: CampaignResult, elapsed_s: float, output: str | None) -> None:
     done = sum(row.injected for row in result.classes)
     rate = f"{done / elapsed_s:.0f}" if elapsed_s > 0 else "?"
     click.echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)
-    if output:
+    if output is not None and output != STDOUT:
         click.echo(f"report written to {output}", err=True)
     if result.interrupted:
         click.echo("interrupted: the report holds what was done until then", err=True)

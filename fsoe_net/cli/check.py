@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_option
+from fsoe_net.cli.options import FILE, INTERFACE
 from fsoe_net.cli.output import FORMATS, counted, exit_code, print_diagnostics, summary
 from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import InputError
@@ -38,9 +39,11 @@ bus or no permission. `fsoe-net explain CODE` says more of a finding."""
     show_default=True,
     help="Output format; all but text are stable.",
 )
-@click.option("--interface", metavar="IF", help="Compare with the live bus there.")
-@click.option("--socket", metavar="PATH", help="The same, by the fsn-master with this socket.")
-@click.option("--scan", "scan_file", type=click.Path(), help="The same with a scan.json.")
+@click.option("--interface", type=INTERFACE, metavar="IF", help="Compare with the live bus there.")
+@click.option(
+    "--socket", type=FILE, metavar="PATH", help="The same, by the fsn-master with this socket."
+)
+@click.option("--scan", "scan_file", type=FILE, metavar="FILE", help="The same with a scan.json.")
 @click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
 @click.option("-q", "--quiet", is_flag=True, help="No notes and no summary.")
 @click.pass_context

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import click
 
+from fsoe_net.cli.options import FILE, Time, master_options, master_socket
 from fsoe_net.errors import ConsoleError, FsnError
-from fsoe_net.run import control_socket
 from fsoe_net.run.console import COMMANDS, Console, Keeper, complete
 from fsoe_net.run.console.commands_flow import ConsoleEnd
 
@@ -35,40 +35,36 @@ Part of the black channel: no safety function, not certified; stop is no emergen
 
 
 @click.command("console", epilog=_EPILOG)
-@click.option("--socket", "socket_path", type=click.Path(), help="Control socket of fsn-master.")
-@click.option("--interface", metavar="IF", help="Interface that it drives; finds its socket.")
-@click.option(
-    "--run", "script", type=click.Path(), metavar="SCRIPT", help="Run this script and end."
-)
+@master_options
+@click.option("--run", "script", type=FILE, metavar="SCRIPT", help="Run this script and end.")
 @click.option("-c", "text", metavar="COMMANDS", help="Run these commands and end.")
 @click.option(
     "--lease",
-    "lease_ms",
-    type=click.IntRange(0, 600_000),
-    metavar="MS",
+    "lease_ns",
+    type=Time("0s", "10min"),
+    metavar="TIME",
     help="Outputs fall back when the console says nothing for so long; 0: never.",
 )
 @click.argument("arguments", nargs=-1)
 def command(
-    socket_path: str | None,
+    socket: str | None,
     interface: str | None,
     script: str | None,
     text: str | None,
-    lease_ms: int | None,
+    lease_ns: int | None,
     arguments: tuple[str, ...],
 ) -> int:
     """Start, stop, watch and set a running fsn-master, by hand or by script.
 
     ARGUMENTS are those of the script of --run, or of the commands of -c.
     """
-    if (socket_path is None) == (interface is None):
-        raise click.UsageError("one of --socket PATH and --interface IF says which fsn-master")
+    path = master_socket(socket, interface)
     if script is not None and text is not None:
         raise click.UsageError("--run and -c exclude each other")
     if arguments and script is None and text is None:
         raise click.UsageError("arguments are for --run SCRIPT and -c")
-    path = socket_path or control_socket(interface or "")
     at_prompt = script is None and text is None and sys.stdin.isatty()
+    lease_ms = None if lease_ns is None else lease_ns // 1_000_000
     keeper = Keeper(path, lease_ms=lease_ms, reconnect=at_prompt)
     try:
         level = "warning" if at_prompt else "fallback"

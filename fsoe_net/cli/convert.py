@@ -10,10 +10,11 @@ from pathlib import Path
 import click
 
 from fsoe_net.cli.convert_eni import renewed_eni
+from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import counted, print_diagnostics
-from fsoe_net.cli.write import write_whole
+from fsoe_net.cli.write import STDOUT, write_all, write_whole
 from fsoe_net.diag import Severity, sort_diagnostics
-from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.errors import InputError
 from fsoe_net.load import (
     Collector,
     InputKind,
@@ -82,15 +83,8 @@ _WRITERS: dict[str, _Writer] = {
 
 
 @click.command("convert", epilog=_EPILOG)
-@click.argument("files", nargs=-1, required=True, type=click.Path())
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="OUT",
-    type=click.Path(),
-    help="File to write; a folder for the ROS 2 driver.",
-)
+@click.argument("files", nargs=-1, required=True, type=FILE)
+@output_option("File to write; a folder for the ROS 2 driver.", metavar="OUT", required=True)
 @click.option(
     "--from",
     "source",
@@ -103,7 +97,9 @@ _WRITERS: dict[str, _Writer] = {
     type=click.Choice(list(_WRITERS)),
     help="Format of OUT; without it by its extension.",
 )
-def command(files: tuple[str, ...], output: str, source: str | None, target: str | None) -> None:
+def command(
+    files: tuple[str, ...], output: str, overwrite: bool, source: str | None, target: str | None
+) -> None:
     """Write a description of a bus in another format; several FILES of one bus are joined.
 
     FILES: network, transfer and slave YAML, URDF, ENI, ESI, SII image, output of the `ethercat`
@@ -111,7 +107,7 @@ def command(files: tuple[str, ...], output: str, source: str | None, target: str
     start-up (pcap, pcapng), or a folder that this command wrote. An ESI or SII image gives the
     process data of devices named elsewhere.
 
-    What the format of OUT cannot hold is told as a note. Nothing is overwritten. A network and an
+    What the format of OUT cannot hold is told as a note. A network and an
     ENI of the same bus into an ENI: the copies of the network in that ENI, all else byte for byte.
     """
     chosen = target or _target(output)
@@ -120,7 +116,7 @@ def command(files: tuple[str, ...], output: str, source: str | None, target: str
     given = _eni_to_renew(files, kind) if chosen == "eni" else None
     if given is not None:
         description = _read(tuple(f for f in files if f != given), kind, notes)
-        _write({output: renewed_eni(description, given, notes)}, Path())
+        _write({Path(output).name: renewed_eni(description, given, notes)}, output, overwrite)
         _tell(output, description, 1, notes)
         return
     description = _read(files, kind, notes, starts=chosen == "eni")
@@ -132,9 +128,21 @@ def command(files: tuple[str, ...], output: str, source: str | None, target: str
     if not description.copies:
         notes.append("no copies are known, so no safety frame would be moved")
     written = _WRITERS[chosen](description, Path(output).name)
-    folder = Path(output) if chosen.startswith("driver") else Path(output).parent
-    _write({name: text.encode("utf-8") for name, text in written.files.items()}, folder)
+    data = {name: text.encode("utf-8") for name, text in written.files.items()}
+    if chosen.startswith("driver"):
+        write_all(output, data, overwrite=overwrite)
+    else:
+        _write(data, output, overwrite)
     _tell(output, description, len(written.files), [*notes, *written.notes])
+
+
+def _write(files: dict[str, bytes], output: str, overwrite: bool) -> None:
+    if output != STDOUT:
+        write_all(Path(output).parent, files, overwrite=overwrite)
+    elif len(files) == 1:
+        write_whole(STDOUT, *files.values(), overwrite=overwrite)
+    else:
+        raise click.UsageError(f"-o -: this takes {len(files)} files; name one with -o OUT")
 
 
 def _tell(output: str, description: Description, files: int, notes: list[str]) -> None:
@@ -142,7 +150,8 @@ def _tell(output: str, description: Description, files: int, notes: list[str]) -
         click.echo(f"note: {note}", err=True)
     click.echo(
         f"{output}: {counted(len(description.subdevices), 'SubDevice')}, "
-        f"{counted(len(description.copies), 'copy')}, {counted(files, 'file')}"
+        f"{counted(len(description.copies), 'copy')}, {counted(files, 'file')}",
+        err=output == STDOUT,
     )
 
 
@@ -266,21 +275,3 @@ def _refuse_errors(out: Collector) -> None:
     errors = [d for d in out.diagnostics if d.level is Severity.ERROR]
     if errors:
         raise InputError("nothing written", sort_diagnostics(errors))
-
-
-# -- output ---------------------------------------------------------------------------------------
-
-
-def _write(files: dict[str, bytes], folder: Path) -> None:
-    paths = {folder / name: data for name, data in files.items()}
-    present = next((p for p in paths if os.path.lexists(p)), None)
-    if present is not None:
-        raise InputError(f"nothing written: {present} exists; name another place")
-    try:
-        for path in paths:
-            path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as exc:
-        raise EnvironmentFault(f"cannot make the folder of {path}: {exc.strerror}") from exc
-    # The file that names the others comes last: it is never there without them.
-    for path, data in reversed(paths.items()):
-        write_whole(str(path), data)

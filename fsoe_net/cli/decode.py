@@ -12,10 +12,12 @@ import click
 
 from fsoe_net.cli.decode_output import CaptureFacts, JsonOutput, Output, Row, TextOutput
 from fsoe_net.cli.inputs import check_files, whole_network
-from fsoe_net.cli.write import write_whole
+from fsoe_net.cli.options import FILE, output_option
+from fsoe_net.cli.write import STDOUT, check_target, write_whole
 from fsoe_net.core import Scanner, Sighting
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe import Command, Verdict, safe_data_of
+from fsoe_net.load import open_file
 from fsoe_net.observe import (
     CaptureReader,
     ConnectionNames,
@@ -43,20 +45,22 @@ wrong CRC, 1 one has, or an input cannot be read; 2 wrong use."""
 
 
 @click.command("decode", epilog=_EPILOG)
-@click.argument("inputs", nargs=-1, metavar="[INPUT]...")
+@click.argument("inputs", nargs=-1, metavar="[INPUT]...", type=FILE)
 @click.option(
     "--network",
     multiple=True,
-    type=click.Path(),
+    type=FILE,
+    metavar="FILE",
     help="File of the network, for names. Several times.",
 )
 @click.option(
     "--lua",
     multiple=True,
-    type=click.Path(),
+    type=FILE,
+    metavar="FILE",
     help="Write a Wireshark dissector for this network. Several times.",
 )
-@click.option("-o", "--output", type=click.Path(), help="File for --lua; else standard output.")
+@output_option("File for --lua; default: standard output.")
 @click.option("--changes", is_flag=True, help="Only frames that say something new.")
 @click.option("--summary", is_flag=True, help="Only the connections found.")
 @click.option(
@@ -69,6 +73,7 @@ def command(
     network: tuple[str, ...],
     lua: tuple[str, ...],
     output: str | None,
+    overwrite: bool,
     changes: bool,
     summary: bool,
     fmt: str,
@@ -80,7 +85,7 @@ def command(
     if lua:
         if inputs or network:
             raise click.UsageError("--lua takes the network and writes a dissector; no INPUT")
-        _write_lua(lua, output)
+        _write_lua(lua, output, overwrite=overwrite)
         return
     if output is not None:
         raise click.UsageError("-o belongs to --lua; else redirect standard output")
@@ -92,7 +97,7 @@ def command(
     out: Output = JsonOutput() if fmt == "json" else TextOutput()
     if captures:
         for path in captures:
-            with open(path, "rb") as file:
+            with open_file(path, regular=False) as file:
                 _decode_capture(path, file, naming, out, changes=changes, summary=summary)
     elif inputs and inputs != ("-",):
         _decode_hex([("argument", " ".join(inputs))], naming, out)
@@ -130,13 +135,13 @@ def _naming(network: tuple[str, ...]) -> Naming:
     return Naming(resolution, LogicalImage(compile_plan(resolution)))
 
 
-def _write_lua(files: tuple[str, ...], output: str | None) -> None:
+def _write_lua(files: tuple[str, ...], output: str | None, *, overwrite: bool) -> None:
+    check_target(output, overwrite=overwrite, stdout=True)
     resolution = whole_network(check_files(files), "no dissector written")
     text = lua_dissector(resolution, compile_plan(resolution))
-    if output is None:
-        click.echo(text, nl=False)
+    write_whole(output or STDOUT, text.encode("utf-8"), overwrite=overwrite)
+    if output is None or output == STDOUT:
         return
-    write_whole(output, text.encode("utf-8"))
     click.echo(f"{output}: open a capture with: wireshark -X lua_script:{output} FILE", err=True)
 
 

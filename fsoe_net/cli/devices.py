@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import click
 
+from fsoe_net.cli.options import FILE
 from fsoe_net.cli.output import counted, print_diagnostics
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
@@ -40,7 +41,7 @@ the revision in use counts."""
     "--file",
     "own",
     multiple=True,
-    type=click.Path(),
+    type=FILE,
     metavar="FILE",
     help="A device file of your own; it stands before the library. Several times.",
 )

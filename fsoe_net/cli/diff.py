@@ -8,7 +8,8 @@ import os
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.options import FILE
+from fsoe_net.cli.output import counted
 from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import (
@@ -54,12 +55,12 @@ A and B: network YAML, URDF or xacro, .fsnplan, scan.json, ENI, ESI, SII, output
 tool or of slaveinfo -map, linuxcnc-ethercat XML, TwinSAFE export, acceptance record; known by
 content.
 
-Exit codes: 0 same, 1 differs, 2 a file cannot be read or wrong use."""
+Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use."""
 
 
 @click.command("diff", epilog=_EPILOG)
-@click.argument("a", type=click.Path())
-@click.argument("b", type=click.Path())
+@click.argument("a", type=FILE)
+@click.argument("b", type=FILE)
 @reference_options
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing; only the exit code tells.")
 @click.option(
@@ -84,9 +85,7 @@ def command(
         side, found = read_side(path, loading)
         if side is None:
             errors = [d for d in found if d.level is Severity.ERROR]
-            click.echo(f"error: {path} cannot be compared", err=True)
-            print_diagnostics(errors, err=True)
-            ctx.exit(2)
+            raise InputError(f"{path} cannot be compared", errors)
         sides.append(side)
     difference = compare(sides[0], sides[1])
     if not quiet:

@@ -8,6 +8,7 @@ import textwrap
 import click
 
 from fsoe_net import __version__
+from fsoe_net.cli.options import INTERFACE
 from fsoe_net.cli.output import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.host import Examination, Finding, Host, Level, Unreadable, examine
@@ -34,7 +35,9 @@ _WIDTH = 100
 
 
 @click.command("doctor", epilog=_EPILOG)
-@click.option("--interface", metavar="IF", help="Network interface of the bus: look at it too.")
+@click.option(
+    "--interface", type=INTERFACE, metavar="IF", help="Network interface of the bus: check it too."
+)
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )

@@ -10,6 +10,7 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.options import FILE, INTERFACE, RUN_TIME
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.run import scenario_of
 from fsoe_net.cli.run_output import print_events
@@ -39,8 +40,8 @@ _EPILOG = """\b
 Examples:
   ip link add veth0 type veth peer name veth1; ip link set veth0 up; ip link set veth1 up
   fsoe-net emulate network.yaml --interface veth1
-  fsoe-net emulate network.yaml --interface veth1 --scenario scenario.yaml --duration 20
-  fsoe-net emulate network.yaml --interface veth1 --interface2 veth3 --priority 81 --cpu 1
+  fsoe-net emulate network.yaml --interface veth1 --scenario scenario.yaml --duration 20s
+  fsoe-net emulate network.yaml --interface veth1 --redundant veth3 --priority 81 --cpu 1
   (sleep 5; echo break ek1914) | fsoe-net emulate network.yaml --interface veth1 --commands
 
 Then let any EtherCAT MainDevice work on the other end, veth0. Only veth and tap interfaces are
@@ -53,15 +54,25 @@ so, or a file has an error; 2 wrong use; 3 no such interface, or no permission."
 @click.command("emulate", epilog=_EPILOG)
 @input_options
 @click.option(
-    "--interface", metavar="IF", required=True, help="veth or tap interface to answer on."
+    "--interface",
+    type=INTERFACE,
+    metavar="IF",
+    required=True,
+    help="veth or tap interface to answer on.",
 )
-@click.option("--interface2", metavar="IF2", help="Second interface: the far end of a ring.")
+@click.option(
+    "--redundant", type=INTERFACE, metavar="IF2", help="Second interface: the far end of a ring."
+)
 @click.option(
     "--priority", type=click.IntRange(0, 99), default=0, help="SCHED_FIFO priority of the answers."
 )
 @click.option("--cpu", type=click.IntRange(0, 1023), help="CPU that answers.")
 @click.option(
-    "--scenario", "scenario_file", type=click.Path(), help="YAML with steps and expectations."
+    "--scenario",
+    "scenario_file",
+    type=FILE,
+    metavar="FILE",
+    help="YAML with steps and expectations.",
 )
 @click.option(
     "--no-machine-on-this-wire",
@@ -71,7 +82,11 @@ so, or a file has an error; 2 wrong use; 3 no such interface, or no permission."
 )
 @click.option("--commands", is_flag=True, help="Take commands from standard input.")
 @click.option(
-    "--duration", type=click.FloatRange(min=0.001), help="Seconds; default: until interrupted."
+    "--duration",
+    "duration_ns",
+    type=RUN_TIME,
+    metavar="TIME",
+    help="End after so long; default: scenario, else until interrupted.",
 )
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
@@ -82,13 +97,13 @@ def command(
     files: tuple[str, ...],
     loading: LoadOptions,
     interface: str,
-    interface2: str | None,
+    redundant: str | None,
     priority: int,
     cpu: int | None,
     scenario_file: str | None,
     vouched: bool,
     commands: bool,
-    duration: float | None,
+    duration_ns: int | None,
     fmt: str,
 ) -> None:
     """Serve a network as emulated EtherCAT SubDevices, its FSoE devices alive.
@@ -103,24 +118,24 @@ def command(
     found = session.scenario_findings()
     if found:
         raise InputError(f"the scenario does not fit this network: {summary(found)}", found)
-    if duration is None and scenario is not None and scenario.duration_ns:
-        duration = scenario.duration_ns / 1e9
+    if duration_ns is None and scenario is not None and scenario.duration_ns:
+        duration_ns = scenario.duration_ns
     _check_rig(vouched)
     link = SegmentLink(
         interface=interface,
-        interface2=interface2,
+        interface2=redundant,
         priority=priority,
         cpu=cpu,
         no_machine_on_this_wire=vouched,
     )
-    where = interface if interface2 is None else f"{interface} and {interface2}, a ring"
+    where = interface if redundant is None else f"{interface} and {redundant}, a ring"
     click.echo(
         f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it", err=True
     )
     result = serve(
         session,
         link,
-        None if duration is None else round(duration * 1e9),
+        duration_ns,
         on_step=CommandLines(_STDIN) if commands else None,
     )
     if fmt == "json":

@@ -7,7 +7,9 @@ import json
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.write import write_whole
+from fsoe_net.cli.options import FILE, output_option
+from fsoe_net.cli.write import check_target, write_whole
+from fsoe_net.load import open_file
 from fsoe_net.observe import IncidentReader
 from fsoe_net.observe.evidence import gather
 from fsoe_net.report.incident_page import incident_page
@@ -26,7 +28,7 @@ named; 1: none fits, or the file cannot be read."""
 
 
 @click.command("incident", epilog=_EPILOG)
-@click.argument("file", type=click.Path(dir_okay=False))
+@click.argument("file", type=FILE)
 @click.option(
     "--format",
     "fmt",
@@ -34,14 +36,15 @@ named; 1: none fits, or the file cannot be read."""
     default="text",
     show_default=True,
 )
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="File; else the terminal.")
+@output_option("File to write; default: standard output.")
 @click.pass_context
-def command(ctx: click.Context, file: str, fmt: str, output: str | None) -> None:
+def command(ctx: click.Context, file: str, fmt: str, output: str | None, overwrite: bool) -> None:
     """Say what happened, the likely cause with its evidence, and the next step.
 
     Sends nothing and needs no network files: all facts are in FILE.
     """
-    with open(file, "rb") as stream:
+    check_target(output, overwrite=overwrite, stdout=True)
+    with open_file(file, regular=False) as stream:
         story = story_of(gather(IncidentReader(file, stream)))
     if fmt == "html":
         text = incident_page(story, __version__)
@@ -52,5 +55,5 @@ def command(ctx: click.Context, file: str, fmt: str, output: str | None) -> None
     if output is None:
         click.echo(text, nl=False)
     else:
-        write_whole(output, text.encode("utf-8"))
+        write_whole(output, text.encode("utf-8"), overwrite=overwrite)
     ctx.exit(0 if story.verdicts.likely else 1)

@@ -12,13 +12,15 @@ from fsoe_net.cli.gather import gather
 from fsoe_net.cli.init_output import answers_template, network_remarks
 from fsoe_net.cli.init_prompt import ask
 from fsoe_net.cli.inputs import check_files, reference_options
+from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.output import counted, print_diagnostics, summary
 from fsoe_net.cli.proposing import Inputs, Made, make_proposal, question_findings
+from fsoe_net.cli.write import write_all
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, describe_scan, load_answers
 from fsoe_net.model import Answers
-from fsoe_net.save import Written, write_network
+from fsoe_net.save import write_network
 
 __all__ = ["command"]
 
@@ -33,38 +35,41 @@ Examples:
 Where lengths and direction of the frames leave more than one way, the connection is unconfirmed,
 and `fsoe-net plan` refuses it until a person has compared it with the safety project.
 
-Exit codes: 0 written, with --no-input or --answers also with open questions; 1 a file or an answer
-cannot be used, or nobody is here to be asked; 2 wrong use; 3 no bus, or a folder that cannot be
-written."""
+Exit codes: 0 written, and the network has no error; 1 written, but an error is printed, as for an
+unconfirmed connection; or nothing is written: a file or an answer cannot be used, or a question
+needs a person; 2 wrong use; 3 no bus, or a folder that cannot be written."""
 
 
 @click.command("init", epilog=_EPILOG)
-@click.argument("files", nargs=-1, type=click.Path())
+@click.argument("files", nargs=-1, type=FILE)
 @reference_options
-@click.option("--interface", metavar="IF", help="Also scan the bus there.")
-@click.option("--socket", metavar="PATH", help="The same, by the fsn-master with this socket.")
-@click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
+@click.option("--interface", type=INTERFACE, metavar="IF", help="Also scan the bus there.")
 @click.option(
-    "-o",
-    "--output",
-    default=".",
-    type=click.Path(),
-    help="Folder to write into; default: the current one.",
+    "--socket", type=FILE, metavar="PATH", help="The same, by the fsn-master with this socket."
 )
+@click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
+@output_option("Folder to write into; default: the current one.", metavar="DIR", type=FOLDER)
 @click.option(
-    "--answers", "answers_file", type=click.Path(), help="YAML that answers what would be asked."
+    "--answers",
+    "answers_file",
+    type=FILE,
+    metavar="FILE",
+    help="YAML that answers what would be asked.",
 )
 @click.option(
     "--answers-template", "template", is_flag=True, help="Print such a YAML to fill in, and stop."
 )
 @click.option("--no-input", is_flag=True, help="Ask nothing; what is not answered stays open.")
+@click.pass_context
 def command(
+    ctx: click.Context,
     files: tuple[str, ...],
     loading: LoadOptions,
     interface: str | None,
     socket: str | None,
     yes: bool,
-    output: str,
+    output: str | None,
+    overwrite: bool,
     answers_file: str | None,
     template: bool,
     no_input: bool,
@@ -73,8 +78,9 @@ def command(
 
     FILES: all that `fsoe-net convert` reads, a scan.json, and folders with such files. Known copies
     and connections are taken; frames are paired by length and direction where only one way is
-    possible. What nobody can know from files is asked. Nothing is overwritten.
+    possible. What nobody can know from files is asked.
     """
+    folder = Path(output or ".")
     out = Collector()
     answers = Answers() if answers_file is None else load_answers(answers_file, out)
     if answers is None:
@@ -84,7 +90,7 @@ def command(
             "name files that tell of the bus, or --interface IF; `--help` shows examples"
         )
     if not template:
-        _look_ahead(Path(output))
+        _look_ahead(folder, overwrite=overwrite)
     found = gather(files, loading, leave_out=() if answers_file is None else (answers_file,))
     found.out.diagnostics += out.diagnostics
     if interface is not None or socket is not None:
@@ -103,10 +109,11 @@ def command(
     made = _answered(inputs, answers, asking=asking)
     if not asking:
         _tell_questions(made, inputs, answered=answers_file is not None or no_input)
-    _finish(made, inputs, Path(output))
+    if _finish(made, inputs, folder, overwrite=overwrite):
+        ctx.exit(1)
 
 
-def _look_ahead(folder: Path) -> None:
+def _look_ahead(folder: Path, *, overwrite: bool) -> None:
     """Refuse a folder that cannot take the files, before anybody answers questions.
 
     Raises:
@@ -114,8 +121,11 @@ def _look_ahead(folder: Path) -> None:
         EnvironmentFault: It cannot be written.
     """
     network = folder / "network.yaml"
-    if network.is_symlink() or network.exists():
-        raise InputError(f"nothing written: {network} exists; name another folder with -o")
+    if not overwrite and os.path.lexists(network):
+        raise InputError(
+            f"nothing written: {network} exists; name another folder with -o, or replace it with "
+            "--overwrite"
+        )
     there = next((p for p in (folder, *folder.parents) if p.exists()), Path("."))
     if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
         why = "permission denied" if there.is_dir() else f"{there} is no folder"
@@ -161,7 +171,8 @@ def _tell_questions(made: Made, inputs: Inputs, *, answered: bool) -> None:
     print_diagnostics(found, err=True)
 
 
-def _finish(made: Made, inputs: Inputs, folder: Path) -> None:
+def _finish(made: Made, inputs: Inputs, folder: Path, *, overwrite: bool) -> bool:
+    """Write the network and check it; return whether it has an error."""
     assert made.proposal is not None  # noqa: S101 - no question about the ring is open
     told = [
         d for d in (*inputs.found.out.diagnostics, *made.findings) if d.level is not Severity.INFO
@@ -170,7 +181,8 @@ def _finish(made: Made, inputs: Inputs, folder: Path) -> None:
     remarks = network_remarks(made, inputs)
     description = made.proposal.bus
     written = write_network(description, name=made.name, remarks=remarks)
-    _write(written, folder)
+    files = {name: text.encode("utf-8") for name, text in written.files.items()}
+    write_all(folder, files, overwrite=overwrite)
     for note in dict.fromkeys((*made.notes, *written.notes)):
         click.echo(f"note: {note}", err=True)
     network = folder / "network.yaml"
@@ -193,24 +205,4 @@ def _finish(made: Made, inputs: Inputs, folder: Path) -> None:
         f"\nNext: {'complete' if errors or made.open else 'read'} {network}, "
         f"then fsoe-net check {network}" + (f"   ({summary(found)} now)" if found else "")
     )
-
-
-def _write(written: Written, folder: Path) -> None:
-    """Write all files or none; `network.yaml`, which names the others, comes last."""
-    paths = {folder / name: text for name, text in written.files.items()}
-    present = next((p for p in paths if p.is_symlink() or p.exists()), None)
-    if present is not None:
-        raise InputError(f"nothing written: {present} exists; name another folder with -o")
-    made: list[Path] = []
-    try:
-        for path, text in reversed(paths.items()):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("x", encoding="utf-8") as file:
-                made.append(path)
-                file.write(text)
-    except OSError as exc:
-        for path in made:
-            path.unlink(missing_ok=True)
-        raise EnvironmentFault(
-            f"cannot write {exc.filename or folder}: {exc.strerror}; nothing written"
-        ) from exc
+    return errors > 0

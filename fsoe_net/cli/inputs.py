@@ -9,6 +9,7 @@ from typing import Any, TypeVar, cast
 
 import click
 
+from fsoe_net.cli.options import FILE
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.references import References, read_references, split_files
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
@@ -55,7 +56,7 @@ def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
 
 def input_options(function: _F) -> _F:
     """Add FILES and the options of `reference_options` to a command."""
-    argument = click.argument("files", nargs=-1, required=True, type=click.Path())
+    argument = click.argument("files", nargs=-1, required=True, type=FILE)
     return reference_options(argument(function))
 
 

@@ -77,9 +77,8 @@ Examples:
   fsoe-net plan examples/estop/network.yaml -o estop.fsnplan
   fsoe-net run examples/estop/network.yaml --scenario examples/estop/scenario.yaml
 
-Exit codes: 0 done, no error and no warning; 1 findings, or a file that cannot be used; 2 wrong use;
-3 a permission, device, socket or disk that is missing; 130 interrupted. Commands whose codes mean
-something else say so.
+Exit codes: 0 done; 1 a finding, a difference, a failed run, or a file that cannot be used; 2 wrong
+use; 3 the machine: a permission, device, socket or disk is missing; 130 interrupted.
 
 Shell completion: eval "$(_FSOE_NET_COMPLETE=bash_source fsoe-net)" (also zsh, fish).
 

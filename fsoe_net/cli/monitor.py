@@ -14,9 +14,11 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.monitor_output import bus_view
-from fsoe_net.cli.run_output import check_target, event_line, interesting
+from fsoe_net.cli.options import FILE, RUN_TIME, master_options, master_socket, overwrite_option
+from fsoe_net.cli.run_output import event_line, interesting
+from fsoe_net.cli.write import check_target
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.run import Attachment, BusView, LiveCapture, RunEvent, control_socket
+from fsoe_net.run import Attachment, BusView, LiveCapture, RunEvent
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,8 +30,8 @@ _EPILOG = """\b
 Examples:
   fsoe-net monitor --interface eth1
   fsoe-net monitor --socket /run/fsn-master/fsn-master-eth1.sock --once
-  fsoe-net monitor --interface eth1 --seconds 60 --format json > minute.json
-  fsoe-net monitor --interface eth1 --seconds 10 --capture bus.pcapng
+  fsoe-net monitor --interface eth1 --duration 60s --format json > minute.json
+  fsoe-net monitor --interface eth1 --duration 10s --capture bus.pcapng
 
 Exit code 0 when at the end every connection is in Data and every SubDevice in OP, else 1; 3 when
 no fsn-master answers. Ctrl-C ends it; fsn-master goes on."""
@@ -39,17 +41,17 @@ _WIDTH = 160
 
 
 @click.command("monitor", epilog=_EPILOG)
-@click.option("--socket", "socket_path", type=click.Path(), help="Control socket of fsn-master.")
-@click.option(
-    "--interface", metavar="IF", help="Interface that the fsn-master drives; finds its socket."
-)
+@master_options
 @click.option("--once", is_flag=True, help="Show what is known now, and end.")
 @click.option(
-    "--seconds",
-    type=click.FloatRange(min=0.1, max=7 * 24 * 3600),
+    "--duration",
+    "duration_ns",
+    type=RUN_TIME,
+    metavar="TIME",
     help="End after so long; default: when interrupted.",
 )
-@click.option("--capture", type=click.Path(), help="Write the EtherCAT frames (pcapng).")
+@click.option("--capture", type=FILE, metavar="FILE", help="Write the EtherCAT frames (pcapng).")
+@overwrite_option
 @click.option("--rebuild", is_flag=True, help="Capture from the process image, not from the wire.")
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
@@ -57,11 +59,12 @@ _WIDTH = 160
 @click.pass_context
 def command(
     ctx: click.Context,
-    socket_path: str | None,
+    socket: str | None,
     interface: str | None,
     once: bool,
-    seconds: float | None,
+    duration_ns: int | None,
     capture: str | None,
+    overwrite: bool,
     rebuild: bool,
     fmt: str,
 ) -> None:
@@ -70,14 +73,12 @@ def command(
     Connections with their FSoE cycle times against the watchdog, held inputs, Resets with the cause
     in words; SubDevices not in OP, broken links; timing of the cycle. Changes nothing.
     """
-    if (socket_path is None) == (interface is None):
-        raise click.UsageError("one of --socket PATH and --interface IF says which fsn-master")
-    if once and (seconds is not None or capture is not None):
-        raise click.UsageError("--once looks once: leave out --seconds and --capture")
+    path = master_socket(socket, interface)
+    if once and (duration_ns is not None or capture is not None):
+        raise click.UsageError("--once looks once: leave out --duration and --capture")
     if rebuild and capture is None:
         raise click.UsageError("--rebuild belongs to --capture")
-    check_target(capture, "--capture")
-    path = socket_path or control_socket(interface or "")
+    check_target(capture, overwrite=overwrite)
     stop = threading.Event()
     # Not as an exception: in the middle of a request it would leave half a reply behind.
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -88,7 +89,7 @@ def command(
         else:
             recorder = _capture(attached, path, capture, rebuild=rebuild)
             try:
-                view = _watch(attached, seconds, stop, live=fmt == "text")
+                view = _watch(attached, duration_ns, stop, live=fmt == "text")
             finally:
                 if recorder is not None:
                     recorder.stop()
@@ -126,10 +127,10 @@ def _capture(
 
 
 def _watch(
-    attached: Attachment, seconds: float | None, stop: threading.Event, *, live: bool
+    attached: Attachment, duration_ns: int | None, stop: threading.Event, *, live: bool
 ) -> BusView:
     """Watch until the time is over or the user has had enough; return what was seen last."""
-    until = None if seconds is None else time.monotonic() + seconds
+    until = None if duration_ns is None else time.monotonic() + duration_ns / 1e9
     if live and sys.stdout.isatty():
         from rich.live import Live
 

@@ -7,8 +7,9 @@ import json
 import click
 
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.options import output_option
 from fsoe_net.cli.output import counted, print_diagnostics
-from fsoe_net.cli.write import write_whole
+from fsoe_net.cli.write import STDOUT, check_target, write_whole
 from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, read_bytes
@@ -36,7 +37,7 @@ _MOST_PLAN_BYTES = 64 * 1024 * 1024  # as fsn-master takes them
 
 @click.command("plan", epilog=_EPILOG)
 @input_options
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Plan file to write.")
+@output_option("Plan file to write.")
 @click.option("--show", is_flag=True, help="FILES is a plan; print it.")
 @click.option(
     "--image",
@@ -51,6 +52,7 @@ def command(
     files: tuple[str, ...],
     loading: LoadOptions,
     output: str | None,
+    overwrite: bool,
     show: bool,
     image: str | None,
     fmt: str,
@@ -65,6 +67,7 @@ def command(
     if show:
         _show(_read(files), image, fmt)
         return
+    check_target(output, overwrite=overwrite, stdout=True)
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no plan written")
     warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
@@ -75,11 +78,12 @@ def command(
         click.echo("not written; -o FILE writes it", err=True)
         return
     data = plan.to_bytes()
-    write_whole(output, data)
+    write_whole(output, data, overwrite=overwrite)
     click.echo(
         f"{output}: {len(data)} bytes, {counted(len(plan.copies), 'copy')}, "
         f"{counted(len(plan.connections), 'connection')}, "
-        f"fingerprint {fingerprint_of(plan).short}"
+        f"fingerprint {fingerprint_of(plan).short}",
+        err=output == STDOUT,
     )
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import click
 
 from fsoe_net import __version__
+from fsoe_net.cli.options import FILE
 from fsoe_net.cli.output import counted
-from fsoe_net.errors import RecordingError
-from fsoe_net.fsoe.recording import ReplayResult, replay_file
+from fsoe_net.errors import InputError, RecordingError
+from fsoe_net.fsoe.recording import ReplayResult, file_lines, replay
 from fsoe_net.fsoe.recording.difference import Difference, differing_bytes, explain
 from fsoe_net.fsoe.recording.model import Answer
+from fsoe_net.load import open_file
 
 __all__ = ["command"]
 
@@ -40,7 +41,7 @@ class _Outcome:
 
 
 @click.command("replay", epilog=_EPILOG)
-@click.argument("files", nargs=-1, required=True, type=click.Path(), metavar="TRACE...")
+@click.argument("files", nargs=-1, required=True, type=FILE, metavar="TRACE...")
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )
@@ -70,9 +71,12 @@ def command(ctx: click.Context, files: tuple[str, ...], fmt: str) -> None:
 
 def _replayed(file: str) -> _Outcome:
     try:
-        return _Outcome(file=file, result=replay_file(Path(file)))
+        with open_file(file, regular=False) as stream:
+            return _Outcome(file=file, result=replay(file_lines(stream)))
     except RecordingError as exc:
         return _Outcome(file=file, reason=exc.reason, line=exc.line)
+    except InputError as exc:
+        return _Outcome(file=file, reason=exc.diagnostics[0].message)
     except OSError as exc:
         return _Outcome(file=file, reason=exc.strerror or str(exc))
 

@@ -15,11 +15,12 @@ from fsoe_net import __version__
 from fsoe_net.cli.diff import read_side
 from fsoe_net.cli.inputs import Checked, check_files, input_options, library_of, whole_network
 from fsoe_net.cli.known import Record, read_record
+from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
 from fsoe_net.cli.output import print_diagnostics, summary
-from fsoe_net.cli.write import write_whole
+from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, load_protocol
+from fsoe_net.load import Collector, LoadOptions, load_protocol, open_file
 from fsoe_net.model import Protocol, Resolution, SourceFile
 from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, fingerprint_of
 from fsoe_net.report import (
@@ -59,65 +60,61 @@ Examples:
   fsoe-net report network.yaml --scenario scenario.yaml -o report.html
   fsoe-net report network.yaml --evidence scan.json --evidence run.json -o report.html
   fsoe-net report network.yaml --protocol protocol.yaml -o report.html
-  fsoe-net report network.yaml --acceptance acceptance.yaml -o report.html
+  fsoe-net report network.yaml --accepted acceptance.yaml -o report.html
 
 Exit codes: 0 no error; 1 the network has an error (the report says so on top), the run failed, or
-the test protocol is not of this network;
-2 wrong use."""
+the test protocol is not of this network, or a file cannot be used; 2 wrong use."""
 
 
 @click.command("report", epilog=_EPILOG)
 @input_options
+@output_option("File to write: .html, .md, .json or, with the extra pdf, .pdf.", required=True)
 @click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False),
-    required=True,
-    help="File to write: .html, .md, .json or, with the extra pdf, .pdf.",
+    "--plan", "plan_file", type=FILE, metavar="PLAN", help="Plan file that shall be its plan."
 )
-@click.option("--plan", "plan_file", type=click.Path(), help="Plan file that shall be its plan.")
 @click.option(
     "--evidence",
     "evidence_files",
     multiple=True,
-    type=click.Path(),
+    type=FILE,
     metavar="FILE",
     help="A scan.json, a result of a run (JSON) or an incident file; may be given again.",
 )
-@click.option("--live", metavar="SOCKET", help="Ask the fsn-master behind this control socket.")
+@master_options
 @click.option(
     "--scenario",
     "scenario_file",
-    type=click.Path(),
+    type=FILE,
+    metavar="FILE",
     help="Run this scenario in virtual time and put the result into the report.",
 )
 @click.option(
     "--against",
-    type=click.Path(),
+    type=FILE,
     metavar="FILE",
     help="Earlier plan or network: the change log starts from it.",
 )
 @click.option(
-    "--acceptance",
-    type=click.Path(),
+    "--accepted",
+    type=FILE,
     metavar="FILE",
     help="Acceptance record: sign-off, justifications, and the change log starts from it.",
 )
-@click.option(
-    "--protocol", type=click.Path(), metavar="FILE", help="Test protocol of this network."
-)
+@click.option("--protocol", type=FILE, metavar="FILE", help="Test protocol of this network.")
 @click.pass_context
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
     loading: LoadOptions,
     output: str,
+    overwrite: bool,
     plan_file: str | None,
     evidence_files: tuple[str, ...],
-    live: str | None,
+    socket: str | None,
+    interface: str | None,
     scenario_file: str | None,
     against: str | None,
-    acceptance: str | None,
+    accepted: str | None,
     protocol: str | None,
 ) -> None:
     """Write the report of a network: what is copied, how late, what is known and what is open.
@@ -130,12 +127,15 @@ def command(
         pdf_library()
     elif form not in FORMATS:
         raise click.BadParameter(f"{output!r} ends in none of .html, .md, .json, .pdf", ctx)
-    if against is not None and acceptance is not None:
-        raise click.UsageError("--against and --acceptance: the change log starts from one of them")
-    record = None if acceptance is None else read_record(acceptance)
+    if against is not None and accepted is not None:
+        raise click.UsageError("--against and --accepted: the change log starts from one of them")
+    check_target(output, overwrite=overwrite)
+    named = socket is not None or interface is not None
+    address = master_socket(socket, interface) if named else None
+    record = None if accepted is None else read_record(accepted)
     checked = check_files(files, loading, compared=True)
-    evidence = tuple(_evidence(path) for path in evidence_files)
-    asked = None if live is None else ask_live(live)
+    evidence = tuple(read_evidence(path) for path in evidence_files)
+    asked = None if address is None else ask_live(address)
     found = _findings(checked, evidence, asked)
     resolution = checked.resolution
     errors = any(d.level is Severity.ERROR for d in found)
@@ -166,7 +166,7 @@ def command(
         accepted=None if record is None else _accepted(record, fingerprint),
     )
     document = make_document(inputs)
-    write_whole(output, _rendered(document, form))
+    write_whole(output, _rendered(document, form), overwrite=overwrite)
     verdict = "" if result is None else f"; run {'passed' if result.passed else 'FAILED'}"
     if errors:
         print_diagnostics([d for d in found if d.level is Severity.ERROR], err=True)
@@ -237,18 +237,9 @@ def _run(resolution: Resolution, scenario: str) -> RunResult:
 
 
 def _source(path: str) -> tuple[SourceFile, bytes]:
-    try:
-        data = Path(path).read_bytes()
-    except OSError as exc:
-        raise InputError(f"{path}: {exc.strerror or exc}") from exc
+    with open_file(path) as stream:
+        data = stream.read()
     return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data
-
-
-def _evidence(path: str) -> Evidence:
-    try:
-        return read_evidence(path)
-    except OSError as exc:
-        raise InputError(f"{path}: {exc.strerror or exc}") from exc
 
 
 def _given(path: str) -> GivenPlan:

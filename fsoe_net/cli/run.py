@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-import re
 import signal
 import sys
 import threading
@@ -16,14 +14,15 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.options import CYCLE, FILE, FOLDER, INTERFACE, RUN_TIME, Time, overwrite_option
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.run_output import (
-    check_target,
     live_view,
     make_folder,
     print_result,
     write_timing,
 )
+from fsoe_net.cli.write import check_target
 from fsoe_net.core import Snapshot
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
@@ -52,7 +51,7 @@ _EPILOG = """\b
 Examples:
   fsoe-net run network.yaml
   fsoe-net run network.yaml --scenario scenario.yaml --virtual-time
-  fsoe-net run network.yaml --duration 10 --format json > run.json
+  fsoe-net run network.yaml --duration 10s --format json > run.json
   fsoe-net run network.yaml --interface eth1
 
 Without --interface the devices are emulated and nothing is sent to a bus. With it, fsn-master
@@ -61,37 +60,6 @@ drives the real one: machines may move.
 Exit codes: 0 every expectation held, or without any every connection is in Data at the end; 1 not
 so, a file has an error, or the live bus was refused; 2 wrong use; 3 the compiled core, fsn-master
 or a permission is missing."""
-
-
-class _Finite(click.FloatRange):
-    """A number in a range; ``nan`` slips through the comparisons of `click.FloatRange`."""
-
-    def convert(
-        self, value: str | float, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        number = float(super().convert(value, param, ctx))  # type: ignore[arg-type]  # click's stub
-        if math.isnan(number):
-            self.fail(f"{value} is no number.", param, ctx)
-        return number
-
-
-_WEEK_S = 7 * 24 * 3600
-
-
-_UNITS_NS = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
-
-
-def _time(_ctx: click.Context, _param: click.Parameter, text: str | None) -> int | None:
-    """Return a time with its unit in nanoseconds."""
-    if text is None:
-        return None
-    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(ns|us|ms|s)", text, re.ASCII)
-    if found is None:
-        raise click.BadParameter(f"{text!r} is no time; write 250us or 1ms")
-    ns = round(float(found[1]) * _UNITS_NS[found[2]])
-    if not 1_000 <= ns <= 4_000_000_000:
-        raise click.BadParameter(f"{text} is not between 1us and 4s")
-    return ns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,8 +78,18 @@ class _Files:
 def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
     """Add the options of a live bus."""
     for decorate in (
-        click.option("--interface", metavar="IF", help="Live bus: its interface or IgH master."),
-        click.option("--redundant", metavar="IF2", help="Live bus: interface of the ring's end."),
+        click.option(
+            "--interface",
+            type=INTERFACE,
+            metavar="IF",
+            help="Live bus: its interface or IgH master.",
+        ),
+        click.option(
+            "--redundant",
+            type=INTERFACE,
+            metavar="IF2",
+            help="Live bus: second interface, the far end of a ring.",
+        ),
         click.option(
             "--bus",
             type=click.Choice(["soem", "igh"]),
@@ -120,8 +98,8 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
         click.option(
             "--cycle",
             "cycle_ns",
+            type=CYCLE,
             metavar="TIME",
-            callback=_time,
             help="Live bus: its cycle; default: the plan's.",
         ),
         click.option(
@@ -134,9 +112,10 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
         ),
         click.option(
             "--wait",
-            "wait_s",
-            type=_Finite(min=0.001, max=_WEEK_S),
-            help="Live bus: seconds to try again while SubDevices are missing.",
+            "wait_ns",
+            type=RUN_TIME,
+            metavar="TIME",
+            help="Live bus: how long to try again while SubDevices are missing.",
         ),
     )[::-1]:
         function = decorate(function)
@@ -146,35 +125,51 @@ def _bus_options(function: Callable[..., None]) -> Callable[..., None]:
 @click.command("run", epilog=_EPILOG)
 @input_options
 @click.option(
-    "--plan", "plan_file", type=click.Path(), help="Load this plan; it must be that of FILES."
+    "--plan",
+    "plan_file",
+    type=FILE,
+    metavar="PLAN",
+    help="Load this plan; it must be that of FILES.",
 )
 @click.option(
     "--duration",
-    type=_Finite(min=0.001, max=_WEEK_S),
-    help="Seconds; default: scenario, else 3; on a live bus until interrupted.",
+    "duration_ns",
+    type=RUN_TIME,
+    metavar="TIME",
+    help="End after so long; default: scenario, else 3s; on a live bus when interrupted.",
 )
 @click.option(
-    "--scenario", "scenario_file", type=click.Path(), help="YAML with steps and expectations."
+    "--scenario",
+    "scenario_file",
+    type=FILE,
+    metavar="FILE",
+    help="YAML with steps and expectations.",
 )
 @click.option(
     "--virtual-time",
     is_flag=True,
     help="Emulated: simulated time, as fast as the machine goes; repeatable.",
 )
-@click.option("--capture", type=click.Path(), help="Write the frames of a virtual run (pcapng).")
 @click.option(
-    "--device-period-ms",
-    type=_Finite(min=0.1, max=1000),
-    help="Pace of the emulated devices in real time; default 1.",
+    "--capture", type=FILE, metavar="FILE", help="Write the frames of a virtual run (pcapng)."
+)
+@click.option(
+    "--device-period",
+    "device_period_ns",
+    type=Time("100us", "1s"),
+    metavar="TIME",
+    help="Pace of the emulated devices in real time; default 1ms.",
 )
 @click.option(
     "--incidents",
-    type=click.Path(file_okay=False, writable=True),
+    type=FOLDER,
+    metavar="DIR",
     help="Folder for a file when a connection fails, made if missing; see `fsoe-net incident`.",
 )
 @_bus_options
-@click.option("--stats", type=click.Path(), help="Write timing histograms (CSV).")
-@click.option("--plot", type=click.Path(), help="Draw timing histograms (SVG).")
+@click.option("--stats", type=FILE, metavar="FILE", help="Write timing histograms (CSV).")
+@click.option("--plot", type=FILE, metavar="FILE", help="Draw timing histograms (SVG).")
+@overwrite_option
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )
@@ -184,11 +179,11 @@ def command(
     files: tuple[str, ...],
     loading: LoadOptions,
     plan_file: str | None,
-    duration: float | None,
+    duration_ns: int | None,
     scenario_file: str | None,
     virtual_time: bool,
     capture: str | None,
-    device_period_ms: float | None,
+    device_period_ns: int | None,
     incidents: str | None,
     interface: str | None,
     redundant: str | None,
@@ -196,9 +191,10 @@ def command(
     cycle_ns: int | None,
     priority: int | None,
     cpu: int | None,
-    wait_s: float | None,
+    wait_ns: int | None,
     stats: str | None,
     plot: str | None,
+    overwrite: bool,
     fmt: str,
 ) -> None:
     """Run a network on the emulated bus, or with --interface on a live one.
@@ -222,20 +218,19 @@ def command(
         "--cycle": cycle_ns,
         "--priority": priority,
         "--cpu": cpu,
-        "--wait": wait_s,
+        "--wait": wait_ns,
     }
     emulated = {
         "--virtual-time": virtual_time or None,
         "--capture": capture,
-        "--device-period-ms": device_period_ms,
+        "--device-period": device_period_ns,
     }
     _check_options(interface, live, emulated, wanted)
-    check_target(stats, "--stats")
-    check_target(plot, "--plot")
+    for path in (capture, stats, plot):
+        check_target(path, overwrite=overwrite)
     checked = check_files(files, loading)
     resolution = whole_network(checked, "nothing started")
     make_folder(incidents, "--incidents")
-    duration_ns = round(duration * 1e9) if duration else None
     if interface is not None:
         options = BusOptions(
             backend=bus or "soem",
@@ -244,18 +239,18 @@ def command(
             cycle_ns=cycle_ns,
             priority=priority,
             cpu=cpu,
-            wait_s=wait_s or 0.0,
+            wait_s=(wait_ns or 0) / 1e9,
             incidents=incidents,
         )
         result = _on_bus(resolution, options, duration_ns, wanted)
     else:
-        period_ns = round((device_period_ms or 1.0) * 1e6)
+        period_ns = device_period_ns or 1_000_000
         result = _emulated(resolution, duration_ns, wanted, period_ns, virtual=virtual_time)
     if fmt == "json":
         click.echo(json.dumps(result.to_json(__version__), indent=2, ensure_ascii=False))
     else:
         print_result(result)
-    write_timing(result, stats, plot, text=fmt == "text")
+    write_timing(result, stats, plot, text=fmt == "text", overwrite=overwrite)
     ctx.exit(0 if result.passed else 1)
 
 

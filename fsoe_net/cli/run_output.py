@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 __all__ = [
-    "check_target",
     "cycle_text",
     "event_line",
     "interesting",
@@ -185,24 +183,9 @@ def make_folder(path: str | None, option: str) -> None:
         raise EnvironmentFault(f"{option} {path}: {exc.strerror}") from exc
 
 
-def check_target(path: str | None, option: str) -> None:
-    """Refuse a file that could not be written, before the run and not after it.
-
-    Raises:
-        EnvironmentFault: Its folder is missing or closed, or it is a folder itself.
-    """
-    if path is None:
-        return
-    target = Path(path)
-    if target.is_dir():
-        raise EnvironmentFault(f"{option} {path}: this is a folder; name a file")
-    if not target.parent.is_dir():
-        raise EnvironmentFault(f"{option} {path}: there is no folder {target.parent}")
-    if not os.access(target if target.exists() else target.parent, os.W_OK):
-        raise EnvironmentFault(f"{option} {path}: it may not be written")
-
-
-def write_timing(result: RunResult, stats: str | None, plot: str | None, *, text: bool) -> None:
+def write_timing(
+    result: RunResult, stats: str | None, plot: str | None, *, text: bool, overwrite: bool
+) -> None:
     """Write the files that were asked for, and print percentiles when ``text`` is wanted.
 
     Raises:
@@ -215,6 +198,6 @@ def write_timing(result: RunResult, stats: str | None, plot: str | None, *, text
     ):
         if path is None:
             continue
-        write_whole(path, content.encode("utf-8"))
+        write_whole(path, content.encode("utf-8"), overwrite=overwrite)
     if text and (stats is not None or plot is not None):
         click.echo(timing_text(result.statistics))

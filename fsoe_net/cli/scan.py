@@ -6,10 +6,12 @@ import sys
 
 import click
 
+from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.output import counted
 from fsoe_net.cli.scan_output import scan_table
+from fsoe_net.cli.write import write_all
 from fsoe_net.run.scan import ScanSource, TakenScan, scan_source
-from fsoe_net.run.scan_files import compact_json, scan_files, write_files
+from fsoe_net.run.scan_files import compact_json, scan_files
 
 __all__ = ["command", "take_scan"]
 
@@ -27,23 +29,23 @@ Exit codes: 0 read, 1 the bus or a document was refused, 2 wrong use, also when 
 @click.command("scan", epilog=_EPILOG)
 @click.option(
     "--interface",
+    type=INTERFACE,
     metavar="IF",
     help="Interface of the bus; for a running fsn-master also its IgH master.",
 )
 @click.option("--bus", type=click.Choice(["soem"]), help="How to reach it; default soem.")
-@click.option("--socket", metavar="PATH", help="Ask the fsn-master with this control socket.")
+@click.option("--socket", type=FILE, metavar="PATH", help="Control socket of a running fsn-master.")
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )
-@click.option("-o", "--output", "folder", metavar="DIR", help="Write network.yaml and its files.")
-@click.option("--overwrite", is_flag=True, help="With -o: replace files that are there.")
+@output_option("Folder for network.yaml and its files.", metavar="DIR", type=FOLDER)
 @click.option("-y", "--yes", is_flag=True, help="Do not ask before states change.")
 def command(
     interface: str | None,
     bus: str | None,
     socket: str | None,
     fmt: str,
-    folder: str | None,
+    output: str | None,
     overwrite: bool,
     yes: bool,
 ) -> None:
@@ -52,18 +54,19 @@ def command(
     A running fsn-master is asked, and nothing on the bus changes. Without one, every SubDevice goes
     to PREOP; what that means is said before, and asked.
     """
-    if overwrite and folder is None:
+    if overwrite and output is None:
         raise click.UsageError("--overwrite is for the files of -o DIR")
     taken = take_scan(interface, bus=bus, socket=socket, yes=yes)
     if fmt == "json":
         click.echo(compact_json(taken.document))
     else:
         click.echo(scan_table(taken.scan))
-    if folder is not None:
+    if output is not None:
         files = scan_files(taken)
-        write_files(folder, files, overwrite=overwrite)
+        texts = {name: text.encode("utf-8") for name, text in files.texts.items()}
+        write_all(output, texts, overwrite=overwrite)
         names = ", ".join(files.texts)
-        click.echo(f"{counted(len(files.texts), 'file')} in {folder}: {names}", err=True)
+        click.echo(f"{counted(len(files.texts), 'file')} in {output}: {names}", err=True)
         for text in files.left_out:
             click.echo(f"left out: {text}", err=True)
 

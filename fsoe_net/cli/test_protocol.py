@@ -9,8 +9,9 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
 from fsoe_net.cli.output import print_diagnostics, summary
-from fsoe_net.cli.write import write_whole
+from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, load_protocol
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution
@@ -31,10 +32,10 @@ _EPILOG = """\b
 Examples:
   fsoe-net test-protocol network.yaml -o protocol.yaml              # nothing tried
   fsoe-net test-protocol network.yaml --virtual -o protocol.yaml
-  fsoe-net test-protocol network.yaml --live /run/fsn-master-eth1.sock -o protocol.yaml
-  fsoe-net test-protocol network.yaml --from protocol.yaml -o protocol.html
+  fsoe-net test-protocol network.yaml --live --interface eth1 -o protocol.yaml
+  fsoe-net test-protocol network.yaml --protocol protocol.yaml -o protocol.html
 
-A YAML file that is there keeps what people wrote into it, or nothing is written. An emulated result
+A YAML file that is replaced with --overwrite keeps what people wrote into it. An emulated result
 is no evidence for a machine.
 
 Exit codes: 0 nothing that was tried went otherwise than expected, 1 a step did, or a file cannot be
@@ -46,36 +47,32 @@ used; 2 wrong use; 3 no fsn-master, or no disk."""
 @click.option("--virtual", is_flag=True, help="Try every step on the emulated bus.")
 @click.option(
     "--live",
-    "socket",
-    type=click.Path(),
-    metavar="SOCKET",
-    help="Look at a running fsn-master; asks before each loss, needs a terminal.",
+    is_flag=True,
+    help="Try each loss on a running fsn-master: asks before each, needs a terminal.",
 )
+@master_options
 @click.option(
-    "--faults",
+    "--cycles",
     type=click.IntRange(1, 10**6),
     default=200,
     show_default=True,
-    help="Emulated: faults per class.",
+    help="Emulated: FSoE cycles with a fault in them, per class.",
 )
-@click.option("--from", "given", type=click.Path(), help="A protocol to go on with.")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(dir_okay=False),
-    required=True,
-    help="File to write: .yaml to fill in, .html to print.",
-)
+@click.option("--protocol", "given", type=FILE, metavar="FILE", help="A protocol to go on with.")
+@output_option("File to write: .yaml to fill in, .html to print.", required=True)
 @click.pass_context
 def command(
     ctx: click.Context,
     files: tuple[str, ...],
     loading: LoadOptions,
     virtual: bool,
+    live: bool,
     socket: str | None,
-    faults: int,
+    interface: str | None,
+    cycles: int,
     given: str | None,
     output: str,
+    overwrite: bool,
 ) -> None:
     """Write the test protocol of a network; fill in what runs can show.
 
@@ -84,12 +81,16 @@ def command(
     this program.
     """
     kind = _kind(output)
-    if virtual and socket is not None:
+    if virtual and live:
         raise click.UsageError("--virtual and --live exclude each other; run one after the other")
-    if socket is not None and not (sys.stdin.isatty() and sys.stderr.isatty()):
+    if not live and (socket is not None or interface is not None):
+        raise click.UsageError("--socket and --interface say which fsn-master --live tries")
+    address = master_socket(socket, interface) if live else None
+    if live and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise click.UsageError(
             "--live asks a person at the machine before each step: start it from a terminal"
         )
+    check_target(output, overwrite=overwrite)
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no protocol")
     if not resolution.connections:
@@ -103,22 +104,28 @@ def command(
         protocol = keep_machine(protocol, before)
     if virtual:
         protocol = run_protocol_virtual(
-            protocol, resolution, plan, faults=faults, on_step=_note if _shown() else None
+            protocol, resolution, plan, faults=cycles, on_step=_note if _shown() else None
         )
-    if socket is not None:
-        protocol = _live(protocol, resolution, socket, fingerprint, output)
-    _write(protocol, output)
+    if address is not None:
+        protocol = _live(protocol, resolution, address, fingerprint, output, overwrite=overwrite)
+    _write(protocol, output, overwrite=overwrite)
     ctx.exit(_say(protocol, output))
 
 
-def _write(protocol: Protocol, output: str) -> None:
+def _write(protocol: Protocol, output: str, *, overwrite: bool) -> None:
     yaml = _kind(output) == ".yaml"
     text = write_protocol(protocol) if yaml else protocol_page(protocol, version=__version__)
-    write_whole(output, text.encode("utf-8"))
+    write_whole(output, text.encode("utf-8"), overwrite=overwrite)
 
 
 def _live(
-    protocol: Protocol, resolution: Resolution, socket: str, wanted: Fingerprint, output: str
+    protocol: Protocol,
+    resolution: Resolution,
+    socket: str,
+    wanted: Fingerprint,
+    output: str,
+    *,
+    overwrite: bool,
 ) -> Protocol:
     """Look at a running bus; what was seen is written also when it breaks off."""
     seen: list[Protocol] = []
@@ -134,10 +141,10 @@ def _live(
             )
     except (KeyboardInterrupt, click.Abort, EnvironmentFault):
         if seen:
-            _write(seen[-1], output)
+            _write(seen[-1], output, overwrite=overwrite)
             click.echo(
                 f"\nbroken off: {output} has the {len(seen)} steps looked at so far; put back what "
-                "you took off the bus, start again with the same command for the rest",
+                "you took off the bus, go on with the rest by the same command and --overwrite",
                 err=True,
             )
         raise

@@ -8,10 +8,11 @@ import re
 import click
 
 from fsoe_net.cli.inputs import check_files, input_options, library_of, whole_network
+from fsoe_net.cli.options import FILE, Time, overwrite_option
 from fsoe_net.cli.output import exit_code, print_diagnostics
-from fsoe_net.cli.write import write_whole
+from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.errors import InputError
-from fsoe_net.load import LoadOptions
+from fsoe_net.load import LoadOptions, open_file
 from fsoe_net.report import budget_document, budget_picture, budget_text, measured_ms
 from fsoe_net.rules import check_timing
 from fsoe_net.timing import make_budget
@@ -27,25 +28,6 @@ Examples:
 
 Exit codes: 0 no error and no warning, 1 a watchdog or a reaction time does not fit or is not known,
 or a file has an error; 2 wrong use."""
-
-_UNITS = {"us": 0.001, "ms": 1.0, "s": 1000.0}
-
-
-class _Cycle(click.ParamType[float]):
-    """A time such as 1ms or 250us, in ms."""
-
-    name = "time"
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        if isinstance(value, float):
-            return value
-        match = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(us|ms|s)", str(value))
-        ms = float(match[1]) * _UNITS[match[2]] if match else 0.0
-        if not 0.01 <= ms <= 4000:
-            self.fail(f"{value!r} is no bus cycle; write 250us, 1ms or 4ms", param, ctx)
-        return ms
 
 
 class _Share(click.ParamType[float]):
@@ -67,7 +49,13 @@ class _Share(click.ParamType[float]):
 
 @click.command("timing", epilog=_EPILOG)
 @input_options
-@click.option("--cycle", type=_Cycle(), help="Another bus cycle, such as 250us or 4ms.")
+@click.option(
+    "--cycle",
+    "cycle_ns",
+    type=Time("10us", "4s", bare=False),
+    metavar="TIME",
+    help="Another bus cycle, such as 250us or 4ms.",
+)
 @click.option(
     "--copy-cycles",
     type=click.IntRange(1, 10),
@@ -83,9 +71,13 @@ class _Share(click.ParamType[float]):
     help="By how much clocks of devices may be slow: watchdogs count that much longer.",
 )
 @click.option(
-    "--measured", type=click.Path(), help="Result of a run (JSON): its FSoE cycles count if longer."
+    "--measured",
+    type=FILE,
+    metavar="FILE",
+    help="Result of a run (JSON): its FSoE cycles count if longer.",
 )
-@click.option("--plot", type=click.Path(dir_okay=False), help="Picture to write (SVG).")
+@click.option("--plot", type=FILE, metavar="FILE", help="Picture to write (SVG).")
+@overwrite_option
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )
@@ -94,11 +86,12 @@ def command(
     ctx: click.Context,
     files: tuple[str, ...],
     loading: LoadOptions,
-    cycle: float | None,
+    cycle_ns: int | None,
     copy_cycles: int,
     drift: float,
     measured: str | None,
     plot: str | None,
+    overwrite: bool,
     fmt: str,
 ) -> None:
     """Print the timing budget: each watchdog with its interval, each safety function.
@@ -106,12 +99,13 @@ def command(
     FILES as for `fsoe-net check`; times and requirements stand in `safety_functions` of the network
     file, devices of the library fill in as unverified.
     """
+    check_target(plot, overwrite=overwrite)
     checked = check_files(files, loading, timed=False)
     resolution = whole_network(checked, "no budget")
     budget = make_budget(
         resolution,
         library_of(resolution.network),
-        cycle=cycle,
+        cycle=None if cycle_ns is None else cycle_ns / 1e6,
         copy_cycles=copy_cycles,
         drift=drift,
         measured=None if measured is None else _measured(measured),
@@ -119,7 +113,7 @@ def command(
     found = check_timing(resolution.network, budget)
     if plot is not None:
         picture = budget_picture(budget, f"Reaction times of {resolution.network.name}")
-        write_whole(plot, picture.encode("utf-8"))
+        write_whole(plot, picture.encode("utf-8"), overwrite=overwrite)
     if fmt == "json":
         click.echo(json.dumps(budget_document(budget), indent=2, ensure_ascii=False))
     else:
@@ -136,7 +130,7 @@ def _measured(path: str) -> dict[str, float]:
         InputError: It is no result of a run.
     """
     try:
-        with open(path, encoding="utf-8") as stream:
+        with open_file(path) as stream:
             document = json.load(stream)
         times = {
             str(c["name"]): measured_ms(c["fsoe_cycle_ms"]["max"]) for c in document["connections"]

@@ -12,8 +12,8 @@ import click
 from fsoe_net.cli.diff import change_line
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.known import Known, read_known
-from fsoe_net.cli.output import print_diagnostics
-from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.cli.options import FILE, master_options, master_socket
+from fsoe_net.errors import EnvironmentFault
 from fsoe_net.load import LoadOptions
 from fsoe_net.plan import Plan
 from fsoe_net.report import Side, compare, side_of_plan
@@ -25,9 +25,9 @@ _EPILOG = """\b
 Examples:
   fsoe-net verify network.yaml --accepted acceptance.yaml
   fsoe-net verify machine.fsnplan --accepted accepted/network.yaml
-  fsoe-net verify --live /run/fsn-master/fsn-master-eth1.sock --accepted accepted.json
+  fsoe-net verify --interface eth1 --accepted accepted.json
 
-Exit codes: 0 same, 1 differs, 2 a file cannot be read or wrong use, 3 nobody answers on the socket.
+Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use, 3 nobody answers on the socket.
 
 The same fingerprint says that the configuration is the accepted one, not that it is right."""
 
@@ -47,15 +47,16 @@ class _Compared:
 
 
 @click.command("verify", epilog=_EPILOG)
-@click.argument("files", nargs=-1, type=click.Path())
+@click.argument("files", nargs=-1, type=FILE)
 @reference_options
 @click.option(
     "--accepted",
-    type=click.Path(),
+    type=FILE,
+    metavar="FILE",
     required=True,
     help="What was accepted: acceptance record, fingerprint (JSON), plan or network.",
 )
-@click.option("--live", metavar="SOCKET", help="Ask a running fsn-master on its control socket.")
+@master_options
 @click.option(
     "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
 )
@@ -65,7 +66,8 @@ def command(
     files: tuple[str, ...],
     loading: LoadOptions,
     accepted: str,
-    live: str | None,
+    socket: str | None,
+    interface: str | None,
     fmt: str,
 ) -> None:
     """Compare a network, a plan or a running core with what was accepted.
@@ -73,20 +75,17 @@ def command(
     FILES: a .fsnplan, a fingerprint, or a network as for `fsoe-net check`. A running core makes its
     fingerprint from the tables it has loaded; its bus cycle is that which it really uses.
     """
-    if not files and live is None:
-        raise click.UsageError("name a network or plan, or --live SOCKET, to be compared")
-    try:
-        wanted = read_known((accepted,), loading)
-        given = None
-        if files:
-            given = read_known(files, loading)
-    except InputError as exc:
-        click.echo(f"error: {exc}", err=True)
-        print_diagnostics(exc.diagnostics, err=True)
-        ctx.exit(2)
+    live = socket is not None or interface is not None
+    if not files and not live:
+        raise click.UsageError("name a network or plan, --socket PATH or --interface IF to compare")
+    address = master_socket(socket, interface) if live else None
+    wanted = read_known((accepted,), loading)
+    given = None
+    if files:
+        given = read_known(files, loading)
     rows = [] if given is None else [_compare(wanted, given, "")]
-    if live is not None:
-        rows.append(_live(wanted, live))
+    if address is not None:
+        rows.append(_live(wanted, address))
     if fmt == "json":
         _print_json(wanted, rows)
     else:

@@ -3,7 +3,7 @@
 from fsoe_net.load.acceptance import is_acceptance, load_acceptance, parse_acceptance
 from fsoe_net.load.answers import load_answers, parse_answers
 from fsoe_net.load.eni import load_eni_images
-from fsoe_net.load.files import Collector, read_bytes
+from fsoe_net.load.files import STDIN, Collector, open_file, read_bytes
 from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_foreign
 from fsoe_net.load.library import builtin_library, load_library, parse_library_device
 from fsoe_net.load.network import FileKind, LoadResult, load_network
@@ -17,6 +17,7 @@ from fsoe_net.load.schema import check_structure, read_schema
 from fsoe_net.load.yaml_tree import MapNode, ScalarNode, SeqNode, load_yaml, parse_yaml
 
 __all__ = [
+    "STDIN",
     "Collector",
     "DeviceType",
     "FileKind",
@@ -43,6 +44,7 @@ __all__ = [
     "load_scan",
     "load_scenario",
     "load_yaml",
+    "open_file",
     "parse_acceptance",
     "parse_answers",
     "parse_library_device",

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import io
 import os
-import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
@@ -22,7 +21,7 @@ from fsoe_net.load.capture_datagrams import Command, datagrams
 from fsoe_net.load.capture_device import describe_station
 from fsoe_net.load.capture_ring import Ring
 from fsoe_net.load.capture_station import Station
-from fsoe_net.load.files import Collector
+from fsoe_net.load.files import Collector, open_file
 from fsoe_net.load.foreign import Source
 from fsoe_net.load.packets import CaptureReader
 from fsoe_net.model import (
@@ -94,15 +93,16 @@ def load_capture_content(
         return read_stream(name, io.BytesIO(source), out)
     path = os.fspath(source)
     try:
-        with open(path, "rb") as stream:
-            if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                raise OSError(0, "it is not a regular file")
+        with open_file(path) as stream:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
             stream.seek(0)
             row = SourceFile(path=path, sha256=digest)
             if row not in out.sources:
                 out.sources.append(row)
             return read_stream(path, stream, out)
+    except InputError as exc:
+        out.diagnostics += exc.diagnostics
+        return None
     except (OSError, ValueError) as exc:
         why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
         out.add("FSN101", Span(path), f"cannot read {path!r}: {why}", hint="check the path")

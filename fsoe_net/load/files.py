@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import io
 import os
 import stat
+import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from fsoe_net.diag import Findings, Span
+from fsoe_net.errors import InputError
 from fsoe_net.model import SourceFile
 
-__all__ = ["MAX_FILE_BYTES", "Collector", "read_bytes"]
+__all__ = ["MAX_FILE_BYTES", "STDIN", "Collector", "open_file", "read_bytes"]
 
 MAX_FILE_BYTES = 32 * 1024 * 1024
+STDIN = "-"
+Stream = io.BufferedReader | io.BytesIO
+_MOST_STDIN_BYTES = 256 * 1024 * 1024
 
 
 @dataclass(slots=True)
@@ -33,6 +39,23 @@ class Collector(Findings):
             self.sources.append(row)
 
 
+def open_file(path: str | os.PathLike[str], *, regular: bool = True) -> Stream:
+    """Open a file that the user named; ``-`` is standard input, which is read once.
+
+    Args:
+        path: The file.
+        regular: Refuse pipes and devices, which would be waited for.
+
+    Raises:
+        InputError: It cannot be read; FSN101 says why.
+    """
+    out = Collector()
+    stream = _opened(os.fspath(path), out, None, sys.maxsize, regular=regular)
+    if stream is None:
+        raise InputError(f"{os.fspath(path)} cannot be read", out.diagnostics)
+    return stream
+
+
 def read_bytes(
     path: str | os.PathLike[str],
     out: Collector,
@@ -43,40 +66,66 @@ def read_bytes(
     """Return the content of a regular file of bounded size, or ``None`` with a finding.
 
     Args:
-        path: The file.
+        path: The file; ``-`` is standard input, unless another file names it.
         out: Takes FSN101, or FSN133 when another file names this one.
         named_at: Place of the reference, when another file names this one.
         most: Largest size in bytes, 32 MiB unless told.
     """
     shown = os.fspath(path)
+    stream = _opened(shown, out, named_at, most, regular=True)
+    if stream is None:
+        return None
     try:
-        info = os.stat(shown)
-        if not stat.S_ISREG(info.st_mode):
-            what = "a directory" if stat.S_ISDIR(info.st_mode) else "not a regular file"
-            inside = os.path.join(shown, "network.yaml")
-            hint = f"give {inside}" if os.path.isfile(inside) else "give the path of a file"
-            return _refuse(out, shown, named_at, f"it is {what}", hint)
-        if info.st_size > most:
-            size = f"it has {info.st_size} bytes, more than the {most} allowed"
-            return _refuse(out, shown, named_at, size, "is this really a configuration file?")
-        data = Path(shown).read_bytes()
-    except FileNotFoundError:
-        return _refuse(out, shown, named_at, "no such file", _nearest_file(shown))
-    except PermissionError:
-        return _refuse(out, shown, named_at, "permission denied", f"chmod a+r {shown}")
-    except (OSError, ValueError) as exc:
-        reason = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
-        return _refuse(out, shown, named_at, reason, "check the path")
+        with stream:
+            data = stream.read()
+    except OSError as exc:
+        _refuse(out, shown, named_at, exc.strerror or str(exc), "check the path")
+        return None
     out.source(shown, data)
     return data
 
 
-def _refuse(out: Collector, shown: str, named_at: Span | None, why: str, hint: str) -> bytes | None:
+def _opened(
+    shown: str, out: Collector, named_at: Span | None, most: int, *, regular: bool
+) -> Stream | None:
+    most = min(most, _MOST_STDIN_BYTES) if shown == STDIN else most
+    try:
+        data = _standard_input() if shown == STDIN and named_at is None else None
+        info = os.stat(shown) if data is None else None
+        mode = stat.S_IFREG if info is None else info.st_mode
+        size = len(data or b"") if info is None else info.st_size
+        if stat.S_ISDIR(mode) or (regular and not stat.S_ISREG(mode)):
+            why = "it is a directory" if stat.S_ISDIR(mode) else "it is not a regular file"
+            inside = os.path.join(shown, "network.yaml")
+            hint = f"give {inside}" if os.path.isfile(inside) else "give the path of a file"
+        elif size > most:
+            why = f"it has {size} bytes, more than the {most} allowed"
+            hint = "is this really a configuration file?"
+        else:
+            return open(shown, "rb") if data is None else io.BytesIO(data)
+    except FileNotFoundError:
+        why, hint = "no such file", _nearest_file(shown)
+    except PermissionError:
+        why, hint = "permission denied", f"chmod a+r {shown}"
+    except (OSError, ValueError) as exc:
+        why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
+        hint = "check the path"
+    _refuse(out, shown, named_at, why, hint)
+    return None
+
+
+@functools.cache
+def _standard_input() -> bytes:
+    if sys.stdin is None or sys.stdin.closed:
+        return b""
+    return sys.stdin.buffer.read(_MOST_STDIN_BYTES + 1)
+
+
+def _refuse(out: Collector, shown: str, named_at: Span | None, why: str, hint: str) -> None:
     if named_at is None:
         out.add("FSN101", Span(shown), f"cannot read {shown!r}: {why}", hint=hint)
     else:
         out.add("FSN133", named_at, f"cannot read the file named here, {shown!r}: {why}", hint=hint)
-    return None
 
 
 def _nearest_file(shown: str) -> str:

@@ -8,10 +8,11 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from fsoe_net.diag import Span
+from fsoe_net.errors import InputError
 from fsoe_net.load.capture import load_capture
 from fsoe_net.load.eni import load_eni
 from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
-from fsoe_net.load.files import Collector
+from fsoe_net.load.files import Collector, open_file
 from fsoe_net.load.foreign import Source, kind_of, next_step
 from fsoe_net.load.hex_text import is_hex_text
 from fsoe_net.load.igh_text import load_igh_text
@@ -100,11 +101,10 @@ def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputK
     else:
         path = os.fspath(source)
         try:
-            with open(path, "rb") as stream:
+            with open_file(path) as stream:
                 head = stream.read(_HEAD_BYTES)
-        except (OSError, ValueError) as exc:
-            why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
-            out.add("FSN101", Span(path), f"cannot read {path!r}: {why}", hint="check the path")
+        except InputError as exc:
+            out.diagnostics += exc.diagnostics
             return None
     if is_capture(head):
         return InputKind.CAPTURE

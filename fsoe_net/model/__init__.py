@@ -115,11 +115,13 @@ from fsoe_net.model.scan import (
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
 from fsoe_net.model.signals import Signal, connection_signals, signals_of, split_name, write_bits
 from fsoe_net.model.slots import FramePair, frame_pairs, slot_numbers
+from fsoe_net.model.times import TIME_UNITS_NS, time_ns, time_text
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
 __all__ = [
     "DRIVER_WORD",
     "EMULATED_NOTE",
+    "TIME_UNITS_NS",
     "TYPE_BITS",
     "Acceptance",
     "Action",
@@ -235,5 +237,7 @@ __all__ = [
     "signals_of",
     "slot_numbers",
     "split_name",
+    "time_ns",
+    "time_text",
     "write_bits",
 ]

@@ -67,7 +67,7 @@ def bus_evidence(inputs: ReportInputs) -> Block:
     points += [Point(PointKind.OPEN, f"{path} is from another plan") for path in others]
     real = [e for e in inputs.evidence if e.run is None or not e.run.emulated]
     if not real and (inputs.live is None or inputs.live.status.backend == "emulated"):
-        words = "no evidence of the machine: give --evidence scan.json or --live SOCKET"
+        words = "no evidence of the machine: give --evidence scan.json or --interface IF"
         points.append(Point(PointKind.OPEN, words))
         if not parts:
             text = "There is no evidence of the machine; all else is what the files say."

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from fsoe_net.core import Histogram
 from fsoe_net.errors import InputError
-from fsoe_net.load import parse_scan
+from fsoe_net.load import open_file, parse_scan
 from fsoe_net.model import Scan, SourceFile
 
 if TYPE_CHECKING:
@@ -91,10 +91,9 @@ def read_evidence(path: str) -> Evidence:
     """Read a file that tells of the machine; what it is, is known by its content.
 
     Raises:
-        InputError: It is none of them, or damaged.
-        OSError: It cannot be read.
+        InputError: It cannot be read, is none of them, or is damaged.
     """
-    with open(path, "rb") as stream:
+    with open_file(path) as stream:
         data = stream.read()
     source = SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest())
     document = _document(data)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import difflib
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.diag import Span
-from fsoe_net.model import Action, Step
+from fsoe_net.model import TIME_UNITS_NS, Action, Step, time_ns
 
 __all__ = ["Command", "CommandError", "parse_command"]
 
 _WORD = 0xFFFFFFFF
-_TIME = re.compile(r"([0-9]+)(us|ms|s)\Z")
-_UNIT_US = {"us": 1, "ms": 1000, "s": 1_000_000}
-_HOUR_US = 3_600_000_000
+_HOUR_NS = 3_600 * TIME_UNITS_NS["s"]
 
 
 class CommandError(ValueError):
@@ -67,17 +64,14 @@ def _number(text: str, high: int) -> int:
 
 def _time(text: str, unit: str) -> int:
     """Return a time in a unit; only 0 needs none."""
-    match = _TIME.match(text) if len(text) <= 24 else None
-    if text == "0":
-        return 0
-    if match is None:
-        raise CommandError(f"{text[:24]!r} is no time; write 500us, 20ms or 1s")
-    us = int(match[1]) * _UNIT_US[match[2]]
-    if us > _HOUR_US:
+    ns = 0 if text == "0" else time_ns(text)
+    if ns is None:
+        raise CommandError(f"{text[:24]!r} is not a time; write 500us, 20ms or 1s")
+    if ns > _HOUR_NS:
         raise CommandError(f"{text} is more than an hour")
-    if us % _UNIT_US[unit]:
-        raise CommandError(f"{text} is no whole number of {unit}")
-    return us // _UNIT_US[unit]
+    if ns % TIME_UNITS_NS[unit]:
+        raise CommandError(f"{text} is not a whole number of {unit}")
+    return ns // TIME_UNITS_NS[unit]
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,7 +55,7 @@ class BusOptions:
         if self.incidents is not None:
             words += ["--incidents", self.incidents]
         if duration_ns is not None:
-            words += ["--run-time", f"{duration_ns // 1_000_000 + _GRACE_S * 1000}ms"]
+            words += ["--duration", f"{duration_ns // 1_000_000 + _GRACE_S * 1000}ms"]
         return words
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.errors import InputError
 from fsoe_net.load import load_network
 from fsoe_net.model import (
     Resolution,
@@ -25,7 +25,7 @@ from fsoe_net.rules import check_scan
 from fsoe_net.run.scan import TakenScan
 from fsoe_net.run.scan_net import proposed_net, yaml_word
 
-__all__ = ["ScanFiles", "compact_json", "scan_files", "write_files"]
+__all__ = ["ScanFiles", "compact_json", "scan_files"]
 
 _SIZES = (8, 16, 32, 64)
 _MOST_BITS, _PADDING_BITS = 255, 248
@@ -247,7 +247,7 @@ def _read_again(texts: Mapping[str, str], taken: TakenScan) -> Resolution | None
         InputError: They differ.
     """
     with tempfile.TemporaryDirectory(prefix="fsoe-net-scan-") as folder:
-        _write(Path(folder), texts, overwrite=False)
+        _write(Path(folder), texts)
         network = load_network([os.path.join(folder, "network.yaml")]).network
         if network is None:
             raise InputError("the network of this scan cannot be read again; nothing was written")
@@ -261,33 +261,7 @@ def _read_again(texts: Mapping[str, str], taken: TakenScan) -> Resolution | None
     return resolution if network.subdevices else None
 
 
-def write_files(folder: str, files: ScanFiles, *, overwrite: bool) -> None:
-    """Write files; all or none.
-
-    Args:
-        folder: Where; made when it is not there.
-        files: What.
-        overwrite: Replace files that are there.
-
-    Raises:
-        InputError: Some are there already.
-        EnvironmentFault: They cannot be written.
-    """
-    target = Path(folder)
-    there = [path for path in files.texts if os.path.lexists(target / path)]
-    if there and not overwrite:
-        raise InputError(
-            f"{folder} has {', '.join(there[:5])} already; nothing was written: name another "
-            "folder, or add --overwrite"
-        )
-    try:
-        _write(target, files.texts, overwrite=overwrite)
-    except OSError as exc:
-        raise EnvironmentFault(f"{exc.filename or folder}: {exc.strerror}") from exc
-
-
-def _write(folder: Path, texts: Mapping[str, str], *, overwrite: bool) -> None:
+def _write(folder: Path, texts: Mapping[str, str]) -> None:
     for path, text in texts.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        with (folder / path).open("w" if overwrite else "x", encoding="utf-8") as file:
-            file.write(text)
+        (folder / path).write_text(text, encoding="utf-8")

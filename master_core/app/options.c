@@ -26,7 +26,7 @@ static const char usage_text[] =
     "  --cpu N            runs the cycle on this CPU only\n"
     "  --free-run         no waiting: a cycle begins when the bus has answered\n"
     "  --dc-every N       distributes the DC reference time every N cycles; default 0: never\n"
-    "  --run-time TIME    stops by itself, e.g. 10s\n"
+    "  --duration TIME    stops by itself, e.g. 10s\n"
     "  --record TIME      keeps the cycles of the last TIME; default 10s, at most 64 MiB\n"
     "  --wait TIME        tries again for so long while SubDevices are missing\n"
     "  --accepted HASH    refuses any plan but the one with this SHA-256 or fingerprint\n"
@@ -152,7 +152,7 @@ enum option_id {
     CPU,
     FREE_RUN,
     DC_EVERY,
-    RUN_TIME,
+    DURATION,
     RECORD,
     WAIT,
     ACCEPTED,
@@ -190,10 +190,10 @@ static int take_numeric(int id, const char *text, struct options *o) {
                    ? -1
                    : wrong("--cycle", text,
                            "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster");
-    case RUN_TIME:
+    case DURATION:
         return read_time(text, 1000000000, &o->run_ns) && o->run_ns > 0
                    ? -1
-                   : wrong("--run-time", text, "a time above 0, e.g. 10s");
+                   : wrong("--duration", text, "a time above 0, e.g. 10s");
     case RECORD:
         return read_time(text, 1000000000, &o->record_ns)
                    ? -1
@@ -284,7 +284,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"cpu", required_argument, NULL, CPU},
         {"free-run", no_argument, NULL, FREE_RUN},
         {"dc-every", required_argument, NULL, DC_EVERY},
-        {"run-time", required_argument, NULL, RUN_TIME},
+        {"duration", required_argument, NULL, DURATION},
         {"record", required_argument, NULL, RECORD},
         {"wait", required_argument, NULL, WAIT},
         {"accepted", required_argument, NULL, ACCEPTED},

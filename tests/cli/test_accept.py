@@ -50,7 +50,7 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     assert fsn("verify", "timed.yaml", "--accepted", "first.yaml").returncode == 0
     assert fsn("diff", "first.yaml", "timed.yaml").returncode == 0
 
-    done = fsn("report", "timed.yaml", "--acceptance", "first.yaml", "-o", "same.md")
+    done = fsn("report", "timed.yaml", "--accepted", "first.yaml", "-o", "same.md")
     assert done.returncode == 0
     page = (folder / "same.md").read_text("utf-8")
     assert "first.yaml is a record of this configuration" in page
@@ -60,7 +60,7 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     assert "changed since the record" not in page
     text = (folder / "timed.yaml").read_text("utf-8")
     (folder / "timed.yaml").write_text(text.replace('"01 00"', '"02 00"'), "utf-8")
-    done = fsn("report", "timed.yaml", "--acceptance", "first.yaml", "-o", "same.md")
+    done = fsn("report", "timed.yaml", "--accepted", "first.yaml", "-o", "same.md", "--overwrite")
     page = (folder / "same.md").read_text("utf-8")
     assert "a record of this configuration" in page
     assert "within the same fingerprint: timed.yaml; look whether app\\_parameters" in page
@@ -75,7 +75,7 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     assert done.returncode == 1
     assert "connection_id 11 -> 12" in done.stdout
     assert "actuator K1: time_ms 20 -> 21" in done.stdout
-    done = fsn("report", "timed.yaml", "--acceptance", "first.yaml", "-o", "now.md")
+    done = fsn("report", "timed.yaml", "--accepted", "first.yaml", "-o", "now.md")
     assert done.returncode == 0
     assert re.search(r"^now\.md: .*, but \d verdicts? against it$", done.stdout, re.MULTILINE)
     assert "against it: Sign-off: first.yaml is the record of ANOTHER" in done.stdout
@@ -106,15 +106,13 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     record = yaml.safe_load((folder / "second.yaml").read_text("utf-8"))
     assert record["replaces"]["file"] == "first.yaml"
     assert record["interventions"][0]["by"] == "C. Okoro"
-    assert (
-        fsn("report", "timed.yaml", "--acceptance", "second.yaml", "-o", "new.md").returncode == 0
-    )
+    assert fsn("report", "timed.yaml", "--accepted", "second.yaml", "-o", "new.md").returncode == 0
     assert "io2 has a new ID after its exchange" in (folder / "new.md").read_text("utf-8")
 
 
 def test_every_reason_is_told_at_once_and_nothing_is_written(folder: Path) -> None:
     assert (
-        fsn("test-protocol", "timed.yaml", "--virtual", "--faults", "5", "-o", "p.yaml").returncode
+        fsn("test-protocol", "timed.yaml", "--virtual", "--cycles", "5", "-o", "p.yaml").returncode
         == 0
     )
     assert fsn("report", "timed.yaml", "-o", "r.json").returncode == 0
@@ -143,11 +141,11 @@ def test_a_justification_is_shown_wherever_the_warning_is(folder: Path) -> None:
     )
     done = fsn("accept", *given, *PEOPLE, *SOLDERED, "--justify", "@reasons.txt", "-o", "a.yaml")
     assert done.returncode == 0, done.stderr
-    assert fsn("report", "timed.yaml", "--acceptance", "a.yaml", "-o", "r.md").returncode == 0
+    assert fsn("report", "timed.yaml", "--accepted", "a.yaml", "-o", "r.md").returncode == 0
     page = (folder / "r.md").read_text("utf-8")
     assert "each warning justified by name" in page
     assert page.count("value of the board") >= 2 * len(codes)
-    assert fsn("report", "timed.yaml", "--acceptance", "a.yaml", "-o", "r.json").returncode == 0
+    assert fsn("report", "timed.yaml", "--accepted", "a.yaml", "-o", "r.json").returncode == 0
     points = json.loads((folder / "r.json").read_text("utf-8"))["points"]
     assert {p["kind"] for p in points if p["block"] == "Findings"} == {"assumption"}
 
@@ -157,8 +155,6 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
     (folder / "there.yaml").write_text("mine", "utf-8")
     (folder / "link.yaml").symlink_to("away.yaml")
     for more, wanted in (
-        (["-o", "there.yaml"], "stays"),
-        (["-o", "link.yaml"], "stays"),
         (["-o", "a.yaml", "--date", "21.11.2026"], "YYYY-MM-DD"),
         (["-o", "a.yaml", "--justify", "loss *=no name"], "by NAME"),
         (["-o", "a.yaml", "--intervention", "by nobody"], "by NAME"),
@@ -173,12 +169,14 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
         (["--replaces", "timed.yaml"], "timed.yaml is no acceptance record"),
         (["--justify", "@absent.txt"], "absent.txt"),
         (["--replaces", "absent.yaml"], "absent.yaml"),
+        (["-o", "there.yaml"], "there.yaml exists; name another file, or replace it with"),
+        (["-o", "link.yaml"], "link.yaml exists"),
     ):
-        done = fsn("accept", *given, *PEOPLE, *more, "-o", "a.yaml")
+        done = fsn("accept", *given, *PEOPLE, "-o", "a.yaml", *more)
         assert done.returncode == 1
         assert wanted in done.stderr
         assert "Traceback" not in done.stderr
-    done = fsn("report", "timed.yaml", "--acceptance", "a", "--against", "b", "-o", "r.md")
+    done = fsn("report", "timed.yaml", "--accepted", "a", "--against", "b", "-o", "r.md")
     assert done.returncode == 2
 
 
@@ -188,7 +186,7 @@ def test_a_record_that_was_changed_accepts_nothing(folder: Path) -> None:
     (folder / "a.yaml").write_text(text.replace("time_ms: 20", "time_ms: 10"), "utf-8")
     for command in (
         ("verify", "timed.yaml", "--accepted", "a.yaml"),
-        ("report", "timed.yaml", "--acceptance", "a.yaml", "-o", "r.md"),
+        ("report", "timed.yaml", "--accepted", "a.yaml", "-o", "r.md"),
         ("diff", "a.yaml", "timed.yaml"),
     ):
         done = fsn(*command)
@@ -205,7 +203,7 @@ def test_another_fingerprint_without_a_difference_by_meaning_is_told(folder: Pat
     board.write_text(
         text.replace("sub_index: 1, type: uint8}\ntpdo", "sub_index: 1, type: int8}\ntpdo")
     )
-    assert fsn("report", "timed.yaml", "--acceptance", "a.yaml", "-o", "now.md").returncode == 0
+    assert fsn("report", "timed.yaml", "--accepted", "a.yaml", "-o", "now.md").returncode == 0
     page = (folder / "now.md").read_text("utf-8")
     assert "no difference by meaning, but another fingerprint" in page
     assert "- `start-up logic-io`" in page

@@ -115,7 +115,7 @@ def test_report_names_what_the_network_was_compared_with(cell: Path):
     compared = page.split("<h3>Compared with</h3>")[1]
     for name in ("safety.xml", "coupler.xml"):
         assert hashlib.sha256((cell / name).read_bytes()).hexdigest() in compared
-    assert fsn("report", "network.yaml", "-o", "page.html", cwd=cell).returncode == 0
+    assert fsn("report", "network.yaml", "-o", "page.html", "--overwrite", cwd=cell).returncode == 0
     assert "Compared with" not in (cell / "page.html").read_text("utf-8")
     edit(cell / "safety.xml", "<ConId>10<", "<ConId>12<")
     done = fsn("report", "network.yaml", "safety.xml", "-o", "bad.html", cwd=cell)

@@ -11,7 +11,7 @@ from cli.tool import fsn
 from networks import EXAMPLES
 
 from fsoe_net.cli.output import print_diagnostics
-from fsoe_net.cli.plan import write_whole
+from fsoe_net.cli.write import write_whole
 from fsoe_net.core import CorePlan
 from fsoe_net.diag import Diagnostic, Span
 from fsoe_net.errors import CoreMissing, EnvironmentFault, PlanFormatError
@@ -128,7 +128,7 @@ def test_a_network_with_an_error_gets_no_plan_and_keeps_the_old_one(tmp_path: Pa
     plan.write_text("precious", "utf-8")
     text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{EXAMPLES}/estop/devices/")
     (tmp_path / "bad.yaml").write_text(text.replace("size: 6", "size: 5", 1), "utf-8")
-    done = fsn("plan", str(tmp_path / "bad.yaml"), "-o", str(plan))
+    done = fsn("plan", str(tmp_path / "bad.yaml"), "-o", str(plan), "--overwrite")
     assert done.returncode == 1
     assert "FSN208" in done.stderr
     assert plan.read_text("utf-8") == "precious"
@@ -182,7 +182,7 @@ def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
     monkeypatch.setattr(Path, "write_bytes", closed)
     monkeypatch.setattr(Path, "unlink", closed)
     with pytest.raises(EnvironmentFault) as told:
-        write_whole(str(tmp_path / "a.html"), b"x")
+        write_whole(str(tmp_path / "a.html"), b"x", overwrite=True)
     assert str(told.value) == f"cannot write {tmp_path}/a.html: Read-only file system"
 
 
@@ -202,7 +202,7 @@ def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
             "a network, not a test protocol",
         ),
         (
-            ("report", ESTOP, "--acceptance", "protocol.yaml", "-o", "r.md"),
+            ("report", ESTOP, "--accepted", "protocol.yaml", "-o", "r.md"),
             "FSN140",
             "a test protocol, not an acceptance record",
         ),

@@ -204,7 +204,7 @@ def test_capture_without_a_start_up_is_refused_with_the_next_step(tmp_path: Path
     assert done.returncode != 0
     assert "FSN153" in done.stderr
     assert "fsoe-net decode" in done.stderr
-    assert fsn("diff", str(capture), str(capture)).returncode == 2
+    assert fsn("diff", str(capture), str(capture)).returncode == 1
 
 
 def test_esi_fills_what_a_capture_does_not_show(tmp_path: Path):

@@ -82,7 +82,7 @@ def test_standard_input_and_json():
         (["--lua", ESTOP, RIGHT], 2, "--lua takes the network"),
         (["--network", "absent.yaml", RIGHT], 1, "nothing decoded"),
         ([ESTOP], 1, "neither a pcap nor a pcapng capture"),
-        (["."], 3, "Is a directory"),
+        (["."], 1, "it is a directory"),
     ],
 )
 def test_wrong_use(arguments, code, message):

@@ -70,7 +70,7 @@ def pairs(out: Path) -> list[tuple]:
 def test_equal_lengths_stay_unconfirmed_and_plan_refuses(tmp_path: Path):
     out = tmp_path / "out"
     done = init(*devices(tmp_path), out=out, answers=RING)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     assert pairs(out) == [
         ("el6910", 0, "el1904_1", True),
         ("el6910", 1, "el1904_2", True),
@@ -95,7 +95,7 @@ def test_answers_confirm_what_they_name_and_nothing_else(tmp_path: Path):
         "  - {sub: el1904_1, address: 18}\n"
     )
     done = init(*devices(tmp_path), out=out, answers=RING + rows)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     assert pairs(out) == [
         ("el6910", 0, "el2904", False),
         ("el6910", 1, "el1904_1", True),
@@ -145,9 +145,9 @@ def test_a_network_gives_the_same_plan_again(tmp_path: Path):
 
 
 def test_what_is_unconfirmed_in_a_network_stays_so(tmp_path: Path):
-    assert init(*devices(tmp_path), out=tmp_path / "one", answers=RING).returncode == 0
+    assert init(*devices(tmp_path), out=tmp_path / "one", answers=RING).returncode == 1
     done = init(tmp_path / "one" / "network.yaml", out=tmp_path / "two")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     assert done.stderr.count("is unconfirmed there, so it is open here") == 3
     assert pairs(tmp_path / "two") == pairs(tmp_path / "one")
     text = (EXAMPLE / "network.yaml").read_text("utf-8")
@@ -185,7 +185,7 @@ def test_lcec_with_process_data_of_the_library(tmp_path: Path):
 def test_process_data_that_nobody_knows_are_not_invented(tmp_path: Path):
     out = tmp_path / "out"
     done = init(BASE / "lcec.xml", out=out)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     assert "Which process data does out (EL2904) have?" in done.stderr
     assert "rpdo" not in (out / "devices" / "out.yaml").read_text("utf-8")
     assert "connects slot 0 of logic with out" in done.stdout
@@ -212,7 +212,7 @@ def test_esi_alone_asks_what_is_on_the_ring(tmp_path: Path):
     assert not (tmp_path / "out").exists()
     answers = "subdevices: [{type: gate2, position: 1}, {type: EL2904, name: stop}]\n"
     told = init(BASE / "gate.xml", out=tmp_path / "out", answers=answers)
-    assert told.returncode == 0, told.stderr
+    assert told.returncode == 1, told.stderr
     rows = yaml.safe_load((tmp_path / "out" / "network.yaml").read_text("utf-8"))["subdevices"]
     assert [(r["name"], r["position"]) for r in rows] == [("gate2", 1), ("stop", 2)]
 
@@ -331,7 +331,7 @@ def test_the_template_is_taken_as_it_is_and_when_completed(tmp_path: Path):
     assert f"open beside the answers in {answers}" in text
     assert "name: " not in text.splitlines()[2]  # it is in the answers
     plain = init(*files, out=tmp_path / "one", answers=text + RING)
-    assert plain.returncode == 0, plain.stderr
+    assert plain.returncode == 1, plain.stderr
     full = re.sub(r"^#   - ", "  - ", text.replace("# connections:", "connections:"), flags=re.M)
     assert full.count("slot: TODO") == 3
     for slot in range(3):
@@ -380,7 +380,7 @@ def test_questions_at_a_terminal(tmp_path: Path):
     out = tmp_path / "out"
     keys = b"EL6910, 2 x EL1904, stop=EL2904\n9\n2\n\n1\n"
     done = asked(keys, *devices(tmp_path), "-o", out)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     assert "That is none of the answers." in done.stderr
     assert pairs(out) == [
         ("el6910", 0, "stop", False),
@@ -405,7 +405,7 @@ def test_roles_and_frames_are_asked(tmp_path: Path):
     likely = asked(ring + b"yes\n1\n1\n", four_slots(tmp_path), DEVICES / "circulo.yaml", "-o",
                    tmp_path / "drive")  # fmt: skip
     assert "circulo: is this an FSoE frame?" in likely.stderr
-    assert likely.returncode == 0, likely.stderr
+    assert likely.returncode == 1, likely.stderr
     assert "likely FSoE frame, taken as answered" in (
         tmp_path / "drive" / "network.yaml"
     ).read_text("utf-8")
@@ -446,7 +446,7 @@ def test_facts_of_a_subinstance_without_a_connection_are_not_lost(tmp_path: Path
     answers = f"subdevices: [{ring}]\nconnections: [{{sub: el2904, address: 18}}]\n"
     out = tmp_path / "out"
     done = init(*devices(tmp_path), out=out, answers=answers)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 1, done.stderr
     written = (out / "network.yaml").read_text("utf-8")
     assert re.search(r"not connected: more SubInstances.*\n\s*# answered: address 18\n", written)
 

@@ -142,8 +142,11 @@ def test_broken_files_are_said_with_their_place(folder, kind):
 
 
 def test_missing_files_and_folders(folder):
-    assert run("absent.jsonl", code=1).stderr == "absent.jsonl: No such file or directory\n"
-    assert run(".", code=1).stderr == ".: Is a directory\n"
+    assert (
+        run("absent.jsonl", code=1).stderr
+        == "absent.jsonl: cannot read 'absent.jsonl': no such file\n"
+    )
+    assert run(".", code=1).stderr == ".: cannot read '.': it is a directory\n"
     assert run(code=2).stderr
 
 

@@ -16,7 +16,7 @@ ESTOP = str(EXAMPLES / "estop" / "network.yaml")
 
 
 def report(*arguments: str, out: Path) -> tuple[int, str, dict]:
-    done = fsn("report", *arguments, "-o", str(out))
+    done = fsn("report", *arguments, "-o", str(out), "--overwrite")
     document = json.loads(out.read_text("utf-8")) if out.suffix == ".json" else {}
     return done.returncode, done.stdout + done.stderr, document
 
@@ -54,7 +54,7 @@ def test_a_network_with_errors_gets_a_report_and_exit_code_1(tmp_path: Path):
         ((ESTOP, "--evidence", ESTOP, "-o", "OUT/x.html"), 1, "evidence is a scan.json"),
         ((ESTOP, "--plan", ESTOP, "-o", "OUT/x.html"), 1, "no .fsnplan"),
         ((ESTOP, "--against", "nowhere.yaml", "-o", "OUT/x.html"), 1, "nowhere.yaml"),
-        ((ESTOP, "--live", "/nonexistent/socket", "-o", "OUT/x.html"), 3, "/nonexistent/socket"),
+        ((ESTOP, "--socket", "/nonexistent/socket", "-o", "OUT/x.html"), 3, "/nonexistent/socket"),
     ],
 )
 def test_wrong_use_writes_nothing(
@@ -122,7 +122,7 @@ def test_plan_and_earlier_state(tmp_path: Path):
 def test_a_running_bus_is_asked(tmp_path: Path):
     with fake_master() as master:
         code, said, document = report(
-            str(TIMED), "--live", str(master.path), out=tmp_path / "r.json"
+            str(TIMED), "--socket", str(master.path), out=tmp_path / "r.json"
         )
         asked = {line.split()[0] for line in master.asked}
     assert code == 0, said

@@ -20,7 +20,7 @@ def test_an_empty_protocol_and_its_page(tmp_path: Path) -> None:
     assert "EMULATED, not evidence for this machine" in written
     for step in yaml.safe_load(written)["steps"]:  # no form to fill in where none is taken
         assert ("machine" in step) == (step["kind"] != "fault")
-    done = fsn("test-protocol", TIMED, "--from", str(text), "-o", str(page))
+    done = fsn("test-protocol", TIMED, "--protocol", str(text), "-o", str(page))
     assert done.returncode == 0, done.stderr
     assert "trigger estop" in page.read_text("utf-8")
 
@@ -30,24 +30,37 @@ def test_handwriting_survives_and_a_broken_file_is_not_replaced(tmp_path: Path) 
     assert fsn("test-protocol", TIMED, "-o", str(path)).returncode == 0
     filled = path.read_text("utf-8").replace("by: ''", "by: A. Person", 1)
     path.write_text(filled, "utf-8")
-    assert fsn("test-protocol", TIMED, "-o", str(path)).returncode == 0
+    assert fsn("test-protocol", TIMED, "-o", str(path)).returncode == 1
+    assert path.read_text("utf-8") == filled
+    assert fsn("test-protocol", TIMED, "-o", str(path), "--overwrite").returncode == 0
     assert path.read_text("utf-8") == filled
     path.write_text("version: 1\n", "utf-8")
-    done = fsn("test-protocol", TIMED, "-o", str(path))
+    done = fsn("test-protocol", TIMED, "-o", str(path), "--overwrite")
     assert done.returncode == 1
     assert "nothing written" in done.stderr
     assert path.read_text("utf-8") == "version: 1\n"
 
 
 def test_live_needs_a_person_at_a_terminal(tmp_path: Path) -> None:
-    done = fsn("test-protocol", TIMED, "--live", "nowhere.sock", "-o", str(tmp_path / "p.yaml"))
+    done = fsn(
+        "test-protocol", TIMED, "--live", "--socket", "nowhere.sock", "-o", str(tmp_path / "p.yaml")
+    )
     assert done.returncode == 2
     assert "from a terminal" in done.stderr
     assert not (tmp_path / "p.yaml").exists()
 
 
 def test_what_does_not_go_together(tmp_path: Path) -> None:
-    both = fsn("test-protocol", TIMED, "--virtual", "--live", "x", "-o", str(tmp_path / "p.yaml"))
+    both = fsn(
+        "test-protocol",
+        TIMED,
+        "--virtual",
+        "--live",
+        "--socket",
+        "x",
+        "-o",
+        str(tmp_path / "p.yaml"),
+    )
     assert both.returncode == 2
     other = fsn("test-protocol", TIMED, "-o", str(tmp_path / "p.pdf"))
     assert other.returncode == 2

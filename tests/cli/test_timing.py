@@ -63,7 +63,7 @@ def test_a_run_counts_where_it_was_slower(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "words"),
     [
-        (("--cycle", "4"), "write 250us, 1ms or 4ms"),
+        (("--cycle", "4"), "has no unit; write 4ms or 4us"),
         (("--drift", "50%"), "no share up to 10%"),
         (("--copy-cycles", "0"), "copy-cycles"),
     ],

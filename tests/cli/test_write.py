@@ -15,7 +15,7 @@ from fsoe_net.errors import EnvironmentFault
 def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path):
     path = tmp_path / "a.fsnplan"
     for data in (b"first", b"second"):
-        write_whole(str(path), data)
+        write_whole(str(path), data, overwrite=True)
         assert path.read_bytes() == data
     assert os.listdir(tmp_path) == ["a.fsnplan"]
 
@@ -25,7 +25,7 @@ def test_a_link_stays_a_link(tmp_path: Path):
     path = tmp_path / "data" / "a.fsnplan"
     link = tmp_path / "link"
     link.symlink_to(path)
-    write_whole(str(link), b"new")
+    write_whole(str(link), b"new", overwrite=True)
     assert link.is_symlink()
     assert path.read_bytes() == b"new"
 
@@ -37,7 +37,7 @@ def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path: Path):
     got: list[bytes] = []
     reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
     reader.start()
-    write_whole(str(pipe), b"plan")
+    write_whole(str(pipe), b"plan", overwrite=False)
     assert pipe.is_fifo()
     reader.join(timeout=60)
     assert got == [b"plan"]
@@ -49,5 +49,5 @@ def test_what_cannot_be_written_is_named(tmp_path: Path, name: str):
     (tmp_path / "file").touch()
     path = tmp_path / name
     with pytest.raises(EnvironmentFault, match=f"cannot write .*{name}: "):
-        write_whole(str(path), b"plan")
+        write_whole(str(path), b"plan", overwrite=True)
     assert sorted(os.listdir(tmp_path)) == ["file", "folder"]

@@ -1,4 +1,4 @@
-"""`fsn-master` tells the fingerprint of what it has loaded, and `verify --live` asks for it."""
+"""`fsn-master` tells the fingerprint of what it has loaded, and `verify --socket` asks for it."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ def test_status_snapshot_and_client_tell_it() -> None:
 
 def test_verify_asks_the_running_core(tmp_path: Path) -> None:
     with running(name="estop") as master:
-        done = fsn("verify", ESTOP, "--live", str(master.path), "--accepted", ESTOP)
+        done = fsn("verify", ESTOP, "--socket", str(master.path), "--accepted", ESTOP)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.count("the same") == 2
         other = str(EXAMPLES / "el6910" / "network.yaml")
-        done = fsn("verify", "--live", str(master.path), "--accepted", other)
+        done = fsn("verify", "--socket", str(master.path), "--accepted", other)
         assert done.returncode == 1
         assert "DIFFERS in devices, process_data, copies, connections\n" in done.stdout
 
 
 def test_another_cycle_than_that_of_the_plan_differs() -> None:
     with running("--cycle", "2ms", name="estop") as master:
-        done = fsn("verify", "--live", str(master.path), "--accepted", ESTOP)
+        done = fsn("verify", "--socket", str(master.path), "--accepted", ESTOP)
     assert done.returncode == 1
     assert "cycle 2 ms): DIFFERS in cycle\n" in done.stdout

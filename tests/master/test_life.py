@@ -76,7 +76,7 @@ def test_a_second_signal_ends_at_once() -> None:
 def test_the_run_time_ends_it(tmp_path: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="fsn-") as folder:  # short, as a socket's path must be
         common = [write_plan(tmp_path), "--bus", "emulated", "--policy", "other"]
-        done = run_to_end(*common, "--socket", f"{folder}/s", "--run-time", "100ms")
+        done = run_to_end(*common, "--socket", f"{folder}/s", "--duration", "100ms")
         assert done.returncode == 0
         assert "run time is over" in done.stderr
         assert os.listdir(folder) == []
@@ -94,7 +94,7 @@ def test_a_dead_masters_socket_is_replaced_and_a_living_ones_is_not() -> None:
         master.process.kill()
         master.wait()
         assert master.path.exists()
-        done = run_to_end(*common, "--run-time", "10ms")
+        done = run_to_end(*common, "--duration", "10ms")
         assert done.returncode == 0, done.stderr
         assert not master.path.exists()
 

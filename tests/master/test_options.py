@@ -32,7 +32,7 @@ USAGE = [
     (["PLAN", "--bus", "emulated", "--policy", "deadline", "--cpu", "0"], "cannot be pinned"),
     (["PLAN", "--bus", "emulated", "--policy", "deadline", "--free-run"], "has a period"),
     (["PLAN", "--bus", "emulated", "--dc-every", "1.5"], "--dc-every 1.5"),
-    (["PLAN", "--bus", "emulated", "--run-time", "0"], "--run-time 0: a time above 0"),
+    (["PLAN", "--bus", "emulated", "--duration", "0"], "--duration 0: a time above 0"),
     (["PLAN", "--bus", "emulated", "--wait", "soon"], "--wait soon: a time"),
     (["PLAN", "--bus", "emulated", "--record", "-1s"], "--record -1s: a time"),
     (["PLAN", "--bus", "emulated", "--accepted", "12"], "--accepted 12: a SHA-256 has 64"),
@@ -99,11 +99,11 @@ def test_only_the_accepted_plan(tmp_path: Path) -> None:
     plan = write_plan(tmp_path)
     digest = hashlib.sha256(plan.read_bytes()).hexdigest()
     common = [plan, "--bus", "emulated", "--policy", "other", "--socket", tmp_path / "s"]
-    done = run_to_end(*common, "--accepted", digest.upper(), "--run-time", "10ms")
+    done = run_to_end(*common, "--accepted", digest.upper(), "--duration", "10ms")
     assert done.returncode == 0
     assert f"SHA-256 {digest}" in done.stderr
     whole = fingerprint_of(decode_plan(plan.read_bytes())).whole
-    done = run_to_end(*common, "--accepted", whole, "--run-time", "10ms")
+    done = run_to_end(*common, "--accepted", whole, "--duration", "10ms")
     assert done.returncode == 0
     assert whole in done.stderr
     assert "as in the plan" in done.stderr
@@ -169,7 +169,7 @@ def test_without_permission_it_names_the_capabilities() -> None:
             done = run("--policy", policy)
             assert done.returncode == 3, done.stderr
             assert "setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep" in done.stderr
-        done = run("--run-time", "10ms")  # nothing was asked for: it goes on with a warning
+        done = run("--duration", "10ms")  # nothing was asked for: it goes on with a warning
         assert done.returncode == 0, done.stderr
         assert "no real-time scheduling" in done.stderr
 
@@ -180,7 +180,7 @@ def test_the_default_socket(tmp_path: Path) -> None:
     run.mkdir()
     user.mkdir()
     base = {k: v for k, v in os.environ.items() if k != "RUNTIME_DIRECTORY"}
-    common = [plan, "--bus", "emulated", "--policy", "other", "--run-time", "1ms"]
+    common = [plan, "--bus", "emulated", "--policy", "other", "--duration", "1ms"]
     for env, directory in (
         (base | {"XDG_RUNTIME_DIR": str(user)}, user),
         (base | {"XDG_RUNTIME_DIR": str(user), "RUNTIME_DIRECTORY": f"{run}:/x"}, run),

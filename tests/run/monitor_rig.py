@@ -35,7 +35,7 @@ def watch(network, other):
     running = Running(network, "--format", "json")
     at = ("--socket", running.socket)
     seen = {"once": monitor(*at, "--once"), "json": monitor(*at, "--once", "--format", "json")}
-    capture = ("--seconds", "2", "--capture", "bus.pcapng", "--format", "json")
+    capture = ("--duration", "2s", "--capture", "bus.pcapng", "--format", "json")
     seen["capture"] = monitor(*at, *capture)
     seen["rebuilt"] = monitor(*at, *capture[:2], "--capture", "image.pcapng", "--rebuild")
     last = running.in_data().subdevices[-1].name

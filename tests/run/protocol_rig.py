@@ -64,7 +64,9 @@ class AtTerminal:
 
 
 def started(running, network):
-    return AtTerminal("test-protocol", network, "--live", running.socket, "-o", "protocol.yaml")
+    return AtTerminal(
+        "test-protocol", network, "--live", "--socket", running.socket, "-o", "protocol.yaml"
+    )
 
 
 ASKED, TAKE, PUT = "leave this step out: ", "off the bus now.", "Put "
@@ -131,7 +133,16 @@ def refused(network, other):
     terminal = started(running, other)
     seen = {"other": terminal.ended()}
     done = subprocess.run(
-        [*FSN, "test-protocol", network, "--live", running.socket, "-o", "protocol.yaml"],
+        [
+            *FSN,
+            "test-protocol",
+            network,
+            "--live",
+            "--socket",
+            running.socket,
+            "-o",
+            "protocol.yaml",
+        ],
         input="io\nio2\nlogic\n",
         capture_output=True,
         text=True,

@@ -211,7 +211,7 @@ def test_waiting_and_expecting(master, rig):
         ("set drive_*.0x6041 1", "inputs only"),
         ("get drive_1.0x6041 --type", "no option --type"),
         ("wait", "usage: wait"),
-        ("wait 5", "no time"),
+        ("wait 5", "not a time"),
         ("wait 1000h", "more than a week"),
         ("wait until", "until what"),
         ("wait until drive_1.0x6041 == x", "no value"),

@@ -168,7 +168,7 @@ def test_events_come_as_lines_until_interrupted(master):
     [
         ([], "one of --socket"),
         (["--socket", "a", "--interface", "b"], "one of --socket"),
-        (["--socket", "a", "--once", "--seconds", "1"], "--once looks once"),
+        (["--socket", "a", "--once", "--duration", "1s"], "--once looks once"),
         (["--socket", "a", "--once", "--capture", "x"], "--once looks once"),
         (["--socket", "a", "--rebuild"], "--rebuild belongs to --capture"),
     ],
@@ -181,7 +181,7 @@ def test_wrong_use(words, text):
 def test_nobody_there(tmp_path):
     done = fsn("monitor", "--socket", str(tmp_path / "none"), "--once")
     assert (done.returncode, "is fsn-master running" in done.stderr) == (3, True)
-    done = fsn("monitor", "--socket", "x", "--seconds", "1", "--capture", str(tmp_path / "no/f"))
+    done = fsn("monitor", "--socket", "x", "--duration", "1s", "--capture", str(tmp_path / "no/f"))
     assert (done.returncode, "there is no folder" in done.stderr) == (3, True)
 
 
@@ -260,7 +260,7 @@ def test_a_rebuilt_capture_is_marked_and_decodes(master, tmp_path):
     master.images[-1]["skipped"] = 3
     path = tmp_path / "c.pcapng"
     # No interface of the bus is here, so nobody can listen on it.
-    done = monitor(master, "--seconds", "1", "--capture", str(path), "--format", "json")
+    done = monitor(master, "--duration", "1s", "--capture", str(path), "--format", "json")
     assert done.returncode == 0
     assert "the capture is rebuilt from the process image: listening on no-such-if" in done.stderr
     told = json.loads(done.stdout)["capture"]
@@ -279,7 +279,7 @@ def test_a_rebuilt_capture_is_marked_and_decodes(master, tmp_path):
 def test_neither_wire_nor_image(master, tmp_path):
     master.known -= {"watch"}
     path = tmp_path / "c.pcapng"
-    done = monitor(master, "--seconds", "1", "--capture", str(path))
+    done = monitor(master, "--duration", "1s", "--capture", str(path))
     assert done.returncode == 3
     assert "no capture: listening on no-such-if" in done.stderr
     assert "no request watch" in done.stderr

@@ -10,15 +10,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scans import scan_of, subdevice
 
+from fsoe_net.cli.write import write_all
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
 from fsoe_net.load import load_network, load_scan, parse_scan
 from fsoe_net.model import resolve
 from fsoe_net.rules import check, check_scan
 from fsoe_net.run.scan import TakenScan
-from fsoe_net.run.scan_files import compact_json, scan_files, write_files
+from fsoe_net.run.scan_files import ScanFiles, compact_json, scan_files
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def write(folder: Path, files: ScanFiles, *, overwrite: bool = False) -> None:
+    texts = {name: text.encode("utf-8") for name, text in files.texts.items()}
+    write_all(folder, texts, overwrite=overwrite)
 
 
 def taken(document: dict) -> TakenScan:
@@ -39,7 +45,7 @@ def test_files_of_an_example_say_what_its_files_say(name: str, tmp_path: Path):
     document = scan_of(original)
     files = scan_files(taken(document))
     assert files.left_out == ()
-    write_files(str(tmp_path / "bus"), files, overwrite=False)
+    write(tmp_path / "bus", files)
     loaded = load_network([tmp_path / "bus" / "network.yaml"])
     bad = [d for d in loaded.diagnostics if d.level is not Severity.INFO]
     assert [d.code for d in bad] == ["FSN125"]  # the transfers are still to be written
@@ -104,11 +110,11 @@ def test_no_net_is_proposed_when_an_address_is_there_twice():
 def test_existing_files_stay(tmp_path: Path):
     files = scan_files(taken(scan_of(example("estop"))))
     (tmp_path / "network.yaml").write_text("mine", "utf-8")
-    with pytest.raises(InputError, match=r"has network\.yaml already"):
-        write_files(str(tmp_path), files, overwrite=False)
+    with pytest.raises(InputError, match=r"network\.yaml exists"):
+        write(tmp_path, files)
     assert [p.name for p in tmp_path.iterdir()] == ["network.yaml"]
     assert (tmp_path / "network.yaml").read_text("utf-8") == "mine"
-    write_files(str(tmp_path), files, overwrite=True)
+    write(tmp_path, files, overwrite=True)
     assert (tmp_path / "network.yaml").read_text("utf-8") != "mine"
 
 

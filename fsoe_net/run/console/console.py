@@ -188,9 +188,9 @@ class Console:
                 raise ConsoleError(f"{found} is no script: more than 4 MiB")
             text = found.read_text("utf-8")
         except OSError as exc:
-            raise ConsoleError(f"{found}: {exc.strerror or exc}", is_usage=True) from exc
+            raise ConsoleError(f"{found}: {exc.strerror or exc}") from exc
         except UnicodeDecodeError as exc:
-            raise ConsoleError(f"{found} is no UTF-8 text", is_usage=True) from exc
+            raise ConsoleError(f"{found} is no UTF-8 text") from exc
         self._enter(path)
         self._directories.append(found.parent)
         try:

@@ -8,12 +8,11 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from fsoe_net.errors import ConsoleError
+from fsoe_net.model import time_ns
 from fsoe_net.run.control_values import Symbol, Value
 
 __all__ = ["Names", "batches", "number", "object_address", "seconds", "shown", "value_of"]
 
-_TIME = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|min|h)")
-_UNIT_S = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _MOST_S = 7 * 24 * 3600.0
 _WORDS = {"true": True, "on": True, "false": False, "off": False}
 _MOST_TO_TELL = 12
@@ -152,10 +151,10 @@ def seconds(text: str) -> float:
     Raises:
         ConsoleError: It is none, or more than a week.
     """
-    match = _TIME.fullmatch(text) if len(text) <= 24 else None
-    if match is None:
-        raise ConsoleError(f"{text[:24]!r} is no time; write 500us, 20ms or 2s", is_usage=True)
-    found = float(match[1]) * _UNIT_S[match[2]]
+    ns = time_ns(text)
+    if ns is None:
+        raise ConsoleError(f"{text[:24]!r} is not a time; write 500us, 20ms or 2s", is_usage=True)
+    found = ns / 1e9
     if found > _MOST_S:
         raise ConsoleError(f"{text} is more than a week", is_usage=True)
     return found

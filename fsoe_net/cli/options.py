@@ -1,0 +1,152 @@
+"""Types and options that several commands share: one name and one meaning each."""
+
+from __future__ import annotations
+
+import contextlib
+import socket as sockets
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+from click.shell_completion import CompletionItem
+
+from fsoe_net.model import time_ns, time_text
+
+__all__ = [
+    "CYCLE",
+    "FILE",
+    "FOLDER",
+    "INTERFACE",
+    "RUN_TIME",
+    "Time",
+    "master_options",
+    "master_socket",
+    "output_option",
+    "overwrite_option",
+]
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+class Time(click.ParamType[int]):
+    """A time in nanoseconds: ``30``, ``30s``, ``500ms``, ``2min``.
+
+    Args:
+        least: Smallest time, written as above.
+        most: Largest time.
+        bare: Whether a number without a unit is taken, as seconds.
+    """
+
+    name = "time"
+
+    def __init__(self, least: str, most: str, *, bare: bool = True) -> None:
+        self._least_ns = time_ns(least) or 0
+        self._most_ns = time_ns(most) or 0
+        self._bare_ns = 1_000_000_000 if bare else 0
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int:
+        """Return nanoseconds; fails with the forms that are taken."""
+        if isinstance(value, int):
+            return value
+        text = str(value)
+        found = time_ns(text, bare_ns=self._bare_ns)
+        if found is None:
+            if not self._bare_ns and time_ns(text, bare_ns=1) is not None:
+                self.fail(f"{text!r} has no unit; write {text}ms or {text}us", param, ctx)
+            example = "30s, 500ms or 2min" if self._bare_ns else "250us or 1ms"
+            self.fail(f"{text!r} is not a time; write {example}", param, ctx)
+        if not self._least_ns <= found <= self._most_ns:
+            limits = f"{time_text(self._least_ns)} to {time_text(self._most_ns)}"
+            self.fail(f"{text} is out of range: {limits}", param, ctx)
+        return found
+
+
+RUN_TIME = Time("1ms", "168h")
+CYCLE = Time("50us", "1s", bare=False)  # as fsn-master takes it
+
+
+class _Path(click.ParamType[str]):
+    """A path. Nothing is opened here: the reader says what is wrong, with one exit code."""
+
+    def __init__(self, name: str, completion: str) -> None:
+        self.name = name
+        self._completion = completion
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        return [CompletionItem(incomplete, type=self._completion)]
+
+
+FILE = _Path("file", "file")
+FOLDER = _Path("folder", "dir")
+
+
+class _Interface(click.ParamType[str]):
+    """A network interface, with completion."""
+
+    name = "interface"
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        with contextlib.suppress(OSError):
+            names = sorted(name for _, name in sockets.if_nameindex())
+            return [CompletionItem(n) for n in names if n.startswith(incomplete) and n != "lo"]
+        return []
+
+
+INTERFACE = _Interface()
+
+
+def master_options(function: _F) -> _F:
+    """Add ``--socket`` and ``--interface``, which name a running fsn-master."""
+    for decorate in (
+        click.option(
+            "--interface",
+            type=INTERFACE,
+            metavar="IF",
+            help="Interface that the fsn-master drives; finds its socket.",
+        ),
+        click.option(
+            "--socket", type=FILE, metavar="PATH", help="Control socket of a running fsn-master."
+        ),
+    ):
+        function = decorate(function)
+    return function
+
+
+def master_socket(socket: str | None, interface: str | None) -> str:
+    """Return the control socket of the fsn-master that `master_options` name.
+
+    Raises:
+        click.UsageError: It is not named, or twice.
+    """
+    if (socket is None) == (interface is None):
+        raise click.UsageError("one of --socket PATH and --interface IF says which fsn-master")
+    if socket is not None:
+        return socket
+    from fsoe_net.run import control_socket
+
+    return control_socket(interface or "")
+
+
+def overwrite_option(function: _F) -> _F:
+    """Add ``--overwrite``."""
+    return click.option("--overwrite", is_flag=True, help="Replace files that exist.")(function)
+
+
+def output_option(
+    help: str,  # noqa: A002 - as click names it
+    *,
+    metavar: str = "FILE",
+    type: click.ParamType[str] = FILE,  # noqa: A002
+    required: bool = False,
+) -> Callable[[_F], _F]:
+    """Add ``-o``/``--output`` and ``--overwrite``."""
+    option = click.option(
+        "-o", "--output", type=type, metavar=metavar, required=required, help=help
+    )
+    return lambda function: option(overwrite_option(function))
