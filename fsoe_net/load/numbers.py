@@ -243,8 +243,8 @@ _SPECIAL = {
     ".inf": math.inf,
     ".Inf": math.inf,
     ".INF": math.inf,
-    "+.inf": math.inf,
-    "-.inf": -math.inf,
+    **{f"+{word}": math.inf for word in (".inf", ".Inf", ".INF")},
+    **{f"-{word}": -math.inf for word in (".inf", ".Inf", ".INF")},
 }
 
 

@@ -2,7 +2,8 @@
 
 The schemas say which keys exist, which are needed and what kind of value they hold. How a number
 is spelled and whether it is in range is left to `fsoe_net.load.numbers`, which knows what each
-reader makes of a spelling; those keywords of the schemas are for editors only.
+reader makes of a spelling; those keywords of the schemas are for editors. What a schema allows, the
+readers refuse only for what other keys or files say.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ __all__ = [
     "schema_keys",
 ]
 
-_SKIPPED = {"pattern", "minimum", "maximum", "exclusiveMinimum"}
+# What they say, the readers of numbers and of each file say with more words.
+_SKIPPED = {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength"}
+_SKIPPED |= {"anyOf", "oneOf", "not", "uniqueItems"}
 
 _CONFUSED = {
     "sub_index": "subindex",
@@ -350,12 +353,25 @@ def _not_allowed(node: Node, error: Any, path: list[str | int], out: Collector) 
     )
 
 
+def _is_read_later(schema: dict[str, Any], node: ScalarNode) -> bool:
+    """Whether a reader says more about a scalar of the wrong type: numbers, patterns."""
+    if "pattern" in schema:
+        return True
+    return node.plain and schema["type"] in ("integer", "number") and "minimum" in schema
+
+
+def _spells_number(text: str) -> bool:
+    return bool(text) and isinstance(_plain_scalar(text), (int, float))
+
+
 _KINDS = {"object": "a map", "array": "a list", "string": "a text", "null": "nothing"}
 
 
 def _wrong_type(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
     wanted = error.validator_value
     names = [wanted] if isinstance(wanted, str) else list(wanted)
+    if isinstance(node, ScalarNode) and not node.is_null and _is_read_later(error.schema, node):
+        return
     if "boolean" in names and "string" in names:
         expected = "a text"
     elif any(n in ("integer", "number") for n in names):
@@ -367,7 +383,9 @@ def _wrong_type(node: Node, error: Any, path: list[str | int], out: Collector) -
     else:
         found = "a list" if isinstance(node, SeqNode) else "a map"
     hint = f"write {expected}"
-    if names[0] == "array":
+    if expected == "a number" and isinstance(node, ScalarNode) and _spells_number(node.text):
+        hint = f"write {node.text}, without quotes"
+    elif names[0] == "array":
         hint = "start each item with `- `"
     elif names[0] == "object" and isinstance(node, SeqNode):
         hint = "delete the `- ` in front of the keys"

@@ -152,7 +152,7 @@ class _System:
             self._out.add(
                 "FSN123",
                 second.span,
-                "both fsoe_config and transfer_config are given; the driver stops with an error",
+                "both fsoe_config and transfer_config are given; no driver takes both",
                 hint="keep transfer_config",
                 related=(Related(span=first.span, message="the other one"),),
             )

@@ -202,6 +202,7 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
     first: dict[tuple[int, int], tuple[SmLayout, Placed]] = {}
     idle: Counter[str] = Counter()
     idle_at = None
+    twice: dict[tuple[int, int], list[tuple[Placed, Placed]]] = {}
     for sm in layout.managers:
         for placed in sm.placed:
             entry = placed.entry
@@ -219,13 +220,9 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
                 idle[entry.address] += 1
                 idle_at = idle_at or entry
                 continue
-            ctx.add(
-                "FSN408",
-                entry.at("index"),
-                f"{entry.address} is mapped a second time; a driver always gets the first place",
-                hint="use another entry here, or move the interface to the first",
-                related=(Related(span=known.entry.span, message="first mapped here"),),
-            )
+            twice.setdefault((id(placed.pdo), id(known.pdo)), []).append((placed, known))
+    for rows in twice.values():
+        _mapped_twice(ctx, rows)
     if idle_at is not None:
         names = ", ".join(sorted(idle))
         ctx.add(
@@ -234,6 +231,31 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
             f"mapped more than once, as padding it seems: {names}",
             severity=Severity.INFO,
             hint="index 0x0000 says padding more clearly",
+        )
+
+
+def _mapped_twice(ctx: Context, rows: list[tuple[Placed, Placed]]) -> None:
+    """FSN408 for entries of one PDO that another, or the same, has: once for a PDO as a whole."""
+    here, there = rows[0][0].pdo, rows[0][1].pdo
+    if here is not there and here.index == there.index:
+        return  # FSN407 has named the PDO
+    if here is not there and len(rows) == sum(not e.is_gap for e in here.entries) > 1:
+        ctx.add(
+            "FSN408",
+            here.at("index"),
+            f"PDO 0x{here.index:04x} maps only entries that PDO 0x{there.index:04x} has; a driver "
+            "always gets the first place",
+            hint="delete one of the two PDOs, or correct its entries",
+            related=(Related(span=there.at("index"), message="first mapped here"),),
+        )
+        return
+    for placed, known in rows:
+        ctx.add(
+            "FSN408",
+            placed.entry.at("index"),
+            f"{placed.entry.address} is mapped a second time; a driver always gets the first place",
+            hint="use another entry here, or move the interface to the first",
+            related=(Related(span=known.entry.span, message="first mapped here"),),
         )
 
 

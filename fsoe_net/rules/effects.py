@@ -106,6 +106,7 @@ _VERSION_EFFECT: dict[Runtime, dict[str, str]] = {
     Runtime.ROS2_2026_08: {"FSN132": "reads the file and logs a warning"},
     Runtime.ROS2_NEWEST: {
         "FSN132": "reads the file and logs a warning",
+        "FSN123": "logs an error and does not start",
         "FSN230": "leaves the module out when it is absent, then " + _CRASH,
     },
 }

@@ -140,11 +140,13 @@ def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None
             net.span,
             f"net {net.name!r} does not say which SubDevice holds the FSoE MainInstance, and its "
             "transfers share none",
-            hint=f"add safety_master: with one of {', '.join(used)}",
+            hint=f"add safety_master: with one of {few(_known(ctx, used), 20)}",
         )
         return
-    foreign = [r for r in rows if main not in module_pair(r)]
-    shared = shared_modules(ends)
+    # Of a transfer with an unknown end nobody knows which net it belongs to.
+    sure = [r for r in rows if module_pair(r).issubset(ctx.names)]
+    foreign = [r for r in sure if main not in module_pair(r)]
+    shared = shared_modules(ends).intersection(ctx.names)
     if foreign and len(shared) == 1 and stated is not None:
         # All transfers meet in one SubDevice, only not in the one that is stated.
         ctx.unsure_nets.add(id(net))
@@ -170,6 +172,11 @@ def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None
         )
 
 
+def _known(ctx: Context, names: list[str]) -> list[str]:
+    """Return the names that are here, of those; all that are here when none of those is."""
+    return [n for n in names if n in ctx.names] or sorted(ctx.names)
+
+
 def _unknown_master(ctx: Context, net: Net, rows: list[ResolvedTransfer], used: list[str]) -> None:
     stated = net.safety_master or ""
     ctx.unsure_nets.add(id(net))
@@ -187,9 +194,10 @@ def _unknown_master(ctx: Context, net: Net, rows: list[ResolvedTransfer], used: 
     if ctx.resolution.network.partial and (stated in used or not ctx.names):
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
-    shared = shared_modules(ends)
-    meant = nearest(stated, shared) if shared else ctx.nearest_name(stated)
-    if meant is None and len(shared) == 1:
+    shared = shared_modules(ends).intersection(ctx.names)
+    everywhere = stated in used  # misspelt in the transfers, too: they say nothing of the right one
+    meant = nearest(stated, shared) if shared and not everywhere else ctx.nearest_name(stated)
+    if meant is None and len(shared) == 1 and not everywhere:
         meant = next(iter(shared))
     ctx.add(
         "FSN218",

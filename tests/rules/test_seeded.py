@@ -101,3 +101,60 @@ def test_a_connection_stated_twice_is_said_so(tmp_path: Path, monkeypatch: pytes
     (found,) = [d for d in check_files(["network.yaml"]).diagnostics if d.code == "FSN227"]
     assert found.message == "the connection el6910-drive_1 is stated twice"
     assert found.related[0].span.line == found.span.line - 1
+
+
+ESTOP = EXAMPLES / "estop"
+
+
+def estop(folder: Path, *edits: tuple[str, str, str]) -> list[tuple[str, str, str]]:
+    """Return code, message and hint of what is found in the E-stop cell with these edits."""
+    shutil.copytree(ESTOP, folder / "cell", dirs_exist_ok=True)
+    for file, old, new in edits:
+        path = folder / "cell" / file
+        text = path.read_text("utf-8")
+        assert old in text
+        path.write_text(text.replace(old, new), "utf-8")
+    found = check_files([str(folder / "cell" / "network.yaml")]).diagnostics
+    return [(d.code, d.message, d.hint) for d in found if d.level is not Severity.INFO]
+
+
+def test_the_hint_for_a_wrong_main_is_not_the_wrong_name(tmp_path: Path):
+    """The name is wrong at every transfer, so all transfers share it."""
+    edit = ("network.yaml", "el1918", "el1981")
+    keep = ("network.yaml", "name: el1981, position", "name: el1918, position")
+    found = estop(tmp_path, edit, keep)
+    (main,) = [row for row in found if row[0] == "FSN218"]
+    assert main == (
+        "FSN218",
+        "safety_master 'el1981' is no module of this network",
+        "write el1918",
+    )
+    assert "FSN219" not in {row[0] for row in found}
+
+
+def test_an_unknown_end_is_not_also_in_a_wrong_net(tmp_path: Path):
+    edit = ("network.yaml", "out: {ec_module: el1918,", "out: {ec_module: el19l8,")
+    found = estop(tmp_path, edit)
+    assert [row[0] for row in found] == ["FSN201"]
+
+
+def repeated(file: Path, number: str) -> tuple[str, str, str]:
+    """Return an edit that repeats the first PDO under a number."""
+    lines = file.read_text("utf-8").splitlines(keepends=True)
+    first = next(n for n, line in enumerate(lines) if line.startswith("  - index: 0x1a00"))
+    end = next(n for n in range(first + 1, len(lines)) if not lines[n].startswith("    "))
+    block = "".join(lines[first:end])
+    return ("devices/ek1914.yaml", block, block + block.replace("0x1a00", number))
+
+
+@pytest.mark.parametrize(("number", "code"), [("0x1a00", "FSN407"), ("0x1a05", "FSN408")])
+def test_a_repeated_pdo_is_one_finding(number: str, code: str, tmp_path: Path):
+    found = estop(tmp_path, repeated(ESTOP / "devices" / "ek1914.yaml", number))
+    assert [row[0] for row in found if row[0] in ("FSN407", "FSN408")] == [code]
+    if code == "FSN408":
+        assert (
+            "FSN408",
+            "PDO 0x1a05 maps only entries that PDO 0x1a00 has; a driver always gets the first "
+            "place",
+            "delete one of the two PDOs, or correct its entries",
+        ) in found

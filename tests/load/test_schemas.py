@@ -1,0 +1,158 @@
+"""JSON Schemas and loaders agree: what a schema allows is refused only for other keys or files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from data_files import ROOT
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+from load.inventions import documents
+
+from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.load import (
+    Collector,
+    LoadOptions,
+    load_answers,
+    load_network,
+    load_protocol,
+    load_scenario,
+    read_schema,
+)
+from fsoe_net.load.schema import _validator
+
+# Other keys or files say the rest: a path, two names of one thing, the order of two times, a day
+# that its month has, a step that is not done at the machine, the bits of another entry.
+BETWEEN_KEYS = {"FSN133", "FSN228", "FSN161", "FSN422"}
+ORDER = ("FSN113", "during_ms must rise")
+
+
+def found_in(name: str, path: Path) -> list[Diagnostic]:
+    out = Collector()
+    if name == "scenario":
+        return load_scenario(path)[1]
+    if name == "answers":
+        load_answers(str(path), out)
+    elif name == "protocol":
+        load_protocol(str(path), out)
+    else:
+        return list(load_network([path], LoadOptions()).diagnostics)
+    return out.diagnostics
+
+
+@pytest.mark.parametrize(
+    "name", ["network", "transfers", "slave", "scenario", "answers", "protocol"]
+)
+def test_what_a_schema_allows_is_refused_for_other_keys_only(name: str, tmp_path: Path):
+    refused: list[tuple[str, str]] = []
+    checked = 0
+
+    @settings(
+        max_examples=60,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(documents(name))
+    def load(document: object) -> None:
+        nonlocal checked
+        checked += 1
+        path = tmp_path / "x.yaml"
+        path.write_text(json.dumps(document, ensure_ascii=False), "utf-8")
+        errors = [d for d in found_in(name, path) if d.level is Severity.ERROR]
+        refused.extend(
+            (d.code, d.message)
+            for d in errors
+            if d.code not in BETWEEN_KEYS and (d.code, d.message) != ORDER
+        )
+
+    load()
+    assert checked >= 50
+    assert refused == []
+
+
+@pytest.mark.parametrize("name", ["estop", "el6910"])
+def test_the_examples_are_valid_in_an_editor(name: str):
+    folder = ROOT / "examples" / name
+    files = {"network": [folder / "network.yaml"], "scenario": [folder / "scenario.yaml"]}
+    files["slave"] = sorted((folder / "devices").glob("*.yaml"))
+    for schema, paths in files.items():
+        for path in paths:
+            document = yaml.safe_load(path.read_text("utf-8"))
+            assert [e.message for e in _validator(schema).iter_errors(document)] == []
+
+
+@pytest.mark.parametrize("name", ["network", "transfers", "slave", "scenario", "answers"])
+def test_every_schema_is_one(name: str):
+    Draft202012Validator.check_schema(read_schema(name))
+
+
+NETWORK = """version: 1
+subdevices:
+  - {{name: a, position: {position}, config: a.yaml}}
+nets: []
+"""
+
+
+def messages(tmp_path: Path, position: str) -> list[tuple[str, str, str]]:
+    (tmp_path / "a.yaml").write_text("vendor_id: 2\nproduct_id: 3\nperiod: 100\n", "utf-8")
+    path = tmp_path / "network.yaml"
+    path.write_text(NETWORK.format(position=position), "utf-8")
+    found = load_network([path]).diagnostics
+    return [(d.code, d.message, d.hint) for d in found if d.code != "FSN125"]
+
+
+def test_a_quoted_number_is_no_number_in_a_network(tmp_path: Path):
+    assert messages(tmp_path, '"0x5"') == [
+        (
+            "FSN111",
+            "subdevices 1, position must be a number, it is '0x5'",
+            "write 0x5, without quotes",
+        )
+    ]
+    assert messages(tmp_path, "0x5") == []
+
+
+@pytest.mark.parametrize(
+    ("position", "code"),
+    [
+        ("five", "FSN111"),
+        ("5h", "FSN112"),
+        ("65536", "FSN113"),
+        ("010", "FSN114"),
+        ("5.0", "FSN112"),
+    ],
+)
+def test_the_reader_of_numbers_says_what_is_wrong_with_one(
+    position: str, code: str, tmp_path: Path
+):
+    assert [row[0] for row in messages(tmp_path, position)] == [code]
+
+
+def test_period_is_known_in_a_slave_yaml(tmp_path: Path):
+    """Files of the driver have it; the driver does not read it."""
+    assert messages(tmp_path, "0") == []
+
+
+@given(st.integers(-(2**65), 2**65), st.sampled_from(["int8", "uint16", "int64", "uint64"]))
+@settings(deadline=None, max_examples=50)
+def test_values_of_sdos_have_the_range_of_their_type(value: int, word: str):
+    sdo = {"index": 0x8000, "sub_index": 1, "type": word, "value": value}
+    document = {"vendor_id": 2, "product_id": 3, "sdo": [sdo]}
+    bits = int(word.rpartition("t")[2])
+    low, high = (0, 2**bits) if word[0] == "u" else (-(2 ** (bits - 1)), 2 ** (bits - 1))
+    assert _validator("slave").is_valid(document) == (low <= value < high)
+
+
+def test_the_settings_for_an_editor_name_files_that_are_there():
+    settings_ = json.loads((ROOT / ".vscode" / "settings.json").read_text("utf-8"))
+    for schema, patterns in settings_["yaml.schemas"].items():
+        assert (ROOT / schema).is_file()
+        for pattern in [patterns] if isinstance(patterns, str) else patterns:
+            assert pattern.startswith("**/") or any(ROOT.glob(pattern)), pattern
