@@ -357,7 +357,8 @@ def _is_read_later(schema: dict[str, Any], node: ScalarNode) -> bool:
     """Whether a reader says more about a scalar of the wrong type: numbers, patterns."""
     if "pattern" in schema:
         return True
-    return node.plain and schema["type"] in ("integer", "number") and "minimum" in schema
+    is_word = node.plain and isinstance(_plain_scalar(node.text), str)
+    return is_word and schema["type"] in ("integer", "number") and "minimum" in schema
 
 
 def _spells_number(text: str) -> bool:
