@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict
 
 import click
@@ -181,6 +182,8 @@ def _print(result: EmulateResult) -> None:
     else:
         own = ": no MainDevice spoke on this interface"
     click.echo(f"\n{c.frames} frames answered{own}")
+    if c.unsent:
+        click.echo(f"{c.unsent} answers could not be sent: {os.strerror(c.send_errno)}")
     if not result.verdicts and not result.passed and c.frames:
         in_op = all(status.state == "OP" for status in result.states.values())
         missing = "copied the FSoE frames between them" if in_op else "brought all of them to OP"

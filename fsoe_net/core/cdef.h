@@ -86,8 +86,8 @@ struct fsn_histogram {
 };
 struct fsn_statistics {
     uint64_t cycles, overruns, wkc_errors, lost_frames, old_replies, foreign_frames;
-    uint64_t bytes_copied, now_ns, dc_time_ns, events_lost;
-    uint32_t expected_wkc, actual_wkc, copies, merged_copies, realtime, locked;
+    uint64_t unsent_frames, bytes_copied, now_ns, dc_time_ns, events_lost;
+    uint32_t expected_wkc, actual_wkc, copies, merged_copies, realtime, send_errno, locked;
     struct fsn_histogram latency, period, work, copy, round_trip, dc_offset;
     ...;
 };
@@ -191,7 +191,8 @@ void fsn_scan_counts(const struct fsn_scan *scan, struct fsn_scan_counts *counts
 
 struct fsn_segment;
 struct fsn_segment_counts {
-    uint64_t frames, datagrams, lost, foreign, work_ns;
+    uint64_t frames, datagrams, lost, foreign, unsent, work_ns;
+    int send_errno;
     ...;
 };
 fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segment);

@@ -393,6 +393,8 @@ def _statistics(ffi: Any, lib: Any, s: Any) -> Statistics:
         lost_frames=s.lost_frames,
         old_replies=s.old_replies,
         foreign_frames=s.foreign_frames,
+        unsent_frames=s.unsent_frames,
+        send_errno=s.send_errno,
         bytes_copied=s.bytes_copied,
         now_ns=s.now_ns,
         dc_time_ns=s.dc_time_ns,

@@ -30,6 +30,8 @@ class SegmentCounts:
     datagrams: int
     lost: int
     foreign: int
+    unsent: int
+    send_errno: int
     work_ns: int
 
 
@@ -268,6 +270,8 @@ class Segment:
             datagrams=c.datagrams,
             lost=c.lost,
             foreign=c.foreign,
+            unsent=c.unsent,
+            send_errno=c.send_errno,
             work_ns=c.work_ns,
         )
 
@@ -301,6 +305,8 @@ class Segment:
             wanted = "raw sockets need CAP_NET_RAW, a priority CAP_SYS_NICE"
             if error[0] == errno.EINVAL:
                 wanted = "priorities are 1 … 99, and the CPU must exist"
+            elif error[0] == errno.EMSGSIZE:
+                wanted = "EtherCAT frames need an MTU of 1500: ip link set IF mtu 1500"
             raise EnvironmentFault(f"{names}: {os.strerror(error[0])}; {wanted}")
         raise_status(status, f"link to {names}")
 

@@ -78,6 +78,8 @@ class Statistics:
     lost_frames: int
     old_replies: int
     foreign_frames: int
+    unsent_frames: int
+    send_errno: int
     bytes_copied: int
     now_ns: int
     dc_time_ns: int

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
@@ -12,6 +13,7 @@ __all__ = ["bus_causes"]
 
 _WATCHDOG = 5
 _TENTH_MS = 100_000
+_MOST_ERRNO = 4095
 
 
 def bus_causes(e: Evidence) -> Iterator[Candidate]:
@@ -53,7 +55,7 @@ def _gone(e: Evidence) -> Iterator[Candidate]:
     behind = [s for s in known if s.position >= first.position]
     before = [s for s in known if s.position < first.position]
     names = ", ".join(s.name for s in gone[:6]) + (", ..." if len(gone) > 6 else "")
-    facts = [f"does not answer: {names}", *_wkc(e), *_when(e, gone)]
+    facts = [f"does not answer: {names}", _unsent(e), *_wkc(e), *_when(e, gone)]
     detail = next((s.detail for s in gone if s.detail), "")
     facts.append(f"the bus says of {first.name}: {first.detail}" if first.detail else "")
     score = 92 if mine else 45
@@ -76,6 +78,13 @@ def _ends(e: Evidence) -> tuple[str, ...]:
 def _own(e: Evidence, names: list[str]) -> list[str]:
     """Return those of some devices that are ends of the connection it is about."""
     return [name for name in names if name in _ends(e)]
+
+
+def _unsent(e: Evidence) -> str:
+    """Return how many frames the system did not send, and why; an empty text without any."""
+    c = e.head.counters
+    why = os.strerror(min(c.send_errno, _MOST_ERRNO))
+    return f"{c.unsent_frames} frames could not be sent: {why}" if c.unsent_frames else ""
 
 
 def _wkc(e: Evidence) -> list[str]:
@@ -203,6 +212,7 @@ def _lost_frames(e: Evidence) -> Iterator[Candidate]:
         score + (6 if errors else 0),
         *facts,
         f"{e.bus.lost_frames} frames counted as lost" if e.bus.lost_frames else "",
+        _unsent(e),
         f"receive errors are counted first at {first} ({errors[first]})" if first else "",
     )
 

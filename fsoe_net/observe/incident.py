@@ -74,6 +74,8 @@ class Counters:
     lost_frames: int = 0
     old_replies: int = 0
     foreign_frames: int = 0
+    unsent_frames: int = 0
+    send_errno: int = 0
     expected_wkc: int = 0
     actual_wkc: int = 0
     realtime: bool = False

@@ -133,6 +133,8 @@ def _counters(row: Values) -> Counters:
         lost_frames=row.whole("lost_frames", missing=0),
         old_replies=row.whole("old_replies", missing=0),
         foreign_frames=row.whole("foreign_frames", missing=0),
+        unsent_frames=row.whole("unsent_frames", missing=0),
+        send_errno=row.whole("send_errno", missing=0),
         expected_wkc=row.whole("expected_wkc", missing=0),
         actual_wkc=row.whole("actual_wkc", missing=0),
         realtime=row.flag("realtime"),

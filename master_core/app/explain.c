@@ -19,6 +19,9 @@ static const char *next_step(const struct fsn_fault *fault) {
     if (fault->sys_errno == ENODEV || fault->sys_errno == ENXIO) {
         return "ip link lists the interfaces";
     }
+    if (fault->sys_errno == EMSGSIZE) {
+        return "ip link set IF mtu 1500, at both ends of the cable";
+    }
     if (fault->sys_errno == EBUSY) {
         return "the kernel's admission control has no room for it; take a longer cycle or fifo";
     }

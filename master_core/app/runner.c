@@ -98,8 +98,8 @@ static void tell_findings(struct runner *runner) {
         }
         runner->has_found = runner->has_found || seen->found != FSN_FOUND_UNKNOWN;
         if (seen->found > FSN_FOUND_RIGHT) {
-            log_line(FSN_LOG_WARNING, "SubDevice %.80s: %s: %s", info.name,
-                     fsn_found_text(seen->found), seen->detail);
+            log_line(FSN_LOG_WARNING, "SubDevice %.80s: %s%s%s", info.name,
+                     fsn_found_text(seen->found), seen->detail[0] != 0 ? ": " : "", seen->detail);
         }
     }
 }

@@ -42,5 +42,5 @@ const char *fsn_abort_text(uint32_t code) {
             return codes[i].text;
         }
     }
-    return "";
+    return "not a code of ETG.1000.6";
 }

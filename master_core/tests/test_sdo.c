@@ -240,7 +240,7 @@ int main(void) {
     none.in_bytes = 0;
     struct fsn_transfer t = {0};
     CHECK(fsn_sdo_upload(&none, &t) == FSN_E_ABSENT && fsn_sdo_download(&none, &t) == FSN_E_ABSENT);
-    CHECK(fsn_abort_text(0x06020000)[0] != 0 && fsn_abort_text(1)[0] == 0);
+    CHECK(fsn_abort_text(0x06020000)[0] != 0 && fsn_abort_text(1)[0] != 0);
     objects_of_every_length();
     long_transfers_are_broken_off();
     bad_answers();

@@ -138,6 +138,25 @@ static void stalls_and_repetitions(void) {
     tear_down(rig);
 }
 
+/** Of a SubDevice that comes back a part of the SII reads as zeros: it is not known, and no other.
+ */
+static void half_an_sii_is_no_other_device(void) {
+    struct rig *rig = bring_up();
+    const struct fsn_segment_identity half = {.vendor_id = 0, .product_code = 3, .revision = 4};
+    fsn_segment_set_present(rig->segment, 3, false);
+    tend_until(rig, 3, 0);
+    CHECK(fsn_segment_set_identity(rig->segment, 3, &half) == FSN_OK);
+    fsn_segment_set_present(rig->segment, 3, true);
+    while (look(rig, 3).found != FSN_FOUND_UNKNOWN) {
+        CHECK(look(rig, 3).found == FSN_FOUND_NOTHING && flows(rig, 1));
+    }
+    CHECK(strstr(look(rig, 3).detail, "its SII could not be read") != NULL);
+    CHECK(fsn_segment_set_identity(rig->segment, 3, NULL) == FSN_OK);
+    fsn_segment_power_cycle(rig->segment, 3);
+    tend_until(rig, 3, FSN_AL_OP);
+    tear_down(rig);
+}
+
 /** Another device, and the right ones in each other's place, are not led anywhere. */
 static void wrong_devices_stay_out(void) {
     struct rig *rig = bring_up();
@@ -455,6 +474,7 @@ int main(void) {
     each_is_unplugged_and_returns();
     power_cycles_and_lost_frames();
     stalls_and_repetitions();
+    half_an_sii_is_no_other_device();
     wrong_devices_stay_out();
     who_refuses_is_asked_again();
     a_ring_survives_each_cable();

@@ -1,6 +1,8 @@
 /** The cyclic wire against a segment of our own making: freshness, old replies, the ring. */
 #define _GNU_SOURCE
 
+#include <errno.h>
+#include <fcntl.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -259,6 +261,25 @@ static void foreign_frames_count_once(void) {
     tear_down(rig);
 }
 
+/** What the system refuses to send is counted, with its reason. */
+static void what_cannot_be_sent_is_counted(void) {
+    struct rig *rig = set_up(1);
+    const int wire = rig->frames.wire.sockets[0];
+    const int no_socket = open("/dev/null", O_WRONLY | O_CLOEXEC);
+    CHECK(no_socket >= 0);
+    rig->frames.wire.sockets[0] = no_socket;
+    fsn_wire_send(&rig->frames.wire);
+    take(rig);
+    CHECK(rig->input.unsent_frames == 1 && rig->input.send_errno == ENOTSOCK);
+    CHECK(rig->input.lost_frames == 1);
+    rig->frames.wire.sockets[0] = wire;
+    exchange(rig);
+    take(rig);
+    CHECK(rig->input.unsent_frames == 0 && rig->input.lost_frames == 0);
+    close(no_socket);
+    tear_down(rig);
+}
+
 static void ring(bool broken, bool second_cable_out) {
     struct rig *rig = set_up(2);
     for (unsigned i = 0; i < 3; i++) {
@@ -303,6 +324,7 @@ int main(void) {
     a_repeated_reply_counts_once();
     damaged_replies_are_foreign();
     foreign_frames_count_once();
+    what_cannot_be_sent_is_counted();
     ring(false, false);
     ring(true, false);
     ring(false, true);

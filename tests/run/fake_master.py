@@ -31,6 +31,7 @@ _HISTOGRAM = {
 }  # fmt: skip
 _COUNTERS = (
     "cycles", "overruns", "wkc_errors", "lost_frames", "old_replies", "foreign_frames",
+    "unsent_frames", "send_errno",
     "bytes_copied", "now_ns", "dc_time_ns", "events_lost", "expected_wkc", "actual_wkc", "copies",
     "merged_copies",
 )  # fmt: skip

@@ -134,6 +134,12 @@ def silent(network, _other):
     return run(network)
 
 
+def small(network, _other):
+    """Long frames do not fit through the interface."""
+    subprocess.run(["ip", "link", "set", "near", "mtu", "1400"], check=True)
+    return run(network)
+
+
 def wrong(network, other):
     return comes_up(network, other)
 
@@ -271,7 +277,18 @@ def _is_running(pid):
 
 CASES = {
     f.__name__: f
-    for f in (comes_up, silent, wrong, unplug, incident, kill_tool, kill_master, interrupt, stopped)
+    for f in (
+        comes_up,
+        silent,
+        small,
+        wrong,
+        unplug,
+        incident,
+        kill_tool,
+        kill_master,
+        interrupt,
+        stopped,
+    )
 } | {f"fault {name}": fault(name) for name in FAULTS}
 
 

@@ -141,6 +141,15 @@ def test_an_incident_names_its_cause_and_holds_what_the_devices_tell(tmp_path):
     assert told["ek1914"]["address"] == 14
 
 
+def test_an_mtu_that_is_too_small_is_said(tmp_path):
+    seen = on_the_wire("small", ESTOP, tmp=tmp_path)
+    assert seen["code"] == 3
+    assert (
+        "near has an MTU of 1400, they need 1500: Message too long; ip link set IF mtu 1500"
+        in seen["err"]
+    )
+
+
 @pytest.mark.parametrize(
     ("fault", "key"),
     [("foreign", "other_main_device"), ("wrong", "wrong_device"), ("late", "late_replies")],

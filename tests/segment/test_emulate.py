@@ -1,6 +1,7 @@
 """`fsoe-net emulate`: what it refuses, and a network that nobody talks to."""
 
 import json
+import struct
 import sys
 
 import pytest
@@ -11,6 +12,8 @@ from wires import ROOT, missing, run_inside
 
 from fsoe_net.core import Segment
 from fsoe_net.errors import CoreError, EnvironmentFault
+from fsoe_net.load import Collector
+from fsoe_net.load.sii import load_sii, sii_checksum
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 
@@ -47,6 +50,19 @@ def test_nobody_speaks():
     assert document["states"]["ek1914"] == {"state": "INIT", "error": False, "code": 0}
     assert document["connections"] == {"el1918-ek1914": "reset"}
     assert document["passed"] is False
+
+
+def test_an_mtu_that_is_too_small_is_said():
+    why = missing()
+    if why:
+        pytest.skip(why)
+    small = 'ip link set far mtu 1499; exec "$@"'
+    done = run_inside("sh", "-c", small, "sh", *EMULATE, ESTOP, "--interface", "far")
+    assert done.returncode == 3
+    assert done.stderr.splitlines()[-1] == (
+        "error: 'far': Message too long; EtherCAT frames need an MTU of 1500: "
+        "ip link set IF mtu 1500"
+    )
 
 
 def test_a_rig_is_loud_and_wants_a_word(monkeypatch, capsys):
@@ -104,6 +120,30 @@ def test_a_ring_in_memory():
     assert (answer[-2:], port) == (b"\2\0", 1)
     answer, port = segment.frame_from(1, read, 3)
     assert (answer[-2:], port) == (b"\0\0", 0)
+
+
+def sii_of(segment: Segment, place: int) -> bytes:
+    """Read the first KiByte of an SII word by word, as a MainDevice does."""
+    image = b""
+    for word in range(0, 512, 4):
+        head = struct.pack("<HBBHHHH", 0x1000 | 18, 2, 0, -place & 0xFFFF, 0x0502, 6, 0)
+        command = struct.pack("<HI", 0x0100, word) + bytes(2)
+        segment.frame(bytes.fromhex("ffffffffffff 010101010101 88a4") + head + command, 1)
+        image += register(segment, place, 0x0508, 8)
+    return image
+
+
+def test_the_sii_is_whole_for_a_reader():
+    """Checksum of its first words, and no service announced that its mailbox refuses."""
+    segment = estop_segment()
+    for place in (0, 1):
+        data, out = sii_of(segment, place), Collector()
+        described = load_sii(data, out)
+        assert described is not None
+        assert not out.diagnostics
+        assert data[14] == sii_checksum(data)
+        general = data.index(b"\x1e\x00\x10\x00") + 4
+        assert data[general + 5] == 0x21  # SDO, complete access: no SDO information
 
 
 def test_frames_in_memory():

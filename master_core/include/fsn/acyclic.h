@@ -89,7 +89,7 @@ struct fsn_bus_acyclic {
                       bool *output, uint32_t *entries, uint32_t room, uint32_t *count);
 };
 
-/** Returns an SDO abort code in words; an empty text for one that is not listed.
+/** Returns an SDO abort code in words; never an empty text.
  *  Context: any thread. */
 FSN_API const char *fsn_abort_text(uint32_t code);
 

@@ -40,6 +40,8 @@ struct fsn_bus_input {
     uint32_t lost_frames;    /**< frames of the last send() that have not come back */
     uint32_t old_replies;    /**< replies to earlier frames, thrown away */
     uint32_t foreign_frames; /**< of another MainDevice, heard since the last receive() */
+    uint32_t unsent_frames;  /**< frames of the last send() that the system refused */
+    int send_errno;          /**< why it refused one, the last time; 0: never */
     uint64_t round_trip_ns;  /**< from send() to the last reply; 0 when the bus does not know */
     uint64_t dc_time_ns;     /**< time of the DC reference clock in this reply; 0 without one */
 };

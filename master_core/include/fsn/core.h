@@ -34,6 +34,7 @@ struct fsn_statistics {
     uint64_t lost_frames;    /**< frames that have not come back in their cycle */
     uint64_t old_replies;    /**< replies to earlier frames, thrown away */
     uint64_t foreign_frames; /**< of another MainDevice, as far as the bus hears them */
+    uint64_t unsent_frames;  /**< frames that the system refused to send */
     uint64_t bytes_copied;   /**< bytes moved by copies */
     uint64_t now_ns;         /**< start of the last cycle, monotonic */
     uint64_t dc_time_ns;     /**< DC reference clock as last seen; 0 without one */
@@ -43,6 +44,7 @@ struct fsn_statistics {
     uint32_t copies;         /**< copies of the plan */
     uint32_t merged_copies;  /**< copies executed after merging neighbours */
     uint32_t realtime;       /**< 1 when the thread got its real-time priority */
+    uint32_t send_errno;     /**< why a frame could not be sent, the last time; 0: never */
     uint32_t locked;         /**< 1 when the memory of the process is locked */
     /* Of the cyclic thread only; empty in virtual time. */
     struct fsn_histogram latency;    /**< how late wake-ups came */

@@ -23,7 +23,9 @@ struct fsn_segment_counts {
     uint64_t datagrams; /**< in them */
     uint64_t lost;      /**< frames that were lost on purpose */
     uint64_t foreign;   /**< packets that were no whole EtherCAT frame; they get no answer */
+    uint64_t unsent;    /**< answers that the system refused to send */
     uint64_t work_ns;   /**< time spent on frames by the link thread */
+    int send_errno;     /**< why it refused one, the last time; 0: never */
 };
 
 /** Builds the SubDevices of a plan, in ring order, all switched on and in INIT. Positions that the
@@ -224,7 +226,8 @@ FSN_API bool fsn_segment_test_rig(void);
  *  @param[out] sys_errno  of the system, when FSN_E_SYS; may be NULL.
  *  @retval FSN_E_ARG      no such interface, or not a virtual one.
  *  @retval FSN_E_STATE    linked already.
- *  @retval FSN_E_SYS      the system refused: EPERM for a missing CAP_NET_RAW, or CAP_SYS_NICE for
+ *  @retval FSN_E_SYS      the system refused: EMSGSIZE for an MTU below 1500; EPERM for a missing
+ *                         CAP_NET_RAW, or CAP_SYS_NICE for
  *                         the priority; EINVAL for a priority or CPU that does not exist.
  *  Context: set-up. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_link(struct fsn_segment *segment,

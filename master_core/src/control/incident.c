@@ -224,8 +224,8 @@ void fsn_incident_subdevice(struct fsn_control *control, uint32_t number,
         return;
     }
     char text[400];
-    snprintf(text, sizeof text, "SubDevice %.120s: %s: %s", info.name, fsn_found_text(seen->found),
-             seen->detail);
+    snprintf(text, sizeof text, "SubDevice %.120s: %s%s%s", info.name, fsn_found_text(seen->found),
+             seen->detail[0] != 0 ? ": " : "", seen->detail);
     const struct fsn_trigger trigger = {
         .kind = "refused", .subdevice = info.name, .now_ns = now_ns, .text = text};
     (void)fsn_incident_begin(control, &trigger);

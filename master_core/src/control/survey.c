@@ -8,7 +8,7 @@
 #include "internal.h"
 #include "plan_internal.h"
 
-enum { SERIAL = 0x1C, DEVICE_NAME = 0x1008, STATE_BITS = 0x0F };
+enum { VENDOR = 0x10, SERIAL = 0x1C, DEVICE_NAME = 0x1008, STATE_BITS = 0x0F };
 
 void fsn_survey_problem(struct fsn_surveyed *of, const char *format, ...) {
     va_list arguments;
@@ -101,10 +101,13 @@ static void read_sii(struct fsn_surveyed *of, uint8_t *room) {
 
 static void put_identity(struct fsn_surveyed *of, struct fsn_json *json) {
     const struct fsn_bus_member *m = &of->member;
-    if (m->vendor_id != 0 || m->product_code != 0) {
-        fsn_json_put_u64(json, "vendor_id", m->vendor_id);
-        fsn_json_put_u64(json, "product_code", m->product_code);
-        fsn_json_put_u64(json, "revision", m->revision);
+    const uint8_t *sii = of->sii.bytes; /* read with care; what the bus could not read is 0 */
+    const uint32_t vendor = sii != NULL ? fsn_get32(sii + VENDOR) : m->vendor_id;
+    const uint32_t product = sii != NULL ? fsn_get32(sii + VENDOR + 4) : m->product_code;
+    if (vendor != 0 && product != 0) {
+        fsn_json_put_u64(json, "vendor_id", vendor);
+        fsn_json_put_u64(json, "product_code", product);
+        fsn_json_put_u64(json, "revision", sii != NULL ? fsn_get32(sii + VENDOR + 8) : m->revision);
     } else {
         fsn_survey_problem(of, "its identity cannot be read: the SII is empty or does not answer");
     }

@@ -225,6 +225,7 @@ static void look_at_subdevices(struct fsn_control *control, uint64_t now_ns) {
 static void wkc_text(const struct fsn_seen *seen, const struct fsn_statistics *s, char *text,
                      size_t room_bytes) {
     const uint64_t late = s->old_replies - seen->old_replies;
+    const uint64_t unsent = s->unsent_frames - seen->unsent_frames;
     const uint64_t left_out = s->overruns - seen->overruns;
     int len = snprintf(text, room_bytes,
                        "working counter %u of %u; since the last line %" PRIu64
@@ -236,8 +237,12 @@ static void wkc_text(const struct fsn_seen *seen, const struct fsn_statistics *s
                         ", %" PRIu64 " replies late: the cycle is short for this bus", late);
     }
     if (left_out > 0) {
-        snprintf(text + len, room_bytes - (size_t)len,
-                 ", %" PRIu64 " cycles left out: this machine came too late", left_out);
+        len += snprintf(text + len, room_bytes - (size_t)len,
+                        ", %" PRIu64 " cycles left out: this machine came too late", left_out);
+    }
+    if (unsent > 0) {
+        snprintf(text + len, room_bytes - (size_t)len, ", %" PRIu64 " frames not sent: %s", unsent,
+                 strerror((int)s->send_errno));
     }
 }
 
@@ -266,6 +271,7 @@ static void look_at_wkc(struct fsn_control *control, uint64_t now_ns) {
         seen->wkc_errors = s->wkc_errors;
         seen->lost_frames = s->lost_frames;
         seen->old_replies = s->old_replies;
+        seen->unsent_frames = s->unsent_frames;
         seen->overruns = s->overruns;
         seen->wkc_told_ns = now_ns;
     }

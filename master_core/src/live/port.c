@@ -30,6 +30,7 @@ enum {
     ETHERCAT = 0x88A4,
     CYCLIC_BUFFER_BYTES = 4 << 20,
     EAR_BYTES = 64, /**< of each foreign frame: nobody reads them */
+    ETHERNET_BYTES = 1500,
 };
 
 static fsn_status refuse_system(struct fsn_fault *fault, const char *interface, const char *rule) {
@@ -123,6 +124,23 @@ static int bind_to(int fd, unsigned number, uint16_t protocol) {
     return bind(fd, (const struct sockaddr *)&at, sizeof at);
 }
 
+/** A frame that is longer than the MTU is refused one by one, by us or by the other end of a pair.
+ */
+static fsn_status check_mtu(const char *interface, int fd, struct fsn_fault *fault) {
+    struct ifreq request = {0};
+    snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
+    if (ioctl(fd, SIOCGIFMTU, &request) != 0 || request.ifr_mtu >= ETHERNET_BYTES) {
+        return FSN_OK;
+    }
+    fsn_refuse_all(fault, FSN_E_SYS, "EtherCAT frames do not fit through the interface");
+    if (fault != NULL) {
+        fault->sys_errno = EMSGSIZE;
+        snprintf(fault->detail, sizeof fault->detail, "%s has an MTU of %d, they need %d",
+                 interface, request.ifr_mtu, ETHERNET_BYTES);
+    }
+    return FSN_E_SYS;
+}
+
 /** Opens a raw EtherCAT socket that hears nothing yet. */
 static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
                            struct fsn_fault *fault) {
@@ -133,7 +151,15 @@ static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
         return refuse_system(fault, interface, "there is no such interface");
     }
     *fd = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0);
-    return *fd < 0 ? refuse_system(fault, interface, "no raw socket could be opened") : FSN_OK;
+    if (*fd < 0) {
+        return refuse_system(fault, interface, "no raw socket could be opened");
+    }
+    const fsn_status status = check_mtu(interface, *fd, fault);
+    if (status != FSN_OK) {
+        close(*fd);
+        *fd = -1;
+    }
+    return status;
 }
 
 uint16_t fsn_port_tag(const char *interface) {
@@ -276,6 +302,38 @@ fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn
     snprintf(text, sizeof text, ": %u EtherCAT packets within %u ms that are not ours", heard,
              (unsigned)(listen_ns / 1000000u));
     return refuse_detail(fault, FSN_E_BUS_BUSY, interface, text);
+}
+
+int fsn_port_try(const char *interface) {
+    uint8_t nop[60] = {0xFF,
+                       0xFF,
+                       0xFF,
+                       0xFF,
+                       0xFF,
+                       0xFF,
+                       FSN_PORT_OURS >> 8,
+                       FSN_PORT_OURS & 0xFF,
+                       0,
+                       0,
+                       0,
+                       0,
+                       ETHERCAT >> 8,
+                       ETHERCAT & 0xFF,
+                       0x0D,
+                       0x10};
+    unsigned number;
+    int fd;
+    nop[22] = 1; /* one byte */
+    if (open_raw(interface, &fd, &number, NULL) != FSN_OK) {
+        return errno;
+    }
+    const struct sockaddr_ll at = {
+        .sll_family = AF_PACKET, .sll_protocol = htons(ETHERCAT), .sll_ifindex = (int)number};
+    const bool sent = sendto(fd, nop, sizeof nop, MSG_DONTWAIT, (const struct sockaddr *)&at,
+                             sizeof at) == (ssize_t)sizeof nop;
+    const int error = errno;
+    close(fd);
+    return sent ? 0 : error;
 }
 
 bool fsn_port_has_link(const char *interface) {

@@ -46,6 +46,9 @@ fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fau
  *  @retval FSN_E_BUS_BUSY  it does; the detail says what was heard. */
 fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn_fault *fault);
 
+/** Sends a frame that no SubDevice touches; returns 0, or errno when it cannot be sent. */
+int fsn_port_try(const char *interface);
+
 /** Whether the interface is up and has a link. */
 bool fsn_port_has_link(const char *interface);
 

@@ -52,6 +52,8 @@ static void clear_input(struct fsn_rt *rt) {
     rt->input.lost_frames = 0;
     rt->input.old_replies = 0;
     rt->input.foreign_frames = 0;
+    rt->input.unsent_frames = 0;
+    rt->input.send_errno = 0;
     rt->input.round_trip_ns = 0;
     rt->input.dc_time_ns = 0;
 }
@@ -72,6 +74,8 @@ static void judge_input(struct fsn_rt *rt) {
     s->lost_frames += rt->input.lost_frames;
     s->old_replies += rt->input.old_replies;
     s->foreign_frames += rt->input.foreign_frames;
+    s->unsent_frames += rt->input.unsent_frames;
+    s->send_errno = (uint32_t)rt->input.send_errno;
     if (rt->input.dc_time_ns != 0) {
         s->dc_time_ns = rt->input.dc_time_ns;
     }

@@ -53,6 +53,7 @@ static uint8_t index_of(uint32_t frame, uint32_t port) {
 }
 
 void fsn_wire_send(struct fsn_wire *wire) {
+    wire->unsent = 0;
     wire->cycle = wire->cycle == UINT32_MAX ? 1 : wire->cycle + 1;
     const bool with_dc = wire->dc_every > 0 && wire->dc_left == 0;
     wire->dc_left = with_dc ? wire->dc_every - 1 : wire->dc_left - (wire->dc_left > 0);
@@ -79,7 +80,10 @@ void fsn_wire_send(struct fsn_wire *wire) {
             set_index(frame, index_of(f, port));
             frame->back[port] = false;
             /* A frame that cannot be sent is one that does not come back. */
-            (void)!send(wire->sockets[port], frame->sent, frame->len_bytes, MSG_DONTWAIT);
+            if (send(wire->sockets[port], frame->sent, frame->len_bytes, MSG_DONTWAIT) < 0) {
+                wire->unsent++;
+                wire->send_errno = errno;
+            }
         }
     }
 }
@@ -293,6 +297,8 @@ void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input) {
     const uint64_t foreign = atomic_load_explicit(&wire->foreign, memory_order_relaxed);
     input->foreign_frames = (uint32_t)(foreign - wire->foreign_told);
     wire->foreign_told = foreign;
+    input->unsent_frames = wire->unsent;
+    input->send_errno = wire->send_errno;
     const uint64_t last_ns = collect(wire, input);
     if (last_ns > wire->sent_ns) {
         input->round_trip_ns = last_ns - wire->sent_ns;

@@ -69,6 +69,8 @@ struct fsn_wire {
      */
     _Atomic uint64_t foreign;
     uint64_t foreign_told;   /**< of them, in an input */
+    uint32_t unsent;         /**< frames of the last send that the system refused */
+    int send_errno;          /**< why, the last time */
     _Atomic uint8_t crossed; /**< with two ports: 1 while the ring is closed */
 };
 

@@ -69,7 +69,7 @@ static void put_general(struct writer *w, bool has_mailbox) {
     const size_t start = begin_category(w, 30);
     for (unsigned i = 0; i < 32; i++) {
         const bool name = i == 0 || i == 2 || i == 3; /* group, order and name: the one string */
-        const uint8_t coe = has_mailbox ? 0x23 : 0;   /* SDO, SDO information, complete access */
+        const uint8_t coe = has_mailbox ? 0x21 : 0;   /* SDO, complete access */
         put8(w, name ? 1 : i == 5 ? coe : 0);
     }
     end_category(w, start);
@@ -124,6 +124,7 @@ static void put_pdos(struct writer *w, const struct fsn_plan *plan, uint32_t sm)
 static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bool has_mailbox) {
     esc_put16(w->bytes, 0x0005); /* PDI control */
     esc_put16(w->bytes + 8, info->position == 0 || info->alias != 0 ? info->alias : 0);
+    w->bytes[14] = fsn_sii_checksum(w->bytes);
     esc_put32(w->bytes + 16, info->vendor_id);
     esc_put32(w->bytes + 20, info->product_code);
     esc_put32(w->bytes + 24, info->revision_low);

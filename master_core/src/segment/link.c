@@ -18,7 +18,14 @@
 
 #include "segment_internal.h"
 
-enum { ETHERTYPE = 0x88A4, WAIT_NS = 5000000, CARRIER_NS = 20000000, MAX_FRAME = 2048, PORTS = 2 };
+enum {
+    ETHERTYPE = 0x88A4,
+    WAIT_NS = 5000000,
+    CARRIER_NS = 20000000,
+    MAX_FRAME = 2048,
+    PORTS = 2,
+    ETHERNET_BYTES = 1500
+};
 
 #ifndef PACKET_IGNORE_OUTGOING
 #define PACKET_IGNORE_OUTGOING 23
@@ -73,8 +80,13 @@ static void answer(struct fsn_segment *s) {
             return;
         }
         const uint64_t end = clock_ns();
-        (void)!send(s->sockets[port], frame, len, 0);
+        const bool sent = send(s->sockets[port], frame, len, 0) >= 0;
+        const int error = errno;
         pthread_mutex_lock(&s->lock);
+        if (!sent) {
+            s->counts.unsent++;
+            s->counts.send_errno = error;
+        }
         s->counts.work_ns += end - start;
         pthread_mutex_unlock(&s->lock);
     }
@@ -146,6 +158,12 @@ static fsn_status open_socket(int *socket_fd, const char *interface, bool takes_
     }
     if (!is_virtual(*socket_fd, interface) && !takes_real) {
         return FSN_E_ARG;
+    }
+    struct ifreq request = {0};
+    snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
+    if (ioctl(*socket_fd, SIOCGIFMTU, &request) == 0 && request.ifr_mtu < ETHERNET_BYTES) {
+        errno = EMSGSIZE; /* long frames never reach it */
+        return FSN_E_SYS;
     }
     const struct sockaddr_ll address = {
         .sll_family = AF_PACKET, .sll_protocol = htons(ETHERTYPE), .sll_ifindex = (int)index};

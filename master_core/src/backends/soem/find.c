@@ -21,21 +21,6 @@ static uint16_t slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_
     return at < (uint32_t)bus->slave_count ? (uint16_t)(at + 1) : 0;
 }
 
-static void note_identity(struct fsn_soem *bus, struct node *node, uint32_t vendor,
-                          uint32_t product, uint32_t revision) {
-    char detail[FSN_DETAIL_BYTES];
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.vendor_id = vendor;
-    node->seen.product_code = product;
-    node->seen.revision = revision;
-    pthread_mutex_unlock(&bus->seen_lock);
-    if (fsn_check_identity(&node->info, vendor, product, revision, detail)) {
-        soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
-    } else {
-        soem_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
-    }
-}
-
 /** Vendor, product and revision at a position, from its SII. */
 struct identity {
     uint32_t vendor, product, revision;
@@ -64,33 +49,48 @@ static struct identity read_identity(struct fsn_soem *bus, uint16_t slave) {
                              .revision = read_sii(bus, slave, ECT_SII_REV)};
 }
 
+static bool is_planned(const struct node *node, const struct identity *id, char *detail) {
+    return fsn_check_identity(&node->info, id->vendor, id->product, id->revision, detail);
+}
+
 /** Notes who stands at a place. What could not be read are zeros, in any of the three: a device is
  *  another one when a second look finds the same. */
 static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint16_t slave,
                                    struct identity first) {
-    note_identity(bus, node, first.vendor, first.product, first.revision);
-    if (node->seen.found == FSN_FOUND_RIGHT) {
+    char detail[FSN_DETAIL_BYTES];
+    struct identity found = first;
+    bool right = is_planned(node, &found, detail);
+    if (!right) {
+        found = read_identity(bus, slave);
+        right = is_planned(node, &found, detail);
+    }
+    pthread_mutex_lock(&bus->seen_lock);
+    node->seen.vendor_id = found.vendor;
+    node->seen.product_code = found.product;
+    node->seen.revision = found.revision;
+    pthread_mutex_unlock(&bus->seen_lock);
+    if (right) {
+        soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         return FSN_OK;
     }
-    const struct identity again = read_identity(bus, slave);
-    note_identity(bus, node, again.vendor, again.product, again.revision);
-    if (node->seen.found == FSN_FOUND_RIGHT) {
-        return FSN_OK;
-    }
-    if (again.vendor != 0 && again.product != 0 && again.vendor == first.vendor &&
-        again.product == first.product && again.revision == first.revision) {
+    if (found.vendor != 0 && found.product != 0 && memcmp(&found, &first, sizeof found) == 0) {
+        soem_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
         return FSN_E_BUS_IDENTITY;
     }
     soem_note(bus, node, FSN_FOUND_UNKNOWN,
               "its SII could not be read (frames lost or late), or is empty: vendor 0x%08x "
               "product 0x%08x",
-              (unsigned)again.vendor, (unsigned)again.product);
+              (unsigned)found.vendor, (unsigned)found.product);
     return FSN_E_BUS_STATE;
 }
 
 static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
+    const int error = fsn_port_try(bus->interface);
     fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
-    if (fault != NULL) {
+    if (fault != NULL && error != 0 && fsn_port_has_link(bus->interface)) {
+        snprintf(fault->detail, sizeof fault->detail, "frames cannot be sent on %s: %s",
+                 bus->interface, strerror(error));
+    } else if (fault != NULL) {
         snprintf(fault->detail, sizeof fault->detail, "%s %s", bus->interface,
                  fsn_port_has_link(bus->interface)
                      ? "has a link, but no EtherCAT SubDevice behind it answers"
