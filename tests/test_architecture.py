@@ -45,3 +45,9 @@ def test_check_needs_neither_compiled_part_nor_heavy_imports():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_texts_reach_the_terminal_through_one_function():
+    """`click.echo` prints what it is given; two writers make each part printable themselves."""
+    users = {p.name for p in MODULES if re.search(r"click\.(echo|secho)\(", p.read_text("utf-8"))}
+    assert users == {"terminal.py", "output.py", "decode_output.py"}

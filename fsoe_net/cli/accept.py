@@ -14,6 +14,7 @@ from fsoe_net.cli.known import Record, read_record
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import counted
 from fsoe_net.cli.report import read_protocol, since
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, parse_acceptance, read_bytes
@@ -210,24 +211,25 @@ def _readable(record: Acceptance) -> bytes:
 
 def _refuse(refusals: tuple[Refusal, ...]) -> None:
     for refusal in refusals:
-        click.echo(click.style("refused: ", fg="red", bold=True) + refusal.what, err=True)
-        click.echo(f"  next: {refusal.mend}", err=True)
-    click.echo(f"no record written: {counted(len(refusals), 'reason')}", err=True)
+        echo("refused: ", fg="red", bold=True, nl=False, err=True)
+        echo(refusal.what, err=True)
+        echo(f"  next: {refusal.mend}", err=True)
+    echo(f"no record written: {counted(len(refusals), 'reason')}", err=True)
 
 
 def _say(output: str, record: Acceptance, before: Record | None) -> None:
-    click.echo(
+    echo(
         f"{output}: {short_code(record.whole)}, author {record.author.name}, verifier "
         f"{record.verifier.name}, {record.verifier.date}"
     )
     findings, steps = len(record.findings), len(record.steps_left_out)
     if findings or steps:
-        click.echo(
+        echo(
             f"let pass: {counted(findings, 'warning')}, {counted(steps, 'step')} of "
             f"{record.steps}, each by name and reason"
         )
     if before is not None:
         same = before.fingerprint.whole == record.whole
         word = "the same configuration as" if same else "replaces"
-        click.echo(f"{word} {before.source.path}, {before.fingerprint.short}")
-    click.echo("Sign the report; keep it and this record under version control.")
+        echo(f"{word} {before.source.path}, {before.fingerprint.short}")
+    echo("Sign the report; keep it and this record under version control.")

@@ -16,6 +16,7 @@ import click
 
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.options import FOLDER, output_option
+from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import STDOUT, check_target, write_whole
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
@@ -179,12 +180,12 @@ def _try_folder(save_dir: str | None) -> None:
 
 def _write(text: str, output: str | None, *, overwrite: bool) -> None:
     if output is None:
-        click.echo(text)
+        echo(text)
         return
     try:
         write_whole(output, f"{text}\n".encode(), overwrite=overwrite)
     except (EnvironmentFault, InputError):
-        click.echo(text)  # not lost for a full disk, or a file made meanwhile
+        echo(text)  # not lost for a full disk, or a file made meanwhile
         raise
 
 
@@ -203,9 +204,7 @@ def _save(result: CampaignResult, folder: str | None) -> tuple[Saved, Exception 
         return saved, exc
     for case, path in found.items():
         if path is None:
-            click.echo(
-                f"{case[0]}, trial {case[1]}: fails only after a long run, no trace", err=True
-            )
+            echo(f"{case[0]}, trial {case[1]}: fails only after a long run, no trace", err=True)
         else:
             saved[case] = str(path)
     return saved, None
@@ -217,18 +216,17 @@ def _progress(total: int, first: str) -> Iterator[Progress | None]:
     if not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
     # The time goes on by itself, also while a slow device starts up.
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    with Bar(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as bar:
+    with Bar(*columns, console=terminal(err=True), transient=True, redirect_stdout=False) as bar:
         task = bar.add_task(first, total=total)
 
         def show(done: int, _total: int, name: str) -> None:
@@ -240,8 +238,8 @@ def _progress(total: int, first: str) -> Iterator[Progress | None]:
 def _say(result: CampaignResult, elapsed_s: float, output: str | None) -> None:
     done = sum(row.injected for row in result.classes)
     rate = f"{done / elapsed_s:.0f}" if elapsed_s > 0 else "?"
-    click.echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)
+    echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)
     if output is not None and output != STDOUT:
-        click.echo(f"report written to {output}", err=True)
+        echo(f"report written to {output}", err=True)
     if result.interrupted:
-        click.echo("interrupted: the report holds what was done until then", err=True)
+        echo("interrupted: the report holds what was done until then", err=True)

@@ -7,6 +7,7 @@ import click
 from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_option
 from fsoe_net.cli.options import FILE, INTERFACE
 from fsoe_net.cli.output import FORMATS, counted, exit_code, print_diagnostics, summary
+from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, load_scan
@@ -87,7 +88,7 @@ def command(
         found = [d for d in found if d.level is not Severity.INFO]
     print_diagnostics(found, fmt, runtime=present)
     if fmt == "text" and not quiet:
-        click.echo(_verdict(checked, scan))
+        echo(_verdict(checked, scan))
     ctx.exit(exit_code(found))
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import select
 
-import click
-
+from fsoe_net.cli.terminal import echo
 from fsoe_net.run import SegmentSession
 
 __all__ = ["CommandLines"]
@@ -48,4 +47,4 @@ class CommandLines:
         text = line[:_MAX_LINE].decode("utf-8", "replace")
         answer = session.command(text, self._number, now_ns)
         if answer:
-            click.echo(answer, err=True)
+            echo(answer, err=True)

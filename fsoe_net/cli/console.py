@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from fsoe_net.cli.options import FILE, Time, master_options, master_socket
+from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import ConsoleError, FsnError
 from fsoe_net.run.console import COMMANDS, Console, Keeper, complete
 from fsoe_net.run.console.commands_flow import ConsoleEnd
@@ -81,11 +82,11 @@ def command(
 
 
 def _out(text: str) -> None:
-    click.echo(text)
+    echo(text)
 
 
 def _note(text: str) -> None:
-    click.echo(text, err=True)
+    echo(text, err=True)
 
 
 def _standard_input(console: Console) -> None:
@@ -105,7 +106,7 @@ def _unattended(console: Console, run: Callable[[], None]) -> int:
         with contextlib.suppress(ConsoleEnd):
             run()
     except ConsoleError as exc:
-        click.echo(f"error: {exc}", err=True)
+        echo(f"error: {exc}", err=True)
         code = 2 if exc.is_usage else 1
     finally:
         _say_fallback(console)
@@ -117,13 +118,13 @@ def _say_fallback(console: Console) -> None:
     if owned:
         few = " ".join(owned[:8]) + (" …" if len(owned) > 8 else "")
         fall = "1 output falls" if len(owned) == 1 else f"{len(owned)} outputs fall"
-        click.echo(f"this is the end: {fall} back to stop values: {few}", err=True)
+        echo(f"this is the end: {fall} back to stop values: {few}", err=True)
 
 
 def _prompt(console: Console) -> int:
     status = console.keeper.call(lambda client: client.status())
     where = status.interface or status.backend
-    click.echo(f"fsn-master on {where}: {status.state}. help lists commands, quit leaves.")
+    echo(f"fsn-master on {where}: {status.state}. help lists commands, quit leaves.")
     with _line_editor(console):
         while True:
             try:
@@ -132,11 +133,11 @@ def _prompt(console: Console) -> int:
             except (EOFError, ConsoleEnd):
                 break
             except KeyboardInterrupt:
-                click.echo()
+                echo()
             except UnicodeDecodeError:
-                click.echo("error: that was no UTF-8 text", err=True)
+                echo("error: that was no UTF-8 text", err=True)
             except FsnError as exc:
-                click.echo(f"error: {exc}", err=True)
+                echo(f"error: {exc}", err=True)
     _say_fallback(console)
     return 0
 

@@ -12,6 +12,7 @@ import click
 from fsoe_net.cli.convert_eni import renewed_eni
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import STDOUT, write_all, write_whole
 from fsoe_net.diag import Severity, sort_diagnostics
 from fsoe_net.errors import InputError
@@ -147,8 +148,8 @@ def _write(files: dict[str, bytes], output: str, overwrite: bool) -> None:
 
 def _tell(output: str, description: Description, files: int, notes: list[str]) -> None:
     for note in dict.fromkeys(notes):
-        click.echo(f"note: {note}", err=True)
-    click.echo(
+        echo(f"note: {note}", err=True)
+    echo(
         f"{output}: {counted(len(description.subdevices), 'SubDevice')}, "
         f"{counted(len(description.copies), 'copy')}, {counted(files, 'file')}",
         err=output == STDOUT,

@@ -13,6 +13,7 @@ import click
 from fsoe_net.cli.decode_output import CaptureFacts, JsonOutput, Output, Row, TextOutput
 from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.cli.options import FILE, output_option
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import STDOUT, check_target, write_whole
 from fsoe_net.core import Scanner, Sighting
 from fsoe_net.errors import InputError
@@ -123,7 +124,7 @@ def _standard_input() -> io.BufferedReader:
     if sys.stdin is None or sys.stdin.closed:
         raise click.UsageError("no INPUT, and standard input is closed")
     if sys.stdin.isatty():
-        click.echo("hex of FSoE frames, end with Ctrl-D:", err=True)
+        echo("hex of FSoE frames, end with Ctrl-D:", err=True)
     stream = sys.stdin.buffer
     return stream if isinstance(stream, io.BufferedReader) else buffered(stream)
 
@@ -142,7 +143,7 @@ def _write_lua(files: tuple[str, ...], output: str | None, *, overwrite: bool) -
     write_whole(output or STDOUT, text.encode("utf-8"), overwrite=overwrite)
     if output is None or output == STDOUT:
         return
-    click.echo(f"{output}: open a capture with: wireshark -X lua_script:{output} FILE", err=True)
+    echo(f"{output}: open a capture with: wireshark -X lua_script:{output} FILE", err=True)
 
 
 def _decode_hex(texts: Iterable[tuple[str, str]], naming: Naming, out: Output) -> None:

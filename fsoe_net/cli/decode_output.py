@@ -10,7 +10,9 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.output import counted
+from fsoe_net.cli.terminal import echo
 from fsoe_net.core import DirectionSnapshot, FoundConnection, Place, ScanCounts
+from fsoe_net.diag import printable
 from fsoe_net.fsoe import (
     Command,
     OutsideState,
@@ -80,7 +82,8 @@ class _Parts:
         if texts is None:
             if len(self._known) >= _MOST_PARTS:
                 self._known.clear()
-            texts = self._known[key] = self._build(row, data)
+            left, right = self._build(row, data)
+            texts = self._known[key] = printable(left), printable(right)
         return texts
 
 
@@ -166,7 +169,7 @@ class TextOutput:
         if row.verdict is not Verdict.RIGHT:
             crc = click.style(crc, fg=_COLOUR[row.verdict])
         place = "" if typed else f"{row.packet:>8} {row.time_ms:>12.3f}  "
-        note = f"  {row.note}" if row.note else ""
+        note = printable(f"  {row.note}") if row.note else ""
         left, right = self._columns.of(row)
         self._lines.add(f"{place}{left}{crc} {right}{note}\n")
 
@@ -187,26 +190,26 @@ class TextOutput:
         self._lines.flush()
         self._damaged = True
         self.wrong += 1
-        click.echo(f"error: {message}", err=True)
+        echo(f"error: {message}", err=True)
 
     def end_of_frames(self) -> None:
         """Leave a line free."""
         self._lines.flush()
         if self._headed:
-            click.echo()
+            echo()
 
     def found(self, connections: list[Found], counts: ScanCounts, facts: CaptureFacts) -> None:
         """Print one block per connection, or why there is none."""
         for number, (c, names, swapped) in enumerate(connections, start=1):
             for line in _connection_lines(number, c, names, swapped):
-                click.echo(line)
+                echo(line)
         if connections:
-            click.echo(
+            echo(
                 f"{counts.packets} packets, {counts.ethercat} of EtherCAT, "
                 f"{counts.datagrams} answered process data datagrams"
             )
         elif counts.packets or not self._damaged:
-            click.echo(f"{self._source}: no FSoE connection found; {_none_text(counts)}")
+            echo(f"{self._source}: no FSoE connection found; {_none_text(counts)}")
         for number, text in (
             (facts.cut, "packets were captured in part only: capture with -s 0"),
             (facts.other_links, "packets of interfaces that are not Ethernet left out"),
@@ -214,7 +217,7 @@ class TextOutput:
             (counts.dropped, "datagrams or places were not looked at: too many at once"),
         ):
             if number:
-                click.echo(f"{number} {text}")
+                echo(f"{number} {text}")
 
     def end(self) -> None:
         """Nothing is left to print."""
@@ -294,12 +297,12 @@ class JsonOutput:
         self._lines = _Lines()
         self._parts = _Parts(self._constant)
         head = json.dumps({"tool": "fsoe-net", "version": __version__})
-        click.echo(head[:-1] + ', "sources": [', nl=False)
+        echo(head[:-1] + ', "sources": [', nl=False)
 
     def begin(self, source: str) -> None:
         """Open the object of a source."""
-        click.echo("," if self._sources else "")
-        click.echo(f'{{"source": {json.dumps(source)}, "frames": [', nl=False)
+        echo("," if self._sources else "")
+        echo(f'{{"source": {json.dumps(source)}, "frames": [', nl=False)
         self._sources, self._rows, self._damage = self._sources + 1, 0, None
 
     def row(self, row: Row) -> None:
@@ -341,12 +344,12 @@ class JsonOutput:
         """Keep the message for the object of the source."""
         self.wrong += 1
         self._damage = message
-        click.echo(f"error: {message}", err=True)
+        echo(f"error: {message}", err=True)
 
     def end_of_frames(self) -> None:
         """Close the list, and of hex the object."""
         self._lines.flush()
-        click.echo("]", nl=False)
+        echo("]", nl=False)
         self._open = True
 
     def found(self, connections: list[Found], counts: ScanCounts, facts: CaptureFacts) -> None:
@@ -388,12 +391,12 @@ class JsonOutput:
             "packets_of_other_links": facts.other_links,
             "dropped_places": counts.dropped,
         }
-        click.echo(", " + json.dumps(tail, indent=1)[1:], nl=False)
+        echo(", " + json.dumps(tail, indent=1)[1:], nl=False)
         self._open = False
 
     def end(self) -> None:
         """Close the document."""
-        click.echo(("}" if self._open else "") + "]}")
+        echo(("}" if self._open else "") + "]}")
 
 
 def _counts_json(d: DirectionSnapshot) -> dict[str, object]:

@@ -9,6 +9,7 @@ import click
 
 from fsoe_net.cli.options import FILE
 from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
 from fsoe_net.load import load_library
@@ -61,11 +62,11 @@ def command(name: str | None, own: tuple[str, ...], fmt: str) -> None:
     shown = library.devices if name is None else (_named(library, name),)
     if fmt == "json":
         rows = [_json(d) for d in shown]
-        click.echo(json.dumps({"devices": rows}, indent=2, ensure_ascii=False))
+        echo(json.dumps({"devices": rows}, indent=2, ensure_ascii=False))
     elif name is None:
-        click.echo("\n".join(_list(shown)))
+        echo("\n".join(_list(shown)))
     else:
-        click.echo("\n".join(_page(shown[0])))
+        echo("\n".join(_page(shown[0])))
 
 
 def _named(library: Library, name: str) -> LibraryDevice:

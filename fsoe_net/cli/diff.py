@@ -10,6 +10,7 @@ import click
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE
 from fsoe_net.cli.output import counted
+from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import (
@@ -147,14 +148,14 @@ def _judged(side: Side | None, out: Collector) -> tuple[Side | None, list[Diagno
 
 
 def _print_text(a: Side, b: Side, difference: Difference) -> None:
-    click.echo(f"A: {a.path} ({a.format}), {counted(len(a.subdevices), 'SubDevice')}")
-    click.echo(f"B: {b.path} ({b.format}), {counted(len(b.subdevices), 'SubDevice')}")
+    echo(f"A: {a.path} ({a.format}), {counted(len(a.subdevices), 'SubDevice')}")
+    echo(f"B: {b.path} ({b.format}), {counted(len(b.subdevices), 'SubDevice')}")
     for change in difference.changes:
-        click.echo(click.style(change_line(change), fg=_COLOUR.get(change.kind, "yellow")))
+        echo(change_line(change), fg=_COLOUR.get(change.kind, "yellow"))
     for words in difference.not_compared:
-        click.echo(f"not compared: {words}")
+        echo(f"not compared: {words}")
     count = len(difference.changes)
-    click.echo(counted(count, "difference") if count else "no difference")
+    echo(counted(count, "difference") if count else "no difference")
 
 
 def change_line(change: Change) -> str:
@@ -201,4 +202,4 @@ def _print_json(a: Side, b: Side, difference: Difference) -> None:
         ],
         "not_compared": list(difference.not_compared),
     }
-    click.echo(json.dumps(document, indent=2, ensure_ascii=False))
+    echo(json.dumps(document, indent=2, ensure_ascii=False))

@@ -10,6 +10,7 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.options import INTERFACE
 from fsoe_net.cli.output import counted
+from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.host import Examination, Finding, Host, Level, Unreadable, examine
 
@@ -52,7 +53,7 @@ def command(ctx: click.Context, interface: str | None, fmt: str) -> None:
     except Unreadable as exc:
         raise EnvironmentFault(f"this machine cannot be looked at: {exc}") from exc
     if fmt == "json":
-        click.echo(json.dumps(found.to_json(__version__), indent=2, ensure_ascii=False))
+        echo(json.dumps(found.to_json(__version__), indent=2, ensure_ascii=False))
     else:
         _print(found)
     ctx.exit(0 if found.healthy else 1)
@@ -69,7 +70,6 @@ def _program() -> str | None:
 
 def _print(found: Examination) -> None:
     from rich import box
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -80,9 +80,7 @@ def _print(found: Examination) -> None:
     table.add_column("found", overflow="fold")
     for f in found.findings:
         table.add_row(Text(f.level.value, style=_STYLE[f.level]), Text(f.name), Text(f.text))
-    console = Console(soft_wrap=False)
-    if not console.is_terminal:
-        console = Console(width=_WIDTH)
+    console = terminal(width=_WIDTH)
     console.print(table)
     for level in (Level.BAD, Level.WARNING, Level.NOTE):
         for f in found.findings:
@@ -90,8 +88,8 @@ def _print(found: Examination) -> None:
                 console.print(
                     f"{level.value}[{f.name}]:", style=_STYLE[level], end=" ", markup=False
                 )
-                click.echo(_advice(f))
-    click.echo(_verdict(found))
+                echo(_advice(f))
+    echo(_verdict(found))
 
 
 def _advice(finding: Finding) -> str:

@@ -15,6 +15,7 @@ from fsoe_net.cli.options import FILE, INTERFACE, RUN_TIME
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.run import scenario_of
 from fsoe_net.cli.run_output import print_events
+from fsoe_net.cli.terminal import echo
 from fsoe_net.core import SegmentLink, is_test_rig
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import LoadOptions
@@ -130,9 +131,7 @@ def command(
         no_machine_on_this_wire=vouched,
     )
     where = interface if redundant is None else f"{interface} and {redundant}, a ring"
-    click.echo(
-        f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it", err=True
-    )
+    echo(f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it", err=True)
     result = serve(
         session,
         link,
@@ -141,7 +140,7 @@ def command(
     )
     if fmt == "json":
         document = {"tool": "fsoe-net", "version": __version__} | asdict(result)
-        click.echo(json.dumps(document, indent=2, ensure_ascii=False))
+        echo(json.dumps(document, indent=2, ensure_ascii=False))
     else:
         _print(result)
     ctx.exit(0 if result.passed else 1)
@@ -160,7 +159,7 @@ def _check_rig(vouched: bool) -> None:
                 "a test rig is built with -DFSN_TEST_RIG=ON"
             )
         return
-    click.echo(_BANNER, err=True)
+    echo(_BANNER, err=True)
     if not vouched:
         raise EnvironmentFault(
             "a test rig may answer on a real interface; look at the cable, then repeat with "
@@ -170,24 +169,24 @@ def _check_rig(vouched: bool) -> None:
 
 def _print(result: EmulateResult) -> None:
     print_events(result.events)
-    click.echo()
+    echo()
     for name, status in result.states.items():
         error = f", error 0x{status.code:04x}" if status.error else ""
-        click.echo(f"{name:24} {status.state}{error}")
+        echo(f"{name:24} {status.state}{error}")
     for name, word in result.connections.items():
-        click.echo(f"{name:24} {state_text(word)}")
+        echo(f"{name:24} {state_text(word)}")
     c = result.counts
     if c.frames:
         own = f", {c.work_ns / c.frames / 1000:.1f} us each"
     else:
         own = ": no MainDevice spoke on this interface"
-    click.echo(f"\n{c.frames} frames answered{own}")
+    echo(f"\n{c.frames} frames answered{own}")
     if c.unsent:
-        click.echo(f"{c.unsent} answers could not be sent: {os.strerror(c.send_errno)}")
+        echo(f"{c.unsent} answers could not be sent: {os.strerror(c.send_errno)}")
     if not result.verdicts and not result.passed and c.frames:
         in_op = all(status.state == "OP" for status in result.states.values())
         missing = "copied the FSoE frames between them" if in_op else "brought all of them to OP"
-        click.echo(f"not every connection is in Data: no MainDevice has {missing}")
+        echo(f"not every connection is in Data: no MainDevice has {missing}")
     for verdict in result.verdicts:
         if not verdict.held:
-            click.echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")
+            echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")

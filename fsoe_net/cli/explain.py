@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
+from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import CATALOGUE, nearest_code
 from fsoe_net.rules import effects_today
 
@@ -57,7 +58,7 @@ def command(code: str | None) -> None:
     """Say what a finding means, why it matters and how to mend it; without CODE list all codes."""
     if code is None:
         for info in CATALOGUE.values():
-            click.echo(f"{info.code}  {info.severity:7}  {info.title}")
+            echo(f"{info.code}  {info.severity:7}  {info.title}")
         return
     known = nearest_code(code)
     if known is None or known[3:] != code.strip().upper().removeprefix("FSN"):
@@ -74,4 +75,4 @@ def command(code: str | None) -> None:
 
         rich.console.Console().print(rich.markdown.Markdown(text))
     else:
-        click.echo(text)
+        echo(text)

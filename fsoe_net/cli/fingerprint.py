@@ -8,6 +8,7 @@ import click
 
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.known import Known, read_known
+from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions
 from fsoe_net.plan import SECTIONS
@@ -48,13 +49,13 @@ def command(
     """
     known = read_known(files, loading)
     if section is not None:
-        click.echo(_section(known, section), nl=False)
+        echo(_section(known, section), nl=False)
     elif fmt == "json":
-        click.echo(json.dumps(known.fingerprint.to_json(), indent=2))
+        echo(json.dumps(known.fingerprint.to_json(), indent=2))
     else:
-        click.echo(f"{known.fingerprint.short}\nwhole             {known.fingerprint.whole}")
+        echo(f"{known.fingerprint.short}\nwhole             {known.fingerprint.whole}")
         for name, digest in known.fingerprint.sections.items():
-            click.echo(f"{name:<17} {digest}")
+            echo(f"{name:<17} {digest}")
 
 
 def _section(known: Known, name: str) -> str:

@@ -8,6 +8,7 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.options import FILE, output_option
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.load import open_file
 from fsoe_net.observe import IncidentReader
@@ -53,7 +54,7 @@ def command(ctx: click.Context, file: str, fmt: str, output: str | None, overwri
     else:
         text = incident_text(story) + "\n"
     if output is None:
-        click.echo(text, nl=False)
+        echo(text, nl=False)
     else:
         write_whole(output, text.encode("utf-8"), overwrite=overwrite)
     ctx.exit(0 if story.verdicts.likely else 1)

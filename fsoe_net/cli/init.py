@@ -15,6 +15,7 @@ from fsoe_net.cli.inputs import check_files, reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.output import counted, print_diagnostics, summary
 from fsoe_net.cli.proposing import Inputs, Made, make_proposal, question_findings
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import write_all
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import EnvironmentFault, InputError
@@ -103,7 +104,7 @@ def command(
     if template:
         made = make_proposal(inputs, answers)
         _refuse(made)
-        click.echo(answers_template(made, inputs, answers_file), nl=False)
+        echo(answers_template(made, inputs, answers_file), nl=False)
         return
     asking = not no_input and sys.stdin.isatty()
     made = _answered(inputs, answers, asking=asking)
@@ -184,11 +185,11 @@ def _finish(made: Made, inputs: Inputs, folder: Path, *, overwrite: bool) -> boo
     files = {name: text.encode("utf-8") for name, text in written.files.items()}
     write_all(folder, files, overwrite=overwrite)
     for note in dict.fromkeys((*made.notes, *written.notes)):
-        click.echo(f"note: {note}", err=True)
+        echo(f"note: {note}", err=True)
     network = folder / "network.yaml"
     rows = description.connections
     unconfirmed = sum(bool(r.unconfirmed) for r in rows)
-    click.echo(
+    echo(
         f"{network}: {counted(len(description.subdevices), 'SubDevice')}, "
         f"{counted(len(rows), 'FSoE connection')}, {unconfirmed} of them unconfirmed, "
         f"{counted(len(written.files), 'file')}"
@@ -197,11 +198,11 @@ def _finish(made: Made, inputs: Inputs, folder: Path, *, overwrite: bool) -> boo
     found = [d for d in checked.diagnostics if d.level is not Severity.INFO]
     print_diagnostics(found)
     if made.open:
-        click.echo("\nOpen:")
+        echo("\nOpen:")
     for text in made.open:
-        click.echo(f"  - {text}")
+        echo(f"  - {text}")
     errors = sum(d.level is Severity.ERROR for d in found)
-    click.echo(
+    echo(
         f"\nNext: {'complete' if errors or made.open else 'read'} {network}, "
         f"then fsoe-net check {network}" + (f"   ({summary(found)} now)" if found else "")
     )

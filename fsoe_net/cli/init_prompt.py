@@ -8,6 +8,7 @@ from dataclasses import replace
 import click
 
 from fsoe_net.cli.proposing import Made
+from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Span
 from fsoe_net.model import (
     AnsweredConnection,
@@ -37,16 +38,16 @@ def ask(question: Question, answers: Answers, made: Made) -> Answers:
     Raises:
         click.Abort: The user wants to stop (Ctrl-D, Ctrl-C).
     """
-    click.echo(f"\n{question.text}", err=True)
+    echo(f"\n{question.text}", err=True)
     for fact in question.facts:
-        click.echo(f"  {fact}", err=True)
+        echo(f"  {fact}", err=True)
     for number, (word, meaning) in enumerate(question.choices, 1):
-        click.echo(f"  {number}) {word}" + (f": {meaning}" if meaning else ""), err=True)
+        echo(f"  {number}) {word}" + (f": {meaning}" if meaning else ""), err=True)
     while True:
         try:
             text = click.prompt(_hint(question), default="", show_default=False, err=True).strip()
         except click.Abort:
-            click.echo("\nnothing written", err=True)
+            echo("\nnothing written", err=True)
             raise
         if not text and question.ask is not Ask.SUBDEVICES:
             return replace(answers, passed=answers.passed | {question.key})
@@ -57,7 +58,7 @@ def ask(question: Question, answers: Answers, made: Made) -> Answers:
         )
         if found is not None:
             return found
-        click.echo("That is none of the answers.", err=True)
+        echo("That is none of the answers.", err=True)
 
 
 def _hint(question: Question) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 
 import click
 
 from fsoe_net import __version__
+from fsoe_net.cli.terminal import echo
+from fsoe_net.diag import printable
 from fsoe_net.errors import FsnError, InputError
 
 __all__ = ["main"]
@@ -108,19 +111,21 @@ def main() -> None:
     try:
         sys.exit(cli.main(standalone_mode=False) or 0)
     except click.ClickException as exc:
-        exc.show()
+        shown = io.StringIO()
+        exc.show(shown)
+        echo(shown.getvalue(), nl=False, err=True)
         sys.exit(exc.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted", err=True)
+        echo("interrupted", err=True)
         sys.exit(130)
     except InputError as exc:
         from fsoe_net.cli.output import print_diagnostics
 
-        click.echo(f"error: {exc}", err=True)
+        echo(printable(f"error: {exc}"), err=True)
         print_diagnostics(exc.diagnostics, err=True)
         sys.exit(exc.exit_code)
     except FsnError as exc:
-        click.echo(f"error: {exc}", err=True)
+        echo(printable(f"error: {exc}"), err=True)
         sys.exit(exc.exit_code)
     except BrokenPipeError:
         # The reader (`| head`) has gone; that is no error of ours.
@@ -128,5 +133,5 @@ def main() -> None:
         sys.exit(0)
     except OSError as exc:
         name = f"{exc.filename}: " if exc.filename else ""
-        click.echo(f"error: {name}{exc.strerror or exc}", err=True)
+        echo(printable(f"error: {name}{exc.strerror or exc}"), err=True)
         sys.exit(3)

@@ -16,6 +16,7 @@ from fsoe_net import __version__
 from fsoe_net.cli.monitor_output import bus_view
 from fsoe_net.cli.options import FILE, RUN_TIME, master_options, master_socket, overwrite_option
 from fsoe_net.cli.run_output import event_line, interesting
+from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run import Attachment, BusView, LiveCapture, RunEvent
@@ -96,11 +97,11 @@ def command(
             recorded = recorder
     if fmt == "json":
         document = _document(view, path, capture, recorded)
-        click.echo(json.dumps(document, indent=2, ensure_ascii=False))
+        echo(json.dumps(document, indent=2, ensure_ascii=False))
     else:
         _console().print(bus_view(view))
         if recorded is not None:
-            click.echo(_captured(recorded, capture))
+            echo(_captured(recorded, capture))
     ctx.exit(0 if view.good else 1)
 
 
@@ -122,7 +123,7 @@ def _capture(
     except OSError as exc:
         raise EnvironmentFault(f"cannot write {capture}: {exc.strerror}") from exc
     if recorder.rebuilt and not rebuild:
-        click.echo(f"the capture is rebuilt from the process image: {recorder.rebuilt}", err=True)
+        echo(f"the capture is rebuilt from the process image: {recorder.rebuilt}", err=True)
     return recorder
 
 
@@ -166,17 +167,14 @@ def _follow(
 
 def _tell(event: RunEvent, display: Live | None) -> None:
     if display is None:
-        click.echo(event_line(event))
+        echo(event_line(event))
         sys.stdout.flush()
     else:
         display.console.print(event_line(event), markup=False, highlight=False)
 
 
 def _console() -> Console:
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(width=_WIDTH, highlight=False)
+    return terminal(width=_WIDTH)
 
 
 def _captured(recorder: LiveCapture, path: str | None) -> str:

@@ -10,7 +10,8 @@ from urllib.parse import quote
 import click
 
 from fsoe_net import __version__
-from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
+from fsoe_net.cli.terminal import echo
+from fsoe_net.diag import CATALOGUE, Diagnostic, Severity, printable
 from fsoe_net.rules import Runtime, effect_today
 
 __all__ = ["FORMATS", "counted", "exit_code", "print_diagnostics", "summary"]
@@ -65,12 +66,12 @@ def print_diagnostics(
         runtime: Adds what this runtime does today with each mistake.
     """
     if fmt == "json":
-        click.echo(json.dumps(_json(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
+        echo(json.dumps(_json(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
     elif fmt == "sarif":
-        click.echo(json.dumps(_sarif(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
+        echo(json.dumps(_sarif(diagnostics, runtime), indent=2, ensure_ascii=False), err=err)
     elif fmt == "github":
         for diagnostic in diagnostics:
-            click.echo(_github(diagnostic, runtime), err=err)
+            echo(_github(diagnostic, runtime), err=err)
     else:
         _print_text(diagnostics, runtime, err=err)
 
@@ -85,15 +86,15 @@ def _print_text(diagnostics: Sequence[Diagnostic], runtime: Runtime, *, err: boo
     for code, count in sorted(counts.items()):
         if count > _MOST_OF_A_CODE:
             more = f"{code}: {count - _MOST_OF_A_CODE} more ({CATALOGUE[code].title})"
-            click.echo(f"{more}; `fsoe-net check --format json` lists all", err=err)
+            echo(f"{more}; `fsoe-net check --format json` lists all", err=err)
 
 
 def _text(d: Diagnostic, runtime: Runtime) -> str:
     level = click.style(f"{d.level.value}[{d.code}]", fg=_COLOUR[d.level], bold=True)
-    lines = [f"{d.span}: {level}: {d.message}"]
-    lines += [f"  see {r.span}: {r.message}" for r in d.related]
+    lines = [f"{printable(str(d.span))}: {level}: {printable(d.message)}"]
+    lines += [printable(f"  see {r.span}: {r.message}") for r in d.related]
     if d.hint:
-        lines.append(f"  hint: {d.hint}")
+        lines.append(printable(f"  hint: {d.hint}"))
     today = effect_today(d.code, runtime)
     if today and d.level is not Severity.INFO:
         lines.append(f"  today: {runtime.value} {today}")

@@ -9,6 +9,7 @@ import click
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.options import output_option
 from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import STDOUT, check_target, write_whole
 from fsoe_net.diag import Severity, without_collector
 from fsoe_net.errors import InputError
@@ -75,11 +76,11 @@ def command(
     plan = compile_plan(resolution)
     if output is None:
         _show(plan, image, fmt)
-        click.echo("not written; -o FILE writes it", err=True)
+        echo("not written; -o FILE writes it", err=True)
         return
     data = plan.to_bytes()
     write_whole(output, data, overwrite=overwrite)
-    click.echo(
+    echo(
         f"{output}: {len(data)} bytes, {counted(len(plan.copies), 'copy')}, "
         f"{counted(len(plan.connections), 'connection')}, "
         f"fingerprint {fingerprint_of(plan).short}",
@@ -102,8 +103,8 @@ def _read(files: tuple[str, ...]) -> Plan:
 
 def _show(plan: Plan, image: str | None, fmt: str) -> None:
     if fmt == "json":
-        click.echo(json.dumps(plan_json(plan), indent=2, ensure_ascii=False))
+        echo(json.dumps(plan_json(plan), indent=2, ensure_ascii=False))
     elif image == "igh":
-        click.echo(igh_text(plan))
+        echo(igh_text(plan))
     else:
-        click.echo(plan_text(plan))
+        echo(plan_text(plan))

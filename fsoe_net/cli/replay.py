@@ -10,6 +10,7 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.options import FILE
 from fsoe_net.cli.output import counted
+from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError, RecordingError
 from fsoe_net.fsoe.recording import ReplayResult, file_lines, replay
 from fsoe_net.fsoe.recording.difference import Difference, differing_bytes, explain
@@ -65,7 +66,7 @@ def command(ctx: click.Context, files: tuple[str, ...], fmt: str) -> None:
             "replays": all(outcome.replays for outcome in outcomes),
             "files": [_json(outcome) for outcome in outcomes],
         }
-        click.echo(json.dumps(document, indent=2))
+        echo(json.dumps(document, indent=2))
     ctx.exit(int(not all(outcome.replays for outcome in outcomes)))
 
 
@@ -85,26 +86,26 @@ def _print_outcome(outcome: _Outcome) -> None:
     result = outcome.result
     if result is None:
         place = f"{outcome.file}:{outcome.line}" if outcome.line else outcome.file
-        click.echo(f"{place}: {outcome.reason}", err=True)
+        echo(f"{place}: {outcome.reason}", err=True)
         return
     if outcome.replays:
-        click.echo(
+        echo(
             f"{outcome.file}: replays: {counted(result.compared, 'call')} compared, "
             f"{result.tolerated} tolerated"
         )
         return
     first = result.differences[0]
     head, *rest = explain(first)
-    click.echo(f"{outcome.file}:{first.line}: {head}")
+    echo(f"{outcome.file}:{first.line}: {head}")
     for line in rest:
-        click.echo(line)
+        echo(line)
     if result.differing > 1:
         more = (
             "1 more value differs"
             if result.differing == 2
             else (f"{result.differing - 1} more values differ")
         )
-        click.echo(f"  {more}; {counted(result.compared, 'call')} compared")
+        echo(f"  {more}; {counted(result.compared, 'call')} compared")
 
 
 def _json(outcome: _Outcome) -> dict[str, object]:

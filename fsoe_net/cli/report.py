@@ -17,6 +17,7 @@ from fsoe_net.cli.inputs import Checked, check_files, input_options, library_of,
 from fsoe_net.cli.known import Record, read_record
 from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
 from fsoe_net.cli.output import print_diagnostics, summary
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
@@ -174,9 +175,9 @@ def command(
     misfit = tried is not None and not tried.fits
     if misfit:
         verdict += "; the test protocol CANNOT BE TAKEN as it is"
-    click.echo(f"{output}: {document.verdict.word}{verdict}")
+    echo(f"{output}: {document.verdict.word}{verdict}")
     for title, stands in document.against:
-        click.echo(f"  against it: {title}: {stands.word}")
+        echo(f"  against it: {title}: {stands.word}")
     ctx.exit(int(errors or misfit or (result is not None and not result.passed)))
 
 

@@ -22,6 +22,7 @@ from fsoe_net.cli.run_output import (
     print_result,
     write_timing,
 )
+from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.core import Snapshot
 from fsoe_net.diag import Severity
@@ -247,7 +248,7 @@ def command(
         period_ns = device_period_ns or 1_000_000
         result = _emulated(resolution, duration_ns, wanted, period_ns, virtual=virtual_time)
     if fmt == "json":
-        click.echo(json.dumps(result.to_json(__version__), indent=2, ensure_ascii=False))
+        echo(json.dumps(result.to_json(__version__), indent=2, ensure_ascii=False))
     else:
         print_result(result)
     write_timing(result, stats, plot, text=fmt == "text", overwrite=overwrite)
@@ -321,7 +322,7 @@ def _on_bus(
         signal.signal(number, lambda *_: stop.set())
 
     def started(master: Master) -> None:
-        click.echo(
+        echo(
             f"fsn-master (process {master.pid}) starts on {options.interface}; Ctrl-C stops it; "
             f"control socket {master.socket}",
             err=True,
@@ -331,7 +332,7 @@ def _on_bus(
         return run_on_bus(resolution, plan, options, duration_ns, on_start=started, stop=stop)
     from rich.live import Live
 
-    with Live(refresh_per_second=10, transient=True) as display:
+    with Live(refresh_per_second=10, transient=True, console=terminal()) as display:
 
         def show(seen: LiveUpdate) -> None:
             snapshot = seen.snapshot
@@ -409,7 +410,7 @@ def _live(
         return run_live(session, duration_ns, device_period_ns=period_ns, incidents=recorder)
     from rich.live import Live
 
-    with Live(refresh_per_second=10, transient=True) as display:
+    with Live(refresh_per_second=10, transient=True, console=terminal()) as display:
 
         def show(rows: tuple[ConnectionResult, ...], snapshot: Snapshot, now_s: float) -> None:
             name = session.resolution.network.name

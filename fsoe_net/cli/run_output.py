@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import write_whole
 from fsoe_net.core import Statistics
 from fsoe_net.errors import EnvironmentFault
@@ -111,15 +110,15 @@ def print_result(result: RunResult) -> None:
         )
     print_events(result.events)
     widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
-    click.echo()
+    echo()
     for row in rows:
-        click.echo("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip())
+        echo("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip())
     if any(c.chosen for c in result.connections):
-        click.echo("* chosen here; no file states it")
+        echo("* chosen here; no file states it")
     for line in not_in_op(result.subdevices):
-        click.echo(line)
+        echo(line)
     s = result.statistics
-    click.echo(
+    echo(
         f"\n{s.cycles} bus cycles in {result.duration_ms / 1000:.1f} s ({_mode(result)}), "
         f"{s.wkc_errors} with incomplete working counter, {s.overruns} overruns"
     )
@@ -139,7 +138,7 @@ def print_events(events: Sequence[RunEvent]) -> None:
         same = list(rows)
         first, last = same[0], same[-1]
         again = f" ({len(same)} times until {last.time_ms:.1f} ms)" if len(same) > 1 else ""
-        click.echo(event_line(first) + again)
+        echo(event_line(first) + again)
 
 
 def event_line(event: RunEvent) -> str:
@@ -156,15 +155,13 @@ def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
 def _print_verdicts(result: RunResult) -> None:
     for verdict in result.verdicts:
         if not verdict.held:
-            click.echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")
+            echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")
     if result.verdicts:
         held = sum(v.held for v in result.verdicts)
-        click.echo(f"{held} of {len(result.verdicts)} expectations held")
+        echo(f"{held} of {len(result.verdicts)} expectations held")
     if not result.passed and not result.verdicts:
         missing = not_in_op(result.subdevices)
-        click.echo(
-            f"not every connection is in Data{' with its SubDevices in OP' if missing else ''}"
-        )
+        echo(f"not every connection is in Data{' with its SubDevices in OP' if missing else ''}")
 
 
 def make_folder(path: str | None, option: str) -> None:
@@ -200,4 +197,4 @@ def write_timing(
             continue
         write_whole(path, content.encode("utf-8"), overwrite=overwrite)
     if text and (stats is not None or plot is not None):
-        click.echo(timing_text(result.statistics))
+        echo(timing_text(result.statistics))

@@ -9,6 +9,7 @@ import click
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.output import counted
 from fsoe_net.cli.scan_output import scan_table
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import write_all
 from fsoe_net.run.scan import ScanSource, TakenScan, scan_source
 from fsoe_net.run.scan_files import compact_json, scan_files
@@ -58,17 +59,17 @@ def command(
         raise click.UsageError("--overwrite is for the files of -o DIR")
     taken = take_scan(interface, bus=bus, socket=socket, yes=yes)
     if fmt == "json":
-        click.echo(compact_json(taken.document))
+        echo(compact_json(taken.document))
     else:
-        click.echo(scan_table(taken.scan))
+        echo(scan_table(taken.scan))
     if output is not None:
         files = scan_files(taken)
         texts = {name: text.encode("utf-8") for name, text in files.texts.items()}
         write_all(output, texts, overwrite=overwrite)
         names = ", ".join(files.texts)
-        click.echo(f"{counted(len(files.texts), 'file')} in {output}: {names}", err=True)
+        echo(f"{counted(len(files.texts), 'file')} in {output}: {names}", err=True)
         for text in files.left_out:
-            click.echo(f"left out: {text}", err=True)
+            echo(f"left out: {text}", err=True)
 
 
 def take_scan(
@@ -82,7 +83,7 @@ def take_scan(
     if interface is None and socket is None:
         raise click.UsageError("name the bus: --interface IF, or --socket PATH of an fsn-master")
     source = scan_source(interface, socket=socket, bus=bus)
-    click.echo(source.announcement, err=True)
+    echo(source.announcement, err=True)
     if not source.attached and not yes:
         _ask(source)
     return source.take()

@@ -11,7 +11,9 @@ from fsoe_net import __version__
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
 from fsoe_net.cli.output import print_diagnostics, summary
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
+from fsoe_net.diag import printable
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, load_protocol
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution
@@ -142,7 +144,7 @@ def _live(
     except (KeyboardInterrupt, click.Abort, EnvironmentFault):
         if seen:
             _write(seen[-1], output, overwrite=overwrite)
-            click.echo(
+            echo(
                 f"\nbroken off: {output} has the {len(seen)} steps looked at so far; put back what "
                 "you took off the bus, go on with the rest by the same command and --overwrite",
                 err=True,
@@ -154,7 +156,7 @@ def _tell_step(step: ProtocolStep) -> None:
     seen = step.live
     if seen is not None:
         time = "" if seen.measured_ms is None else f", {seen.measured_ms:g} ms {seen.time_is}"
-        click.echo(f"  {step.id}: {seen.outcome.value}{time}; {seen.remark}", err=True)
+        echo(f"  {step.id}: {seen.outcome.value}{time}; {seen.remark}", err=True)
 
 
 def _kind(output: str) -> str:
@@ -182,17 +184,17 @@ def _shown() -> bool:
 
 
 def _note(text: str) -> None:
-    click.echo(f"  {text}", err=True)
+    echo(f"  {text}", err=True)
 
 
 class _Person:
     """The person at the terminal."""
 
     def guarded(self, step: ProtocolStep) -> bool:
-        click.echo(f"\n{step.id}: {step.what}", err=True)
-        click.echo("Machines may move or stop. Is the area guarded and nobody in it?", err=True)
+        echo(f"\n{step.id}: {step.what}", err=True)
+        echo("Machines may move or stop. Is the area guarded and nobody in it?", err=True)
         answer = click.prompt(
-            f"write {step.subject} to go on, Enter to leave this step out",
+            printable(f"write {step.subject} to go on, Enter to leave this step out"),
             default="",
             show_default=False,
             err=True,
@@ -200,7 +202,7 @@ class _Person:
         return str(answer).strip() == step.subject
 
     def tell(self, text: str) -> None:
-        click.echo(text, err=True)
+        echo(text, err=True)
 
 
 def _say(protocol: Protocol, output: str) -> int:
@@ -212,11 +214,11 @@ def _say(protocol: Protocol, output: str) -> int:
         if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED
     ]
     machine = f"{len(protocol.open_steps)} of {len(protocol.machine_steps)} open at the machine"
-    click.echo(f"{output}: {len(steps)} steps, {machine}")
+    echo(f"{output}: {len(steps)} steps, {machine}")
     tried = [s.emulated for s in steps if s.emulated is not None]
     if tried:
         left = sum(seen.outcome is Outcome.NOT_RUN for seen in tried)
-        click.echo(f"{len(tried) - left} tried on the emulated bus, {left} not: {EMULATED_NOTE}")
+        echo(f"{len(tried) - left} tried on the emulated bus, {left} not: {EMULATED_NOTE}")
     for name in dict.fromkeys(wrong):
-        click.echo(f"not as expected: {name}")
+        echo(f"not as expected: {name}")
     return 1 if wrong else 0

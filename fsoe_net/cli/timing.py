@@ -10,6 +10,7 @@ import click
 from fsoe_net.cli.inputs import check_files, input_options, library_of, whole_network
 from fsoe_net.cli.options import FILE, Time, overwrite_option
 from fsoe_net.cli.output import exit_code, print_diagnostics
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, open_file
@@ -115,10 +116,10 @@ def command(
         picture = budget_picture(budget, f"Reaction times of {resolution.network.name}")
         write_whole(plot, picture.encode("utf-8"), overwrite=overwrite)
     if fmt == "json":
-        click.echo(json.dumps(budget_document(budget), indent=2, ensure_ascii=False))
+        echo(json.dumps(budget_document(budget), indent=2, ensure_ascii=False))
     else:
-        click.echo(budget_text(budget))
-        click.echo("")
+        echo(budget_text(budget))
+        echo("")
     print_diagnostics(found, err=fmt == "json")
     ctx.exit(exit_code(found))
 

@@ -13,6 +13,7 @@ from fsoe_net.cli.diff import change_line
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.known import Known, read_known
 from fsoe_net.cli.options import FILE, master_options, master_socket
+from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.load import LoadOptions
 from fsoe_net.plan import Plan
@@ -155,15 +156,16 @@ def _changed_lines(name: str, before: str, after: str) -> Iterator[str]:
 
 
 def _print_text(wanted: Known, rows: list[_Compared]) -> None:
-    click.echo(f"{wanted.fingerprint.short}  accepted: {wanted.path}")
+    echo(f"{wanted.fingerprint.short}  accepted: {wanted.path}")
     for row in rows:
         verdict = "the same" if row.same else f"DIFFERS in {', '.join(row.sections)}"
         note = f" ({row.note})" if row.note else ""
         colour = "green" if row.same else "red"
         text = f"{row.known.fingerprint.short}  {row.known.path}{note}: "
-        click.echo(text + click.style(verdict, fg=colour))
+        echo(text, nl=False)
+        echo(verdict, fg=colour)
         for line in row.lines:
-            click.echo(f"  {line}")
+            echo(f"  {line}")
 
 
 def _print_json(wanted: Known, rows: list[_Compared]) -> None:
@@ -182,4 +184,4 @@ def _print_json(wanted: Known, rows: list[_Compared]) -> None:
             for row in rows
         ],
     }
-    click.echo(json.dumps(document, indent=2, ensure_ascii=False))
+    echo(json.dumps(document, indent=2, ensure_ascii=False))

@@ -3,6 +3,7 @@
 from fsoe_net.diag.catalogue import CATALOGUE, CodeInfo, code_info, nearest_code
 from fsoe_net.diag.diagnostic import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
 from fsoe_net.diag.pause import without_collector
+from fsoe_net.diag.printable import first_control, printable
 
 __all__ = [
     "CATALOGUE",
@@ -13,7 +14,9 @@ __all__ = [
     "Severity",
     "Span",
     "code_info",
+    "first_control",
     "nearest_code",
+    "printable",
     "sort_diagnostics",
     "without_collector",
 ]

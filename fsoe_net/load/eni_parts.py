@@ -204,4 +204,4 @@ def read_image(element: Element, parent: Element, parts: EniParts, out: Collecto
         bits = xml_number(element.first("BitSize"), out)
         if offset is not None and bits is not None:
             name = element.first("Name")
-            image.variables[(offset, bits)] = "" if name is None else name.text.strip()
+            image.variables[(offset, bits)] = "" if name is None else name.words

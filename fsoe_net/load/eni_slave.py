@@ -112,7 +112,7 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
 
 
 def _text(element: Element | None) -> str:
-    return "" if element is None else element.text.strip()
+    return "" if element is None else element.words
 
 
 def _of_managers(process_data: Element | None, name: str, high: int) -> dict[int, int]:

@@ -16,7 +16,7 @@ from xml.parsers import expat
 from fsoe_net.diag import Severity, Span
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import XML_KINDS, esi_number
-from fsoe_net.load.xml_tree import MAX_DEPTH, xml_hint
+from fsoe_net.load.xml_tree import MAX_DEPTH, shown_name, xml_hint
 
 __all__ = ["EsiCatalogue", "EsiRow", "scan_esi"]
 
@@ -362,7 +362,7 @@ class _Scan:
     def _end(self, name: str) -> None:
         self._path.pop()
         self._lines.pop()
-        text, self._text = "".join(self._text or ())[:_MAX_TEXT].strip(), None
+        text, self._text = shown_name("".join(self._text or ())[:_MAX_TEXT]), None
         if name in ("Device", "Module"):
             self._close()
         elif name in ("Id", "Name") and self._path[-1] == "Vendor":

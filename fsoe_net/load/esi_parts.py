@@ -59,7 +59,7 @@ def name_of(element: Element) -> str:
     names = element.all("Name")
     english = next((n for n in names if n.attributes.get("LcId") == _ENGLISH), None)
     chosen = english or next((n for n in names if n.text.strip()), None)
-    return chosen.text.strip() if chosen is not None else ""
+    return chosen.words if chosen is not None else ""
 
 
 class PartReader:
@@ -149,7 +149,7 @@ class PartReader:
             index=index,
             subindex=subindex,
             bits=bits,
-            type_name=kind.text.strip() if kind is not None and index else "",
+            type_name=kind.words if kind is not None and index else "",
             name=name_of(element),
             span=element.span,
         )

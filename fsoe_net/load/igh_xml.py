@@ -143,8 +143,8 @@ def _device(
     )
     return DescribedSubDevice(
         span=element.span,
-        name="" if name is None else name.text.strip(),
-        order=kind.text.strip(),
+        name="" if name is None else name.words,
+        order=kind.words,
         position=position,
         device=device,
         available=tuple(available),

@@ -7,7 +7,7 @@ import os
 import re
 from typing import NoReturn, TypeVar
 
-from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag import Diagnostic, Severity, Span, printable, sort_diagnostics
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.numbers import Reader, read_int
 from fsoe_net.load.schema import check_structure
@@ -257,16 +257,11 @@ def _truth(node: MapNode, key: str) -> bool | None:
 
 
 def _text(node: MapNode, key: str) -> str:
-    return _printable(node.text(key) or "")
+    return printable(node.text(key) or "")
 
 
 def _texts(node: MapNode, key: str) -> tuple[str, ...]:
     items = node.get(key)
     if not isinstance(items, SeqNode):
         return ()
-    return tuple(_printable(i.text) for i in items.items if isinstance(i, ScalarNode))
-
-
-def _printable(text: str) -> str:
-    """Names come from devices: no character of theirs may act on a terminal."""
-    return "".join(c if c.isprintable() else "?" for c in text).strip()
+    return tuple(printable(i.text) for i in items.items if isinstance(i, ScalarNode))

@@ -74,7 +74,7 @@ def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Des
 
 def _text(element: Element, name: str) -> str:
     child = element.first(name)
-    return "" if child is None else child.text.strip()
+    return "" if child is None else child.words
 
 
 def _sub(element: Element, shown: str, out: Collector) -> DescribedSubDevice:

@@ -21,7 +21,7 @@ from fsoe_net.diag import Related, Span
 from fsoe_net.load.confine import inside, sandbox_command
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.options import LoadOptions
-from fsoe_net.load.xml_tree import Element
+from fsoe_net.load.xml_tree import Element, shown_attributes
 
 __all__ = ["LIMITS", "XacroLimits", "expand_xacro", "uses_xacro"]
 
@@ -192,7 +192,7 @@ def _build(rows: list[Any], path: str, known: set[str]) -> Element:
             file, line, column, text_line, text_column = place
             span = _span((file, line, column), known)
             text_span = _span((file, text_line, text_column), known) if text_line else None
-        element = Element(name, attributes, span, text=text, text_span=text_span)
+        element = Element(name, shown_attributes(attributes), span, text=text, text_span=text_span)
         if stack:
             stack[-1].children.append(element)
         stack.append(element)

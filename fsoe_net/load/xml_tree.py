@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import codecs
 import os
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from fsoe_net.diag import Span
+from fsoe_net.diag import Span, printable
 from fsoe_net.load.files import Collector
 
-__all__ = ["MAX_DEPTH", "MAX_ELEMENTS", "Closed", "Element", "parse_xml", "xml_hint"]
+__all__ = [
+    "MAX_DEPTH",
+    "MAX_ELEMENTS",
+    "Closed",
+    "Element",
+    "parse_xml",
+    "shown_attributes",
+    "shown_name",
+    "xml_hint",
+]
 
 MAX_DEPTH = 200
 MAX_ELEMENTS = 500_000
@@ -70,9 +80,24 @@ class Element:
             stack.extend(reversed(element.children))
 
     @property
+    def words(self) -> str:
+        """The text as a name: on one line, fit to be shown."""
+        return shown_name(self.text)
+
+    @property
     def value_span(self) -> Span:
         """Place of the text, else of the element."""
         return self.text_span or self.span
+
+
+def shown_name(text: str) -> str:
+    """Return character data as a name: on one line, fit to be shown."""
+    return printable(re.sub(r"\s*[\r\n]\s*", " ", text.strip()))
+
+
+def shown_attributes(attributes: dict[str, str]) -> dict[str, str]:
+    """Return attributes fit to be shown: they hold names and numbers, and no lines."""
+    return {name: printable(value) for name, value in attributes.items()}
 
 
 Closed = Callable[[Element, Element, int], bool]
@@ -211,7 +236,7 @@ class _Builder:
             return
         if self._elements > MAX_ELEMENTS:
             self._refuse(f"more than {MAX_ELEMENTS} tags", f"is this {self._what}?")
-        element = Element(name, attributes, self._here())
+        element = Element(name, shown_attributes(attributes), self._here())
         if self._stack:
             self._stack[-1][0].children.append(element)
         else:

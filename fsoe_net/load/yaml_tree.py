@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 import yaml
 
-from fsoe_net.diag import Related, Severity, Span
+from fsoe_net.diag import Related, Severity, Span, first_control
 from fsoe_net.load.files import Collector, read_bytes
 
 __all__ = ["MapNode", "Node", "Places", "ScalarNode", "SeqNode", "load_yaml", "parse_yaml"]
@@ -345,7 +345,10 @@ class _Builder:
         mark = event.start_mark
         place = mark.line << _COLUMN_BITS | mark.column
         # One object per spelling: the same keys, names and numbers come thousands of times.
-        text = self._texts.setdefault(event.value, event.value)
+        text = self._texts.get(event.value)
+        if text is None:
+            text = self._texts[event.value] = event.value
+            self._check_characters(event)
         top = self._top
         if top is not None and top.key is None and top.pairs is not None and event.anchor is None:
             top.key, top.key_place, top.key_plain = text, place, not event.style
@@ -357,6 +360,22 @@ class _Builder:
             top.node.items.append(node)  # type: ignore[union-attr]
         else:
             self._attach(node)
+
+    def _check_characters(self, event: Any) -> None:
+        """FSN102: a text that would act on a terminal, or look like two lines."""
+        text = event.value
+        if text.isprintable():
+            return
+        bad = first_control(text)
+        if not bad and "\n" in text and event.start_mark.line == event.end_mark.line:
+            bad = "\n"  # written as an escape
+        if bad:
+            self._refuse(
+                "FSN102",
+                _span(self._file, self._place_of(event)),
+                f"control character U+{ord(bad):04X} in a text",
+                "delete it, or what stands for it",
+            )
 
     def _open(self, event: Any, *, is_map: bool) -> None:
         place = self._place_of(event)
@@ -426,6 +445,8 @@ class _Builder:
             if mended is None:
                 return
             text = mended
+        if text == "name" and isinstance(node, ScalarNode) and "\n" in node.text:
+            self._refuse("FSN102", node.span, "a name of several lines", "write it on one line")
         if text in into.pairs:
             self._out.add(
                 "FSN106",

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-from fsoe_net.diag import without_collector
+from fsoe_net.diag import printable, without_collector
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.model import (
     NONE,
@@ -71,7 +72,8 @@ class _Strings:
         known = self._offsets.get(text)
         if known is None:
             known = self._offsets[text] = len(self.data)
-            self.data += text.replace("\0", "").encode("utf-8") + b"\0"
+            shown = re.sub(r"[\0-\x1f\x7f]", lambda bad: printable(bad[0]), text)
+            self.data += shown.encode("utf-8") + b"\0"
         return known
 
 
@@ -279,6 +281,8 @@ def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
     first, length = sections[SECTIONS - 1]
     if not length or data[first] or data[first + length - 1]:
         raise PlanFormatError("the strings do not start and end with a zero byte")
+    if re.search(rb"[\x01-\x1f\x7f]", data[first : first + length]):
+        raise PlanFormatError("a name has a control character")
     if count == SECTIONS_WITH_SAFETY and sections[-1][1] != 1:
         raise PlanFormatError("a plan has one hash of safety functions")
     return sections

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Seen
-from fsoe_net.report.html import html_page, table
+from fsoe_net.report.html import escape, html_page, table
 
 __all__ = ["protocol_page"]
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from fsoe_net.plan import NONE, Plan, entry_at
+from fsoe_net.report.html import escape
 
 __all__ = ["copy_picture", "topology_picture"]
 

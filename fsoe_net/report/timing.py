@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import math
-from html import escape
 
 from fsoe_net.core import Histogram, Statistics, bucket_end
+from fsoe_net.report.html import escape
 
 __all__ = [
     "histogram_name",

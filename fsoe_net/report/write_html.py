@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 from fsoe_net.report.document import (
     Block,
@@ -21,6 +20,7 @@ from fsoe_net.report.document import (
     Table,
     Verdict,
 )
+from fsoe_net.report.html import escape
 from fsoe_net.report.sources import Sources
 from fsoe_net.report.style import STYLE
 

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "control/internal.h"
+#include "control/words.h"
 
 static bool as_json; /* set once, before there are threads */
 
@@ -37,10 +38,11 @@ static void put_text(enum fsn_log_level level, const char *text) {
     char utc[32];
     char line[1024];
     fsn_utc_text(fsn_now_ns(), utc);
-    int len = snprintf(line, sizeof line - 1, "%s %s %s", utc, level_name(level), text);
-    len = len < (int)sizeof line - 2 ? len : (int)sizeof line - 2;
+    size_t len = (size_t)snprintf(line, sizeof line, "%s %s ", utc, level_name(level));
+    /* Names in it come from files and devices. */
+    len += fsn_show_text(line + len, sizeof line - len, text);
     line[len++] = '\n';
-    put(line, (size_t)len);
+    put(line, len);
 }
 
 static void put_json(const char *json, size_t len) {

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "backends.h"
+#include "control/words.h"
 
 static const char usage_text[] =
     "usage: fsn-master PLAN --interface IF [options]\n"
@@ -45,8 +46,10 @@ static const char usage_text[] =
     "Part of the black channel; no safety function, no certificate. Stop is no emergency stop.\n";
 
 static int wrong(const char *option, const char *value, const char *text) {
+    char shown[400];
+    fsn_show_text(shown, sizeof shown, value != NULL ? value : "");
     fprintf(stderr, "fsn-master: %s%s%s: %s; fsn-master --help lists the options\n", option,
-            value != NULL ? " " : "", value != NULL ? value : "", text);
+            value != NULL ? " " : "", shown, text);
     return EXIT_USAGE;
 }
 

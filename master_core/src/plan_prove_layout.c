@@ -19,6 +19,12 @@ static fsn_status prove_strings(const struct fsn_plan *plan, struct fsn_fault *f
         return fsn_refuse(fault, FSN_E_PLAN_STRING, FSN_SEC_STRINGS, FSN_FAULT_NO_RECORD,
                           plan->offset[FSN_SEC_STRINGS], "strings start and end with a zero byte");
     }
+    for (uint32_t i = 0; i < count; i++) {
+        if ((table[i] > 0 && table[i] < 0x20) || table[i] == 0x7F) {
+            return fsn_refuse(fault, FSN_E_PLAN_STRING, FSN_SEC_STRINGS, FSN_FAULT_NO_RECORD,
+                              plan->offset[FSN_SEC_STRINGS] + i, "a name has a control character");
+        }
+    }
     return FSN_OK;
 }
 

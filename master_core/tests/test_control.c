@@ -70,7 +70,8 @@ static void lines_are_split(void) {
 static void json_is_escaped_and_bounded(void) {
     struct fsn_json json = {.limit_bytes = 200};
     fsn_json_open(&json, '{');
-    fsn_json_put_text(&json, "a", "\"\\\n\x7f\xff\xc3\xa9");
+    /* CSI of one byte, right-to-left override, a letter, a character above 0xFFFF */
+    fsn_json_put_text(&json, "a", "\"\\\n\x7f\xff\xc2\x9b\xe2\x80\xae\xc3\xa9\xf0\x9f\x98\x80");
     fsn_json_key(&json, "b");
     fsn_json_open(&json, '[');
     fsn_json_i64(&json, INT64_MIN);
@@ -82,7 +83,8 @@ static void json_is_escaped_and_bounded(void) {
     fsn_json_close(&json, ']');
     fsn_json_close(&json, '}');
     static const char expected[] =
-        "{\"a\":\"\\\"\\\\\\u000a\\u007f\\ufffd\xc3\xa9\",\"b\":[-9223372036854775808,"
+        "{\"a\":\"\\\"\\\\\\u000a\\u007f\\ufffd\\u009b\\u202e\xc3\xa9\xf0\x9f\x98\x80\",\"b\":[-"
+        "9223372036854775808,"
         "18446744073709551615,0.5,null,true]}";
     CHECK(!json.failed && json.len_bytes == sizeof expected - 1);
     CHECK(memcmp(json.bytes, expected, json.len_bytes) == 0);
@@ -141,6 +143,17 @@ static const struct row rows[] = {
     {FSN_KIND_REAL, 64, ".", false, 0, NULL},
     {FSN_KIND_REAL, 16, "3", true, 3, "3"}, /* no such float: bits */
 };
+
+static void texts_are_shown_as_far_as_there_is_room(void) {
+    char room[FSN_SHOWN_BYTES * 3];
+    CHECK(fsn_show_text(room, sizeof room, "a\x1b]b") == 9 && strcmp(room, "a\\u001b]b") == 0);
+    CHECK(fsn_show_text(room, 1, "a") == 0 && room[0] == '\0');
+    for (size_t size = 1; size <= sizeof room; size++) {
+        memset(room, 'x', sizeof room);
+        const size_t len = fsn_show_text(room, size, "\x1b\x1b\x1b\x1b");
+        CHECK(len < size && room[len] == '\0' && len % 6 == 0);
+    }
+}
 
 static void values_are_typed(void) {
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
@@ -363,6 +376,7 @@ static void values_go_out_together(void) {
 int main(void) {
     lines_are_split();
     json_is_escaped_and_bounded();
+    texts_are_shown_as_far_as_there_is_room();
     values_are_typed();
     values_are_scaled();
     an_output_belongs_to_one_client();

@@ -99,6 +99,8 @@ static const struct broken broken_rules[] = {
     {9, 0, 32, 2, 2, FSN_E_PLAN_VALUE},
     {9, 0, 36, 4, 1, FSN_E_PLAN_RESERVED},
     {10, 0, 0, 1, 1, FSN_E_PLAN_STRING},
+    {10, 1, 0, 1, 0x1B, FSN_E_PLAN_STRING},
+    {10, 1, 0, 1, 0x7F, FSN_E_PLAN_STRING},
     {10, 3, 0, 1, 1, FSN_E_PLAN_STRING},
 };
 

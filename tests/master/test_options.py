@@ -189,3 +189,12 @@ def test_the_default_socket(tmp_path: Path) -> None:
         done = run_to_end(*common, "--interface", "em/0", env=env)
         assert done.returncode == 3
         assert f"{directory}/fsn-master-em_0.sock is there" in done.stderr
+
+
+def test_names_do_nothing_to_a_terminal(tmp_path: Path) -> None:
+    bad = "a\x1b]0;owned\x07\x9b2J\u202e\nb"
+    for arguments in ([tmp_path / bad, "--bus", "emulated"], [tmp_path / "x", "--bus", bad]):
+        done = run_to_end(*arguments)
+        assert done.returncode == 2
+        assert "a\\u001b]0;owned\\u0007\\u009b2J\\u202e\\u000ab" in done.stderr
+        assert len(done.stderr.splitlines()) == 1

@@ -33,7 +33,7 @@ extern "C" {
     X(E_PLAN_CRC, -23, "CRC-32 does not fit; the plan was changed")                                \
     X(E_PLAN_SECTION, -24, "the section table is damaged")                                         \
     X(E_PLAN_RESERVED, -25, "a reserved field or an unknown flag is not zero")                     \
-    X(E_PLAN_STRING, -26, "a string lies outside the strings")                                     \
+    X(E_PLAN_STRING, -26, "a string lies outside the strings or has a control character")          \
     X(E_PLAN_REFERENCE, -27, "a record refers to a record that does not exist or is not its own")  \
     X(E_PLAN_LAYOUT, -28, "entries do not add up to their sync manager")                           \
     X(E_PLAN_VALUE, -29, "a value is not allowed")                                                 \

@@ -66,25 +66,15 @@ void fsn_json_close(struct fsn_json *json, char bracket) {
 
 /** One byte or one whole UTF-8 sequence; returns how many bytes were taken. */
 static size_t character(struct fsn_json *json, const char *at, size_t left) {
-    const unsigned char c = (unsigned char)*at;
-    char escape[8];
-    if (c == '"' || c == '\\') {
-        const char pair[2] = {'\\', (char)c};
+    if (*at == '"' || *at == '\\') {
+        const char pair[2] = {'\\', *at};
         raw(json, pair, 2);
         return 1;
     }
-    if (c < 0x20 || c == 0x7F) {
-        raw(json, escape, (size_t)snprintf(escape, sizeof escape, "\\u%04x", (unsigned)c));
-        return 1;
-    }
-    for (size_t len = 1; len <= 4 && len <= left; len++) {
-        if (fsn_is_utf8(at, len)) {
-            raw(json, at, len);
-            return len;
-        }
-    }
-    raw(json, "\\ufffd", 6);
-    return 1;
+    char shown[FSN_SHOWN_BYTES];
+    const size_t taken = fsn_show_character(at, left, shown);
+    raw(json, shown, strlen(shown));
+    return taken;
 }
 
 void fsn_json_text(struct fsn_json *json, const char *text) {

@@ -1,11 +1,14 @@
 #include "words.h"
 
 #include <stdint.h>
+#include <stdio.h>
+#include <string.h>
 
-/** Length of the UTF-8 sequence at `at`, 0 when there is none. */
-static size_t sequence(const uint8_t *at, size_t left) {
+/** Length of the UTF-8 sequence at `at` and the character it stands for, 0 when there is none. */
+static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
     static const uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
     const uint8_t first = at[0];
+    *character = first;
     if (first < 0x80) {
         return 1;
     }
@@ -20,14 +23,59 @@ static size_t sequence(const uint8_t *at, size_t left) {
         }
         point = (point << 6) | (at[i] & 0x3Fu);
     }
+    *character = point;
     const bool surrogate = point >= 0xD800 && point <= 0xDFFF;
     return point < least[len] || point > 0x10FFFF || surrogate ? 0 : len;
 }
 
+/** Whether a character acts on a terminal, hides, or reorders the line it is in. */
+static bool is_hidden(uint32_t character) {
+    static const struct {
+        uint32_t first, last;
+    } hidden[] = {
+        {0x00, 0x1F},     {0x7F, 0x9F},     {0xAD, 0xAD},     {0x061C, 0x061C}, {0x180E, 0x180E},
+        {0x200B, 0x200F}, {0x2028, 0x202E}, {0x2060, 0x206F}, {0xFEFF, 0xFEFF}, {0xFFF9, 0xFFFB},
+    };
+    for (size_t i = 0; i < sizeof hidden / sizeof hidden[0]; i++) {
+        if (character >= hidden[i].first && character <= hidden[i].last) {
+            return true;
+        }
+    }
+    return false;
+}
+
+size_t fsn_show_character(const char *at, size_t left, char shown[FSN_SHOWN_BYTES]) {
+    uint32_t character;
+    size_t len = decode((const uint8_t *)at, left, &character);
+    if (len == 0) {
+        len = 1;
+        character = 0xFFFD;
+    } else if (!is_hidden(character)) {
+        memcpy(shown, at, len);
+        shown[len] = '\0';
+        return len;
+    }
+    snprintf(shown, FSN_SHOWN_BYTES, "\\u%04x", (unsigned)(character & 0xFFFF));
+    return len;
+}
+
+size_t fsn_show_text(char *to, size_t size_bytes, const char *text) {
+    size_t len = 0;
+    for (size_t left = strlen(text); left > 0 && len + FSN_SHOWN_BYTES <= size_bytes;) {
+        const size_t taken = fsn_show_character(text, left, to + len);
+        len += strlen(to + len);
+        text += taken;
+        left -= taken;
+    }
+    to[len] = '\0';
+    return len;
+}
+
 bool fsn_is_utf8(const char *bytes, size_t len_bytes) {
     const uint8_t *at = (const uint8_t *)bytes;
+    uint32_t character;
     while (len_bytes > 0) {
-        const size_t len = sequence(at, len_bytes);
+        const size_t len = decode(at, len_bytes, &character);
         if (len == 0) {
             return false;
         }

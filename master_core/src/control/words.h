@@ -8,6 +8,7 @@
 enum {
     FSN_LINE_BYTES = 8192, /**< longest request, without its newline */
     FSN_WORDS = 256,       /**< most words of a request */
+    FSN_SHOWN_BYTES = 8,   /**< one character as it is shown, with its zero */
 };
 
 struct fsn_words {
@@ -21,6 +22,20 @@ struct fsn_words {
  *  @return NULL, or what is wrong with the line, in words.
  *  Context: any thread. */
 const char *fsn_words_split(char *line, size_t len_bytes, struct fsn_words *words);
+
+/** Writes the first character of a text as it may be shown to people and to programs: one that acts
+ *  on a terminal, hides or reorders a line, and a byte that is no UTF-8, becomes its JSON escape.
+ *  @param[in] at  left bytes, at least one.
+ *  @param[out] shown  zero-terminated.
+ *  @return how many bytes of `at` it stands for.
+ *  Context: any thread. */
+size_t fsn_show_character(const char *at, size_t left, char shown[FSN_SHOWN_BYTES]);
+
+/** Writes a whole text so, as far as there is room.
+ *  @param[out] to  size_bytes bytes, at least one; zero-terminated.
+ *  @return length of what was written.
+ *  Context: any thread. */
+size_t fsn_show_text(char *to, size_t size_bytes, const char *text);
 
 /** Whether bytes are whole, shortest UTF-8 without surrogates. Context: any thread. */
 bool fsn_is_utf8(const char *bytes, size_t len_bytes);

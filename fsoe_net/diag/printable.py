@@ -1,0 +1,49 @@
+"""Texts of unknown origin, made fit to be shown: no character acts on a terminal or a page."""
+
+from __future__ import annotations
+
+import unicodedata
+
+__all__ = ["first_control", "printable"]
+
+# Unicode general categories: control, format (also bidi), surrogate, line and paragraph separator.
+_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+_BIDI = frozenset("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+
+
+def printable(text: str, *, keep: str = "") -> str:
+    r"""Return a text with each character that does not print as its escape, such as ``\u001b``.
+
+    The escapes are those of JSON, so a JSON document keeps its meaning.
+
+    Args:
+        text: Of any origin.
+        keep: Characters that stay as they are, such as the line break of a text of many lines.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c in keep or not _is_hidden(c) else _escape(c) for c in text)
+
+
+def first_control(text: str) -> str:
+    """Return the first character that acts on a terminal or reorders a line; empty without one.
+
+    Line breaks and tabs are none of these. Marks that some scripts need, such as the zero-width
+    non-joiner, are not either.
+    """
+    if text.isprintable():
+        return ""
+    return next((c for c in text if c in _BIDI or _is_control(c)), "")
+
+
+def _is_hidden(c: str) -> bool:
+    return unicodedata.category(c) in _HIDDEN
+
+
+def _is_control(c: str) -> bool:
+    return c not in "\n\t" and unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp")
+
+
+def _escape(c: str) -> str:
+    units = c.encode("utf-16-be", "surrogatepass")
+    return "".join(f"\\u{units[i : i + 2].hex()}" for i in range(0, len(units), 2))
