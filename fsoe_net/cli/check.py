@@ -66,8 +66,8 @@ def command(
     FILES: one network.yaml; or one URDF or xacro, with the transfer YAML it needs or without; or a
     transfer YAML or slave YAML on its own. Any other files beside them are compared with it: ESI,
     ENI, SII image, output of the `ethercat` tool or of `slaveinfo -map`, linuxcnc-ethercat XML,
-    ethercat_slaves.yaml, TwinSAFE export; known by content. With a bus or its scan, also what
-    differs between the two.
+    ethercat_slaves.yaml, TwinSAFE export, TwinCAT project; known by content. With a bus or its
+    scan, also what differs between the two.
     """
     present = Runtime(runtime)
     scan = _scan(interface, socket, scan_file, yes=yes)

@@ -104,9 +104,9 @@ def command(
     """Write a description of a bus in another format; several FILES of one bus are joined.
 
     FILES: network, transfer and slave YAML, URDF, ENI, ESI, SII image, output of the `ethercat`
-    tool and of SOEM, linuxcnc-ethercat XML, `ethercat_slaves.yaml`, TwinSAFE export, capture of a
-    start-up (pcap, pcapng), or a folder that this command wrote. An ESI or SII image gives the
-    process data of devices named elsewhere.
+    tool and of SOEM, linuxcnc-ethercat XML, `ethercat_slaves.yaml`, TwinSAFE export, TwinCAT
+    project, capture of a start-up (pcap, pcapng), or a folder that this command wrote. An ESI or
+    SII image gives the process data of devices named elsewhere.
 
     What the format of OUT cannot hold is told as a note. A network and an
     ENI of the same bus into an ENI: the copies of the network in that ENI, all else byte for byte.

@@ -53,8 +53,8 @@ Examples:
   fsoe-net diff before/scan.json after/scan.json -q
 
 A and B: network YAML, URDF or xacro, .fsnplan, scan.json, ENI, ESI, SII, output of the ethercat
-tool or of slaveinfo -map, linuxcnc-ethercat XML, TwinSAFE export, acceptance record; known by
-content.
+tool or of slaveinfo -map, linuxcnc-ethercat XML, TwinSAFE export, TwinCAT project,
+acceptance record; known by content.
 
 Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use."""
 

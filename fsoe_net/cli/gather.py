@@ -27,6 +27,14 @@ __all__ = ["Gathered", "gather"]
 _MOST_FILES = 2000
 _DEEPEST = 5
 _HEAD_BYTES = 4096
+_PARTS = {
+    ".tsproj": (
+        *(".xti", ".splcproj", ".sds", ".sal", ".sal.diagram", ".bak"),
+        *(".plcproj", ".tmc", ".tcpou", ".tcgvl", ".tcdut", ".tcvis", ".tcvmo", ".tctto", ".tcio"),
+        *("targetsystemconfig.xml", "targetdescription.xml"),
+    ),
+    ".splcproj": (".sds", ".sal", ".sal.diagram", ".bak"),
+}
 # What a network still lacks is no mistake here: it is what this command is for.
 _LACKING = {"FSN125", "FSN223"}
 # A driver stops there; the SubDevice is known all the same.
@@ -115,7 +123,17 @@ def _files_in(folder: str, out: Collector) -> list[str]:
             raise InputError(f"{folder} holds more than {_MOST_FILES} files; name those of the bus")
     if not found:
         out.add("FSN158", Span(folder), "the folder is empty", hint="name files that tell of a bus")
-    return found
+    return _without_parts(found)
+
+
+def _without_parts(files: list[str]) -> list[str]:
+    """Leave out the parts of TwinCAT projects that are here whole: these name them."""
+    endings = {os.path.splitext(f)[1].lower() for f in files}
+    parts: tuple[str, ...] = ()
+    for whole, its_parts in _PARTS.items():
+        if whole in endings:
+            parts += its_parts
+    return [f for f in files if not f.lower().endswith(parts)] if parts else files
 
 
 def _keep(found: Gathered, path: str, mine: Collector, in_folder: bool, good: bool) -> None:

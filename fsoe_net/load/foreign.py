@@ -39,9 +39,11 @@ XML_KINDS = {
     "EtherCATMailbox": "an export of start-up commands from TwinCAT",
     "Network": "a network of openethercat, a format of its own",
     "TcSmProject": "a TwinCAT project",
-    "TcSmItem": "a part of a TwinCAT project",
-    "TreeItem": "a part of a TwinCAT project",
+    "TcSmItem": "a TwinCAT project part",
+    "TreeItem": "a tree item of TwinCAT",
     "Project": "a TwinSAFE project export",
+    "SafetyDeviceDesc": "a TwinSAFE alias device",
+    "safetyApplication": "a TwinSAFE group",
     "masters": "a configuration of linuxcnc-ethercat",
     "robot": "a robot description (URDF)",
 }

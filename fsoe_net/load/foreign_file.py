@@ -21,6 +21,7 @@ from fsoe_net.load.packets import is_capture
 from fsoe_net.load.ros_slaves import load_ros_slaves
 from fsoe_net.load.sii import load_sii
 from fsoe_net.load.soem_text import load_soem_text
+from fsoe_net.load.twincat import load_twincat
 from fsoe_net.load.twinsafe import load_twinsafe
 from fsoe_net.model import DescribedSubDevice, Description
 
@@ -41,6 +42,7 @@ class InputKind(enum.Enum):
     LCEC = "lcec"
     ROS_SLAVES = "ros-slaves"
     TWINSAFE = "twinsafe"
+    TWINCAT = "twincat"
     CAPTURE = "capture"
 
     @property
@@ -56,7 +58,8 @@ _BY_WORDS = (
     ("the output of `ethercat", InputKind.ETHERCAT),
     ("an ESI", InputKind.ESI),
     ("a configuration of linuxcnc-ethercat", InputKind.LCEC),
-    ("a TwinSAFE project export", InputKind.TWINSAFE),
+    ("a TwinSAFE", InputKind.TWINSAFE),
+    ("a TwinCAT project", InputKind.TWINCAT),
     ("an `ethercat_slaves.yaml`", InputKind.ROS_SLAVES),
     ("a robot description", InputKind.YAML),
     ("a YAML file", InputKind.YAML),
@@ -84,6 +87,7 @@ _READERS: dict[InputKind, _Reader] = {
     InputKind.LCEC: load_lcec,
     InputKind.ROS_SLAVES: load_ros_slaves,
     InputKind.TWINSAFE: load_twinsafe,
+    InputKind.TWINCAT: load_twincat,
     InputKind.CAPTURE: load_capture,
 }
 

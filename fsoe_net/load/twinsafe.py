@@ -1,16 +1,25 @@
-"""``TwinSAFE-Project.xml`` as TwinCAT 2 exported it: connections with their FSoE parameters.
+"""Safety projects: ``TwinSAFE-Project.xml`` as TwinCAT 2 exported it, and those of TwinCAT 3.
 
 Root ``Project``: ``SAddress`` is the address of the logic, each ``Connection`` has ``SAddress``,
 ``ConId``, ``SWatchdog`` (milliseconds), ``SafeUserPara`` and ``ModuleIdent``. Names are in the
-language of the editor and mean nothing here.
+language of the editor and mean nothing here. TwinCAT 3 has a folder with a ``.splcproj``, groups
+(``.sal``) and alias devices (``.sds``).
 """
 
 from __future__ import annotations
 
+import os
 import re
 
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import Source, is_kind, source_bytes, xml_number
+from fsoe_net.load.twincat_safety import (
+    SafetyProject,
+    describe_project,
+    read_alias,
+    read_group,
+    read_project_folder,
+)
 from fsoe_net.load.xml_text import readable_xml
 from fsoe_net.load.xml_tree import Element, parse_xml
 from fsoe_net.model import DescribedConnection, DescribedSubDevice, Description, Device
@@ -21,18 +30,18 @@ _ORDER = re.compile(r"\(([A-Z]{2,3}\d{3,4}(?:-[\w-]{1,12})?)\)")
 
 
 def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Description | None:
-    """Read a TwinSAFE project export.
+    """Read a safety project of TwinCAT 2 or 3.
 
     Args:
         source: Path, or the bytes.
         out: Takes what is wrong, located.
-        name: Name shown when ``source`` is bytes.
+        name: Path of the bytes, from which the alias devices of TwinCAT 3 are found.
 
     Returns:
         The logic, then one SubDevice type for each connection, in the order of the file.
     """
     data, shown = source_bytes(source, out, name)
-    if data is None or not is_kind(data, "a TwinSAFE project export", shown, out):
+    if data is None or not is_kind(data, "a TwinSAFE", shown, out):
         return None
 
     def closed(element: Element, parent: Element, depth: int) -> bool:
@@ -44,6 +53,9 @@ def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Des
     )
     if root is None:
         return None
+    third = _of_twincat_3(root, data, shown, out)
+    if third is not None:
+        return describe_project(third) if third.aliases else None
     listed = root.first("Connections")
     if root.name != "Project" or listed is None:
         out.add(
@@ -70,6 +82,40 @@ def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Des
         subdevices=tuple(subs),
         connections=tuple(connections),
     )
+
+
+def _is_safety_project(root: Element) -> bool:
+    """Whether a project of the development environment is one of TwinSAFE."""
+    return any(e.name == "TargetSystem" for e in root.walk())
+
+
+def _of_twincat_3(root: Element, data: bytes, shown: str, out: Collector) -> SafetyProject | None:
+    """Return the project that a file of TwinCAT 3 belongs to; ``None`` for files of TwinCAT 2."""
+    if root.name == "SafetyDeviceDesc":
+        alias = read_alias(data, shown, out)
+        found = {} if alias is None or not alias.is_safe else {alias.number: alias}
+        project = SafetyProject(path=shown, aliases=found)
+    elif root.name == "safetyApplication" and os.path.isfile(shown):
+        project = read_group(shown, out)
+    elif root.name == "safetyApplication":
+        project = SafetyProject(path=shown, aliases={})
+    elif (
+        root.name == "Project"
+        and os.path.isfile(shown)
+        and any(e.name == "TargetSystem" for e in root.walk())
+    ):
+        project = read_project_folder(os.path.dirname(shown) or ".", shown, out)
+    else:
+        return None
+    if not any(a.is_safe for a in project.aliases.values()):
+        out.add(
+            "FSN140",
+            root.span,
+            "no alias device with an FSoE connection is here",
+            hint="give the folder of the safety project whole: its groups have Alias Devices",
+        )
+        return SafetyProject(path=shown, aliases={})
+    return project
 
 
 def _text(element: Element, name: str) -> str:

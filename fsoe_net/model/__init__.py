@@ -80,7 +80,7 @@ from fsoe_net.model.network import (
     TransferKind,
 )
 from fsoe_net.model.pairing import OpenPair, PairEnd, Pairing, pair_by_lengths, pair_ends
-from fsoe_net.model.project import MatchedProject, match_project
+from fsoe_net.model.project import MatchedProject, match_project, projects_of
 from fsoe_net.model.proposal import Proposal, propose
 from fsoe_net.model.protocol import (
     EMULATED_NOTE,
@@ -228,6 +228,7 @@ __all__ = [
     "pair_ends",
     "partner_block",
     "place_entries",
+    "projects_of",
     "propose",
     "renumbered_copies",
     "resolve",

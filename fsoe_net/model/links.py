@@ -178,7 +178,7 @@ def link_connections(
 def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
     """Whether two files may speak of one connection: nothing that both say differs."""
     if one.span.file and one.span.file == two.span.file:
-        return False
+        return one.span == two.span
     pairs = [(getattr(one, key), getattr(two, key)) for key in _VALUES]
     return all(a == b or a in (None, b"") or b in (None, b"") for a, b in pairs)
 
@@ -188,7 +188,11 @@ def _take(link: Link, row: DescribedConnection, path: str) -> None:
     if not link.facts.span.file:
         link.facts = _marked(row, path)
         return
-    given = {k: v for k in _VALUES if (v := getattr(row, k)) not in (None, b"")}
+    given = {
+        k: v
+        for k in _VALUES
+        if getattr(link.facts, k) in (None, b"") and (v := getattr(row, k)) not in (None, b"")
+    }
     if given:
         link.facts = replace(link.facts, **given)
         link.why += f"; {_where(row, path)} has its values"

@@ -13,7 +13,7 @@ from fsoe_net.model.description import (
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import library_device
 
-__all__ = ["MatchedProject", "match_project"]
+__all__ = ["MatchedProject", "match_project", "projects_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +29,25 @@ class MatchedProject:
     connections: tuple[DescribedConnection, ...]
     hints: tuple[tuple[frozenset[int], str], ...]
     lost: tuple[str, ...]
+
+
+def projects_of(bus: Description) -> list[Description]:
+    """Return the connections of a bus as safety projects: one for each logic, which comes first."""
+    projects = []
+    for main in dict.fromkeys(c.main for c in bus.connections if c.main is not None):
+        rows = [c for c in bus.connections if c.main == main and c.sub is not None]
+        numbers = [main, *dict.fromkeys(c.sub for c in rows if c.sub is not None)]
+        projects.append(
+            replace(
+                bus,
+                subdevices=tuple(bus.subdevices[n] for n in numbers),
+                copies=(),
+                connections=tuple(
+                    replace(c, main=0, sub=numbers.index(c.sub)) for c in rows if c.sub is not None
+                ),
+            )
+        )
+    return projects
 
 
 def match_project(

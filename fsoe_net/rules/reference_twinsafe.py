@@ -35,11 +35,12 @@ class _Project:
         return "" if row.sub is None else self.file.subdevices[row.sub].order
 
     def title(self, row: DescribedConnection) -> str:
-        """``connection 2 (EL1904, FSoE address 5)``."""
+        """``connection 2 (EL1904, FSoE address 5)``, without a number where the file has none."""
         known = [self.order(row) or row.name[:60]]
         if row.address is not None:
             known.append(f"FSoE address {row.address}")
-        return f"connection {(row.slot or 0) + 1} ({', '.join(k for k in known if k)})"
+        number = "" if row.slot is None else f" {row.slot + 1}"
+        return f"connection{number} ({', '.join(k for k in known if k)})"
 
     def device(self, connection: Connection) -> LibraryDevice | None:
         """Library device of the SubInstance."""
@@ -56,7 +57,12 @@ class _Project:
 
 
 def check_twinsafe(
-    out: Findings, resolution: Resolution, file: Description, library: Library
+    out: Findings,
+    resolution: Resolution,
+    file: Description,
+    library: Library,
+    *,
+    slots: bool = True,
 ) -> None:
     """Compare slot order, FSoE address, connection ID, watchdog and parameters.
 
@@ -65,6 +71,7 @@ def check_twinsafe(
         resolution: The network.
         file: The export.
         library: Tells which device an order number is.
+        slots: Whether to compare the order of slots; `check_slots` does it for a whole bus.
     """
     project = _Project(out, resolution, file, library)
     # Connections in which the logic is itself the SubInstance are in another network.
@@ -85,7 +92,8 @@ def check_twinsafe(
         return
     _missing(project, ours, rows, pairs)
     whole = len(pairs) == len(ours) == len(rows)
-    _slots(project, pairs, whole=whole)
+    if slots:
+        _slots(project, pairs, whole=whole)
     for connection, row in pairs:
         _values(project, connection, row)
 

@@ -23,6 +23,7 @@ from fsoe_net.model import (
     ScannedSubDevice,
     SubDevice,
     has_layout,
+    projects_of,
 )
 from fsoe_net.rules.context import count_of, few
 from fsoe_net.rules.reference_copies import check_copies, check_slots
@@ -33,11 +34,14 @@ from fsoe_net.rules.scan_match import Match, match_scan
 __all__ = ["check_references"]
 
 _TYPES = frozenset({"esi", "sii"})
-_WHOLE = frozenset({"eni", "ethercat-slaves", "ethercat-slaves-v", "lcec", "soem-slaveinfo"})
+_WHOLE = frozenset(
+    {"eni", "twincat", "ethercat-slaves", "ethercat-slaves-v", "lcec", "soem-slaveinfo"}
+)
 _SETUP = frozenset({"eni", "ethercat-config"})
 _BLAMED = frozenset({"FSN401", "FSN402", "FSN403", "FSN404", "FSN407", "FSN409", "FSN410"})
 _BLAMED |= {"FSN412", "FSN413"}
 _MOST_PLACES = 65_536
+_WITH_PROJECT = "twincat"  # a bus that has its safety project with it
 
 _Pair = tuple[SubDevice, int]
 
@@ -109,6 +113,9 @@ class _Check:
         by_row = {number: sub for sub, number in pairs}
         check_copies(self.out, self.resolution, self.file, by_row, self.blamed)
         check_slots(self.out, self.resolution, self.file, by_row, self.blamed)
+        if self.file.format == _WITH_PROJECT:
+            for project in projects_of(self.file):
+                check_twinsafe(self.out, self.resolution, project, self.library, slots=False)
 
     @property
     def network(self) -> Network:

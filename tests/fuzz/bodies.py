@@ -22,7 +22,7 @@ from unittest import mock
 
 from fsoe.pair import Bench
 from fsoe.recorded import own_run, recording_text
-from load import texts
+from load import texts, twincat_text
 from load.sii_image import category, image, strings
 from load.startup import startup
 
@@ -43,6 +43,7 @@ from fsoe_net.load.lcec import load_lcec
 from fsoe_net.load.ros_slaves import load_ros_slaves
 from fsoe_net.load.sii import load_sii
 from fsoe_net.load.soem_text import load_soem_text
+from fsoe_net.load.twincat import load_twincat
 from fsoe_net.load.twinsafe import load_twinsafe
 from fsoe_net.model import Description, detect_fsoe, layout_of, near_misses
 from fsoe_net.observe import CaptureWriter, follow_frames, parse_frames, read_capture
@@ -347,7 +348,11 @@ TARGETS = {
     "soem-text": Target(run=_described(load_soem_text), seeds=_texts(texts.SOEM, texts.SOEM_MAP)),
     "lcec": Target(run=_described(load_lcec), seeds=_texts(texts.LCEC)),
     "ros-slaves": Target(run=_described(load_ros_slaves), seeds=_texts(texts.ROS_SLAVES)),
-    "twinsafe": Target(run=_described(load_twinsafe), seeds=_texts(texts.TWINSAFE)),
+    "twinsafe": Target(
+        run=_described(load_twinsafe),
+        seeds=_texts(texts.TWINSAFE, twincat_text.alias(3, 5, 11, 120)),
+    ),
+    "twincat": Target(run=_described(load_twincat), seeds=_texts(twincat_text.machine(safety=""))),
 }
 
 
