@@ -13,10 +13,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tied import tied
+
 TESTS = Path(__file__).parent
 ROOT = TESTS.parent
 # As root, or as an ordinary user where the system lets it.
 NAMESPACE = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
+# The first process of a PID namespace takes all others with it.
+ALONE = ["unshare", "--pid", "--fork", "--kill-child", "--mount-proc"]
 
 
 def command_inside(*command: str | Path, cables: int = 1) -> list[str]:
@@ -26,7 +30,7 @@ def command_inside(*command: str | Path, cables: int = 1) -> list[str]:
         steps.append(f"ip link add {near} type veth peer name {far}")
         steps += [f"ip link set {end} up" for end in (near, far)]
     script = " && ".join([*steps, 'exec "$@"'])
-    return [*NAMESPACE, "sh", "-c", script, "sh", *map(str, command)]
+    return tied(*NAMESPACE, "sh", "-c", script, "sh", *command)
 
 
 def run_inside(
@@ -38,6 +42,8 @@ def run_inside(
 ) -> subprocess.CompletedProcess[str]:
     """Run a command there, and return what it wrote; programs of ours find ours and their own.
 
+    All that it starts ends with it, processes in sessions of their own as well.
+
     Args:
         command: it and its arguments.
         cables: how many there are.
@@ -46,7 +52,7 @@ def run_inside(
         text: its standard input.
     """
     return subprocess.run(
-        command_inside(*command, cables=cables),
+        command_inside(*ALONE, *command, cables=cables),
         input=text,
         capture_output=True,
         text=True,

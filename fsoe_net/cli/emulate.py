@@ -15,6 +15,7 @@ from fsoe_net.cli.options import FILE, INTERFACE, RUN_TIME
 from fsoe_net.cli.output import summary
 from fsoe_net.cli.run import scenario_of
 from fsoe_net.cli.run_output import print_events
+from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core import SegmentLink, is_test_rig
 from fsoe_net.errors import EnvironmentFault, InputError
@@ -131,12 +132,14 @@ def command(
         no_machine_on_this_wire=vouched,
     )
     where = interface if redundant is None else f"{interface} and {redundant}, a ring"
-    echo(f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it", err=True)
+    told = f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it"
     result = serve(
         session,
         link,
         duration_ns,
         on_step=CommandLines(_STDIN) if commands else None,
+        on_link=lambda: echo(told, err=True),
+        stop=stop_on(ENDS_OR_HANGS_UP),
     )
     if fmt == "json":
         document = {"tool": "fsoe-net", "version": __version__} | asdict(result)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 import threading
 import time
@@ -16,6 +15,7 @@ from fsoe_net import __version__
 from fsoe_net.cli.monitor_output import bus_view
 from fsoe_net.cli.options import FILE, RUN_TIME, master_options, master_socket, overwrite_option
 from fsoe_net.cli.run_output import event_line, interesting
+from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.errors import EnvironmentFault
@@ -80,10 +80,7 @@ def command(
     if rebuild and capture is None:
         raise click.UsageError("--rebuild belongs to --capture")
     check_target(capture, overwrite=overwrite)
-    stop = threading.Event()
-    # Not as an exception: in the middle of a request it would leave half a reply behind.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    stop = stop_on(ENDS_OR_HANGS_UP)
     with Attachment(path) as attached:
         if once:
             view, recorded = attached.look(0.0), None

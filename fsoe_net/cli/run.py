@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +20,7 @@ from fsoe_net.cli.run_output import (
     print_result,
     write_timing,
 )
+from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.core import Snapshot
@@ -316,10 +315,7 @@ def _on_bus(
 ) -> RunResult:
     plan = _plan_bytes(resolution, wanted.plan)
     name = resolution.network.name
-    stop = threading.Event()
-    # Not as an exception: in the middle of a request it would leave half a reply behind.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    stop = stop_on(ENDS)  # when its terminal goes, the tool goes and the bus stays
 
     def started(master: Master) -> None:
         echo(
@@ -341,7 +337,15 @@ def _on_bus(
                 live_view(name, seen.connections, statistics, seen.now_s, snapshot.subdevices)
             )
 
-        return run_on_bus(resolution, plan, options, duration_ns, on_start=started, on_update=show)
+        return run_on_bus(
+            resolution,
+            plan,
+            options,
+            duration_ns,
+            on_start=started,
+            on_update=show,
+            stop=stop,
+        )
 
 
 def prepare(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import socket
 from dataclasses import dataclass
 
 from fsoe_net.core.core import CorePlan
@@ -11,6 +12,13 @@ from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.errors import EnvironmentFault
 
 __all__ = ["AlStatus", "Segment", "SegmentCounts", "SegmentLink", "is_test_rig"]
+
+
+_WANTED = {
+    errno.EINVAL: "priorities are 1 … 99, and the CPU must exist",
+    errno.EMSGSIZE: "EtherCAT frames need an MTU of 1500: ip link set IF mtu 1500",
+    errno.EADDRINUSE: "another emulation answers there; end that one first",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -301,12 +309,14 @@ class Segment:
                 "no other, lest they meet a real machine: "
                 "ip link add veth0 type veth peer name veth1"
             )
+        if status and error[0] == errno.ENODEV:
+            there = {name for _, name in socket.if_nameindex()}
+            absent = [n for n in (link.interface, link.interface2) if n and n not in there]
+            raise EnvironmentFault(
+                f"no such interface: {', '.join(map(repr, absent)) or names}; `ip link` lists them"
+            )
         if status and error[0]:
-            wanted = "raw sockets need CAP_NET_RAW, a priority CAP_SYS_NICE"
-            if error[0] == errno.EINVAL:
-                wanted = "priorities are 1 … 99, and the CPU must exist"
-            elif error[0] == errno.EMSGSIZE:
-                wanted = "EtherCAT frames need an MTU of 1500: ip link set IF mtu 1500"
+            wanted = _WANTED.get(error[0], "raw sockets need CAP_NET_RAW, a priority CAP_SYS_NICE")
             raise EnvironmentFault(f"{names}: {os.strerror(error[0])}; {wanted}")
         raise_status(status, f"link to {names}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -129,6 +130,8 @@ def serve(
     period_ns: int = 1_000_000,
     on_update: Callable[[SegmentSession, int], None] | None = None,
     on_step: Callable[[SegmentSession, int], None] | None = None,
+    on_link: Callable[[], None] | None = None,
+    stop: threading.Event | None = None,
 ) -> EmulateResult:
     """Answer on an interface until the time is over or the user interrupts.
 
@@ -139,16 +142,22 @@ def serve(
         period_ns: Time between two steps of the devices; late steps are not caught up.
         on_step: Called before every step of the devices with the time since the start.
         on_update: Called about ten times a second with the time since the start.
+        on_link: Called once the interface answers.
+        stop: Ends it when it is set, as a keyboard interrupt does.
 
     Raises:
         EnvironmentFault: The interface cannot be used.
     """
     with session.segment as segment:
         segment.link(link)
+        if on_link is not None:
+            on_link()
         start = time.monotonic_ns()
         now = next_ns = shown = 0
         try:
             while duration_ns is None or now < duration_ns:
+                if stop is not None and stop.is_set():
+                    raise KeyboardInterrupt
                 if on_step is not None:
                     on_step(session, now)
                 session.step_devices(now)

@@ -1,10 +1,17 @@
 #include "builder.h"
 
+#include <signal.h>
 #include <string.h>
+#include <sys/prctl.h>
 
 enum { SECTIONS = 10 };
 
 static const uint32_t record_bytes[SECTIONS] = {48, 24, 16, 12, 16, 44, 16, 32, 40, 1};
+
+/** A test that waits for long ends with the program that runs it. */
+__attribute__((constructor)) static void end_with_parent(void) {
+    (void)prctl(PR_SET_PDEATHSIG, SIGKILL);
+}
 
 struct buffer {
     uint8_t *bytes;

@@ -264,7 +264,7 @@ static void no_real_interface_is_taken(void) {
     const struct fsn_segment_link_options real = {.interface = "lo",
                                                   .no_machine_on_this_wire = true};
     CHECK(fsn_segment_link(rig.segment, &(struct fsn_segment_link_options){0}, NULL) == FSN_E_ARG);
-    CHECK(fsn_segment_link(rig.segment, &absent, NULL) == FSN_E_ARG);
+    CHECK(fsn_segment_link(rig.segment, &absent, NULL) == FSN_E_SYS);
     const fsn_status lo = fsn_segment_link(rig.segment, &real, NULL);
     /* Nobody's word counts but in a test rig. SYS where raw sockets are not allowed. */
     CHECK(lo == FSN_E_ARG || lo == FSN_E_SYS || fsn_segment_test_rig());

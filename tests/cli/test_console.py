@@ -15,6 +15,7 @@ import time
 import pytest
 from cli.tool import fsn
 from run.fake_master import FakeMaster, fake_master
+from tied import tied
 
 CONSOLE = [sys.executable, "-m", "fsoe_net.cli", "console"]
 PATIENCE_S = 60.0
@@ -92,7 +93,7 @@ def test_nobody_answers(tmp_path):
 
 def test_a_lost_connection_ends_a_script(master):
     process = subprocess.Popen(
-        [*CONSOLE, "--socket", str(master.path), "-c", "echo a; wait 1h"],
+        [*tied(*CONSOLE), "--socket", str(master.path), "-c", "echo a; wait 1h"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -106,7 +107,7 @@ def test_a_lost_connection_ends_a_script(master):
 
 def test_ctrl_c_ends_a_script(master):
     process = subprocess.Popen(
-        [*CONSOLE, "--socket", str(master.path), "-c", "set drive_1 0x6040 1; wait 1h"],
+        [*tied(*CONSOLE), "--socket", str(master.path), "-c", "set drive_1 0x6040 1; wait 1h"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

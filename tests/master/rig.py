@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from networks import example
+from tied import tied
 
 from fsoe_net.plan import compile_plan
 
@@ -208,7 +209,7 @@ def running(*arguments: object, name: str = "el6910") -> Iterator[Master]:
         directory = Path(text)
         path = directory / "s"
         with notify_socket(directory) as listener:
-            command = [program(), str(write_plan(directory, name)), "--bus", "emulated"]
+            command = tied(program(), write_plan(directory, name), "--bus", "emulated")
             command += ["--policy", "other", "--socket", str(path), "--log", "json"]
             process = subprocess.Popen(
                 [*command, *map(str, arguments)],

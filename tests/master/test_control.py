@@ -11,6 +11,7 @@ import threading
 
 import pytest
 from master.rig import ROOT, Client, running
+from tied import tied
 
 MODE = "drive_1.0x6060:00"  # int8, stop value 8
 LAMP = "el2904.standard_1"
@@ -142,7 +143,7 @@ def test_a_killed_client_loses_its_outputs() -> None:
     with running() as master, master.client() as client:
         client.good("events on")
         with subprocess.Popen(
-            [sys.executable, "-c", script, str(master.path)], stdout=subprocess.PIPE
+            tied(sys.executable, "-c", script, master.path), stdout=subprocess.PIPE
         ) as process:
             assert process.stdout is not None
             process.stdout.readline()

@@ -21,6 +21,7 @@ from master.rig import (
     when_it_listens,
     write_plan,
 )
+from tied import tied
 
 MODE = "drive_1.0x6060:00"
 
@@ -115,7 +116,7 @@ def test_the_service_manager_is_told(tmp_path: Path) -> None:
         directory.mkdir()
         with notify_socket(directory) as listener:
             env = {"NOTIFY_SOCKET": str(directory / "notify"), "WATCHDOG_USEC": "20000"}
-            command = [program(), str(plan), "--bus", "emulated", "--policy", "other"]
+            command = tied(program(), plan, "--bus", "emulated", "--policy", "other")
             with killed_at_the_end(
                 subprocess.Popen(
                     [*command, "--socket", str(directory / "s")],
@@ -135,7 +136,7 @@ def test_a_log_nobody_reads_stops_nothing(tmp_path: Path) -> None:
     with running() as other:
         plan = other.directory / "el6910.fsnplan"
         path = other.directory / "s2"
-        command = [program(), str(plan), "--bus", "emulated", "--policy", "other"]
+        command = tied(program(), plan, "--bus", "emulated", "--policy", "other")
         with killed_at_the_end(
             subprocess.Popen(
                 [*command, "--socket", str(path)],

@@ -16,6 +16,7 @@ from observe.tshark import tshark
 from run.support import EXAMPLES, ROOT, needs_core
 from run.test_live_bus import ESTOP, on_the_wire
 from run.watched_master import MS, WatchedMaster, direction, subdevice
+from tied import tied
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.observe import RebuiltFrames, read_capture
@@ -149,7 +150,7 @@ def test_a_bus_that_stops_and_starts(master):
 
 def test_events_come_as_lines_until_interrupted(master):
     process = subprocess.Popen(
-        [sys.executable, "-m", "fsoe_net.cli", "monitor", "--socket", str(master.path)],
+        tied(sys.executable, "-m", "fsoe_net.cli", "monitor", "--socket", master.path),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -1,14 +1,17 @@
 """`fsoe-net emulate`: what it refuses, and a network that nobody talks to."""
 
+import contextlib
 import json
+import signal
 import struct
+import subprocess
 import sys
 
 import pytest
 from cli.tool import fsn
 from networks import example
-from segment.wire import read_frame
-from wires import ROOT, missing, run_inside
+from segment.wire import PATIENCE_S, read_frame
+from wires import ROOT, command_inside, missing, run_inside, run_program
 
 from fsoe_net.core import Segment
 from fsoe_net.errors import CoreError, EnvironmentFault
@@ -26,8 +29,8 @@ EMULATE = [sys.executable, "-m", "fsoe_net.cli", "emulate"]
     [
         ([ESTOP], 2, "--interface"),
         ([ESTOP, "--interface", "lo"], 3, "lo"),
-        ([ESTOP, "--interface", "no-such-interface"], 3, "is no veth or tap interface"),
-        ([ESTOP, "--interface", "x" * 300], 3, "is no veth or tap interface"),
+        ([ESTOP, "--interface", "eth99"], 3, "no such interface: 'eth99'; `ip link` lists them"),
+        ([ESTOP, "--interface", "x" * 300], 3, "no such interface: 'xxx"),
         ([ESTOP, "--interface", "lo", "--no-machine-on-this-wire"], 3, "this is no test rig"),
         (["absent.yaml", "--interface", "lo"], 1, "nothing started"),
     ],
@@ -50,6 +53,60 @@ def test_nobody_speaks():
     assert document["states"]["ek1914"] == {"state": "INIT", "error": False, "code": 0}
     assert document["connections"] == {"el1918-ek1914": "reset"}
     assert document["passed"] is False
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_it_with_its_summary(number):
+    with emulating() as process:
+        process.send_signal(number)
+        out, err = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, err) == (1, "")
+    assert "interrupted by the user" in out
+    assert out.endswith("0 frames answered: no MainDevice spoke on this interface\n")
+
+
+def test_ctrl_c_that_was_ignored_stays_ignored():
+    """As of a job in the background of a script."""
+    with emulating("trap '' INT") as process:
+        process.send_signal(signal.SIGINT)
+        process.stdin.write("status\n")
+        process.stdin.flush()
+        while "0 frames, 0 lost" not in (line := process.stderr.readline()):
+            assert line  # it answers, so it goes on
+        process.send_signal(signal.SIGTERM)
+        out, _ = process.communicate(timeout=PATIENCE_S)
+    assert "interrupted by the user" in out
+
+
+def test_one_emulation_answers_on_an_interface():
+    why = missing()
+    if why:
+        pytest.skip(why)
+    done = run_program("segment/wire.py", "taken", ESTOP, cables=2)
+    assert done.returncode == 0, done.stderr
+
+
+@contextlib.contextmanager
+def emulating(before="true"):
+    """Run an emulation that answers already, after a command of the shell."""
+    why = missing()
+    if why:
+        pytest.skip(why)
+    shell = ["sh", "-c", f'{before}; exec "$@"', "sh"]
+    process = subprocess.Popen(
+        command_inside(*shell, *EMULATE, ESTOP, "--interface", "far", "--commands"),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        line = process.stderr.readline()
+        assert line == "EMULATION of 2 SubDevices on far; Ctrl-C ends it\n"
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
 
 
 def test_an_mtu_that_is_too_small_is_said():

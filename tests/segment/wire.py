@@ -125,12 +125,35 @@ def faults(segment: Segment) -> None:
     assert segment.counts().lost == 1
 
 
-def main() -> None:
+def taken(segment: Segment) -> None:
+    """A second segment is refused on an interface, and takes it when the first has let go."""
+    other = session_of().segment
+    segment.link(SegmentLink(interface="far", interface2="far2"))
+    for interface in ("far", "far2"):
+        with pytest.raises(EnvironmentFault) as told:
+            other.link(SegmentLink(interface=interface))
+        assert str(told.value) == (
+            f"{interface!r}: Address already in use; another emulation answers there; "
+            "end that one first"
+        )
+    with pytest.raises(EnvironmentFault, match="no such interface: 'eth98'; `ip link`"):
+        other.link(SegmentLink(interface="near", interface2="eth98"))
+    segment.unlink()
+    other.link(SegmentLink(interface="far"))
+    Port("near").send()
+    other.unlink()
+
+
+def session_of() -> SegmentSession:
     resolution = resolve(load_network([sys.argv[2]]).network)
     plan = compile_plan(resolution).to_bytes()
-    session = SegmentSession(resolution, plan, None, session_ids=counted_session_ids())
-    with session.segment as segment:
-        {"ring": ring, "realtime": realtime, "faults": faults}[sys.argv[1]](segment)
+    return SegmentSession(resolution, plan, None, session_ids=counted_session_ids())
+
+
+def main() -> None:
+    with session_of().segment as segment:
+        checks = {"ring": ring, "realtime": realtime, "faults": faults, "taken": taken}
+        checks[sys.argv[1]](segment)
 
 
 if __name__ == "__main__":

@@ -224,12 +224,12 @@ FSN_API bool fsn_segment_test_rig(void);
  *  never meet a real machine. fsn_segment_test_rig() is the one exception.
  *  @param[in]  options    copied.
  *  @param[out] sys_errno  of the system, when FSN_E_SYS; may be NULL.
- *  @retval FSN_E_ARG      no such interface, or not a virtual one.
+ *  @retval FSN_E_ARG      not a virtual interface.
  *  @retval FSN_E_STATE    linked already.
- *  @retval FSN_E_SYS      the system refused: EMSGSIZE for an MTU below 1500; EPERM for a missing
- *                         CAP_NET_RAW, or CAP_SYS_NICE for
- *                         the priority; EINVAL for a priority or CPU that does not exist.
- *  Context: set-up. */
+ *  @retval FSN_E_SYS      the system refused: ENODEV without such an interface, EADDRINUSE when
+ *                         another segment answers on it, EMSGSIZE for an MTU below 1500; EPERM for
+ * a missing CAP_NET_RAW, or CAP_SYS_NICE for the priority; EINVAL for a priority or CPU that does
+ * not exist. Context: set-up. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_link(struct fsn_segment *segment,
                                                  const struct fsn_segment_link_options *options,
                                                  int *sys_errno);

@@ -9,10 +9,12 @@
 #include <net/if.h>
 #include <poll.h>
 #include <sched.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -150,7 +152,8 @@ static void *serve(void *context) {
 static fsn_status open_socket(int *socket_fd, const char *interface, bool takes_real) {
     const unsigned index = if_nametoindex(interface);
     if (index == 0) {
-        return FSN_E_ARG;
+        errno = ENODEV;
+        return FSN_E_SYS;
     }
     *socket_fd = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, htons(ETHERTYPE));
     if (*socket_fd < 0) {
@@ -177,8 +180,30 @@ static fsn_status open_socket(int *socket_fd, const char *interface, bool takes_
     return FSN_OK;
 }
 
+/** One emulation answers on an interface. An abstract name belongs to the network namespace, as the
+ *  interface does, and is gone with its process however that ends. */
+static fsn_status lock_interface(int *lock, const char *interface) {
+    struct sockaddr_un name = {.sun_family = AF_UNIX};
+    const int length =
+        snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "fsn-segment:%.15s", interface);
+    *lock = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
+    return *lock >= 0 && bind(*lock, (const struct sockaddr *)&name, size) == 0 ? FSN_OK
+                                                                                : FSN_E_SYS;
+}
+
+static fsn_status open_port(struct fsn_segment *s, uint32_t port, const char *interface,
+                            bool takes_real) {
+    const fsn_status status = open_socket(&s->sockets[port], interface, takes_real);
+    return status == FSN_OK ? lock_interface(&s->locks[port], interface) : status;
+}
+
 static void close_sockets(struct fsn_segment *s) {
     for (uint32_t port = 0; port < PORTS; port++) {
+        if (s->locks[port] >= 0) {
+            close(s->locks[port]);
+        }
+        s->locks[port] = -1;
         if (s->sockets[port] >= 0) {
             close(s->sockets[port]);
         }
@@ -225,9 +250,9 @@ fsn_status fsn_segment_link(struct fsn_segment *s, const struct fsn_segment_link
         return FSN_E_STATE;
     }
     const bool takes_real = TEST_RIG != 0 && options->no_machine_on_this_wire;
-    fsn_status status = open_socket(&s->sockets[0], options->interface, takes_real);
+    fsn_status status = open_port(s, 0, options->interface, takes_real);
     if (status == FSN_OK && options->interface2 != NULL) {
-        status = open_socket(&s->sockets[1], options->interface2, takes_real);
+        status = open_port(s, 1, options->interface2, takes_real);
     }
     int error = errno;
     if (status == FSN_OK) {

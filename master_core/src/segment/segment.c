@@ -98,7 +98,7 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
     if (s == NULL) {
         return FSN_E_NOMEM;
     }
-    s->sockets[0] = s->sockets[1] = -1;
+    s->sockets[0] = s->sockets[1] = s->locks[0] = s->locks[1] = -1;
     s->plan = plan;
     atomic_fetch_add(&plan->holders, 1);
     init_lock(&s->lock);

@@ -62,6 +62,7 @@ struct fsn_segment {
     uint64_t last_ns;
     char interfaces[2][16];
     int sockets[2]; /**< per port of the MainDevice; -1: not linked */
+    int locks[2];   /**< keep other segments off its interface; -1: none */
     pthread_t thread;
     atomic_bool stop;
 };

@@ -1,0 +1,24 @@
+"""The signals that end a running command with its result."""
+
+from __future__ import annotations
+
+import signal
+import threading
+
+__all__ = ["ENDS", "ENDS_OR_HANGS_UP", "stop_on"]
+
+ENDS = (signal.SIGINT, signal.SIGTERM)
+ENDS_OR_HANGS_UP = (*ENDS, signal.SIGHUP)
+
+
+def stop_on(signals: tuple[signal.Signals, ...]) -> threading.Event:
+    """Return an event that these signals set from now on.
+
+    They raise nothing: in the middle of a request that would leave half a reply behind. A signal
+    that was ignored before, as Ctrl-C is for a job in the background, stays ignored.
+    """
+    stop = threading.Event()
+    for number in signals:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: stop.set())
+    return stop

@@ -1,0 +1,47 @@
+"""Helpers of tests leave nothing behind when the tests themselves are killed."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+
+import pytest
+from tied import tied
+from wires import ROOT, TESTS, missing
+
+PATIENCE_S = 60.0
+# A session of its own, as fsn-master has: no signal of a terminal reaches it.
+_CHILD = """
+import os, sys, time
+os.setsid()
+fifo = open(sys.argv[1], "w")
+print("here", file=fifo, flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        "from tied import tied; subprocess.run(tied(*words))",
+        "from wires import run_inside; run_inside(*words)",
+    ],
+    ids=["a process", "a namespace"],
+)
+def test_a_helper_ends_with_the_one_that_started_it(start, tmp_path):
+    if "wires" in start and missing():
+        pytest.skip(missing())
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    words = [sys.executable, "-c", _CHILD, str(fifo)]
+    parent = subprocess.Popen(
+        tied(sys.executable, "-c", f"import subprocess; words = {words!r}; {start}"),
+        env=os.environ | {"PYTHONPATH": f"{ROOT}:{TESTS}"},
+    )
+    with open(fifo, encoding="utf-8") as heard:  # waits for the child to open it
+        assert heard.readline() == "here\n"
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+        assert select.select([heard], [], [], PATIENCE_S)[0]
+        assert heard.readline() == ""  # the child, who held the other end, is gone
