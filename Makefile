@@ -33,20 +33,20 @@ $(VENV)/bin/python:
 	python3 -m venv $(VENV)
 
 $(VENV)/.ready: $(VENV)/bin/python $(SOURCES)
-	$(PY) -m pip install --quiet --disable-pip-version-check --editable .
+	@echo "== set-up: pip fetches packages and compiles the C core; one to three minutes"
+	$(PY) -m pip install --progress-bar on --disable-pip-version-check --editable .
 	@touch $@
 
 $(VENV)/.ready-test: $(VENV)/.ready
+	@echo "== set-up: pip fetches what the tests need"
 	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[test]' cmake
 	@touch $@
 
-# CMake decides what is to be built again.
+# CMake decides what is to be built again. Without SOEM only the other buses are there.
 $(VENV)/bin/fsn-master: $(VENV)/.ready-test $(SOURCES) $(shell find master_core/app -type f)
-	@PATH="$(CURDIR)/$(VENV)/bin:$$PATH" scripts/get-soem >/dev/null || \
-		echo "make: no source of SOEM; fsn-master is built without its backend" >&2
-	$(VENV)/bin/cmake -S master_core -B build/master -DFSN_BUILD_TESTS=OFF -DFSN_INSTALL=OFF >/dev/null
-	$(VENV)/bin/cmake --build build/master -j2 --target fsn-master >/dev/null
-	install -m 755 build/master/fsn-master $@
+	@install="$(FSN) install-master --yes --overwrite --build-dir build/master"; \
+		$$install || $$install --without-soem
+	@touch $@
 
 clean:
 	rm -rf $(VENV) build dist report.html estop.fsnplan

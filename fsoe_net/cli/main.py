@@ -32,6 +32,7 @@ _COMMANDS = {
     "incident": "Say why a connection dropped: one page from an incident file.",
     "scan": "Read what is on a live bus; write files to start from.",
     "doctor": "Check this machine for real-time EtherCAT.",
+    "install-master": "Build fsn-master, which drives a live bus, and install it.",
     "timing": "Timing budget: watchdogs, reaction times, what limits them.",
     "test-protocol": "Checklist of what to try; run where it can be, the rest for people.",
     "report": "Write a report page for a network.",

@@ -152,6 +152,18 @@ def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
     return [e for e in events if not e.text.startswith(quiet) or e.text.endswith("Data")]
 
 
+def _stall_text(result: RunResult) -> str:
+    """Return what a stall of this machine explains; empty where it was shorter than a watchdog."""
+    watchdogs = [c.watchdog_ms for c in result.connections if c.watchdog_ms]
+    if not watchdogs or result.stalled_ms < min(watchdogs):
+        return ""
+    return (
+        f"this machine stood still for {result.stalled_ms:.0f} ms, longer than an FSoE watchdog "
+        f"({min(watchdogs)} ms): what follows from that is no fault of the files; run it again, "
+        "with --virtual-time, or see `fsoe-net doctor`"
+    )
+
+
 def _print_verdicts(result: RunResult) -> None:
     for verdict in result.verdicts:
         if not verdict.held:
@@ -162,6 +174,9 @@ def _print_verdicts(result: RunResult) -> None:
     if not result.passed and not result.verdicts:
         missing = not_in_op(result.subdevices)
         echo(f"not every connection is in Data{' with its SubDevices in OP' if missing else ''}")
+    stall = "" if result.passed else _stall_text(result)
+    if stall:
+        echo(stall)
 
 
 def make_folder(path: str | None, option: str) -> None:

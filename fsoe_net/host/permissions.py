@@ -77,7 +77,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[Seen]:
         yield Seen(
             level=Level.WARNING,
             text=f"{PROGRAM} is not there",
-            now=("scripts/get-soem; make master",),
+            now=("fsoe-net install-master",),
             keep=("FSN_MASTER=PATH names one elsewhere",),
         )
         return

@@ -183,6 +183,7 @@ class _LiveRun:
             passed=current and _all_in_data(connections, snapshot.subdevices),
             bus=BusResult(backend=self._options.backend, interface=self._options.interface),
             subdevices=snapshot.subdevices,
+            stalled_ms=snapshot.cycle.statistics.period.max_ns / 1e6,
         )
 
 

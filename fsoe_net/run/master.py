@@ -44,8 +44,8 @@ def find_master() -> str:
     found = shutil.which(_PROGRAM)
     if found is None:
         raise EnvironmentFault(
-            "fsn-master, which drives a live bus, is not there: `make master` in the source tree "
-            "builds it (`scripts/get-soem` before that fetches SOEM); FSN_MASTER=PATH names another"
+            "fsn-master, which drives a live bus, is not there: `fsoe-net install-master` builds "
+            "it; FSN_MASTER=PATH names another"
         )
     return found
 

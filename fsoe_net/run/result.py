@@ -106,7 +106,8 @@ class BusResult:
 class RunResult:
     """A whole run. ``passed``: every expectation held, or, without any, all reached Data.
 
-    ``subdevices`` are known on a live bus only.
+    ``subdevices`` are known on a live bus only. ``stalled_ms`` is the longest time in which the bus
+    or the emulated devices stood still, because this machine did; 0 in virtual time.
     """
 
     mode: str
@@ -121,6 +122,7 @@ class RunResult:
     passed: bool
     bus: BusResult = BusResult()
     subdevices: tuple[SubDeviceSnapshot, ...] = ()
+    stalled_ms: float = 0.0
 
     def to_json(self, version: str) -> dict[str, object]:
         """Return the stable JSON document (``docs/reference/run-output.md``)."""
@@ -132,6 +134,7 @@ class RunResult:
             "mode": self.mode,
             "bus": asdict(self.bus),
             "duration_ms": self.duration_ms,
+            "stalled_ms": self.stalled_ms,
             "result": "pass" if self.passed else "fail",
             "connections": [asdict(c) for c in self.connections],
             "subdevices": [asdict(s) for s in self.subdevices],

@@ -104,8 +104,14 @@ class Session(Stage):
             safe_to_main=main.instance.received_safe_data.hex(),
         )
 
-    def result(self, mode: str, duration_ns: int) -> RunResult:
-        """Return the result of a run that has ended."""
+    def result(self, mode: str, duration_ns: int, *, devices_stood_ns: int = 0) -> RunResult:
+        """Return the result of a run that has ended.
+
+        Args:
+            mode: ``live`` or ``virtual``.
+            duration_ns: How long it was.
+            devices_stood_ns: Longest time between two steps of the devices.
+        """
         self.engine.finish(duration_ns)
         snapshot = self.core.snapshot()
         connections = self.connections(snapshot)
@@ -123,6 +129,7 @@ class Session(Stage):
             events_lost=self.engine.events_lost,
             verdicts=verdicts,
             passed=passed,
+            stalled_ms=max(devices_stood_ns, snapshot.statistics.period.max_ns) / 1e6,
         )
 
 
@@ -215,6 +222,7 @@ class _Live:
         self._lock = threading.Lock()
         self._error: BaseException | None = None
         self._start_ns = 0
+        self._stood_ns = 0
 
     def run(
         self,
@@ -238,7 +246,8 @@ class _Live:
             self._incidents.finish(self._now())
         if self._error is not None:
             raise self._error
-        return session.result("live", min(self._now(), duration_ns))
+        duration_ns = min(self._now(), duration_ns)
+        return session.result("live", duration_ns, devices_stood_ns=self._stood_ns)
 
     def _now(self) -> int:
         return time.monotonic_ns() - self._start_ns
@@ -258,10 +267,11 @@ class _Live:
     def _devices(self) -> None:
         """Step all devices at their period; late steps are not caught up."""
         try:
-            next_ns = self._now()
+            next_ns = last_ns = self._now()
             while not self._stop.is_set():
                 with self._lock:
                     now_ns = self._now()
+                    self._stood_ns, last_ns = max(self._stood_ns, now_ns - last_ns), now_ns
                     self._session.step_devices(now_ns)
                     if self._incidents is not None:
                         self._incidents.cycle(now_ns)

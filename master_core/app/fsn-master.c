@@ -173,8 +173,8 @@ int main(int argc, char **argv) {
     const struct fsn_backend *backend = backend_find(options.bus);
     if (backend == NULL) {
         log_line(FSN_LOG_ERROR,
-                 "FSN_E_ABSENT: this build has no bus %s; fsn-master --version "
-                 "lists those it has",
+                 "FSN_E_ABSENT: this build has no bus %s; fsn-master --version lists those it "
+                 "has, and fsoe-net install-master --overwrite builds one with soem",
                  options.bus);
         return EXIT_REFUSED;
     }

@@ -225,7 +225,7 @@ def test_capabilities(granted, mine, level, text, tmp_path):
 
 def test_no_master_is_a_warning(tmp_path):
     seen = found(good(tmp_path), "master.capabilities", program=None)
-    assert (seen.level, seen.now) == (Level.WARNING, ("scripts/get-soem; make master",))
+    assert (seen.level, seen.now) == (Level.WARNING, ("fsoe-net install-master",))
 
 
 def test_limits_count_only_without_capabilities(tmp_path):

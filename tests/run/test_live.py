@@ -5,11 +5,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from run.support import ESTOP, ROBOT, needs_core, session_of
 
+from fsoe_net.cli.run_output import _stall_text, print_result
 from fsoe_net.run import RunResult, run_live
 
 pytestmark = needs_core
@@ -138,3 +140,28 @@ def test_ctrl_c_prints_the_result():
     assert "run: interrupted by the user" in done.stdout
     assert "bus cycles in" in done.stdout
     assert done.stderr == ""
+
+
+def test_a_machine_that_stood_still_is_blamed(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    """The devices' thread is held up, as by a busy processor, for longer than the watchdog."""
+    session = session_of(ESTOP)
+    steps: list[int] = []
+    step = session.step_devices
+
+    def held_up(now_ns: int) -> None:
+        steps.append(now_ns)
+        if len(steps) == 5:
+            time.sleep(0.25)  # the stall itself, not a wait for something
+        step(now_ns)
+
+    monkeypatch.setattr(session, "step_devices", held_up, raising=False)
+    result = run_live(session, 600 * MS)
+    assert result.stalled_ms >= 250
+    for passed, said in ((False, True), (True, False)):
+        print_result(replace(result, passed=passed))
+        text = capsys.readouterr().out
+        assert ("this machine stood still for " in text) is said
+    assert ", longer than an FSoE watchdog (100 ms)" in _stall_text(result)
+    assert _stall_text(replace(result, stalled_ms=99.0)) == ""

@@ -34,7 +34,7 @@ def why_not():
         return str(fault)
     version = subprocess.run([program, "--version"], capture_output=True, text=True, check=False)
     if "bus soem: not in this build" in version.stdout:
-        return "this fsn-master has no soem: scripts/get-soem, then make master"
+        return "this fsn-master has no soem: make master"
     return missing()
 
 

@@ -1,0 +1,63 @@
+"""``fsoe-net install-master``: the program that drives a live bus, built on this machine."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from fsoe_net.cli.options import FOLDER, output_option
+from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.write import check_target
+from fsoe_net.run.build_master import SOEM_TERMS, build_master, master_place
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net install-master
+  fsoe-net install-master --yes                # in a script: the terms are known
+  fsoe-net install-master --without-soem       # for an IgH EtherCAT Master that is installed
+
+It needs a C compiler. CMake and the source of SOEM are fetched from the Python package index where
+they are missing. An fsn-master that runs goes on with the program it has.
+
+Exit codes: 0 built; 2 wrong use; 3 a tool, the network or a permission is missing."""
+
+
+@click.command("install-master", epilog=_EPILOG)
+@output_option("The program; default: beside the Python that runs this.")
+@click.option("--soem", type=FOLDER, metavar="DIR", help="Source of SOEM 1.4 that is already here.")
+@click.option("--without-soem", is_flag=True, help="Build the other buses of this machine only.")
+@click.option(
+    "--build-dir", type=FOLDER, metavar="DIR", help="Keep what was built there, for the next time."
+)
+@click.option("-y", "--yes", is_flag=True, help="Do not ask about the terms of SOEM.")
+def command(
+    output: str | None,
+    overwrite: bool,
+    soem: str | None,
+    without_soem: bool,
+    build_dir: str | None,
+    yes: bool,
+) -> None:
+    """Build fsn-master, which drives a live bus, and install it."""
+    target = Path(output) if output else master_place()
+    check_target(str(target), overwrite=overwrite)
+    if not without_soem:
+        echo(SOEM_TERMS, err=True)
+        if not yes:
+            if not sys.stdin.isatty():
+                raise click.UsageError("nobody is here to agree to these terms: --yes")
+            click.confirm("Fetch and build it?", abort=True, err=True)
+    echo("building, about half a minute", err=True)
+    version = build_master(
+        target.absolute(),
+        soem=Path(soem) if soem else None,
+        with_soem=not without_soem,
+        build=Path(build_dir) if build_dir else None,
+    )
+    echo(version.rstrip())
+    echo(f"\n{target}: installed. Without root it needs, after each build:")
+    echo(f"  sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep {target.resolve()}")

@@ -1,0 +1,154 @@
+"""Builds ``fsn-master`` with SOEM, from the C source that comes with this package."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from fsoe_net.errors import EnvironmentFault
+
+__all__ = ["SOEM_TERMS", "build_master", "fetch_soem", "master_place"]
+
+# SOEM 1.4 lies in the source distribution of pysoem, which is in the package index.
+_PYSOEM = "1.1.13"
+_SHA256 = "4be98d8531e492f2ee5d21f6ef51e51493a10ee1322ed22e909c91a8bcfff950"
+
+SOEM_TERMS = (
+    f"SOEM 1.4 (from pysoem {_PYSOEM}) drives the bus. It is under the GPL, version 2, with an "
+    "exception for linking. Who passes on the fsn-master that is built with it passes on SOEM too. "
+    "EtherCAT is a patented technology of Beckhoff Automation GmbH: using a MainDevice needs the "
+    "licence that the EtherCAT Technology Group arranges."
+)
+
+
+def master_place() -> Path:
+    """Return where ``fsn-master`` is installed and looked for first: beside the interpreter."""
+    return Path(sys.executable).parent / "fsn-master"
+
+
+def fetch_soem(folder: Path) -> Path:
+    """Fetch the source of SOEM once.
+
+    Args:
+        folder: Takes the archive and what is in it.
+
+    Returns:
+        The folder for ``SOEM_SOURCE_DIR``.
+
+    Raises:
+        EnvironmentFault: The package index does not answer, or gives another file.
+    """
+    source = folder / f"pysoem-{_PYSOEM}" / "soem"
+    if (source / "soem" / "ethercatmain.h").is_file():
+        return source
+    folder.mkdir(parents=True, exist_ok=True)
+    _pip(
+        ["download", "--no-deps", "--no-binary", "pysoem", "--dest", str(folder)],
+        f"pysoem=={_PYSOEM}",
+        "the source of SOEM cannot be fetched",
+    )
+    archive = folder / f"pysoem-{_PYSOEM}.tar.gz"
+    if hashlib.sha256(archive.read_bytes()).hexdigest() != _SHA256:
+        archive.unlink()
+        raise EnvironmentFault(f"{archive}: not the file that was expected (SHA-256); deleted")
+    with tarfile.open(archive) as tar:
+        tar.extractall(folder, filter="data")
+    return source
+
+
+def build_master(
+    target: Path, *, soem: Path | None = None, with_soem: bool = True, build: Path | None = None
+) -> str:
+    """Build ``fsn-master`` and put it in its place.
+
+    Args:
+        target: The program; an old one is replaced, one that runs goes on.
+        soem: Source of SOEM 1.4; it is fetched without it.
+        with_soem: Without it only the buses that this machine has libraries of: IgH.
+        build: Folder that is kept, so that a later build is quick; a temporary one without it.
+
+    Returns:
+        What ``fsn-master --version`` prints.
+
+    Raises:
+        EnvironmentFault: A tool or the source of SOEM is missing, or the build failed.
+    """
+    if shutil.which("cc") is None and shutil.which("gcc") is None:
+        raise EnvironmentFault("no C compiler: sudo apt-get install build-essential")
+    with tempfile.TemporaryDirectory(prefix="fsn-master-") as temporary:
+        work = Path(temporary)
+        folder = build or work / "build"
+        cmake, env = _cmake(work)
+        options = ["-DFSN_BUILD_TESTS=OFF", "-DFSN_INSTALL=OFF"]
+        if with_soem:
+            soem = soem or fetch_soem(build.parent / "soem" if build else work / "soem")
+            options += ["-DFSN_SOEM=ON", f"-DSOEM_SOURCE_DIR={soem.resolve()}"]
+        else:
+            options += ["-DFSN_SOEM=OFF"]
+        _run([*cmake, "-S", str(_source()), "-B", str(folder), *options], "cmake", env)
+        jobs = str(os.cpu_count() or 1)
+        build_it = [*cmake, "--build", str(folder), "-j", jobs, "--target", "fsn-master"]
+        _run(build_it, "the compiler", env)
+        fresh = target.with_name(f".{target.name}.new")
+        try:
+            shutil.copy2(folder / "fsn-master", fresh)
+            fresh.replace(target)
+        except OSError as exc:
+            raise EnvironmentFault(
+                f"{target}: {exc.strerror}; --output FILE names a place"
+            ) from exc
+    return _run([str(target), "--version"], str(target), None)
+
+
+def _source() -> Path:
+    package = Path(__file__).parents[1]
+    for folder in (package.parent / "master_core", package / "master_core"):
+        if (folder / "CMakeLists.txt").is_file():
+            return folder
+    raise EnvironmentFault("the C source is not part of this installation; install it again")
+
+
+def _cmake(work: Path) -> tuple[list[str], dict[str, str] | None]:
+    """Return how CMake is called, and its environment; it is fetched where it is missing."""
+    beside = Path(sys.executable).parent / "cmake"
+    found = str(beside) if beside.is_file() else shutil.which("cmake")
+    if found is not None:
+        return [found], None
+    _pip(
+        ["install", "--target", str(work / "cmake")],
+        "cmake",
+        "there is no CMake (sudo apt-get install cmake), and it cannot be fetched",
+    )
+    return [str(work / "cmake" / "bin" / "cmake")], {"PYTHONPATH": str(work / "cmake")}
+
+
+def _pip(arguments: Sequence[str], package: str, refusal: str) -> None:
+    if importlib.util.find_spec("pip") is None:
+        raise EnvironmentFault(f"{refusal}: this Python has no pip")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
+    _run([*pip, *arguments, package], refusal, None)
+
+
+def _run(command: Sequence[str], what: str, env: dict[str, str] | None) -> str:
+    done = subprocess.run(  # noqa: S603 - our own arguments, no shell
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        env=None if env is None else os.environ | env,
+        check=False,
+    )
+    text = done.stdout.decode("utf-8", "replace")
+    if done.returncode != 0:
+        lines = text.strip().splitlines() or ["no word why"]
+        reason = next((line for line in lines if "error" in line.lower()), lines[-1])
+        raise EnvironmentFault(f"{what}: exit code {done.returncode}: {reason.strip()}")
+    return text

@@ -1,0 +1,92 @@
+"""fsn-master is built from what is installed; its terms are named, errors say the next step."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.run import build_master
+
+FSN = [sys.executable, "-m", "fsoe_net.cli", "install-master"]
+ROOT = Path(__file__).parents[2]
+
+
+def _run(*args: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*FSN, *args],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def test_terms_are_named_and_not_taken_for_granted(tmp_path: Path):
+    done = _run("-o", str(tmp_path / "m"))
+    assert done.returncode == 2
+    assert "SOEM 1.4" in done.stderr
+    assert "GPL, version 2, with an exception for linking" in done.stderr
+    assert "--yes" in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_program_that_is_there_stays(tmp_path: Path):
+    (tmp_path / "m").write_text("mine")
+    done = _run("-o", str(tmp_path / "m"), "--without-soem")
+    assert (done.returncode, (tmp_path / "m").read_text()) == (1, "mine")
+    assert "--overwrite" in done.stderr
+
+
+def test_it_builds_a_program_that_runs(tmp_path: Path):
+    """Without SOEM, so that no network is needed; `make master` builds it with."""
+    done = _run("-o", str(tmp_path / "m"), "--without-soem")
+    assert done.returncode == 0, done.stderr
+    assert "bus emulated:" in done.stdout
+    assert "bus soem: not in this build" in done.stdout
+    assert f"sudo setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep {tmp_path / 'm'}" in done.stdout
+    assert [p.name for p in tmp_path.iterdir()] == ["m"]
+    wanted = subprocess.run(
+        [tmp_path / "m", "x.fsnplan", "--interface", "eth1"], capture_output=True, check=False
+    )
+    assert b"FSN_E_ABSENT" in wanted.stderr
+    assert b"fsoe-net install-master" in wanted.stderr
+
+
+def test_a_folder_without_soem_is_refused(tmp_path: Path):
+    done = _run("-o", str(tmp_path / "m"), "--soem", str(tmp_path), "--yes")
+    assert done.returncode == 3
+    assert "SOEM" in done.stderr
+    assert not (tmp_path / "m").exists()
+
+
+def test_another_archive_is_refused_and_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    archive = tmp_path / "pysoem-1.1.13.tar.gz"
+    archive.write_bytes(b"something else")
+    monkeypatch.setattr(build_master, "_pip", lambda *_: None)
+    with pytest.raises(EnvironmentFault, match="not the file that was expected"):
+        build_master.fetch_soem(tmp_path)
+    assert not archive.exists()
+
+
+def test_missing_tools_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(EnvironmentFault, match="sudo apt-get install build-essential"):
+        build_master.build_master(tmp_path / "m", with_soem=False)
+    monkeypatch.setattr(build_master.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(EnvironmentFault, match="this Python has no pip"):
+        build_master.fetch_soem(tmp_path)
+
+
+def test_where_it_is_missing_the_command_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from fsoe_net.run.master import find_master
+
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("FSN_MASTER", raising=False)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    with pytest.raises(EnvironmentFault, match="`fsoe-net install-master` builds it"):
+        find_master()
