@@ -143,7 +143,9 @@ def _write(files: dict[str, bytes], output: str, overwrite: bool) -> None:
     elif len(files) == 1:
         write_whole(STDOUT, *files.values(), overwrite=overwrite)
     else:
-        raise click.UsageError(f"-o -: this takes {len(files)} files; name one with -o OUT")
+        raise click.UsageError(
+            f"-o -: this takes {counted(len(files), 'file')}; name one with -o OUT"
+        )
 
 
 def _tell(output: str, description: Description, files: int, notes: list[str]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Severity, sort_diagnostics
+from fsoe_net.diag import Severity, counted, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, load_eni_images, read_bytes
 from fsoe_net.model import Description, renumbered_copies
@@ -38,7 +38,7 @@ def renewed_eni(bus: Description, path: str, notes: list[str]) -> bytes:
             raise InputError(f"nothing written: {path} has no place for the copy of {copy.span}")
         rows.append(bits)
     before = len(images.description.copies)
-    notes.append(f"{path}: {len(rows)} copies instead of {before}, all else as it was")
+    notes.append(f"{path}: {counted(len(rows), 'copy')} instead of {before}, all else as it was")
     lacking = len(images.description.subdevices) - len(bus.subdevices)
     if lacking > 0:
         notes.append(f"{lacking} SubDevices of {path} are not in {bus.path}")

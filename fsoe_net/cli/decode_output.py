@@ -205,7 +205,7 @@ class TextOutput:
                 echo(line)
         if connections:
             echo(
-                f"{counts.packets} packets, {counts.ethercat} of EtherCAT, "
+                f"{counted(counts.packets, 'packet')}, {counts.ethercat} of EtherCAT, "
                 f"{counts.datagrams} answered process data datagrams"
             )
         elif counts.packets or not self._damaged:
@@ -250,7 +250,9 @@ def _is_where_expected(found: FoundConnection, names: ConnectionNames) -> bool:
 
 
 def _counts_text(d: DirectionSnapshot) -> str:
-    text = f"{d.frames} frames: {d.right} right, {d.wrong} wrong, {d.unchecked} unchecked"
+    text = (
+        f"{counted(d.frames, 'frame')}: {d.right} right, {d.wrong} wrong, {d.unchecked} unchecked"
+    )
     if d.cycle_max_ns:
         low, mean, high = (n / 1e6 for n in (d.cycle_min_ns, d.cycle_mean_ns, d.cycle_max_ns))
         text += f"; every {low:.3f} … {mean:.3f} … {high:.3f} ms"
@@ -274,14 +276,18 @@ def _none_text(counts: ScanCounts) -> str:
     if not counts.packets:
         return "the capture is empty"
     if not counts.ethercat:
-        return f"none of its {counts.packets} packets is EtherCAT (0x88A4, or UDP port 34980)"
+        return (
+            f"none of its {counted(counts.packets, 'packet')} is EtherCAT (0x88A4, or UDP "
+            f"port 34980)"
+        )
     if not counts.datagrams and counts.unanswered:
         return (
             f"all {counts.unanswered} process data datagrams have working counter 0: captured on "
             "the way out only, or no SubDevice was there"
         )
     return (
-        f"{counts.ethercat} EtherCAT frames with {counts.datagrams} answered process data "
+        f"{counted(counts.ethercat, 'EtherCAT frame')} with {counts.datagrams} answered "
+        f"process data "
         "datagrams were looked at"
     )
 

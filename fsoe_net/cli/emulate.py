@@ -12,13 +12,13 @@ from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.inputs import check_files, input_options, whole_network
 from fsoe_net.cli.options import FILE, INTERFACE, RUN_TIME
-from fsoe_net.cli.output import summary
-from fsoe_net.cli.run import scenario_of
+from fsoe_net.cli.run import with_scenario
 from fsoe_net.cli.run_output import print_events
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core import SegmentLink, is_test_rig
-from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.diag import counted
+from fsoe_net.errors import EnvironmentFault
 from fsoe_net.load import LoadOptions
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import (
@@ -115,14 +115,15 @@ def command(
     """
     checked = check_files(files, loading)
     resolution = whole_network(checked, "nothing started")
-    scenario = scenario_of(scenario_file) if scenario_file is not None else None
     plan = compile_plan(resolution).to_bytes()
-    session = SegmentSession(resolution, plan, scenario, session_ids=random_session_ids())
-    found = session.scenario_findings()
-    if found:
-        raise InputError(f"the scenario does not fit this network: {summary(found)}", found)
-    if duration_ns is None and scenario is not None and scenario.duration_ns:
-        duration_ns = scenario.duration_ns
+    session = with_scenario(
+        lambda scenario: SegmentSession(
+            resolution, plan, scenario, session_ids=random_session_ids()
+        ),
+        scenario_file,
+    )
+    if duration_ns is None and session.scenario is not None:
+        duration_ns = session.scenario.duration_ns or None
     _check_rig(vouched)
     link = SegmentLink(
         interface=interface,
@@ -132,7 +133,8 @@ def command(
         no_machine_on_this_wire=vouched,
     )
     where = interface if redundant is None else f"{interface} and {redundant}, a ring"
-    told = f"EMULATION of {session.segment.size} SubDevices on {where}; Ctrl-C ends it"
+    size = counted(session.segment.size, "SubDevice")
+    told = f"EMULATION of {size} on {where}; Ctrl-C ends it"
     result = serve(
         session,
         link,
@@ -183,9 +185,9 @@ def _print(result: EmulateResult) -> None:
         own = f", {c.work_ns / c.frames / 1000:.1f} us each"
     else:
         own = ": no MainDevice spoke on this interface"
-    echo(f"\n{c.frames} frames answered{own}")
+    echo(f"\n{counted(c.frames, 'frame')} answered{own}")
     if c.unsent:
-        echo(f"{c.unsent} answers could not be sent: {os.strerror(c.send_errno)}")
+        echo(f"{counted(c.unsent, 'answer')} could not be sent: {os.strerror(c.send_errno)}")
     if not result.verdicts and not result.passed and c.frames:
         in_op = all(status.state == "OP" for status in result.states.values())
         missing = "copied the FSoE frames between them" if in_op else "brought all of them to OP"

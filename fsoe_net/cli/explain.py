@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import difflib
+import re
 import sys
 from importlib import resources
 from pathlib import Path
@@ -10,13 +13,19 @@ import click
 from click.shell_completion import CompletionItem
 
 from fsoe_net.cli.terminal import echo
+from fsoe_net.core import status_table
 from fsoe_net.diag import CATALOGUE, nearest_code
+from fsoe_net.errors import CoreMissing
 from fsoe_net.rules import effects_today
 
 __all__ = ["command", "page_text"]
 
 
-_EPILOG = "\b\nExamples:\n  fsoe-net explain FSN203\n  fsoe-net explain 203"
+_EPILOG = """\b
+Examples:
+  fsoe-net explain FSN203
+  fsoe-net explain 203
+  fsoe-net explain FSN_E_BUS_SILENT"""
 
 
 class _Code(click.ParamType[str]):
@@ -52,13 +61,38 @@ def _other_programs(code: str) -> str:
     return "\n".join(["", "", "## Other programs today", "", *rows]) if rows else ""
 
 
+def _status_page(code: str) -> str:
+    """Return what a status of the C core means and what to do.
+
+    Raises:
+        click.BadParameter: There is none of that name.
+    """
+    name = "FSN_" + code.strip().upper().removeprefix("FSN_")
+    rows = {row.name: row for row in status_table()}
+    row = rows.get(name)
+    if row is None:
+        close = difflib.get_close_matches(name, rows, n=1)
+        hint = f"Did you mean {close[0]}?" if close else "`fsoe-net explain` lists all codes."
+        raise click.BadParameter(f"no code {code!r}. {hint}", param_hint="CODE")
+    return f"{row.name} ({row.value}): {row.text}\n\nNext step: {row.next_step}."
+
+
 @click.command("explain", epilog=_EPILOG)
 @click.argument("code", type=_Code(), required=False)
 def command(code: str | None) -> None:
-    """Say what a finding means, why it matters and how to mend it; without CODE list all codes."""
+    """Say what a finding means, why it matters and how to fix it; without CODE list all codes.
+
+    CODE is one of a finding, FSN203, or a status of fsn-master and the C core, FSN_E_BUS_SILENT.
+    """
     if code is None:
         for info in CATALOGUE.values():
             echo(f"{info.code}  {info.severity:7}  {info.title}")
+        with contextlib.suppress(CoreMissing):
+            for row in status_table():
+                echo(f"{row.name}  {row.text}")
+        return
+    if re.match(r"(FSN_)?E_", code.strip().upper()):
+        echo(_status_page(code))
         return
     known = nearest_code(code)
     if known is None or known[3:] != code.strip().upper().removeprefix("FSN"):

@@ -14,10 +14,11 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.monitor_output import bus_view
 from fsoe_net.cli.options import FILE, RUN_TIME, master_options, master_socket, overwrite_option
-from fsoe_net.cli.run_output import event_line, interesting
+from fsoe_net.cli.run_output import event_line, interesting, joined_events
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
+from fsoe_net.diag import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run import Attachment, BusView, LiveCapture, RunEvent
 
@@ -152,9 +153,10 @@ def _follow(
         if tell:
             new = view.events[told:]
             shown = interesting(new)
-            for event in new:
-                if event in shown or event.text.startswith("ports: "):
-                    _tell(event, display)
+            for event in joined_events(
+                [e for e in new if e in shown or e.text.startswith("ports: ")]
+            ):
+                _tell(event, display)
         told = len(view.events)
         if stop.is_set() or (until is not None and time.monotonic() >= until):
             return view
@@ -177,7 +179,7 @@ def _console() -> Console:
 def _captured(recorder: LiveCapture, path: str | None) -> str:
     how = f"rebuilt: {recorder.rebuilt}" if recorder.rebuilt else "from the wire"
     lost = f", {recorder.skipped} missed" if recorder.skipped else ""
-    text = f"{path}: {recorder.packets} frames, {how}{lost}"
+    text = f"{path}: {counted(recorder.packets, 'frame')}, {how}{lost}"
     if recorder.fault:
         text += f"; it ended early: {recorder.fault}"
     elif not recorder.packets and not recorder.rebuilt:

@@ -4,28 +4,29 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.cli.run_output import cycle_text, not_in_op, number_text, state_markup
+from fsoe_net.diag import counted
 from fsoe_net.report.timing import timing_bars, timing_text
 from fsoe_net.run import BusView, SubDeviceSnapshot, WatchedConnection
 
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
-    from rich.table import Table
 
 __all__ = ["bus_view"]
 
 _TIGHT = 0.8  # of the watchdog; beyond it one lost frame more can be one too many
 _COLUMNS = (
-    "connection",
-    "state",
-    "ConnID",
-    "FSoE cycle ms",
-    "longest",
-    "of watchdog",
-    "held",
-    "CRC wrong",
-    "resets",
-    "last cause",
+    Column(head="connection", rank=0),
+    Column(head="state", rank=0),
+    Column(head="ConnID", rank=6, is_number=True),
+    Column(head="FSoE cycle ms", rank=5, is_number=True),
+    Column(head="longest", rank=8, is_number=True),
+    Column(head="of watchdog", rank=2),
+    Column(head="held", rank=7, is_number=True),
+    Column(head="CRC wrong", rank=4, is_number=True),
+    Column(head="resets", rank=1, is_number=True),
+    Column(head="last cause", rank=3, wraps=True),
 )
 
 
@@ -53,8 +54,9 @@ def bus_view(view: BusView, *, bars: bool = True) -> Group:
         parts.append(Text(f"\nwake-up latency, how often (log scale)\n{lines}"))
     parts.append(
         Text(
-            f"\n{s.cycles} cycles, {s.wkc_errors} with incomplete working counter, {s.overruns} "
-            f"overruns, {s.lost_frames} frames lost, {s.old_replies} came too late"
+            f"\n{counted(s.cycles, 'cycle')}, {s.wkc_errors} with incomplete working "
+            f"counter, {counted(s.overruns, 'overrun')}, "
+            f"{counted(s.lost_frames, 'frame')} lost, {s.old_replies} came too late"
         )
     )
     return Group(*parts)
@@ -83,23 +85,11 @@ def _stopped(view: BusView) -> str:
     return f"the bus does not run ({status.state.value}){fault}{shown}"
 
 
-def _connections(view: BusView) -> Table:
-    from rich import box
+def _connections(view: BusView) -> FittedTable:
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in _COLUMNS:
-        numeric = column in ("ConnID", "FSoE cycle ms", "longest", "held", "CRC wrong", "resets")
-        table.add_column(
-            column,
-            justify="right" if numeric else "left",
-            no_wrap=column != "last cause",
-            overflow="fold",
-        )
-    for row in view.connections:
-        c = row.result
-        table.add_row(
+    rows = [
+        (
             escape(c.name),
             state_markup(c.state),
             number_text(c.connection_id),
@@ -108,10 +98,13 @@ def _connections(view: BusView) -> Table:
             _watchdog(row),
             str(row.held_main + row.held_sub),
             str(c.wrong_to_sub + c.wrong_to_main),
-            str(max(row.resets_to_sub, row.resets_to_main)),
+            str(c.resets),
             escape(row.cause),
         )
-    return table
+        for row in view.connections
+        for c in [row.result]
+    ]
+    return FittedTable(_COLUMNS, rows)
 
 
 def _watchdog(row: WatchedConnection) -> str:
@@ -128,7 +121,7 @@ def _worn(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[str]:
     for s in subdevices:
         found = []
         if s.returns:
-            found.append(f"lost and back {s.returns} times")
+            found.append(f"lost and back {counted(s.returns, 'time')}")
         for what, counts in (("link lost", s.link_lost), ("receive errors", s.rx_errors)):
             ports = [f"port {n}: {count}" for n, count in enumerate(counts) if count]
             if ports:

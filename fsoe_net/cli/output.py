@@ -11,7 +11,7 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import CATALOGUE, Diagnostic, Severity, printable
+from fsoe_net.diag import CATALOGUE, Diagnostic, Severity, counted, printable
 from fsoe_net.rules import Runtime, effect_today
 
 __all__ = ["FORMATS", "counted", "exit_code", "print_diagnostics", "summary"]
@@ -27,13 +27,6 @@ _DOCS = "https://fsoe-net.readthedocs.io/diagnostics"
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
     """Return 1 when there is an error or a warning, else 0."""
     return int(any(d.level is not Severity.INFO for d in diagnostics))
-
-
-def counted(number: int, word: str) -> str:
-    """Return ``1 copy`` or ``2 copies``."""
-    if number == 1:
-        return f"1 {word}"
-    return f"{number} {word[:-1]}ies" if word.endswith("y") else f"{number} {word}s"
 
 
 def summary(diagnostics: Sequence[Diagnostic]) -> str:

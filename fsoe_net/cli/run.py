@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import click
 
@@ -24,7 +25,7 @@ from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.core import Snapshot
-from fsoe_net.diag import Severity
+from fsoe_net.diag import Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, load_scenario, read_bytes
 from fsoe_net.model import Resolution, Scenario
@@ -38,6 +39,7 @@ from fsoe_net.run import (
     Master,
     RunResult,
     Session,
+    Stage,
     counted_session_ids,
     random_session_ids,
     run_live,
@@ -45,7 +47,7 @@ from fsoe_net.run import (
     run_virtual,
 )
 
-__all__ = ["command", "prepare", "scenario_of"]
+__all__ = ["command", "prepare", "with_scenario"]
 
 _EPILOG = """\b
 Examples:
@@ -60,6 +62,9 @@ drives the real one: machines may move.
 Exit codes: 0 every expectation held, or without any every connection is in Data at the end; 1 not
 so, a file has an error, or the live bus was refused; 2 wrong use; 3 the compiled core, fsn-master
 or a permission is missing."""
+
+
+_Stage = TypeVar("_Stage", bound=Stage)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -357,13 +362,10 @@ def prepare(
         InputError: No connection, a plan of another network, or a scenario with mistakes.
     """
     data = _plan_bytes(resolution, plan_file)
-    scenario = scenario_of(scenario_file) if scenario_file is not None else None
     ids = counted_session_ids() if virtual else random_session_ids()
-    session = Session(resolution, data, scenario, session_ids=ids)
-    found = session.scenario_findings()
-    if found:
-        raise InputError(f"the scenario does not fit this network: {summary(found)}", found)
-    return session
+    return with_scenario(
+        lambda scenario: Session(resolution, data, scenario, session_ids=ids), scenario_file
+    )
 
 
 def _plan_bytes(resolution: Resolution, plan_file: str | None) -> bytes:
@@ -390,17 +392,26 @@ def _plan_of(plan_file: str, fresh: bytes) -> bytes:
     return data
 
 
-def scenario_of(path: str) -> Scenario:
-    """Load a scenario.
+def with_scenario(make: Callable[[Scenario | None], _Stage], path: str | None) -> _Stage:
+    """Return a stage with the scenario of a file; without a file the stage alone.
 
     Raises:
-        InputError: It has mistakes.
+        InputError: The scenario has mistakes: in itself, and beside the network, all at once.
     """
+    if path is None:
+        return make(None)
     scenario, found = load_scenario(path)
-    bad = [d for d in found if d.level is not Severity.INFO]
-    if scenario is None or bad:
-        raise InputError(f"the scenario has mistakes: {summary(bad)}", found)
-    return scenario
+    found = [d for d in found if d.level is not Severity.INFO]
+    if scenario is None:
+        raise InputError(f"the scenario has mistakes: {summary(found)}", found)
+    stage = make(scenario)
+    named = {d.span for d in found}
+    misfits = [d for d in stage.scenario_findings() if d.span not in named]
+    if found or misfits:
+        words = "has mistakes" if found else "does not fit this network"
+        everything = sort_diagnostics([*found, *misfits])
+        raise InputError(f"the scenario {words}: {summary(everything)}", everything)
+    return stage
 
 
 def _live(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import write_whole
 from fsoe_net.core import Statistics
+from fsoe_net.diag import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.report.timing import timing_csv, timing_picture, timing_text
 from fsoe_net.run import ConnectionResult, RunEvent, RunResult, SubDeviceSnapshot, state_text
@@ -21,6 +24,7 @@ __all__ = [
     "cycle_text",
     "event_line",
     "interesting",
+    "joined_events",
     "live_view",
     "make_folder",
     "not_in_op",
@@ -31,6 +35,14 @@ __all__ = [
     "write_timing",
 ]
 
+_COLUMNS = (
+    Column(head="connection", rank=0),
+    Column(head="state", rank=0),
+    Column(head="ConnID", rank=4, is_number=True),
+    Column(head="FSoE cycle", rank=3, is_number=True),
+    Column(head="resets", rank=1, is_number=True),
+    Column(head="last reason", rank=2, wraps=True),
+)
 _STATE_STYLE = {"data_process": "bold green", "data_failsafe": "yellow"}
 
 
@@ -44,21 +56,21 @@ def live_view(
     """Return what a terminal shows during a run: connections, and SubDevices not in OP."""
     from rich.console import Group
     from rich.markup import escape
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=f"{escape(name)} · {now_s:.1f} s · {cycle_text(statistics)}")
-    for column in ("connection", "state", "ConnID", "FSoE cycle", "resets", "last reason"):
-        table.add_column(column, no_wrap=column != "last reason")
-    for c in rows:
-        table.add_row(
+    cells = [
+        (
             escape(c.name),
             state_markup(c.state),
             number_text(c.connection_id),
             f"{c.fsoe_cycle_ms['last']:.1f} ms",
             str(c.resets),
-            c.last_reset_text,
+            escape(c.last_reset_text),
         )
+        for c in rows
+    ]
+    title = f"{escape(name)} · {now_s:.1f} s · {cycle_text(statistics)}"
+    table = FittedTable(_COLUMNS, cells, title=title)
     return Group(table, *(Text(line, style="red") for line in not_in_op(subdevices)))
 
 
@@ -119,8 +131,9 @@ def print_result(result: RunResult) -> None:
         echo(line)
     s = result.statistics
     echo(
-        f"\n{s.cycles} bus cycles in {result.duration_ms / 1000:.1f} s ({_mode(result)}), "
-        f"{s.wkc_errors} with incomplete working counter, {s.overruns} overruns"
+        f"\n{counted(s.cycles, 'bus cycle')} in {result.duration_ms / 1000:.1f} s "
+        f"({_mode(result)}), "
+        f"{s.wkc_errors} with incomplete working counter, {counted(s.overruns, 'overrun')}"
     )
     _print_verdicts(result)
 
@@ -132,13 +145,26 @@ def _mode(result: RunResult) -> str:
 
 
 def print_events(events: Sequence[RunEvent]) -> None:
-    """Print interesting events; of one source that says the same again, only how often."""
-    runs = itertools.groupby(interesting(events), key=lambda e: (e.source, e.text))
+    """Print interesting events; what several sources say at once, or one again, is one line."""
+    joined = joined_events(interesting(events))
+    runs = itertools.groupby(joined, key=lambda e: (e.source, e.text))
     for _, rows in runs:
         same = list(rows)
         first, last = same[0], same[-1]
-        again = f" ({len(same)} times until {last.time_ms:.1f} ms)" if len(same) > 1 else ""
+        again = (
+            f" ({counted(len(same), 'time')} until {last.time_ms:.1f} ms)" if len(same) > 1 else ""
+        )
         echo(event_line(first) + again)
+
+
+def joined_events(events: Sequence[RunEvent]) -> list[RunEvent]:
+    """Return events of which those with one time and text, as of a lost bus, are one."""
+    found = []
+    for _, rows in itertools.groupby(events, key=lambda e: (round(e.time_ms), e.text)):
+        same = list(rows)
+        names = ", ".join(dict.fromkeys(e.source for e in same))
+        found.append(replace(same[0], source=names))
+    return found
 
 
 def event_line(event: RunEvent) -> str:
@@ -170,7 +196,7 @@ def _print_verdicts(result: RunResult) -> None:
             echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")
     if result.verdicts:
         held = sum(v.held for v in result.verdicts)
-        echo(f"{held} of {len(result.verdicts)} expectations held")
+        echo(f"{held} of {counted(len(result.verdicts), 'expectation')} held")
     if not result.passed and not result.verdicts:
         missing = not_in_op(result.subdevices)
         echo(f"not every connection is in Data{' with its SubDevices in OP' if missing else ''}")
@@ -203,7 +229,7 @@ def write_timing(
     Raises:
         EnvironmentFault: A file cannot be written.
     """
-    title = f"{result.network}: {result.statistics.cycles} cycles, {_mode(result)}"
+    title = f"{result.network}: {counted(result.statistics.cycles, 'cycle')}, {_mode(result)}"
     for path, content in (
         (stats, timing_csv(result.statistics)),
         (plot, timing_picture(result.statistics, title)),

@@ -13,7 +13,7 @@ from fsoe_net.cli.options import FILE, master_options, master_socket, output_opt
 from fsoe_net.cli.output import print_diagnostics, summary
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
-from fsoe_net.diag import printable
+from fsoe_net.diag import counted, printable
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, load_protocol
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution
@@ -145,7 +145,8 @@ def _live(
         if seen:
             _write(seen[-1], output, overwrite=overwrite)
             echo(
-                f"\nbroken off: {output} has the {len(seen)} steps looked at so far; put back what "
+                f"\nbroken off: {output} has the {counted(len(seen), 'step')} looked at so "
+                f"far; put back what "
                 "you took off the bus, go on with the rest by the same command and --overwrite",
                 err=True,
             )
@@ -214,7 +215,7 @@ def _say(protocol: Protocol, output: str) -> int:
         if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED
     ]
     machine = f"{len(protocol.open_steps)} of {len(protocol.machine_steps)} open at the machine"
-    echo(f"{output}: {len(steps)} steps, {machine}")
+    echo(f"{output}: {counted(len(steps), 'step')}, {machine}")
     tried = [s.emulated for s in steps if s.emulated is not None]
     if tried:
         left = sum(seen.outcome is Outcome.NOT_RUN for seen in tried)

@@ -14,6 +14,7 @@ from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.known import Known, read_known
 from fsoe_net.cli.options import FILE, master_options, master_socket
 from fsoe_net.cli.terminal import echo
+from fsoe_net.diag import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.load import LoadOptions
 from fsoe_net.plan import Plan
@@ -146,13 +147,19 @@ def _changed_lines(name: str, before: str, after: str) -> Iterator[str]:
     while a and b and a[-1] == b[-1]:
         a, b = a[:-1], b[:-1]
     if len(a) + len(b) > 20_000:
-        yield f"{name}: {len(a)} lines became {len(b)}; `fingerprint --text {name}` prints them"
+        yield (
+            f"{name}: {counted(len(a), 'line')} became {len(b)}; `fingerprint --text "
+            f"{name}` prints them"
+        )
         return
     changed = [line for line in difflib.ndiff(a, b) if line[:1] in "+-"]
     for line in changed[:_SHOWN_LINES]:
         yield f"{name} {line[0]} {line[2:]}"
     if len(changed) > _SHOWN_LINES:
-        yield f"{name}: {len(changed) - _SHOWN_LINES} more lines; `fingerprint --text` prints them"
+        yield (
+            f"{name}: {counted(len(changed) - _SHOWN_LINES, 'more line')}; `fingerprint "
+            f"--text` prints them"
+        )
 
 
 def _print_text(wanted: Known, rows: list[_Compared]) -> None:

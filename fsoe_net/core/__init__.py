@@ -17,6 +17,7 @@ from fsoe_net.core.snapshot import (
     Statistics,
     bucket_end,
 )
+from fsoe_net.core.status import StatusInfo, status_table
 
 __all__ = [
     "AlStatus",
@@ -39,8 +40,10 @@ __all__ = [
     "Sighting",
     "Snapshot",
     "Statistics",
+    "StatusInfo",
     "bucket_end",
     "frame_fits",
     "frame_sequence",
     "is_test_rig",
+    "status_table",
 ]

@@ -8,6 +8,7 @@
 typedef int... fsn_status;
 const char *fsn_status_name(fsn_status status);
 const char *fsn_status_text(fsn_status status);
+const char *fsn_status_next_step(fsn_status status);
 const char *fsn_section_name(uint32_t section);
 
 struct fsn_fault {

@@ -130,6 +130,15 @@ class ConnectionSnapshot:
     to_sub: DirectionSnapshot
     to_main: DirectionSnapshot
     gaps: int
+
+    @property
+    def resets(self) -> int:
+        """Resets on the wire since the bus was opened, without the one that a start begins with.
+
+        Each is answered by a Reset of the other end, so the end that has sent more is counted.
+        """
+        return max(self.to_sub.resets - 1, self.to_main.resets - 1, 0)
+
     """Times the chain was lost and found again without a Reset: frames passed unseen."""
 
 

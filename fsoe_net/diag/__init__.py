@@ -4,6 +4,7 @@ from fsoe_net.diag.catalogue import CATALOGUE, CodeInfo, code_info, nearest_code
 from fsoe_net.diag.diagnostic import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.diag.printable import first_control, printable
+from fsoe_net.diag.words import counted
 
 __all__ = [
     "CATALOGUE",
@@ -14,6 +15,7 @@ __all__ = [
     "Severity",
     "Span",
     "code_info",
+    "counted",
     "first_control",
     "nearest_code",
     "printable",

@@ -11,6 +11,7 @@ import enum
 import struct
 from typing import NamedTuple
 
+from fsoe_net.diag import counted
 from fsoe_net.errors import FsoeError, PduSizeError
 
 __all__ = [
@@ -183,7 +184,7 @@ def assemble(command: int, data: bytes, crcs: tuple[int, ...], connection_id: in
     """Return the bytes of a frame; see `safe_data_length` for the drawing."""
     layout = _FRAMES[frame_length(len(data))]
     if len(crcs) != (len(data) + 1) // 2:
-        raise PduSizeError(f"{len(crcs)} CRCs for {len(data)} safe data bytes")
+        raise PduSizeError(f"{counted(len(crcs), 'CRC')} for {len(data)} safe data bytes")
     if len(crcs) == 1:
         return layout.pack(command, data, crcs[0], connection_id)
     in_turn: list[bytes | int] = [0] * (2 * len(crcs))

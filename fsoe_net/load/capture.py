@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag import Severity, Span, counted
 from fsoe_net.errors import InputError
 from fsoe_net.load.capture_cycles import Cycles, FramePlace
 from fsoe_net.load.capture_datagrams import Command, datagrams
@@ -132,7 +132,7 @@ class _Capture:
             self._take(packet)
         if not self._ethercat:
             if not any(d.code == "FSN150" for d in self._out.diagnostics):
-                message = f"none of the {self._packets} packets is of EtherCAT"
+                message = f"none of the {counted(self._packets, 'packet')} is of EtherCAT"
                 hint = "capture on the network interface of the MainDevice, not on `any`"
                 self._out.add("FSN150", Span(self._path), message, hint=hint)
             return None
@@ -246,7 +246,8 @@ class _Capture:
         placed = [s for s in stations if s.position is not None]
         if ring.count is not None and len(placed) < ring.count:
             self._remark(
-                f"{ring.count} SubDevices answered broadcasts, {len(placed)} of them are shown "
+                f"{counted(ring.count, 'SubDevice')} answered broadcasts, {len(placed)} of "
+                f"them are shown "
                 "with their place in the ring",
                 Severity.WARNING,
             )

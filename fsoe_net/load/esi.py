@@ -6,7 +6,7 @@ import difflib
 import hashlib
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag import Severity, Span, counted
 from fsoe_net.load.esi_cache import cached_catalogue, keep_catalogue
 from fsoe_net.load.esi_catalogue import EsiCatalogue, EsiRow, scan_esi
 from fsoe_net.load.esi_device import read_esi_device
@@ -246,7 +246,7 @@ def _rows_of(file: _File, choice: EsiChoice, out: Collector) -> _Rows:
     if choice.is_open:
         if len(devices) <= _MOST_AT_ONCE:
             return [(row, ()) for row in devices]
-        message = f"the file describes {len(devices)} devices; none was chosen"
+        message = f"the file describes {counted(len(devices), 'device')}; none was chosen"
         hint = "name one by product code or type; or give a file of the bus, too, which names them"
         out.add("FSN135", whole, message, hint=hint)
         return []

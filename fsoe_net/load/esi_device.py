@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Related, Severity, Span
+from fsoe_net.diag import Related, Severity, Span, counted
 from fsoe_net.load.esi_catalogue import EsiRow
 from fsoe_net.load.esi_parts import EsiPdo, PartReader, SlotPlace, flag, name_of, slot_places
 from fsoe_net.load.esi_start import esi_start
@@ -195,7 +195,9 @@ class _DeviceReader:
         if modules is None:
             return self._built_in(places)
         if len(modules) > len(places):
-            message = f"{len(modules)} modules are chosen, the device has {len(places)} slots"
+            message = (
+                f"{counted(len(modules), 'module')} are chosen, the device has {len(places)} slots"
+            )
             self._refuse(slots.span if slots is not None else self._element.span, message)
             return []
         rows = []

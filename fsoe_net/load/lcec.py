@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Related, Severity, Span
+from fsoe_net.diag import Related, Severity, Span, counted
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import Source, is_kind, source_bytes
 from fsoe_net.load.xml_text import readable_xml
@@ -71,7 +71,7 @@ def load_lcec(
         out.add(
             "FSN147",
             masters[1].span,
-            f"this file has {len(masters)} masters; the first one is read",
+            f"this file has {counted(len(masters), 'master')}; the first one is read",
             severity=Severity.INFO,
             hint="say which one to read",
         )

@@ -13,7 +13,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fsoe_net.diag import Span
+from fsoe_net.diag import Span, counted
 from fsoe_net.model import Direction, Entry, Pdo
 
 __all__ = ["SiiEntry", "SiiGeneral", "SiiPdo", "sii_general", "sii_pdos", "sii_strings"]
@@ -142,7 +142,7 @@ def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:
             return found, "zeros follow the last PDO" if any(body[at:]) else ""
         at += _PDO.size
         if len(body) - at < count * _ENTRY.size:
-            return found, f"PDO 0x{index:04x} with {count} entries is cut off"
+            return found, f"PDO 0x{index:04x} with {counted(count, 'entry')} is cut off"
         entries = (_ENTRY.unpack_from(body, at + n * _ENTRY.size) for n in range(count))
         found.append(
             SiiPdo(

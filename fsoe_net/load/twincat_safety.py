@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag import Severity, Span, counted
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign import xml_number
 from fsoe_net.load.xml_text import readable_xml
@@ -140,7 +140,7 @@ def _project(files: Sequence[str], folder: str, shown: str, out: Collector) -> S
         out.add(
             "FSN147",
             Span(shown, 1, 1),
-            f"{len(files)} alias devices; the first {_MOST_FILES} are read",
+            f"{counted(len(files), 'alias device')}; the first {_MOST_FILES} are read",
             hint="give the project of one logic",
         )
     aliases: dict[int, Alias] = {}

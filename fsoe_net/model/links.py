@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Findings, Span
+from fsoe_net.diag import Findings, Span, counted
 from fsoe_net.model.answers import AnsweredConnection, Answers
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd, Description
 from fsoe_net.model.pairing import PairEnd
@@ -236,7 +236,7 @@ def _link_row(
         )
         return ""
     if fitting:
-        return f"{said}; {len(fitting)} pairs of frames fit"
+        return f"{said}; {counted(len(fitting), 'pair')} of frames fit"
     return f"{said}; no free frames of equal lengths are there"
 
 

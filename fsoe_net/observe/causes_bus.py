@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
+from fsoe_net.diag import counted
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
 from fsoe_net.observe.evidence import Evidence
 from fsoe_net.observe.incident import SubDeviceSeen, TriggerKind
@@ -37,8 +38,9 @@ def _other_main(e: Evidence) -> Iterator[Candidate]:
         e,
         "other_main_device",
         98,
-        f"{e.bus.foreign_frames} EtherCAT frames of another MainDevice within "
-        f"{ms(e.bus.last_ns - e.bus.first_ns)}, beside {e.bus.cycles} cycles of this one",
+        f"{counted(e.bus.foreign_frames, 'EtherCAT frame')} of another MainDevice within "
+        f"{ms(e.bus.last_ns - e.bus.first_ns)}, beside {counted(e.bus.cycles, 'cycle')} of "
+        f"this one",
         f"{e.head.counters.foreign_frames} since the start" if e.head.counters.cycles else "",
     )
 
@@ -84,7 +86,9 @@ def _unsent(e: Evidence) -> str:
     """Return how many frames the system did not send, and why; an empty text without any."""
     c = e.head.counters
     why = os.strerror(min(c.send_errno, _MOST_ERRNO))
-    return f"{c.unsent_frames} frames could not be sent: {why}" if c.unsent_frames else ""
+    return (
+        f"{counted(c.unsent_frames, 'frame')} could not be sent: {why}" if c.unsent_frames else ""
+    )
 
 
 def _wkc(e: Evidence) -> list[str]:
@@ -184,9 +188,10 @@ def _lost_frames(e: Evidence) -> Iterator[Candidate]:
     first = next(iter(errors), "")
     everywhere = [r for r in e.bus.short if r.least == 0 and r.expected]
     facts = [
-        f"around the moment {len(bursts) or len(lost)} bursts, {ms(missing)} without data, the "
+        f"around the moment {counted(len(bursts) or len(lost), 'burst')}, {ms(missing)} "
+        f"without data, the "
         f"watchdog is {ms(watchdog)}",
-        f"in the whole file {len(everywhere)} bursts, the longest "
+        f"in the whole file {counted(len(everywhere), 'burst')}, the longest "
         f"{ms(max(r.length_ns for r in everywhere))}"
         if everywhere
         else "",
@@ -211,7 +216,7 @@ def _lost_frames(e: Evidence) -> Iterator[Candidate]:
         "lost_frames",
         score + (6 if errors else 0),
         *facts,
-        f"{e.bus.lost_frames} frames counted as lost" if e.bus.lost_frames else "",
+        f"{counted(e.bus.lost_frames, 'frame')} counted as lost" if e.bus.lost_frames else "",
         _unsent(e),
         f"receive errors are counted first at {first} ({errors[first]})" if first else "",
     )
@@ -230,14 +235,19 @@ def _cycle(e: Evidence) -> Iterator[Candidate]:
         f"cycle {worst.cycle} came {ms(worst.extra_ns)} late, "
         f"{ms(abs(e.moment_ns - worst.now_ns))} before the moment; the bus cycle is "
         f"{ms(e.bus.cycle_ns)}",
-        f"{len(slow)} late cycles in the {ms(end - start)} before the moment, {ms(total)} in all; "
+        f"{counted(len(slow), 'late cycle')} in the {ms(end - start)} before the moment, "
+        f"{ms(total)} in all; "
         f"the watchdog is {ms(watchdog)}",
-        f"{e.head.counters.overruns} overruns since the start" if e.head.counters.overruns else "",
+        f"{counted(e.head.counters.overruns, 'overrun')} since the start"
+        if e.head.counters.overruns
+        else "",
         "" if e.head.counters.realtime or e.head.backend == "emulated" else "no real-time policy",
     ]
     if worst.extra_ns >= watchdog // 3 and 2 * worst.extra_ns > total:
         several = e.stopped()
-        facts.append(f"{len(several)} connections are affected" if len(several) > 1 else "")
+        facts.append(
+            f"{counted(len(several), 'connection')} are affected" if len(several) > 1 else ""
+        )
         yield candidate(e, "stalled_main_device", 93, *facts)
     elif len(slow) >= 3:
         yield candidate(e, "cycle_overruns", 86 if total >= watchdog // 4 else 45, *facts)

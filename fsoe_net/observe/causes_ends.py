@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from fsoe_net.diag import counted
 from fsoe_net.fsoe import Command, OutsideState, ResetCode, Verdict, command_text
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
 from fsoe_net.observe.evidence import Evidence
@@ -60,7 +61,8 @@ def _parameters(e: Evidence, codes: Counter[tuple[str, int]]) -> Iterator[Candid
             e,
             "parameters_refused",
             94 if code in _PARAMETER_CODES else 80,
-            f"{plan.sub if plan else 'the sub'} reset {times} times with {code_text(code)}",
+            f"{plan.sub if plan else 'the sub'} reset {counted(times, 'time')} with "
+            f"{code_text(code)}",
             f"the main sends a watchdog of {told} ms and "
             f"{link.told_app_bytes} bytes of application parameters"
             if link and told is not None
@@ -84,7 +86,7 @@ def _silence(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
             "main_not_running",
             93,
             f"the frame of {plan.main} for {e.name} is all zero in every cycle",
-            f"so it is for all {len(own)} connections of {plan.main}"
+            f"so it is for all {counted(len(own), 'connection')} of {plan.main}"
             if all_quiet and len(own) > 1
             else "",
             f"{plan.main} is in {device.al}" if device and device.al else "",
@@ -115,11 +117,14 @@ def _local(e: Evidence) -> Iterator[Candidate]:
     device = plan.main if e.by == "main" else plan.sub
     said = f"{device} reset with code 0, all frames before were right"
     if e.by == "main" and len(own) > 1 and len(together) == len(own):
-        all_of = f"all {len(own)} connections of {plan.main} were reset with code 0 together"
+        all_of = (
+            f"all {counted(len(own), 'connection')} of {plan.main} were reset with code 0 together"
+        )
         yield candidate(e, "main_restarted", 86, said, all_of)
         yield candidate(e, "local_reset", 40, said, device=device)
     else:
-        rest = f"the other {len(own) - 1} connections of {plan.main} go on" if len(own) > 1 else ""
+        others = counted(len(own) - 1, "connection")
+        rest = f"go on: the other {others} of {plan.main}" if len(own) > 1 else ""
         yield candidate(e, "local_reset", 78, said, rest, device=device)
         if e.by == "main" and len(own) == 1:
             yield candidate(e, "main_restarted", 60, said)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from fsoe_net.diag import counted
 from fsoe_net.fsoe import ResetCode
 from fsoe_net.observe.candidate import Candidate, any_of, candidate, code_text
 from fsoe_net.observe.causes_ends import told_codes
@@ -278,7 +279,8 @@ def _shifted(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
                 e,
                 "mapping_shifted",
                 94 if shift.times >= _FEW else 75,
-                f"{shift.times} whole frames of {device} begin {abs(shift.offset_bytes)} byte(s) "
+                f"{counted(shift.times, 'whole frame')} of {device} begin "
+                f"{counted(abs(shift.offset_bytes), 'byte')} "
                 f"{'behind' if shift.offset_bytes > 0 else 'before'} the planned place",
                 f"{bad} times the bytes at the planned place were no right frame",
                 device=device,
@@ -288,7 +290,8 @@ def _shifted(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
                 e,
                 "frame_size",
                 94 if shift.times >= 2 else 80,
-                f"{shift.times} frames of {device} are whole with {shift.size_bytes} bytes",
+                f"{counted(shift.times, 'frame')} of {device} are whole with "
+                f"{shift.size_bytes} bytes",
                 f"{bad} times they were no right frame with the planned length",
                 device=device,
             )
@@ -323,7 +326,7 @@ def _altered(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
             e,
             "second_writer",
             70,
-            f"{victim} refused frames {times} times as damaged",
+            f"{victim} refused frames {counted(times, 'time')} as damaged",
             f"the frames of {sender} were right where they came in: {side.right}, wrong "
             f"{side.wrong}",
         )

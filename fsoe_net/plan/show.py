@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict
 
+from fsoe_net.diag import counted
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import NONE, Plan, PlanCopy
@@ -35,7 +36,8 @@ def plan_text(plan: Plan) -> str:
     cycle = f"{plan.cycle_ns / 1000:g} us" if plan.cycle_ns else "not stated"
     fingerprint = fingerprint_of(plan)
     lines = [
-        f"plan format {plan.format}, {len(plan.subdevices)} SubDevices, {len(plan.copies)} copies, "
+        f"plan format {plan.format}, {counted(len(plan.subdevices), 'SubDevice')}, "
+        f"{counted(len(plan.copies), 'copy')}, "
         f"{sum(c.size_bytes for c in plan.copies)} bytes per cycle, bus cycle {cycle}",
         f"fingerprint {fingerprint.short} ({fingerprint.whole})",
         f"SHA-256 {hashlib.sha256(plan.to_bytes()).hexdigest()}",

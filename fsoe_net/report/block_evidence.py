@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
+from fsoe_net.diag import counted
 from fsoe_net.model import Scan, ScannedSubDevice
 from fsoe_net.report.block_head import files_table
 from fsoe_net.report.document import (
@@ -347,16 +348,20 @@ def tests(inputs: ReportInputs) -> Block:
         left = sum(s.is_open for s in tried.steps)
         if left:
             count = sum(s.at_machine for s in tried.steps)
-            words = f"{left} of {count} test steps are open at the machine"
+            words = f"{left} of {counted(count, 'test step')} open at the machine"
             points.append(Point(PointKind.OPEN, words))
         failed = [s for s in tried.steps if s.is_failed]
         if failed:
-            words = f"{len(failed)} test steps did not go as expected, first: {failed[0].what}"
+            words = (
+                f"{counted(len(failed), 'test step')} did not go as expected, first: "
+                f"{failed[0].what}"
+            )
             points.append(Point(PointKind.OPEN, words))
         disputed = [s for s in tried.steps if s.is_disputed]
         if disputed:
             words = (
-                f"{len(disputed)} test steps went as expected by hand and not by program, first: "
+                f"{counted(len(disputed), 'test step')} went as expected by hand and not by "
+                f"program, first: "
                 f"{disputed[0].what}"
             )
             points.append(Point(PointKind.OPEN, words))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 
+from fsoe_net.diag import counted
 from fsoe_net.fsoe import safe_data_length, sra_crc
 from fsoe_net.model import Connection, Network, SubDevice
 from fsoe_net.report.document import (
@@ -54,8 +55,8 @@ def architecture(inputs: ReportInputs) -> Block:
     parts: list[Part] = []
     if inputs.plan is not None:
         words = (
-            f"{len(network.subdevices)} SubDevices on the bus, "
-            f"{len(resolution.connections)} FSoE connections between them"
+            f"{counted(len(network.subdevices), 'SubDevice')} on the bus, "
+            f"{counted(len(resolution.connections), 'FSoE connection')} between them"
         )
         parts.append(
             Picture(title="Topology", words=words, svg=topology_picture(inputs.plan), wide=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.diag import Severity
+from fsoe_net.diag import Severity, counted
 from fsoe_net.model import SignedBy
 from fsoe_net.plan import short_code
 from fsoe_net.report.diff_types import Change
@@ -122,7 +122,10 @@ def change_log(inputs: ReportInputs) -> Block:
             )
         )
         points.append(
-            Point(PointKind.OPEN, f"{count} changes since {against.source.path}: to be tried again")
+            Point(
+                PointKind.OPEN,
+                f"{counted(count, 'change')} since {against.source.path}: to be tried again",
+            )
         )
     elif _sections_changed(against, inputs):
         word = f"another fingerprint than {against.source.path}: to be tried again"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from fsoe_net.diag import counted
 from fsoe_net.report.block_measured import measured_cycle
 from fsoe_net.report.budget import reaction_pictures
 from fsoe_net.report.document import (
@@ -128,7 +129,8 @@ def _assumed(budget: Budget) -> list[Point]:
     return [
         Point(
             PointKind.ASSUMPTION,
-            f"a frame needs {budget.copy_cycles} bus cycles per direction: true for fsn-master, "
+            f"a frame needs {counted(budget.copy_cycles, 'bus cycle')} per direction: true "
+            f"for fsn-master, "
             "which copies in the cycle of arrival; a program that copies a cycle later needs 3",
         ),
         Point(PointKind.ASSUMPTION, drift),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fsoe_net.diag import counted
 from fsoe_net.report.document import outward
 from fsoe_net.report.html import escape
 from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Limit, Quantity, with_cycle
@@ -76,7 +77,7 @@ def budget_text(budget: Budget) -> str:
 def _assumptions(budget: Budget) -> str:
     cycle = "bus cycle not stated" if budget.cycle is None else f"bus cycle {budget.cycle:g} ms"
     drift = f"clocks of devices up to {budget.drift:.2%} slow" if budget.drift else "clocks exact"
-    return f"{cycle}, {budget.copy_cycles} bus cycles per direction, {drift}"
+    return f"{cycle}, {counted(budget.copy_cycles, 'bus cycle')} per direction, {drift}"
 
 
 def _function_lines(row: FunctionBudget) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
+from fsoe_net.diag import counted
 from fsoe_net.fsoe import decode_pdu, describe, reset_code_text
 from fsoe_net.observe import TriggerKind
 from fsoe_net.observe.causes import Verdicts, judge
@@ -188,7 +189,8 @@ def _last_reset(e: Evidence) -> str:
         return ", and nobody reset it with an error"
     last = told[-1]
     return (
-        f"; {len(told)} resets with an error, the last by the {_end(e, last.by)} with code "
+        f"; {counted(len(told), 'reset')} with an error, the last by the {_end(e, last.by)} "
+        f"with code "
         f"{last.code}, {reset_code_text(last.code)}"
     )
 
@@ -202,7 +204,7 @@ def _facts(e: Evidence) -> tuple[str, ...]:
     ]
     if bus.cycles:
         start, end = (bus.first_ns - e.moment_ns) / 1e9, (bus.last_ns - e.moment_ns) / 1e9
-        cycles = f"{bus.cycles} cycles of {bus.cycle_ns / 1000:g} us"
+        cycles = f"{counted(bus.cycles, 'cycle')} of {bus.cycle_ns / 1000:g} us"
         rows.append(f"{cycles}, from {start:+.2f} s to {end:+.2f} s")
     return tuple(row for row in rows if row)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fsoe_net.diag import counted
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Seen
 from fsoe_net.report.html import escape, html_page, table
 
@@ -48,7 +49,7 @@ def protocol_page(protocol: Protocol, *, version: str) -> str:
     ]
     if protocol.fingerprint:
         body.append(f"<p>Fingerprint <code>{escape(protocol.fingerprint)}</code></p>")
-    words = f"{count} of {len(protocol.machine_steps)} steps open at the machine"
+    words = f"{count} of {counted(len(protocol.machine_steps), 'step')} open at the machine"
     if protocol.failed_steps:
         words += f", {len(protocol.failed_steps)} not as expected"
     if protocol.disputed_steps:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
-from fsoe_net.diag import Diagnostic, Severity, Span
+from fsoe_net.diag import Diagnostic, Severity, Span, counted
 from fsoe_net.errors import InputError
 from fsoe_net.model import (
     Acceptance,
@@ -207,7 +207,7 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
     _history(g, fingerprint.whole, out)
     for subject, count in Counter(r.subject for r in g.reasons).items():
         if count > 1:
-            out.refuse(f"--justify {subject} is there {count} times", "keep one of them")
+            out.refuse(f"--justify {subject} is there {counted(count, 'time')}", "keep one of them")
     for r in g.reasons:
         if r.subject not in out.used:
             out.refuse(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fsoe_net.diag import counted
 from fsoe_net.plan import NONE, Plan, entry_at
 from fsoe_net.report.html import escape
 
@@ -41,9 +42,10 @@ def topology_picture(plan: Plan) -> str:
     columns = min(_MAX_PER_ROW, max(1, len(shown)))
     last_y = max((y for _, y in place.values()), default=first_y)
     width, height = 20 + columns * step_x, last_y + _BOX_HEIGHT + 28
+    connections = counted(len(plan.connections), "FSoE connection")
     parts = [
         f'<svg viewBox="0 20 {width} {height - 20:g}" style="max-width:{width}px" role="img" '
-        f'aria-label="Topology: {len(plan.connections)} FSoE connections">'
+        f'aria-label="Topology: {connections}">'
     ]
     parts += _bus_line(list(place.values()), step_x)
     lines = _connection_lines(plan) if dense else {}
@@ -77,7 +79,7 @@ def _connection_lines(plan: Plan) -> dict[int, str]:
         known = f", ConnID {c.connection_id}" if c.connection_id else ""
         found.setdefault(c.main, []).append(f"with {plan.subdevices[c.sub].name}{known}")
         found.setdefault(c.sub, []).append(f"with {plan.subdevices[c.main].name}{known}")
-    return {n: w[0] if len(w) == 1 else f"{len(w)} connections" for n, w in found.items()}
+    return {n: w[0] if len(w) == 1 else counted(len(w), "connection") for n, w in found.items()}
 
 
 def _box(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Related
+from fsoe_net.diag import Related, counted
 from fsoe_net.model import ConnectionTrouble, FramePair, Hitch, Net, Transfer
-from fsoe_net.rules.context import Context, count_of, few, nearest
+from fsoe_net.rules.context import Context, few, nearest
 from fsoe_net.rules.ends import is_main_device
 from fsoe_net.rules.runtime import ROS2, Runtime
 
@@ -149,7 +149,7 @@ def _no_slot(ctx: Context, trouble: ConnectionTrouble) -> None:
         return
     stated = facts.slot if trouble.key == "slot" else facts.sub_slot
     last = pairs[-1].slot
-    there = f"its {count_of(len(pairs), 'frame pair')} count from 0 to {last}"
+    there = f"its {counted(len(pairs), 'frame pair')} count from 0 to {last}"
     ctx.add(
         "FSN235",
         facts.at(trouble.key),
@@ -185,11 +185,12 @@ def _lengths(ctx: Context, trouble: ConnectionTrouble) -> None:
     if len(ours) == 1:
         message = (
             f"slot {ours[0].slot} of {facts.main} sends {ours[0].sent_bytes} and takes "
-            f"{ours[0].taken_bytes} bytes"
+            f"{counted(ours[0].taken_bytes, 'byte')}"
         )
     if len(theirs) == 1:
         message += (
-            f"; {facts.sub} takes {theirs[0].taken_bytes} and sends {theirs[0].sent_bytes} bytes"
+            f"; {facts.sub} takes {theirs[0].taken_bytes} and sends "
+            f"{counted(theirs[0].sent_bytes, 'byte')}"
         )
     elif len(ours) == 1:
         message += f"; no slot of {facts.sub} fits that"

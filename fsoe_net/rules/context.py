@@ -23,7 +23,6 @@ __all__ = [
     "Context",
     "Guesses",
     "block_text",
-    "count_of",
     "describe_end",
     "describe_sm",
     "few",
@@ -187,11 +186,6 @@ def few(names: list[str], limit: int = 6) -> str:
     """Return the first names of a list, and how many more there are."""
     more = len(names) - limit
     return ", ".join(names[:limit]) + (f" and {more} more" if more > 0 else "")
-
-
-def count_of(number: int, word: str) -> str:
-    """``1 byte``, ``2 bytes``."""
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"
 
 
 def block_text(module: str, block: FsoeBlock) -> str:

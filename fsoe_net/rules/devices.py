@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from fsoe_net.diag import Related, Severity
+from fsoe_net.diag import Related, Severity, counted
 from fsoe_net.model import (
     Device,
     DeviceLayout,
@@ -183,7 +183,8 @@ def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
         ctx.add(
             "FSN419",
             sm.placed[-1].entry.at("type"),
-            f"{describe_sm(sm)}: the entries add up to {sm.bits} bits, which is no whole number of "
+            f"{describe_sm(sm)}: the entries add up to {counted(sm.bits, 'bit')}, which is "
+            f"no whole number of "
             "bytes; a device with FSoE frames maps whole bytes",
             hint=f"padding here is {over} bits too long or {8 - over} too short; "
             "compare with `ethercat pdos`",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Related
+from fsoe_net.diag import Related, counted
 from fsoe_net.model import (
     Direction,
     Miss,
@@ -255,7 +255,7 @@ def _mend_direction(row: ResolvedTransfer, reads_output: bool, writes_input: boo
     if reads_output and writes_input:
         return (
             f"in and out look exchanged; the opposite copy {destination.endpoint} -> "
-            f"{source.endpoint} would fit ({size} bytes)"
+            f"{source.endpoint} would fit ({counted(size, 'byte')})"
         )
     wrong = source if reads_output else destination
     partner = _partner_address(wrong)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Span
+from fsoe_net.diag import Span, counted
 from fsoe_net.model import Entry, Pdo, ScannedEntry
-from fsoe_net.rules.context import count_of, few
+from fsoe_net.rules.context import few
 
 __all__ = ["Item", "assignment_words", "first_difference", "items_of", "listed"]
 
@@ -27,7 +27,7 @@ class Item:
         return (self.index, self.subindex, self.bits)
 
     def __str__(self) -> str:
-        bits = count_of(self.bits, "bit")
+        bits = counted(self.bits, "bit")
         return (
             f"0x{self.index:04x}:{self.subindex:02x} with {bits}"
             if self.index

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Related
+from fsoe_net.diag import Related, counted
 from fsoe_net.fsoe import is_frame_length
 from fsoe_net.model import (
     Direction,
@@ -12,7 +12,7 @@ from fsoe_net.model import (
     SmLayout,
     TransferKind,
 )
-from fsoe_net.rules.context import Context, block_text, count_of, describe_end, touched_bytes
+from fsoe_net.rules.context import Context, block_text, describe_end, touched_bytes
 
 __all__ = ["check_frames"]
 
@@ -64,7 +64,7 @@ def _size_alone(ctx: Context, row: ResolvedTransfer) -> None:
         ctx.add(
             "FSN208",
             row.transfer.at("size"),
-            f"no FSoE frame has {size} bytes",
+            f"no FSoE frame has {counted(size, 'byte')}",
             hint=_right_size(row)
             or f"nearest: {_near_lengths(size)}; kind: standard marks other data",
         )
@@ -87,7 +87,7 @@ def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
     ctx.add(
         "FSN211",
         end.endpoint.at("index"),
-        f"{end.endpoint} lies {count_of(end.byte_offset - block.byte_offset, 'byte')} inside a "
+        f"{end.endpoint} lies {counted(end.byte_offset - block.byte_offset, 'byte')} inside a "
         "frame; the copy would be shifted",
         hint=f"start at its command, {block_text(end.endpoint.module, block)}",
     )
@@ -114,7 +114,8 @@ def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmL
         ctx.add(
             "FSN212",
             endpoint.at("index"),
-            f"{intruder} inside the {size} bytes from {endpoint}, so they are no FSoE frame as "
+            f"{intruder} inside the {counted(size, 'byte')} from {endpoint}, so they are no "
+            f"FSoE frame as "
             "mapped here",
             hint="compare the PDO with `ethercat pdos` or the ESI; an entry is missing, too long "
             "or too short",
@@ -167,7 +168,9 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
         return None
     byte, what = expected[good.index(False)]
     entry = found[good.index(False)]
-    there = f"{entry.address} of {entry.bits} bits stands" if entry else "no entry starts"
+    there = (
+        f"{entry.address} of {counted(entry.bits, 'bit')} stands" if entry else "no entry starts"
+    )
     return f"{there} where the {what} is expected (byte {byte})"
 
 
@@ -188,7 +191,7 @@ def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
         ctx.add(
             "FSN210",
             row.transfer.at("size"),
-            f"{row.transfer.source} sends a frame of {source.frame_bytes} bytes, "
+            f"{row.transfer.source} sends a frame of {counted(source.frame_bytes, 'byte')}, "
             f"{row.transfer.destination} takes one of {destination.frame_bytes}",
             hint=_matching_block(ctx, row, source)
             or "the slot of the safety master must have the size "
@@ -208,7 +211,8 @@ def _matching_block(ctx: Context, row: ResolvedTransfer, source: FsoeBlock) -> s
     if len(fits) != 1:
         return ""
     return (
-        f"{block_text(row.transfer.destination.module, fits[0])} takes {source.frame_bytes} bytes"
+        f"{block_text(row.transfer.destination.module, fits[0])} takes "
+        f"{counted(source.frame_bytes, 'byte')}"
     )
 
 
@@ -220,7 +224,7 @@ def _wrong_size(ctx: Context, row: ResolvedTransfer, frame_bytes: int) -> None:
         ctx.add(
             "FSN209",
             row.transfer.at("size"),
-            f"size {size} runs {count_of(size - frame_bytes, 'byte')} past the "
+            f"size {size} runs {counted(size - frame_bytes, 'byte')} past the "
             f"{frame_bytes}-byte frame" + (f" and would overwrite {behind}" if behind else ""),
             hint=f"write size: {frame_bytes}",
         )
@@ -229,7 +233,7 @@ def _wrong_size(ctx: Context, row: ResolvedTransfer, frame_bytes: int) -> None:
     ctx.add(
         "FSN208",
         row.transfer.at("size"),
-        f"size {size} cuts a frame of {frame_bytes} bytes{no_frame}",
+        f"size {size} cuts a frame of {counted(frame_bytes, 'byte')}{no_frame}",
         hint=f"write size: {frame_bytes}",
     )
 
@@ -256,9 +260,11 @@ def _ends(ctx: Context, row: ResolvedTransfer) -> None:
                 "FSN209",
                 row.transfer.at("size"),
                 f"size {size} from {end.endpoint} runs "
-                f"{count_of(behind - end.sm.size_bytes, 'byte')} past the "
-                f"end of SM{end.sm.sm.index} ({end.sm.size_bytes} bytes)",
-                hint=f"at most {end.sm.size_bytes - end.byte_offset} bytes are left there",
+                f"{counted(behind - end.sm.size_bytes, 'byte')} past the "
+                f"end of SM{end.sm.sm.index} ({counted(end.sm.size_bytes, 'byte')})",
+                hint=(
+                    f"at most {counted(end.sm.size_bytes - end.byte_offset, 'byte')} are left there"
+                ),
             )
 
 

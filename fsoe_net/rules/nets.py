@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-from fsoe_net.diag import Related
+from fsoe_net.diag import Related, counted
 from fsoe_net.model import (
     Connection,
     Direction,
@@ -22,7 +22,6 @@ from fsoe_net.rules.context import (
     Context,
     Guesses,
     block_text,
-    count_of,
     few,
     module_pair,
     nearest,
@@ -89,7 +88,7 @@ def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: 
     ctx.add(
         "FSN204",
         late.transfer.destination.at("index"),
-        f"{late.transfer.destination}: another transfer writes {count_of(count, 'byte')} of it; "
+        f"{late.transfer.destination}: another transfer writes {counted(count, 'byte')} of it; "
         "the last one would win",
         hint=hint,
         related=(Related(span=early.transfer.span, message="the other transfer"),),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag import Findings, Related, Span
+from fsoe_net.diag import Findings, Related, Span, counted
 from fsoe_net.model import (
     Connection,
     DescribedCopy,
@@ -16,7 +16,6 @@ from fsoe_net.model import (
     ResolvedTransfer,
     SubDevice,
 )
-from fsoe_net.rules.context import count_of
 
 __all__ = ["check_copies", "check_slots"]
 
@@ -125,7 +124,7 @@ def _transfer(
         if missing == size:
             text = "it is not copied"
         elif missing:
-            text = f"only {count_of(size - missing, 'byte')} of it are copied"
+            text = f"only {counted(size - missing, 'byte')} of it are copied"
     if text:
         seen.told.add(id(row))
         _other(out, row, f"{text} in {file.path}", there)
@@ -135,7 +134,7 @@ def _other(out: Findings, row: ResolvedTransfer, text: str, there: Span) -> None
     out.add(
         "FSN444",
         row.transfer.span,
-        f"{count_of(row.transfer.size_bytes, 'byte')} from {row.transfer.source} to "
+        f"{counted(row.transfer.size_bytes, 'byte')} from {row.transfer.source} to "
         f"{row.transfer.destination}: {text}",
         hint="one of the two connects other frames; compare both with the safety project",
         related=(Related(span=there, message="the other file"),),
@@ -155,7 +154,7 @@ def _longer(
     size = (copy.bits + 7) // 8
     more = sum(_byte(subs, copy.destination, n) not in seen.covered for n in range(size))
     if more and id(row) not in seen.told:
-        text = f"{count_of(size, 'byte')} are copied in {file.path}, {more} of them by no transfer"
+        text = f"{counted(size, 'byte')} are copied in {file.path}, {more} of them by no transfer"
         _other(out, row, text, copy.span)
 
 
@@ -171,7 +170,7 @@ def _unknown(
     out.add(
         "FSN444",
         nets[0].span if nets else destination.span,
-        f"{file.path} copies {count_of((copy.bits + 7) // 8, 'byte')} from {source.name} "
+        f"{file.path} copies {counted((copy.bits + 7) // 8, 'byte')} from {source.name} "
         f"SM{copy.source.sm_index} byte {copy.source.bit_offset // 8} to {destination.name} "
         f"SM{copy.destination.sm_index} byte {copy.destination.bit_offset // 8}; no transfer does",
         hint="add the transfer here, or take the copy out there",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag import Severity, Span, counted
 from fsoe_net.model import (
     DescribedSubDevice,
     Device,
@@ -17,7 +17,7 @@ from fsoe_net.model import (
     SyncManager,
     Watchdog,
 )
-from fsoe_net.rules.context import count_of, describe_sm
+from fsoe_net.rules.context import describe_sm
 from fsoe_net.rules.entries import assignment_words, first_difference, items_of, listed
 
 __all__ = ["Remark", "compare_layout"]
@@ -158,8 +158,8 @@ class _Side:
             self.add(
                 "FSN440",
                 self.span_of(planned.sm),
-                f"SM{sm.index} has {count_of(planned.size_bytes, 'byte')}, "
-                f"{count_of(size, 'byte')} in {self.source}",
+                f"SM{sm.index} has {counted(planned.size_bytes, 'byte')}, "
+                f"{counted(size, 'byte')} in {self.source}",
                 sm.span,
                 sm=(sm.index,),
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from fsoe_net.diag import Findings, Related, Span
+from fsoe_net.diag import Findings, Related, Span, counted
 from fsoe_net.model import (
     Connection,
     DescribedConnection,
@@ -14,7 +14,6 @@ from fsoe_net.model import (
     LibraryDevice,
     Resolution,
 )
-from fsoe_net.rules.context import count_of
 
 __all__ = ["check_twinsafe"]
 
@@ -87,7 +86,7 @@ def check_twinsafe(
         return
     pairs = _pairs(project, ours, rows)
     if not pairs:
-        what = f"{file.path}, which has {count_of(len(rows), 'connection')}"
+        what = f"{file.path}, which has {counted(len(rows), 'connection')}"
         _nothing(out, resolution, what, "is this the safety project of another machine?")
         return
     _missing(project, ours, rows, pairs)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
+from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, counted, sort_diagnostics
 from fsoe_net.model import (
     DescribedSubDevice,
     Description,
@@ -25,7 +25,7 @@ from fsoe_net.model import (
     has_layout,
     projects_of,
 )
-from fsoe_net.rules.context import count_of, few
+from fsoe_net.rules.context import few
 from fsoe_net.rules.reference_copies import check_copies, check_slots
 from fsoe_net.rules.reference_layout import Remark, compare_layout
 from fsoe_net.rules.reference_twinsafe import check_twinsafe
@@ -202,7 +202,7 @@ class _Check:
             if s.device is not None
         }
         if any(known) and ours.isdisjoint(k for k in known if k is not None):
-            what = count_of(len(known), "SubDevice")
+            what = counted(len(known), "SubDevice")
             self._nothing(f", which has {what}", "is this the file of another machine?")
             return None
         if self.network.partial:
@@ -295,7 +295,7 @@ class _Check:
             self.out.add(
                 "FSN442",
                 self.network.span,
-                f"{self.file.path} has {count_of(len(extra), 'SubDevice')} that the network does "
+                f"{self.file.path} has {counted(len(extra), 'SubDevice')} that the network does "
                 f"not name: {few(extra)}",
                 hint="name them here when they have process data in the same ring",
                 severity=Severity.INFO,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import enum
 
-from fsoe_net.diag import Severity
+from fsoe_net.diag import Severity, counted
 from fsoe_net.model import Direction, Network, ResolvedTransfer, SubDevice, TransferKind
 from fsoe_net.rules.context import Context
 
@@ -225,7 +225,7 @@ def _lcec_lengths(ctx: Context, rows: list[ResolvedTransfer]) -> None:
             ctx.add(
                 "FSN464",
                 end.endpoint.at("index"),
-                f"{end.endpoint} starts a frame of {end.block.frame_bytes} bytes; "
+                f"{end.endpoint} starts a frame of {counted(end.block.frame_bytes, 'byte')}; "
                 f"linuxcnc-ethercat copies {lengths} bytes for an {kind}",
                 hint=f"correct the PDO of {sub.name}, if the device does send {lengths} bytes",
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Findings, Span
+from fsoe_net.diag import Findings, Span, counted
 from fsoe_net.model import (
     DeviceLayout,
     Direction,
@@ -13,7 +13,7 @@ from fsoe_net.model import (
     SmLayout,
     SubDevice,
 )
-from fsoe_net.rules.context import count_of, few
+from fsoe_net.rules.context import few
 from fsoe_net.rules.entries import assignment_words, first_difference, listed
 
 __all__ = ["check_health", "check_layout", "check_revision"]
@@ -44,8 +44,8 @@ def check_health(out: Findings, span: Span, name: str, found: ScannedSubDevice) 
         counts = [
             text
             for number, text in (
-                (port.link_lost, count_of(port.link_lost, "lost link")),
-                (port.rx_errors, count_of(port.rx_errors, "receive error")),
+                (port.link_lost, counted(port.link_lost, "lost link")),
+                (port.rx_errors, counted(port.rx_errors, "receive error")),
             )
             if number
         ]
@@ -106,7 +106,7 @@ def check_layout(
             out.add(
                 "FSN507",
                 device.at("sm"),
-                f"{sub.name}: SM{sm.index} has {count_of(sm.size_bytes, 'byte')} of {sm.kind} on "
+                f"{sub.name}: SM{sm.index} has {counted(sm.size_bytes, 'byte')} of {sm.kind} on "
                 "the device and none in the file",
                 hint=f"state what it carries, or leave it empty on the device; {_SCAN}",
             )
@@ -118,7 +118,7 @@ def _add_length(
     out.add(
         "FSN507",
         planned.sm.span if planned.sm.declared or sub.device is None else sub.device.span,
-        f"{sub.name}: SM{planned.sm.index} has {count_of(planned.size_bytes, 'byte')} by the file; "
+        f"{sub.name}: SM{planned.sm.index} has {counted(planned.size_bytes, 'byte')} by the file; "
         f"on the device at position {found.position} {why}",
         hint=f"the file must describe what the device has; {_SCAN}",
     )
@@ -139,7 +139,7 @@ def _sync_manager(
     if sm.pdos is not None and _pdos_differ(out, sub, planned, pdos, sm.pdos):
         return
     if planned.complete and sm.size_bytes is not None and sm.size_bytes != planned.size_bytes:
-        _add_length(out, sub, planned, found, f"{count_of(sm.size_bytes, 'byte')}")
+        _add_length(out, sub, planned, found, f"{counted(sm.size_bytes, 'byte')}")
 
 
 def _pdos_differ(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag import Findings, Related
+from fsoe_net.diag import Findings, Related, counted
 from fsoe_net.model import ConnectionFacts, Network, ScannedConnection, ScannedSubDevice
 from fsoe_net.rules.context import few
 
@@ -168,7 +168,7 @@ def _connections(
         out.add(
             "FSN513",
             facts[-1].at("main"),
-            f"{main} tells of {len(rows)} connections; nothing of {few(unpaired)}",
+            f"{main} tells of {counted(len(rows), 'connection')}; nothing of {few(unpaired)}",
             hint="does the safety project in the device have these connections?",
         )
     return []

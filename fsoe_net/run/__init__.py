@@ -40,6 +40,7 @@ from fsoe_net.run.session import (
     run_virtual,
 )
 from fsoe_net.run.sockets import control_socket
+from fsoe_net.run.stage import Stage
 
 __all__ = [
     "Attachment",
@@ -64,6 +65,7 @@ __all__ = [
     "SdoValue",
     "SegmentSession",
     "Session",
+    "Stage",
     "Status",
     "SubDeviceSnapshot",
     "Symbol",

@@ -26,8 +26,8 @@ class WatchedConnection:
     """A connection as `ConnectionResult`, and what only a monitor tells.
 
     Attributes:
-        result: Its ``resets`` are those since the monitor began.
-        resets_to_sub: Resets the main has sent since the bus was opened, as answers too.
+        result: As of a run.
+        resets_to_sub: Resets the main has sent, as answers and at starts too.
         resets_to_main: Those the sub has sent.
         cause: Of the last Reset in words, with the end that began it where that was seen.
         watchdog_share: Longest FSoE cycle as a share of the watchdog; ``None``: it is not known.

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fsoe_net.core import AlStatus, Segment, SegmentCounts, SegmentLink
+from fsoe_net.diag import counted
 from fsoe_net.errors import CoreError
 from fsoe_net.model import Step
 from fsoe_net.run.commands import CommandError, parse_command
@@ -102,7 +103,7 @@ class SegmentSession(Stage):
         ]
         rows += [f"{name} {word}" for name, word in self.connections().items()]
         counts = self.segment.counts()
-        return "\n".join([*rows, f"{counts.frames} frames, {counts.lost} lost"])
+        return "\n".join([*rows, f"{counted(counts.frames, 'frame')}, {counts.lost} lost"])
 
     def result(self, duration_ns: int) -> EmulateResult:
         """Return what was seen."""

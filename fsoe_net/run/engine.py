@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from fsoe_net.diag import counted
 from fsoe_net.emul import EmulatedNetwork, Port
 from fsoe_net.fsoe import EventKind, State, reset_code_text
 from fsoe_net.model import Action, Expectation, Scenario, Step
@@ -188,7 +189,7 @@ class Engine:
             least, most = expectation.min_resets, expectation.max_resets
             resets = self.resets[name]
             if (least is not None and resets < least) or (most is not None and resets > most):
-                return f"{name} had {resets} resets"
+                return f"{name} had {counted(resets, 'reset')}"
         for name, value in expectation.safe_outputs.items():
             got = self.network.safe_output(name)
             if got != value:
@@ -204,7 +205,9 @@ class Engine:
         self._judge(now_ns)
         left = len(self._steps) - self._next_step
         if left:
-            self.log(now_ns, "run", f"the run ended before {left} of {len(self._steps)} steps")
+            self.log(
+                now_ns, "run", f"the run ended before {left} of {counted(len(self._steps), 'step')}"
+            )
 
     def verdicts(self) -> tuple[Verdict, ...]:
         """Return the verdict on every expectation; one that never came due has not held."""
@@ -257,7 +260,7 @@ def _expectation_text(e: Expectation) -> str:
         parts.append(f"outputs {'on' if e.outputs_on else 'off'}")
     who = e.connection or "every connection"
     if e.min_resets is not None:
-        parts.append(f"{who} with at least {e.min_resets} resets")
+        parts.append(f"{who} with at least {counted(e.min_resets, 'reset')}")
     if e.max_resets is not None:
-        parts.append(f"{who} with at most {e.max_resets} resets")
+        parts.append(f"{who} with at most {counted(e.max_resets, 'reset')}")
     return f"{when}: {', '.join(parts)}"

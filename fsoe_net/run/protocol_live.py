@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 from typing import Protocol as Interface
 
+from fsoe_net.diag import counted
 from fsoe_net.model import (
     EMULATED_NOTE,
     Outcome,
@@ -207,7 +208,7 @@ class _Watch:
         back: bool,
         stayed: int,
     ) -> Seen:
-        words = [f"{stayed} of {len(before)} connections in Data without it"]
+        words = [f"{stayed} of {counted(len(before), 'connection')} in Data without it"]
         if idle := sorted(n for n in own if before[n] == "data_failsafe"):
             words.append(f"{', '.join(idle)} sent FailSafeData before, so outputs were off already")
         if times.silent:
@@ -216,7 +217,8 @@ class _Watch:
             )
         if times.interruptions:
             words.append(
-                f"{times.interruptions} times the bus lost frames before it: the time is uncertain"
+                f"{counted(times.interruptions, 'time')} the bus lost frames before it: the "
+                f"time is uncertain"
             )
         if not left:
             words.append("its connections stayed in Data")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from fsoe_net.diag import Span
+from fsoe_net.diag import Span, counted
 from fsoe_net.fsoe.campaign import EXHAUSTIVE, CampaignConfig, ClassResult
 from fsoe_net.model import (
     Action,
@@ -239,7 +239,7 @@ class _Emulation:
         )
         return Seen(
             outcome=Outcome.NOT_AS_EXPECTED if came_on else Outcome.AS_EXPECTED,
-            remark=f"{stayed} of {len(network.mains)} connections in Data without it",
+            remark=f"{stayed} of {counted(len(network.mains), 'connection')} in Data without it",
         )
 
     # -- faults -----------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -40,7 +39,6 @@ class Story:
     events: list[RunEvent] = field(default_factory=list)
     events_lost: int = 0
     to_data_ns: dict[str, int] = field(default_factory=dict)
-    resets: Counter[str] = field(default_factory=Counter)
     last_reset: dict[str, int] = field(default_factory=dict)
     last_reset_by: dict[str, str] = field(default_factory=dict)
 
@@ -61,6 +59,8 @@ class Story:
             self._connection(event, at_ns)
         elif kind == "subdevice":
             self.log(str(event["subdevice"]), _subdevice_text(event), at_ns=at_ns)
+        elif kind == "bus":
+            pass  # its SubDevices say the same, and in which state each is
         elif kind == "lost":
             self.events_lost += 1
             self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
@@ -78,7 +78,6 @@ class Story:
         code = int(event["reset_code"])
         end = ENDS.get(str(event["reset_by"]), "one end")
         if event["before"] != "silent":  # else what was on the wire before this run
-            self.resets[name] += 1
             self.last_reset[name] = code
             self.last_reset_by[name] = end
         if event.get("level") != "detail":  # one that resets again and again is told now and then
@@ -129,7 +128,7 @@ def connection_result(
         wrong_to_sub=down.wrong,
         wrong_to_main=up.wrong,
         gaps=wire.gaps,
-        resets=story.resets[name],
+        resets=wire.resets,
         last_reset_code=code,
         last_reset_text="" if code is None else reset_code_text(code),
         data_to_sub=_data_kind(down) if in_data else "none",

@@ -25,28 +25,7 @@ static const char *next_step(const struct fsn_fault *fault) {
     if (fault->sys_errno == EBUSY) {
         return "the kernel's admission control has no room for it; take a longer cycle or fifo";
     }
-    switch (fault->status) {
-    case FSN_E_BUS_BUSY:
-        return "stop the other MainDevice first";
-    case FSN_E_BUS_SILENT:
-        return "check cable, power and --interface; --wait 30s tries again";
-    case FSN_E_BUS_MISSING:
-        return "check cable and power behind the last SubDevice found; --wait 30s tries again";
-    case FSN_E_BUS_IDENTITY:
-    case FSN_E_BUS_MAPPING:
-    case FSN_E_BUS_ADDRESS:
-        return "compare the bus with the network file; fsoe-net plan makes a new plan";
-    case FSN_E_BUS_SDO:
-        return "compare the start-up SDOs of this device with its manual";
-    case FSN_E_BUS_STATE:
-        return "its AL status code says why";
-    case FSN_E_NOMEM:
-        return "free memory, or allow the process more";
-    case FSN_E_SYS:
-        return "see the system's own message";
-    default:
-        return "fsoe-net plan NETWORK -o PLAN makes the plan anew";
-    }
+    return fsn_status_next_step(fault->status);
 }
 
 static void put_record(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,

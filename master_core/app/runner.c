@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <pthread.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -82,22 +83,27 @@ static bool may_come(fsn_status status) {
     return status == FSN_E_BUS_MISSING || status == FSN_E_BUS_SILENT || status == FSN_E_BUS_STATE;
 }
 
-/** The refusal names the first SubDevice that is not as planned; here are all of them. */
-static void tell_findings(struct runner *runner) {
+/** Keeps what the bus knows about each SubDevice of the plan, before it is closed. */
+static void keep_findings(struct runner *runner) {
     const struct fsn_bus_ops *ops = runner->backend->ops;
     runner->has_found = false;
     for (uint32_t n = 0;
          runner->bus != NULL && ops->look != NULL && n < fsn_plan_subdevice_count(runner->plan);
          n++) {
-        struct fsn_subdevice_info info;
         struct fsn_bus_subdevice *seen = &runner->found[n];
         *seen = (struct fsn_bus_subdevice){0};
-        if (fsn_plan_subdevice(runner->plan, n, &info) != FSN_OK ||
-            ops->look(runner->bus, n, seen) != FSN_OK) {
-            continue;
+        if (ops->look(runner->bus, n, seen) == FSN_OK) {
+            runner->has_found = runner->has_found || seen->found != FSN_FOUND_UNKNOWN;
         }
-        runner->has_found = runner->has_found || seen->found != FSN_FOUND_UNKNOWN;
-        if (seen->found > FSN_FOUND_RIGHT) {
+    }
+}
+
+/** The refusal names the first SubDevice that is not as planned; here are all of them. */
+static void tell_findings(const struct runner *runner) {
+    for (uint32_t n = 0; runner->has_found && n < fsn_plan_subdevice_count(runner->plan); n++) {
+        struct fsn_subdevice_info info;
+        const struct fsn_bus_subdevice *seen = &runner->found[n];
+        if (seen->found > FSN_FOUND_RIGHT && fsn_plan_subdevice(runner->plan, n, &info) == FSN_OK) {
             log_line(FSN_LOG_WARNING, "SubDevice %.80s: %s%s%s", info.name,
                      fsn_found_text(seen->found), seen->detail[0] != 0 ? ": " : "", seen->detail);
         }
@@ -120,7 +126,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
             fsn_core_create(runner->plan, runner->backend->ops, runner->bus, &runner->core, fault);
     }
     if (status != FSN_OK) {
-        tell_findings(runner);
+        keep_findings(runner);
         runner->backend->free(runner->bus);
         runner->bus = NULL;
     }
@@ -129,14 +135,19 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
 
 static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
     const uint64_t until = fsn_now_ns() + runner->options->wait_ns;
+    char told[FSN_DETAIL_BYTES] = "";
     for (int tries = 0;; tries++) {
         *fault = (struct fsn_fault){.copy_index = FSN_FAULT_NO_RECORD};
         const fsn_status status = open_once(runner, fault);
         if (status == FSN_OK || !may_come(status) || fsn_now_ns() >= until ||
             atomic_load(&runner->give_up)) {
+            if (status != FSN_OK) {
+                tell_findings(runner);
+            }
             return status;
         }
-        if (tries == 0) {
+        if (tries == 0 || strcmp(told, fault->detail) != 0) { /* not the same in each try */
+            snprintf(told, sizeof told, "%s", fault->detail);
             log_line(FSN_LOG_INFO, "%s%s%s; tries again", fsn_status_text(status),
                      fault->detail[0] != 0 ? ": " : "", fault->detail);
         }

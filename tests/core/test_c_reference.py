@@ -4,8 +4,13 @@ import re
 from pathlib import Path
 
 import pytest
+from cli.tool import fsn
+from run.support import needs_core
+
+from fsoe_net.core import status_table
 
 ROOT = Path(__file__).parents[2]
+
 HEADERS = ROOT / "master_core" / "include" / "fsn"
 PAGE = ROOT / "docs" / "reference" / "c-api.md"
 
@@ -40,3 +45,26 @@ def test_every_public_function_states_its_context() -> None:
         text = header.read_text()
         for match in re.finditer(r"/\*\*((?:(?!\*/).)*)\*/\s*FSN_API", text, re.DOTALL):
             assert "Context:" in match[1], match[1]
+
+
+@needs_core
+def test_explain_knows_every_status() -> None:
+    rows = re.findall(
+        r'X\((\w+), (-?\d+),\s*"([^"]+)"\)', (HEADERS / "status.h").read_text("utf-8")
+    )
+    found = {row.name: row for row in status_table()}
+    assert len(found) == len(rows) - 1  # OK is no error
+    for name, value, text in rows[1:]:
+        row = found[f"FSN_{name}"]
+        assert (row.value, row.text) == (int(value), text)
+        assert row.next_step
+    for word in ("FSN_E_BUS_SILENT", "fsn_e_bus_silent", "E_BUS_SILENT"):
+        done = fsn("explain", word)
+        assert done.stdout == (
+            "FSN_E_BUS_SILENT (-64): no SubDevice answers on this interface\n\nNext step: check "
+            "cable, power and --interface; --wait 30s tries again.\n"
+        )
+    wrong = fsn("explain", "FSN_E_BUS_SILNT")
+    assert wrong.returncode == 2
+    assert "Did you mean FSN_E_BUS_SILENT?" in wrong.stderr
+    assert "FSN_E_PLAN_CRC  CRC-32 does not fit" in fsn("explain").stdout

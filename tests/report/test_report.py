@@ -361,7 +361,7 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
     assert [words(c) for c in two[3:]] == [[], [], ["not as expected", "80.5"], ["A. B., 1 May"]]
     told = [p["text"] for p in document["points"] if p["block"] == "Tests"]
     assert told == [
-        "1 of 3 test steps are open at the machine",
+        "1 of 3 test steps open at the machine",
         "1 test steps did not go as expected, first: press ES1",
         "1 test steps went as expected by hand and not by program, first: press ES1",
         "old.fsnplan was made for another plan",

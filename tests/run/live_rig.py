@@ -18,7 +18,7 @@ from pathlib import Path
 from incidents.rig import judged
 
 from fsoe_net.errors import FsnError
-from fsoe_net.run import Client
+from fsoe_net.run import Client, find_master
 
 FSN = [sys.executable, "-m", "fsoe_net.cli"]
 PATIENCE_S = 60.0
@@ -275,10 +275,45 @@ def _is_running(pid):
     return state != "Z"
 
 
+def own_lines(network, *options):
+    """Start fsn-master by hand; return it with a function that reads its own lines."""
+    subprocess.run([*FSN, "plan", network, "-o", "n.fsnplan"], check=True, capture_output=True)
+    words = ["n.fsnplan", "--interface", "near", "--socket", "s", "--policy", "other", *options]
+    with open("lines", "wb") as lines:
+        master = subprocess.Popen([find_master(), *words], stderr=lines)
+    return master, lambda: Path("lines").read_text("utf-8")
+
+
+def lost_bus(network, _other):
+    """Every SubDevice goes at once and stays away for some seconds of cycles."""
+    emulator = Emulator(network)
+    master, lines = own_lines(network, "--wait", "30s")
+    wait_for("a bus", lambda: "ready: every SubDevice is in OP" in lines())
+    emulator.end()
+    wait_for("its loss", lambda: "the bus is lost" in lines())
+    with Client("s") as client:
+        wait_for("lost", lambda: client.snapshot().cycle.statistics.lost_frames > 3000)
+    master.terminate()
+    master.wait()
+    return {"lines": lines()}
+
+
+def missing_one(network, _other):
+    """The last SubDevice never comes; fsn-master tries until its time is over."""
+    emulator = Emulator(network)
+    emulator.do("break drive_2")
+    master, lines = own_lines(network, "--wait", "4s")
+    code = master.wait()
+    emulator.end()
+    return {"lines": lines(), "code": code}
+
+
 CASES = {
     f.__name__: f
     for f in (
         comes_up,
+        lost_bus,
+        missing_one,
         silent,
         small,
         wrong,

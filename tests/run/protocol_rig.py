@@ -64,9 +64,8 @@ class AtTerminal:
 
 
 def started(running, network):
-    return AtTerminal(
-        "test-protocol", network, "--live", "--socket", running.socket, "-o", "protocol.yaml"
-    )
+    where = ("--live", "--socket", running.socket, "-o", "protocol.yaml", "--overwrite")
+    return AtTerminal("test-protocol", network, *where)
 
 
 ASKED, TAKE, PUT = "leave this step out: ", "off the bus now.", "Put "

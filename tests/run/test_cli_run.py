@@ -71,7 +71,7 @@ def test_failed_expectation_is_exit_code_1(fsn, tmp_path: Path):
     assert code == 1
     assert out.endswith(
         f"{scenario}:2:10: not observed: at 100 ms: outputs on; outputs of el1918 were off at "
-        "100 ms\n0 of 1 expectations held\n"
+        "100 ms\n0 of 1 expectation held\n"
     )
 
 

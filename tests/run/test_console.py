@@ -141,7 +141,7 @@ def test_start_stop_restart(master, rig):
 def test_what_is_seen(master, rig):
     assert rig.do("state") == [
         "running, cycle 1 ms, 5 cycles, working counter 9 of 9, 2 of 2 SubDevices in OP, "
-        "1 of 1 connections in Data"
+        "1 of 1 connection in Data"
     ]
     assert rig.do("state drive_1") == [
         "drive_1  OP  alias 0 position 0",

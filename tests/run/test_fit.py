@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from cli.tool import fsn
 from run.support import ESTOP, ROBOT, needs_core, session_of
 
 from fsoe_net.errors import InputError
@@ -65,3 +66,22 @@ def test_every_mistake_is_told_at_its_place(tmp_path: Path):
         session_of(ESTOP, text, tmp=tmp_path)
     places = [(d.span.line, d.span.column) for d in caught.value.diagnostics]
     assert places == [(3, 3), (4, 3), (6, 23)]
+
+
+def test_mistakes_of_every_kind_come_in_one_run(tmp_path: Path):
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text(
+        "version: 1\n"
+        "initial: {ek1914.0x6001:03: 1}\n"
+        "steps:\n"
+        "  - {at_ms: 1, press: nobody}\n"
+        "  - {at_ms: -1, unplug: ek1914}\n"
+        "expect:\n"
+        "  - {at_ms: 1, connection: el1918-ek1914, sate: reset}\n",
+        "utf-8",
+    )
+    network = str(ESTOP / "network.yaml")
+    done = fsn("run", network, "--scenario", str(scenario), "--virtual-time")
+    assert done.returncode == 1
+    lines = sorted({line.split(":")[1] for line in done.stderr.splitlines() if "error[" in line})
+    assert lines == ["2", "4", "5", "7"], done.stderr

@@ -199,10 +199,10 @@ def test_an_interrupt_stops_orderly(tmp_path):
         (["--interface", "0", "--bus", "igh", "--redundant", "x"], "setting of IgH"),
         (["--interface", "x", "--bus", "emulated"], "--bus"),
         (["--interface", "x", "--cycle", "1"], "has no unit; write 1ms or 1us"),
-        (["--interface", "x", "--cycle", "5s"], "not between 1us and 4s"),
+        (["--interface", "x", "--cycle", "5s"], "5s is out of range: 50us to 1s"),
         (["--interface", "x", "--priority", "100"], "--priority"),
         (["--interface", "x", "--cpu", "-1"], "--cpu"),
-        (["--interface", "x", "--wait", "nan"], "is no number"),
+        (["--interface", "x", "--wait", "nan"], "'nan' is not a time"),
         (["--redundant", "x"], "--redundant is for a live bus"),
         (["--bus", "soem"], "--bus is for a live bus"),
         (["--cycle", "1ms"], "--cycle is for a live bus"),
@@ -236,7 +236,7 @@ def test_a_file_that_cannot_be_written_is_refused_before(option, tmp_path):
     for path in (tmp_path, tmp_path / "no" / "file"):
         done = fsn("run", ESTOP, option, str(path), "--interface", "x")
         assert done.returncode == 3
-        assert option in done.stderr
+        assert f"cannot write {path}: " in done.stderr
 
 
 @needs_core
@@ -248,3 +248,26 @@ def test_timing_of_an_emulated_run(tmp_path: Path):
     assert "round trip" not in done.stdout
     assert stats.read_text("utf-8").startswith("histogram,floor_ns,count,cumulative_share\nlat")
     ET.parse(plot)
+
+
+def test_a_lost_bus_is_one_line(tmp_path):
+    lines = on_the_wire("lost_bus", ROBOT, tmp=tmp_path)["lines"].splitlines()
+    at = next(n for n, line in enumerate(lines) if "the bus is lost" in line)
+    assert (
+        lines[at]
+        .partition(" warning ")[2]
+        .startswith(
+            "the bus is lost: none of 5 SubDevices answers: near has a link, but no SubDevice"
+        )
+    )
+    end = next(n for n, line in enumerate(lines) if "ends: Terminated" in line)
+    after = [line for line in lines[at + 1 : end] if "connection " not in line]
+    assert [line for line in after if "SubDevice" in line] == []
+    assert len(after) <= 1, after  # the working counter, once
+
+
+def test_a_subdevice_that_is_waited_for_is_not_told_in_each_try(tmp_path):
+    seen = on_the_wire("missing_one", ROBOT, tmp=tmp_path)
+    assert seen["code"] == 1
+    assert seen["lines"].count("; tries again\n") == 1
+    assert seen["lines"].count("drive_2") <= 3, seen["lines"]

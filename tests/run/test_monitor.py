@@ -105,6 +105,7 @@ def test_a_stopped_bus_is_told(master):
 def test_events_tell_who_began(master):
     with Attachment(master.path) as attached:
         attached.look(0.0)
+        master.wire |= {"to_main": direction(command=0x2A, resets=2, reset_code=5)}
         master.tell(
             event="connection", now_ns=1, connection="c1", before="process data", after="reset",
             reset_by="sub", reset_code=5, reset_text="watchdog expired",

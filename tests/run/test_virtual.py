@@ -163,7 +163,7 @@ expect:
         (":6:5", "at 100 ms: ek1914.0x7001:02 = 1", False, "ek1914.0x7001:02 was 0 at 100 ms"),
         (
             ":7:5",
-            f"at 100 ms: {NAME} with at least 1 resets",
+            f"at 100 ms: {NAME} with at least 1 reset",
             False,
             f"{NAME} had 0 resets at 100 ms",
         ),
@@ -200,7 +200,7 @@ def test_too_many_resets(tmp_path: Path):
         "expect: [{at_ms: 99, max_resets: 0}, {at_ms: 250, max_resets: 0}]\n"
     )
     rows = [(v.held, v.seen) for v in run(ESTOP, text, tmp=tmp_path).verdicts]
-    assert rows == [(True, ""), (False, f"{NAME} had 1 resets at 250 ms")]
+    assert rows == [(True, ""), (False, f"{NAME} had 1 reset at 250 ms")]
 
 
 def test_what_came_due_behind_the_last_step_is_judged(tmp_path: Path):

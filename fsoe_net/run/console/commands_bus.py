@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from fsoe_net.diag import counted
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage
@@ -113,10 +114,10 @@ def _status_line(status: Status, connections: Sequence[NamedConnection]) -> str:
         in_data = sum(c.seen.state.in_data for c in connections)
         parts += [
             f"cycle {status.cycle_ns / 1e6:g} ms",
-            f"{status.cycles} cycles",
+            f"{counted(status.cycles, 'cycle')}",
             f"working counter {status.actual_wkc} of {status.expected_wkc}",
             f"{status.in_op} of {status.planned} SubDevices in OP",
-            f"{in_data} of {len(connections)} connections in Data",
+            f"{in_data} of {counted(len(connections), 'connection')} in Data",
         ]
     return ", ".join(parts)
 
@@ -138,10 +139,11 @@ def _device(row: SubDeviceSnapshot) -> tuple[str, ...]:
 
 
 def _connection(row: NamedConnection) -> tuple[str, ...]:
-    frames = f"{row.seen.to_sub.frames} / {row.seen.to_main.frames} frames"
-    resets = row.seen.to_sub.resets + row.seen.to_main.resets
+    frames = f"{row.seen.to_sub.frames} / {counted(row.seen.to_main.frames, 'frame')}"
     wrong = row.seen.to_sub.wrong + row.seen.to_main.wrong
-    counts = [f"{n} {what}" for n, what in ((resets, "resets"), (wrong, "wrong CRCs")) if n]
+    counts = [
+        counted(n, what) for n, what in ((row.seen.resets, "reset"), (wrong, "wrong CRC")) if n
+    ]
     return row.name, f"{row.main} - {row.sub}", row.seen.state.word, frames, ", ".join(counts)
 
 

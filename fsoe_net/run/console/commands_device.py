@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from fsoe_net.diag import counted
 from fsoe_net.errors import ConsoleError
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage
@@ -36,7 +37,7 @@ def _sdo_read(room: Room, subdevice: str, place: tuple[int, int], kind: str) -> 
     value = found.value if isinstance(found.value, str) else shown(found.value)
     known = f"  {value}" if kind and found.value is not None else ""
     head = f"{subdevice} {place[0]:#06x}:{place[1]:02x}"
-    room.out(f"{head}{known}  {len(found.data)} bytes: {found.data.hex(' ')}")
+    room.out(f"{head}{known}  {counted(len(found.data), 'byte')}: {found.data.hex(' ')}")
 
 
 def _sii(room: Room, words: Sequence[str]) -> None:
@@ -48,7 +49,7 @@ def _sii(room: Room, words: Sequence[str]) -> None:
             Path(words[1]).write_bytes(data)
         except OSError as exc:
             raise ConsoleError(f"{words[1]}: {exc.strerror or exc}") from exc
-        room.out(f"{len(data)} bytes written to {words[1]}")
+        room.out(f"{counted(len(data), 'byte')} written to {words[1]}")
         return
     for at in range(0, len(data), 16):
         room.out(f"{at:04x}  {data[at : at + 16].hex(' ')}")

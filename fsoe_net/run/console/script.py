@@ -16,6 +16,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from fsoe_net.diag import counted
 from fsoe_net.errors import ConsoleError
 
 __all__ = ["Command", "ScriptError", "Word", "expand", "parse"]
@@ -191,7 +192,11 @@ def _value(
     if name.isdigit():
         if 1 <= int(name) <= len(arguments):
             return arguments[int(name) - 1]
-        where = f"only {len(arguments)} arguments" if inside else "no arguments at the prompt"
+        where = (
+            f"only {counted(len(arguments), 'argument')}"
+            if inside
+            else "no arguments at the prompt"
+        )
         raise ScriptError(f"${name}: there are {where}", line, column)
     if name in macros:
         return macros[name]

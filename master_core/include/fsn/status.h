@@ -87,6 +87,9 @@ FSN_API const char *fsn_status_name(fsn_status status);
 /** Returns one sentence for people. Context: any thread. */
 FSN_API const char *fsn_status_text(fsn_status status);
 
+/** Returns what a person does about a status, one line; empty for FSN_OK. Context: any thread. */
+FSN_API const char *fsn_status_next_step(fsn_status status);
+
 /** Returns the name of a plan section, e.g. "copy". Context: any thread. */
 FSN_API const char *fsn_section_name(uint32_t section);
 

@@ -63,6 +63,7 @@ struct fsn_seen {
     uint64_t *reset_told_ns;             /**< per connection: last line on a reset; 0: none */
     bool known;                          /**< the above were read once */
     bool incomplete;                     /**< working counter of the last look */
+    bool wkc_lost;                       /**< a line has said that nobody answers */
     uint64_t wkc_errors, lost_frames, old_replies, unsent_frames, overruns; /**< as last told */
     uint64_t events_lost;                                                   /**< as last told */
     uint64_t wkc_told_ns, looked_ns;

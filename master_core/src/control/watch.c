@@ -158,7 +158,7 @@ static void put_links(const struct fsn_bus_subdevice *seen, char *text, size_t r
 
 static void subdevice_event(struct fsn_control *control, uint32_t number,
                             const struct fsn_bus_subdevice *before,
-                            const struct fsn_bus_subdevice *after, uint64_t now_ns) {
+                            const struct fsn_bus_subdevice *after, bool told, uint64_t now_ns) {
     struct fsn_subdevice_info info;
     char from[24];
     char to[24];
@@ -191,11 +191,31 @@ static void subdevice_event(struct fsn_control *control, uint32_t number,
     const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN;
     const bool unread = fine && (before->al_status | after->al_status) == FSN_AL_NONE;
     const bool moved = before->al_status != after->al_status;
-    fsn_event_tell(
-        control, subdevice_level(before, after), "SubDevice %.120s: %s%s%s%s%s%s%s%s%.150s",
-        info.name, unread ? "its AL state is not read yet" : from, moved ? " -> " : "",
-        moved ? to : "", code, links, fine ? "" : ", ", fine ? "" : fsn_found_text(after->found),
-        after->detail[0] != 0 ? ": " : "", after->detail);
+    fsn_event_tell(control, told ? FSN_LOG_DETAIL : subdevice_level(before, after),
+                   "SubDevice %.120s: %s%s%s%s%s%s%s%s%.150s", info.name,
+                   unread ? "its AL state is not read yet" : from, moved ? " -> " : "",
+                   moved ? to : "", code, links, fine ? "" : ", ",
+                   fine ? "" : fsn_found_text(after->found), after->detail[0] != 0 ? ": " : "",
+                   after->detail);
+}
+
+/** One line for a bus that is lost or back as a whole. Returns whether it is. */
+static bool whole_bus(struct fsn_control *control, uint32_t count, uint32_t lost, uint32_t back,
+                      const char *detail, uint64_t now_ns) {
+    if (count < 2 || (lost != count && back != count)) {
+        return false;
+    }
+    struct fsn_json *json = fsn_event_begin(control, "bus", now_ns);
+    fsn_json_put_bool(json, "lost", lost == count);
+    if (lost == count) {
+        fsn_event_tell(control, FSN_LOG_WARNING,
+                       "the bus is lost: none of %" PRIu32 " SubDevices answers%s%.150s", count,
+                       detail[0] != 0 ? ": " : "", detail);
+    } else {
+        fsn_event_tell(control, FSN_LOG_INFO, "the bus is back: all %" PRIu32 " SubDevices answer",
+                       count);
+    }
+    return true;
 }
 
 static void look_at_subdevices(struct fsn_control *control, uint64_t now_ns) {
@@ -204,20 +224,34 @@ static void look_at_subdevices(struct fsn_control *control, uint64_t now_ns) {
         return;
     }
     seen->looked_ns = now_ns;
-    for (uint32_t i = 0; i < fsn_plan_subdevice_count(control->plan); i++) {
-        struct fsn_bus_subdevice after = {0};
+    const uint32_t count = fsn_plan_subdevice_count(control->plan);
+    uint32_t lost = 0;
+    uint32_t back = 0;
+    struct fsn_bus_subdevice after = {0};
+    for (uint32_t i = 0; i < count; i++) {
         if (fsn_core_subdevice(control->core, i, &after) != FSN_OK) {
             return; /* a bus without states */
         }
+        const bool was = seen->subdevice[i].al_status != FSN_AL_NONE;
+        lost += seen->known && was && after.al_status == FSN_AL_NONE;
+        back += seen->known && !was && after.al_status != FSN_AL_NONE;
+    }
+    after.detail[FSN_DETAIL_BYTES - 1] = 0;
+    const bool told = whole_bus(control, count, lost, back, after.detail, now_ns);
+    for (uint32_t i = 0; i < count && fsn_core_subdevice(control->core, i, &after) == FSN_OK; i++) {
         after.detail[FSN_DETAIL_BYTES - 1] = 0;
         const struct fsn_bus_subdevice before = seen->subdevice[i];
         seen->subdevice[i] = after;
         if (!seen->known || !same_subdevice(&before, &after)) {
-            subdevice_event(control, i, &before, &after, now_ns);
+            subdevice_event(control, i, &before, &after, told, now_ns);
             fsn_incident_subdevice(control, i, &after, now_ns);
         }
     }
     seen->known = true;
+}
+
+static const char *plural(uint64_t number) {
+    return number == 1 ? "" : "s";
 }
 
 /** What the cycle lost since the last line, in words; the overruns and late replies name the cause.
@@ -227,22 +261,26 @@ static void wkc_text(const struct fsn_seen *seen, const struct fsn_statistics *s
     const uint64_t late = s->old_replies - seen->old_replies;
     const uint64_t unsent = s->unsent_frames - seen->unsent_frames;
     const uint64_t left_out = s->overruns - seen->overruns;
-    int len = snprintf(text, room_bytes,
-                       "working counter %u of %u; since the last line %" PRIu64
-                       " incomplete cycles, %" PRIu64 " frames not back in time",
-                       (unsigned)s->actual_wkc, (unsigned)s->expected_wkc,
-                       s->wkc_errors - seen->wkc_errors, s->lost_frames - seen->lost_frames);
+    int len =
+        snprintf(text, room_bytes,
+                 "working counter %u of %u; since the last line %" PRIu64
+                 " incomplete cycle%s, %" PRIu64 " frame%s not back in time",
+                 (unsigned)s->actual_wkc, (unsigned)s->expected_wkc,
+                 s->wkc_errors - seen->wkc_errors, plural(s->wkc_errors - seen->wkc_errors),
+                 s->lost_frames - seen->lost_frames, plural(s->lost_frames - seen->lost_frames));
     if (late > 0) {
         len += snprintf(text + len, room_bytes - (size_t)len,
-                        ", %" PRIu64 " replies late: the cycle is short for this bus", late);
+                        ", %" PRIu64 " repl%s late: the cycle is short for this bus", late,
+                        late == 1 ? "y" : "ies");
     }
     if (left_out > 0) {
         len += snprintf(text + len, room_bytes - (size_t)len,
-                        ", %" PRIu64 " cycles left out: this machine came too late", left_out);
+                        ", %" PRIu64 " cycle%s left out: this machine came too late", left_out,
+                        plural(left_out));
     }
     if (unsent > 0) {
-        snprintf(text + len, room_bytes - (size_t)len, ", %" PRIu64 " frames not sent: %s", unsent,
-                 strerror((int)s->send_errno));
+        snprintf(text + len, room_bytes - (size_t)len, ", %" PRIu64 " frame%s not sent: %s", unsent,
+                 plural(unsent), strerror((int)s->send_errno));
     }
 }
 
@@ -253,7 +291,9 @@ static void look_at_wkc(struct fsn_control *control, uint64_t now_ns) {
     const bool turned = incomplete != seen->incomplete;
     const bool more = s->wkc_errors != seen->wkc_errors || s->lost_frames != seen->lost_frames ||
                       s->overruns != seen->overruns;
-    const bool due = now_ns - seen->wkc_told_ns >= WKC_MS * UINT64_C(1000000);
+    /* A bus that is lost stays lost until the working counter says otherwise. */
+    const bool known = incomplete && s->actual_wkc == 0 && seen->wkc_lost;
+    const bool due = !known && now_ns - seen->wkc_told_ns >= WKC_MS * UINT64_C(1000000);
     if (!turned && (!more || !due)) {
         return;
     }
@@ -274,6 +314,7 @@ static void look_at_wkc(struct fsn_control *control, uint64_t now_ns) {
         seen->unsent_frames = s->unsent_frames;
         seen->overruns = s->overruns;
         seen->wkc_told_ns = now_ns;
+        seen->wkc_lost = incomplete && s->actual_wkc == 0;
     }
 }
 
@@ -303,7 +344,7 @@ void fsn_watch(struct fsn_control *control, uint64_t now_ns) {
     if (control->statistics.events_lost != control->seen.events_lost) {
         fsn_event_begin(control, "lost", control->statistics.now_ns);
         fsn_json_put_u64(&control->event, "events", control->statistics.events_lost);
-        fsn_event_tell(control, FSN_LOG_WARNING, "%" PRIu64 " events were lost so far",
+        fsn_event_tell(control, FSN_LOG_WARNING, "events lost so far: %" PRIu64,
                        control->statistics.events_lost);
         control->seen.events_lost = control->statistics.events_lost;
     }
@@ -332,8 +373,9 @@ void fsn_watch_take_back(struct fsn_control *control, const struct fsn_client *c
     fsn_json_close(json, ']');
     if (taken > 0) {
         fsn_event_tell(control, FSN_LOG_WARNING,
-                       "client %u (pid %ld) %s: %zu outputs take their stop values",
-                       (unsigned)client->number, (long)client->pid, why, taken);
+                       "client %u (pid %ld) %s: %zu output%s stop value%s",
+                       (unsigned)client->number, (long)client->pid, why, taken,
+                       taken == 1 ? " takes its" : "s take their", plural(taken));
     }
 }
 

@@ -40,9 +40,9 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
     if (before == 0) {
         soem_note(bus, node, FSN_FOUND_NOTHING,
                   fsn_port_has_link(bus->interface)
-                      ? "nor does any SubDevice before it, though %s has a link: power of the "
+                      ? "%s has a link, but no SubDevice behind it answers: power of the "
                         "SubDevices, or frames are late"
-                      : "nor does any SubDevice before it: %s has no link",
+                      : "%s has no link",
                   bus->interface);
         return;
     }

@@ -1,0 +1,45 @@
+"""The status codes of the C core, from its own table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.core.module import compiled
+
+__all__ = ["StatusInfo", "status_table"]
+
+_LOWEST = -127  # values are small and negative
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatusInfo:
+    """A status: ``FSN_E_BUS_SILENT``, -64, what it means, what to do."""
+
+    name: str
+    value: int
+    text: str
+    next_step: str
+
+
+def status_table() -> tuple[StatusInfo, ...]:
+    """Return every status that is an error.
+
+    Raises:
+        CoreMissing: The compiled module is not there.
+    """
+    ffi, lib = compiled()
+    rows = (
+        StatusInfo(
+            value=value,
+            **{
+                key: ffi.string(function(value)).decode()
+                for key, function in (
+                    ("name", lib.fsn_status_name),
+                    ("text", lib.fsn_status_text),
+                    ("next_step", lib.fsn_status_next_step),
+                )
+            },
+        )
+        for value in range(-1, _LOWEST, -1)
+    )
+    return tuple(row for row in rows if not row.name.endswith("?"))
