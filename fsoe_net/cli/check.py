@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import os
+
 import click
 
 from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_option
@@ -16,8 +19,11 @@ from fsoe_net.rules import Runtime
 
 __all__ = ["command"]
 
+_NETWORK = "network.yaml"
+
 _EPILOG = """\b
 Examples:
+  fsoe-net check                    # network.yaml of this folder
   fsoe-net check network.yaml
   fsoe-net check robot.urdf.xacro --package my_robot=src/my_robot
   fsoe-net check transfers.yaml --runtime ros2-2026-08
@@ -29,8 +35,15 @@ Exit codes: 0 no error and no warning (notes do not count), 1 errors or warnings
 bus or no permission. `fsoe-net explain CODE` says more of a finding."""
 
 
+def _files(_ctx: click.Context, _param: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
+    """Take the network of this folder when no file is named."""
+    if files or os.path.isfile(_NETWORK):
+        return files or (_NETWORK,)
+    raise click.UsageError(f"name the files to check; there is no {_NETWORK} in this folder")
+
+
 @click.command("check", epilog=_EPILOG)
-@input_options
+@functools.partial(input_options, callback=_files)
 @runtime_option
 @click.option(
     "--format",
@@ -63,10 +76,10 @@ def command(
 ) -> None:
     """Check files of a network; each finding with its place and the next step.
 
-    FILES: one network.yaml; or one URDF or xacro, with the transfer YAML it needs or without; or a
-    transfer YAML or slave YAML on its own. Any other files beside them are compared with it: ESI,
-    ENI, SII image, output of the `ethercat` tool or of `slaveinfo -map`, linuxcnc-ethercat XML,
-    ethercat_slaves.yaml, TwinSAFE export, TwinCAT project; known by content. With a bus or its
+    FILES: one network.yaml, by itself that of this folder; or one URDF or xacro, with the transfer
+    YAML it needs or without; or a transfer YAML or slave YAML on its own. Any other
+    files beside them are compared with it: ESI, ENI, SII image, output of the `ethercat` tool or of
+    `slaveinfo -map`, linuxcnc-ethercat XML, ethercat_slaves.yaml, TwinSAFE export, TwinCAT project; known by content. With a bus or its
     scan, also what differs between the two.
     """
     present = Runtime(runtime)

@@ -54,9 +54,16 @@ def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
     return parse
 
 
-def input_options(function: _F) -> _F:
-    """Add FILES and the options of `reference_options` to a command."""
-    argument = click.argument("files", nargs=-1, required=True, type=FILE)
+def input_options(function: _F, *, callback: Callable[..., Any] | None = None) -> _F:
+    """Add FILES and the options of `reference_options` to a command.
+
+    Args:
+        function: The command.
+        callback: Chooses files when none is named; without one they are required.
+    """
+    argument = click.argument(
+        "files", nargs=-1, required=callback is None, type=FILE, callback=callback
+    )
     return reference_options(argument(function))
 
 

@@ -16,32 +16,46 @@ from fsoe_net.errors import FsnError, InputError
 
 __all__ = ["main"]
 
-_COMMANDS = {
-    "check": "Check files of a network, alone, with other files or a live bus.",
-    "explain": "Say what a finding means and how to mend it.",
-    "init": "Propose a network from any mix of files, or a bus; ask what they do not tell.",
-    "convert": "Write a bus in the format of another tool.",
-    "plan": "Compile a network to a copy plan, or show a plan.",
-    "diff": "Compare two descriptions or plans: what moved, came, went or changed.",
-    "fingerprint": "Fingerprint of everything safety-relevant in a network or plan.",
-    "verify": "Compare a network, plan or running fsn-master with what was accepted.",
-    "devices": "What is known about FSoE devices: process data, frames, figures.",
-    "run": "Run a network on the emulated bus, or on a live one.",
-    "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
-    "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
-    "incident": "Say why a connection dropped: one page from an incident file.",
-    "scan": "Read what is on a live bus; write files to start from.",
-    "doctor": "Check this machine for real-time EtherCAT.",
-    "install-master": "Build fsn-master, which drives a live bus, and install it.",
-    "timing": "Timing budget: watchdogs, reaction times, what limits them.",
-    "test-protocol": "Checklist of what to try; run where it can be, the rest for people.",
-    "report": "Write a report page for a network.",
-    "accept": "Write down who accepted which configuration, on what grounds.",
-    "emulate": "Serve a network as emulated EtherCAT SubDevices.",
-    "campaign": "Put faults into the connections of a network.",
-    "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",
-    "replay": "Hold recorded FSoE runs against this engine.",
+# By task, in the order of the README.
+_GROUPS = {
+    "Find mistakes": {
+        "check": "Check files of a network, alone, with other files or a live bus.",
+        "explain": "Say what a finding means and how to fix it.",
+        "plan": "Compile a network to a copy plan, or show a plan.",
+    },
+    "From the files you have": {
+        "init": "Propose a network from any mix of files, or a bus; ask what they do not tell.",
+        "convert": "Write a bus in the format of another tool.",
+        "diff": "Compare two descriptions or plans: what moved, came, went or changed.",
+        "devices": "What is known about FSoE devices: process data, frames, figures.",
+    },
+    "Run it on EtherCAT": {
+        "install-master": "Build fsn-master, which drives a live bus, and install it.",
+        "run": "Run a network on the emulated bus, or on a live one.",
+    },
+    "Operate it": {
+        "doctor": "Check this machine for real-time EtherCAT.",
+        "scan": "Read what is on a live bus; write files to start from.",
+        "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
+        "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
+        "incident": "Say why a connection dropped: one page from an incident file.",
+    },
+    "Hand it in": {
+        "timing": "Timing budget: watchdogs, reaction times, what limits them.",
+        "test-protocol": "Checklist of what to try; run where it can be, the rest for people.",
+        "report": "Write a report page for a network.",
+        "accept": "Write down who accepted which configuration, on what grounds.",
+        "verify": "Compare a network, plan or running fsn-master with what was accepted.",
+        "fingerprint": "Fingerprint of everything safety-relevant in a network or plan.",
+    },
+    "Look into FSoE": {
+        "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",
+        "emulate": "Serve a network as emulated EtherCAT SubDevices.",
+        "campaign": "Put faults into the connections of a network.",
+        "replay": "Hold recorded FSoE runs against this engine.",
+    },
 }
+_COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
 
 
 class _LazyGroup(click.Group):
@@ -58,8 +72,10 @@ class _LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(_COMMANDS.items()))
+        wide = max(map(len, _COMMANDS))
+        for title, commands in _GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(wide), text) for name, text in commands.items()])
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

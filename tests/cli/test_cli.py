@@ -79,7 +79,7 @@ def test_machine_formats(tmp_path: Path):
         ((), 2, "Usage"),
         (("chek", "x"), 2, "Did you mean 'check'"),
         ((ESTOP,), 2, "fsoe-net check"),
-        (("check",), 2, "Missing argument"),
+        (("check",), 2, "name the files to check"),
         (("check", "nowhere.yaml"), 1, "no such file"),
         (("explain", "FSN999"), 2, "no code"),
         (("check", ESTOP, "--runtime", "ros2-2026"), 2, "'ros2-2026-06', 'ros2-2026-08'"),
