@@ -77,10 +77,10 @@ def command(
     """Check files of a network; each finding with its place and the next step.
 
     FILES: one network.yaml, by itself that of this folder; or one URDF or xacro, with the transfer
-    YAML it needs or without; or a transfer YAML or slave YAML on its own. Any other
-    files beside them are compared with it: ESI, ENI, SII image, output of the `ethercat` tool or of
-    `slaveinfo -map`, linuxcnc-ethercat XML, ethercat_slaves.yaml, TwinSAFE export, TwinCAT project; known by content. With a bus or its
-    scan, also what differs between the two.
+    YAML it needs or without; or a transfer YAML or slave YAML on its own. Any other files beside
+    them are compared with it: ESI, ENI, SII image, output of the `ethercat` tool or of `slaveinfo
+    -map`, linuxcnc-ethercat XML, ethercat_slaves.yaml, TwinSAFE export, TwinCAT project; known by
+    content. With a bus or its scan, also what differs between the two.
     """
     present = Runtime(runtime)
     scan = _scan(interface, socket, scan_file, yes=yes)
