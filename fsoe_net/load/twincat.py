@@ -19,7 +19,7 @@ from fsoe_net.load.twincat_box import Box, read_box
 from fsoe_net.load.twincat_links import read_links
 from fsoe_net.load.twincat_safety import SafetyProject, read_safety_project
 from fsoe_net.load.xml_text import readable_xml
-from fsoe_net.load.xml_tree import Element, parse_xml
+from fsoe_net.load.xml_tree import Element, parse_xml, shown_name
 from fsoe_net.model import Description
 
 __all__ = ["load_twincat"]
@@ -268,8 +268,9 @@ class _Project:
 
 def _name_of(element: Element, shown: str) -> str:
     name = element.first("Name")
-    text = "" if name is None else name.text.strip()
-    return os.path.splitext(os.path.basename(shown))[0] if text in ("", _FILE_NAME) else text
+    text = "" if name is None else name.words
+    stem = os.path.splitext(os.path.basename(shown))[0]
+    return shown_name(stem) if text in ("", _FILE_NAME) else text
 
 
 def _is_subdevice(element: Element) -> bool:

@@ -301,7 +301,7 @@ class _BoxReader:
                 name = module.first("Name")
                 numbers = {esi_number(p.text) for p in module.all("PdoIndex")}
                 if name is not None:
-                    indices = self.box.modules.setdefault(name.text.strip(), set())
+                    indices = self.box.modules.setdefault(name.words, set())
                     indices.update(n for n in numbers if n is not None)
 
     def _idents(self) -> tuple[int, ...]:
@@ -355,7 +355,7 @@ class _BoxReader:
             if bits is None:
                 continue
             name = child.attributes.get("Name", "").strip()
-            word = "" if kind is None else kind.text.strip()
+            word = "" if kind is None else kind.words
             frame = _FRAME_TYPE.match(word)
             message = _MESSAGE.match(name)
             if frame is not None and message is not None and sm is not None:

@@ -16,7 +16,7 @@ from fsoe_net.diag import Severity, Span, counted
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign import xml_number
 from fsoe_net.load.xml_text import readable_xml
-from fsoe_net.load.xml_tree import Element, parse_xml
+from fsoe_net.load.xml_tree import Element, parse_xml, shown_name
 from fsoe_net.model import DescribedConnection, DescribedSubDevice, Description, Device
 
 __all__ = [
@@ -181,7 +181,7 @@ def _parse(data: bytes, shown: str, out: Collector) -> Element | None:
 
 def _text(element: Element, name: str) -> str:
     child = element.first(name)
-    return "" if child is None else child.text.strip()
+    return "" if child is None else child.words
 
 
 def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
@@ -200,7 +200,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
         if root.first("SDSID") is None:
             out.add("FSN140", root.span, f"this is not {_KIND}", hint="give an .sds of a group")
         return None
-    name = os.path.splitext(os.path.basename(shown))[0]
+    name = shown_name(os.path.splitext(os.path.basename(shown))[0])
     safe = root.first("SafetyAliasDevice")
     if safe is None:
         return Alias(number=number, name=name, span=root.span, fields={}, is_safe=False)

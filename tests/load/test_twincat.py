@@ -241,6 +241,16 @@ def test_parts_are_only_read_from_their_own_folder(file: str, tmp_path: Path):
     assert [d.code for d in out.diagnostics] == ["FSN147"]
 
 
+def test_names_are_fit_to_be_shown_and_links_still_find_them():
+    text = tc.machine(safety="").replace("Term 3 (EL1904)", "Term 3&#x9b;31m (EL1904)")
+    out = Collector()
+    found = load_twincat(text.encode(), out)
+    assert found is not None
+    assert found.subdevices[2].name == "Term 3\\u009b31m (EL1904)"
+    assert len(found.copies) == 4
+    assert [d.level for d in out.diagnostics] == [Severity.INFO] * len(out.diagnostics)
+
+
 def test_entities_are_refused():
     text = '<!DOCTYPE a [<!ENTITY x "y">]>' + tc.machine(safety="").partition("\n")[2]
     assert [row[0] for row in said(text)] == ["FSN118"]
