@@ -152,7 +152,7 @@ def make_proposal(inputs: Inputs, answers: Answers) -> Made:
     hints: list[tuple[frozenset[int], str]] = []
     connections = list(bus.connections)
     for project in inputs.found.projects:
-        matched = match_project(bus.subdevices, project, inputs.library)
+        matched = match_project(bus.subdevices, project, inputs.library, bus.connections)
         connections += matched.connections
         hints += matched.hints
         notes = [*notes, *(f"{text}: no SubDevice fits" for text in matched.lost)]

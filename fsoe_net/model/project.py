@@ -51,32 +51,58 @@ def projects_of(bus: Description) -> list[Description]:
 
 
 def match_project(
-    subdevices: Sequence[DescribedSubDevice], project: Description, library: Library
+    subdevices: Sequence[DescribedSubDevice],
+    project: Description,
+    library: Library,
+    connections: Sequence[DescribedConnection] = (),
 ) -> MatchedProject:
     """Match by name; else by order number where the ring and the project have one of it.
+
+    Equal devices are told apart by slots, where a file of the ring and the project have the same
+    kind of device in each slot of the one logic.
 
     Args:
         subdevices: The ring.
         project: The safety project.
         library: Knows order numbers of identities.
+        connections: What other files say about the ring.
     """
-    connections, hints, lost = [], [], []
+    matched, hints, lost = [], [], []
     orders = [_orders(s, library) for s in subdevices]
+    by_slot = _by_slot(project, orders, connections)
     for row in project.connections:
         other = row.sub if row.sub not in (None, 0) else row.main
         wanted = project.subdevices[other or 0]
         named = [n for n, s in enumerate(subdevices) if wanted.name and s.name == wanted.name]
         same = [n for n, words in enumerate(orders) if wanted.order.casefold() in words]
         rivals = [s for s in project.subdevices if s.order == wanted.order]
+        if len(named) != 1 and row.main == 0 and row.slot in by_slot:
+            named = [by_slot[row.slot]]
         found = named if len(named) == 1 else same
         text = _text(row, wanted, project.path)
         if len(found) == 1 and (found is named or len(rivals) == 1) and row.main == 0:
-            connections.append(replace(row, main=None, sub=found[0]))
+            matched.append(replace(row, main=None, sub=found[0]))
         elif found:
             hints.append((frozenset(found), text))
         else:
             lost.append(text)
-    return MatchedProject(connections=tuple(connections), hints=tuple(hints), lost=tuple(lost))
+    return MatchedProject(connections=tuple(matched), hints=tuple(hints), lost=tuple(lost))
+
+
+def _by_slot(
+    project: Description, orders: Sequence[set[str]], connections: Sequence[DescribedConnection]
+) -> dict[int, int]:
+    """Return the SubDevice in each slot, where the project fits all of them; else nothing."""
+    known = [c for c in connections if c.main is not None]
+    here = {c.slot: c.sub for c in known if c.slot is not None and c.sub is not None}
+    there = {
+        c.slot: project.subdevices[c.sub].order.casefold()
+        for c in project.connections
+        if c.main == 0 and c.sub is not None and c.slot is not None
+    }
+    if len({c.main for c in known}) != 1 or here.keys() != there.keys():
+        return {}
+    return here if all(there[slot] in orders[sub] for slot, sub in here.items()) else {}
 
 
 def _orders(sub: DescribedSubDevice, library: Library) -> set[str]:

@@ -528,6 +528,34 @@ def test_types_of_linuxcnc_ethercat_are_found_in_an_esi(tmp_path: Path):
     assert "product_id: 0x07703052" in text
 
 
+@pytest.mark.parametrize("agree", [True, False])
+def test_equal_terminals_have_the_values_of_their_slot(agree: bool, tmp_path: Path):
+    """Two equal terminals: the order of both files tells them apart, where they agree."""
+    more = '<modParam name="fsoeSlaveIdx" value="5"/></slave>'
+    machine = LCEC.replace("</slave>", more, 1).replace(
+        "</master>", '<slave idx="5" type="EL1904"/></master>'
+    )
+    third = TWINSAFE[TWINSAFE.index("<Connection><Name>K5") : TWINSAFE.index("</Connections>")]
+    third = third.replace("<SAddress>2<", "<SAddress>9<").replace("<ConId>1<", "<ConId>7<")
+    project = TWINSAFE.replace("</Connections>", third + "</Connections>")
+    if not agree:  # the EL2904 is in another slot there
+        begin, end = project.index("<Connection><Name>K7"), project.index("<Connection><Name>K5")
+        first = project[begin:end]
+        project = project.replace(first, "").replace("</Connections>", first + "</Connections>")
+    files = {
+        "machine.xml": machine,
+        "TwinSAFE-Project.xml": project,
+        "maker.xml": terminal_esi(("EL1904", "07703052"), ("EL2904", "0b583052")),
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    init(*(tmp_path / name for name in files), out=tmp_path / "cell")
+    rows = {r["sub"]: (r["slot"], r.get("address")) for r in connections(tmp_path / "cell")}
+    known = {"el1904_1": (1, 2), "el1904_2": (2, 9)}
+    unknown = {"el1904_1": (1, None), "el1904_2": (2, None)}
+    assert {k: rows[k] for k in known} == (known if agree else unknown)
+
+
 def test_types_without_an_identity_have_a_file_each(tmp_path: Path):
     (tmp_path / "machine.xml").write_text(LCEC, "utf-8")
     out = tmp_path / "cell"
