@@ -17,7 +17,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 from fsoe.pair import Bench
@@ -91,7 +90,7 @@ def _scenario(data: bytes, folder: Path) -> None:
     load_scenario(path)
 
 
-def _no_child(path: str, out: Collector, **_: Any) -> None:
+def _no_child(path: str, out: Collector, _options: object) -> None:
     out.add("FSN119", Span(path, 1, 1), "xacro is not expanded here")
 
 
