@@ -42,7 +42,8 @@ Examples:
   fsoe-net decode --lua network.yaml -o fsoe.lua
 
 INPUT is hex, a capture (pcap, pcapng) or - for hex on standard input. Exit codes: 0 no frame has a
-wrong CRC, 1 one has, or an input cannot be read; 2 wrong use."""
+wrong CRC, and in a capture frames of every connection were checked; 1 one has, nothing was there to
+be checked, or an input cannot be read; 2 wrong use."""
 
 
 @click.command("decode", epilog=_EPILOG)
@@ -109,7 +110,7 @@ def command(
         else:
             _decode_hex(_lines(stdin), naming, out)
     out.end()
-    ctx.exit(int(out.wrong > 0))
+    ctx.exit(int(out.wrong > 0 or out.unchecked))
 
 
 def _is_file(name: str) -> bool:
@@ -249,4 +250,6 @@ def _decode_capture(
         out.damaged(str(exc))
     out.end_of_frames()
     connections = [(c, *naming.find_in(c)) for c in scanner.connections()]
+    ways = [(c.to_sub, c.to_main) for c, *_ in connections]
+    out.unchecked |= not ways or any(not sum(d.right + d.wrong for d in way) for way in ways)
     out.found(connections, scanner.counts(), CaptureFacts(start_ns, reader.cut, reader.other_links))

@@ -107,6 +107,7 @@ class Output(Protocol):
     """Takes what is decoded, in order; ``wrong`` counts frames with a wrong CRC."""
 
     wrong: int
+    unchecked: bool
 
     def begin(self, source: str) -> None:
         """Begin a source: a file or ``hex``."""
@@ -141,6 +142,7 @@ class TextOutput:
 
     def __init__(self) -> None:
         self.wrong = 0
+        self.unchecked = False
         self._lines = _Lines()
         self._columns = _Parts(self._constant)
         self._headed = False
@@ -235,6 +237,8 @@ def _connection_lines(
         yield f"  {way}  {_counts_text(direction)}"
     for place in c.places:
         yield f"  {_place_text(place, swapped)}"
+    if not sum(d.right + d.wrong for d in ways):
+        yield "  no CRC could be checked: too few frames of both ends in a row"
     if c.gaps:
         yield f"  {counted(c.gaps, 'gap')}: the capture does not hold every frame"
     if names and not _is_where_expected(c, names):
@@ -297,6 +301,7 @@ class JsonOutput:
 
     def __init__(self) -> None:
         self.wrong = 0
+        self.unchecked = False
         self._sources = 0
         self._rows = 0
         self._damage: str | None = None

@@ -107,6 +107,14 @@ def test_mistakes_in_lines():
     )
 
 
+def test_a_bus_cycle_is_needed_where_cycles_are_left_out_only():
+    config = {k: v for k, v in CONFIG.items() if k != "bus_cycle_us"}
+    lines = [json.dumps(row) for row in (config, *ROWS)]
+    assert replay(lines).compared
+    skip = json.dumps({"type": "skip", "cycles": 1, "sha256": "00" * 32})
+    refused([*lines[:3], skip], 4, "cycles are left out, and the first line has no 'bus_cycle_us'")
+
+
 def test_files(tmp_path):
     path = tmp_path / "trace.jsonl"
     text = recording_text(ROWS)

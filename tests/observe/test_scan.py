@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from observe.traffic import FPRD, LRD, LRW, LWR, MAC, Bus, datagram, packet
 
 from fsoe_net.core import Scanner
-from fsoe_net.fsoe import Command, OutsideState, Verdict
+from fsoe_net.fsoe import Command, OutsideState, Verdict, frame_length
 from fsoe_net.observe import read_capture
 
 SIZES = [(1, 1), (2, 2), (1, 6), (6, 1), (4, 14), (14, 14), (2, 1)]
@@ -59,6 +59,34 @@ def test_running_connection_is_found(out, inn, noise):
     assert all(s.verdict is not Verdict.WRONG for s in seen)
     assert all(s.verdict is Verdict.RIGHT for s in seen[8:])
     assert all(s.sequence for s in seen[8:])
+
+
+@pytest.mark.parametrize(("out", "inn"), SIZES)
+@pytest.mark.parametrize("quick", [(), (0,), (1,), (0, 1)])
+@pytest.mark.parametrize("joined", [0, 61, 62, 63, 64])
+def test_a_connection_is_checked_whichever_end_answers_within_a_packet(out, inn, quick, joined):
+    """Only places of one MainDevice's interface are seen: the answer to a copy, beside the copy."""
+    for seen_at in ((0, 3), (1, 2), (0, 1), (2, 3), (0, 1, 2, 3)):
+        bus = Bus(out, inn, noise=False, quick=quick)
+        places = (bus.main_at, bus.sub_at, bus.main_copy_at, bus.sub_copy_at)
+        sizes = [frame_length(out), frame_length(inn)] * 2
+        for _ in range(joined):
+            bus.image()
+
+        def wrap(data, places=places, seen_at=seen_at, sizes=sizes):
+            image = bytearray(len(data))
+            for place in seen_at:
+                part = slice(places[place], places[place] + sizes[place])
+                image[part] = data[part]
+            return packet(datagram(LRW, 0x1000, bytes(image), 3))
+
+        scanner, sightings = run(bus, 120, wrap=wrap)
+        (found,) = scanner.connections()
+        assert found.connection_id == 7
+        verdicts = [s.verdict for s in sightings]
+        assert Verdict.WRONG not in verdicts
+        assert verdicts.count(Verdict.UNCHECKED) <= 8
+        assert verdicts.count(Verdict.RIGHT) > 40
 
 
 def test_places_and_copies_are_named():

@@ -133,7 +133,7 @@ class Recording:
         main: Configuration of the MainInstance.
         sub: Configuration of the SubInstance; its verdict is an order.
         first_ids: First session id of each recorded end; scripted ends are missing.
-        bus_cycle_us: Bus cycle.
+        bus_cycle_us: Bus cycle; 0 where it is not given, which takes lines without cycles left out.
         lines: Number of each line with what it holds.
     """
 

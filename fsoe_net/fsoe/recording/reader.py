@@ -73,12 +73,13 @@ def _recording(first: Row, others: Iterator[Row]) -> Recording:
         {SideName.MAIN: main.safe_out_bytes, SideName.SUB: main.safe_in_bytes},
         {side: ident for side, ident in ids.items() if ident is not None and side not in scripted},
         {s for s in SideName if first.row.get(f"{s.value}_impl") == "foreign"},
+        first.number("bus_cycle_us", 1) if first.given("bus_cycle_us") else 0,
     )
     return Recording(
         main=main,
         sub=sub,
         first_ids=reader.first_ids,
-        bus_cycle_us=first.number("bus_cycle_us", 1),
+        bus_cycle_us=reader.bus_cycle_us,
         lines=reader.lines(others),
     )
 
@@ -91,8 +92,10 @@ class _Reader:
         sends: dict[SideName, int],
         first_ids: dict[SideName, int],
         foreign: set[SideName],
+        bus_cycle_us: int,
     ) -> None:
         self.sends = sends
+        self.bus_cycle_us = bus_cycle_us
         self.foreign = foreign  # they show frames and data, no state
         self.first_ids = first_ids
         self.time_us = 0
@@ -111,6 +114,8 @@ class _Reader:
 
     def _skip(self, row: Row) -> Skip:
         key = "cycles" if "cycles" in row.row else "n"
+        if not self.bus_cycle_us:
+            raise row.error("cycles are left out, and the first line has no 'bus_cycle_us'")
         sha256: str = row.get("sha256", str)
         if len(row.unhex(sha256, "sha256")) != 32:
             raise row.error("'sha256' has not the 64 digits of a SHA-256")

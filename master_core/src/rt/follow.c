@@ -231,10 +231,15 @@ static enum fsn_verdict try_frame(const struct fsn_monitor *monitor, enum fsn_wa
 bool fsn_monitor_sub_first(const struct fsn_monitor *monitor, const uint8_t *to_sub,
                            const uint8_t *to_main) {
     const struct fsn_followed *f = monitor->followed;
-    if (to_main[0] == FSN_CMD_RESET || /* right at any time: most likely the acknowledgement */
-        memcmp(to_sub, f[FSN_TO_SUB].last, f[FSN_TO_SUB].size_bytes) == 0 ||
+    if (memcmp(to_sub, f[FSN_TO_SUB].last, f[FSN_TO_SUB].size_bytes) == 0 ||
         memcmp(to_main, f[FSN_TO_MAIN].last, f[FSN_TO_MAIN].size_bytes) == 0) {
         return false;
+    }
+    if (to_main[0] == FSN_CMD_RESET) {
+        /* Right at any time: most likely the acknowledgement of a Reset of the main, who begins a
+         * session only behind it. */
+        const uint8_t before = monitor->status.direction[FSN_TO_SUB].command;
+        return to_sub[0] == FSN_CMD_SESSION && (before == FSN_CMD_RESET || before == 0);
     }
     /* A restart is right at any time, so it does not tell the order; other frames of the main do.
      */

@@ -125,6 +125,67 @@ static void follow(struct fsn_scan *scan, uint32_t connection, enum fsn_way way,
     push(scan, &sighting);
 }
 
+static bool is_locked(const struct fsn_monitor *monitor) {
+    return monitor->followed[0].sequence != 0 && monitor->followed[1].sequence != 0;
+}
+
+/** Shows a monitor the frames of both ends in one order; returns whether a CRC was wrong. */
+static bool show(struct fsn_monitor *monitor, bool sub_first, const struct shown *const frames[2]) {
+    bool wrong = false;
+    for (unsigned i = 0; i < 2; i++) {
+        const unsigned way = sub_first ? 1 - i : i;
+        wrong = (frames[way] != NULL &&
+                 fsn_monitor_frame(monitor, (enum fsn_way)way, frames[way]->bytes,
+                                   frames[way]->time_ns) == FSN_VERDICT_WRONG) ||
+                wrong;
+    }
+    return wrong;
+}
+
+/** Which end came first in a packet with frames of both. Nothing in a packet tells it until the
+ *  chain is known: then both orders go on, until one of them forms a chain. */
+static bool sub_came_first(struct found *f, const struct shown *const frames[2]) {
+    if (!f->unsure) {
+        return fsn_monitor_sub_first(&f->monitor, frames[0]->bytes, frames[1]->bytes);
+    }
+    struct fsn_monitor main_first = f->monitor;
+    struct fsn_monitor sub_first = f->other;
+    const bool wrong = show(&main_first, false, frames);
+    const bool other_wrong = show(&sub_first, true, frames);
+    const bool locked = is_locked(&main_first);
+    const bool better =
+        locked != is_locked(&sub_first) ? !locked
+        : wrong != other_wrong
+            ? wrong
+            : fsn_monitor_sub_first(&f->monitor, frames[0]->bytes, frames[1]->bytes);
+    if (better) {
+        f->monitor = f->other;
+    }
+    return better;
+}
+
+/** Follows the new frames of a packet, of one end or of both. */
+static void follow_packet(struct fsn_scan *scan, uint32_t connection,
+                          const struct shown *const frames[2]) {
+    struct found *f = &scan->found[connection];
+    const bool both = frames[0] != NULL && frames[1] != NULL;
+    const bool sub_first = both ? sub_came_first(f, frames) : frames[0] == NULL;
+    if (f->unsure) {
+        (void)show(&f->other, true, frames);
+    }
+    for (unsigned i = 0; i < 2; i++) {
+        const unsigned way = sub_first ? 1 - i : i;
+        if (frames[way] != NULL) {
+            follow(scan, connection, (enum fsn_way)way, frames[way]);
+        }
+    }
+    const bool unsure = !is_locked(&f->monitor);
+    if (unsure && !f->unsure) {
+        f->other = f->monitor;
+    }
+    f->unsure = unsure;
+}
+
 static void add_place(struct fsn_scan *scan, const struct candidate *c) {
     struct fsn_scan_connection *info = &scan->found[c->connection].info;
     if (info->place_count == FSN_SCAN_PLACES) {
@@ -159,11 +220,20 @@ static void connect(struct fsn_scan *scan, struct candidate *main, struct candid
         ends[i]->way = (uint8_t)i;
         add_place(scan, ends[i]);
     }
-    struct merged m = merge(main, sub);
-    enum fsn_way way;
-    const struct fsn_monitor *monitor = &scan->found[number].monitor;
-    for (const struct shown *s = take(&m, monitor, &way); s != NULL; s = take(&m, monitor, &way)) {
-        follow(scan, number, way, s);
+    scan->found[number].unsure = true;
+    scan->found[number].other = scan->found[number].monitor;
+    uint32_t left[2] = {scan_remembered(main), scan_remembered(sub)};
+    while (left[0] > 0 || left[1] > 0) {
+        const struct shown *next[2];
+        for (unsigned i = 0; i < 2; i++) {
+            next[i] = left[i] > 0 ? scan_shown(ends[i], left[i] - 1) : NULL;
+        }
+        if (next[0] != NULL && next[1] != NULL && next[0]->packet != next[1]->packet) {
+            next[next[0]->packet < next[1]->packet ? 1 : 0] = NULL;
+        }
+        left[0] -= next[0] != NULL;
+        left[1] -= next[1] != NULL;
+        follow_packet(scan, number, next);
     }
 }
 
@@ -292,6 +362,15 @@ void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
     c->next_try = c->count + 1 + c->count / 4; /* rarely, for what will never fit */
 }
 
+static void swap_ways(struct fsn_monitor *monitor) {
+    const struct fsn_followed followed = monitor->followed[0];
+    monitor->followed[0] = monitor->followed[1];
+    monitor->followed[1] = followed;
+    const struct fsn_direction direction = monitor->status.direction[0];
+    monitor->status.direction[0] = monitor->status.direction[1];
+    monitor->status.direction[1] = direction;
+}
+
 /** The roles were a guess by numbers, and now the end taken for the sub has begun a session. */
 static void swap_roles(struct fsn_scan *scan, uint32_t connection) {
     struct found *f = &scan->found[connection];
@@ -302,12 +381,8 @@ static void swap_roles(struct fsn_scan *scan, uint32_t connection) {
     const struct fsn_scan_place place = f->info.places[0];
     f->info.places[0] = f->info.places[1];
     f->info.places[1] = place;
-    const struct fsn_followed followed = f->monitor.followed[0];
-    f->monitor.followed[0] = f->monitor.followed[1];
-    f->monitor.followed[1] = followed;
-    const struct fsn_direction direction = f->monitor.status.direction[0];
-    f->monitor.status.direction[0] = f->monitor.status.direction[1];
-    f->monitor.status.direction[1] = direction;
+    swap_ways(&f->monitor);
+    f->other = f->monitor;
     for (uint32_t i = 0; i < scan->candidate_count; i++) {
         if (scan->candidates[i].used && scan->candidates[i].connection == connection) {
             scan->candidates[i].way ^= 1;
@@ -360,22 +435,15 @@ void scan_end_of_packet(struct fsn_scan *scan) {
             continue; /* followed already, or set free in this very packet */
         }
         const struct candidate *first = &scan->candidates[scan->deferred[i]];
+        const struct shown *frames[2] = {NULL, NULL};
         uint32_t at = 0;
         const struct candidate *second = partner(scan, i + 1, first, &at);
-        if (second != NULL) {
+        frames[first->way] = scan_shown(first, 0);
+        if (second != NULL && second->way != first->way) {
             scan->deferred[at] = NONE;
-            const struct candidate *main = first->way == FSN_TO_SUB ? first : second;
-            const struct candidate *sub = first->way == FSN_TO_SUB ? second : first;
-            const bool sub_first =
-                fsn_monitor_sub_first(&scan->found[first->connection].monitor,
-                                      scan_shown(main, 0)->bytes, scan_shown(sub, 0)->bytes);
-            first = sub_first ? sub : main;
-            second = sub_first ? main : sub;
+            frames[second->way] = scan_shown(second, 0);
         }
-        follow(scan, first->connection, (enum fsn_way)first->way, scan_shown(first, 0));
-        if (second != NULL) {
-            follow(scan, second->connection, (enum fsn_way)second->way, scan_shown(second, 0));
-        }
+        follow_packet(scan, first->connection, frames);
     }
     scan->deferred_count = 0;
 }

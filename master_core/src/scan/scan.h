@@ -56,6 +56,10 @@ struct window {
 struct found {
     struct fsn_scan_connection info;
     struct fsn_monitor monitor;
+    /** While the chain is not known: what the monitor would be if in packets with frames of both
+     *  ends that of the sub had come first. */
+    struct fsn_monitor other;
+    bool unsure;
 };
 
 struct fsn_scan {
