@@ -32,6 +32,7 @@ from fsoe_net.report.document import (
     cell,
     code,
     muted,
+    strong,
 )
 from fsoe_net.report.inputs import ReportInputs
 
@@ -131,12 +132,47 @@ def _items(part: Part) -> Iterator[Item]:
 
 
 def _verdict(inputs: ReportInputs, against: int) -> Verdict:
-    """Judge by the findings; without errors among them, by what else stands against it."""
-    found = _of_findings(inputs)
-    if not against:
-        return found
-    count = f"{against} verdict{'' if against == 1 else 's'} against it"
-    return Verdict(f"{found.word}, but {count}", Level.ERROR)
+    """Say what is known of the files, of the machine and of the signatures.
+
+    Files with an error are judged by it alone.
+    """
+    files = _of_findings(inputs)
+    if files.level is Level.ERROR:
+        return files
+    machine, is_tested = _machine(inputs)
+    signed, is_signed = _signed(inputs)
+    words = f"files: {files.word} · machine: {machine} · {signed}"
+    if against:
+        return Verdict(
+            f"{against} verdict{'' if against == 1 else 's'} against it · {words}", Level.ERROR
+        )
+    if files.level is Level.WARNING:
+        return Verdict(words, Level.WARNING)
+    return Verdict(words, files.level if is_tested and is_signed else Level.OPEN)
+
+
+def _machine(inputs: ReportInputs) -> tuple[str, bool]:
+    """Return what people tried at the machine, and whether all of it went as expected."""
+    tried = inputs.tried
+    steps = () if tried is None or not tried.fits else tuple(s for s in tried.steps if s.at_machine)
+    done = [s for s in steps if s.machine]
+    failed = sum(s.is_failed for s in done)
+    if not done:
+        return "NOT TESTED", False
+    if failed:
+        return f"{failed} of {len(steps)} test steps FAILED", False
+    is_whole = not any(s.is_open or s.is_disputed for s in steps)
+    return f"{len(done)} of {len(steps)} test steps as expected", is_whole
+
+
+def _signed(inputs: ReportInputs) -> tuple[str, bool]:
+    """Return who signed this configuration off, and whether anybody did."""
+    given = inputs.accepted
+    if given is None:
+        return "not signed", False
+    if not given.fits:
+        return "signed for another configuration", False
+    return f"signed by {given.record.author.name} and {given.record.verifier.name}", True
 
 
 def _of_findings(inputs: ReportInputs) -> Verdict:
@@ -151,7 +187,7 @@ def _of_findings(inputs: ReportInputs) -> Verdict:
         warnings = [d for d in found if d.level is Severity.WARNING]
         if all(inputs.justification(d) is not None for d in warnings):
             return Verdict(f"{counts}; each warning justified by name", Level.WARNING)
-        return Verdict(f"{counts}: each needs a mend or a justification by name", Level.WARNING)
+        return Verdict(f"{counts}: each needs a correction or a justification by name", Level.WARNING)
     return Verdict(f"no errors, no warnings; {counts}", Level.NOTE)
 
 
@@ -171,27 +207,20 @@ def _lead(
     found = sorted(inputs.diagnostics, key=lambda d: d.level.rank)
     if found:
         parts += [Heading("Findings"), _findings(found, inputs)]
-    counts = Counter(
-        title for title, p in points if p.kind is PointKind.OPEN and title != "Findings"
-    )
-    total = sum(counts.values())
+    opened = [(title, p) for title, p in points if p.kind is PointKind.OPEN and title != "Findings"]
     assumed = sum(p.kind is PointKind.ASSUMPTION for _, p in points)
     parts.append(Heading("Open points and assumptions"))
     numbers: list[Item] = [
-        Number(value=total, text=str(total), unit="open points", source="all blocks"),
+        Number(value=len(opened), text=str(len(opened)), unit="open points", source="all blocks"),
         Text(" and "),
         Number(value=assumed, text=str(assumed), unit="assumptions", source="all blocks"),
-        Text(" stand in block 13, each with its block. A judgement rests on them."),
+        Text("; block 13 lists all. A judgement rests on them."),
     ]
     parts.append(Paragraph(tuple(numbers)))
-    if counts:
-        rows = [
-            (
-                Text(f"{title}: "),
-                Number(value=n, text=str(n), unit="open", source=f"block {title}"),
-            )
-            for title, n in counts.items()
-        ]
+    rows = [(strong(f"{title}: "), Text(p.text)) for title, p in opened[:_ROWS_ON_FIRST_PAGE]]
+    if len(opened) > _ROWS_ON_FIRST_PAGE:
+        rows.append((Text(f"and {len(opened) - _ROWS_ON_FIRST_PAGE} more in block 13"),))
+    if rows:
         parts.append(Bullets(tuple(rows)))
     return tuple(parts)
 

@@ -77,7 +77,11 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     assert "actuator K1: time_ms 20 -> 21" in done.stdout
     done = fsn("report", "timed.yaml", "--accepted", "first.yaml", "-o", "now.md")
     assert done.returncode == 0
-    assert re.search(r"^now\.md: .*, but \d verdicts? against it$", done.stdout, re.MULTILINE)
+    assert re.search(
+        r"^now\.md: \d verdicts? against it · files: .* · signed for another configuration$",
+        done.stdout,
+        re.MULTILINE,
+    )
     assert "against it: Sign-off: first.yaml is the record of ANOTHER" in done.stdout
     page = (folder / "now.md").read_text("utf-8")
     assert "ANOTHER configuration" in page

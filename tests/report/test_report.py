@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from html import escape
@@ -30,6 +31,7 @@ from fsoe_net.report import (
     tried_of,
 )
 from fsoe_net.report.document import Number, PointKind, Table
+from fsoe_net.report.inputs import TestStep
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = read_schema("report")
@@ -437,8 +439,49 @@ def test_what_stands_against_it_in_a_block_stands_on_the_first_page() -> None:
     tried = Tried(source=source, plan_sha256="0" * 64, steps=(), fits=False)
     document = as_json(inputs_of(TIMED, tried=tried))
     assert document["verdict"]["level"] == "error"
-    assert document["verdict"]["word"] == "no findings, but 1 verdict against it"
+    assert document["verdict"]["word"] == (
+        "1 verdict against it · files: no findings · machine: NOT TESTED · not signed"
+    )
     (rows,) = [p["rows"] for p in document["lead"] if p["type"] == "list"][:1]
     assert ["".join(words(row)) for row in rows] == [
         "Tests: protocol.yaml cannot be taken for this network"
     ]
+
+
+def _step(**more: object) -> TestStep:
+    return TestStep(what="press e-stop", expected="outputs off", **more)
+
+
+@pytest.mark.parametrize(
+    ("steps", "machine"),
+    [
+        ((), "NOT TESTED"),
+        ((_step(), _step(emulated="as expected")), "NOT TESTED"),
+        (
+            (_step(machine="as expected", is_open=False), _step(), _step(at_machine=False)),
+            "1 of 2 test steps as expected",
+        ),
+        ((_step(machine="no", is_failed=True), _step()), "1 of 2 test steps FAILED"),
+    ],
+)
+def test_the_verdict_tells_files_machine_and_signature_apart(
+    steps: tuple[TestStep, ...], machine: str
+) -> None:
+    inputs = inputs_of(TIMED)
+    assert inputs.plan is not None
+    tried = Tried(
+        source=SourceFile(path="protocol.yaml", sha256="0" * 64),
+        plan_sha256=hashlib.sha256(inputs.plan.to_bytes()).hexdigest(),
+        steps=steps,
+    )
+    verdict = as_json(inputs_of(TIMED, tried=tried))["verdict"]
+    assert verdict["word"].endswith(f"files: no findings · machine: {machine} · not signed")
+    assert verdict["level"] == ("error" if "FAILED" in machine else "open")
+
+
+def test_the_first_page_names_each_open_point() -> None:
+    document = as_json(inputs_of(TIMED))
+    opened = [p for p in document["points"] if p["kind"] == "open"]
+    rows = [p["rows"] for p in document["lead"] if p["type"] == "list"][-1]
+    assert ["".join(words(row)) for row in rows] == [f"{p['block']}: {p['text']}" for p in opened]
+    assert len(opened) > 3
