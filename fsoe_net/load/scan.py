@@ -95,7 +95,7 @@ def _parse(data: bytes, file: str, out: Collector) -> MapNode | None:
     if not isinstance(found, dict):
         out.add("FSN104", Span(file, 1, 1), "no scan document: it is no JSON object", hint=_AGAIN)
         return None
-    return parse_yaml(_as_yaml(text).encode(), file, out)
+    return parse_yaml(_as_yaml(text).encode(), file, out, of_devices=True)
 
 
 def _as_yaml(text: str) -> str:

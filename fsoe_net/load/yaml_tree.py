@@ -163,19 +163,22 @@ def load_yaml(
     return None if data is None else parse_yaml(data, os.fspath(path), out)
 
 
-def parse_yaml(data: bytes, file: str, out: Collector) -> MapNode | None:
+def parse_yaml(
+    data: bytes, file: str, out: Collector, *, of_devices: bool = False
+) -> MapNode | None:
     """Parse one YAML document whose root is a map.
 
     Args:
         data: Bytes of the file, UTF-8 with or without byte order mark.
         file: Name shown in findings.
         out: Takes FSN102 … FSN108.
+        of_devices: Its names come from devices, as they are: the caller makes them fit to be shown.
     """
     text = _decode(data, file, out)
     if text is None:
         return None
     try:
-        root = _Builder(file, out).build(text)
+        root = _Builder(file, out, of_devices=of_devices).build(text)
     except yaml.YAMLError as exc:
         _syntax_error(exc, file, text, out)
         return None
@@ -281,9 +284,10 @@ class _Builder:
     own, as if it were written there, since a few lines can stand for billions of values.
     """
 
-    def __init__(self, file: str, out: Collector) -> None:
+    def __init__(self, file: str, out: Collector, *, of_devices: bool) -> None:
         self._file = file
         self._out = out
+        self._of_devices = of_devices
         self._stack: list[_Open] = []
         self._top: _Open | None = None
         self._anchors: dict[str, tuple[Node, int]] = {}  # with the number of its parts
@@ -364,7 +368,7 @@ class _Builder:
     def _check_characters(self, event: Any) -> None:
         """FSN102: a text that would act on a terminal, or look like two lines."""
         text = event.value
-        if text.isprintable():
+        if self._of_devices or text.isprintable():
             return
         bad = first_control(text)
         if not bad and "\n" in text and event.start_mark.line == event.end_mark.line:
@@ -445,7 +449,8 @@ class _Builder:
             if mended is None:
                 return
             text = mended
-        if text == "name" and isinstance(node, ScalarNode) and "\n" in node.text:
+        is_name = text == "name" and not self._of_devices
+        if is_name and isinstance(node, ScalarNode) and "\n" in node.text:
             self._refuse("FSN102", node.span, "a name of several lines", "write it on one line")
         if text in into.pairs:
             self._out.add(

@@ -93,7 +93,7 @@ def test_names_cannot_act_on_a_terminal():
     scan, found = parse_scan(data.encode(), "scan.json")
     assert found == []
     assert scan is not None
-    assert scan.subdevices[0].name == "a?[31mb?c\ufffdd?"
+    assert scan.subdevices[0].name == "a\\u001b[31mb\\u0085c\ufffdd\\u2028"
 
 
 def test_what_is_absent_is_not_known():
