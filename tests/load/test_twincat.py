@@ -111,6 +111,21 @@ def test_a_part_of_a_project_is_read_from_its_folder(tmp_path: Path):
     assert alone.copies == ()
 
 
+def test_a_box_alone_is_a_bus_of_what_hangs_on_it(tmp_path: Path):
+    inside = tc.logic(2, (3,)) + tc.terminal(3, "EL1904", 0x07703052)
+    coupler = tc.box(1, "__FILENAME__", "EK1100", 0x044C2C52, more=inside)
+    path = tmp_path / "Term 1 (EK1100).xti"
+    path.write_text(f"<TcSmItem>{tc.FSOE_TYPES}{coupler}</TcSmItem>", "utf-8")
+    assert find_kind(path, Collector()) is InputKind.TWINCAT
+    found = read(path)
+    assert [(s.name, s.position) for s in found.subdevices] == [
+        ("Term 1 (EK1100)", 0),
+        ("Term 2 (EL6910)", 1),
+        ("Term 3 (EL1904)", 2),
+    ]
+    assert (found.copies, found.connections) == ((), ())
+
+
 @pytest.mark.parametrize(
     ("file", "subs"),
     [
