@@ -11,7 +11,7 @@ from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_opt
 from fsoe_net.cli.options import FILE, INTERFACE
 from fsoe_net.cli.output import FORMATS, counted, exit_code, print_diagnostics, summary
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Severity, without_collector
+from fsoe_net.diag import Diagnostic, Severity, without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, load_scan
 from fsoe_net.model import Scan
@@ -25,6 +25,7 @@ _EPILOG = """\b
 Examples:
   fsoe-net check                    # network.yaml of this folder
   fsoe-net check network.yaml
+  fsoe-net check --fix              # shows what hints would change, then asks
   fsoe-net check robot.urdf.xacro --package my_robot=src/my_robot
   fsoe-net check transfers.yaml --runtime ros2-2026-08
   fsoe-net check network.yaml machine.eni.xml Beckhoff*.xml TwinSAFE-Project.xml
@@ -58,7 +59,14 @@ def _files(_ctx: click.Context, _param: click.Parameter, files: tuple[str, ...])
     "--socket", type=FILE, metavar="PATH", help="The same, by the fsn-master with this socket."
 )
 @click.option("--scan", "scan_file", type=FILE, metavar="FILE", help="The same with a scan.json.")
-@click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
+@click.option(
+    "--fix",
+    is_flag=True,
+    help="Follow hints that leave one way: exchange in and out, the right size, the nearest entry.",
+)
+@click.option(
+    "-y", "--yes", is_flag=True, help="Do not ask before states on the bus or files change."
+)
 @click.option("-q", "--quiet", is_flag=True, help="No notes and no summary.")
 @click.pass_context
 @without_collector
@@ -71,6 +79,7 @@ def command(
     interface: str | None,
     socket: str | None,
     scan_file: str | None,
+    fix: bool,
     yes: bool,
     quiet: bool,
 ) -> None:
@@ -84,25 +93,34 @@ def command(
     """
     present = Runtime(runtime)
     scan = _scan(interface, socket, scan_file, yes=yes)
-    checked = check_files(
-        files,
-        loading,
-        runtime=present,
-        scan=scan,
-        compared=True,
-    )
-    if scan is not None and (checked.network is None or checked.network.partial):
-        raise InputError(
-            "a bus is compared with a whole network: name the network file, or the URDF",
-            checked.diagnostics,
-        )
+    if fix and fmt != "text":
+        raise click.UsageError("--fix shows changes for people: leave out --format")
+
+    def once() -> Checked:
+        checked = check_files(files, loading, runtime=present, scan=scan, compared=True)
+        if scan is not None and (checked.network is None or checked.network.partial):
+            raise InputError(
+                "a bus is compared with a whole network: name the network file, or the URDF",
+                checked.diagnostics,
+            )
+        shown = _shown(checked, quiet=quiet)
+        print_diagnostics(shown, fmt, runtime=present)
+        if fmt == "text" and not quiet:
+            echo(_verdict(checked, scan))
+        return checked
+
+    checked = once()
+    if fix and checked.network is not None:
+        from fsoe_net.cli.fix import apply_fixes
+
+        if apply_fixes(checked.diagnostics, checked.network.sources, yes=yes):
+            checked = once()
+    ctx.exit(exit_code(_shown(checked, quiet=quiet)))
+
+
+def _shown(checked: Checked, *, quiet: bool) -> list[Diagnostic]:
     found = checked.diagnostics
-    if quiet:
-        found = [d for d in found if d.level is not Severity.INFO]
-    print_diagnostics(found, fmt, runtime=present)
-    if fmt == "text" and not quiet:
-        echo(_verdict(checked, scan))
-    ctx.exit(exit_code(found))
+    return [d for d in found if d.level is not Severity.INFO] if quiet else found
 
 
 def _scan(

@@ -11,7 +11,16 @@ from fsoe_net.diag.catalogue import code_info
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["Diagnostic", "Findings", "Related", "Severity", "Span", "sort_diagnostics"]
+__all__ = [
+    "Diagnostic",
+    "Edit",
+    "Findings",
+    "Fix",
+    "Related",
+    "Severity",
+    "Span",
+    "sort_diagnostics",
+]
 
 
 class Severity(enum.Enum):
@@ -54,6 +63,31 @@ class Related:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Edit:
+    """One scalar of a YAML file, or its key, and the text that belongs there.
+
+    Args:
+        span: Place of the value.
+        key: Its key, as written in the file.
+        text: The new value; with ``renames`` the new key.
+        renames: Whether the key changes and the value stays.
+    """
+
+    span: Span
+    key: str
+    text: str
+    renames: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fix:
+    """What to do about a finding: words for people, and edits when there is exactly one way."""
+
+    hint: str
+    edits: tuple[Edit, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
     """One finding.
 
@@ -64,6 +98,7 @@ class Diagnostic:
         severity: Taken from the catalogue when left out.
         hint: The concrete mend where one can be computed, else the next step; may be empty.
         related: Further places.
+        edits: The hint as changes of the file, when there is exactly one way.
 
     Raises:
         KeyError: The code is not in the catalogue.
@@ -75,6 +110,7 @@ class Diagnostic:
     severity: Severity | None = None
     hint: str = ""
     related: tuple[Related, ...] = ()
+    edits: tuple[Edit, ...] = ()
 
     def __post_init__(self) -> None:
         default = Severity(code_info(self.code).severity)
@@ -121,14 +157,21 @@ class Findings:
         span: Span,
         message: str,
         *,
-        hint: str = "",
+        hint: str | Fix = "",
         severity: Severity | None = None,
         related: tuple[Related, ...] = (),
     ) -> None:
         """Add one finding; see `Diagnostic` for the arguments."""
+        fix = Fix(hint=hint) if isinstance(hint, str) else hint
         self.diagnostics.append(
             Diagnostic(
-                code=code, span=span, message=message, hint=hint, severity=severity, related=related
+                code=code,
+                span=span,
+                message=message,
+                hint=fix.hint,
+                severity=severity,
+                related=related,
+                edits=fix.edits,
             )
         )
 

@@ -8,6 +8,7 @@ from fsoe_net.load.foreign_file import InputKind, find_kind, load_devices, load_
 from fsoe_net.load.library import builtin_library, load_library, parse_library_device
 from fsoe_net.load.network import FileKind, LoadResult, load_network
 from fsoe_net.load.options import LoadOptions
+from fsoe_net.load.patch import patch_yaml
 from fsoe_net.load.protocol import load_protocol
 from fsoe_net.load.ring import DeviceType, list_types, ring_of
 from fsoe_net.load.scan import load_scan, parse_scan
@@ -50,6 +51,7 @@ __all__ = [
     "parse_library_device",
     "parse_scan",
     "parse_yaml",
+    "patch_yaml",
     "read_bytes",
     "read_schema",
     "ring_of",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Related, counted
+from fsoe_net.diag import Edit, Fix, Related, counted
 from fsoe_net.model import (
     Direction,
     Miss,
@@ -82,7 +82,7 @@ def _lookup(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direc
             span,
             f"{endpoint} is padding; it is never registered, so the copy would use an "
             "uninitialised pointer",
-            hint=_better_start(end, wanted, row),
+            hint=_better_start(ctx, end, wanted, row),
         )
     elif end.miss is Miss.SKIPPED:
         where = end.placed.entry.at("skip") if end.placed else span
@@ -142,26 +142,54 @@ def _unknown_entry(
         endpoint.at("index"),
         f"{endpoint} is not mapped in any PDO; the driver would copy through an uninitialised "
         "pointer",
-        hint=_better_start(end, wanted, row),
+        hint=_better_start(ctx, end, wanted, row),
     )
 
 
-def _better_start(end: ResolvedEnd, wanted: Direction, row: ResolvedTransfer) -> str:
+def _better_start(ctx: Context, end: ResolvedEnd, wanted: Direction, row: ResolvedTransfer) -> Fix:
     """Name the entry that was probably meant: a frame's command first, of the right direction."""
     if end.layout is None:
-        return ""
-    choices: list[tuple[int, str]] = []
+        return Fix(hint="")
+    choices: list[tuple[int, str, SmLayout, Placed]] = []
     fsoe = row.transfer.kind is TransferKind.FSOE
     for sm in end.layout.managers:
         if sm.sm.direction is not wanted:
             continue
         for placed in sm.placed:
             if placed.entry.registered:
-                choices.append((_distance(end, sm, placed, row, fsoe), _name(end, sm, placed)))
+                score = _distance(end, sm, placed, row, fsoe)
+                choices.append((score, _name(end, sm, placed), sm, placed))
     if not choices:
-        return f"{end.endpoint.module} maps no entry in this direction"
-    best = min(choices, key=lambda c: c[0])
-    return f"nearest: {best[1]}"
+        return Fix(hint=f"{end.endpoint.module} maps no entry in this direction")
+    _, name, sm, placed = min(choices, key=lambda c: c[0])
+    edits = _start_at(ctx, end, sm, placed, row) if fsoe else ()
+    return Fix(hint=f"nearest: {name}", edits=edits)
+
+
+def _start_at(
+    ctx: Context, end: ResolvedEnd, sm: SmLayout, placed: Placed, row: ResolvedTransfer
+) -> tuple[Edit, ...]:
+    """Return the edits that let an end start at a frame, when it can mean no other frame."""
+    name = end.subdevice.name if end.subdevice is not None else ""
+    free = [
+        block
+        for manager in (end.layout.managers if end.layout is not None else ())
+        if manager.sm.direction is sm.sm.direction
+        for block in manager.blocks
+        if block.frame_bytes == row.transfer.size_bytes
+        and (name, block.key) not in ctx.used_blocks()
+    ]
+    if len(free) != 1 or free[0].command is not placed.entry:
+        return ()
+    endpoint, entry = end.endpoint, placed.entry
+    edits = []
+    if entry.index != endpoint.index:
+        text = f"0x{entry.index:04x}"
+        edits.append(Edit(span=endpoint.at("index"), key="index", text=text))
+    if entry.subindex != endpoint.subindex:
+        text = str(entry.subindex)
+        edits.append(Edit(span=endpoint.at("subindex"), key="subindex", text=text))
+    return tuple(edits)
 
 
 def _distance(
@@ -250,19 +278,24 @@ def _chain(ctx: Context, row: ResolvedTransfer, other: ResolvedTransfer) -> None
     )
 
 
-def _mend_direction(row: ResolvedTransfer, reads_output: bool, writes_input: bool) -> str:
+def _mend_direction(row: ResolvedTransfer, reads_output: bool, writes_input: bool) -> Fix:
     source, destination, size = row.source, row.destination, row.transfer.size_bytes
     if reads_output and writes_input:
-        return (
-            f"in and out look exchanged; the opposite copy {destination.endpoint} -> "
-            f"{source.endpoint} would fit ({counted(size, 'byte')})"
+        edits = tuple(
+            Edit(span=row.transfer.at(key), key=key, text=other, renames=True)
+            for key, other in (("in", "out"), ("out", "in"))
+        )
+        return Fix(
+            hint=f"in and out look exchanged; the opposite copy {destination.endpoint} -> "
+            f"{source.endpoint} would fit ({counted(size, 'byte')})",
+            edits=edits,
         )
     wrong = source if reads_output else destination
     partner = _partner_address(wrong)
     if partner is None:
-        return "in must be an entry of a TxPDO, out an entry of an RxPDO"
+        return Fix(hint="in must be an entry of a TxPDO, out an entry of an RxPDO")
     key = "in" if reads_output else "out"
-    return f"write {partner} as {key}"
+    return Fix(hint=f"write {partner} as {key}")
 
 
 def _partner_address(end: ResolvedEnd) -> str | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Related, counted
+from fsoe_net.diag import Edit, Fix, Related, counted
 from fsoe_net.fsoe import is_frame_length
 from fsoe_net.model import (
     Direction,
@@ -226,7 +226,7 @@ def _wrong_size(ctx: Context, row: ResolvedTransfer, frame_bytes: int) -> None:
             row.transfer.at("size"),
             f"size {size} runs {counted(size - frame_bytes, 'byte')} past the "
             f"{frame_bytes}-byte frame" + (f" and would overwrite {behind}" if behind else ""),
-            hint=f"write size: {frame_bytes}",
+            hint=_size_fix(row, frame_bytes),
         )
         return
     no_frame = "" if is_frame_length(size) else "; no FSoE frame has that length"
@@ -234,8 +234,13 @@ def _wrong_size(ctx: Context, row: ResolvedTransfer, frame_bytes: int) -> None:
         "FSN208",
         row.transfer.at("size"),
         f"size {size} cuts a frame of {counted(frame_bytes, 'byte')}{no_frame}",
-        hint=f"write size: {frame_bytes}",
+        hint=_size_fix(row, frame_bytes),
     )
+
+
+def _size_fix(row: ResolvedTransfer, frame_bytes: int) -> Fix:
+    edit = Edit(span=row.transfer.at("size"), key="size", text=str(frame_bytes))
+    return Fix(hint=f"write size: {frame_bytes}", edits=(edit,))
 
 
 def _entry_behind(end: ResolvedEnd, frame_bytes: int) -> str:
