@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
-from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
+from fsoe_net.diag import CATALOGUE, Diagnostic, Severity, counted
 from fsoe_net.report.block_copies import copies
 from fsoe_net.report.block_evidence import bus_evidence, tests
 from fsoe_net.report.block_head import identity, role
@@ -160,9 +160,9 @@ def _machine(inputs: ReportInputs) -> tuple[str, bool]:
     if not done:
         return "NOT TESTED", False
     if failed:
-        return f"{failed} of {len(steps)} test steps FAILED", False
+        return f"{failed} of {counted(len(steps), 'test step')} FAILED", False
     is_whole = not any(s.is_open or s.is_disputed for s in steps)
-    return f"{len(done)} of {len(steps)} test steps as expected", is_whole
+    return f"{len(done)} of {counted(len(steps), 'test step')} as expected", is_whole
 
 
 def _signed(inputs: ReportInputs) -> tuple[str, bool]:
@@ -187,7 +187,8 @@ def _of_findings(inputs: ReportInputs) -> Verdict:
         warnings = [d for d in found if d.level is Severity.WARNING]
         if all(inputs.justification(d) is not None for d in warnings):
             return Verdict(f"{counts}; each warning justified by name", Level.WARNING)
-        return Verdict(f"{counts}: each needs a correction or a justification by name", Level.WARNING)
+        needed = f"{counts}: each needs a correction or a justification by name"
+        return Verdict(needed, Level.WARNING)
     return Verdict(f"no errors, no warnings; {counts}", Level.NOTE)
 
 

@@ -364,8 +364,8 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
     told = [p["text"] for p in document["points"] if p["block"] == "Tests"]
     assert told == [
         "1 of 3 test steps open at the machine",
-        "1 test steps did not go as expected, first: press ES1",
-        "1 test steps went as expected by hand and not by program, first: press ES1",
+        "1 test step did not go as expected, first: press ES1",
+        "1 test step went as expected by hand and not by program, first: press ES1",
         "old.fsnplan was made for another plan",
     ]
     empty = as_json(inputs_of(TIMED))
