@@ -182,7 +182,7 @@ def swapped(e: Evidence) -> Iterator[Candidate]:
         yield candidate(
             e,
             swapped_key(e, *round_),
-            97 if sub in round_ else 96,
+            96 if sub and sub not in round_ else 98,
             *(f"{s} says it has address {has[s]}, expected is {wanted[s]}" for s in round_[:6]),
             device=round_[0],
             other=", ".join(round_[1:6]),

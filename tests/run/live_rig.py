@@ -218,6 +218,19 @@ def fault(name):
     return case
 
 
+def swapped_at_start(network, _other):
+    """Two SubDevices stand in each other's place: the file has what was found of both."""
+    emulator = Emulator(network)
+    emulator.do("swap ek1914 el1918")
+    seen = run(network, "--incidents", ".")
+    emulator.end()
+    files = sorted(Path().glob("incident-*"))
+    likely = judged(files[0]).likely if files else None
+    head = json.loads(files[0].read_text().partition("\n")[0]) if files else {"subdevices": []}
+    found = [row.get("found_text") for row in head["subdevices"]]
+    return seen | {"title": likely and likely.title, "found": found}
+
+
 def _is_whole(path):
     return '"end":true' in path.read_text()
 
@@ -316,6 +329,7 @@ CASES = {
         missing_one,
         silent,
         small,
+        swapped_at_start,
         wrong,
         unplug,
         incident,

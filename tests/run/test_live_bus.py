@@ -160,6 +160,13 @@ def test_the_cause_of_a_fault_on_the_wire_is_named(fault, key, tmp_path):
     assert key != "wrong_device" or seen["last"] in seen["title"]
 
 
+def test_a_bus_that_does_not_open_is_kept_with_all_that_was_found(tmp_path):
+    wanted = "ek1914 and el1918 are exchanged on the bus."
+    seen = on_the_wire("swapped_at_start", ESTOP, tmp=tmp_path, good=lambda s: s["title"] == wanted)
+    assert seen["code"] == 1
+    assert seen["found"] == ["another device", "another device"]
+
+
 def test_killing_the_tool_leaves_the_bus(tmp_path):
     seen = on_the_wire("kill_tool", ESTOP, tmp=tmp_path)
     assert seen == {"data": True, "socket_left": False}
