@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 
 from fsoe_net.diag import counted
 from fsoe_net.fsoe import safe_data_length, sra_crc
-from fsoe_net.model import Connection, Network, SubDevice
+from fsoe_net.load import builtin_library
+from fsoe_net.model import Connection, Device, Library, Network, SubDevice
 from fsoe_net.report.document import (
     BLANK,
     Block,
@@ -59,7 +60,12 @@ def architecture(inputs: ReportInputs) -> Block:
             f"{counted(len(resolution.connections), 'FSoE connection')} between them"
         )
         parts.append(
-            Picture(title="Topology", words=words, svg=topology_picture(inputs.plan), wide=True)
+            Picture(
+                title="Topology",
+                words=words,
+                svg=topology_picture(inputs.plan),
+                narrow=topology_picture(inputs.plan, per_row=2),
+            )
         )
     shown = [s for s in network.subdevices if s.name in mains | subs]
     if len(network.subdevices) <= _MOST_PLAIN:
@@ -90,6 +96,7 @@ def _nothing() -> Paragraph:
 def _subdevices(
     shown: Sequence[SubDevice], network: Network, mains: set[str], subs: set[str]
 ) -> Table:
+    library = builtin_library(frozenset(s.device.product_code for s in shown if s.device))
     rows = []
     for s in shown:
         parts = [
@@ -100,17 +107,17 @@ def _subdevices(
             place.append(Number(value=s.alias, text=f"alias {s.alias}", unit="", source=_NET))
         device = s.device
         vendor: Item = Verdict("not stated", Level.OPEN)
-        product: Item = vendor
+        product: Cell = (vendor,)
         if device is not None:
             vendor = _identity(device.vendor_id)
-            product = _identity(device.product_code)
+            product = (_identity(device.product_code), *_type_name(device, library))
         rows.append(
             (
                 tuple(place),
                 cell(strong(s.name)),
                 cell(" and ".join(parts) or muted("no FSoE")),
                 (vendor,),
-                (product,),
+                product,
             )
         )
     hidden = len(network.subdevices) - len(shown)
@@ -126,6 +133,12 @@ def _subdevices(
         rows=tuple(rows),
         remark=f"{hidden} SubDevices without FSoE are not listed" if hidden else "",
     )
+
+
+def _type_name(device: Device, library: Library) -> Cell:
+    """Return what the device library calls a type; nothing where it does not know it."""
+    known = library.find(device.vendor_id, device.product_code)
+    return () if known is None else (muted(f"{known.name} in the device library"),)
 
 
 def _identity(value: int) -> Number:

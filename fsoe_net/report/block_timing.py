@@ -1,4 +1,4 @@
-"""Blocks 6 and 7: watchdogs and reaction times by both schools, and sums of PFH_D."""
+"""Blocks 6 and 7: watchdogs and reaction times by both methods, and sums of PFH_D."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ _WATCHDOGS = dict.fromkeys(WatchdogJudgement, Level.OPEN) | {
 
 
 def timing(inputs: ReportInputs) -> Block:
-    """Watchdogs with their admissible intervals, reaction times of each function, both schools."""
+    """Watchdogs with their admissible intervals, reaction times of each function, both methods."""
     title = "Timing"
     budget = inputs.budget
     if budget is None:
@@ -112,8 +112,9 @@ def timing(inputs: ReportInputs) -> Block:
 def _pictures(budget: Budget, row: FunctionBudget) -> list[Picture]:
     """Draw one function; one picture of all would be cut at the end of a page."""
     words = (
-        "Error-free: solid; ETG.5100: dashed; Beckhoff: dotted; required: dash and dot. The "
-        "upright dotted line is the configuration"
+        "Error-free: solid, circle; ETG.5100: dashed, square; Beckhoff: dotted, triangle; FSoE "
+        "handshake: diamond; required: dash and dot, cross. The upright dotted line is the "
+        "configuration"
     )
     return [
         Picture(title=title, words=words, svg=svg) for title, svg in reaction_pictures(budget, row)
@@ -193,7 +194,7 @@ def _watchdogs(budget: Budget) -> Table:
         ),
         rows=tuple(rows),
         remark="At least: 1.2 x the longest round trip, for availability. At most: "
-        "what the required reaction times leave, as both schools print it (the smaller), and with "
+        "what the required reaction times leave, as both methods print it (the smaller), and with "
         "one failure and the handshake of FSoE counted; the smaller one counts. A watchdog that "
         "only the printed formulas allow is not judged. Margin: configured over least.",
     )
@@ -262,7 +263,7 @@ def _reactions(budget: Budget) -> Table:
             Column("Verdict"),
         ),
         rows=tuple(rows),
-        remark="Both schools stand side by side; they do not agree, and the larger worst case is "
+        remark="Both methods stand side by side; they do not agree, and the larger worst case is "
         "held against the required time. Neither counts the handshake of FSoE, in which a value "
         "may have to wait for its turn: where one failure then takes longer than required, nothing "
         "is judged. Both connections lost and late at will is shown and not judged.",

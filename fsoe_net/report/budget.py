@@ -14,22 +14,26 @@ from fsoe_net.timing.handshake import broken
 
 __all__ = ["budget_document", "budget_picture", "budget_text", "reaction_pictures"]
 
-_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 250, 64, 190, 30, 44
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 250, 64, 210, 30, 44
 _CYCLES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 8.0, 10.0)
-_DASHES = {
-    "error-free": "",
-    "ETG.5100, one failure": "7 4",
-    "Beckhoff, two watchdogs": "2 3",
-    "FSoE handshake, one failure": "10 3 2 3 2 3",
-    "required": "12 3 2 3",
+# Of each curve its dashes, its colour and its mark, so that none of them is needed alone.
+_LOOKS = {
+    "error-free": ("", "#116329", "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z"),
+    "ETG.5100, one failure": ("7 4", "#0550ae", "M-4,-4h8v8h-8z"),
+    "Beckhoff, two watchdogs": ("2 3", "#953800", "M0,-5l5,9h-10z"),
+    "FSoE handshake, one failure": ("10 3 2 3 2 3", "#6639ba", "M0,-5l5,5l-5,5l-5,-5z"),
+    "required": ("12 3 2 3", "#99286e", "M-4,-4l8,8m0,-8l-8,8"),
 }
+_LABEL = 15  # height of a label, so that two never touch
 _STYLE = (
     ".budget text{font:12px system-ui,sans-serif;fill:#1f2328}"
     ".budget .small{font-size:11px;fill:#57606a}"
-    ".budget .line{fill:none;stroke:#1f2328;stroke-width:1.8}.budget .grid{stroke:#d0d7de}"
+    ".budget .line,.budget .mark{fill:none;stroke-width:1.8}.budget .grid{stroke:#d0d7de}"
+    ".budget .lead{stroke:#8c959f;stroke-width:.8}"
     ".budget .axis{stroke:#57606a}.budget .here{stroke:#57606a;stroke-dasharray:1 3}"
     ".budget .back{fill:#fff}@media screen and (prefers-color-scheme:dark){"
-    ".budget text{fill:#e6edf3}.budget .small{fill:#9198a1}.budget .line{stroke:#e6edf3}"
+    ".budget text{fill:#e6edf3}.budget .small{fill:#9198a1}"
+    ".budget .line,.budget .mark,.budget .name{filter:brightness(2)}"
     ".budget .grid{stroke:#30363d}.budget .axis,.budget .here{stroke:#9198a1}"
     ".budget .back{fill:#0d1117}}"
 )
@@ -252,7 +256,7 @@ class _Curve:
 def budget_picture(budget: Budget, title: str) -> str:
     """Draw reaction times of each judged function over the bus cycle and over its watchdogs.
 
-    Curves differ in their dashes and carry their names, so that no colour is needed.
+    Curves differ in colour, dashes and marks, and carry their names: no colour is needed.
     """
     return _svg([p for row in budget.functions for _, p in _panels(budget, row)], title)
 
@@ -380,13 +384,40 @@ def _panel(title: str, curves: Sequence[_Curve], *, here: float) -> str:
         f'<line class="axis" x1="{_LEFT}" y1="{_TOP + tall}" x2="{_LEFT + wide}" '
         f'y2="{_TOP + tall}"/>'
     )
-    labels: list[float] = []
-    for curve in sorted(curves, key=lambda c: -c.points[-1][1]):
-        line = " ".join("{:.1f},{:.1f}".format(*at(x, y)) for x, y in curve.points)
-        dash = _DASHES.get(curve.name, "")
-        parts.append(f'<polyline class="line" stroke-dasharray="{dash}" points="{line}"/>')
-        _, y = at(0, curve.points[-1][1])
-        y = max(y, labels[-1] + 14) if labels else y
-        labels.append(y)
-        parts.append(_text(_LEFT + wide + 6, y + 4, curve.name, "start", "small"))
+    ends = sorted(curves, key=lambda c: -c.points[-1][1])
+    places = _apart([at(0, c.points[-1][1])[1] for c in ends], _TOP + tall)
+    for curve, label_y in zip(ends, places, strict=True):
+        dash, colour, mark = _LOOKS[curve.name]
+        spots = [at(x, y) for x, y in curve.points]
+        line = " ".join(f"{x:.1f},{y:.1f}" for x, y in spots)
+        parts.append(
+            f'<polyline class="line" stroke="{colour}" stroke-dasharray="{dash}" points="{line}"/>'
+        )
+        x, y = spots[-1]
+        drawn = [*spots[len(spots) // 2 : -1 : len(spots)], (x, y), (x + 22, label_y)]
+        parts.append(
+            f'<line class="lead" x1="{x + 6:.1f}" y1="{y:.1f}" x2="{x + 16:.1f}" '
+            f'y2="{label_y:.1f}"/>'
+        )
+        parts += [
+            f'<path class="mark" stroke="{colour}" transform="translate({mx:.1f} {my:.1f})" '
+            f'd="{mark}"/>'
+            for mx, my in drawn
+        ]
+        parts.append(
+            f'<text class="name" style="fill:{colour};font-size:11px" x="{x + 32:.1f}" '
+            f'y="{label_y + 4:.1f}">{escape(curve.name)}</text>'
+        )
     return "".join(parts)
+
+
+def _apart(wanted: Sequence[float], bottom: float) -> list[float]:
+    """Return places of labels from top to bottom, near those wanted and not touching."""
+    found: list[float] = []
+    for y in wanted:
+        found.append(max(y, found[-1] + _LABEL) if found else y)
+    floor = bottom
+    for n in range(len(found) - 1, -1, -1):
+        found[n] = min(found[n], floor)
+        floor = found[n] - _LABEL
+    return found

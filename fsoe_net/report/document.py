@@ -151,12 +151,16 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A picture. ``words`` say what it shows for those who do not see it; ``wide``: a whole row."""
+    """A picture. ``words`` say what it shows for those who do not see it; ``wide``: a whole row.
+
+    ``narrow`` takes its place on a narrow screen; empty where it is the same.
+    """
 
     title: str
     words: str
     svg: str
     wide: bool = True
+    narrow: str = ""
 
 
 Part = Heading | Paragraph | Bullets | Table | Picture

@@ -14,8 +14,8 @@ _STYLE = (  # room to write in the last two columns, seen as such on black and w
     "tbody tr{height:13mm}}body{max-width:1400px}"
     "th:nth-child(n+6),td:nth-child(n+6){border-left:1px solid #57606a}"
     "@media print,screen and (min-width:701px){table{table-layout:fixed}"
-    "th:nth-child(1){width:12%}th:nth-child(2){width:14%}th:nth-child(3){width:20%}"
-    "th:nth-child(4){width:18%}th:nth-child(5){width:7%}th:nth-child(7){width:11%}}"
+    "th:nth-child(1){width:11%}th:nth-child(2){width:14%}th:nth-child(3){width:17%}"
+    "th:nth-child(4){width:13%}th:nth-child(5){width:7%}th:nth-child(7){width:11%}}"
     "@media screen and (max-width:700px){td{min-width:9em}}"
     "td{overflow-wrap:break-word}th .muted{font-weight:400}"
 )

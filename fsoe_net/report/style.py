@@ -64,6 +64,7 @@ grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr));gap:.2em 1.6
 .pictures figure{margin:.3em 0}
 .sheet,.sheet>tbody,.sheet>tbody>tr,.sheet>tbody>tr>td{display:block}
 .sheet>thead,.sheet>tfoot{display:none}
+.narrow{display:none}
 @media screen and (max-width:900px){table.data{font-size:.84em}.data th,.data td{padding:.3em}
 .n{white-space:normal}.data .v{min-width:0}}
 @media screen and (max-width:700px){table.data{font-size:.93em}body{padding:.6em .7em 3em}
@@ -75,7 +76,9 @@ h1{font-size:1.5em}
 border:0;padding:.15em .6em;height:auto}.data td::before{content:attr(data-head);
 color:var(--soft);font-size:.86em;grid-row:1/span 9}.data td>div{grid-column:2}
 .n{white-space:normal}
-figure{overflow-x:auto}section>figure>svg{min-width:600px}}
+figure{overflow-x:auto}section>figure>svg{min-width:600px}
+section>figure:has(.narrow)>svg{display:none}.narrow{display:block}
+.narrow>svg{min-width:0}}
 @media print{
 @page{size:A4;margin:13mm 13mm 15mm 15mm;@bottom-right{content:"page " counter(page) " of "
 counter(pages);font:8.5pt sans-serif}}

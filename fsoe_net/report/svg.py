@@ -6,10 +6,10 @@ from fsoe_net.diag import counted
 from fsoe_net.plan import NONE, Plan, entry_at
 from fsoe_net.report.html import escape
 
-__all__ = ["copy_picture", "topology_picture"]
+__all__ = ["MAX_PER_ROW", "copy_picture", "topology_picture"]
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP = 170, 62, 34
-_MAX_PER_ROW = 5
+MAX_PER_ROW = 5
 _DASHES = ("", "9 4", "2 3", "12 3 2 3", "18 5", "5 3 2 3 2 3")
 _COLOURS = ("#0550ae", "#953800", "#116329", "#6639ba", "#99286e", "#424a53")
 
@@ -24,22 +24,26 @@ def _text(x: float, y: float, text: str, cls: str = "", anchor: str = "middle") 
     return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{cls}">{escape(text)}</text>'
 
 
-def topology_picture(plan: Plan) -> str:
+def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
     """Draw the bus with the SubDevices that take part, and its FSoE connections.
 
     They are arcs; where those would cross too many rows, each box names its connections instead.
     SubDevices without a copy are left out when there are many, and said so.
+
+    Args:
+        plan: What is drawn.
+        per_row: Boxes beside each other; 2 fit a telephone.
     """
     shown = [n for n, s in enumerate(plan.subdevices) if s.in_copy]
     if len(plan.subdevices) <= 12:
         shown = list(range(len(plan.subdevices)))
-    dense = len(shown) > 2 * _MAX_PER_ROW
+    dense = len(shown) > 2 * per_row
     first_y, step_x, step_y = (30 if dense else 110), _BOX_WIDTH + _GAP, (94 if dense else 200)
     place: dict[int, tuple[float, float]] = {}
     for order, number in enumerate(shown):
-        row, column = divmod(order, _MAX_PER_ROW)
+        row, column = divmod(order, per_row)
         place[number] = (20 + column * step_x, first_y + row * step_y)
-    columns = min(_MAX_PER_ROW, max(1, len(shown)))
+    columns = min(per_row, max(1, len(shown)))
     last_y = max((y for _, y in place.values()), default=first_y)
     width, height = 20 + columns * step_x, last_y + _BOX_HEIGHT + 28
     connections = counted(len(plan.connections), "FSoE connection")

@@ -107,8 +107,9 @@ def _part(part: Part) -> str:
         return f"<ul>{rows}</ul>"
     if isinstance(part, Table):
         return _table(part)
+    narrow = f'<div class="narrow">{part.narrow}</div>' if part.narrow else ""
     return (
-        f"<figure>{part.svg}<figcaption><b>{escape(part.title)}</b>. {escape(part.words)}"
+        f"<figure>{part.svg}{narrow}<figcaption><b>{escape(part.title)}</b>. {escape(part.words)}"
         "</figcaption></figure>"
     )
 

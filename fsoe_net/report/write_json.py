@@ -66,7 +66,8 @@ def _part(part: Part) -> dict[str, Any]:
             "rows": [[_items(c) for c in row] for row in part.rows],
             "remark": part.remark or None,
         }
-    return {"type": "picture", "title": part.title, "words": part.words, "svg": part.svg}
+    picture = {"type": "picture", "title": part.title, "words": part.words, "svg": part.svg}
+    return picture | ({"narrow": part.narrow} if part.narrow else {})
 
 
 def _items(items: Sequence[Item]) -> list[dict[str, Any]]:

@@ -106,11 +106,11 @@ def _reaction(out: Findings, row: FunctionBudget) -> None:
     if reaction is None:
         return
     if row.judgement is Judgement.ABOVE:
-        school = "ETG.5100" if reaction.worst_etg >= reaction.worst_beckhoff else "Beckhoff"
+        method = "ETG.5100" if reaction.worst_etg >= reaction.worst_beckhoff else "Beckhoff"
         out.add(
             "FSN604",
             place,
-            f"{function.name} may take {reaction.worst:g} ms ({school}), "
+            f"{function.name} may take {reaction.worst:g} ms ({method}), "
             f"{function.required_reaction_ms:g} ms are required",
             hint="shorter watchdogs where their interval allows, a shorter bus cycle, faster "
             "parts; `fsoe-net timing` shows what each costs",
@@ -119,10 +119,10 @@ def _reaction(out: Findings, row: FunctionBudget) -> None:
         out.add(
             "FSN611",
             place,
-            f"{function.name} keeps {function.required_reaction_ms:g} ms by both schools, but "
+            f"{function.name} keeps {function.required_reaction_ms:g} ms by both methods, but "
             f"{reaction.counted:g} ms are possible with the handshake of FSoE counted",
             hint="shorter watchdogs, or a longer required reaction time; the formulas of the "
-            "schools leave out that a value may have to wait for its turn",
+            "methods leave out that a value may have to wait for its turn",
         )
 
 

@@ -1,13 +1,13 @@
 """Watchdogs and response times of a safety function, by the formulas that vendors print.
 
-Two schools exist and do not agree. Both are given; whoever uses them says which one counts.
+Two methods exist and do not agree. Both are given; whoever uses them says which one counts.
 
 - ETG.5100 chapter 9.3, as printed by Lenze (i750 reference manual, pages 159 and 160): every part
   may have just missed its event, so its time counts twice; one failure at a time.
 - Beckhoff (manuals of EL2904, EL6900, EK1914, EP1957): the worst case is two watchdogs and the
   actuator; the typical case counts each part once and three bus cycles per direction.
 
-Neither school counts the handshake of FSoE: `error_free`, `worst_case_input`, `worst_case_output`
+Neither method counts the handshake of FSoE: `error_free`, `worst_case_input`, `worst_case_output`
 and `beckhoff_worst_case` hold under assumptions that their docstrings name and that schedules
 within the times of the parts break. What holds without them: `fsoe_net.timing.handshake`.
 

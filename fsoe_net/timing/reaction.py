@@ -34,11 +34,11 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reaction:
-    """Response times of a safety function in ms, both schools, with the watchdogs they count.
+    """Response times of a safety function in ms, both methods, with the watchdogs they count.
 
     ``worst_etg`` is the larger of one failed input connection and one failed output connection;
     ``worst_beckhoff`` counts both watchdogs and the actuator. ``worst`` is the larger of the two.
-    Neither school counts the handshake of FSoE (`fsoe_net.timing.handshake`): ``polled`` is the
+    Neither method counts the handshake of FSoE (`fsoe_net.timing.handshake`): ``polled`` is the
     response without a fault that does, ``broken`` that with one connection broken for good,
     ``disturbed`` that with both lost and late at will.
     """
@@ -67,7 +67,7 @@ class Reaction:
 
     @property
     def worst(self) -> float:
-        """The larger of both schools."""
+        """The larger of both methods."""
         return max(self.worst_etg, self.worst_beckhoff)
 
 
@@ -118,7 +118,7 @@ class FunctionBudget:
             Judgement.NONE: "no reaction time is required",
             Judgement.MISSING: f"not judged: {'; '.join(self.missing)}",
             Judgement.ABOVE: "above the required reaction time",
-            Judgement.PRINTED_ONLY: f"not judged: within by both schools, but {counted:g} ms are "
+            Judgement.PRINTED_ONLY: f"not judged: within by both methods, but {counted:g} ms are "
             "possible with the handshake of FSoE counted",
             Judgement.UNVERIFIED: f"not judged: unverified: {', '.join(self.parts.unverified)}",
             Judgement.WITHIN: "within the required reaction time",

@@ -1,7 +1,7 @@
 """The watchdog of a connection and its admissible interval.
 
     least watchdog      availability: 1.2 x the round trip       ETG.5100 9.3, or as measured
-    greatest, printed   the required reaction, by both schools   ETG.5100 9.3 and Beckhoff
+    greatest, printed   the required reaction, by both methods   ETG.5100 9.3 and Beckhoff
     greatest, handshake the required reaction, one failure       `fsoe_net.timing.handshake`
 
 The smaller of the two greatest ones counts. A watchdog that only the printed formulas allow is not
@@ -48,7 +48,7 @@ class ConnectionBudget:
             measured, whichever is longer; ``None`` when times are missing.
         measured: Longest round trip that was measured; ``None`` without a measurement.
         least: Smallest watchdog that a healthy connection keeps.
-        printed: Largest one that the required reaction times allow by the formulas of both schools;
+        printed: Largest one that the required reaction times allow by the formulas of both methods;
             ``None``: nothing asks.
         handshake: The same with one failure and the handshake of FSoE counted.
         functions: Safety functions that use it.
@@ -206,7 +206,7 @@ def _room(row: FunctionBudget, rest: float, what: str, drift: float, *, share: i
 
 
 def _printed(connection: Connection, row: FunctionBudget, side: str, drift: float) -> Limit | None:
-    """Return the largest watchdog that keeps the required reaction time in both schools."""
+    """Return the largest watchdog that keeps the required reaction time in both methods."""
     times = row.times
     if row.function.required_reaction_ms is None or times is None:
         return None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from networks import EXAMPLES
+from networks import PLAIN
 
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.write import write_whole
@@ -16,7 +16,7 @@ from fsoe_net.core import CorePlan
 from fsoe_net.diag import Diagnostic, Span
 from fsoe_net.errors import CoreMissing, EnvironmentFault, PlanFormatError
 
-ESTOP = str(EXAMPLES / "estop" / "network.yaml")
+ESTOP = str(PLAIN / "estop" / "network.yaml")
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def test_clean_network():
 
 
 def test_mistake_is_printed_as_the_design_says(tmp_path: Path):
-    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{EXAMPLES}/estop/devices/")
+    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{PLAIN}/estop/devices/")
     text = text.replace(
         "in: {ec_module: ek1914, index: 0x6000, subindex: 1}\n"
         "        out: {ec_module: el1918, index: 0x7080, subindex: 1}",
@@ -126,7 +126,7 @@ def test_plan_round_trip(tmp_path: Path):
 def test_a_network_with_an_error_gets_no_plan_and_keeps_the_old_one(tmp_path: Path):
     plan = tmp_path / "x.fsnplan"
     plan.write_text("precious", "utf-8")
-    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{EXAMPLES}/estop/devices/")
+    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{PLAIN}/estop/devices/")
     (tmp_path / "bad.yaml").write_text(text.replace("size: 6", "size: 5", 1), "utf-8")
     done = fsn("plan", str(tmp_path / "bad.yaml"), "-o", str(plan), "--overwrite")
     assert done.returncode == 1
@@ -136,7 +136,7 @@ def test_a_network_with_an_error_gets_no_plan_and_keeps_the_old_one(tmp_path: Pa
 
 @pytest.mark.usefixtures("built")
 def test_run_prints_one_json_document():
-    scenario = str(EXAMPLES / "estop" / "scenario.yaml")
+    scenario = str(PLAIN / "estop" / "scenario.yaml")
     done = fsn("run", ESTOP, "--scenario", scenario, "--virtual-time", "--format", "json")
     assert done.returncode == 0
     document = json.loads(done.stdout)
@@ -151,7 +151,7 @@ def test_run_prints_one_json_document():
 def test_report_is_one_file_and_repeatable(tmp_path: Path):
     pages = []
     for name in ("a.html", "b.html"):
-        scenario = str(EXAMPLES / "estop" / "scenario.yaml")
+        scenario = str(PLAIN / "estop" / "scenario.yaml")
         done = fsn("report", ESTOP, "--scenario", scenario, "-o", str(tmp_path / name))
         assert done.returncode == 0, done.stderr
         pages.append((tmp_path / name).read_text("utf-8"))
@@ -193,7 +193,7 @@ def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
         (("check", "scenario.yaml"), "FSN117", "a scenario, not a network"),
         (("check", "answers.yaml"), "FSN117", "`fsoe-net init --answers answers.yaml` takes it"),
         (("check", "x.fsnplan"), "FSN102", "a compiled plan, not YAML"),
-        (("check", str(EXAMPLES / "estop")), "FSN101", "hint: give "),
+        (("check", str(PLAIN / "estop")), "FSN101", "hint: give "),
         (("run", ESTOP, "--scenario", ESTOP), "FSN140", "a network, not a scenario"),
         (("verify", ESTOP, "--accepted", "protocol.yaml"), "FSN117", "a test protocol, not"),
         (
@@ -227,7 +227,7 @@ def test_a_file_of_another_kind_is_named_once(
 
 
 def test_a_cycle_written_in_milliseconds_is_told(tmp_path: Path):
-    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{EXAMPLES}/estop/devices/")
+    text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{PLAIN}/estop/devices/")
     assert "cycle_us: 1000" in text
     (tmp_path / "n.yaml").write_text(text.replace("cycle_us: 1000", "cycle_us: 1"), "utf-8")
     done = fsn("check", "n.yaml", cwd=tmp_path)

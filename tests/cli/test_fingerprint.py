@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from networks import EXAMPLES
+from networks import PLAIN
 
-ESTOP = str(EXAMPLES / "estop" / "network.yaml")
+ESTOP = str(PLAIN / "estop" / "network.yaml")
 SHORT = "4A36 28D7 0E40 E052"
 FUNCTION = "safety_functions:\n  - {name: f, elements: [{kind: input, sub: ek1914, time_ms: 4}]}\n"
 
@@ -27,7 +27,7 @@ def accepted(tmp_path: Path) -> str:
 
 @pytest.fixture
 def other(tmp_path: Path) -> Path:
-    folder = shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
+    folder = shutil.copytree(PLAIN / "estop", tmp_path / "estop")
     return Path(folder) / "network.yaml"
 
 
@@ -106,7 +106,7 @@ def test_what_cannot_be_read_is_1(tmp_path: Path, accepted: str) -> None:
     changed.write_text(json.dumps(document), "utf-8")
     deep = tmp_path / "deep.json"
     deep.write_text("{" + "[" * 100_000, "utf-8")
-    broken = str(EXAMPLES / "broken" / "04_size.yaml")
+    broken = str(PLAIN / "broken" / "04_size.yaml")
     for what, wanted, words in [
         (ESTOP, str(changed), "does not fit the sections"),
         (ESTOP, str(deep), "no JSON document"),
@@ -121,6 +121,6 @@ def test_what_cannot_be_read_is_1(tmp_path: Path, accepted: str) -> None:
 
 
 def test_the_same_network_as_urdf_with_transfers_in_another_file_is_the_same(accepted: str) -> None:
-    urdf = str(EXAMPLES / "estop" / "estop.urdf.xacro")
+    urdf = str(PLAIN / "estop" / "estop.urdf.xacro")
     done = fsn("verify", urdf, "--accepted", accepted)
     assert (done.returncode, done.stderr) == (0, "")

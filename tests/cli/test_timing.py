@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
+from networks import PLAIN
 
 TIMED = Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml"
 
@@ -111,7 +112,7 @@ def test_the_picture_has_a_curve_of_each_school(tmp_path: Path) -> None:
 
 
 def test_without_safety_functions_nothing_is_judged() -> None:
-    example = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"
+    example = PLAIN / "el6910" / "network.yaml"
     done = fsn("timing", str(example))
     assert done.returncode == 0
     assert "nothing is judged" in done.stdout

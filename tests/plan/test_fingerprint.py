@@ -12,7 +12,7 @@ import pytest
 from core.rig import load
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import EXAMPLES, example, resolved
+from networks import PLAIN, example, resolved
 
 from fsoe_net.diag import Span
 from fsoe_net.errors import PlanFormatError
@@ -206,7 +206,7 @@ def test_numbers_of_connections_change_nothing() -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(EXAMPLES / "el6910", tmp_path / "el6910"))
+    return Path(shutil.copytree(PLAIN / "el6910", tmp_path / "el6910"))
 
 
 def of_files(folder: Path) -> Fingerprint:
@@ -257,7 +257,7 @@ def test_order_of_subdevices_changes_it(folder: Path) -> None:
 
 
 def add_functions(folder: Path, text: str = FUNCTIONS) -> Fingerprint:
-    shutil.copy(EXAMPLES / "el6910" / "network.yaml", folder / "network.yaml")
+    shutil.copy(PLAIN / "el6910" / "network.yaml", folder / "network.yaml")
     with (folder / "network.yaml").open("a", encoding="utf-8") as file:
         file.write(text)
     return of_files(folder)
@@ -446,7 +446,7 @@ def _write_network(folder: Path, slots: list[int], order, cycle_us: int) -> Path
             )
             logic.append(f"  - index: {pdo + n}\n    channels:\n{channels.rstrip()}")
     (folder / "logic.yaml").write_text("\n".join(logic) + "\n", "utf-8")
-    shutil.copy(EXAMPLES / "el6910" / "devices" / "el1904.yaml", folder / "terminal.yaml")
+    shutil.copy(PLAIN / "el6910" / "devices" / "el1904.yaml", folder / "terminal.yaml")
     names = {slot: f"t{slot}" for slot in sorted(slots)}
     lines = [f"version: 1\ncycle_us: {cycle_us}\nsubdevices:"]
     lines.append("  - {name: logic, position: 0, config: logic.yaml}")

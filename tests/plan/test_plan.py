@@ -9,7 +9,7 @@ import zlib
 from pathlib import Path
 
 import pytest
-from networks import EXAMPLES, example, write_big_network
+from networks import PLAIN, example, write_big_network
 
 from fsoe_net.cli.inputs import check_files
 from fsoe_net.core import Core, CorePlan, EmulatedBus
@@ -209,8 +209,8 @@ def test_large_networks(tmp_path):
 
 
 def test_a_stated_revision_is_the_only_one_accepted(tmp_path):
-    devices = EXAMPLES / "estop" / "devices"
-    text = (EXAMPLES / "estop" / "network.yaml").read_text("utf-8")
+    devices = PLAIN / "estop" / "devices"
+    text = (PLAIN / "estop" / "network.yaml").read_text("utf-8")
     text = text.replace("devices/", f"{devices}/").replace(
         "{name: ek1914,", "{name: ek1914, revision: 7,"
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from described import bus
-from networks import EXAMPLES, example, resolved
+from networks import PLAIN, example, resolved
 from scans import scan_of
 
 from fsoe_net.load import Collector, parse_scan
@@ -51,7 +51,7 @@ def described(description: Description) -> Side:
 @pytest.fixture
 def copied(tmp_path: Path):
     def make(name: str) -> Path:
-        return Path(shutil.copytree(EXAMPLES / name, tmp_path / name))
+        return Path(shutil.copytree(PLAIN / name, tmp_path / name))
 
     return make
 
@@ -110,7 +110,7 @@ ESTOP_CHANGES = [
 
 @pytest.mark.parametrize(("file", "old", "new", "expected"), ESTOP_CHANGES)
 def test_one_change_of_a_network_is_one_difference(copied, file, old, new, expected):
-    before = network(EXAMPLES / "estop")
+    before = network(PLAIN / "estop")
     folder = copied("estop")
     text = (folder / file).read_text("utf-8")
     assert text.lower().count(old.lower()) == 1
@@ -122,7 +122,7 @@ def test_one_change_of_a_network_is_one_difference(copied, file, old, new, expec
     assert rows(back) == [(MIRROR.get(k, k), a, w) for k, a, w in expected]
 
 
-TRANSFERS = (EXAMPLES / "estop" / "transfers.yaml").read_text("utf-8")
+TRANSFERS = (PLAIN / "estop" / "transfers.yaml").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -263,7 +263,7 @@ def test_data_in_front_of_a_frame_move_it_and_what_is_behind(copied):
     text = file.read_text("utf-8")
     new = "  - index: 0x1a05\n    channels:\n      - {index: 0x6100, sub_index: 1, type: uint16}\n"
     file.write_text(text.replace("  - index: 0x1a00", new + "  - index: 0x1a00", 1), "utf-8")
-    found = compare(network(EXAMPLES / "estop"), network(folder)).changes
+    found = compare(network(PLAIN / "estop"), network(folder)).changes
     size, frame, moved, added = found
     assert (size.area, size.before, size.after) == ("sync_manager", "8 bytes", "10 bytes")
     assert (frame.area, frame.where, frame.before, frame.after) == (

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from networks import PLAIN
 
 from fsoe_net.load import builtin_library, load_network
 from fsoe_net.model import Library, Resolution, resolve
@@ -22,7 +23,7 @@ from fsoe_net.timing import (
     make_budget,
 )
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"
+EXAMPLE = PLAIN / "el6910" / "network.yaml"
 NONE = Library(devices=())
 
 # T_S 5, T_I 4, T_L 2, T_O 3, T_A 20 ms; watchdogs 100 ms; cycle 1 ms, copied in the same cycle
@@ -61,7 +62,7 @@ def budget_of(resolution: Resolution, **more: object) -> Budget:
     return make_budget(resolution, NONE, **more)  # type: ignore[arg-type]
 
 
-def test_a_function_by_both_schools(resolution_of: Maker) -> None:
+def test_a_function_by_both_methods(resolution_of: Maker) -> None:
     budget = budget_of(resolution_of())
     (row,) = budget.functions
     assert row.reaction is not None
