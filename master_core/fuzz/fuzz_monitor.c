@@ -99,7 +99,7 @@ static void disturb(struct bench *b, unsigned way, const uint8_t *bytes) {
     }
 }
 
-/** Puts command, data and ConnID of a frame that belongs into the chain. */
+/** Puts command, data and ConnID of a frame of the chain. */
 static void compose(struct bench *b, unsigned way, uint8_t command, uint8_t *frame) {
     const size_t len = b->len[way];
     const bool is_start = command == FSN_CMD_RESET || command == FSN_CMD_SESSION;
