@@ -72,7 +72,6 @@ def test_standard_input_of_any_bytes(master):
     [
         (["-c", "stat"], r"error: -c:1:1: there is no command stat; did you mean"),
         (["-c", "echo 'a"], r"error: -c:1:6: this quote ' has no end"),
-        (["--run", "/no/such"], r"error: /no/such: No such file"),
         (["-c", "state", "--run", "x"], "exclude each other"),
         (["x"], "arguments are for"),
         (["--lease", "-1"], "--lease"),
@@ -82,6 +81,12 @@ def test_wrong_use(master, arguments, message):
     code, out, err = console(master, *arguments)
     assert (code, out) == (2, "")
     assert re.search(message, err)
+
+
+def test_a_script_that_cannot_be_read(master):
+    code, out, err = console(master, "--run", "/no/such")
+    assert (code, out) == (1, "")
+    assert err.startswith("error: /no/such: No such file")
 
 
 def test_nobody_answers(tmp_path):

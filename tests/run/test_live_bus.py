@@ -234,7 +234,7 @@ def test_a_missing_master_names_the_next_step(monkeypatch, tmp_path):
     monkeypatch.delenv("FSN_MASTER")
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
-    with pytest.raises(EnvironmentFault, match="make master"):
+    with pytest.raises(EnvironmentFault, match="install-master"):
         find_master()
 
 
