@@ -49,31 +49,22 @@ static struct identity read_identity(struct fsn_soem *bus, uint16_t slave) {
                              .revision = read_sii(bus, slave, ECT_SII_REV)};
 }
 
-static bool is_planned(const struct node *node, const struct identity *id, char *detail) {
-    return fsn_check_identity(&node->info, id->vendor, id->product, id->revision, detail);
-}
-
 /** Notes who stands at a place. What could not be read are zeros, in any of the three: a device is
  *  another one when a second look finds the same. */
 static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint16_t slave,
-                                   struct identity first) {
+                                   struct identity found) {
     char detail[FSN_DETAIL_BYTES];
-    struct identity found = first;
-    bool right = is_planned(node, &found, detail);
-    if (!right) {
-        found = read_identity(bus, slave);
-        right = is_planned(node, &found, detail);
-    }
     pthread_mutex_lock(&bus->seen_lock);
     node->seen.vendor_id = found.vendor;
     node->seen.product_code = found.product;
     node->seen.revision = found.revision;
     pthread_mutex_unlock(&bus->seen_lock);
-    if (right) {
+    if (fsn_check_identity(&node->info, found.vendor, found.product, found.revision, detail)) {
         soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         return FSN_OK;
     }
-    if (found.vendor != 0 && found.product != 0 && memcmp(&found, &first, sizeof found) == 0) {
+    const struct identity again = read_identity(bus, slave);
+    if (found.vendor != 0 && found.product != 0 && memcmp(&found, &again, sizeof found) == 0) {
         soem_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
         return FSN_E_BUS_IDENTITY;
     }
