@@ -204,7 +204,7 @@ def check_files(
         found += check(resolution, runtime=runtime)
         if timed and resolution.network.safety_functions:
             budget = make_budget(resolution, library_of(resolution.network))
-            found += check_timing(resolution.network, budget)
+            found += check_timing(resolution.network, budget, found=found)
         if scan is not None:
             found += check_scan(resolution, scan)
         if compared:

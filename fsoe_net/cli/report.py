@@ -204,7 +204,7 @@ def _findings(
             found += check_scan(resolution, e.scan)
     budget = _budget(resolution, evidence, live)
     if budget is not None and budget.functions:
-        found += check_timing(resolution.network, budget)
+        found += check_timing(resolution.network, budget, found=found)
     return sort_diagnostics(found)
 
 

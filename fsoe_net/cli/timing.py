@@ -111,7 +111,7 @@ def command(
         drift=drift,
         measured=None if measured is None else _measured(measured),
     )
-    found = check_timing(resolution.network, budget)
+    found = check_timing(resolution.network, budget, found=checked.diagnostics)
     if plot is not None:
         picture = budget_picture(budget, f"Reaction times of {resolution.network.name}")
         write_whole(plot, picture.encode("utf-8"), overwrite=overwrite)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
 from fsoe_net.model import Network, SafetyFunction
 from fsoe_net.rules.context import nearest
@@ -10,12 +12,19 @@ from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Judgement,
 __all__ = ["check_timing"]
 
 
-def check_timing(network: Network, budget: Budget) -> list[Diagnostic]:
+_FOLLOWS = frozenset({"FSN605", "FSN606"})  # a part of a safety function that is not there
+
+
+def check_timing(
+    network: Network, budget: Budget, *, found: Iterable[Diagnostic] = ()
+) -> list[Diagnostic]:
     """Return what the budget of a network shows, sorted by place.
 
     Args:
         network: With its safety functions; without one nothing is found.
         budget: Worked out from this network.
+        found: What else is wrong. A part that an error leaves out of the network is not reported
+            again as missing from its safety functions.
     """
     out = Findings()
     if not network.safety_functions:
@@ -28,7 +37,9 @@ def check_timing(network: Network, budget: Budget) -> list[Diagnostic]:
             _function(out, row, hopeless=row.function.name in hopeless)
     for connection in budget.connections:
         _connection(out, connection)
-    return sort_diagnostics(out.diagnostics)
+    has_error = any(d.level is Severity.ERROR for d in found)
+    shown = (d for d in out.diagnostics if not (has_error and d.code in _FOLLOWS))
+    return sort_diagnostics(shown)
 
 
 def _names(out: Findings, network: Network) -> None:

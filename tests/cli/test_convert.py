@@ -10,10 +10,11 @@ import pytest
 from cli.tool import fsn
 from load.startup import LOGIC, TERMINAL, Startup, startup
 from load.texts import XML
+from networks import PLAIN
 from observe.traffic import Bus
 
 ROOT = Path(__file__).parents[2]
-NETWORK = ROOT / "examples" / "el6910" / "network.yaml"
+NETWORK = PLAIN / "el6910" / "network.yaml"
 URDF = ROOT / "examples" / "estop" / "estop.urdf.xacro"
 
 ESI = """<?xml version="1.0"?>

@@ -14,9 +14,10 @@ import pytest
 import yaml
 from cli.tool import fsn
 from load.texts import TWO_PDOS
+from networks import PLAIN
 
 ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "examples" / "el6910"
+EXAMPLE = PLAIN / "el6910"
 DEVICES = EXAMPLE / "devices"
 BASE = ROOT / "tests" / "diagnostics" / "base"
 DATA = Path(os.environ.get("FSN_TEST_DATA", "/nowhere"))

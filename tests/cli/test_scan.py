@@ -18,13 +18,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from networks import PLAIN
 from scans import scan_of
 
 from fsoe_net.load import load_network
 from fsoe_net.model import resolve
 
 ROOT = Path(__file__).parents[2]
-NETWORK = ROOT / "examples" / "el6910" / "network.yaml"
+NETWORK = PLAIN / "el6910" / "network.yaml"
 
 
 def document() -> dict:

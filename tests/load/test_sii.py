@@ -148,7 +148,7 @@ def test_names_in_any_encoding():
         (image(category(10, bytes([1, 200]) + b"abc")), "string 1 is cut off"),
         (image(category(30, b"ab")), "category 30 at byte 0x80 is damaged: it is too short"),
         (image(category(41, bytes(10))), "multiple of 8"),
-        (image(category(50, pdo(0x1A00, 0xFF, 8)[:-2])), "PDO 0x1a00 with 1 entries is cut off"),
+        (image(category(50, pdo(0x1A00, 0xFF, 8)[:-2])), "PDO 0x1a00 with 1 entry is cut off"),
         (image(category(50, pdo(0x1A00, 0xFF) + b"abcd")), "4 bytes are left over"),
         (image(category(50, bytes(8) + pdo(0x1A00, 0xFF))), "zeros follow"),
     ],

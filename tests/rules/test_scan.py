@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from networks import PLAIN
 from scans import COUPLER, scan_of, subdevice
 
 from fsoe_net.diag import Severity
@@ -17,7 +18,7 @@ from fsoe_net.load import load_network, parse_scan
 from fsoe_net.model import Resolution, resolve
 from fsoe_net.rules import check_scan
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = PLAIN
 
 
 def _network(name: str) -> Resolution:
