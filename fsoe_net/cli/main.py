@@ -11,7 +11,6 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import printable
 from fsoe_net.errors import FsnError, InputError
 
 __all__ = ["main"]
@@ -138,11 +137,11 @@ def main() -> None:
     except InputError as exc:
         from fsoe_net.cli.output import print_diagnostics
 
-        echo(printable(f"error: {exc}"), err=True)
+        echo(f"error: {exc}", err=True)
         print_diagnostics(exc.diagnostics, err=True)
         sys.exit(exc.exit_code)
     except FsnError as exc:
-        echo(printable(f"error: {exc}"), err=True)
+        echo(f"error: {exc}", err=True)
         sys.exit(exc.exit_code)
     except BrokenPipeError:
         # The reader (`| head`) has gone; that is no error of ours.
@@ -150,5 +149,5 @@ def main() -> None:
         sys.exit(0)
     except OSError as exc:
         name = f"{exc.filename}: " if exc.filename else ""
-        echo(printable(f"error: {name}{exc.strerror or exc}"), err=True)
+        echo(f"error: {name}{exc.strerror or exc}", err=True)
         sys.exit(3)

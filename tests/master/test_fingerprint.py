@@ -6,13 +6,13 @@ from pathlib import Path
 
 from cli.tool import fsn
 from master.rig import running
-from networks import EXAMPLES, example
+from networks import PLAIN, example
 
 from fsoe_net import __version__
 from fsoe_net.plan import compile_plan, fingerprint_from_json, fingerprint_of
 from fsoe_net.run import Client
 
-ESTOP = str(EXAMPLES / "estop" / "network.yaml")
+ESTOP = str(PLAIN / "estop" / "network.yaml")
 
 
 def test_status_snapshot_and_client_tell_it() -> None:
@@ -33,7 +33,7 @@ def test_verify_asks_the_running_core(tmp_path: Path) -> None:
         done = fsn("verify", ESTOP, "--socket", str(master.path), "--accepted", ESTOP)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.count("the same") == 2
-        other = str(EXAMPLES / "el6910" / "network.yaml")
+        other = str(PLAIN / "el6910" / "network.yaml")
         done = fsn("verify", "--socket", str(master.path), "--accepted", other)
         assert done.returncode == 1
         assert "DIFFERS in devices, process_data, copies, connections\n" in done.stdout

@@ -116,7 +116,7 @@ def test_another_network_on_the_bus(tmp_path):
     assert seen["code"] == 1
     assert "FSN_E_BUS_IDENTITY: SubDevice 0 (ek1914)" in seen["err"]
     assert "ek1914 stands at" in seen["err"]
-    assert "network.yaml:7:5" in seen["err"]
+    assert "network.yaml:8:5" in seen["err"]
 
 
 def test_an_unplugged_subdevice_is_named(tmp_path):

@@ -254,7 +254,7 @@ def test_the_page_says_what_is_emulated_and_leaves_room() -> None:
     page = protocol_page(replace(protocol, steps=(strange,)), version="0")
     assert EMULATED_NOTE in page
     assert "MACHINE" in page
-    assert "1 of 1 steps open" in page
+    assert "1 of 1 step open" in page
     assert "a &amp; b" in page
 
 

@@ -36,6 +36,7 @@ def test_keys_of_the_document():
         "network",
         "plan_sha256",
         "result",
+        "stalled_ms",
         "statistics",
         "subdevices",
         "tool",
