@@ -45,8 +45,9 @@ Classes: docs/reference/fault-catalogue.md; a + b lets two happen together. The 
 time between images held here; nothing is sent to a bus. For --sub and --main see
 docs/howto/test-your-device.md.
 
-Exit codes: 0 nothing was wrongly accepted and the CRC collisions are as many as the CRC allows; 1
-not so, or a file has an error; 2 wrong use; 130 interrupted, with the result until then."""
+Exit codes: 0 nothing was wrongly accepted, each end did what its state table says, and collisions
+and tolerated faults are as many as the catalogue allows; 1 not so, or a file has an error; 2 wrong
+use; 130 interrupted, with the result until then."""
 
 
 def _classes(_ctx: click.Context, _param: click.Parameter, value: str) -> tuple[str, ...]:

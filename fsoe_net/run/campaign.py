@@ -60,7 +60,7 @@ class CampaignResult:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing was wrongly accepted and every rate is plausible."""
+        """Whether no end failed, every rate is plausible and not too much was tolerated."""
         return all(row.passed for row in self.classes)
 
 

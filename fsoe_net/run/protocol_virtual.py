@@ -265,7 +265,8 @@ class _Emulation:
 def _counts(row: ClassResult) -> str:
     return (
         f"{row.injected} faults: {row.detected} detected, {row.tolerated} tolerated, "
-        f"{row.collisions} CRC collisions, {row.wrongly_accepted} wrongly accepted"
+        f"{row.collisions} CRC collisions, {row.wrongly_accepted} wrongly accepted, "
+        f"{row.wrong_reactions} wrong reactions"
     )
 
 

@@ -22,14 +22,14 @@ from fsoe_net.fsoe.recording.replay import replay
 
 
 def _counts(result):
-    return result.detected, result.tolerated, result.collisions, result.wrongly_accepted
+    return result.detected, result.tolerated, result.collisions, result.failed
 
 
 @pytest.mark.parametrize("sizes", SIZES, ids=str)
 @pytest.mark.parametrize("name", DRAWN)
 def test_our_ends_withstand_every_class(name, sizes):
     result = run_trials(make_config(*sizes), name, range(400))
-    assert result.wrongly_accepted == 0, result.failures
+    assert result.failed == 0, result.failures
     assert sum(_counts(result)) == result.injected == 400
     assert sum(result.codes.values()) == result.detected
     assert result.passed
@@ -38,7 +38,7 @@ def test_our_ends_withstand_every_class(name, sizes):
     elif name == "torn_copy" and sizes == (1, 1):
         assert result.detected > 150  # the frame before differs little
     else:
-        assert result.detected > 300
+        assert result.detected >= 400 - result.most_tolerated
 
 
 @pytest.mark.parametrize("changes", [{"delay": (2, 3)}, {"app": b"\1\2\3", "cycle_ns": 250_000}])
@@ -137,10 +137,10 @@ def test_sizes_of_a_link_must_agree():
 )
 def test_what_a_device_forgot_is_found(device, name, text):
     result = run_trials(make_config(sub_factory=device), name, range(300))
-    assert result.wrongly_accepted > 50
+    assert result.failed > 50
     assert not result.passed
     assert len(result.failures) == 5
-    assert all(text in failure.reason for failure in result.failures)
+    assert all(text in failure.reason for failure in result.failures), result.failures
     assert result.failures[0].trial < result.failures[-1].trial < 300
 
 
@@ -148,7 +148,8 @@ def test_a_device_that_answers_to_any_address():
     config = make_config(sub_factory=ignores_address)
     result = run_trials(config, "addressing", range(400))
     assert 4 < result.wrongly_accepted < 30
-    assert all("does not belong" in failure.reason for failure in result.failures)
+    wanted = "Reset 6 (wrong FSoE address) is due"
+    assert all(wanted in failure.reason for failure in result.failures)
     small = shrink(Trials(config, "addressing").case(result.failures[0].trial))
     first = replay(small.lines).differences[0]
     assert first.got.startswith("2a06")
@@ -167,7 +168,7 @@ def test_a_device_that_answers_to_any_address():
 )
 def test_right_strangers_pass(factories, name):
     result = run_trials(make_config(**factories), name, range(40))
-    assert result.wrongly_accepted == 0, result.failures
+    assert result.failed == 0, result.failures
     assert result.injected == 40
 
 
@@ -192,7 +193,7 @@ def test_valid_data_which_nobody_sent():
             return self.last
 
     found = run_trials(make_config(sub_factory=Invents), "late_cycle", range(40))
-    assert "were not sent" in found.failures[0].reason
+    assert "not those of the frame accepted last" in found.failures[0].reason
     found = run_trials(make_config(sub_factory=KeepsValid), "corruption", range(40))
     assert "after the end has left state Data" in found.failures[0].reason
 

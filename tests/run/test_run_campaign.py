@@ -127,14 +127,23 @@ def test_reports(tmp_path):
     assert first["name"] == "corruption"
     assert second["kind"] == "loss + corruption"
     for row in found["classes"]:
-        total = sum(row[key] for key in ("detected", "tolerated", "collisions", "wrongly_accepted"))
+        total = sum(
+            row[key]
+            for key in (
+                "detected",
+                "tolerated",
+                "collisions",
+                "wrongly_accepted",
+                "wrong_reactions",
+            )
+        )
         assert total == row["injected"] == 200
         coded = sum(row["reset_codes"].values()) + row["detected_without_code"]
         assert coded == row["detected"]
     page = to_markdown(result)
     assert "| corruption | 200 |" in page
     assert "| el6910-drive_2 | 4 | 202 | 4 | 14 | 100 ms | 1 ms |" in page
-    assert page.endswith("passed: nothing wrongly accepted")
+    assert page.endswith("passed: nothing wrongly accepted, every reaction right")
     row = result.classes[0]
     row.exposed_collisions = row.collisions = 9
     assert "9 collisions, 0.00 expected" in to_text(result)
@@ -165,7 +174,7 @@ def test_text(fsn):
         *("latency", "mean", "max", "max", "/", "watchdog"),
     ]
     assert out.splitlines()[1].split() == ["late_cycle", *("64", "0", "64", "0", "-", "0"), *"---"]
-    assert out.endswith("passed: nothing wrongly accepted\n")
+    assert out.endswith("passed: nothing wrongly accepted, every reaction right\n")
     assert err.startswith("128 faults in ")
 
 

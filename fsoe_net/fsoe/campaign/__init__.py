@@ -4,6 +4,8 @@ channel         two ends, held images, time, injectors on the way
 faults          injectors; composable
 fault_classes   what IEC 61784-3 names, and what a relay can do wrong, as draws of injectors
 walk            clean runs, and points in them to inject at
+tables          what the state tables ask of an end, followed from its frames
+odd_main        a main that says what a sub must refuse
 judge, witness  what became of a fault; the proof that an acceptance was a CRC collision
 trials          many faults of one class; statistics
 shrink          a failing case made small

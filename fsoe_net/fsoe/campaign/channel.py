@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from fsoe_net.errors import ConfigError
+from fsoe_net.fsoe.campaign.tables import Departure, Table
 from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.instance import Instance
 from fsoe_net.fsoe.pdu import Command
@@ -95,10 +96,14 @@ class Application:
     Args:
         key: Makes the data of two runs different.
         fail_safe_share: One of so many cycles is sent as FailSafeData; 0 for none.
+        withdrawn_from: Cycle from which on nothing is enabled any more.
+        hands_off_from: Cycle from which on the enable is left as it is.
     """
 
     key: int = 0
     fail_safe_share: int = 16
+    withdrawn_from: int | None = None
+    hands_off_from: int | None = None
 
     def at(self, way: Way, cycle: int, size: int) -> tuple[bytes, bool]:
         """Return the data sent this way in this cycle, and whether ProcessData may be sent."""
@@ -109,6 +114,8 @@ class Application:
         if size > 8:
             data *= -(-size // 8)
         share = self.fail_safe_share
+        if self.withdrawn_from is not None and cycle >= self.withdrawn_from:
+            return data[:size], False
         return data[:size], not share or (x >> 8) % share != 0
 
 
@@ -149,6 +156,7 @@ class Channel:
             and to the main, at least 1 each.
         application: Where the safe data come from.
         session_ids: Sources to put back together with the ends.
+        tables: Per direction, the table its receiver has to follow; ``None`` to judge nothing.
 
     Attributes:
         cycle: Bus cycle of the next turn.
@@ -159,6 +167,7 @@ class Channel:
         base: Per direction, the chain of its receiver before the first of ``exchanges``.
         session_ids: Sources put back together with the ends.
         answered_ns: Per direction, when its receiver sent a frame last.
+        departed: Direction and first departure of its receiver from its table.
     """
 
     def __init__(
@@ -171,6 +180,7 @@ class Channel:
         delay_cycles: tuple[int, int] = (1, 1),
         application: Application | None = None,
         session_ids: Sequence[SessionIds] = (),
+        tables: tuple[Table | None, Table | None] = (None, None),
     ) -> None:
         if cycle_ns < 1 or min(delay_cycles) < 1:
             raise ConfigError("cycle and delays must be at least 1")
@@ -184,6 +194,8 @@ class Channel:
         self.base = (Chain(), Chain())
         self.answered_ns = [0, 0]
         self.session_ids = tuple(session_ids)
+        self.tables = tables
+        self.departed: tuple[Way, Departure] | None = None
         self._shown: list[bytes | None] = [None, None]
         self._in_data = [False, False]
         self._feed = tuple(_feed(end) for end in self.ends)
@@ -232,19 +244,43 @@ class Channel:
             if feed is not None:
                 back = BACK[way]
                 data, enabled = self.application.at(back, cycle, self.sizes[back])
-                feed(data, enabled and self._in_data[way])
+                self._enable(way, feed, data, enabled)
         answer = self.ends[way].step(cycle * self.cycle_ns, image)
         if answer is not None:
             if answer == self.newest(BACK[way]):
                 answer = None  # the image stays as it is; some ends hand it out in every call
             else:
                 self._put(way, image, answer)
+        table = self.tables[way]
+        if table is not None and self.departed is None:
+            self._compare(way, table, image, answer)
         if way is Way.TO_MAIN:
             self.way = Way.TO_SUB
         else:
             self.way = Way.TO_MAIN
             self.cycle = cycle + 1
         return image, answer
+
+    def _enable(
+        self, way: Way, feed: Callable[[bytes, bool | None], None], data: bytes, enabled: bool
+    ) -> None:
+        hands_off = self.application.hands_off_from
+        if hands_off is not None and self.cycle >= hands_off:
+            feed(data, None)
+            return
+        wish = enabled and self._in_data[way]
+        feed(data, wish)
+        table = self.tables[way]
+        if table is not None and hasattr(self.ends[way], "enable"):
+            table.enabled = wish
+
+    def _compare(self, way: Way, table: Table, image: bytes | None, answer: bytes | None) -> None:
+        found = table.call(self.now_ns, image, answer)
+        if found is None:
+            end = self.ends[way]
+            found = table.shows(valid=end.data_valid, data=end.received_safe_data)
+        if found is not None:
+            self.departed = way, found
 
     def _put(self, way: Way, image: bytes | None, answer: bytes) -> None:
         back = BACK[way]
@@ -284,18 +320,23 @@ class Channel:
         """Return the whole state, for `restore`; both ends must be able to fork."""
         return (
             tuple(end.snapshot() for end in self.ends),  # type: ignore[attr-defined]
-            (self.cycle, self.way, self.faults, self.base, self.application),
+            (self.cycle, self.way, self.faults, self.base, self.application, self.departed),
             [(rows, len(rows)) for rows in self.sent + self.exchanges],
             (tuple(self.answered_ns), tuple(self._shown), tuple(self._in_data)),
             tuple(source.value for source in self.session_ids),
+            [None if table is None else table.snapshot() for table in self.tables],
         )
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Go back to a `snapshot`, of this channel or of one with ends of the same kind."""
-        ends, self_state, logs, flags, ids = state
+        ends, self_state, logs, flags, ids, tables = state
         self.ends[0].restore(ends[0])  # type: ignore[attr-defined]  # can_fork
         self.ends[1].restore(ends[1])  # type: ignore[attr-defined]  # can_fork
-        self.cycle, self.way, self.faults, self.base, self.application = self_state
+        self.cycle, self.way, self.faults, self.base = self_state[:4]
+        self.application, self.departed = self_state[4:]
+        for table, known in zip(self.tables, tables, strict=True):
+            if table is not None:
+                table.restore(known)
         rows = [log[:length] for log, length in logs]
         self.sent, self.exchanges = rows[:2], rows[2:]
         answered, shown, in_data = flags
@@ -330,6 +371,9 @@ def set_sequence(channel: Channel, way: Way, number: int) -> None:
     if sender.tx_sequence != receiver.rx_sequence:
         raise ConfigError("a frame of this direction is under way")
     sender.tx_sequence = receiver.rx_sequence = number
+    to, back = channel.tables[way], channel.tables[BACK[way]]
+    if to is not None and back is not None:
+        to.rx_sequence = back.tx_sequence = number
 
 
 def short_hex(data: bytes) -> str:
@@ -345,8 +389,8 @@ def _chain(end: Peer) -> Chain:
     return end._chain
 
 
-def _feed(end: Peer) -> Callable[[bytes, bool], None] | None:
-    """Return how to hand application data to an end; a foreign one may have its own."""
+def _feed(end: Peer) -> Callable[[bytes, bool | None], None] | None:
+    """Return how to hand application data to an end; ``None`` leaves its enable as it is."""
     take = getattr(end, "set_safe_data", None)
     if take is None:
         return None
@@ -354,8 +398,9 @@ def _feed(end: Peer) -> Callable[[bytes, bool], None] | None:
         return lambda data, _enabled: take(data)
     device: Any = end
 
-    def feed(data: bytes, enabled: bool) -> None:
+    def feed(data: bytes, enabled: bool | None) -> None:
         take(data)
-        device.enable = enabled
+        if enabled is not None:
+            device.enable = enabled
 
     return feed

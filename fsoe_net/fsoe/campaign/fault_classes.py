@@ -8,17 +8,29 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
 from math import comb
 
 from fsoe_net.errors import ConfigError
-from fsoe_net.fsoe.campaign.channel import BACK, Fault, Way
-from fsoe_net.fsoe.campaign.faults import Alternate, Flip, Freeze, Late, Slip, Swap, Torn, compose
-from fsoe_net.fsoe.campaign.walk import Link, Scene, Walker, other_link
-from fsoe_net.fsoe.crc import block_crc
-from fsoe_net.fsoe.pdu import Command, frame_length
+from fsoe_net.fsoe.campaign.channel import BACK, Application, Fault, Way
+from fsoe_net.fsoe.campaign.faults import (
+    Alternate,
+    Flip,
+    Forge,
+    Freeze,
+    Late,
+    Replay,
+    Slip,
+    Swap,
+    Torn,
+    compose,
+)
+from fsoe_net.fsoe.campaign.walk import STARTUP_SHARE, Link, Scene, Walker, other_link
+from fsoe_net.fsoe.chain import reset_frame
+from fsoe_net.fsoe.crc import block_crc, frame_crcs
+from fsoe_net.fsoe.pdu import Command, assemble, frame_length, safe_data_length
 
 __all__ = [
     "CATALOGUE",
@@ -32,6 +44,7 @@ __all__ = [
 
 _DATA = (int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA))
 _CRC = 2.0**-16
+_IGNORED = 1 / 16  # half of the start-up at most: a wrong first Session reply is ignored (§11.2)
 
 
 @dataclass(slots=True, kw_only=True)  # not frozen: made a million times
@@ -44,12 +57,20 @@ class Injection:
             with the right ConnID; ``None`` when nothing is known.
         patient: Whether the watchdogs of both ends are on trial, not only the quicker one.
         miswired: Whether the main speaks to a sub that is not its own, from power-up on.
+        signed: Whether the CRCs of what is shown fit on purpose: the state tables alone judge it.
+        stays: Whether the ends are watched to the end of the fault, whatever they notice before.
+        former: Whether what is shown is right for another session id, ``chance`` apart.
+        application: What the applications do from then on; ``None`` for the usual.
     """
 
     faults: tuple[Fault, ...]
     chance: float | None = None
     patient: bool = False
     miswired: bool = False
+    signed: bool = False
+    stays: bool = False
+    former: bool = False
+    application: Application | None = None
 
 
 class Strangers:
@@ -74,6 +95,9 @@ class FaultClass:
         name: As in ``--faults``.
         kind: Communication error of IEC 61784-3 it belongs to.
         text: What happens, for people.
+        tolerable: Largest share of the cases that no end has to notice, for the reason that
+            ``docs/reference/fault-catalogue.md`` gives.
+        startup_share: Share of the points that lie in the start-up.
         make: Draws a case; ``None`` when this point has none. Its arguments: random source,
             point, other connections, number of the run.
     """
@@ -82,6 +106,8 @@ class FaultClass:
     kind: str
     text: str
     make: _Make
+    tolerable: float
+    startup_share: float = STARTUP_SHARE
 
 
 def _below(rng: random.Random, end: int) -> int:
@@ -276,10 +302,120 @@ def _make_double(
     return Injection(faults=(fault,), chance=_CRC)
 
 
+def _make_forged(
+    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+) -> Injection:
+    """One field wrong, every CRC right: what only the tables of §5 and §6 refuse."""
+    way, start, until = _span(scene, 1)
+    plain = Forge(way=way, start=start, until=until)
+    forge = _forge(rng, scene, plain)
+    if _below(rng, 2):
+        return Injection(faults=(forge,), signed=True)
+    faults = forge, _watched(scene, scene.startup_cycles + 8)  # until it is in Data again
+    return Injection(faults=faults, signed=True, stays=True)
+
+
+def _watched(scene: Scene, cycles: int) -> Fault:
+    """Return a fault that does nothing: so long the ends are watched."""
+    end = scene.channel.cycle + cycles
+    return Flip(way=scene.way, start=end, until=end, mask=0)
+
+
+def _forge(rng: random.Random, scene: Scene, plain: Forge) -> Forge:
+    due, kind = scene.frame[0], _below(rng, 10)
+    if kind < 2:
+        right = int.from_bytes(scene.frame[-2:], "little")
+        other = rng.choice((0, right ^ 1, right ^ 0x100, rng.getrandbits(16)))
+        return replace(plain, connection_id=other if other != right else right ^ 1)
+    if kind < 5:
+        others = [row for row in Command if row != due and not {due, int(row)} <= set(_DATA)]
+        return replace(plain, command=int(rng.choice(others)))
+    if kind == 5:
+        known = set(Command)
+        return replace(plain, command=rng.choice([row for row in range(256) if row not in known]))
+    if kind == 6:
+        return replace(plain, ahead=rng.choice((-1, 1, 2, 0x7FFF)))
+    if kind == 7:
+        return replace(plain, spoiled=rng.getrandbits(16) or 1)
+    if kind == 8 or scene.in_data:
+        command = rng.choice((int(Command.RESET), int(Command.SESSION)))
+        wrong = rng.choice((0, 0, 1, 0x8000))
+        return replace(plain, command=command, connection_id=0, from_start=True, spoiled=wrong)
+    return replace(plain, turned=1 << _below(rng, 8 * min(2, _data_bytes(scene.frame))))
+
+
+def _data_bytes(frame: bytes) -> int:
+    return safe_data_length(len(frame))
+
+
+def _make_former(
+    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+) -> Injection | None:
+    """The frames of a former start-up again, or six starts of a session in a row."""
+    way, start, until = _span(scene, 48)
+    back = BACK[way]
+    quiet = Freeze(way=back, start=start, until=until)
+    if _below(rng, 2):
+        frames = _starts(way, _data_bytes(scene.frame), rng)
+        replay = Replay(way=way, start=start, until=until, frames=frames)
+        return Injection(faults=(replay, quiet), signed=True, stays=True)
+    frames = scene.frames[: min(scene.index, 24)]
+    if not any(frame[0] == Command.CONNECTION for frame in frames):
+        return None
+    replay = Replay(way=way, start=start, until=until, frames=frames)
+    return Injection(faults=(replay, quiet), chance=_CRC, stays=True, former=True)
+
+
+def _starts(way: Way, size: int, rng: random.Random) -> tuple[bytes, ...]:
+    """Return frames that each make their receiver draw a new session id."""
+    if way is Way.TO_MAIN:
+        return tuple(reset_frame(code, size) for code in rng.sample(range(1, 12), 6))
+    frames = []
+    for value in rng.sample(range(1, 256), 6):
+        data = bytes((value,)) + bytes(size - 1)
+        crcs = frame_crcs(0, 0, 1, Command.SESSION, data)
+        frames.append(assemble(Command.SESSION, data, crcs, 0))
+    return tuple(frames)
+
+
+def _make_edge(
+    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+) -> Injection | None:
+    """The frame comes one cycle before the receiver's watchdog expires, then, or one after."""
+    if not scene.in_data:
+        return None
+    way, start, _ = _span(scene, 1)
+    channel = scene.channel
+    due = channel.answered_ns[way] // channel.cycle_ns + scene.watchdog_cycles
+    until = due + _below(rng, 3) - 1
+    if until <= start:
+        return None
+    return Injection(faults=(Freeze(way=way, start=start, until=until),), patient=True)
+
+
+def _make_enable(
+    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+) -> Injection | None:
+    """The applications enable nothing any more, or leave the enable alone over a Reset."""
+    if not scene.in_data:
+        return None
+    way, start, until = _span(scene, 1)
+    application = scene.channel.application
+    if _below(rng, 2):
+        gone = replace(application, withdrawn_from=start)
+        return Injection(faults=(_watched(scene, _between(rng, 5, 13)),), application=gone)
+    faults = (
+        Flip(way=way, start=start, until=until, mask=1 << 8),
+        _watched(scene, scene.startup_cycles + 8),
+    )
+    alone = replace(application, hands_off_from=start)
+    return Injection(faults=faults, stays=True, application=alone)
+
+
 def _enumerated(
     _rng: random.Random, _scene: Scene, _strangers: Strangers, _number: int
 ) -> Injection | None:
-    raise ConfigError("bit errors are counted through, not drawn")
+    raise ConfigError("cases of this class are not drawn for a point of a run")
 
 
 CATALOGUE: dict[str, FaultClass] = {
@@ -290,85 +426,143 @@ CATALOGUE: dict[str, FaultClass] = {
             kind="corruption",
             text="every pattern of fewer bits than the code's distance",
             make=_enumerated,
+            tolerable=0,
         ),
         FaultClass(
             name="corruption",
             kind="corruption",
             text="other data and CRC in a block, or any bits anywhere",
             make=_make_corruption,
+            tolerable=_IGNORED,
         ),
         FaultClass(
             name="repetition",
             kind="unintended repetition",
             text="an older frame again",
             make=_make_repetition,
+            tolerable=_IGNORED,
         ),
         FaultClass(
             name="incorrect_sequence",
             kind="incorrect sequence",
             text="a later frame first",
             make=_make_sequence,
+            tolerable=_IGNORED,
         ),
-        FaultClass(name="loss", kind="loss", text="nothing arrives for a while", make=_make_loss),
+        FaultClass(
+            name="loss",
+            kind="loss",
+            text="nothing arrives for a while",
+            make=_make_loss,
+            tolerable=_IGNORED + 1 / 8,
+        ),
         FaultClass(
             name="delay",
             kind="unacceptable delay",
             text="frames arrive too late",
             make=_make_delay,
+            tolerable=_IGNORED + 1 / 8,
         ),
         FaultClass(
             name="insertion",
             kind="insertion",
             text="a frame of another connection, ConnID mostly equal",
             make=_make_insertion,
+            tolerable=_IGNORED,
         ),
         FaultClass(
             name="masquerade",
             kind="masquerade",
             text="bytes of no FSoE end, or the own frame back",
             make=_make_masquerade,
+            tolerable=_IGNORED,
         ),
         FaultClass(
             name="addressing",
             kind="addressing",
             text="connected to another connection",
             make=_make_addressing,
+            tolerable=_IGNORED,
         ),
         FaultClass(
             name="stale_copy",
             kind="unintended repetition",
             text="the relay copies an old image",
             make=_make_stale,
+            tolerable=_IGNORED + 1 / 8,
         ),
         FaultClass(
             name="torn_copy",
             kind="corruption",
             text="the relay copies half of a new frame",
             make=_make_torn,
+            tolerable=2 * _IGNORED,
         ),
         FaultClass(
             name="crossed_copy",
             kind="addressing",
             text="the relay swaps two connections",
             make=_make_crossed,
+            tolerable=_IGNORED,
         ),
         FaultClass(
             name="offset_slip",
             kind="corruption",
             text="the relay copies from a wrong byte on",
             make=_make_slip,
+            tolerable=_IGNORED,
         ),
         FaultClass(
             name="late_cycle",
             kind="unacceptable delay",
             text="the relay copies one cycle late",
             make=_make_late,
+            tolerable=1,
         ),
         FaultClass(
             name="double_writer",
             kind="insertion",
             text="two copies write one image in turn",
             make=_make_double,
+            tolerable=_IGNORED,
+        ),
+        FaultClass(
+            name="forged",
+            kind="masquerade",
+            text="one field wrong, every CRC right",
+            make=_make_forged,
+            tolerable=1 / 4,
+            startup_share=0.75,
+        ),
+        FaultClass(
+            name="former_session",
+            kind="unintended repetition",
+            text="a former session again, many starts of one",
+            make=_make_former,
+            tolerable=_IGNORED,
+        ),
+        FaultClass(
+            name="parameters",
+            kind="addressing",
+            text="a main that tells what the sub must refuse",
+            make=_enumerated,
+            tolerable=0,
+        ),
+        FaultClass(
+            name="watchdog_edge",
+            kind="unacceptable delay",
+            text="a frame just before, at and after the watchdog",
+            make=_make_edge,
+            tolerable=1 / 3,
+            startup_share=0.0,
+        ),
+        FaultClass(
+            name="enable",
+            kind="loss",
+            text="the applications withdraw the enable or leave it alone",
+            make=_make_enable,
+            tolerable=1 / 2,
+            startup_share=0.0,
         ),
     )
 }

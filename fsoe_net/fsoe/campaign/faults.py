@@ -9,9 +9,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from fsoe_net.fsoe.campaign.channel import Channel, Fault, Way
+from fsoe_net.fsoe.campaign.channel import BACK, Channel, Fault, Way
+from fsoe_net.fsoe.campaign.witness import block_crcs
+from fsoe_net.fsoe.pdu import Pdu, assemble, decode_pdu, is_frame_length
 
-__all__ = ["Alternate", "Flip", "Freeze", "Late", "Slip", "Swap", "Torn", "compose", "shortened"]
+__all__ = [
+    "Alternate",
+    "Flip",
+    "Forge",
+    "Freeze",
+    "Late",
+    "Replay",
+    "Slip",
+    "Swap",
+    "Torn",
+    "compose",
+    "shortened",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +138,77 @@ class Slip(_Span):
         size, gap = len(image), min(abs(self.shift), len(image))
         fill = (self.beside * (-(-gap // len(self.beside))))[:gap]
         return (image + fill)[-size:] if self.shift > 0 else (fill + image)[:size]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forge(_Span):
+    """The frame is made anew with CRCs that fit it: only what is named is wrong.
+
+    Attributes:
+        command: Another command.
+        connection_id: Another ConnID.
+        turned: Bits turned in the safe data, first byte lowest.
+        ahead: Added to the sequence number.
+        spoiled: XORed to the CRC of the last block.
+        from_start: Old CRC 0 and number 1, as for a Reset or the first Session frame.
+    """
+
+    command: int | None = None
+    connection_id: int | None = None
+    turned: int = 0
+    ahead: int = 0
+    spoiled: int = 0
+    from_start: bool = False
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the frame made anew."""
+        table = channel.tables[self.way]
+        if image is None or table is None or not self._on(channel):
+            return image
+        if not is_frame_length(len(image)):
+            return image
+        right = decode_pdu(image)
+        size = len(right.safe_data)
+        data = int.from_bytes(right.safe_data, "little") ^ self.turned & ((1 << 8 * size) - 1)
+        pdu = Pdu(
+            command=right.command if self.command is None else self.command,
+            safe_data=data.to_bytes(size, "little"),
+            crcs=right.crcs,
+            connection_id=(
+                right.connection_id if self.connection_id is None else self.connection_id
+            ),
+        )
+        old, sequence = table.last, table.due_sequence(pdu)
+        if self.from_start:
+            old, sequence = 0, 1
+        sequence = (sequence - 1 + self.ahead) % 0xFFFF + 1
+        crcs = list(block_crcs(old, sequence, pdu))
+        crcs[-1] ^= self.spoiled
+        return assemble(pdu.command, pdu.safe_data, tuple(crcs), pdu.connection_id)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replay(_Span):
+    """Frames of another time, one after the other: the next one once its receiver has answered."""
+
+    frames: tuple[bytes, ...]
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the frame whose turn it is; the last one stays."""
+        if not self._on(channel):
+            return image
+        back = BACK[self.way]
+        first = self.start + channel.delay_cycles[back]
+        answers = 0
+        for visible, _ in reversed(channel.sent[back]):
+            if visible < first:
+                break
+            answers += 1
+        return self.frames[min(answers, len(self.frames) - 1)]
+
+    def next_change(self, channel: Channel) -> int | None:
+        """Return this cycle: it changes with every answer."""
+        return channel.cycle if self._on(channel) else _Span.next_change(self, channel)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

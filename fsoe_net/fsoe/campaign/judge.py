@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 from fsoe_net.fsoe.campaign.channel import Way, short_hex
 from fsoe_net.fsoe.campaign.fault_classes import Injection
+from fsoe_net.fsoe.campaign.tables import frame_text
 from fsoe_net.fsoe.campaign.walk import Scene
 from fsoe_net.fsoe.campaign.witness import Collision, Witness, collision
-from fsoe_net.fsoe.pdu import Command, decode_pdu, describe, is_frame_length
+from fsoe_net.fsoe.pdu import Command, decode_pdu
 
-__all__ = ["Finding", "Outcome", "judge"]
+__all__ = ["FAILURES", "Finding", "Outcome", "judge"]
 
 _RESET, _SESSION = int(Command.RESET), int(Command.SESSION)
 _PROCESS_DATA = int(Command.PROCESS_DATA)
 _DATA = (int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA))
 _SETTLED = 1  # right frames accepted at each end after a fault
 _MISWIRED_CYCLES = 20_000  # more than the start-up with the longest usual parameters
-_LONG = 120  # characters of a frame in a message
 _ENDS = ("sub", "main")
 
 
@@ -33,6 +33,11 @@ class Outcome(enum.Enum):
     """A wrong frame was accepted, and its CRCs fit by accident: shown by computing them."""
     WRONGLY_ACCEPTED = "wrongly_accepted"
     """A wrong frame was accepted without that excuse, or wrong or old data were valid."""
+    WRONG_REACTION = "wrong_reaction"
+    """An end did otherwise than its state table: no Reset, another code, too early, too late."""
+
+
+FAILURES = (Outcome.WRONGLY_ACCEPTED, Outcome.WRONG_REACTION)
 
 
 @dataclass(slots=True, kw_only=True)  # not frozen: made a million times
@@ -69,17 +74,26 @@ class _Run:
         self.limit = self.over + 3 * scene.watchdog_cycles + 64
         self.watchdog_ns = watchdog_ns
         self.known = [end.received_safe_data if end.data_valid else None for end in channel.ends]
+        if injection.application is not None:
+            channel.application = injection.application
+        self.injection = injection
         self.patient, self.miswired = injection.patient, injection.miswired
         if self.miswired:
             self.over = self.limit = channel.cycle + _MISWIRED_CYCLES
         self.right = [0, 0]
         self.started_ns: int | None = None
-        self.begun = self.exposed = False
+        self.begun, self.exposed = False, injection.former
         self.quiet = 0
 
     def finding(self) -> Finding:
+        stays, first = self.injection.stays, None
         while self.channel.cycle < self.limit:
             found = self._turn()
+            if stays and found is not None and found.verdict is Outcome.DETECTED:
+                first = first or found
+                found = None
+            if stays and first is not None and self.channel.cycle >= self.over:
+                return first
             if found is not None:
                 both = self.patient and found.verdict is Outcome.DETECTED
                 return self._both_ends(found) if both else found
@@ -91,7 +105,7 @@ class _Run:
         for end in ends:
             while end.data_valid and self.channel.cycle < self.limit:
                 later = self._turn()
-                if later is not None and later.verdict is Outcome.WRONGLY_ACCEPTED:
+                if later is not None and later.verdict in FAILURES:
                     return later
         return found
 
@@ -106,6 +120,15 @@ class _Run:
         )
 
     def _turn(self) -> Finding | None:
+        found = self._judged_turn()
+        departed = self.channel.departed
+        if departed is None or (found is not None and found.verdict in FAILURES):
+            return found
+        way, departure = departed
+        verdict = Outcome.WRONGLY_ACCEPTED if departure.accepted else Outcome.WRONG_REACTION
+        return self._found(verdict, reason=f"the {_ENDS[way]}: {departure.text}")
+
+    def _judged_turn(self) -> Finding | None:
         channel = self.channel
         way = channel.way
         self.turn_ns = channel.cycle * channel.cycle_ns
@@ -139,7 +162,8 @@ class _Run:
         if shown != clean:
             self.started_ns = self.turn_ns
             if not self.begun:
-                self.begun, self.exposed = True, _exposed(shown, clean, before)
+                self.begun = True
+                self.exposed = self.exposed or _exposed(shown, clean, before)
         return shown, sent
 
     def _answered(self, way: Way, shown: bytes | None, sent: bytes) -> Finding | None:
@@ -155,7 +179,7 @@ class _Run:
             return self._found(Outcome.DETECTED)
         if shown == due or (sent[0] == _SESSION and (usual_reset or way is Way.TO_SUB)):
             return self._settled(way)
-        return self._accepted(way, shown, due)
+        return None if self.injection.signed else self._accepted(way, shown, due)
 
     def _restarts(
         self, way: Way, shown: bytes | None, due: bytes | None, usual_reset: bool
@@ -176,12 +200,13 @@ class _Run:
             exchanges=channel.exchanges[way][:-1],
         )
         if witness.chain is not None and shown is not None and due is not None:
-            proof = collision(witness.chain, _ENDS[way], shown, due)
+            right = shown if self.injection.former else due
+            proof = collision(witness.chain, _ENDS[way], shown, right)
             if proof is not None:
                 found = self._found(Outcome.COLLISION)
                 found.proof = proof
                 return found
-        return self._wrong(way, f"accepted {_text(shown)} instead of {_text(due)}")
+        return self._wrong(way, f"accepted {frame_text(shown)} instead of {frame_text(due)}")
 
     def _settled(self, way: Way) -> Finding | None:
         if self.channel.cycle <= self.over:
@@ -226,15 +251,6 @@ def _exposed(shown: bytes | None, clean: bytes | None, before: bytes | None) -> 
         and clean[0] in _DATA
         and shown[-2:] == clean[-2:]
     )
-
-
-def _text(frame: bytes | None) -> str:
-    if frame is None:
-        return "nothing"
-    if not is_frame_length(len(frame)):
-        return short_hex(frame)
-    text = describe(decode_pdu(frame))
-    return text if len(text) <= _LONG else f"{text[:_LONG]}... ({len(frame)} bytes)"
 
 
 def judge(scene: Scene, injection: Injection, watchdog_ns: int) -> Finding:

@@ -118,6 +118,7 @@ class Recorder:
             delay_cycles=channel.delay_cycles,
             application=channel.application,
             session_ids=channel.session_ids,
+            tables=channel.tables,
         )
 
     def lines(self, note: str = "") -> Iterator[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from fsoe_net.fsoe.campaign.channel import Fault, Way
 from fsoe_net.fsoe.campaign.fault_classes import Injection
 from fsoe_net.fsoe.campaign.faults import Alternate, Flip, Swap, shortened
-from fsoe_net.fsoe.campaign.judge import Finding, Outcome, judge
+from fsoe_net.fsoe.campaign.judge import FAILURES, Finding, judge
 from fsoe_net.fsoe.campaign.recorder import Recorder
 from fsoe_net.fsoe.campaign.trials import Case
 from fsoe_net.fsoe.campaign.walk import Link, Scene
@@ -87,7 +87,7 @@ class _Bench:
     def fails(self, faults: tuple[Fault, ...]) -> bool:
         if not faults:
             return False
-        return self.run(faults)[0].verdict is Outcome.WRONGLY_ACCEPTED
+        return self.run(faults)[0].verdict in FAILURES
 
 
 def shrink(case: Case) -> Shrunk | None:

@@ -18,16 +18,17 @@ from fsoe_net.fsoe.campaign.channel import (
     set_sequence,
     short_hex,
 )
+from fsoe_net.fsoe.campaign.tables import MainTable, SubTable
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import Command
 from fsoe_net.fsoe.sub_instance import SubInstance
 
-__all__ = ["Link", "Scene", "Spot", "Walk", "Walker", "miswired", "other_link"]
+__all__ = ["STARTUP_SHARE", "Link", "Scene", "Spot", "Walk", "Walker", "miswired", "other_link"]
 
 _DATA_COMMANDS = frozenset({int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA)})
 _DATA_SPOTS = 96  # turns with a new frame in state Data per run
-_STARTUP_SHARE = 1 / 8  # of all points
+STARTUP_SHARE = 1 / 8  # of all points
 _VARIANTS = 8  # start-ups with different session ids
 _STARTUP_SPOTS = 96
 _KEEP = 48  # frames of the past which a walk in Data remembers
@@ -112,6 +113,10 @@ class Link:
             delay_cycles=self.delay_cycles,
             application=Application(key=seed),
             session_ids=ids,
+            tables=(
+                SubTable(self.sub, grace_ns=0 if self.sub_factory is None else self.cycle_ns),
+                MainTable(self.main, grace_ns=0 if self.main_factory is None else self.cycle_ns),
+            ),
         )
 
 
@@ -146,6 +151,7 @@ class Scene:
         frames: Frames of the run in this direction; what comes later is known of a clean run only.
         index: Where ``frame`` stands in them.
         watchdog_cycles: Watchdog in whole bus cycles, rounded up.
+        startup_cycles: Bus cycles a clean start-up takes.
     """
 
     channel: Channel
@@ -155,6 +161,7 @@ class Scene:
     frames: tuple[bytes, ...]
     index: int
     watchdog_cycles: int
+    startup_cycles: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,6 +199,7 @@ class _StartUp:
             elif spot is not None and len(self.spots) < _STARTUP_SPOTS:
                 self.spots.append(spot)
             channel.turn()
+        self.cycles = channel.cycle
         self.frames = tuple(tuple(frame for _, frame in rows) for rows in channel.sent)
         self.state = channel.snapshot() if self.fork else None
 
@@ -237,14 +245,21 @@ class Walker:
         self._startups: dict[int, _StartUp] = {}
         self._walk: tuple[int, Walk] | None = None
 
-    def scene(self, number: int, rng: random.Random, *, data_to: Way | None = None) -> Scene:
-        """Return a channel at a random point of run ``number``: one in eight in the start-up.
+    def scene(
+        self,
+        number: int,
+        rng: random.Random,
+        *,
+        data_to: Way | None = None,
+        startup_share: float = STARTUP_SHARE,
+    ) -> Scene:
+        """Return a channel at a random point of run ``number``, a share of them in the start-up.
 
         In state Data the sequence numbers stand anywhere, in every fourth run just before 65535;
         ends that are not ours begin at 1. The channel of an earlier scene is used up. With
         ``data_to`` always in state Data, before a frame of this direction.
         """
-        in_data = data_to is not None or rng.random() >= _STARTUP_SHARE
+        in_data = data_to is not None or rng.random() >= startup_share
         if not self.forks:
             return self._run_to(number, in_data, rng, data_to)
         walk = self.walk(number)
@@ -262,6 +277,7 @@ class Walker:
             frames=walk.frames[spot.way] if in_data else before,
             index=spot.sent - 1 + (len(before) if in_data else 0),
             watchdog_cycles=self._watchdog_cycles,
+            startup_cycles=self._startup(number % _VARIANTS).cycles,
         )
 
     def walk(self, number: int) -> Walk:
@@ -340,6 +356,7 @@ class Walker:
             frames=frames,
             index=spot.sent - 1,
             watchdog_cycles=self._watchdog_cycles,
+            startup_cycles=start.cycles,
         )
 
 

@@ -13,7 +13,7 @@ from fsoe_net.fsoe.chain import Chain, advance, fits_start
 from fsoe_net.fsoe.crc import block_crc
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, is_frame_length
 
-__all__ = ["Collision", "Witness", "collision"]
+__all__ = ["Collision", "Witness", "block_crcs", "collision"]
 
 _DATA_COMMANDS = frozenset({Command.PROCESS_DATA, Command.FAIL_SAFE_DATA})
 
@@ -106,16 +106,17 @@ def collision(chain: Chain, end: str, frame: bytes, right: bytes) -> Collision |
     if not same_kind or (pdu.command not in _FREE and pdu.connection_id != due.connection_id):
         return None
     sequence = chain.rx_sequence
-    crcs = _crcs(chain.last, sequence, pdu)
+    crcs = block_crcs(chain.last, sequence, pdu)
     if crcs[0] == chain.peer:  # the collision rule of §3
         sequence = advance(sequence)
-        crcs = _crcs(chain.last, sequence, pdu)
+        crcs = block_crcs(chain.last, sequence, pdu)
     if crcs != pdu.crcs:
         return None
     return Collision(end=end, frame=frame, right=right, old_crc=chain.last, sequence=sequence)
 
 
-def _crcs(old: int, sequence: int, pdu: Pdu) -> tuple[int, ...]:
+def block_crcs(old: int, sequence: int, pdu: Pdu) -> tuple[int, ...]:
+    """Return the CRCs a frame must have for this old CRC and number, from the bytes of §2."""
     data = pdu.safe_data
     return tuple(
         block_crc(old, pdu.connection_id, sequence, pdu.command, n, data[2 * n : 2 * n + 2])
