@@ -106,7 +106,7 @@ fsn_status fsn_core_sii_read(struct fsn_core *core, uint32_t subdevice,
     return status != FSN_OK ? status : fsn_acyclic_read_sii(acyclic, core->rt.bus, transfer);
 }
 
-uint8_t fsn_sii_checksum(const uint8_t bytes[SII_CHECKSUM]) {
+uint8_t fsn_eeprom_checksum(const uint8_t bytes[SII_CHECKSUM]) {
     unsigned crc = 0xFF;
     for (int i = 0; i < SII_CHECKSUM; i++) {
         crc ^= bytes[i];
@@ -135,7 +135,7 @@ fsn_status fsn_core_alias_write(struct fsn_core *core, uint32_t subdevice, uint1
     }
     head[SII_ALIAS] = (uint8_t)alias;
     head[SII_ALIAS + 1] = (uint8_t)(alias >> 8);
-    head[SII_CHECKSUM] = fsn_sii_checksum(head);
+    head[SII_CHECKSUM] = fsn_eeprom_checksum(head);
     status = acyclic->sii_write(bus, position, SII_ALIAS, alias);
     if (status == FSN_OK) {
         status = acyclic->sii_write(bus, position, SII_CHECKSUM, fsn_get16(head + SII_CHECKSUM));

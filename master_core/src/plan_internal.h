@@ -111,7 +111,7 @@ void fsn_sha256_end(struct fsn_sha256_run *run, uint8_t digest[FSN_SHA256_BYTES]
 void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_BYTES]);
 
 /** Checksum of the first seven words of an SII: CRC-8 with polynomial 0x07 from 0xFF on. */
-uint8_t fsn_sii_checksum(const uint8_t bytes[14]);
+uint8_t fsn_eeprom_checksum(const uint8_t bytes[14]);
 
 /** Takes a further hold of a plan; fsn_plan_free() lets go. */
 void fsn_plan_hold(const struct fsn_plan *plan);

@@ -124,7 +124,7 @@ static void put_pdos(struct writer *w, const struct fsn_plan *plan, uint32_t sm)
 static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bool has_mailbox) {
     esc_put16(w->bytes, 0x0005); /* PDI control */
     esc_put16(w->bytes + 8, info->position == 0 || info->alias != 0 ? info->alias : 0);
-    w->bytes[14] = fsn_sii_checksum(w->bytes);
+    w->bytes[14] = fsn_eeprom_checksum(w->bytes);
     esc_put32(w->bytes + 16, info->vendor_id);
     esc_put32(w->bytes + 20, info->product_code);
     esc_put32(w->bytes + 24, info->revision_low);
