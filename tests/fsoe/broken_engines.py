@@ -213,17 +213,6 @@ def _wraps_to_zero(sequence):
     return sequence + 1 & 0xFFFF
 
 
-def _no_collision_rule_on_receipt(self, pdu):
-    crcs = chain_module.frame_crcs(
-        self.last, pdu.connection_id, self.rx_sequence, pdu.command, pdu.safe_data
-    )
-    if crcs != pdu.crcs:
-        return False
-    self.peer = self.last = crcs[0]
-    self.rx_sequence = advance(self.rx_sequence)
-    return True
-
-
 def _reset_stays(self, code, *, by_peer=None):
     frame = _SUB_RESET(self, code, by_peer=by_peer)
     if by_peer is None:
@@ -234,11 +223,15 @@ def _reset_stays(self, code, *, by_peer=None):
 _SUB_RESET = SubInstance._reset
 
 
-def _watched_twice(kind):
-    return _stretched(kind, 2)
-
-
 BROKEN = (
+    Broken(
+        "65535 is followed by 0",
+        "corruption",
+        r"sends a wrong CRC or number",
+        chain_module,
+        "advance",
+        _wraps_to_zero,
+    ),
     Broken(
         "sub takes every CRC",
         "corruption",

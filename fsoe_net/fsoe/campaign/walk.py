@@ -293,7 +293,7 @@ class Walker:
         channel.restore(start.state or ())
         channel.application = replace(channel.application, key=rng.getrandbits(63))
         if self._own:
-            self._renumber(rng)
+            self._renumber(rng, near=number % 4 == 0)
             channel.forget(_KEEP)
         spots: list[Spot] = []
         while len(spots) < _DATA_SPOTS:
@@ -325,8 +325,7 @@ class Walker:
         self._channel = self.link.again(self._channel, self._ids[variant])
         return self._channel
 
-    def _renumber(self, rng: random.Random) -> None:
-        near = rng.randrange(4) == 0
+    def _renumber(self, rng: random.Random, *, near: bool) -> None:
         for _ in Way:
             # The end that has just answered a frame has nothing more of its direction to come.
             way = self._channel.way
