@@ -8,12 +8,8 @@ from fsoe.links import SIZES, make_config, make_link
 
 from fsoe_net.fsoe import Chain, Command, decode_pdu
 from fsoe_net.fsoe.campaign.channel import Way
-from fsoe_net.fsoe.campaign.fault_classes import (
-    Injection,
-)
-from fsoe_net.fsoe.campaign.faults import (
-    Swap,
-)
+from fsoe_net.fsoe.campaign.faults import Swap
+from fsoe_net.fsoe.campaign.injection import Injection
 from fsoe_net.fsoe.campaign.judge import Outcome, judge
 from fsoe_net.fsoe.campaign.statistics import count_interval
 from fsoe_net.fsoe.campaign.trials import run_trials

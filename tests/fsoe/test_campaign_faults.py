@@ -9,14 +9,9 @@ from fsoe.links import DRAWN, make_config, make_link
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe import Command, frame_length
+from fsoe_net.fsoe.campaign.bit_errors import bit_error, bit_error_count, code_distance
 from fsoe_net.fsoe.campaign.channel import Way
-from fsoe_net.fsoe.campaign.fault_classes import (
-    CATALOGUE,
-    Strangers,
-    bit_error,
-    bit_error_count,
-    code_distance,
-)
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.faults import (
     Alternate,
     Flip,
@@ -28,6 +23,7 @@ from fsoe_net.fsoe.campaign.faults import (
     compose,
     shortened,
 )
+from fsoe_net.fsoe.campaign.injection import Strangers
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials, trial_count
 from fsoe_net.fsoe.campaign.walk import Walker
 

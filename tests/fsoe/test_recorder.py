@@ -15,8 +15,9 @@ from fsoe.devices import (
 from fsoe.links import make_link
 
 from fsoe_net.fsoe.campaign.channel import Way
-from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE, Strangers
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.faults import Flip, Freeze, Swap
+from fsoe_net.fsoe.campaign.injection import Strangers
 from fsoe_net.fsoe.campaign.recorder import Recorder
 from fsoe_net.fsoe.campaign.shrink import shrink
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials

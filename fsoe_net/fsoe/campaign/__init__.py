@@ -2,8 +2,12 @@
 
 channel         two ends, held images, time, injectors on the way
 faults          injectors; composable
+injection       one case, and short ways to draw one
 fault_classes   what IEC 61784-3 names, and what a relay can do wrong, as draws of injectors
+beyond_crc      draws of cases that no CRC hides
+bit_errors      every bit error of few bits, by number
 walk            clean runs, and points in them to inject at
+departure       what is due by a state table, and where an end does otherwise
 tables          what the state tables ask of an end, followed from its frames
 odd_main        a main that says what a sub must refuse
 judge, witness  what became of a fault; the proof that an acceptance was a CRC collision
@@ -12,8 +16,9 @@ shrink          a failing case made small
 recorder        a run as a recording
 """
 
+from fsoe_net.fsoe.campaign.bit_errors import code_distance
 from fsoe_net.fsoe.campaign.channel import Channel, Peer, SessionIds, Way
-from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE, code_distance
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.faults import (
     Alternate,
     Flip,

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from fsoe_net.errors import ConfigError
-from fsoe_net.fsoe.campaign.tables import Departure, Table
+from fsoe_net.fsoe.campaign.departure import Departure
+from fsoe_net.fsoe.campaign.tables import Table
 from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.instance import Instance
 from fsoe_net.fsoe.pdu import Command

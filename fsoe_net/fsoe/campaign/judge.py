@@ -6,8 +6,8 @@ import enum
 from dataclasses import dataclass
 
 from fsoe_net.fsoe.campaign.channel import Way, short_hex
-from fsoe_net.fsoe.campaign.fault_classes import Injection
-from fsoe_net.fsoe.campaign.tables import frame_text
+from fsoe_net.fsoe.campaign.departure import frame_text
+from fsoe_net.fsoe.campaign.injection import Injection
 from fsoe_net.fsoe.campaign.walk import Scene
 from fsoe_net.fsoe.campaign.witness import Collision, Witness, collision
 from fsoe_net.fsoe.pdu import Command, decode_pdu

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from fsoe_net.fsoe.campaign.channel import Fault, Way
-from fsoe_net.fsoe.campaign.fault_classes import Injection
 from fsoe_net.fsoe.campaign.faults import Alternate, Flip, Swap, shortened
+from fsoe_net.fsoe.campaign.injection import Injection
 from fsoe_net.fsoe.campaign.judge import FAILURES, Finding, judge
 from fsoe_net.fsoe.campaign.recorder import Recorder
 from fsoe_net.fsoe.campaign.trials import Case

@@ -7,9 +7,9 @@ an error there is not repeated here. A table sees each call of an end and says w
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Any
 
+from fsoe_net.fsoe.campaign.departure import Departure, Due, frame_text
 from fsoe_net.fsoe.campaign.witness import block_crcs
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.event import State
@@ -19,11 +19,10 @@ from fsoe_net.fsoe.pdu import (
     decode_pdu,
     describe,
     frame_length,
-    is_frame_length,
     reset_code_text,
 )
 
-__all__ = ["Departure", "MainTable", "SubTable", "Table", "frame_text"]
+__all__ = ["MainTable", "SubTable", "Table"]
 
 _RESET, _SESSION = int(Command.RESET), int(Command.SESSION)
 _CONNECTION, _PARAMETER = int(Command.CONNECTION), int(Command.PARAMETER)
@@ -39,49 +38,10 @@ _COMMANDS = {
 _ID_BYTES, _CONNECTION_BYTES, _COMM_BYTES = 2, 4, 6
 _SAME_IDS = {1: 5, 2: 3}  # sessions in a row with one id, by its bytes: by chance once in 2^32
 _OWN_CODES = (9, 11, *range(0x80, 0x100))  # a device may refuse parameters for its own reasons
-_LONG = 120  # characters of a frame in a message
 
 
-def frame_text(frame: bytes | None) -> str:
-    """Return a frame for a message, a long one cut."""
-    if frame is None:
-        return "nothing"
-    text = describe(decode_pdu(frame)) if is_frame_length(len(frame)) else frame.hex()
-    return text if len(text) <= _LONG else f"{text[:_LONG]}... ({len(frame)} bytes)"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Departure:
-    """Where an end does otherwise than its table.
-
-    Attributes:
-        text: What it did, and what was due.
-        accepted: Whether it went on with a frame that it must refuse.
-    """
-
-    text: str
-    accepted: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class _Due:
-    """What an end has to do in a call.
-
-    Attributes:
-        codes: Codes of the Reset that is due; empty when it has to go on.
-        commands: Commands it goes on with; empty when a Reset or nothing is due.
-        data: First safe data of that frame, where they are known.
-        may: Codes with which it may refuse instead of going on.
-    """
-
-    codes: tuple[int, ...] = ()
-    commands: tuple[int, ...] = ()
-    data: bytes = b""
-    may: tuple[int, ...] = ()
-
-
-_NOTHING = _Due()
-_NEW_SESSION = _Due((), (_SESSION,))
+_NOTHING = Due()
+_NEW_SESSION = Due((), (_SESSION,))
 
 
 def _next(sequence: int) -> int:
@@ -201,10 +161,10 @@ class Table:
             return Departure(text="valid data are not those of the frame accepted last")
         return None
 
-    def _due(self, now_ns: int, received: bytes | None, sent: bytes | None) -> _Due:
+    def _due(self, now_ns: int, received: bytes | None, sent: bytes | None) -> Due:
         raise NotImplementedError
 
-    def _was_sent(self, now_ns: int, due: _Due, before: bytes | None) -> None:
+    def _was_sent(self, now_ns: int, due: Due, before: bytes | None) -> None:
         """Start the watchdog where the table does."""
 
     def _expired(self, now_ns: int, sent: bytes | None) -> bool:
@@ -229,19 +189,19 @@ class Table:
         if self.enabled is not None:
             self.enabled = False
 
-    def _fall(self, *codes: int) -> _Due:
+    def _fall(self, *codes: int) -> Due:
         """Into state Reset."""
         self.clear()
         self._fail_safe()
         self.state, self.connection_id = State.RESET, 0
-        return _Due(codes)
+        return Due(codes)
 
     def _take(self, pdu: Pdu) -> None:
         self.valid = pdu.command == _PROCESS_DATA
         self.data = pdu.safe_data if self.valid else bytes(self.receives)
 
     def _compare(
-        self, due: _Due, received: bytes | None, sent: Pdu | None, before: bytes | None
+        self, due: Due, received: bytes | None, sent: Pdu | None, before: bytes | None
     ) -> Departure | None:
         if due.commands:
             return self._went_on(due, received, sent)
@@ -272,7 +232,7 @@ class Table:
             return Departure(text=f"sends a Reset with another CRC or ConnID: {describe(sent)}")
         return None
 
-    def _went_on(self, due: _Due, received: bytes | None, sent: Pdu | None) -> Departure | None:
+    def _went_on(self, due: Due, received: bytes | None, sent: Pdu | None) -> Departure | None:
         names = " or ".join(Command(command).name for command in due.commands)
         after = f"{names} is due after {frame_text(received)}"
         if sent is None:
@@ -320,7 +280,7 @@ class MainTable(Table):
         self.payload = self.chunk = b""
         self.told_bytes = 0
 
-    def _due(self, now_ns: int, received: bytes | None, sent: bytes | None) -> _Due:
+    def _due(self, now_ns: int, received: bytes | None, sent: bytes | None) -> Due:
         if self.first:  # row 1
             self.first = False
             return self._fall(0)
@@ -334,10 +294,10 @@ class MainTable(Table):
                 self._fail_safe()
             return self._new_session()
         if self.state is State.RESET:
-            return _Due((0,))  # row 5.1
+            return Due((0,))  # row 5.1
         return self._on_frame(pdu)
 
-    def _on_frame(self, pdu: Pdu) -> _Due:
+    def _on_frame(self, pdu: Pdu) -> Due:
         if pdu.command not in _KNOWN:
             return self._fall(2)  # row 7
         if pdu.command not in _COMMANDS[self.state]:
@@ -354,10 +314,10 @@ class MainTable(Table):
             return self._fall(4)  # row 12
         return self._on_right(pdu)
 
-    def _on_right(self, pdu: Pdu) -> _Due:
+    def _on_right(self, pdu: Pdu) -> Due:
         if self.state is State.DATA:  # rows 19, 20
             self._take(pdu)
-            return _Due((), _DATA)
+            return Due((), _DATA)
         if self.told_bytes < len(self.payload):  # rows 13, 15, 17
             return self._tell()
         config = self.config
@@ -370,24 +330,24 @@ class MainTable(Table):
             self.payload = struct.pack("<HHH", 2, config.watchdog_ms, len(app)) + app
         else:  # row 18
             self.state = State.DATA
-            return _Due((), _DATA)
+            return Due((), _DATA)
         self.told_bytes = 0
         return self._tell()
 
-    def _tell(self) -> _Due:
+    def _tell(self) -> Due:
         at = self.told_bytes
         self.told_bytes += self.chunk_bytes
         self.chunk = self.payload[at : self.told_bytes]
         known = b"" if self.state is State.SESSION else self.chunk
-        return _Due((), _COMMANDS[self.state], known)
+        return Due((), _COMMANDS[self.state], known)
 
-    def _new_session(self) -> _Due:
+    def _new_session(self) -> Due:
         self.clear()
         self.state, self.connection_id = State.SESSION, 0
         self.payload, self.told_bytes, self.fresh = bytes(_ID_BYTES), self.chunk_bytes, True
         return _NEW_SESSION
 
-    def _went_on(self, due: _Due, received: bytes | None, sent: Pdu | None) -> Departure | None:
+    def _went_on(self, due: Due, received: bytes | None, sent: Pdu | None) -> Departure | None:
         if sent is None and due is _NEW_SESSION and self.sent and self.sent[0] == _SESSION:
             sent = decode_pdu(self.sent)  # by accident the same id: the image does not change
         found = super()._went_on(due, received, sent)
@@ -395,7 +355,7 @@ class MainTable(Table):
             self.chunk = sent.safe_data[: self.chunk_bytes]
         return found
 
-    def _was_sent(self, now_ns: int, due: _Due, before: bytes | None) -> None:
+    def _was_sent(self, now_ns: int, due: Due, before: bytes | None) -> None:
         repeated = self.state is State.RESET and due.codes == (0,) and before is not None
         if not repeated:  # §8: every frame sent, except the repeated Reset
             self.start_ns = now_ns
@@ -415,11 +375,11 @@ class SubTable(Table):
         self.told = b""
         self.told_watchdog_ns = 0
 
-    def _fall(self, *codes: int) -> _Due:
+    def _fall(self, *codes: int) -> Due:
         self.start_ns = None
         return super()._fall(*codes)
 
-    def _due(self, now_ns: int, received: bytes | None, sent: bytes | None) -> _Due:
+    def _due(self, now_ns: int, received: bytes | None, sent: bytes | None) -> Due:
         if self._expired(now_ns, sent):
             return self._fall(5)  # row 2
         pdu = self._new(received)
@@ -439,9 +399,9 @@ class SubTable(Table):
             return self._echo(pdu)
         self._take(pdu)  # rows 22, 23
         self.start_ns = now_ns
-        return _Due((), _DATA)
+        return Due((), _DATA)
 
-    def _session(self, pdu: Pdu) -> _Due:
+    def _session(self, pdu: Pdu) -> Due:
         inside = self.state is State.SESSION
         if inside and self.id_bytes < _ID_BYTES and self._receive(pdu):  # row 8
             self.id_bytes += self.chunk_bytes
@@ -515,12 +475,12 @@ class SubTable(Table):
             return (10,) if not self.grace_ns else (10, 1)  # §14 item 4
         return (9,) if watchdog_ms == 0 else ()
 
-    def _echo(self, pdu: Pdu) -> _Due:
+    def _echo(self, pdu: Pdu) -> Due:
         chunk = pdu.safe_data[: self.chunk_bytes]
         if self.state is State.PARAMETER and not self.told:
             chunk = chunk[: _COMM_BYTES + self.config.app_parameter_bytes]
         self.told += chunk
-        return _Due((), (pdu.command,), chunk, self._early() if self.grace_ns else ())
+        return Due((), (pdu.command,), chunk, self._early() if self.grace_ns else ())
 
     def _early(self) -> tuple[int, ...]:
         """§14 item 4: an end may refuse what it is told at once; and parameters of its own."""

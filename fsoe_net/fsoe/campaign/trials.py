@@ -13,16 +13,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.errors import ConfigError
+from fsoe_net.fsoe.campaign.bit_errors import bit_error, bit_error_count
 from fsoe_net.fsoe.campaign.channel import Channel, Way
-from fsoe_net.fsoe.campaign.fault_classes import (
-    CATALOGUE,
-    FaultClass,
-    Injection,
-    Strangers,
-    bit_error,
-    bit_error_count,
-)
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE, FaultClass
 from fsoe_net.fsoe.campaign.faults import Flip
+from fsoe_net.fsoe.campaign.injection import Injection, Strangers
 from fsoe_net.fsoe.campaign.judge import FAILURES, Finding, Outcome, judge
 from fsoe_net.fsoe.campaign.odd_main import OddMain
 from fsoe_net.fsoe.campaign.statistics import count_interval
