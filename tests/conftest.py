@@ -1,6 +1,13 @@
 """Shared settings: correctness tests have no time limits; a loaded machine is no failure."""
 
+import signal
+
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("fsn", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("fsn")
+
+# A shell starts background jobs with SIGINT ignored, and the programs of tests would inherit it:
+# those that a test ends by Ctrl-C would never end.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -58,14 +58,16 @@ def fsn(network, capture):
     from run.live_rig import FSN, Emulator
 
     emulator = Emulator(network)
-    done = subprocess.run(
-        [*FSN, "run", network, "--interface", "near", "--wait", "30", "--duration", "3"],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE_S,
-    )
-    emulator.end()
+    try:
+        done = subprocess.run(
+            [*FSN, "run", network, "--interface", "near", "--wait", "30", "--duration", "3"],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=PATIENCE_S,
+        )
+    finally:
+        emulator.end()
     return done.stdout[-2000:] + done.stderr[-2000:]
 
 

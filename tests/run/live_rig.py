@@ -59,7 +59,7 @@ class Emulator:
         sys.exit("the emulator has ended")
 
     def end(self):
-        self._process.send_signal(signal.SIGINT)
+        self._process.send_signal(signal.SIGTERM)  # SIGINT may be ignored here
         self._process.communicate()
 
 
