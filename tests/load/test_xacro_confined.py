@@ -230,7 +230,7 @@ PAYLOADS: dict[str, tuple[str, Callable[[World], bool]]] = {
         _called,
     ),
     # processes
-    "shell": ("os.system('touch ' + AWAY + '/new')", _new_file),
+    "shell": ("os.system('/bin/touch ' + AWAY + '/new')", _new_file),
     "subprocess": ("subprocess.run(['/bin/touch', AWAY + '/new'])", _new_file),
     "spawn": (
         "os.waitpid(os.posix_spawn('/bin/touch', ['touch', AWAY + '/new'], {}), 0)",
