@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -51,3 +52,11 @@ def test_texts_reach_the_terminal_through_one_function():
     """`click.echo` prints what it is given; two writers make each part printable themselves."""
     users = {p.name for p in MODULES if re.search(r"click\.(echo|secho)\(", p.read_text("utf-8"))}
     assert users == {"terminal.py", "output.py", "decode_output.py"}
+
+
+def test_the_settings_for_an_editor_name_files_that_are_there():
+    settings_ = json.loads((ROOT / ".vscode" / "settings.json").read_text("utf-8"))
+    for schema, patterns in settings_["yaml.schemas"].items():
+        assert (ROOT / schema).is_file()
+        for pattern in [patterns] if isinstance(patterns, str) else patterns:
+            assert pattern.startswith("**/") or any(ROOT.glob(pattern)), pattern

@@ -148,11 +148,3 @@ def test_values_of_sdos_have_the_range_of_their_type(value: int, word: str):
     bits = int(word.rpartition("t")[2])
     low, high = (0, 2**bits) if word[0] == "u" else (-(2 ** (bits - 1)), 2 ** (bits - 1))
     assert _validator("slave").is_valid(document) == (low <= value < high)
-
-
-def test_the_settings_for_an_editor_name_files_that_are_there():
-    settings_ = json.loads((ROOT / ".vscode" / "settings.json").read_text("utf-8"))
-    for schema, patterns in settings_["yaml.schemas"].items():
-        assert (ROOT / schema).is_file()
-        for pattern in [patterns] if isinstance(patterns, str) else patterns:
-            assert pattern.startswith("**/") or any(ROOT.glob(pattern)), pattern
