@@ -77,7 +77,7 @@ def test_the_scenario_examples_are_valid(name: str):
 
 def test_fault_catalogue_names_every_class():
     named = re.findall(r"^\| `(\w+)` \|", page("fault-catalogue.md"), re.M)
-    assert named == list(CATALOGUE)
+    assert list(dict.fromkeys(named)) == list(CATALOGUE)  # some stand in a second table too
 
 
 def test_every_key_of_a_campaign_is_documented():
