@@ -134,13 +134,13 @@ def command(
     )
     where = interface if redundant is None else f"{interface} and {redundant}, a ring"
     size = counted(session.segment.size, "SubDevice")
-    told = f"EMULATION of {size} on {where}; Ctrl-C ends it"
+    banner = f"EMULATION of {size} on {where}; Ctrl-C ends it"
     result = serve(
         session,
         link,
         duration_ns,
         on_step=CommandLines(_STDIN) if commands else None,
-        on_link=lambda: echo(told, err=True),
+        on_link=lambda: echo(banner, err=True),
         stop=stop_on(ENDS_OR_HANGS_UP),
     )
     if fmt == "json":
