@@ -1,8 +1,12 @@
-"""Shared settings: correctness tests have no time limits; a loaded machine is no failure."""
+"""Shared settings: correctness tests have no time limits; a loaded machine is no failure.
+
+What hangs is ended by the time-out of the suite (``pyproject.toml``), with what it was doing.
+"""
 
 import signal
 
 from hypothesis import HealthCheck, settings
+from stuck import pytest_configure, pytest_timeout_set_timer  # noqa: F401 - hooks
 
 settings.register_profile("fsn", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("fsn")
