@@ -34,7 +34,7 @@ else()
 endif()
 if(soem_use)
   set(soem_backend src/backends/soem)
-  add_library(fsn_soem STATIC ${soem_backend}/soem.c ${soem_backend}/acyclic.c ${soem_backend}/find.c
+  add_library(fsn_soem ${fsn_kind} ${soem_backend}/soem.c ${soem_backend}/acyclic.c ${soem_backend}/find.c
     ${soem_backend}/configure.c ${soem_backend}/pdo.c ${soem_backend}/sii.c
     ${soem_backend}/tend.c)
   if(TARGET soem_objects)

@@ -1,0 +1,60 @@
+"""Mutants of the C core: one file compiled, one shared library linked, the tests that reach it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .c_build import Build, Slot
+from .c_reach import Reach
+from .c_syntax import changes
+from .common import INVALID, KILLED, SURVIVED, Mutant, changed_lines
+
+CORE = "master_core/src"
+_LOADER = ["plan", "plan_prove_copies", "plan_prove_layout", "fingerprint", "sha256", "activate"]
+PARTS = dict.fromkeys(("rt", "plan-loader", "core", "control", "live", "segment", "scan"), CORE)
+
+
+def sources(part: str, root: Path) -> list[str]:
+    """Return the C files of a part, relative to the root of the project."""
+    folder = root / CORE
+    if part == "plan-loader":
+        found = [folder / f"{name}.c" for name in _LOADER]
+    elif part == "core":
+        found = [p for p in folder.glob("*.c") if p.stem not in _LOADER]
+        found.append(folder / "backends/emulated.c")
+    else:
+        found = list((folder / part).glob("*.c"))
+    return sorted(str(path.relative_to(root)) for path in found)
+
+
+def mutants(part: str, root: Path) -> list[Mutant]:
+    """Return every mutant of a part, in the order of files and places."""
+    found = []
+    for path in sources(part, root):
+        source = (root / path).read_bytes()
+        for change in changes(source):
+            changed = source[: change.start] + change.text.encode() + source[change.end :]
+            line, before, after = changed_lines(source.decode(), changed.decode())
+            found.append(Mutant(path, line, change.operator, before, after, changed.decode()))
+    return found
+
+
+class Runner:
+    """Tries mutants one after the other, in a folder of its own beside the shared build."""
+
+    def __init__(self, part: str, work: Path, root: Path) -> None:
+        self._build = Build(root.resolve() / "build/mutation/c", root)
+        self._reach = Reach(part, self._build)
+        self._slot = Slot(work.resolve())
+
+    def run(self, mutant: Mutant) -> str:
+        """Return "killed", "survived", or "invalid" for what compiles to the same or not at all."""
+        self._slot.clear()
+        if not self._build.compile(mutant.path, mutant.source, self._slot):
+            return INVALID
+        trials = self._reach.tests(mutant.path, mutant.line)
+        return SURVIVED if all(trial.passes(self._slot) for trial in trials) else KILLED
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        self._slot.clear()
