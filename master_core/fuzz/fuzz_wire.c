@@ -16,31 +16,44 @@ uint64_t fuzz_reached;
 enum { MOST = 1600, OLD = 8, STEPS = 64 };
 
 struct rig {
-    struct fsn_plan *plan;
     struct fsn_frames frames;
     int far;
     uint8_t old[OLD][MOST]; /**< frames as sent, by cycle modulo OLD */
     size_t len_bytes;
-    uint32_t given; /**< replies to this cycle's frame since it was sent */
+    uint8_t marks[STEPS][FSN_WIRE_MARK_BYTES]; /**< of the packets given in */
+    uint32_t given;
 };
 
-static struct rig *make_rig(void) {
-    static struct rig rig;
-    if (rig.plan != NULL) {
-        return &rig;
+static const struct fsn_plan *the_plan(void) {
+    static struct fsn_plan *plan;
+    if (plan == NULL) {
+        size_t len;
+        uint8_t *bytes = build_estop(&len);
+        CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+        free(bytes);
     }
-    size_t len;
-    uint8_t *bytes = build_estop(&len);
-    CHECK(fsn_plan_load(bytes, len, &rig.plan, NULL) == FSN_OK);
-    free(bytes);
-    CHECK(fsn_frames_create(rig.plan, 0x1001, &rig.frames) == FSN_OK);
+    return plan;
+}
+
+/** Every input begins anew: what it finds is repeated by that input alone. */
+static struct rig *make_rig(void) {
+    struct rig *rig = calloc(1, sizeof *rig);
+    CHECK(rig != NULL);
+    CHECK(fsn_frames_create(the_plan(), 0x1001, &rig->frames) == FSN_OK);
     int pair[2];
     CHECK(socketpair(AF_UNIX, SOCK_SEQPACKET, 0, pair) == 0);
-    rig.frames.wire.sockets[0] = pair[0];
-    rig.far = pair[1];
-    rig.frames.wire.run = 0x46534E31;
-    rig.frames.wire.dc_every = 2;
-    return &rig;
+    rig->frames.wire.sockets[0] = pair[0];
+    rig->far = pair[1];
+    rig->frames.wire.run = 0x46534E31;
+    rig->frames.wire.dc_every = 2;
+    return rig;
+}
+
+static void free_rig(struct rig *rig) {
+    close(rig->frames.wire.sockets[0]);
+    close(rig->far);
+    fsn_frames_free(&rig->frames);
+    free(rig);
 }
 
 static void send_cycle(struct rig *rig) {
@@ -48,13 +61,24 @@ static void send_cycle(struct rig *rig) {
     uint8_t *frame = rig->old[rig->frames.wire.cycle % OLD];
     const ssize_t got = recv(rig->far, frame, MOST, MSG_DONTWAIT);
     rig->len_bytes = got > 0 ? (size_t)got : 0;
-    rig->given = 0;
 }
 
 static void give(struct rig *rig, const uint8_t *packet, size_t len_bytes) {
-    if (len_bytes > 0) {
-        (void)!send(rig->far, packet, len_bytes, MSG_DONTWAIT);
+    if (len_bytes > 0 && send(rig->far, packet, len_bytes, MSG_DONTWAIT) > 0 &&
+        len_bytes >= FSN_WIRE_MARK + FSN_WIRE_MARK_BYTES) {
+        memcpy(rig->marks[rig->given++], packet + FSN_WIRE_MARK, FSN_WIRE_MARK_BYTES);
     }
+}
+
+/** Whether a packet named this run and this cycle: damage may make one of an older frame. */
+static bool named(const struct rig *rig) {
+    const uint8_t *sent = rig->frames.wire.frames[0].sent + FSN_WIRE_MARK;
+    for (uint32_t i = 0; i < rig->given; i++) {
+        if (memcmp(rig->marks[i], sent, FSN_WIRE_MARK_BYTES) == 0) {
+            return true;
+        }
+    }
+    return false;
 }
 
 /** A frame of this cycle, or of `back` cycles ago, with some bytes changed. */
@@ -63,12 +87,12 @@ static void answer(struct rig *rig, struct input *in, uint32_t back) {
     memcpy(reply, rig->old[(rig->frames.wire.cycle - back) % OLD], MOST);
     size_t len = rig->len_bytes;
     for (unsigned n = input_byte(in) % 8; n > 0 && len > 0; n--) {
-        reply[input_word(in) % len] = input_byte(in);
+        const size_t at = input_word(in) % len;
+        reply[at] = input_byte(in);
     }
     if (input_byte(in) > 240) {
         len = input_word(in) % MOST;
     }
-    rig->given += back == 0;
     give(rig, reply, len);
 }
 
@@ -91,7 +115,7 @@ static void receive(struct rig *rig) {
     memcpy(before, f->bytes, f->image.bytes);
     fsn_wire_receive(&rig->frames.wire, &input);
     const struct fsn_wire_frame *frame = &f->wire.frames[0];
-    CHECK(rig->given > 0 || !frame->back[0]); /* nothing of this cycle was given back */
+    CHECK(named(rig) || !frame->back[0]); /* no reply but one to the frame of this cycle */
     CHECK(input.lost_frames == (f->wire.cycle != 0 && !frame->back[0]));
     for (uint32_t i = 0; i < frame->input_count; i++) {
         const struct fsn_wire_input *in = &f->wire.inputs[i];
@@ -134,5 +158,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         }
     }
     receive(rig);
+    free_rig(rig);
     return 0;
 }
