@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 MODULES = sorted((ROOT / "fsoe_net").rglob("*.py"))
 
@@ -60,3 +62,23 @@ def test_the_settings_for_an_editor_name_files_that_are_there():
         assert (ROOT / schema).is_file()
         for pattern in [patterns] if isinstance(patterns, str) else patterns:
             assert pattern.startswith("**/") or any(ROOT.glob(pattern)), pattern
+
+
+@pytest.mark.parametrize("kind", ["BOOL", "CHAR", "SHORT", "INT", "LLONG"])
+def test_the_cyclic_path_is_not_compiled_where_an_atomic_takes_a_lock(kind, tmp_path):
+    core = ROOT / "master_core" / "src"
+    for path in (core / "rt").glob("*.[ch]"):
+        assert "stdatomic.h" not in path.read_text("utf-8") or path.name == "atomics.h"
+    words = ["cc", "-std=c11", "-fsyntax-only", f"-I{core}", f"-I{core.parent / 'include'}"]
+    machine = tmp_path / "machine.h"
+    for lock_free in (2, 1):
+        name = f"ATOMIC_{kind}_LOCK_FREE"
+        machine.write_text(f"#include <stdatomic.h>\n#undef {name}\n#define {name} {lock_free}\n")
+        done = subprocess.run(
+            [*words, "-include", str(machine), str(core / "rt" / "wire.c")],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode == 0) is (lock_free == 2), done.stderr
+    assert " is lock-free" in done.stderr

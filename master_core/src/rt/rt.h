@@ -3,10 +3,10 @@
 #ifndef FSN_RT_H
 #define FSN_RT_H
 
-#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "atomics.h"
 #include "fsn/core.h"
 
 enum {

@@ -12,10 +12,10 @@
 #ifndef FSN_WIRE_H
 #define FSN_WIRE_H
 
-#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "atomics.h"
 #include "fsn/bus.h"
 
 enum {

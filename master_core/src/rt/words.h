@@ -3,10 +3,11 @@
 #ifndef FSN_WORDS_H
 #define FSN_WORDS_H
 
-#include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+
+#include "atomics.h"
 
 /** Words that hold so many bytes. */
 static inline size_t fsn_words_of(size_t len_bytes) {
