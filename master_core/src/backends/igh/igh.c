@@ -1,6 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "igh.h"
+#include "touched.h"
 
 #include <errno.h>
 #include <stdarg.h>
@@ -150,8 +151,8 @@ static fsn_status make_areas(struct fsn_igh *bus) {
         return status;
     }
     const uint32_t sms = fsn_plan_sm_count(bus->plan);
-    bus->bytes = calloc((size_t)bus->image.bytes + 1, 1);
-    bus->areas = calloc((size_t)sms + 1, sizeof *bus->areas);
+    bus->bytes = fsn_touched((size_t)bus->image.bytes + 1, 1);
+    bus->areas = fsn_touched((size_t)sms + 1, sizeof *bus->areas);
     if (bus->bytes == NULL || bus->areas == NULL) {
         return FSN_E_NOMEM;
     }
