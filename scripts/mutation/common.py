@@ -31,7 +31,7 @@ CHANCE = 0.001
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of one file; `before` and `after` are the changed lines, `source` the whole file."""
+    """One change of one file; `before`, `after`: the changed lines, `source`: the whole file."""
 
     path: str
     line: int

@@ -1,0 +1,282 @@
+"""Mutants of the Python package: which there are, and which tests can notice one.
+
+A mutant is a fork of a server that has pytest in memory (`server.py`). It runs the tests that ran
+the changed line, the fast ones first; a line that no test runs is a survivor at once. What each
+test runs is measured once and kept in build/mutation/covered until a source or test changes.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+from mutation.common import (
+    INVALID,
+    KILLED,
+    SURVIVED,
+    Mutant,
+    changed_lines,
+    left_out,
+)
+
+PACKAGE = "fsoe_net"
+# What a server answers where only a new import puts a mutant in place.
+NOT_HERE = 125
+# Where the tests of a part are. Those that run in real time are not here: they take too long and
+# notice little of what these parts do.
+PARTS: dict[str, tuple[str, ...]] = {
+    "rules": ("rules", "diagnostics", "timing", "plan", "model"),
+    "plan": ("plan", "core/test_core_plan.py", "cli/test_fingerprint.py", "diagnostics"),
+    "fsoe": ("fsoe",),
+    "timing": ("timing", "diagnostics", "cli/test_timing.py"),
+    "load": ("load", "diagnostics"),
+    "model": ("model", "diagnostics", "rules", "cli/test_init.py"),
+    "save": ("save", "cli/test_convert.py", "cli/test_write.py"),
+    "report": ("report", "cli/test_report.py", "cli/test_report_protocol.py", "cli/test_diff.py"),
+    "run": ("run/test_run.py", "run/test_protocol.py", "run/test_protocol_file.py",
+            "run/test_virtual.py", "run/test_fit.py", "run/test_scan_files.py"),
+    "cli": ("cli",),
+    "observe": ("observe", "incidents"),
+}  # fmt: skip
+PRAGMA = re.compile(r"# pragma: no cover")
+
+
+def mutants(part: str, root: Path) -> list[Mutant]:
+    """Return all mutants of a part."""
+    from mutation.operators import changes
+
+    out = []
+    for file in sorted((root / PACKAGE / part).rglob("*.py")):
+        source = file.read_text("utf-8")
+        lines = source.splitlines()
+        excluded = _excluded(source)
+        for operator, changed in changes(source):
+            number, before, after = changed_lines(source, changed)
+            span = range(number, number + before.count("\n") + 1)
+            if excluded.isdisjoint(span) and not any(left_out(lines[n - 1]) for n in span):
+                path = str(file.relative_to(root))
+                out.append(Mutant(path, number, operator, before, after, changed))
+    return out
+
+
+def _statements(source: str) -> list[tuple[int, int, ast.stmt, ast.AST | None]]:
+    """Return first and last line of each statement's own text, the statement, its function."""
+    out = []
+
+    def walk(node: ast.AST, function: ast.AST | None) -> None:
+        for child in ast.iter_child_nodes(node):
+            inner = function
+            if isinstance(child, ast.stmt):
+                decorators = getattr(child, "decorator_list", [])
+                first = min([child.lineno, *(d.lineno for d in decorators)])
+                body = getattr(child, "body", None)
+                last = max(first, body[0].lineno - 1) if body else child.end_lineno
+                out.append((first, last, child, function))
+                if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef):
+                    inner = child
+            walk(child, inner)
+
+    walk(ast.parse(source), None)
+    return sorted(out, key=lambda s: (s[1] - s[0], s[0]))
+
+
+def _excluded(source: str) -> set[int]:
+    """Return the lines that no test can reach, as coverage knows them."""
+    marked = {i for i, x in enumerate(source.splitlines(), 1) if PRAGMA.search(x)}
+    out = set(marked)
+    for first, last, statement, _ in _statements(source):
+        if any(first <= n <= last for n in marked):
+            out |= set(range(first, statement.end_lineno + 1))
+    return out
+
+
+@dataclass
+class Covered:
+    """Which tests run which lines, and how long each takes."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    lines: dict[str, dict[int, set[str]]] = field(
+        default_factory=lambda: defaultdict(lambda: defaultdict(set))
+    )
+
+    def add(self, document: dict) -> None:
+        """Take in what one measurement found; what failed without a mutant is no measure."""
+        names, failed = document["tests"], set(document["failed"])
+        self.seconds |= dict(zip(names, document["seconds"], strict=True))
+        for file, rows in document["lines"].items():
+            for line, tests in rows.items():
+                self.lines[file][int(line)] |= {names[i] for i in tests} - failed
+
+    def at(self, path: str, first: int, last: int) -> set[str]:
+        """Return the tests that run a line between two of a file, both included."""
+        rows = self.lines.get(path, {})
+        return set().union(*(rows.get(n, ()) for n in range(first, last + 1)))
+
+    def ordered(self, tests: set[str]) -> list[str]:
+        """Return the fast tests first."""
+        return sorted(tests, key=lambda t: (round(self.seconds[t], 2), t))
+
+
+class _Choice:
+    """Which tests can notice a change of a line."""
+
+    def __init__(self, root: Path, covered: Covered) -> None:
+        self._root, self._covered = root, covered
+        self._statements = cache(self._read)
+        self._texts = {
+            str(f.relative_to(root)): f.read_text("utf-8").splitlines()
+            for f in sorted((root / PACKAGE).rglob("*.py"))
+        }
+
+    def _read(self, path: str) -> list[tuple[int, int, ast.stmt, ast.AST | None]]:
+        return _statements("\n".join(self._texts[path]) + "\n")
+
+    def tests(self, mutant: Mutant) -> list[str]:
+        last = mutant.line + mutant.before.count("\n")
+        around = (s for s in self._statements(mutant.path) if s[0] <= mutant.line and last <= s[1])
+        first, end, statement, function = next(around, (mutant.line, last, None, None))
+        definition = isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        if function is not None and not definition and not _is_cached(function):
+            return self._covered.ordered(self._covered.at(mutant.path, first, end))
+        # It runs when the module is imported, or once for all: whoever uses its names can notice.
+        words = _names(function if statement is None or _is_cached(function) else statement)
+        found = set()
+        for path, lines in self._texts.items():
+            for number, line in enumerate(lines, 1):
+                if any(re.search(rf"\b{re.escape(w)}\b", line) for w in words):
+                    found |= self._covered.at(path, number, number)
+        if definition and statement is not None:
+            found |= self._covered.at(mutant.path, first, statement.end_lineno)
+        rest = self._covered.at(mutant.path, 1, len(self._texts[mutant.path])) - found
+        return self._covered.ordered(found) + self._covered.ordered(rest)
+
+
+def _is_cached(function: ast.AST | None) -> bool:
+    return any("cache" in ast.unparse(d) for d in getattr(function, "decorator_list", ()))
+
+
+def _names(statement: ast.AST | None) -> list[str]:
+    if statement is None:
+        return []
+    if hasattr(statement, "name"):
+        return [statement.name]
+    targets = getattr(statement, "targets", None) or [getattr(statement, "target", None)]
+    return [n.id for t in targets if t is not None for n in ast.walk(t) if isinstance(n, ast.Name)]
+
+
+class Server:
+    """A process that has pytest in memory, and the tests below some paths if there are any."""
+
+    def __init__(self, root: Path, work: Path, paths: list[str] | None = None) -> None:
+        work.mkdir(parents=True, exist_ok=True)
+        self._work = work
+        self._process = subprocess.Popen(
+            [sys.executable, "-W", "ignore", str(Path(__file__).parent / "server.py")]
+            + ([str(work), *paths] if paths else []),
+            cwd=root,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def ask(self, paths: list[str], **options: object) -> int | None:
+        """Return the exit code of pytest, None when the time was over; options: see server.py."""
+        empty = {"tests": None, "seconds": None, "mutant": None, "record": None}
+        request = {**empty, **options, "paths": paths, "work": str(self._work)}
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(json.dumps(request) + "\n")
+        self._process.stdin.flush()
+        answer = self._process.stdout.readline()
+        if not answer:
+            raise SystemExit(f"mutate: the tests cannot be collected: {self._work}/output.txt")
+        return json.loads(answer)["code"]
+
+    def close(self) -> None:
+        """End the process."""
+        with self._process:
+            pass
+
+
+def _digest(root: Path, tests: str) -> str:
+    """Return a digest of all that decides what the tests below a path run."""
+    digest = hashlib.sha256()
+    place = root / "tests" / tests
+    files = [place] if place.is_file() else sorted(place.rglob("*"))
+    files += sorted((root / PACKAGE).rglob("*.py")) + sorted((root / "tests").glob("*.py"))
+    for file in files:
+        if file.is_file() and file.suffix != ".pyc":
+            digest.update(f"{file.relative_to(root)}\0".encode() + file.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def covered_by(part: str, root: Path, server: Server) -> Covered:
+    """Return what the tests of a part run; measured where a source or a test has changed."""
+    out = Covered()
+    for tests in PARTS[part]:
+        kept = root / "build" / "mutation" / "covered" / f"{tests.replace('/', '-')}.json"
+        digest = _digest(root, tests)
+        document = json.loads(kept.read_text("utf-8")) if kept.is_file() else {}
+        if document.get("digest") != digest:
+            code = server.ask([f"tests/{tests}"], record=str(kept))
+            if code not in (0, 1):
+                raise SystemExit(f"mutate: pytest tests/{tests} ended with {code}")
+            document = {**json.loads(kept.read_text("utf-8")), "digest": digest}
+            for name in document["failed"]:
+                print(f"mutate: {name} fails without a mutant and is left out", file=sys.stderr)
+            kept.write_text(json.dumps(document), "utf-8")
+        out.add(document)
+    return out
+
+
+class Runner:
+    """Runs mutants of one part, one after the other."""
+
+    def __init__(self, part: str, work: Path, root: Path) -> None:
+        self._root, self._work = root, work
+        self._bare = Server(root, work / "bare")
+        self._collected = Server(root, work, [f"tests/{t}" for t in PARTS[part]])
+        self._covered = covered_by(part, root, self._collected)
+        self._choice = _Choice(root, self._covered)
+
+    def run(self, mutant: Mutant) -> str:
+        """Return what becomes of a mutant."""
+        original = (self._root / mutant.path).read_text("utf-8")
+        try:
+            if ast.dump(ast.parse(mutant.source)) == ast.dump(ast.parse(original)):
+                return INVALID
+            compile(mutant.source, mutant.path, "exec")
+        except SyntaxError:
+            return INVALID
+        tests = self._choice.tests(mutant)
+        if not tests:
+            return SURVIVED
+        text = self._work / "mutant.py"
+        text.write_text(mutant.source, "utf-8")
+        module = mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        # What is collected once does not see a mutant that changes what is tried: a survivor
+        # is tried again in a fork that imports everything anew.
+        for server in (self._collected, self._bare):
+            code = server.ask(
+                list(dict.fromkeys(t.split("::")[0] for t in tests)),
+                tests=tests,
+                seconds=30 + 5 * sum(self._covered.seconds[t] for t in tests),
+                mutant=[module, str(self._root / mutant.path), str(text)],
+            )
+            # 5: the mutant changed which tests there are, and none that ran the line is left.
+            if code not in (0, 5, NOT_HERE):
+                return KILLED
+        return SURVIVED
+
+    def close(self) -> None:
+        """End the servers."""
+        self._bare.close()
+        self._collected.close()
