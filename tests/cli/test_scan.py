@@ -11,13 +11,13 @@ import os
 import shutil
 import socket
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from cli.tool import fsn
 from networks import PLAIN
 from scans import scan_of
 
@@ -64,17 +64,7 @@ class Bus:
         return path.read_text("utf-8") if path.exists() else ""
 
     def fsn(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        done = subprocess.run(
-            [sys.executable, "-m", "fsoe_net.cli", *arguments],
-            capture_output=True,
-            text=True,
-            check=False,
-            stdin=subprocess.DEVNULL,
-            cwd=self.folder,
-            env=self.env,
-        )
-        assert "Traceback" not in done.stderr, done.stderr
-        return done
+        return fsn(*arguments, cwd=self.folder, env=self.env)
 
     @contextlib.contextmanager
     def master(self, *, interface: str = "eth1", name: str = "fsn-master-eth1.sock", **scan):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from cli.tool import fsn
 from networks import EXAMPLES, example, resolved
 
 from fsoe_net.cli.inputs import check_files
@@ -18,13 +17,7 @@ BROKEN = sorted(EXAMPLES.glob("broken/*.yaml"))
 
 @pytest.mark.parametrize("path", BROKEN, ids=lambda p: p.stem)
 def test_broken_example_gives_the_output_beside_it(path: Path):
-    done = subprocess.run(
-        [sys.executable, "-m", "fsoe_net.cli", "check", path.name],
-        cwd=path.parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = fsn("check", path.name, cwd=path.parent)
     assert done.returncode == 1
     assert done.stdout == path.with_suffix(".txt").read_text("utf-8")
 
