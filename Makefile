@@ -1,5 +1,7 @@
 # Two targets for a fresh machine; everything else is a script in scripts/.
-VENV := .venv
+# Another environment, folder of builds and more extras: scripts/coverage and CI.
+VENV := $(or $(FSN_VENV),.venv)
+BUILD := $(or $(FSN_BUILD),build)
 PY := $(VENV)/bin/python
 FSN := $(VENV)/bin/fsoe-net
 
@@ -21,8 +23,8 @@ demo: $(VENV)/.ready
 master: $(VENV)/bin/fsn-master
 
 test: $(VENV)/.ready-test master
-	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" scripts/test
-	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" scripts/test-c
+	PATH="$(abspath $(VENV))/bin:$$PATH" scripts/test
+	PATH="$(abspath $(VENV))/bin:$$PATH" scripts/test-c
 
 # Built again when a source of the compiled part or of the packaging changes.
 SOURCES := pyproject.toml CMakeLists.txt $(shell find master_core/src master_core/include \
@@ -39,12 +41,12 @@ $(VENV)/.ready: $(VENV)/bin/python $(SOURCES)
 
 $(VENV)/.ready-test: $(VENV)/.ready
 	@echo "== set-up: pip fetches what the tests need"
-	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[test]' cmake
+	$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[test$(FSN_EXTRAS)]' cmake
 	@touch $@
 
 # CMake decides what is to be built again. Without SOEM only the other buses are there.
 $(VENV)/bin/fsn-master: $(VENV)/.ready-test $(SOURCES) $(shell find master_core/app -type f)
-	@install="$(FSN) install-master --yes --overwrite --build-dir build/master"; \
+	@install="$(FSN) install-master --yes --overwrite --build-dir $(BUILD)/master"; \
 		$$install || $$install --without-soem
 	@touch $@
 

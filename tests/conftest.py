@@ -5,6 +5,7 @@ What hangs is ended by the time-out of the suite (``pyproject.toml``), with what
 
 import signal
 
+from count_child import count_confined_children
 from hypothesis import HealthCheck, settings
 from stuck import pytest_configure, pytest_timeout_set_timer  # noqa: F401 - hooks
 
@@ -15,3 +16,5 @@ settings.load_profile("fsn")
 # those that a test ends by Ctrl-C would never end.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+count_confined_children()
