@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "emulated_rig.h"
+#include "rt/rt.h"
 
 enum { SUBS = 12, SM_BYTES = 400 };
 
@@ -122,6 +123,29 @@ static void one_network(uint64_t *seed) {
     free(bytes);
 }
 
+/** Every size by itself: two copies move whole, nothing beside them changes; groups behind each
+ *  other, one of them empty. */
+static void every_size_moves_whole(void) {
+    enum { LONGEST = 1490, ROOM = 4 * (LONGEST + 2) };
+    static uint8_t image[ROOM], expected[ROOM];
+    uint64_t seed = 7;
+    for (uint32_t size = 1; size <= LONGEST; size += size < 300 ? 1 : 170) {
+        const struct fsn_rt_copy copies[] = {
+            {1, 2 * (LONGEST + 2) + 1}, {LONGEST + 3, 3 * (LONGEST + 2) + 1}, {0, 2 * LONGEST + 3}};
+        const struct fsn_rt_group groups[] = {{size, 0, 2}, {size, 2, 0}, {1, 2, 1}};
+        for (uint32_t i = 0; i < ROOM; i++) {
+            image[i] = (uint8_t)next_random(&seed);
+        }
+        memcpy(expected, image, ROOM);
+        for (uint32_t i = 0; i < 2; i++) {
+            memcpy(expected + copies[i].destination, expected + copies[i].source, size);
+        }
+        expected[copies[2].destination] = expected[copies[2].source];
+        fsn_rt_copy_all(image, copies, groups, 3);
+        CHECK(memcmp(image, expected, ROOM) == 0);
+    }
+}
+
 /** Frames that are neighbours on both sides become one copy. */
 static void neighbours_are_merged(void) {
     static const struct build_sm sm[2][2] = {{{1, 24}, {2, 24}}, {{1, 24}, {2, 24}}};
@@ -183,6 +207,7 @@ int main(void) {
     for (int i = 0; i < 300; i++) {
         one_network(&seed);
     }
+    every_size_moves_whole();
     neighbours_are_merged();
     bad_buses_are_refused();
     return 0;

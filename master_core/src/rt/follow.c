@@ -140,7 +140,7 @@ static bool continues(const struct fsn_monitor *m, const struct fsn_followed *f,
         return f->guess != 0;
     }
     const uint16_t crc = fsn_fsoe_expected_crc0(frame, f->size_bytes, m->last_crc, f->guess);
-    return f->has_own && crc == f->own && sequence == advance(f->guess);
+    return crc == f->own && sequence == advance(f->guess);
 }
 
 /** Solves for the number; a second one that follows the first shows that it is right. */

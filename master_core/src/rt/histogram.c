@@ -11,7 +11,7 @@ static uint32_t bucket_of(uint64_t time_ns) {
     }
     const uint32_t quarter = (uint32_t)(time_ns >> (exponent - 2)) & 3u;
     const uint32_t bucket = 4 * (exponent - 1) + quarter;
-    return exponent > 32 || bucket >= FSN_BUCKETS ? FSN_BUCKETS - 1 : bucket;
+    return bucket < FSN_BUCKETS ? bucket : FSN_BUCKETS - 1;
 }
 
 void fsn_rt_count(struct fsn_histogram *histogram, uint64_t time_ns) {
