@@ -7,6 +7,7 @@ import signal
 
 from count_child import count_confined_children
 from hypothesis import HealthCheck, settings
+from said import pytest_sessionfinish, said  # noqa: F401 - a hook, a fixture
 from stuck import pytest_configure, pytest_timeout_set_timer  # noqa: F401 - hooks
 
 settings.register_profile("fsn", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -18,6 +18,8 @@ from fsoe_net.load.esi import EsiChoice
 from fsoe_net.model import Answers
 from fsoe_net.rules import Runtime
 
+pytestmark = pytest.mark.usefixtures("said")
+
 HERE = Path(__file__).parent
 CASES = yaml.safe_load((HERE / "cases.yaml").read_text("utf-8"))
 PAD = "      - {index: 0x0000, sub_index: 0, type: bit240}\n"

@@ -33,6 +33,8 @@ from fsoe_net.plan import (
     safety_text,
 )
 
+pytestmark = pytest.mark.usefixtures("said")
+
 # A change of these means that every accepted fingerprint is void: raise FORM and say so.
 GOLDEN = {
     "estop": "4a3628d70e40e052d02e883eecade644da04c3f7ed35c3af3132bf1a5b41eedf",

@@ -19,6 +19,8 @@ from fsoe_net.model import EntryView, resolve
 from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_image, plan_json, plan_text
 from fsoe_net.plan.compile import stop_value
 
+pytestmark = pytest.mark.usefixtures("said")
+
 # Changes of these are changes of the file format or of the examples: both belong in the changelog.
 GOLDEN = {
     "estop": "3f00eb59239cba679a1f4c3b0129d011b306355a373849a64deb81d8af57abfa",

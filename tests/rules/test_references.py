@@ -28,6 +28,8 @@ from fsoe_net.model import (
 )
 from fsoe_net.rules import check_library, check_references
 
+pytestmark = pytest.mark.usefixtures("said")
+
 COUPLER = DescribedSubDevice(
     position=0, device=Device(path="", vendor_id=2, product_code=0x044C2C52)
 )

@@ -11,6 +11,8 @@ from rules.robot import ROBOT, codes, crossed, found
 from fsoe_net.model import DescribedConnection, DescribedSubDevice, Description, Device
 from fsoe_net.save import describe
 
+pytestmark = pytest.mark.usefixtures("said")
+
 
 def project(*rows: DescribedConnection, orders: tuple[str, ...] = ()) -> Description:
     """A TwinSAFE export with these connections in this order."""

@@ -14,6 +14,8 @@ from fsoe_net.diag import CATALOGUE, Severity
 from fsoe_net.rules import Runtime, check, effect_today, effects_today
 from fsoe_net.rules.runtime import ROS2
 
+pytestmark = pytest.mark.usefixtures("said")
+
 ALIAS = '<param name="alias">0</param>\n        <param name="position">2</param>'
 ROOT = Path(__file__).parents[2]
 

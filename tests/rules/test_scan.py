@@ -18,6 +18,8 @@ from fsoe_net.load import load_network, parse_scan
 from fsoe_net.model import Resolution, resolve
 from fsoe_net.rules import check_scan
 
+pytestmark = pytest.mark.usefixtures("said")
+
 EXAMPLES = PLAIN
 
 

@@ -11,6 +11,8 @@ from networks import EXAMPLES
 from fsoe_net.cli.inputs import check_files
 from fsoe_net.diag import Severity
 
+pytestmark = pytest.mark.usefixtures("said")
+
 LOGIC = "devices/el6910.yaml"
 
 # file, text, replacement, what must be found: exactly these codes that are not mere notes.

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from networks import PLAIN
+from said import Said
 
 from fsoe_net.load import builtin_library, load_network
 from fsoe_net.model import Library, Resolution, resolve
@@ -18,10 +19,13 @@ from fsoe_net.timing import (
     Apart,
     Budget,
     ConnectionBudget,
+    FunctionBudget,
     Judgement,
     WatchdogJudgement,
     make_budget,
 )
+
+pytestmark = pytest.mark.usefixtures("said")
 
 EXAMPLE = PLAIN / "el6910" / "network.yaml"
 NONE = Library(devices=())
@@ -56,6 +60,35 @@ def resolution_of(tmp_path: Path) -> Maker:
         return resolve(loaded.network)
 
     return make
+
+
+NAMED_ELSEWHERE = {"connection", "function", "parts", "times"}
+
+
+def whole(one: ConnectionBudget | FunctionBudget) -> list[str]:
+    """Return all that a part of a budget says: fields and properties, each with its name."""
+    names = {n for n in dir(one) if not n.startswith("_")} - NAMED_ELSEWHERE
+    lines = [f"{n}: {getattr(one, n)!r}" for n in sorted(names)]
+    if isinstance(one, ConnectionBudget):
+        return [f"{one.connection.name}: {line}" for line in lines]
+    rows = [f"{r.element.name}: {r.time} {r.pfh}" for r in one.parts.rows]
+    return [f"{one.function.name}: {line}" for line in [*lines, *rows]]
+
+
+@pytest.fixture(autouse=True)
+def budgets_said(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hold every budget of this module against the recorded ones, as a whole."""
+    made = make_budget
+
+    def kept(*args: object, **more: object) -> Budget:
+        budget = made(*args, **more)  # type: ignore[arg-type]
+        told = [c for c in budget.connections if c.functions or c.measured is not None]
+        for one in (*budget.functions, *told):
+            for line in whole(one):
+                said.add(line)
+        return budget
+
+    monkeypatch.setitem(budget_of.__globals__, "make_budget", kept)
 
 
 def budget_of(resolution: Resolution, **more: object) -> Budget:

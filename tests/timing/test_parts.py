@@ -9,6 +9,7 @@ from timing.test_budget import (
     FUNCTION,
     Maker,
     budget_of,
+    budgets_said,
     resolution_of,
     watchdogs,
     with_watchdogs,
@@ -28,7 +29,9 @@ from fsoe_net.timing.formulas import (
 )
 from fsoe_net.timing.handshake import broken, broken_input, broken_output
 
-__all__ = ["resolution_of"]
+pytestmark = pytest.mark.usefixtures("said")
+
+__all__ = ["budgets_said", "resolution_of"]
 
 UNEQUAL = PartTimes(
     sensor=5, input=4, logic=2, output=3, actuator=20, cycle=1, cycles_in=2, cycles_out=3
