@@ -45,6 +45,79 @@ static void blocks_fit_each_other(void) {
     CHECK(!fsn_fsoe_is_whole(frame, 11, &blocks) && blocks == 1);
 }
 
+/** The CRC of the protocol (§2) bit by bit: old CRC, ConnID, number, command, number of the block
+ *  behind the first one, two bytes, three zeros. */
+static uint16_t crc_bit_by_bit(const uint8_t *frame, size_t len, unsigned block, uint16_t old_crc,
+                               uint16_t number) {
+    const uint8_t *data = len == 6 ? frame + 1 : frame + 1 + 4 * block;
+    uint8_t bytes[14] = {(uint8_t)old_crc, (uint8_t)(old_crc >> 8), frame[len - 2], frame[len - 1],
+                         (uint8_t)number,  (uint8_t)(number >> 8),  frame[0]};
+    size_t count = 7;
+    if (block > 0) {
+        bytes[count++] = (uint8_t)block;
+        bytes[count++] = 0;
+    }
+    bytes[count++] = data[0];
+    if (len != 6) {
+        bytes[count++] = data[1];
+    }
+    count += 3;
+    uint32_t crc = 0;
+    for (size_t i = 0; i < count; i++) {
+        crc ^= (uint32_t)bytes[i] << 8;
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (crc & 0x8000u) != 0 ? ((crc << 1) ^ 0x139B7u) & 0xFFFFu : crc << 1;
+        }
+    }
+    return (uint16_t)crc;
+}
+
+static void put16(uint8_t *at, uint16_t value) {
+    at[0] = (uint8_t)value;
+    at[1] = (uint8_t)(value >> 8);
+}
+
+/** Random frames of every length: right with their CRCs, wrong with any other. */
+static void the_tables_are_the_polynomial(void) {
+    uint64_t seed = 3;
+    for (int round = 0; round < 300; round++) {
+        for (size_t len = 6; len <= 255; len += len == 6 ? 1 : 4) {
+            const unsigned blocks = len == 6 ? 1 : (unsigned)(len - 3) / 4;
+            const uint16_t old_crc = (uint16_t)next_random(&seed);
+            uint16_t number = (uint16_t)next_random(&seed);
+            number = number == 0 ? 1 : number;
+            uint8_t frame[255];
+            for (size_t i = 0; i < len; i++) {
+                frame[i] = (uint8_t)next_random(&seed);
+            }
+            for (unsigned block = 0; block < blocks; block++) {
+                const uint16_t crc = crc_bit_by_bit(frame, len, block, old_crc, number);
+                put16(frame + (len == 6 ? 2 : 3 + 4 * block), crc);
+            }
+            unsigned whole = 0;
+            CHECK(fsn_fsoe_expected_crc0(frame, len, old_crc, number) == fsn_fsoe_crc0(frame, len));
+            CHECK(fsn_fsoe_crc0(frame, len) == crc_bit_by_bit(frame, len, 0, old_crc, number));
+            CHECK(fsn_fsoe_check(frame, len, old_crc, number));
+            CHECK(fsn_fsoe_solve_sequence(frame, len, old_crc) == number);
+            CHECK(fsn_fsoe_is_whole(frame, len, &whole) && whole == blocks);
+            CHECK(fsn_fsoe_connection_id(frame, len) == frame[len - 2] + 256 * frame[len - 1]);
+            const uint32_t bit = next_random(&seed) % (uint32_t)(8 * len);
+            frame[bit / 8] ^= (uint8_t)(1u << bit % 8);
+            CHECK(!fsn_fsoe_check(frame, len, old_crc, number));
+        }
+    }
+}
+
+static void lengths_of_frames(void) {
+    unsigned count = 0;
+    for (size_t len = 0; len < 600; len++) {
+        const bool right = len == 6 || (len > 6 && len < 256 && len % 4 == 3);
+        CHECK(fsn_fsoe_is_frame_length(len) == right);
+        count += right;
+    }
+    CHECK(count == 64);
+}
+
 static void start_up_is_followed(void) {
     struct fsn_monitor monitor;
     CHECK(fsn_monitor_init(&monitor, 7, 7) == FSN_OK);
@@ -92,6 +165,8 @@ static void impossible_lengths_are_refused(void) {
 
 int main(void) {
     reset_frames();
+    the_tables_are_the_polynomial();
+    lengths_of_frames();
     blocks_fit_each_other();
     start_up_is_followed();
     any_start_leads_into_the_chain();

@@ -1,0 +1,275 @@
+/** Who may connect, and what the socket's file goes through. The users and groups of this program
+ *  are its own, whatever machine it runs on; the sockets are real. */
+#define _GNU_SOURCE
+
+#include <errno.h>
+#include <fcntl.h>
+#include <grp.h>
+#include <poll.h>
+#include <pwd.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "control_host.h"
+#include "emulated_rig.h"
+
+/* -- users and groups ------------------------------------------------------------------------ */
+
+enum { OURS = 4000, ANN = 4001, BOB = 4002, CROWD = 4003, STRANGER = 4999 };
+
+static uid_t runs_as = OURS;
+
+uid_t geteuid(void) {
+    return runs_as;
+}
+
+struct passwd *getpwuid(uid_t user) {
+    static struct passwd entry;
+    static char name[8];
+    if (user == STRANGER) {
+        return NULL;
+    }
+    snprintf(name, sizeof name, "%u", (unsigned)user);
+    entry = (struct passwd){.pw_name = name, .pw_uid = user, .pw_gid = user + 1000};
+    return &entry;
+}
+
+/** Everybody has the group of his own, Bob is in two more, and the crowd is in all there are. */
+int getgrouplist(const char *name, gid_t own, gid_t *groups, int *count) {
+    const int room = *count;
+    groups[0] = own;
+    *count = 1;
+    if (strcmp(name, "4002") == 0) {
+        groups[1] = 7001;
+        groups[2] = 7002;
+        *count = 3;
+    }
+    if (strcmp(name, "4003") == 0) {
+        *count = room + 1;
+        return -1;
+    }
+    return *count;
+}
+
+static void who_may_connect(void) {
+    static const struct fsn_control_access closed = {0};
+    static const struct fsn_control_access ann = {.user = {1, ANN}, .users = 2};
+    static const struct fsn_control_access team = {.group = {6000, 7002}, .groups = 2};
+    static const struct fsn_control_access first = {.group = {7001, 7002}, .groups = 1};
+    static const struct fsn_control_access own = {.group = {ANN + 1000}, .groups = 1};
+    static const struct {
+        const struct fsn_control_access *access;
+        uid_t user;
+        gid_t group;
+        bool may;
+    } table[] = {
+        {&closed, 0, 0, true},     {&closed, 0, 99, true},       {&closed, OURS, 99, true},
+        {&closed, ANN, 0, false},  {&closed, BOB, BOB, false},   {&ann, ANN, 99, true},
+        {&ann, 1, 99, true},       {&ann, BOB, 99, false},       {&ann, 2, ANN, false},
+        {&team, ANN, 6000, true},  {&team, ANN, 7002, true},     {&team, ANN, 7001, false},
+        {&team, BOB, 99, true}, /* by a supplementary group */
+        {&first, BOB, 99, true},   {&first, ANN, 99, false},     {&first, ANN, 7002, false},
+        {&own, ANN, 99, true}, /* his group by the book, not that of the process */
+        {&own, BOB, 99, false},    {&team, STRANGER, 99, false}, {&team, STRANGER, 6000, true},
+        {&team, CROWD, 99, false}, /* more groups than anybody has: not believed */
+    };
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        if (fsn_control_may(table[i].access, table[i].user, table[i].group) != table[i].may) {
+            fprintf(stderr, "row %zu\n", i);
+            exit(1);
+        }
+    }
+}
+
+/* -- the socket ------------------------------------------------------------------------------ */
+
+static struct rig {
+    struct emulated_rig on;
+    struct fsn_control *control;
+    struct fsn_control_access access;
+    char folder[32], path[64];
+    struct fsn_refusal refusal;
+} rig;
+
+static struct fsn_control_host host;
+
+static struct fsn_control *new_control(void) {
+    struct fsn_control *control = fsn_control_create(rig.on.plan, &host, &rig.access);
+    CHECK(control != NULL);
+    return control;
+}
+
+static void set_up(void) {
+    size_t len;
+    uint8_t *bytes = build_estop(&len);
+    rig = (struct rig){.on = emulated_rig_load(bytes, len), .folder = "/tmp/fsn-listen-XXXXXX"};
+    CHECK(mkdtemp(rig.folder) != NULL && chmod(rig.folder, 0755) == 0);
+    snprintf(rig.path, sizeof rig.path, "%s/s", rig.folder);
+    host = test_host(NULL);
+    rig.control = new_control();
+}
+
+static void tear_down(void) {
+    fsn_control_free(rig.control);
+    emulated_rig_end(&rig.on);
+    CHECK(rmdir(rig.folder) == 0); /* nothing is left in it */
+}
+
+static void refused(const char *path, fsn_status status, const char *text, const char *hint) {
+    struct fsn_control *control = new_control();
+    memset(&rig.refusal, 0, sizeof rig.refusal);
+    CHECK(fsn_control_listen(control, path, &rig.refusal) == status);
+    if (strcmp(rig.refusal.text, text) != 0 || rig.refusal.status != status) {
+        fprintf(stderr, "%s\n%s\n", rig.refusal.text, text);
+    }
+    CHECK(strcmp(rig.refusal.text, text) == 0 && rig.refusal.status == status);
+    CHECK(rig.refusal.hint != NULL && strcmp(rig.refusal.hint, hint) == 0);
+    CHECK(control->listener == -1);
+    fsn_control_free(control);
+}
+
+static void paths_are_refused(void) {
+    static const char another[] = "--socket PATH names another place";
+    char path[200];
+    char text[300];
+    set_up();
+    refused("", FSN_E_ARG, "the path of a socket has 1 to 107 bytes", another);
+    memset(path, 'x', 108);
+    path[108] = 0;
+    refused(path, FSN_E_ARG, "the path of a socket has 1 to 107 bytes", another);
+    snprintf(path, sizeof path, "%s/none/s", rig.folder);
+    snprintf(text, sizeof text, "the control socket %s: No such file or directory", path);
+    refused(path, FSN_E_SYS, text, another);
+    snprintf(path, sizeof path, "%s/file", rig.folder);
+    const int file = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
+    CHECK(file >= 0 && close(file) == 0);
+    snprintf(text, sizeof text, "%s is there and is no socket", path);
+    refused(path, FSN_E_ARG, text, another);
+    snprintf(path, sizeof path, "%s/file/s", rig.folder);
+    snprintf(text, sizeof text, "the control socket %s: Not a directory", path);
+    refused(path, FSN_E_SYS, text, another);
+    snprintf(path, sizeof path, "%s/file", rig.folder);
+    CHECK(unlink(path) == 0);
+    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+    snprintf(text, sizeof text, "another process answers on %s", rig.path);
+    refused(rig.path, FSN_E_STATE, text, "stop that fsn-master, or give this one another --socket");
+    tear_down();
+}
+
+static mode_t mode_of(const char *path) {
+    struct stat found;
+    CHECK(lstat(path, &found) == 0 && S_ISSOCK(found.st_mode));
+    return found.st_mode & 0777;
+}
+
+/** Only its owner reaches it, unless others may connect at all; the umask stays as it was. */
+static void the_file_is_for_those_who_may(void) {
+    const mode_t before = umask(0027);
+    for (int kind = 0; kind < 3; kind++) {
+        set_up();
+        rig.access.users = kind == 1;
+        rig.access.groups = kind == 2;
+        CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+        CHECK(mode_of(rig.path) == (kind == 0 ? 0600 : 0666));
+        CHECK(umask(0027) == 0027);
+        tear_down();
+    }
+    umask(before);
+}
+
+/** What a dead process left is replaced; what has taken our place is left alone. */
+static void dead_sockets_make_way(void) {
+    set_up();
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
+    const int dead = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    CHECK(bind(dead, (const struct sockaddr *)&address, sizeof address) == 0 && close(dead) == 0);
+    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+    CHECK(mode_of(rig.path) == 0600);
+    CHECK(unlink(rig.path) == 0);
+    const int file = open(rig.path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
+    CHECK(file >= 0 && close(file) == 0);
+    fsn_control_free(rig.control);
+    rig.control = NULL;
+    CHECK(access(rig.path, F_OK) == 0 && unlink(rig.path) == 0);
+    rig.control = new_control(); /* never listened: nothing to remove */
+    tear_down();
+}
+
+/** Connects as somebody and says hello; returns the first word of the answer after "ok". */
+static void as_user(uid_t user, gid_t group, const char *expected) {
+    int pipe_ends[2];
+    CHECK(pipe(pipe_ends) == 0);
+    const pid_t child = fork();
+    CHECK(child >= 0);
+    if (child == 0) {
+        struct sockaddr_un address = {.sun_family = AF_UNIX};
+        snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
+        const int fd = socket(AF_UNIX, SOCK_STREAM, 0);
+        CHECK(setgroups(0, NULL) == 0 && setgid(group) == 0 && setuid(user) == 0);
+        CHECK(connect(fd, (const struct sockaddr *)&address, sizeof address) == 0);
+        (void)!send(fd, "hello\n", 6, MSG_NOSIGNAL);
+        char answer[4096];
+        const ssize_t got = recv(fd, answer, sizeof answer, 0);
+        CHECK(got > 0 && write(pipe_ends[1], answer, (size_t)got) == got);
+        _exit(0);
+    }
+    close(pipe_ends[1]);
+    struct pollfd fds[FSN_CONTROL_FDS + 1];
+    int status = 0;
+    bool done = false;
+    while (!done) { /* until the child has gone */
+        uint64_t wait_ns;
+        const size_t count = fsn_control_prepare(rig.control, fds, &wait_ns);
+        fds[count] = (struct pollfd){.fd = pipe_ends[0], .events = POLLIN};
+        CHECK(poll(fds, count + 1, (int)(wait_ns / 1000000) + 1) >= 0);
+        done = fds[count].revents != 0;
+        fsn_control_serve(rig.control, fds, count);
+    }
+    CHECK(waitpid(child, &status, 0) == child && status == 0);
+    char answer[4096];
+    const ssize_t got = read(pipe_ends[0], answer, sizeof answer - 1);
+    CHECK(got > 0);
+    answer[got] = 0;
+    if (strncmp(answer, expected, strlen(expected)) != 0) {
+        fprintf(stderr, "%s%s\n", answer, expected);
+    }
+    CHECK(strncmp(answer, expected, strlen(expected)) == 0);
+    close(pipe_ends[0]);
+}
+
+/** The kernel says who connects. */
+static void strangers_are_turned_away(void) {
+    if (getuid() != 0) {
+        fprintf(stderr, "test_listen: becoming another user takes root: that part is left out\n");
+        return;
+    }
+    static const char no[] =
+        "{\"ok\":false,\"error\":\"FSN_E_CLOSED\",\"text\":\"this user may not connect\","
+        "\"hint\":\"start fsn-master with --allow-user or --allow-group\"}\n";
+    set_up();
+    rig.access =
+        (struct fsn_control_access){.user = {ANN}, .users = 1, .group = {7002}, .groups = 1};
+    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+    as_user(ANN, 99, "{\"ok\":true");
+    as_user(BOB, 99, "{\"ok\":true"); /* by a supplementary group */
+    as_user(STRANGER, 7002, "{\"ok\":true");
+    as_user(OURS, 99, "{\"ok\":true");
+    as_user(STRANGER, 7001, no);
+    as_user(4005, 7001, no);
+    as_user(0, 99, "{\"ok\":true");
+    tear_down();
+}
+
+int main(void) {
+    who_may_connect();
+    paths_are_refused();
+    the_file_is_for_those_who_may();
+    dead_sockets_make_way();
+    strangers_are_turned_away();
+    return 0;
+}
