@@ -43,65 +43,143 @@ static void good_plan_is_decoded(void) {
 struct broken {
     uint32_t section, record, field, bytes, value;
     fsn_status status;
+    const char *says; /**< the whole fault; NULL: not looked at */
 };
 
+/** A fault in one line: what, where, which rule. */
+static const char *line_of(const struct fsn_fault *fault, const uint8_t *bytes) {
+    static char line[256];
+    uint32_t at = fault->byte;
+    if (fault->section != 0) {
+        at -= (uint32_t)section_at(bytes, fault->section);
+        at -= fault->copy_index == FSN_FAULT_NO_RECORD
+                  ? 0
+                  : fault->copy_index * fsn_record_bytes[fault->section];
+    }
+    snprintf(line, sizeof line, "%s %s %d+%u: %s", fsn_status_name(fault->status) + 6,
+             fsn_section_name(fault->section), (int)fault->copy_index, at, fault->rule);
+    return line;
+}
+
 static const struct broken broken_rules[] = {
-    {1, 0, 0, 4, 99, FSN_E_PLAN_STRING},
-    {1, 0, 16, 4, 0xFFFFFFFFu, FSN_OK},
-    {1, 0, 20, 4, 0, FSN_OK},
-    {1, 1, 24, 4, 1, FSN_E_PLAN_REFERENCE},
-    {1, 1, 28, 4, 3, FSN_E_PLAN_REFERENCE},
-    {1, 0, 36, 4, 1, FSN_E_PLAN_REFERENCE},
-    {1, 0, 42, 2, 2, FSN_E_PLAN_RESERVED},
-    {1, 0, 44, 4, 1, FSN_E_PLAN_RESERVED},
-    {2, 0, 0, 4, 1, FSN_E_PLAN_REFERENCE},
-    {2, 0, 4, 1, 16, FSN_E_PLAN_VALUE},
-    {2, 1, 4, 1, 2, FSN_E_PLAN_VALUE},
-    {2, 0, 5, 1, 3, FSN_E_PLAN_VALUE},
-    {2, 0, 6, 1, 3, FSN_E_PLAN_VALUE},
-    {2, 0, 7, 1, 0, FSN_E_PLAN_LAYOUT},
-    {2, 0, 7, 1, 3, FSN_E_PLAN_RESERVED},
-    {2, 0, 8, 4, 64, FSN_E_PLAN_LAYOUT},
-    {2, 0, 12, 4, 1, FSN_E_PLAN_REFERENCE},
-    {2, 0, 16, 4, 9, FSN_E_PLAN_REFERENCE},
-    {2, 0, 20, 4, 1, FSN_E_PLAN_RESERVED},
-    {3, 0, 2, 2, 1, FSN_E_PLAN_RESERVED},
-    {3, 0, 4, 4, 1, FSN_E_PLAN_REFERENCE},
-    {3, 0, 8, 4, 0xFFFFFFFFu, FSN_E_PLAN_REFERENCE},
-    {3, 0, 12, 4, 8, FSN_E_PLAN_LAYOUT},
-    {4, 0, 3, 1, 2, FSN_E_PLAN_RESERVED},
-    {4, 0, 6, 1, 5, FSN_E_PLAN_VALUE},
-    {4, 0, 0, 2, 0, FSN_E_PLAN_VALUE},
-    {4, 0, 4, 2, 9, FSN_E_PLAN_LAYOUT},
-    {4, 1, 8, 4, 9, FSN_E_PLAN_LAYOUT},
-    {8, 0, 0, 4, 99, FSN_E_PLAN_REFERENCE},
-    {8, 0, 0, 4, 2, FSN_E_COPY_DIRECTION},
-    {8, 0, 8, 4, 1, FSN_E_COPY_DIRECTION},
-    {8, 0, 4, 4, 4, FSN_E_COPY_ALIGN},
-    {8, 0, 12, 4, 1, FSN_E_COPY_ALIGN},
-    {8, 0, 16, 4, 0, FSN_E_COPY_ALIGN},
-    {8, 0, 16, 4, 47, FSN_E_COPY_ALIGN},
-    {8, 0, 4, 4, 24, FSN_E_COPY_RANGE},
-    {8, 0, 12, 4, 0xFFFFFFF8u, FSN_E_COPY_RANGE},
-    {8, 0, 16, 4, 0xFFFFFFF8u, FSN_E_COPY_RANGE},
-    {8, 0, 16, 4, 64, FSN_E_COPY_FRAME},
-    {8, 0, 20, 4, 4, FSN_E_PLAN_STRING},
-    {8, 0, 24, 2, 3, FSN_E_PLAN_VALUE},
-    {8, 0, 24, 2, 2, FSN_E_COPY_PAIR},
-    {8, 0, 26, 2, 1, FSN_E_PLAN_RESERVED},
-    {8, 0, 28, 4, 1, FSN_E_COPY_PAIR},
-    {8, 1, 8, 4, 0, FSN_E_COPY_OVERLAP},
-    {9, 0, 0, 4, 4, FSN_E_PLAN_STRING},
-    {9, 0, 8, 4, 1, FSN_E_COPY_PAIR},
-    {9, 0, 16, 4, 0, FSN_E_COPY_PAIR},
-    {9, 0, 16, 4, 2, FSN_E_PLAN_REFERENCE},
-    {9, 0, 30, 2, 8, FSN_E_PLAN_RESERVED},
-    {9, 0, 32, 2, 2, FSN_E_PLAN_VALUE},
-    {9, 0, 36, 4, 1, FSN_E_PLAN_RESERVED},
-    {10, 0, 0, 1, 1, FSN_E_PLAN_STRING},
-    {10, 1, 0, 1, 0x1B, FSN_E_PLAN_STRING},
-    {10, 1, 0, 1, 0x7F, FSN_E_PLAN_STRING},
-    {10, 3, 0, 1, 1, FSN_E_PLAN_STRING},
+    {1, 0, 0, 4, 99, FSN_E_PLAN_STRING,
+     "PLAN_STRING SubDevice 0+0: the name lies outside the strings"},
+    {1, 0, 16, 4, 0xFFFFFFFFu, FSN_OK, "OK"},
+    {1, 0, 20, 4, 0, FSN_OK, "OK"},
+    {1, 1, 24, 4, 1, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE SubDevice 1+24: sync managers do not follow those of the SubDevice before"},
+    {1, 1, 28, 4, 3, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE SubDevice 1+24: sync managers do not follow those of the SubDevice before"},
+    {1, 0, 36, 4, 1, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE SubDevice 0+32: start-up SDOs do not follow those of the SubDevice before"},
+    {1, 0, 42, 2, 2, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED SubDevice 0+42: a flag of the SubDevice is unknown or its reserved field is "
+     "not zero"},
+    {1, 0, 44, 4, 1, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED SubDevice 0+42: a flag of the SubDevice is unknown or its reserved field is "
+     "not zero"},
+    {2, 0, 0, 4, 1, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE sync manager 0+0: the sync manager belongs to another SubDevice"},
+    {2, 0, 4, 1, 16, FSN_E_PLAN_VALUE,
+     "PLAN_VALUE sync manager 0+4: SM number, direction or watchdog is not allowed, or SM numbers "
+     "do not rise"},
+    {2, 1, 4, 1, 2, FSN_E_PLAN_VALUE,
+     "PLAN_VALUE sync manager 1+4: SM number, direction or watchdog is not allowed, or SM numbers "
+     "do not rise"},
+    {2, 0, 5, 1, 3, FSN_E_PLAN_VALUE,
+     "PLAN_VALUE sync manager 0+4: SM number, direction or watchdog is not allowed, or SM numbers "
+     "do not rise"},
+    {2, 0, 6, 1, 3, FSN_E_PLAN_VALUE,
+     "PLAN_VALUE sync manager 0+4: SM number, direction or watchdog is not allowed, or SM numbers "
+     "do not rise"},
+    {2, 0, 7, 1, 0, FSN_E_PLAN_LAYOUT,
+     "PLAN_LAYOUT sync manager 0+8: the entries do not add up to length and flags of the sync "
+     "manager"},
+    {2, 0, 7, 1, 3, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED sync manager 0+7: a flag of the sync manager is unknown or its reserved field "
+     "is not zero"},
+    {2, 0, 8, 4, 64, FSN_E_PLAN_LAYOUT,
+     "PLAN_LAYOUT sync manager 0+8: the entries do not add up to length and flags of the sync "
+     "manager"},
+    {2, 0, 12, 4, 1, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE sync manager 0+12: PDOs do not follow those of the sync manager before"},
+    {2, 0, 16, 4, 9, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE sync manager 0+12: PDOs do not follow those of the sync manager before"},
+    {2, 0, 20, 4, 1, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED sync manager 0+7: a flag of the sync manager is unknown or its reserved field "
+     "is not zero"},
+    {3, 0, 2, 2, 1, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED PDO 0+2: a reserved field of the PDO is not zero"},
+    {3, 0, 4, 4, 1, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE PDO 0+4: entries do not follow those of the PDO before"},
+    {3, 0, 8, 4, 0xFFFFFFFFu, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE PDO 0+4: entries do not follow those of the PDO before"},
+    {3, 0, 12, 4, 8, FSN_E_PLAN_LAYOUT,
+     "PLAN_LAYOUT PDO 0+12: the PDO does not start where the one before ends"},
+    {4, 0, 3, 1, 2, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED entry 0+3: a flag of the entry is unknown or its reserved field is not zero"},
+    {4, 0, 6, 1, 5, FSN_E_PLAN_VALUE,
+     "PLAN_VALUE entry 0+6: the type is unknown, or padding is registered"},
+    {4, 0, 0, 2, 0, FSN_E_PLAN_VALUE,
+     "PLAN_VALUE entry 0+6: the type is unknown, or padding is registered"},
+    {4, 0, 4, 2, 9, FSN_E_PLAN_LAYOUT,
+     "PLAN_LAYOUT entry 1+8: the entry does not start where the one before ends"},
+    {4, 1, 8, 4, 9, FSN_E_PLAN_LAYOUT,
+     "PLAN_LAYOUT entry 1+8: the entry does not start where the one before ends"},
+    {8, 0, 0, 4, 99, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE copy 0+0: the copy's sync manager does not exist"},
+    {8, 0, 0, 4, 2, FSN_E_COPY_DIRECTION,
+     "COPY_DIRECTION copy 0+0: a copy reads a registered input and writes a registered output"},
+    {8, 0, 8, 4, 1, FSN_E_COPY_DIRECTION,
+     "COPY_DIRECTION copy 0+8: a copy reads a registered input and writes a registered output"},
+    {8, 0, 4, 4, 4, FSN_E_COPY_ALIGN, "COPY_ALIGN copy 0+4: a copy starts on a byte"},
+    {8, 0, 12, 4, 1, FSN_E_COPY_ALIGN, "COPY_ALIGN copy 0+12: a copy starts on a byte"},
+    {8, 0, 16, 4, 0, FSN_E_COPY_ALIGN, "COPY_ALIGN copy 0+16: a copy has at least one whole byte"},
+    {8, 0, 16, 4, 47, FSN_E_COPY_ALIGN, "COPY_ALIGN copy 0+16: a copy has at least one whole byte"},
+    {8, 0, 4, 4, 24, FSN_E_COPY_RANGE,
+     "COPY_RANGE copy 0+4: the copy ends behind its sync manager"},
+    {8, 0, 12, 4, 0xFFFFFFF8u, FSN_E_COPY_RANGE,
+     "COPY_RANGE copy 0+12: the copy ends behind its sync manager"},
+    {8, 0, 16, 4, 0xFFFFFFF8u, FSN_E_COPY_RANGE,
+     "COPY_RANGE copy 0+4: the copy ends behind its sync manager"},
+    {8, 0, 16, 4, 64, FSN_E_COPY_FRAME, "COPY_FRAME copy 0+16: no FSoE frame has this length"},
+    {8, 0, 20, 4, 4, FSN_E_PLAN_STRING,
+     "PLAN_STRING copy 0+20: the net's name lies outside the strings"},
+    {8, 0, 24, 2, 3, FSN_E_PLAN_VALUE, "PLAN_VALUE copy 0+24: the kind of the copy is unknown"},
+    {8, 0, 24, 2, 2, FSN_E_COPY_PAIR,
+     "COPY_PAIR copy 0+28: an FSoE copy names its connection, a standard copy none"},
+    {8, 0, 26, 2, 1, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED copy 0+26: a reserved field of the copy is not zero"},
+    {8, 0, 28, 4, 1, FSN_E_COPY_PAIR,
+     "COPY_PAIR copy 0+28: an FSoE copy names its connection, a standard copy none"},
+    {8, 1, 8, 4, 0, FSN_E_COPY_OVERLAP,
+     "COPY_OVERLAP copy 1+8: two copies write the same byte, or copies are not sorted by "
+     "destination"},
+    {9, 0, 0, 4, 4, FSN_E_PLAN_STRING,
+     "PLAN_STRING connection 0+0: a name lies outside the strings"},
+    {9, 0, 8, 4, 1, FSN_E_COPY_PAIR,
+     "COPY_PAIR connection 0+8: main and sub are the same SubDevice"},
+    {9, 0, 16, 4, 0, FSN_E_COPY_PAIR,
+     "COPY_PAIR connection 0+16: the copy is not this connection's FSoE copy between its two "
+     "SubDevices"},
+    {9, 0, 16, 4, 2, FSN_E_PLAN_REFERENCE,
+     "PLAN_REFERENCE connection 0+16: the connection's copy does not exist"},
+    {9, 0, 30, 2, 8, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED connection 0+30: a flag of the connection is unknown or its reserved field is "
+     "not zero"},
+    {9, 0, 32, 2, 2, FSN_E_PLAN_VALUE,
+     "PLAN_VALUE connection 0+16: the safe data do not match the length of the copy"},
+    {9, 0, 36, 4, 1, FSN_E_PLAN_RESERVED,
+     "PLAN_RESERVED connection 0+30: a flag of the connection is unknown or its reserved field is "
+     "not zero"},
+    {10, 0, 0, 1, 1, FSN_E_PLAN_STRING,
+     "PLAN_STRING strings -1+0: strings start and end with a zero byte"},
+    {10, 1, 0, 1, 0x1B, FSN_E_PLAN_STRING,
+     "PLAN_STRING strings -1+1: a name has a control character"},
+    {10, 1, 0, 1, 0x7F, FSN_E_PLAN_STRING,
+     "PLAN_STRING strings -1+1: a name has a control character"},
+    {10, 3, 0, 1, 1, FSN_E_PLAN_STRING,
+     "PLAN_STRING strings -1+0: strings start and end with a zero byte"},
 };
 
 static fsn_status break_rule(uint8_t *bytes, size_t len, const struct broken *rule) {
@@ -114,6 +192,13 @@ static fsn_status break_rule(uint8_t *bytes, size_t len, const struct broken *ru
     struct fsn_fault fault;
     const fsn_status status = load(bytes, len, &fault);
     CHECK(status == FSN_OK || fault.status == status);
+    if (rule->says != NULL) {
+        const char *said = status == FSN_OK ? "OK" : line_of(&fault, bytes);
+        if (strcmp(said, rule->says) != 0) {
+            fprintf(stderr, "said     %s\nexpected %s\n", said, rule->says);
+        }
+        CHECK(strcmp(said, rule->says) == 0);
+    }
     return status;
 }
 
@@ -135,12 +220,12 @@ static void each_broken_rule_is_named(void) {
 /** Symbol 0 is an output with bits 52 to 59, symbol 1 an input. */
 static void stop_values_are_proved(void) {
     static const struct broken rules[] = {
-        {6, 0, 20, 4, 0xFF, FSN_OK},
-        {6, 0, 20, 4, 0x100, FSN_E_PLAN_VALUE},
-        {6, 0, 24, 4, 1, FSN_E_PLAN_VALUE},
-        {6, 0, 15, 1, 3, FSN_E_PLAN_VALUE}, /* restart relevant, and a stop value */
-        {6, 1, 20, 4, 1, FSN_E_PLAN_VALUE},
-        {6, 0, 16, 4, 1, FSN_E_PLAN_RESERVED},
+        {6, 0, 20, 4, 0xFF, FSN_OK, NULL},
+        {6, 0, 20, 4, 0x100, FSN_E_PLAN_VALUE, NULL},
+        {6, 0, 24, 4, 1, FSN_E_PLAN_VALUE, NULL},
+        {6, 0, 15, 1, 3, FSN_E_PLAN_VALUE, NULL}, /* restart relevant, and a stop value */
+        {6, 1, 20, 4, 1, FSN_E_PLAN_VALUE, NULL},
+        {6, 0, 16, 4, 1, FSN_E_PLAN_RESERVED, NULL},
     };
     for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
         size_t len;
@@ -227,15 +312,15 @@ static void a_change_changes_its_section(void) {
         struct broken change;
         unsigned section;
     } rows[] = {
-        {{1, 1, 12, 4, 7, FSN_OK}, 1u << FSN_FINGERPRINT_DEVICES},
-        {{5, 0, 8, 1, 9, FSN_OK}, 1u << FSN_FINGERPRINT_DEVICES},
-        {{2, 0, 6, 1, 1, FSN_OK}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
-        {{4, 0, 6, 1, 2, FSN_OK}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
-        {{6, 0, 20, 1, 0x5B, FSN_OK}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
-        {{9, 0, 24, 2, 77, FSN_OK}, 1u << FSN_FINGERPRINT_CONNECTIONS},
-        {{9, 0, 30, 2, 3, FSN_OK}, 1u << FSN_FINGERPRINT_CONNECTIONS},
-        {{11, 0, 31, 1, 0, FSN_OK}, 1u << FSN_FINGERPRINT_SAFETY_FUNCTIONS},
-        {{1, 0, 42, 1, 0, FSN_OK}, 0}, /* a flag that says again what the copies say */
+        {{1, 1, 12, 4, 7, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_DEVICES},
+        {{5, 0, 8, 1, 9, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_DEVICES},
+        {{2, 0, 6, 1, 1, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
+        {{4, 0, 6, 1, 2, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
+        {{6, 0, 20, 1, 0x5B, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
+        {{9, 0, 24, 2, 77, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_CONNECTIONS},
+        {{9, 0, 30, 2, 3, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_CONNECTIONS},
+        {{11, 0, 31, 1, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_SAFETY_FUNCTIONS},
+        {{1, 0, 42, 1, 0, FSN_OK, NULL}, 0}, /* a flag that says again what the copies say */
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         CHECK(changed_by(&rows[i].change) == rows[i].section);
@@ -285,21 +370,90 @@ static void fault_names_the_copy(void) {
     free(bytes);
 }
 
+/** Bytes of the header and of the section table changed, alone. */
 static void header_rules(void) {
+    static const struct {
+        size_t at;
+        uint8_t value;
+        bool crc; /**< made right again */
+        const char *says;
+    } table[] = {
+        {0, 'f', false, "PLAN_MAGIC 0.-1+0: these bytes are no plan"},
+        {7, 1, false, "PLAN_MAGIC 0.-1+0: these bytes are no plan"},
+        {8, 2, false, "PLAN_VERSION 0.-1+8: the plan format has another version"},
+        {9, 1, false, "PLAN_VERSION 0.-1+8: the plan format has another version"},
+        {12, 0, false, "PLAN_LENGTH 0.-1+12: the stated length is not that of the file"},
+        {15, 1, false, "PLAN_LENGTH 0.-1+12: the stated length is not that of the file"},
+        {16, 0, false, "PLAN_CRC 0.-1+16: CRC-32 does not fit; the plan was changed"},
+        {20, 0, true, "OK"},
+        {24, 9, true,
+         "PLAN_SECTION 0.-1+24: the number of sections is not 10 (format 1.0) or 11 (format 1.1)"},
+        {24, 11, true,
+         "PLAN_SECTION 0.-1+24: the number of sections is not 10 (format 1.0) or 11 (format 1.1)"},
+        {28, 1, true, "PLAN_RESERVED 0.-1+28: the reserved field of the header is not zero"},
+        {31, 1, true, "PLAN_RESERVED 0.-1+28: the reserved field of the header is not zero"},
+        {32, 2, true,
+         "PLAN_SECTION 1.-1+32: a row of the section table has a wrong kind, place or size"},
+        {36, 4, true,
+         "PLAN_SECTION 1.-1+32: a row of the section table has a wrong kind, place or size"},
+        {43, 1, true,
+         "PLAN_SECTION 1.-1+32: a row of the section table has a wrong kind, place or size"},
+        {44, 47, true,
+         "PLAN_SECTION 1.-1+32: a row of the section table has a wrong kind, place or size"},
+        {32 + 9 * 16 + 8, 2, true, "PLAN_LENGTH 10.-1+950: the last section does not end the file"},
+        {32 + 9 * 16 + 8, 5, true,
+         "PLAN_SECTION 10.-1+176: a row of the section table has a wrong kind, place or size"},
+    };
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        size_t len;
+        uint8_t *bytes = build_estop(&len);
+        struct fsn_fault fault;
+        bytes[table[i].at] = table[i].value;
+        if (table[i].crc) {
+            build_fix_crc(bytes, len);
+        }
+        char said[256] = "OK";
+        if (load(bytes, len, &fault) != FSN_OK) {
+            snprintf(said, sizeof said, "%s %u.%d+%u: %s", fsn_status_name(fault.status) + 6,
+                     fault.section, (int)fault.copy_index, fault.byte, fault.rule);
+        }
+        if (strcmp(said, table[i].says) != 0) {
+            fprintf(stderr, "said     %s\nexpected %s\n", said, table[i].says);
+        }
+        CHECK(strcmp(said, table[i].says) == 0);
+        free(bytes);
+    }
+}
+
+/** A length that does not fit 31 bits is refused before anything of it is read. */
+static void two_gibibytes_are_no_plan(void) {
     size_t len;
     uint8_t *bytes = build_estop(&len);
-    bytes[0] ^= 1;
-    CHECK(load(bytes, len, NULL) == FSN_E_PLAN_MAGIC);
-    bytes[0] ^= 1;
-    bytes[8] = 2;
-    CHECK(load(bytes, len, NULL) == FSN_E_PLAN_VERSION);
-    bytes[8] = 1;
-    bytes[len - 2] ^= 1;
-    CHECK(load(bytes, len, NULL) == FSN_E_PLAN_CRC);
-    bytes[len - 2] ^= 1;
-    bytes[28] = 1;
-    build_fix_crc(bytes, len);
-    CHECK(load(bytes, len, NULL) == FSN_E_PLAN_RESERVED);
+    struct fsn_fault fault;
+    memcpy(bytes + 12, "\0\0\0\x80", 4);
+    CHECK(load(bytes, (size_t)1 << 31, &fault) == FSN_E_PLAN_LENGTH && fault.byte == 12);
+    CHECK(fsn_plan_load(bytes, len, NULL, &fault) == FSN_E_ARG && fault.status == FSN_E_ARG);
+    free(bytes);
+}
+
+/** Padding between two sections is zero, byte by byte. */
+static void gaps_are_zero(void) {
+    size_t len;
+    uint8_t *bytes = build_with_safety(&len);
+    const size_t strings = section_at(bytes, 10);
+    const size_t behind = strings + 1;
+    CHECK(section_at(bytes, 11) - strings == 4);
+    memset(bytes + strings, 0, 4);
+    bytes[32 + 16 * 9 + 8] = 1; /* one empty name and three bytes up to the next section */
+    for (size_t at = behind; at < section_at(bytes, 11); at++) {
+        struct fsn_fault fault;
+        bytes[at] = 1;
+        build_fix_crc(bytes, len);
+        CHECK(load(bytes, len, &fault) == FSN_E_PLAN_RESERVED);
+        CHECK(fault.section == 10 && fault.byte == at && fault.copy_index == FSN_FAULT_NO_RECORD);
+        CHECK(strcmp(fault.rule, "bytes between two sections are not zero") == 0);
+        bytes[at] = 0;
+    }
     free(bytes);
 }
 
@@ -335,6 +489,8 @@ int main(void) {
     format_1_1_is_read();
     fault_names_the_copy();
     header_rules();
+    two_gibibytes_are_no_plan();
+    gaps_are_zero();
     every_truncation_is_refused();
     CHECK(strcmp(fsn_status_name(FSN_E_COPY_RANGE), "FSN_E_COPY_RANGE") == 0);
     CHECK(strcmp(fsn_status_name((fsn_status)-999), "FSN_E_?") == 0);

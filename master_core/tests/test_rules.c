@@ -8,6 +8,7 @@
 #include "builder.h"
 #include "fsn/fsn.h"
 #include "plan_internal.h"
+#include "rules_of_fields.h"
 
 /** One broken rule: where, what is written there, what must be answered, and which record named. */
 struct broken {
@@ -90,6 +91,125 @@ static void each_broken_rule_is_named(void) {
         CHECK(fault.copy_index == rule->named && fault.rule != NULL && fault.rule[0] != 0);
         free(bytes);
     }
+}
+
+/** Two connections of different frames, a standard copy, symbols of several sizes, SDOs. */
+static uint8_t *build_rich(size_t *len) {
+    static const struct build_sm sm[3][2] = {
+        {{1, 30}, {2, 30}}, {{1, 12}, {2, 12}}, {{1, 12}, {2, 12}}};
+    static const struct build_copy copies[] = {
+        {0, 0, 1, 0, 6}, {1, 0, 0, 0, 7}, {0, 6, 2, 0, 11}, {2, 0, 0, 7, 6}, {1, 8, 2, 11, 1}};
+    static const struct build_symbol symbols[] = {
+        {.sm = 0, .bit_offset = 104, .bits = 64, .stop_value = UINT64_MAX},
+        {.sm = 0, .bit_offset = 168, .bits = 63, .stop_value = 1},
+        {.sm = 3, .bit_offset = 64, .bits = 16, .kind = 2},
+        {.sm = 0, .bit_offset = 231, .bits = 9, .restart_relevant = 1}};
+    static const struct build_block blocks[] = {{0, 0, 7}, {0, 7, 6}, {1, 0, 6},  {1, 6, 11},
+                                                {2, 0, 6}, {3, 0, 7}, {4, 0, 11}, {5, 0, 6}};
+    const struct build build = {.subdevices = 3,
+                                .sm = sm,
+                                .copies = copies,
+                                .pairs = 2,
+                                .standard = 1,
+                                .cycle_ns = 1000000,
+                                .symbols = symbols,
+                                .blocks = blocks,
+                                .symbol_count = 4,
+                                .block_count = 8,
+                                .sdo_count = 2};
+    return build_plan(&build, len);
+}
+
+/** Bytes of the fields of a record, by section. */
+static const char *const fields_of[] = {NULL,
+                                        "422444444442"
+                                        "24",
+                                        "411114444",
+                                        "22444",
+                                        "2112114",
+                                        "21148",
+                                        "444211"
+                                        "4888",
+                                        "44224",
+                                        "4444442"
+                                        "24",
+                                        "444444"
+                                        "222222"
+                                        "4"};
+
+/** Records that stand for those like them. */
+static bool is_tried(uint32_t section, uint32_t record) {
+    static const uint32_t tried[] = {0,    1u << 1, 1u << 0 | 1u << 5, 1u << 5, 1, 1, 0xF, 0x83,
+                                     0x1F, 3};
+    return record < 32 && (tried[section] >> record & 1u) != 0;
+}
+
+/** What a change of one field does: fault and where in its record, "." when it is a plan still. */
+static void say(char *text, size_t room, uint8_t *bytes, size_t len, uint8_t *field, size_t width,
+                uint64_t value) {
+    uint8_t kept[8];
+    struct fsn_fault fault;
+    memcpy(kept, field, width);
+    for (size_t i = 0; i < width; i++) {
+        field[i] = (uint8_t)(value >> (8 * i));
+    }
+    build_fix_crc(bytes, len);
+    const fsn_status status = load_and_run(bytes, len, &fault);
+    const size_t used = strlen(text);
+    if (status == FSN_OK) {
+        snprintf(text + used, room - used, " .");
+    } else {
+        const uint32_t start = fsn_get32(bytes + 32 + 16 * (fault.section - 1) + 4);
+        const bool whole = fault.copy_index == FSN_FAULT_NO_RECORD;
+        const uint32_t at =
+            fault.byte - start - (whole ? 0 : fault.copy_index * fsn_record_bytes[fault.section]);
+        snprintf(text + used, room - used, " %s@%u.%d+%u",
+                 strrchr(fsn_status_name(status), '_') + 1, fault.section, (int)fault.copy_index,
+                 at);
+    }
+    memcpy(field, kept, width);
+}
+
+/** Every field of every record: one less, one more, eight less, eight more, 0, all bits set. */
+static void every_field_has_its_rule(void) {
+    size_t len;
+    uint8_t *bytes = build_rich(&len);
+    CHECK(load_and_run(bytes, len, NULL) == FSN_OK);
+    size_t row = 0;
+    for (uint32_t section = 1; section <= 9; section++) {
+        const uint32_t start = fsn_get32(bytes + 32 + 16 * (section - 1) + 4);
+        const uint32_t count = fsn_get32(bytes + 32 + 16 * (section - 1) + 8);
+        for (uint32_t record = 0; record < count; record++) {
+            uint8_t *at = bytes + start + record * fsn_record_bytes[section];
+            if (!is_tried(section, record)) {
+                continue;
+            }
+            for (const char *width = fields_of[section]; *width != 0; width++) {
+                const size_t size = (size_t)(*width - '0');
+                uint64_t value = 0;
+                memcpy(&value, at, size);
+                char text[400];
+                snprintf(text, sizeof text, "%u.%u+%u:", section, record,
+                         (unsigned)(at - bytes - start - record * fsn_record_bytes[section]));
+                const uint64_t values[] = {value - 1, value + 1, value - 8,
+                                           value + 8, 0,         UINT64_MAX};
+                for (size_t i = 0; i < sizeof values / sizeof values[0]; i++) {
+                    say(text, sizeof text, bytes, len, at, size, values[i]);
+                }
+                const char *expected = row < sizeof rules_of_fields / sizeof rules_of_fields[0]
+                                           ? rules_of_fields[row]
+                                           : "nothing";
+                if (strcmp(text, expected) != 0) {
+                    fprintf(stderr, "said     %s\nexpected %s\n", text, expected);
+                    exit(1);
+                }
+                row++;
+                at += size;
+            }
+        }
+    }
+    CHECK(row == sizeof rules_of_fields / sizeof rules_of_fields[0]);
+    free(bytes);
 }
 
 /** A plan with one changed byte and a right CRC is refused, or is a plan that can be run. */
@@ -185,6 +305,7 @@ static void large_plan_loads_quickly(void) {
 
 int main(void) {
     each_broken_rule_is_named();
+    every_field_has_its_rule();
     every_byte_may_lie();
     copy_ends_inside_the_bits();
     large_plan_loads_quickly();
