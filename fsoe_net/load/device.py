@@ -67,7 +67,8 @@ def load_device(
 
 def device_from_yaml(root: MapNode, path: str, out: Collector) -> Device | None:
     """Turn a parsed slave YAML into a device; see `load_device`."""
-    check_structure(root, "slave", out)
+    if not check_structure(root, "slave", out):
+        return None
     vendor = _u32(root, "vendor_id", out)
     product = _u32(root, "product_id", out)
     rpdos = _pdos(root, "rpdo", out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import enum
+import itertools
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +16,13 @@ from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.numbers import Reader, read_float, read_int
 from fsoe_net.load.options import LoadOptions
 from fsoe_net.load.safety import safety_functions_from_yaml
-from fsoe_net.load.schema import check_structure, kind_by_keys, refuse_kind, schema_keys
+from fsoe_net.load.schema import (
+    MOST_UNKNOWN,
+    check_structure,
+    kind_by_keys,
+    refuse_kind,
+    schema_keys,
+)
 from fsoe_net.load.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.load.urdf import DriverSystem, ModuleDecl, known_plugin_findings, load_urdf
 from fsoe_net.load.yaml_tree import MapNode, SeqNode, parse_yaml
@@ -101,11 +108,11 @@ class _Assembly:
             if self._network_file is not None:
                 self._refuse_second(path, self._network_file.path)
                 return
-            check_structure(root, "network", self.out)
-            self._network_file = _Yaml(path, root)
+            if check_structure(root, "network", self.out):
+                self._network_file = _Yaml(path, root)
         elif kind is FileKind.TRANSFERS:
-            check_structure(root, "transfers", self.out)
-            self._transfer_files.append(_Yaml(path, root))
+            if check_structure(root, "transfers", self.out):
+                self._transfer_files.append(_Yaml(path, root))
         elif kind is FileKind.SLAVE:
             self._slaves.append((path, device_from_yaml(root, path, self.out)))
 
@@ -150,7 +157,7 @@ class _Assembly:
         words = {"nets": FileKind.TRANSFERS, "subdevices": FileKind.NETWORK}
         words |= dict.fromkeys(("safety_modules", "transfer_modules"), FileKind.TRANSFERS)
         words |= dict.fromkeys(("vendor_id", "product_id", "rpdo", "tpdo"), FileKind.SLAVE)
-        for key in root.pairs:
+        for key in itertools.islice(root.pairs, MOST_UNKNOWN):
             close = difflib.get_close_matches(key.lower(), words, n=1, cutoff=0.75)
             if close:
                 return words[close[0]]
@@ -309,9 +316,8 @@ class _Assembly:
         path = self._locate(system.transfer_file, named_at.file)
         data = read_bytes(path, self.out, named_at=named_at)
         root = parse_yaml(data, path, self.out) if data is not None else None
-        if root is None:
+        if root is None or not check_structure(root, "transfers", self.out):
             return None
-        check_structure(root, "transfers", self.out)
         return _Yaml(path, root)
 
     def _relative(self, text: str, span: Span) -> None:

@@ -33,6 +33,8 @@ _GZIP_TELLS = 64
 _ETHERNET = 1
 _MOST_BYTES = 1 << 24  # of a packet or block; more is no length but damage
 _LATEST_NS = 1 << 63
+_MOST_UNPACKED = 100  # times its packed size: cycles of a bus are packed to a tenth
+_ALWAYS_UNPACKED = 1 << 24  # bytes
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _TSRESOL, _TSOFFSET = 9, 14
 
@@ -92,7 +94,7 @@ class CaptureReader:
     def __iter__(self) -> Iterator[tuple[int, int, bytes]]:
         try:
             if self._stream.peek(2)[:2] == _GZIP:
-                self._stream = buffered(gzip.GzipFile(fileobj=self._stream))
+                self._stream = buffered(_Unpacked(self._stream))
             head = self._stream.read(4)
             if head in _PCAP:
                 yield from self._pcap(*_PCAP[head])
@@ -217,7 +219,41 @@ class CaptureReader:
         return self._block(number, high << 32 | low, body, 20, size, original)
 
 
-def buffered(stream: BinaryIO | gzip.GzipFile) -> io.BufferedReader:
+class _Counted(io.RawIOBase):
+    """A stream that counts what was read of it."""
+
+    def __init__(self, stream: BinaryIO | gzip.GzipFile) -> None:
+        self._stream = stream
+        self.taken = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, room: memoryview) -> int:  # type: ignore[override]
+        data = self._stream.read(len(room))
+        room[: len(data)] = data
+        self.taken += len(data)
+        return len(data)
+
+
+class _Unpacked(_Counted):
+    """What is in a gzip stream; a few bytes that would become hours of packets are no capture."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._packed = _Counted(stream)
+        super().__init__(gzip.GzipFile(fileobj=cast(BinaryIO, self._packed)))
+
+    def readinto(self, room: memoryview) -> int:  # type: ignore[override]
+        size = super().readinto(room)
+        if self.taken > max(_ALWAYS_UNPACKED, _MOST_UNPACKED * self._packed.taken):
+            raise _DamageError(
+                f"it unpacks to more than {_MOST_UNPACKED} times its size, as no capture of a bus "
+                "does"
+            )
+        return size
+
+
+def buffered(stream: BinaryIO | io.RawIOBase) -> io.BufferedReader:
     """Return a stream that can be looked into without taking bytes from it."""
     return io.BufferedReader(cast(io.RawIOBase, stream), 1 << 16)
 

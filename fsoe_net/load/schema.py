@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import itertools
 import json
 import re
 from importlib import resources
@@ -22,9 +23,11 @@ from fsoe_net.load.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from fsoe_net.diag import Span
     from fsoe_net.load.files import Collector
 
 __all__ = [
+    "MOST_UNKNOWN",
     "check_structure",
     "kind_by_keys",
     "nearest_key",
@@ -33,6 +36,8 @@ __all__ = [
     "schema_keys",
 ]
 
+MOST_UNKNOWN = 100
+"""Unknown keys of a document that are told one by one, and guessed at."""
 # What they say, the readers of numbers and of each file say with more words.
 _SKIPPED = {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength"}
 _SKIPPED |= {"anyOf", "oneOf", "not", "uniqueItems"}
@@ -136,25 +141,35 @@ def schema_keys(name: str) -> frozenset[str]:
     return frozenset(read_schema(name)["properties"])
 
 
-def check_structure(root: MapNode, name: str, out: Collector) -> None:
+def check_structure(root: MapNode, name: str, out: Collector) -> bool:
     """Add a finding for each unknown, missing or wrongly typed key of a document.
+
+    Of very many unknown keys the first are told, each compared with those that are known; then the
+    file is refused, for every further guess costs time and helps nobody.
 
     Args:
         root: The document.
         name: Schema, e.g. ``transfers``.
         out: Takes FSN109, FSN110, FSN111, FSN116; only FSN140 where the keys are those of another
             file of this project.
+
+    Returns:
+        Whether it makes sense to read on.
     """
     other = kind_by_keys(root) if name in _ASKED_FOR else None
     if other is not None and other != name:
         refuse_kind(root, other, name, "FSN140", out)
-        return
+        return False
     validator = _validator(name)
     if validator.is_valid(_Shapes(_worded_keys(name)).sample(root)):
-        return  # the usual case: thousands of transfers of one shape, checked once
+        return True  # the usual case: thousands of transfers of one shape, checked once
+    unknown = _Unknown(out)
     for error in validator.iter_errors(_plain(root)):
         if error.validator not in _SKIPPED:
-            _translate(error, root, out)
+            _translate(error, root, out, unknown)
+        if unknown.too_many:
+            break
+    return not unknown.too_many
 
 
 @functools.cache
@@ -262,11 +277,11 @@ def _where(path: Sequence[str | int]) -> str:
     return text or "the document"
 
 
-def _translate(error: Any, root: MapNode, out: Collector) -> None:
+def _translate(error: Any, root: MapNode, out: Collector, unknown: _Unknown) -> None:
     node = _node_at(root, error.absolute_path)
     path = list(error.absolute_path)
     if error.validator == "additionalProperties" and isinstance(node, MapNode):
-        _unknown_keys(node, error.schema.get("properties", {}), path, out)
+        unknown.keys_of(node, error.schema.get("properties", {}), path)
     elif error.validator == "required" and isinstance(node, MapNode):
         _missing_keys(node, error, path, out)
     elif error.validator in ("enum", "const"):
@@ -293,22 +308,43 @@ def nearest_key(key: str, allowed: Iterable[str]) -> str | None:
     return folded[close[0]] if close else None
 
 
-def _unknown_keys(
-    node: MapNode, properties: dict[str, Any], path: list[str | int], out: Collector
-) -> None:
-    free = [k for k in properties if k not in node.pairs]
-    for key in node.pairs:
-        if key in properties:
-            continue
-        meant = nearest_key(key, free)
-        where = f"in {_where(path)}" if path else "at the top level"
-        out.add(
+class _Unknown:
+    """The unknown keys of a document, until there are too many."""
+
+    def __init__(self, out: Collector) -> None:
+        self._out = out
+        self._count = 0
+        self.too_many = False
+
+    def keys_of(self, node: MapNode, properties: dict[str, Any], path: list[str | int]) -> None:
+        """Tell those of one map."""
+        free = [k for k in properties if k not in node.pairs]
+        for key in node.pairs:
+            if key in properties:
+                continue
+            self._count += 1
+            if self._count > MOST_UNKNOWN:
+                self._refuse(node.keys[key])
+                return
+            meant = nearest_key(key, free)
+            where = f"in {_where(path)}" if path else "at the top level"
+            known = ", ".join(sorted(properties))
+            self._out.add(
+                "FSN109",
+                node.keys[key],
+                f"unknown key {key!r} {where}",
+                # A word that resembles no key is a remark of the user's, not a mistake.
+                severity=None if meant else Severity.INFO,
+                hint=f"write {meant!r}" if meant else f"known here: {known}",
+            )
+
+    def _refuse(self, span: Span) -> None:
+        self.too_many = True
+        self._out.add(
             "FSN109",
-            node.keys[key],
-            f"unknown key {key!r} {where}",
-            # A word that resembles no key is a remark of the user's, not a mistake.
-            severity=None if meant else Severity.INFO,
-            hint=f"write {meant!r}" if meant else f"known here: {', '.join(sorted(properties))}",
+            span,
+            f"more than {MOST_UNKNOWN} unknown keys; the file is not read on",
+            hint="give the file that was meant, or take out what does not belong there",
         )
 
 
@@ -319,10 +355,10 @@ def _missing_keys(node: MapNode, error: Any, path: list[str | int], out: Collect
         if f"'{key}'" != error.message.split(" is a required", 1)[0]:
             continue
         properties = error.schema.get("properties", {})
+        others = (k for k in node.pairs if k not in properties)
         typo = any(
             nearest_key(k, [m for m in properties if m not in node.pairs]) == key
-            for k in node.pairs
-            if k not in properties
+            for k in itertools.islice(others, MOST_UNKNOWN)
         )
         if not typo:
             inside_pdo = "channels" in path

@@ -83,6 +83,7 @@ class MapNode:
     place: int
     pairs: dict[str, Node] = field(default_factory=dict)
     key_places: list[int] = field(default_factory=list)  # in the order of ``pairs``
+    _spans: dict[str, Span] | None = None  # of the keys, once somebody has asked
 
     @property
     def span(self) -> Span:
@@ -91,11 +92,14 @@ class MapNode:
 
     @property
     def keys(self) -> dict[str, Span]:
-        """The place of every key."""
-        return {
-            key: _span(self.file, place)
-            for key, place in zip(self.pairs, self.key_places, strict=True)
-        }
+        """The place of every key; keys that were added since the last call are added to it."""
+        known = self._spans = {} if self._spans is None else self._spans
+        count = len(self.pairs) - len(known)
+        if count:
+            newest = zip(reversed(self.pairs), reversed(self.key_places), strict=True)
+            for key, place in reversed(list(islice(newest, count))):
+                known[key] = _span(self.file, place)
+        return known
 
     def get(self, key: str) -> Node | None:
         """Return a value, or ``None``."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import random
 import resource
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.cli.inputs import check_files
+from fsoe_net.diag import Severity
 from fsoe_net.load import Collector, load_network, parse_yaml, yaml_tree
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
@@ -103,6 +107,76 @@ def test_a_huge_file_is_not_read(tmp_path: Path):
     with path.open("wb") as file:
         file.truncate(10**10)  # sparse
     assert [d.code for d in load_network([str(path)]).diagnostics] == ["FSN101"]
+
+
+def _many(row: str) -> Callable[[int], str]:
+    return lambda count: "".join(row.replace("N", str(n)) for n in range(count))
+
+
+ESTOP = (BASE.parents[2] / "examples" / "estop" / "network.yaml").read_text("utf-8")
+MANY = {
+    "unknown keys": _many("kN: N\n"),
+    "unknown keys of a network": lambda n: ESTOP + _many("kN: N\n")(n),
+    "keys twice": lambda n: ESTOP + _many("kN: N\nkN: N\n")(n),
+    "transfers": lambda n: "nets:\n- name: a\n  transfers:\n" + _many("  - kN: N\n")(n),
+    "SubDevices": lambda n: "subdevices:\n" + _many("- kN: N\n")(n),
+    "numbers for SubDevices": lambda n: "subdevices:\n" + _many("- N\n")(n),
+    "PDOs": lambda n: "vendor_id: 1\nrpdo:\n" + _many("- kN: N\n")(n),
+    "channels": lambda n: (
+        "vendor_id: 1\nproduct_id: 2\nrpdo:\n- index: 0x1600\n  channels:\n"
+        + _many("  - {index: 0x7000, sub_index: 1, type: uN}\n")(n)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MANY)
+def test_twice_the_file_is_at_most_twice_the_work(name: str, tmp_path: Path):
+    def calls(rows: int) -> int:
+        path = tmp_path / "many.yaml"
+        path.write_text(MANY[name](rows))
+        count = 0
+
+        def counted(frame: object, event: str, argument: object) -> None:
+            nonlocal count
+            count += event in ("call", "c_call")
+
+        before = sys.getprofile()
+        sys.setprofile(counted)
+        try:
+            check_files([str(path)])
+        finally:
+            sys.setprofile(before)
+        return count
+
+    calls(10)  # what is read once: schemas, patterns
+    assert calls(1600) < 2.1 * calls(800)
+
+
+def test_very_many_unknown_keys_are_refused_with_few_guesses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    guesses: list[str] = []
+    guess = difflib.get_close_matches
+
+    def counted(word: str, *arguments: object, **options: object) -> list[str]:
+        guesses.append(word)
+        return guess(word, *arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(difflib, "get_close_matches", counted)
+    path = tmp_path / "many.yaml"
+    path.write_text(ESTOP + MANY["unknown keys"](5000))
+    first = len(ESTOP.splitlines()) + 1
+    found = check_files([str(path)]).diagnostics
+    assert {d.code for d in found} == {"FSN109"}
+    assert [(d.span.line, d.message) for d in found if d.severity is Severity.ERROR] == [
+        (first + 100, "more than 100 unknown keys; the file is not read on")
+    ]
+    assert len(found) == 101
+    assert len(guesses) == 100
+    guesses.clear()
+    path.write_text(MANY["unknown keys"](5000))
+    assert [d.code for d in check_files([str(path)]).diagnostics] == ["FSN117"]
+    assert len(guesses) == 100
 
 
 def test_memory_stays_bounded(tmp_path: Path):

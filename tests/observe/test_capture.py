@@ -3,6 +3,7 @@
 import gzip
 import io
 import itertools
+import random
 import struct
 
 import pytest
@@ -163,6 +164,28 @@ def test_a_file_cut_anywhere_is_said_to_be(whole, parts):
 def test_damage_has_a_reason(data, reason):
     with pytest.raises(InputError, match=reason):
         rows(data)
+
+
+def large(data_of, count=500):
+    """A packed capture of 32 MB: count packets of 64 KB."""
+    head = struct.pack("<IIII", T_S, 0, 64000, 64000)
+    return gzip.compress(pcap(times=[]) + b"".join(head + data_of(n) for n in range(count)))
+
+
+def test_a_small_packed_file_is_no_large_capture():
+    bomb = large(lambda n: bytes(64000))
+    assert len(bomb) < 40_000
+    reader, read = CaptureReader("x", io.BytesIO(bomb)), 0
+    with pytest.raises(InputError) as told:
+        for _, _, data in reader:
+            read += len(data)
+    assert str(told.value) == (
+        f"x: damaged after packet {reader.packets} (it unpacks to more than 100 times its size, "
+        "as no capture of a bus does); everything before it was read"
+    )
+    assert 15_000_000 < read < 17_000_000
+    cycles = large(lambda n: random.Random(n).randbytes(4000).ljust(64000, b"\0"))
+    assert len(rows(cycles)) == 500
 
 
 def test_what_is_written_is_read(tmp_path):
