@@ -207,6 +207,68 @@ static void no_picture_shows_an_old_state(void) {
     emulated_rig_end(&rig);
 }
 
+/** Places end where the plan does; what needs an argument says so. */
+static void arguments_are_looked_at(void) {
+    struct emulated_rig rig = set_up_full();
+    uint8_t image[64] = {0};
+    uint64_t value = 0;
+    const uint32_t symbol = 0;
+    struct fsn_event event;
+    struct fsn_bus_subdevice seen;
+    CHECK(fsn_core_datagram_count(rig.core) == 1);
+    CHECK(fsn_core_datagram_byte(rig.core, 0) == 0);
+    CHECK(fsn_core_datagram_byte(rig.core, 1) == FSN_NONE);
+    CHECK(fsn_core_stale_cycles(rig.core, 4) == 0);
+    CHECK(!fsn_core_event(rig.core, NULL) && !fsn_core_event(NULL, &event));
+    CHECK(fsn_core_tend(NULL, FSN_AL_OP, 1) && fsn_core_tend(rig.core, FSN_AL_OP, 1));
+    CHECK(fsn_core_subdevice(NULL, 0, &seen) == FSN_E_ARG);
+    CHECK(fsn_core_subdevice(rig.core, 0, NULL) == FSN_E_ARG);
+    CHECK(fsn_core_subdevice(rig.core, 2, &seen) == FSN_E_ARG);
+    CHECK(fsn_core_subdevice(rig.core, 1, &seen) == FSN_E_STATE); /* a bus without states */
+    CHECK(fsn_core_set_outputs(rig.core, 1, &symbol, NULL) == FSN_E_ARG);
+    CHECK(fsn_core_set_outputs(rig.core, 1, NULL, &value) == FSN_E_ARG);
+    CHECK(fsn_core_read_symbol(NULL, image, 0, &value) == FSN_E_ARG);
+    CHECK(fsn_core_read_symbol(rig.core, NULL, 0, &value) == FSN_E_ARG);
+    CHECK(fsn_core_read_symbol(rig.core, image, 0, NULL) == FSN_E_ARG);
+    CHECK(fsn_core_read_symbol(rig.core, image, 2, &value) == FSN_E_ARG);
+    image[6] = 0x50; /* bits 52 to 59 */
+    image[7] = 0xFA;
+    CHECK(fsn_core_read_symbol(rig.core, image, 0, &value) == FSN_OK && value == 0xA5);
+    struct fsn_emulated *bus = NULL;
+    CHECK(fsn_emulated_create(NULL, &bus) == FSN_E_ARG && bus == NULL);
+    CHECK(fsn_emulated_create(rig.plan, NULL) == FSN_E_ARG);
+    struct fsn_core *core;
+    CHECK(fsn_core_create(rig.plan, fsn_emulated_ops(), NULL, &core, NULL) == FSN_E_ARG);
+    CHECK(fsn_core_cycle(rig.core, 1) == FSN_OK);
+    emulated_rig_end(&rig);
+}
+
+/** Where a bucket begins, and the value that so many of a million stay below. */
+static void percentiles_are_ends_of_buckets(void) {
+    static const uint64_t floors[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32};
+    for (uint32_t i = 0; i < sizeof floors / sizeof floors[0]; i++) {
+        CHECK(fsn_histogram_floor(i) == floors[i]);
+    }
+    CHECK(fsn_histogram_floor(FSN_BUCKETS - 1) == UINT64_C(7) << 30);
+    struct fsn_histogram h = {0};
+    CHECK(fsn_histogram_percentile(NULL, 500000) == 0);
+    CHECK(fsn_histogram_percentile(&h, 500000) == 0);
+    h = (struct fsn_histogram){.count = 10, .max_ns = 1000};
+    h.bucket[8] = 5;  /* 8 and 9 ns */
+    h.bucket[12] = 4; /* 16 to 19 ns */
+    h.bucket[FSN_BUCKETS - 1] = 1;
+    static const struct {
+        uint32_t per_million;
+        uint64_t below;
+    } table[] = {{0, 9},       {1, 9},         {500000, 9},    {500001, 19},
+                 {900000, 19}, {900001, 1000}, {1000000, 1000}};
+    for (uint32_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        CHECK(fsn_histogram_percentile(&h, table[i].per_million) == table[i].below);
+    }
+    h.max_ns = 17; /* never more than the longest */
+    CHECK(fsn_histogram_percentile(&h, 900000) == 17);
+}
+
 static void nothing_is_refused(void) {
     CHECK(fsn_core_cycle(NULL, 1) == FSN_E_ARG);
     CHECK(fsn_core_snapshot(NULL, NULL, NULL, NULL) == FSN_E_ARG);
@@ -293,6 +355,8 @@ static void everyone_at_once(void) {
 }
 
 int main(void) {
+    arguments_are_looked_at();
+    percentiles_are_ends_of_buckets();
     outputs_touch_their_bits_only();
     copied_outputs_are_closed();
     age_and_news_are_told();

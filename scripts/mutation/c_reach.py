@@ -19,18 +19,27 @@ from typing import Any
 from .c_build import Build, Slot, environment
 from .c_syntax import function_lines
 
-# Python tests that load the core or run `fsn-master`, beside the C tests, which always count.
+# Test programs by part; what is named nowhere counts for all.
+_PROGRAMS = {
+    "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire fuzz_wire",
+    "plan-loader": "activate copy memory plan rules fuzz_plan",
+    "core": "access activate check cycle igh memory outputs plan record snapshot wire",
+    "control": "control incident jobs lease listen master memory stream watch fuzz_control",
+    "live": "check igh memory sdo wire soem hostile_soem",
+    "segment": "memory segment segment_faults",
+    "scan": "fuzz_scan",
+}
+_ELSEWHERE = "test_rig fuzz_monitor"
+# Python tests that load the core or run `fsn-master`.
 _PYTHON = {
-    "rt": ("tests/core",),
-    "plan-loader": ("tests/core", "tests/master/test_fingerprint.py"),
+    "rt": ("tests/core/test_core.py", "tests/core/test_monitor.py"),
+    "plan-loader": ("tests/core/test_core_plan.py", "tests/master/test_fingerprint.py"),
     "core": ("tests/core",),
     "control": ("tests/master", "tests/incidents"),
-    "live": ("tests/master/test_acyclic.py", "tests/run/test_live_bus.py"),
+    "live": ("tests/master/test_acyclic.py",),
     "segment": ("tests/segment",),
     "scan": ("tests/observe/test_scan.py",),
 }
-# Programs on real interfaces take half a minute: they are for the part that drives interfaces.
-_SLOW = {"soem": ("live",), "hostile_soem": ("live",)}
 _SKIPPED = 77
 _LONGEST_S = 600.0
 
@@ -49,6 +58,12 @@ class Trial:
         patience = max(5.0 + 8 * self.seconds, 10.0)
         env = environment(self.build, LD_LIBRARY_PATH=str(slot.libraries))
         return run(self, slot.folder, env, patience) == 0
+
+
+def _is_for(part: str, name: str) -> bool:
+    listed = {part: names.split() for part, names in _PROGRAMS.items()}
+    elsewhere = {*_ELSEWHERE.split(), *(n for names in listed.values() for n in names)}
+    return name in listed[part] or name not in elsewhere
 
 
 def _by_exit_code(test: dict[str, Any]) -> bool:
@@ -120,7 +135,7 @@ class Reach:
         return [
             Trial(test["name"], tuple(test["command"]), self._build.plain)
             for test in json.loads(shown.stdout)["tests"]
-            if part in _SLOW.get(test["name"], (part,)) and _by_exit_code(test)
+            if _is_for(part, test["name"]) and _by_exit_code(test)
         ]
 
     def _python(self, part: str) -> list[Trial]:

@@ -210,6 +210,9 @@ def _return(node: Node) -> Iterator[Change]:
 
 def _arguments(node: Node) -> Iterator[Change]:
     parts = [c for c in node.named_children if c.type != "comment"]
+    function = node.parent.child_by_field_name("function") if node.parent is not None else None
+    if function is not None and _text(function) in ("memcmp", "strcmp"):
+        parts = parts[1:]  # whether two are equal does not depend on their order
     for one, two in itertools.pairwise(parts):
         if _text(one) != _text(two):
             between = node.text[one.end_byte - node.start_byte : two.start_byte - node.start_byte]
