@@ -19,7 +19,7 @@ NOT_ASSESSED = "category, diagnostic coverage and common causes not assessed"
 
 # Upper bounds per hour: ISO 13849-1 table 2 and IEC 62061 table 3 for high demand.
 _PL = {"a": 1e-4, "b": 1e-5, "c": 3e-6, "d": 1e-6, "e": 1e-7}
-_SIL = {1: 1e-5, 2: 1e-6, 3: 1e-7}
+_SIL: dict[int | None, float] = {1: 1e-5, 2: 1e-6, 3: 1e-7}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,9 +66,8 @@ class PfhSum:
 
 def limit_of(function: SafetyFunction) -> float | None:
     """Return the upper bound of PFH_D of the required level; the stricter one of PL and SIL."""
-    bounds = [
-        bound for bound in (_PL.get(function.pl), _SIL.get(function.sil or 0)) if bound is not None
-    ]
+    found = (_PL.get(function.pl), _SIL.get(function.sil))
+    bounds = [bound for bound in found if bound is not None]
     return min(bounds) if bounds else None
 
 

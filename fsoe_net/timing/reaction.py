@@ -186,6 +186,7 @@ def longest_watchdog(connections: Sequence[Connection], drift: float) -> float |
 
 def _reaction(times: PartTimes, parts: FunctionParts, drift: float) -> Reaction:
     one, two = longest_watchdog(parts.to_input, drift), longest_watchdog(parts.to_output, drift)
+    there, back = one or 0.0, two or 0.0
     return Reaction(
         watchdog_in=one,
         watchdog_out=two,
@@ -193,10 +194,10 @@ def _reaction(times: PartTimes, parts: FunctionParts, drift: float) -> Reaction:
         typical=beckhoff_typical(times),
         worst_input=None if one is None else worst_case_input(times, one),
         worst_output=None if two is None else worst_case_output(times, two),
-        worst_beckhoff=beckhoff_worst_case(one or 0.0, two or 0.0, times.actuator),
+        worst_beckhoff=beckhoff_worst_case(there, back, times.actuator),  # mutants: a sum
         polled=polled_error_free(times),
         broken=broken(times, one, two),
-        disturbed=disturbed_both(times, one or 0.0, two or 0.0),
+        disturbed=disturbed_both(times, there, back),
     )
 
 

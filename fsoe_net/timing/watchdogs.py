@@ -69,7 +69,7 @@ class ConnectionBudget:
     @property
     def greatest(self) -> Limit | None:
         """The smaller of both greatest watchdogs; ``None``: nothing asks."""
-        return _smaller(self.printed, self.handshake)
+        return _smallest(self.printed, self.handshake)
 
     @property
     def empty(self) -> bool:
@@ -165,8 +165,8 @@ def connection_budget(
             if trip is None or time > trip:
                 why = f"{row.function.name}: 1.2 x {time:g} ms round trip of its {side}"
                 trip, least = time, Limit(ms=time * RESERVE, why=why)
-            printed = _smaller(printed, _printed(connection, row, side, drift))
-            handshake = _smaller(handshake, _handshake(row, side, drift))
+            printed = _smallest(printed, _printed(connection, row, side, drift))
+            handshake = _smallest(handshake, _handshake(row, side, drift))
     if measured is not None and (trip is None or measured > trip):
         trip = measured
         least = Limit(ms=measured * RESERVE, why=f"1.2 x {measured:g} ms round trip as measured")
@@ -190,8 +190,9 @@ def _names(row: FunctionBudget) -> set[str]:
     return {c.name for c in (*row.parts.to_input, *row.parts.to_output)}
 
 
-def _smaller(one: Limit | None, two: Limit | None) -> Limit | None:
-    known = [limit for limit in (one, two) if limit is not None]
+def _smallest(*limits: Limit | None) -> Limit | None:
+    """Return the smallest limit, the first of those that are alike."""
+    known = [limit for limit in limits if limit is not None]
     return min(known, key=lambda limit: limit.ms, default=None)
 
 
@@ -221,7 +222,7 @@ def _printed(connection: Connection, row: FunctionBudget, side: str, drift: floa
     # An open watchdog counts as 0 here, which leaves more than ETG.5100; FunctionBudget names it.
     other = longest_watchdog(apart, drift) or 0.0
     by_beckhoff = _room(row, other + times.actuator, what, drift)
-    return _smaller(by_etg, _smaller(both, by_beckhoff))
+    return _smallest(by_etg, both, by_beckhoff)
 
 
 def _handshake(row: FunctionBudget, side: str, drift: float) -> Limit | None:

@@ -85,6 +85,8 @@ class SwapArguments(Own):
     def texts(self, node):
         if node.type != "arglist" or node.parent.type != "trailer":
             return
+        if node.get_previous_leaf().get_previous_leaf().value in ("min", "max"):
+            return
         children = node.children
         values = [n for n in children if not (isinstance(n, Leaf) and n.value == ",")]
         plain = [n for n in values if n.type != "argument"]

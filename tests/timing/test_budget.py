@@ -258,7 +258,9 @@ def test_a_measurement_only_makes_it_worse(resolution_of: Maker) -> None:
 
 
 def test_a_slow_clock_makes_watchdogs_longer(resolution_of: Maker) -> None:
-    (row,) = budget_of(resolution_of(), drift=0.01).functions
+    budget = budget_of(resolution_of(), drift=0.01)
+    assert (budget.cycle, budget.copy_cycles, budget.drift) == (1.0, 2, 0.01)
+    (row,) = budget.functions
     assert row.reaction is not None
     assert row.reaction.worst_beckhoff == pytest.approx(222)
     one = watchdogs(resolution_of(), drift=0.01)["el1904"]

@@ -67,17 +67,22 @@ def test_a_watchdog_that_is_too_short_survives_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("wrong", "told"),
     [
-        {"input": -1.0},
-        {"cycle": 0.0},
-        {"logic": math.nan},
-        {"output": math.inf},
-        {"cycles_in": -1},
-        {"cycles_out": -1},
+        ({"input": -1.0}, "(0.0, -1.0, 2.0, 3.0, 0.0, 1.0)"),
+        ({"cycle": 0.0}, "(0.0, 4.0, 2.0, 3.0, 0.0, 0.0)"),
+        ({"logic": math.nan}, "(0.0, 4.0, nan, 3.0, 0.0, 1.0)"),
+        ({"output": math.inf}, "(0.0, 4.0, 2.0, inf, 0.0, 1.0)"),
+        ({"sensor": -0.1}, "(-0.1, 4.0, 2.0, 3.0, 0.0, 1.0)"),
+        ({"actuator": -0.1}, "(0.0, 4.0, 2.0, 3.0, -0.1, 1.0)"),
+        ({"cycles_in": -1}, "-1, 2"),
+        ({"cycles_out": -1}, "2, -1"),
     ],
 )
-def test_what_is_no_time_is_refused(wrong: dict[str, float]) -> None:
+def test_what_is_no_time_is_refused(wrong: dict[str, float], told: str) -> None:
     right = {"input": 4.0, "logic": 2.0, "output": 3.0, "cycle": 1.0}
-    with pytest.raises(ValueError, match=r"time|cycle"):
+    with pytest.raises(ValueError) as refused:  # noqa: PT011 - the whole text follows
         PartTimes(**{**right, **wrong})  # type: ignore[arg-type]
+    counts = min(wrong) in ("cycles_in", "cycles_out")
+    words = "times are finite and not negative, the cycle is not 0: "
+    assert str(refused.value) == ("bus cycles are not negative: " if counts else words) + told

@@ -27,7 +27,15 @@ from fsoe_net.timing.formulas import (
     worst_case_input,
     worst_case_output,
 )
-from fsoe_net.timing.handshake import broken, broken_input, broken_output
+from fsoe_net.timing.handshake import (
+    broken,
+    broken_input,
+    broken_output,
+    disturbed_both,
+    disturbed_input,
+    disturbed_output,
+    polled_error_free,
+)
 
 pytestmark = pytest.mark.usefixtures("said")
 
@@ -48,6 +56,17 @@ def test_each_direction_has_its_own_transfer() -> None:
     assert broken(UNEQUAL, 100, None) == 189
     assert broken(UNEQUAL, None, 100) == 190
     assert broken(UNEQUAL, None, None) == 10 + 26 + 27 + 40
+
+
+def test_each_direction_is_disturbed_by_itself() -> None:
+    # A connection that is lost at will takes two watchdogs, the other one its healthy way.
+    assert disturbed_input(UNEQUAL, 100) == 10 + (2 * 100 + 4) + 27 + 40
+    assert disturbed_output(UNEQUAL, 90) == 10 + 26 + (2 * 90 + 6) + 40
+    assert disturbed_both(UNEQUAL, 100, 90) == 10 + (2 * 100 + 4) + (2 * 90 + 6) + 40
+    # A watchdog shorter than the healthy way counts no less than that.
+    assert disturbed_both(UNEQUAL, 1, 1) == polled_error_free(UNEQUAL) == 10 + 26 + 27 + 40
+    alone = replace(UNEQUAL, cycles_in=0, cycles_out=0)
+    assert disturbed_both(alone, 100, 90) == 10 + (8 + 4) + (4 + 6) + 40
 
 
 def test_beckhoff_counts_three_cycles_for_each_connection_that_is_there() -> None:
