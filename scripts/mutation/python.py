@@ -206,16 +206,19 @@ class Server:
             pass
 
 
-def _digest(root: Path, tests: str) -> str:
-    """Return a digest of all that decides what the tests below a path run."""
-    digest = hashlib.sha256()
+def _digests(root: Path, tests: str, lines: dict[str, dict]) -> dict[str, str]:
+    """Return the digest of each file that decides what the tests below a path run.
+
+    Those are the tests, what all tests share and, of the package, what they ran.
+    """
     place = root / "tests" / tests
     files = [place] if place.is_file() else sorted(place.rglob("*"))
-    files += sorted((root / PACKAGE).rglob("*.py")) + sorted((root / "tests").glob("*.py"))
-    for file in files:
-        if file.is_file() and file.suffix != ".pyc":
-            digest.update(f"{file.relative_to(root)}\0".encode() + file.read_bytes() + b"\0")
-    return digest.hexdigest()
+    files += sorted((root / "tests").glob("*.py")) + [root / path for path in lines]
+    return {
+        str(file.relative_to(root)): hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in files
+        if file.is_file() and file.suffix != ".pyc"
+    }
 
 
 def covered_by(part: str, root: Path, server: Server) -> Covered:
@@ -223,13 +226,13 @@ def covered_by(part: str, root: Path, server: Server) -> Covered:
     out = Covered()
     for tests in PARTS[part]:
         kept = root / "build" / "mutation" / "covered" / f"{tests.replace('/', '-')}.json"
-        digest = _digest(root, tests)
-        document = json.loads(kept.read_text("utf-8")) if kept.is_file() else {}
-        if document.get("digest") != digest:
+        document = json.loads(kept.read_text("utf-8")) if kept.is_file() else {"lines": {}}
+        if document.get("digests") != _digests(root, tests, document["lines"]):
             code = server.ask([f"tests/{tests}"], record=str(kept))
             if code not in (0, 1):
                 raise SystemExit(f"mutate: pytest tests/{tests} ended with {code}")
-            document = {**json.loads(kept.read_text("utf-8")), "digest": digest}
+            document = json.loads(kept.read_text("utf-8"))
+            document["digests"] = _digests(root, tests, document["lines"])
             for name in document["failed"]:
                 print(f"mutate: {name} fails without a mutant and is left out", file=sys.stderr)
             kept.write_text(json.dumps(document), "utf-8")
@@ -262,19 +265,17 @@ class Runner:
         text = self._work / "mutant.py"
         text.write_text(mutant.source, "utf-8")
         module = mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-        # What is collected once does not see a mutant that changes what is tried: a survivor
-        # is tried again in a fork that imports everything anew.
+        code = NOT_HERE
         for server in (self._collected, self._bare):
-            code = server.ask(
-                list(dict.fromkeys(t.split("::")[0] for t in tests)),
-                tests=tests,
-                seconds=30 + 5 * sum(self._covered.seconds[t] for t in tests),
-                mutant=[module, str(self._root / mutant.path), str(text)],
-            )
-            # 5: the mutant changed which tests there are, and none that ran the line is left.
-            if code not in (0, 5, NOT_HERE):
-                return KILLED
-        return SURVIVED
+            if code == NOT_HERE:
+                code = server.ask(
+                    list(dict.fromkeys(t.split("::")[0] for t in tests)),
+                    tests=tests,
+                    seconds=30 + 5 * sum(self._covered.seconds[t] for t in tests),
+                    mutant=[module, str(self._root / mutant.path), str(text)],
+                )
+        # 5: the mutant changed which tests there are, and none that ran the line is left.
+        return SURVIVED if code in (0, 5) else KILLED
 
     def close(self) -> None:
         """End the servers."""
