@@ -408,6 +408,7 @@ def plans(draw: st.DrawFn) -> Plan:
 def test_python_and_the_core_agree_on_drawn_plans(plan: Plan) -> None:
     data = encode_plan(plan)
     found = load(data).fingerprint()
+    assert decode_plan(data) == plan
     assert found == fingerprint_of(decode_plan(data))
     assert found == fingerprint_of(plan)
 

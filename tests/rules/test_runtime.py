@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from diagnostics import test_cases as cases
 from networks import EXAMPLES, resolved
+from said import Said
 
 from fsoe_net.diag import CATALOGUE, Severity
 from fsoe_net.rules import Runtime, check, effect_today, effects_today
@@ -128,7 +129,9 @@ def test_slots_filled_from_the_first_are_right_for_lcec():
 
 
 @pytest.mark.parametrize("code", CATALOGUE)
-def test_every_effect_is_listed_once_for_each_runtime(code: str):
+def test_every_effect_is_listed_once_for_each_runtime(code: str, said: Said):
+    for runtimes, text in effects_today(code):
+        said.add(f"{code} today: {', '.join(r.value for r in runtimes)}: {text}")
     listed = {r: text for runtimes, text in effects_today(code) for r in runtimes}
     assert listed == {r: effect_today(code, r) for r in Runtime if effect_today(code, r)}
     assert Runtime.FSN not in listed
