@@ -33,8 +33,8 @@ NOT_HERE = 125
 # Where the tests of a part are. Those that run in real time are not here: they take too long and
 # notice little of what these parts do.
 PARTS: dict[str, tuple[str, ...]] = {
-    "rules": ("rules", "diagnostics", "timing", "plan", "model"),
-    "plan": ("plan", "core/test_core_plan.py", "cli/test_fingerprint.py", "diagnostics"),
+    "rules": ("rules", "diagnostics", "timing/test_budget.py", "timing/test_parts.py"),
+    "plan": ("plan", "core/test_core_plan.py", "cli/test_fingerprint.py", "cli/test_accept.py"),
     "fsoe": ("fsoe",),
     "timing": ("timing", "diagnostics", "cli/test_timing.py"),
     "load": ("load", "diagnostics"),
@@ -206,35 +206,45 @@ class Server:
             pass
 
 
-def _digests(root: Path, tests: str, lines: dict[str, dict]) -> dict[str, str]:
-    """Return the digest of each file that decides what the tests below a path run.
+def _files(root: Path, part: str) -> list[Path]:
+    """Return the files with tests of a part; each is measured by itself."""
+    places = [root / "tests" / name for name in PARTS[part]]
+    return [
+        file
+        for place in places
+        for file in ([place] if place.is_file() else sorted(place.rglob("test_*.py")))
+    ]
 
-    Those are the tests, what all tests share and, of the package, what they ran.
+
+def _digests(root: Path, tests: Path, lines: dict[str, dict]) -> dict[str, str]:
+    """Return the digest of each file that decides what the tests of a file run.
+
+    Those are the file, what its folder and all tests share and, of the package, what they ran.
     """
-    place = root / "tests" / tests
-    files = [place] if place.is_file() else sorted(place.rglob("*"))
-    files += sorted((root / "tests").glob("*.py")) + [root / path for path in lines]
+    shared = [f for f in sorted(tests.parent.rglob("*")) if not f.match("test_*.py")]
+    files = [tests, *shared, *sorted((root / "tests").glob("*.py")), *(root / p for p in lines)]
     return {
         str(file.relative_to(root)): hashlib.sha256(file.read_bytes()).hexdigest()
         for file in files
-        if file.is_file() and file.suffix != ".pyc"
+        if file.is_file() and file.suffix != ".pyc" and file.name != "said.txt"
     }
 
 
 def covered_by(part: str, root: Path, server: Server) -> Covered:
     """Return what the tests of a part run; measured where a source or a test has changed."""
     out = Covered()
-    for tests in PARTS[part]:
-        kept = root / "build" / "mutation" / "covered" / f"{tests.replace('/', '-')}.json"
+    for tests in _files(root, part):
+        name = str(tests.relative_to(root))
+        kept = root / "build" / "mutation" / "covered" / f"{name.replace('/', '-')}.json"
         document = json.loads(kept.read_text("utf-8")) if kept.is_file() else {"lines": {}}
         if document.get("digests") != _digests(root, tests, document["lines"]):
-            code = server.ask([f"tests/{tests}"], record=str(kept))
+            code = server.ask([name], record=str(kept))
             if code not in (0, 1):
-                raise SystemExit(f"mutate: pytest tests/{tests} ended with {code}")
+                raise SystemExit(f"mutate: pytest {name} ended with {code}")
             document = json.loads(kept.read_text("utf-8"))
             document["digests"] = _digests(root, tests, document["lines"])
-            for name in document["failed"]:
-                print(f"mutate: {name} fails without a mutant and is left out", file=sys.stderr)
+            for failed in document["failed"]:
+                print(f"mutate: {failed} fails without a mutant and is left out", file=sys.stderr)
             kept.write_text(json.dumps(document), "utf-8")
         out.add(document)
     return out

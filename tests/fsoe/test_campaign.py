@@ -135,13 +135,15 @@ def test_sizes_of_a_link_must_agree():
         (ignores_watchdog, "loss", "still valid after 21 ms"),
     ],
 )
-def test_what_a_device_forgot_is_found(device, name, text):
+def test_what_a_device_forgot_is_found(device, name, text, said):
     result = run_trials(make_config(sub_factory=device), name, range(300))
     assert result.failed > 50
     assert not result.passed
     assert len(result.failures) == 5
     assert all(text in failure.reason for failure in result.failures), result.failures
     assert result.failures[0].trial < result.failures[-1].trial < 300
+    for failure in result.failures:
+        said.add(f"{device.__name__}: {failure}")
 
 
 def test_a_device_that_answers_to_any_address():

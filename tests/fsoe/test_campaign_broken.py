@@ -19,7 +19,7 @@ def _config(seed=1):
 
 
 @pytest.mark.parametrize("broken", [*BROKEN, *HANDLERS], ids=lambda row: row.what)
-def test_a_broken_engine_is_noticed(broken, monkeypatch):
+def test_a_broken_engine_is_noticed(broken, monkeypatch, said):
     if broken.name:
         monkeypatch.setattr(broken.where, broken.name, broken.by)
     else:
@@ -28,6 +28,8 @@ def test_a_broken_engine_is_noticed(broken, monkeypatch):
     assert not result.passed
     reasons = [failure.reason for failure in result.failures]
     assert any(re.search(broken.reason, reason) for reason in reasons), reasons
+    for failure in result.failures:
+        said.add(f"{broken.what}: {failure}")
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -1,0 +1,47 @@
+"""Campaigns as a whole: which faults are drawn, what becomes of each, and all that is counted.
+
+A trial depends on connections, class, seed and number only, so what was read once stays.
+"""
+
+from __future__ import annotations
+
+import pytest
+from fsoe.links import make_link
+from said import Said
+
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
+from fsoe_net.fsoe.campaign.trials import CampaignConfig, Case, Trials, run_trials
+
+SMALL = make_link(1, 1)
+LARGE = make_link(2, 6, app=b"\1\2\3", delay=(2, 3), watchdog_ms=30)
+CONFIG = CampaignConfig(links=(SMALL, LARGE), seed=3)
+NAMES = [*CATALOGUE, "loss+corruption+double_writer", "delay+insertion"]
+
+
+def drawn(case: Case) -> str:
+    """Return the fault of a case, but for the address in memory of what the application does."""
+    one = case.injection
+    words = [w for w in ("patient", "signed", "stays", "miswired", "former") if getattr(one, w)]
+    words += ["application"] if one.application is not None else []
+    return f"{case.link.name}, chance {one.chance}, {' '.join(words)}: {one.faults}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_fault_and_what_becomes_of_it(name: str, said: Said) -> None:
+    work = Trials(CONFIG, name)
+    for number in range(8):
+        case, found = work.run(number)
+        said.add(f"{name} {number}: {drawn(case)}")
+        said.add(f"{name} {number}: {found}")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_that_is_counted(name: str, said: Said) -> None:
+    done: list[int] = []
+    result = run_trials(CONFIG, name, range(150), done.append)
+    assert done == list(range(150))
+    said.add(f"150 of {name}: {result}")
+    said.add(
+        f"150 of {name}: {result.interval} {result.rate_ok} {result.most_tolerated} "
+        f"{result.failed} {result.passed}"
+    )
