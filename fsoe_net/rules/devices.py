@@ -201,7 +201,7 @@ def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
 
 def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
     first: dict[tuple[int, int], tuple[SmLayout, Placed]] = {}
-    idle: Counter[str] = Counter()
+    idle: set[str] = set()
     idle_at = None
     twice: dict[tuple[int, int], list[tuple[Placed, Placed]]] = {}
     for sm in layout.managers:
@@ -218,7 +218,7 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
             if not used and known_sm is not sm:
                 continue  # drives map the same object as command and as status
             if not used and entry.index < _PROFILE_AREA:
-                idle[entry.address] += 1
+                idle.add(entry.address)
                 idle_at = idle_at or entry
                 continue
             twice.setdefault((id(placed.pdo), id(known.pdo)), []).append((placed, known))

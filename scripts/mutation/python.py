@@ -33,7 +33,8 @@ NOT_HERE = 125
 # Where the tests of a part are. Those that run in real time are not here: they take too long and
 # notice little of what these parts do.
 PARTS: dict[str, tuple[str, ...]] = {
-    "rules": ("rules", "diagnostics", "timing/test_budget.py", "timing/test_parts.py"),
+    "rules": ("rules", "diagnostics", "timing/test_budget.py",
+              "timing/test_parts.py", "model/test_expand.py"),
     "plan": ("plan", "core/test_core_plan.py", "cli/test_fingerprint.py", "cli/test_accept.py"),
     "fsoe": ("fsoe",),
     "timing": ("timing", "diagnostics", "cli/test_timing.py"),

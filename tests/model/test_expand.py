@@ -33,6 +33,8 @@ from fsoe_net.model import (
 from fsoe_net.plan import compile_plan
 from fsoe_net.save import describe, write_network
 
+pytestmark = pytest.mark.usefixtures("said")
+
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 
 
