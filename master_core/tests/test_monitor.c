@@ -152,6 +152,264 @@ static void any_start_leads_into_the_chain(void) {
     }
 }
 
+/** Two ends that count on: each frame with the CRC of the one before, its own number, and the rule
+ *  that two frames in a row never have the same CRC. */
+struct chain {
+    uint32_t len[2];
+    uint16_t number[2], own[2], last, id;
+    bool has_own[2];
+    uint64_t seed;
+    uint8_t frame[255];
+};
+
+static uint16_t seal(uint8_t *frame, size_t len, uint16_t id, uint16_t old_crc, uint16_t number) {
+    const unsigned blocks = len == 6 ? 1 : (unsigned)(len - 3) / 4;
+    put16(frame + len - 2, id);
+    for (unsigned block = 0; block < blocks; block++) {
+        put16(frame + (len == 6 ? 2 : 3 + 4 * block),
+              crc_bit_by_bit(frame, len, block, old_crc, number));
+    }
+    return fsn_fsoe_crc0(frame, len);
+}
+
+/** The next frame of a direction. */
+static const uint8_t *next_frame(struct chain *c, unsigned way, uint8_t command) {
+    for (size_t i = 0; i < c->len[way]; i++) {
+        c->frame[i] = (uint8_t)next_random(&c->seed);
+    }
+    c->frame[0] = command;
+    uint16_t crc = seal(c->frame, c->len[way], c->id, c->last, c->number[way]);
+    if (c->has_own[way] && crc == c->own[way]) {
+        c->number[way] = c->number[way] == 0xFFFF ? 1 : (uint16_t)(c->number[way] + 1);
+        crc = seal(c->frame, c->len[way], c->id, c->last, c->number[way]);
+    }
+    c->last = c->own[way] = crc;
+    c->has_own[way] = true;
+    c->number[way] = c->number[way] == 0xFFFF ? 1 : (uint16_t)(c->number[way] + 1);
+    return c->frame;
+}
+
+static struct chain chain_of(uint32_t to_sub, uint32_t to_main, uint16_t number) {
+    return (struct chain){
+        .len = {to_sub, to_main}, .number = {number, number}, .id = 0x1234, .seed = number};
+}
+
+/** Once around all numbers, with the collisions that come along. */
+static void numbers_go_around(void) {
+    struct chain c = chain_of(11, 6, 1);
+    struct fsn_monitor monitor;
+    CHECK(fsn_monitor_init(&monitor, 11, 6) == FSN_OK);
+    uint8_t reset[11] = {FSN_CMD_RESET};
+    (void)seal(reset, 11, 0, 0, 1);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, reset, 1) == FSN_VERDICT_RIGHT);
+    for (uint32_t i = 0; i < 70000; i++) {
+        for (unsigned way = 0; way < 2; way++) {
+            const uint8_t command = i == 0 ? FSN_CMD_SESSION : FSN_CMD_PROCESS_DATA;
+            const uint8_t *frame = next_frame(&c, way, command);
+            CHECK(fsn_monitor_frame(&monitor, (enum fsn_way)way, frame, 2 + i) ==
+                  FSN_VERDICT_RIGHT);
+        }
+    }
+    CHECK(monitor.status.direction[0].right == 70001 && monitor.status.direction[1].right == 70000);
+    CHECK(monitor.status.gaps == 0 && monitor.status.outside == FSN_OUTSIDE_DATA_PROCESS);
+    CHECK(monitor.status.direction[0].connection_id == 0x1234);
+}
+
+/** Gives both frames of a cycle; the verdicts as two letters of "rwu". */
+static const char *both(struct fsn_monitor *monitor, struct chain *c) {
+    static char said[3];
+    for (unsigned way = 0; way < 2; way++) {
+        const uint8_t *frame = next_frame(c, way, FSN_CMD_PROCESS_DATA);
+        const enum fsn_verdict v = fsn_monitor_frame(monitor, (enum fsn_way)way, frame, 1);
+        said[way] = v == FSN_VERDICT_RIGHT ? 'r' : v == FSN_VERDICT_WRONG ? 'w' : 'u';
+    }
+    return said;
+}
+
+/** Joining in the middle, losing frames, and finding the numbers again: one gap. */
+static void lost_numbers_are_found_again(void) {
+    for (uint32_t round = 0; round < 200; round++) {
+        struct chain c = chain_of(7 + 4 * (round % 3), 6, (uint16_t)(round * 331 + 1));
+        struct fsn_monitor monitor;
+        CHECK(fsn_monitor_init(&monitor, c.len[0], c.len[1]) == FSN_OK);
+        CHECK(strcmp(both(&monitor, &c), "uu") == 0 && strcmp(both(&monitor, &c), "ur") == 0);
+        CHECK(strcmp(both(&monitor, &c), "rr") == 0 && monitor.status.gaps == 0);
+        for (unsigned way = 0; way < 2; way++) { /* both pass unseen */
+            (void)next_frame(&c, way, FSN_CMD_PROCESS_DATA);
+        }
+        CHECK(strcmp(both(&monitor, &c), "wu") == 0 && monitor.status.gaps == 0);
+        CHECK(strcmp(both(&monitor, &c), "ur") == 0 && monitor.status.gaps == 1);
+        CHECK(strcmp(both(&monitor, &c), "rr") == 0 && monitor.status.gaps == 1);
+        CHECK(monitor.status.direction[0].wrong == 1 && monitor.status.direction[1].wrong == 0);
+    }
+}
+
+/** An answer that passes unseen: the two in a row say nothing, and the chain is found again. */
+static void one_end_alone_is_not_checked(void) {
+    struct chain c = chain_of(6, 6, 5);
+    struct fsn_monitor monitor;
+    CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+    while (strcmp(both(&monitor, &c), "rr") != 0) {
+    }
+    const uint8_t *frame = next_frame(&c, 0, FSN_CMD_PROCESS_DATA);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, frame, 1) == FSN_VERDICT_RIGHT);
+    (void)next_frame(&c, 1, FSN_CMD_PROCESS_DATA);
+    frame = next_frame(&c, 0, FSN_CMD_PROCESS_DATA);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, frame, 1) == FSN_VERDICT_UNCHECKED);
+    frame = next_frame(&c, 1, FSN_CMD_PROCESS_DATA);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, frame, 1) == FSN_VERDICT_UNCHECKED);
+    CHECK(strcmp(both(&monitor, &c), "ur") == 0 && strcmp(both(&monitor, &c), "rr") == 0);
+    CHECK(monitor.status.gaps == 1 && monitor.status.direction[0].wrong == 0);
+}
+
+/** While the numbers are searched for, blocks that do not fit each other are wrong all the same. */
+static void broken_blocks_are_wrong_at_any_time(void) {
+    struct chain c = chain_of(15, 15, 9);
+    struct fsn_monitor monitor;
+    CHECK(fsn_monitor_init(&monitor, 15, 15) == FSN_OK);
+    CHECK(strcmp(both(&monitor, &c), "uu") == 0);
+    uint8_t frame[15];
+    memcpy(frame, next_frame(&c, 0, FSN_CMD_PROCESS_DATA), 15);
+    frame[9] ^= 1;
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, frame, 1) == FSN_VERDICT_WRONG);
+    memcpy(frame, next_frame(&c, 1, FSN_CMD_PROCESS_DATA), 15);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, frame, 1) == FSN_VERDICT_RIGHT);
+    CHECK(strcmp(both(&monitor, &c), "ur") == 0 && strcmp(both(&monitor, &c), "rr") == 0);
+}
+
+/** §3, §5, §6: what Reset and Session do to the chain. */
+static void sessions_begin_anew(void) {
+    struct fsn_monitor monitor;
+    uint8_t reset[6] = {FSN_CMD_RESET, 5};
+    uint8_t session[6] = {FSN_CMD_SESSION, 0x77};
+    uint8_t answer[6] = {FSN_CMD_SESSION, 0x88};
+    CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+    (void)seal(reset, 6, 0, 0, 1);
+    const uint16_t first = seal(session, 6, 0, 0, 1);
+    (void)seal(answer, 6, 0, first, 1);
+    /* A sub may answer before the main has begun: right when it follows a Reset. */
+    uint8_t early[6] = {FSN_CMD_SESSION, 0x99};
+    (void)seal(early, 6, 0, 0, 1);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, answer, 1) == FSN_VERDICT_UNCHECKED);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, reset, 1) == FSN_VERDICT_RIGHT);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, early, 1) == FSN_VERDICT_RIGHT);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, session, 1) == FSN_VERDICT_RIGHT);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, answer, 1) == FSN_VERDICT_RIGHT);
+    session[1] = 0x78; /* the main begins anew, in the middle */
+    const uint16_t second = seal(session, 6, 0, 0, 1);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, session, 1) == FSN_VERDICT_RIGHT);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, early, 1) == FSN_VERDICT_WRONG);
+    answer[1] = 0x89; /* the chain is still that of the main */
+    (void)seal(answer, 6, 0, second, 1);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, answer, 1) == FSN_VERDICT_RIGHT);
+    reset[1] = 6;
+    (void)seal(reset, 6, 0, 0, 2); /* a Reset counts from 1 */
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, reset, 1) == FSN_VERDICT_WRONG);
+    (void)seal(reset, 6, 9, 0, 1); /* and has no ConnID */
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, reset, 1) == FSN_VERDICT_WRONG);
+    CHECK(monitor.status.direction[1].resets == 1 && monitor.status.direction[1].reset_code == 6);
+    CHECK(monitor.status.direction[1].frames == 7 && monitor.status.direction[1].wrong == 3);
+}
+
+/** Intervals are those between two Data frames of a direction. */
+static void intervals_are_counted(void) {
+    static const struct {
+        uint8_t command;
+        uint64_t at_ns;
+    } frames[] = {
+        {FSN_CMD_PARAMETER, 100},     {FSN_CMD_PROCESS_DATA, 150}, {FSN_CMD_PROCESS_DATA, 180},
+        {FSN_CMD_FAILSAFE_DATA, 230}, {FSN_CMD_PROCESS_DATA, 250}, {FSN_CMD_RESET, 300},
+        {FSN_CMD_RESET, 310},         {FSN_CMD_PROCESS_DATA, 400}, {FSN_CMD_FAILSAFE_DATA, 440}};
+    struct fsn_monitor monitor;
+    CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+    for (uint8_t i = 0; i < sizeof frames / sizeof frames[0]; i++) {
+        const uint8_t frame[6] = {frames[i].command, i, i, 0, 3, 4};
+        (void)fsn_monitor_frame(&monitor, FSN_TO_MAIN, frame, frames[i].at_ns);
+    }
+    const struct fsn_direction *d = &monitor.status.direction[FSN_TO_MAIN];
+    CHECK(d->intervals == 4 && d->interval_last_ns == 40 && d->interval_sum_ns == 140);
+    CHECK(d->interval_min_ns == 20 && d->interval_max_ns == 50 && d->last_new_ns == 440);
+    CHECK(d->frames == 9 && d->process_data == 4 && d->failsafe_data == 2 && d->resets == 1);
+    CHECK(d->reset_code == 6 && d->command == FSN_CMD_FAILSAFE_DATA);
+    CHECK(d->connection_id == 0x0403 && monitor.status.direction[FSN_TO_SUB].frames == 0);
+    CHECK(d->wrong + d->unchecked + d->right == 9 && monitor.status.outside == FSN_OUTSIDE_SILENT);
+}
+
+/** Which frame of a cycle came first; both are new and the chain tells. */
+static void the_order_of_a_cycle_is_seen(void) {
+    struct chain c = chain_of(6, 6, 3);
+    struct fsn_monitor monitor;
+    CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+    while (strcmp(both(&monitor, &c), "rr") != 0) {
+    }
+    uint8_t to_sub[6];
+    uint8_t to_main[6];
+    struct chain main_first = c;
+    memcpy(to_sub, next_frame(&main_first, 0, FSN_CMD_PROCESS_DATA), 6);
+    memcpy(to_main, next_frame(&main_first, 1, FSN_CMD_PROCESS_DATA), 6);
+    CHECK(!fsn_monitor_sub_first(&monitor, to_sub, to_main));
+    struct chain sub_first = c;
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, next_frame(&sub_first, 0, FSN_CMD_PROCESS_DATA),
+                            1) == FSN_VERDICT_RIGHT);
+    memcpy(to_main, next_frame(&sub_first, 1, FSN_CMD_PROCESS_DATA), 6);
+    memcpy(to_sub, next_frame(&sub_first, 0, FSN_CMD_PROCESS_DATA), 6);
+    CHECK(fsn_monitor_sub_first(&monitor, to_sub, to_main));
+    const struct fsn_monitor before = monitor;
+    CHECK(
+        !fsn_monitor_sub_first(&monitor, monitor.followed[0].last, to_main)); /* only one is new */
+    CHECK(!fsn_monitor_sub_first(&monitor, to_sub, monitor.followed[1].last));
+    uint8_t reset[6] = {FSN_CMD_RESET};
+    (void)seal(reset, 6, 0, 0, 1);
+    CHECK(fsn_monitor_sub_first(&monitor, reset, to_main)); /* a restart does not tell the order */
+    to_main[1] ^= 1;
+    CHECK(!fsn_monitor_sub_first(&monitor, reset, to_main));
+    CHECK(!fsn_monitor_sub_first(&monitor, to_sub, reset));
+    uint8_t session[6] = {FSN_CMD_SESSION};
+    (void)seal(session, 6, 0, 0, 1);
+    CHECK(!fsn_monitor_sub_first(&monitor, session, reset)); /* the main was in Data */
+    CHECK(memcmp(&before, &monitor, sizeof before) == 0);    /* asking changes nothing */
+    CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+    CHECK(fsn_monitor_sub_first(&monitor, session, reset));
+    CHECK(!fsn_monitor_sub_first(&monitor, to_sub, reset));
+    uint8_t other[6] = {FSN_CMD_RESET, 1};
+    (void)seal(other, 6, 0, 0, 1);
+    (void)fsn_monitor_frame(&monitor, FSN_TO_SUB, other, 1);
+    CHECK(fsn_monitor_sub_first(&monitor, session, reset)); /* behind its Reset */
+}
+
+/** Every pair of commands: the end that lags decides. */
+static void outside_is_what_both_show(void) {
+    static const uint8_t commands[] = {FSN_CMD_RESET,
+                                       FSN_CMD_SESSION,
+                                       FSN_CMD_CONNECTION,
+                                       FSN_CMD_PARAMETER,
+                                       FSN_CMD_FAILSAFE_DATA,
+                                       FSN_CMD_PROCESS_DATA,
+                                       0x99};
+    static const char expected[] = "RRRRRRR"
+                                   "RSSSSSS"
+                                   "RSCCCCC"
+                                   "RSCPPPP"
+                                   "RSCPFFU"
+                                   "RSCPFDU"
+                                   "RSCPUUU";
+    static const char names[] = {
+        [FSN_OUTSIDE_RESET] = 'R',         [FSN_OUTSIDE_SESSION] = 'S',
+        [FSN_OUTSIDE_CONNECTION] = 'C',    [FSN_OUTSIDE_PARAMETER] = 'P',
+        [FSN_OUTSIDE_DATA_FAILSAFE] = 'F', [FSN_OUTSIDE_DATA_PROCESS] = 'D',
+        [FSN_OUTSIDE_UNKNOWN] = 'U'};
+    for (size_t i = 0; i < 49; i++) {
+        struct fsn_monitor monitor;
+        CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+        const uint8_t to_sub[6] = {commands[i / 7]};
+        const uint8_t to_main[6] = {commands[i % 7]};
+        (void)fsn_monitor_frame(&monitor, FSN_TO_SUB, to_sub, 1);
+        CHECK(monitor.status.outside == FSN_OUTSIDE_SILENT);
+        (void)fsn_monitor_frame(&monitor, FSN_TO_MAIN, to_main, 1);
+        CHECK(names[monitor.status.outside] == expected[i]);
+    }
+}
+
 static void impossible_lengths_are_refused(void) {
     struct fsn_monitor monitor;
     static const uint32_t bad[] = {0, 5, 8, 9, 10, 256, 259, 0xFFFFFFFFu};
@@ -170,6 +428,14 @@ int main(void) {
     blocks_fit_each_other();
     start_up_is_followed();
     any_start_leads_into_the_chain();
+    numbers_go_around();
+    lost_numbers_are_found_again();
+    one_end_alone_is_not_checked();
+    broken_blocks_are_wrong_at_any_time();
+    sessions_begin_anew();
+    intervals_are_counted();
+    the_order_of_a_cycle_is_seen();
+    outside_is_what_both_show();
     impossible_lengths_are_refused();
     return 0;
 }
