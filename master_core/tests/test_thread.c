@@ -10,6 +10,7 @@
 #include <stdarg.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "core_internal.h"
@@ -67,7 +68,13 @@ int mlockall(int flags) {
 }
 
 int open(const char *path, int flags, ...) {
-    CHECK(strcmp(path, "/sys/kernel/tracing/trace_marker") == 0);
+    if (strcmp(path, "/sys/kernel/tracing/trace_marker") != 0) {
+        va_list arguments; /* a file of the run-time library */
+        va_start(arguments, flags);
+        const unsigned mode = (flags & O_CREAT) != 0 ? va_arg(arguments, unsigned) : 0;
+        va_end(arguments);
+        return (int)syscall(SYS_openat, AT_FDCWD, path, flags, mode);
+    }
     CHECK(flags == (O_WRONLY | O_CLOEXEC));
     errno = os.trace_fails;
     return os.trace_fails != 0 ? -1 : os.trace_ends[1];
