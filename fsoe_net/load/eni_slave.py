@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from fsoe_net.diag import Span
+from fsoe_net.diag import Span, counted
 from fsoe_net.load.eni_parts import Fmmu, Window, read_windows
 from fsoe_net.load.files import Collector
 from fsoe_net.load.foreign import xml_number
@@ -387,9 +387,11 @@ def _sdos(
                 )
             )
     if assigning:
-        notes.append(f"{assigning} start-up SDOs that assign PDOs are left out: the lists say it")
+        what = counted(assigning, "start-up SDO")
+        notes.append(f"{what} left out that assign PDOs: the lists say it")
     if other:
-        notes.append(f"{other} start-up commands are no plain download of 1, 2, 4 or 8 bytes")
+        what = counted(other, "start-up command")
+        notes.append(f"{what} left out: no plain download of 1, 2, 4 or 8 bytes")
     return tuple(sdos), objects
 
 

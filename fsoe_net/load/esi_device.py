@@ -331,6 +331,7 @@ class _DeviceReader:
             if manager.direction is pdo.direction and not manager.mailbox:
                 self._note(f"mandatory PDO 0x{pdo.pdo.index:04x} is put on SM{manager.index}")
                 return manager.index
+        self._note(f"mandatory PDO 0x{pdo.pdo.index:04x} is left out: no sync manager carries it")
         return None
 
     def _contradictions(self, assigned: list[EsiPdo]) -> None:

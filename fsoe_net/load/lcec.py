@@ -308,5 +308,6 @@ class _Master:
                 )
             )
         if left_out:
-            notes.append(f"{left_out} start-up SDOs are no plain bytes of 1, 2, 4 or 8")
+            what = counted(left_out, "start-up SDO")
+            notes.append(f"{what} left out: not plain bytes of 1, 2, 4 or 8")
         return tuple(sdos)

@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Severity
+from fsoe_net.diag import Severity, counted
 from fsoe_net.load.files import Collector, read_bytes
 from fsoe_net.load.foreign import Source, esi_number, is_kind, source_bytes
 from fsoe_net.load.twincat_box import Box, read_box
@@ -252,7 +252,7 @@ class _Project:
         for box in boxes:
             for what in box.unread:
                 count[what] = count.get(what, 0) + 1
-        parts = [f"{what} of {n} SubDevices" for what, n in sorted(count.items())]
+        parts = [f"{what} of {counted(n, 'SubDevice')}" for what, n in sorted(count.items())]
         if self._left_out:
             names = ", ".join(self._left_out[:6])
             parts.append(names + (" and more" if len(self._left_out) > 6 else ""))

@@ -407,6 +407,7 @@ class _BoxReader:
         if sm is not None and sm not in self._broken:
             self._broken.add(sm)
             word = "" if kind is None else kind.text.strip()[:40]
+            word = word or entry.attributes.get("Name", "")[:40]
             self._add(
                 "FSN147",
                 entry.span,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag import Severity, Span, counted
 from fsoe_net.load.files import Collector
 from fsoe_net.load.twincat_box import Box, Message, Range
 from fsoe_net.load.twincat_safety import SafetyProject
@@ -187,10 +187,12 @@ class _Links:
         for (logic, message), partners in sorted(
             self._partners.items(), key=lambda row: (row[0][0], row[0][1].slot)
         ):
-            if len(partners) != 1:
-                continue
             other, span = next(iter(partners.items()))
-            if other == logic:
+            if len(partners) > 1 or other == logic:
+                whom = "itself" if other == logic else counted(len(partners), "SubDevice")
+                name = f"Message_{message.number} of {self._boxes[logic].path[-1][:60]}"
+                what = f"{name} is linked to {whom}, so this connection is left out"
+                self._add("FSN148", span, what, "link both ways of a message to one SubDevice")
                 continue
             row = DescribedConnection(
                 span=span,

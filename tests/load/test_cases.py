@@ -1,0 +1,123 @@
+"""What readers say, whole: a good text of each kind, with one thing changed in it.
+
+`cases.yaml` holds what is changed (each pair: text to find, text to put there; the first only) and
+all that is said: findings with place and hint, notes of SubDevices. Run this file to write it anew,
+and read the difference: ``python tests/load/test_cases.py``.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from described import bus
+from load.esi_text import esi_text, module_text
+from load.texts import CONFIG, LCEC, PDOS, ROS_SLAVES, SLAVES, SOEM, TWINSAFE, XML, cstruct
+from load.twincat_text import alias, box, machine
+
+from fsoe_net.load import Collector
+from fsoe_net.load.eni import load_eni
+from fsoe_net.load.esi import load_esi
+from fsoe_net.load.igh_text import load_igh_text
+from fsoe_net.load.lcec import load_lcec
+from fsoe_net.load.ros_slaves import load_ros_slaves
+from fsoe_net.load.soem_text import load_soem_text
+from fsoe_net.load.twincat import load_twincat
+from fsoe_net.load.twinsafe import load_twinsafe
+from fsoe_net.model import Description
+from fsoe_net.save import write_eni
+
+HERE = Path(__file__).parent
+CASES: dict[str, dict[str, dict]] = yaml.safe_load((HERE / "cases.yaml").read_text("utf-8"))
+
+_SMS = (
+    '<Sm StartAddress="#x1000" ControlByte="#x26">MBoxOut</Sm>'
+    '<Sm StartAddress="#x1080" ControlByte="#x22">MBoxIn</Sm>'
+    '<Sm StartAddress="#x1100" ControlByte="#x24">Outputs</Sm>'
+    '<Sm StartAddress="#x1180" ControlByte="#x20">Inputs</Sm>\n'
+)
+_PDO = (
+    '<{tag} Sm="{sm}"><Index>#x{index}</Index><Entry><Index>#x{base}</Index><SubIndex>1</SubIndex>'
+    "<BitLen>8</BitLen><Name>n</Name></Entry></{tag}>\n"
+)
+_DEVICE = (
+    '<Device><Type ProductCode="#x10" RevisionNo="#x1">D</Type>' + _SMS
+    + _PDO.format(tag="RxPdo", sm=2, index="1600", base="7000")
+    + _PDO.format(tag="TxPdo", sm=3, index="1a00", base="6000")
+    + "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>#x8000</Index><SubIndex>1</SubIndex>"
+    "<Data>0700</Data></InitCmd></CoE></Mailbox>\n"
+    "<Dc><OpMode><Name>DC</Name><AssignActivate>#x300</AssignActivate></OpMode></Dc></Device>\n"
+)  # fmt: skip
+# A good text of each kind, and what reads it.
+KINDS: dict[str, tuple[str, Callable[..., Description | None]]] = {
+    "eni": (write_eni(bus(1)), load_eni),
+    "esi": (esi_text(_DEVICE, modules=module_text(7, "")), load_esi),
+    "lcec": (LCEC, load_lcec),
+    "ros_slaves": (ROS_SLAVES, load_ros_slaves),
+    "soem": (SOEM, load_soem_text),
+    "igh_pdos": (PDOS, load_igh_text),
+    "igh_cstruct": (cstruct(3), load_igh_text),
+    "igh_xml": (XML, load_igh_text),
+    "igh_slaves": (SLAVES, load_igh_text),
+    "igh_config": (CONFIG, load_igh_text),
+    "twincat": (machine(safety=""), load_twincat),
+    "twincat_box": (box(1, "Term 1 (EK1100)", "EK1100", 0x044C2C52), load_twincat),
+    "twinsafe": (TWINSAFE, load_twinsafe),
+    "alias": (alias(3, 5, 11, 120), load_twinsafe),
+}
+
+
+def said(kind: str, case: dict) -> str:
+    """Read the text of a kind with the changes of a case; return all that is said."""
+    text, read = KINDS[kind]
+    for find, put in case.get("edit", ()):
+        assert find in text, f"{find!r} is not in the text"
+        text = text.replace(find, put, 1)
+    out = Collector()
+    found = read(text.encode(), out, name="file")
+    lines = []
+    for d in out.diagnostics:
+        lines.append(f"{d.span} {d.code} {d.level.value}: {d.message}")
+        lines += [f"  fix: {d.hint}"] if d.hint else []
+        lines += [f"  {r.span}: {r.message}" for r in d.related]
+    if found is None:
+        lines.append("nothing is given")
+    always = _notes(read(KINDS[kind][0].encode(), Collector(), name="file"))
+    lines += [line for line in _notes(found) if line not in always or not case.get("edit")]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _notes(found: Description | None) -> list[str]:
+    subdevices = found.subdevices if found is not None else ()
+    return [f"note of {s.position} {s.name!r}: {note}" for s in subdevices for note in s.notes]
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(kind, name) for kind, cases in CASES.items() for name in cases]
+)
+def test_all_that_is_said(kind: str, name: str):
+    case = CASES[kind][name]
+    assert said(kind, case) == case["says"]
+
+
+def _write() -> None:
+    for kind, cases in CASES.items():
+        for case in cases.values():
+            case["says"] = said(kind, case)
+    class _Dumper(yaml.SafeDumper):
+        pass
+
+    def text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
+        style = "|" if "\n" in value else None
+        return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
+
+    _Dumper.add_representer(str, text)
+    whole = yaml.dump(CASES, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100000)
+    (HERE / "cases.yaml").write_text("# See test_cases.py.\n" + whole, "utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(_write())
