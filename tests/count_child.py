@@ -5,6 +5,7 @@ Its process has no environment, so `conftest` names the file in the program text
 
 from __future__ import annotations
 
+import fcntl
 import os
 import uuid
 from pathlib import Path
@@ -40,6 +41,8 @@ def counted(config: str, folder: str) -> None:
     except OSError:  # bubblewrap hides the folder
         main()
         return
+    # Far up, where the hostile files of the tests do not look for the answer.
+    file = fcntl.fcntl(file, fcntl.F_DUPFD, 500)
     counter.start()
     try:
         main()

@@ -108,11 +108,6 @@ class Cycles:
             )
         }
 
-    @property
-    def places(self) -> tuple[FramePlace, ...]:
-        """All places that are watched."""
-        return (*self._sources, *self._destinations)
-
     def take(self, datagram: Datagram, packet: int) -> None:
         """Take one logical datagram."""
         key = (datagram.command, datagram.logical, len(datagram.data))

@@ -311,6 +311,31 @@ def test_wrong_answers_are_named_at_their_place(rows: str, code: str, at: str, t
     assert not out.exists()
 
 
+@pytest.mark.parametrize(
+    ("row", "at", "message", "hint"),
+    [
+        (
+            "{type: EL1904, position: 0}",
+            "1:55: error[FSN156]",
+            "position 0 stands behind position 0",
+            "list the SubDevices in ring order",
+        ),
+        (
+            "{type: GATE2, revision: 5}",
+            "1:54: error[FSN155]",
+            "no GATE2 of revision 0x00000005 is in these files",
+            "there are: 0x00020000",
+        ),
+    ],
+)
+def test_a_ring_that_cannot_be(row: str, at: str, message: str, hint: str, tmp_path: Path):
+    answers = f"subdevices: [{{type: EL6910}}, {row}]\n"
+    done = init(*devices(tmp_path), BASE / "gate.xml", out=tmp_path / "o", answers=answers)
+    assert done.returncode == 1
+    assert f"answers.yaml:{at}: {message}\n" in done.stderr
+    assert f"hint: {hint}\n" in done.stderr
+
+
 def test_a_type_nobody_knows(tmp_path: Path):
     done = init(*devices(tmp_path), out=tmp_path / "o", answers="subdevices: [{type: EL1094}]\n")
     assert done.returncode == 1

@@ -47,8 +47,8 @@ _DEVICE = (
     '<Device><Type ProductCode="#x10" RevisionNo="#x1">D</Type>' + _SMS
     + _PDO.format(tag="RxPdo", sm=2, index="1600", base="7000")
     + _PDO.format(tag="TxPdo", sm=3, index="1a00", base="6000")
-    + "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>#x8000</Index><SubIndex>1</SubIndex>"
-    "<Data>0700</Data></InitCmd></CoE></Mailbox>\n"
+    + "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>#x8000</Index>"
+    "<SubIndex>1</SubIndex><Data>0700</Data></InitCmd></CoE></Mailbox>\n"
     "<Dc><OpMode><Name>DC</Name><AssignActivate>#x300</AssignActivate></OpMode></Dc></Device>\n"
 )  # fmt: skip
 # A good text of each kind, and what reads it.
@@ -107,6 +107,7 @@ def _write() -> None:
     for kind, cases in CASES.items():
         for case in cases.values():
             case["says"] = said(kind, case)
+
     class _Dumper(yaml.SafeDumper):
         pass
 

@@ -131,9 +131,43 @@ def test_a_checksum_of_one_digit_is_read():
         binary_of(b":01000000FB5\n:00000001FF\n")
 
 
+def record(kind: int, body: bytes, at: int = 0) -> bytes:
+    row = bytes([len(body), at >> 8, at & 0xFF, kind]) + body
+    return b":" + (row + bytes([-sum(row) & 0xFF])).hex().upper().encode() + b"\n"
+
+
+END = record(1, b"")
+
+
+def test_records_of_intel_hex_that_are_no_data():
+    rows = [record(5, bytes(4)), b"\n", record(2, bytes(2)), record(0, b"\1\2\3\4")]
+    assert binary_of(b"".join([*rows, record(4, bytes(2)), record(0, b"\5", 4), END])) == (
+        b"\1\2\3\4\5"
+    )
+
+
+def test_a_base_of_intel_hex_moves_what_follows():
+    with pytest.raises(InputError, match=r"line 2.*0x10000"):
+        binary_of(record(2, b"\x10\0") + record(0, b"\1") + END)
+
+
+def test_lines_of_a_dump_that_are_no_rows():
+    rows = [b"00000000  01 02 03 04 05 06 07 08  09 0a 0b 0c 0d 0e 0f 10  |abc|", b"", b"*"]
+    rows += [b"00000020  11 zz 13", b"00000021"]
+    assert binary_of(b"\n".join(rows)) == bytes(range(1, 17)) * 2 + b"\x11"
+
+
+def test_plain_words():
+    assert binary_of(b"0x01, 02\n03 " + b"04 " * 16) == b"\1\2\3" + b"\4" * 16
+    with pytest.raises(InputError, match="a word of the text is no byte in hexadecimal"):
+        binary_of(b"01 " * 16 + b"0g")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        (b":0200000001FD\n" + END, "line 1 is no whole record"),
+        (record(0, b"\1\2") + b":zz\n" + END, "line 2 is no whole record"),
         (intel_hex(IMAGE)[:-15], "cut off"),
         (intel_hex(IMAGE).replace(b":10001000", b":10001001"), "line 2: the checksum"),
         (

@@ -321,6 +321,10 @@ ANSWERS = {
         """os.write(F, b'{"sources": [], "rows": [[0, "a", {}, null, ""], """
         """[-1, "b", {}, null, ""]]}')"""
     ),
+    "message that is no text": (
+        """os.write(F, b'{"sources": [], "error": {"code": "FSN119", "message": 1, "hint": "", """
+        """"place": null, "via": []}}')"""
+    ),
     "place in another file": (
         """os.write(F, b'{"sources": ["/etc/passwd"], "rows": [[0, "robot", {}, """
         """["/etc/passwd", 1, 1, 0, 0], ""]]}')"""

@@ -158,6 +158,14 @@ def test_a_file_cut_anywhere_is_said_to_be(whole, parts):
         (section() + interface(6, offset_s=-5) + packet(0, DATA[0]), "none after 1970"),
         (section() + struct.pack("<II", 6, 13) + bytes(20), "a block of 13 bytes"),
         (section() + interface()[:-4] + bytes(4), "two lengths differ"),
+        (section() + interface() + block(6, bytes(16)), "a packet block is too short"),
+        (section() + interface() + block(2, bytes(16)), "a packet block is too short"),
+        (section() + interface() + block(3, b""), "a packet block is too short"),
+        (section() + block(1, bytes(4)), "an interface block is too short"),
+        (
+            section() + interface() + block(6, struct.pack("<IIIII", 0, 0, 1, 99, 99) + DATA[0]),
+            "a packet longer than its block",
+        ),
         (gzip.compress(pcap(), mtime=0)[:-20], "damaged after packet"),
     ],
 )
