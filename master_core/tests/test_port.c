@@ -160,10 +160,9 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
     return 0;
 }
 
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized" /* libc says that poll() reads nothing */
 int poll(struct pollfd *polled, nfds_t count, int wait_ms) {
-    CHECK(count == 1 && polled->fd == FD && polled->events == POLLIN && wait_ms > 0);
+    (void)polled; /* libc promises that poll() reads nothing of it */
+    CHECK(count == 1 && wait_ms > 0);
     os.polls++;
     if (os.packets > 0) {
         os.now_ns += 1000;
@@ -172,7 +171,6 @@ int poll(struct pollfd *polled, nfds_t count, int wait_ms) {
     os.now_ns += (uint64_t)wait_ms * 1000000u;
     return 0;
 }
-#pragma GCC diagnostic pop
 
 ssize_t recv(int fd, void *packet, size_t bytes, int flags) {
     CHECK(fd == FD && flags == MSG_DONTWAIT && bytes >= 1514 && os.packets > 0);
