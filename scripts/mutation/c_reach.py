@@ -23,9 +23,9 @@ from .c_syntax import function_lines
 _PROGRAMS = {
     "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire fuzz_wire",
     "plan-loader": "activate copy memory plan rules fuzz_plan",
-    "core": "access activate check cycle igh memory outputs plan record snapshot wire",
-    "control": "control incident jobs lease listen master memory stream watch fuzz_control",
-    "live": "check igh memory sdo wire soem hostile_soem",
+    "core": "access activate acyclic check cycle igh memory outputs plan record snapshot thread wire",
+    "control": "control incident jobs lease listen master memory replies stream watch fuzz_control",
+    "live": "check igh memory port sdo wire soem hostile_soem",
     "segment": "memory segment segment_faults",
     "scan": "fuzz_scan",
 }
