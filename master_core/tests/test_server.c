@@ -1,0 +1,347 @@
+/** Clients over sockets, at a time of the test's own: lines whole and too long, turns, clients that
+ *  do not read, and how long to wait. */
+#define _GNU_SOURCE
+
+#include <errno.h>
+#include <poll.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "control_host.h"
+#include "emulated_rig.h"
+
+#define SECOND_NS UINT64_C(1000000000)
+
+static uint64_t now_ns;
+static int send_fails; /**< the next send() fails so, once */
+
+int clock_gettime(clockid_t clock, struct timespec *now) {
+    const uint64_t ns = clock == CLOCK_REALTIME ? 1700000000 * SECOND_NS : now_ns;
+    *now = (struct timespec){.tv_sec = (time_t)(ns / SECOND_NS), .tv_nsec = (long)(ns % SECOND_NS)};
+    return 0;
+}
+
+ssize_t send(int fd, const void *bytes, size_t size, int flags) {
+    if (send_fails != 0) {
+        errno = send_fails;
+        send_fails = 0;
+        return -1;
+    }
+    return sendto(fd, bytes, size, flags, NULL, 0);
+}
+
+static struct rig {
+    struct emulated_rig on;
+    struct fsn_control *control;
+    int peer[3];
+    struct pollfd fds[FSN_CONTROL_FDS];
+    uint64_t wait_ns, cycle_ns;
+    char told[4096];
+} rig;
+
+static struct fsn_control_host host;
+
+static void keep(void *self, enum fsn_log_level level, const char *text, const char *json,
+                 size_t json_bytes) {
+    (void)self;
+    const size_t used = strlen(rig.told);
+    snprintf(rig.told + used, sizeof rig.told - used, "%c %s\n%.*s\n", "diwe"[level], text,
+             (int)json_bytes, json);
+}
+
+static void state(void *self, struct fsn_control_status *status) {
+    CHECK(self == &rig);
+    *status = (struct fsn_control_status){.state = "running", .cycle_ns = rig.cycle_ns};
+}
+
+/** Clients 1 to `count`, each at the end of a socket. */
+static void set_up(unsigned count) {
+    static const struct build_sm sm[2][2] = {{{1, 8}, {2, 8}}, {{1, 8}, {2, 8}}};
+    static const struct build_symbol symbols[] = {{.sm = 0, .bits = 32}};
+    const struct build build = {
+        .subdevices = 2, .sm = sm, .cycle_ns = 1000000, .symbols = symbols, .symbol_count = 1};
+    rig = (struct rig){.on = emulated_rig_build(&build), .cycle_ns = 1000000};
+    now_ns = 1000 * SECOND_NS;
+    host = test_host(NULL);
+    host.self = &rig;
+    host.log = keep;
+    host.status = state;
+    rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
+    CHECK(rig.control != NULL);
+    fsn_control_attach(rig.control, rig.on.core);
+    for (unsigned i = 0; i < count; i++) {
+        int ends[2];
+        CHECK(socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) == 0);
+        rig.peer[i] = ends[1];
+        rig.control->client[i] = (struct fsn_client){.fd = ends[0],
+                                                     .number = i + 1,
+                                                     .pid = 100 + (pid_t)i,
+                                                     .lease_ms = 0,
+                                                     .heard_ns = now_ns,
+                                                     .moved_ns = now_ns,
+                                                     .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+    }
+}
+
+static void tear_down(unsigned count) {
+    fsn_control_free(rig.control);
+    for (unsigned i = 0; i < count; i++) {
+        close(rig.peer[i]);
+    }
+    emulated_rig_end(&rig.on);
+}
+
+static void say(unsigned peer, const char *text) {
+    CHECK(write(rig.peer[peer], text, strlen(text)) == (ssize_t)strlen(text));
+}
+
+static void turn(void) {
+    const size_t count = fsn_control_prepare(rig.control, rig.fds, &rig.wait_ns);
+    CHECK(count == FSN_CONTROL_FDS && rig.fds[0].fd == -1 && rig.fds[0].events == POLLIN);
+    CHECK(poll(rig.fds, FSN_CONTROL_FDS, 0) >= 0);
+    fsn_control_serve(rig.control, rig.fds, count);
+}
+
+/** What a peer has got, whole lines. */
+static const char *heard(unsigned peer) {
+    static char text[65536];
+    const ssize_t got = recv(rig.peer[peer], text, sizeof text - 1, MSG_DONTWAIT);
+    text[got > 0 ? got : 0] = 0;
+    return text;
+}
+
+static unsigned lines_of(const char *text) {
+    unsigned lines = 0;
+    for (; *text != 0; text++) {
+        lines += *text == '\n';
+    }
+    return lines;
+}
+
+#define EVENTS_OFF "{\"ok\":true,\"events\":false}\n"
+#define TOO_LONG                                                                                   \
+    "{\"ok\":false,\"error\":\"FSN_E_SPACE\",\"text\":\"a request has at most 8192 bytes\","      \
+    "\"hint\":\"split it into several requests\"}\n"
+
+static void lines_end_with_or_without_a_return(void) {
+    set_up(1);
+    say(0, "events off\r\nevents off\nevents");
+    turn();
+    CHECK(strcmp(heard(0), EVENTS_OFF EVENTS_OFF) == 0);
+    say(0, " off\n\n");
+    turn();
+    CHECK(strncmp(heard(0), EVENTS_OFF "{\"ok\":false", sizeof EVENTS_OFF + 10) == 0);
+    tear_down(1);
+}
+
+/** A line that is too long is refused once, whatever follows of it; then it goes on. */
+static void long_lines_are_refused_once(void) {
+    static char text[FSN_LINE_BYTES + 3];
+    set_up(1);
+    memset(text, 'x', FSN_LINE_BYTES);
+    text[FSN_LINE_BYTES] = '\n';
+    say(0, text);
+    turn();
+    CHECK(strstr(heard(0), "there is no request xxx") != NULL); /* just not too long */
+    memset(text, 'x', FSN_LINE_BYTES + 1);
+    text[FSN_LINE_BYTES + 1] = 0;
+    say(0, text);
+    turn();
+    CHECK(strcmp(heard(0), TOO_LONG) == 0 && rig.control->client[0].skipping);
+    say(0, text);
+    turn();
+    CHECK(heard(0)[0] == 0);
+    say(0, "yy\nevents off\n");
+    turn();
+    CHECK(strcmp(heard(0), EVENTS_OFF) == 0 && !rig.control->client[0].skipping);
+    tear_down(1);
+}
+
+/** Sixteen requests, then it is somebody else's turn; the rest is not waited for. */
+static void clients_take_turns(void) {
+    set_up(2);
+    for (int i = 0; i < 40; i++) {
+        say(0, "events off\n");
+    }
+    say(1, "events off\n");
+    turn();
+    CHECK(lines_of(heard(0)) == 16 && lines_of(heard(1)) == 1);
+    CHECK(fsn_control_prepare(rig.control, rig.fds, &rig.wait_ns) > 0 && rig.wait_ns == 0);
+    turn();
+    CHECK(lines_of(heard(0)) == 16);
+    turn();
+    CHECK(lines_of(heard(0)) == 8);
+    turn();
+    CHECK(rig.wait_ns == 5000000 && heard(0)[0] == 0);
+    tear_down(2);
+}
+
+static void how_long_to_wait(void) {
+    set_up(2);
+    turn();
+    CHECK(rig.wait_ns == 5000000);
+    rig.control->client[0].events = true;
+    turn();
+    CHECK(rig.wait_ns == 1000000); /* a cycle */
+    rig.cycle_ns = 50000;
+    turn();
+    CHECK(rig.wait_ns == 100000);
+    rig.cycle_ns = 100000;
+    turn();
+    CHECK(rig.wait_ns == 100000);
+    rig.cycle_ns = 60000000;
+    turn();
+    CHECK(rig.wait_ns == 5000000);
+    rig.cycle_ns = 1000000;
+    rig.control->client[0].events = false;
+    rig.control->client[0].stream.every = 3;
+    rig.control->client[1].stream.every = 2;
+    turn();
+    CHECK(rig.wait_ns == 2000000);
+    rig.control->client[0].stream.every = rig.control->client[1].stream.every = 0;
+    fsn_control_attach(rig.control, NULL);
+    turn();
+    CHECK(rig.wait_ns == 100000000);
+    tear_down(2);
+}
+
+static void who_leaves_is_dropped_quietly(void) {
+    set_up(2);
+    close(rig.peer[0]);
+    rig.peer[0] = -1;
+    turn();
+    CHECK(rig.control->client[0].fd == -1 && rig.control->client[1].fd >= 0);
+    CHECK(rig.told[0] == 0);
+    /* Nor is the end of a connection news while an answer is on its way. */
+    fsn_client_put(&rig.control->client[1], "x\n", 2);
+    send_fails = EPIPE;
+    turn();
+    CHECK(rig.control->client[1].fd == -1 && rig.told[0] == 0);
+    tear_down(2);
+}
+
+/** A send that is interrupted is tried again; one that would block waits for its time. */
+static void what_is_not_taken_waits(void) {
+    set_up(1);
+    struct fsn_client *client = &rig.control->client[0];
+    fsn_client_put(client, "one\n", 4);
+    send_fails = EINTR;
+    turn();
+    CHECK(strcmp(heard(0), "one\n") == 0 && client->out.len_bytes == 0);
+    fsn_client_put(client, "two\n", 4);
+    send_fails = EAGAIN;
+    turn();
+    CHECK(heard(0)[0] == 0 && client->out.len_bytes == 4);
+    (void)fsn_control_prepare(rig.control, rig.fds, &rig.wait_ns);
+    CHECK(rig.fds[1].events == (POLLIN | POLLOUT));
+    turn();
+    CHECK(strcmp(heard(0), "two\n") == 0);
+    (void)fsn_control_prepare(rig.control, rig.fds, &rig.wait_ns);
+    CHECK(rig.fds[1].events == POLLIN && rig.fds[2].fd == -1);
+    tear_down(1);
+}
+
+/** Five seconds in which nothing is taken are the end; what was sent before is gone, not lost. */
+static void who_does_not_read_is_dropped(void) {
+    set_up(1);
+    struct fsn_client *client = &rig.control->client[0];
+    static char block[300000];
+    memset(block, 'x', sizeof block);
+    fsn_client_put(client, block, sizeof block);
+    turn();
+    CHECK(client->sent > 0 && client->sent < sizeof block && client->moved_ns == now_ns);
+    const size_t left = sizeof block - client->sent;
+    fsn_client_put(client, "end\n", 4);
+    CHECK(client->sent == 0 && client->out.len_bytes == left + 4);
+    now_ns += 5 * SECOND_NS;
+    turn();
+    CHECK(client->fd >= 0);
+    now_ns += 1;
+    turn();
+    CHECK(client->fd == -1);
+    CHECK(
+        strcmp(rig.told,
+               "w client 1 (pid 100) dropped: does not read\n"
+               "{\"event\":\"dropped\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
+               "\"now_ns\":1005000000001,\"client\":1,\"pid\":100,\"why\":\"does not read\","
+               "\"level\":\"warning\",\"text\":\"client 1 (pid 100) dropped: does not read\"}\n") ==
+        0);
+    tear_down(1);
+}
+
+/** More than a mebibyte unread is too much; one long answer does not count. */
+static void there_is_a_limit_to_what_is_unread(void) {
+    static char block[FSN_CONTROL_OUT_BYTES];
+    set_up(3);
+    memset(block, 'x', sizeof block);
+    struct fsn_client *client = rig.control->client;
+    fsn_client_put(&client[0], block, sizeof block);
+    CHECK(client[0].doom == NULL);
+    fsn_client_put(&client[0], "x", 1);
+    CHECK(strcmp(client[0].doom, "does not read") == 0);
+    fsn_client_put(&client[0], "x", 1);
+    CHECK(client[0].out.len_bytes == sizeof block);
+    fsn_client_put_long(&client[1], block, sizeof block);
+    fsn_client_put(&client[1], block, sizeof block);
+    CHECK(client[1].doom == NULL && client[1].out.len_bytes == 2 * sizeof block);
+    fsn_client_put(&client[1], "x", 1);
+    CHECK(client[1].doom != NULL);
+    client[2].events = true;
+    turn();
+    CHECK(client[0].fd == -1 && client[1].fd == -1 && client[2].fd >= 0);
+    CHECK(lines_of(heard(2)) == 2); /* the others are told of both */
+    tear_down(3);
+}
+
+/** Who is silent for longer than his lease loses his outputs, and is told. */
+static void leases_end(void) {
+    set_up(1);
+    struct fsn_client *client = &rig.control->client[0];
+    say(0, "lease 200\nset t=5\n");
+    turn();
+    CHECK(lines_of(heard(0)) == 2 && client->lease_ms == 200);
+    now_ns += 200000000;
+    turn();
+    CHECK(rig.told[0] == 0);
+    now_ns += 1;
+    turn();
+    CHECK(strcmp(rig.told,
+                 "w client 1 (pid 100) silent: 1 output takes its stop value\n"
+                 "{\"event\":\"fallback\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
+                 "\"now_ns\":1000200000001,\"client\":1,\"pid\":100,\"why\":\"silent\","
+                 "\"outputs\":[\"t\"],\"level\":\"warning\",\"text\":\"client 1 (pid 100) "
+                 "silent: 1 output takes its stop value\"}\n") == 0);
+    turn();
+    CHECK(strlen(rig.told) < 400); /* told once */
+    tear_down(1);
+}
+
+/** At the end what is left to be written is written, for so long. */
+static void a_flush_waits_for_readers(void) {
+    set_up(2);
+    static char block[300000];
+    memset(block, 'x', sizeof block);
+    fsn_client_put(&rig.control->client[1], "bye\n", 4);
+    fsn_control_flush(rig.control, 1000);
+    CHECK(strcmp(heard(1), "bye\n") == 0);
+    fsn_client_put(&rig.control->client[0], block, sizeof block);
+    fsn_control_flush(rig.control, 0); /* nobody reads, and there is no time */
+    CHECK(rig.control->client[0].sent > 0 && rig.control->client[0].sent < sizeof block);
+    tear_down(2);
+}
+
+int main(void) {
+    lines_end_with_or_without_a_return();
+    long_lines_are_refused_once();
+    clients_take_turns();
+    how_long_to_wait();
+    who_leaves_is_dropped_quietly();
+    what_is_not_taken_waits();
+    who_does_not_read_is_dropped();
+    there_is_a_limit_to_what_is_unread();
+    leases_end();
+    a_flush_waits_for_readers();
+    return 0;
+}
