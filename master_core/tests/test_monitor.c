@@ -262,6 +262,28 @@ static void one_end_alone_is_not_checked(void) {
     CHECK(monitor.status.gaps == 1 && monitor.status.direction[0].wrong == 0);
 }
 
+/** What was never known is not lost: no gap is told. */
+static void what_was_not_known_is_no_gap(void) {
+    struct chain c = chain_of(6, 6, 700);
+    struct fsn_monitor monitor;
+    CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+    for (unsigned i = 0; i < 3; i++) {
+        const uint8_t *frame = next_frame(&c, 1, FSN_CMD_PROCESS_DATA);
+        CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, frame, 1) == FSN_VERDICT_UNCHECKED);
+    }
+    while (strcmp(both(&monitor, &c), "rr") != 0) {
+    }
+    CHECK(monitor.status.gaps == 0);
+    /* One of the two numbers is known: that is enough to lose. */
+    CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+    CHECK(strcmp(both(&monitor, &c), "uu") == 0 && strcmp(both(&monitor, &c), "ur") == 0);
+    const uint8_t *again = next_frame(&c, 1, FSN_CMD_PROCESS_DATA);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, again, 1) == FSN_VERDICT_UNCHECKED);
+    while (strcmp(both(&monitor, &c), "rr") != 0) {
+    }
+    CHECK(monitor.status.gaps == 1);
+}
+
 /** While the numbers are searched for, blocks that do not fit each other are wrong all the same. */
 static void broken_blocks_are_wrong_at_any_time(void) {
     struct chain c = chain_of(15, 15, 9);
@@ -431,6 +453,7 @@ int main(void) {
     numbers_go_around();
     lost_numbers_are_found_again();
     one_end_alone_is_not_checked();
+    what_was_not_known_is_no_gap();
     broken_blocks_are_wrong_at_any_time();
     sessions_begin_anew();
     intervals_are_counted();

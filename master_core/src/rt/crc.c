@@ -108,7 +108,7 @@ bool fsn_fsoe_check(const uint8_t *frame, size_t len_bytes, uint16_t old_crc, ui
         return false;
     }
     const unsigned blocks = blocks_of(len_bytes);
-    if (blocks < 2) {
+    if (blocks < 2) { /* mutants: one block fits itself, this is only quicker */
         return true;
     }
     const uint16_t id = fsn_fsoe_connection_id(frame, len_bytes);

@@ -24,6 +24,7 @@ void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns) {
                                         .actual_wkc = s->actual_wkc,
                                         .overruns = saturated(rt->left_out)};
         _Atomic uint64_t *sequence = r->words + (s->cycles % r->slots) * r->slot_words;
+        /* mutants: only a reader in the middle sees this, see test_record.c */
         atomic_store_explicit(sequence, 2 * s->cycles - 1, memory_order_relaxed);
         atomic_thread_fence(memory_order_release);
         _Atomic uint64_t *words = fsn_words_put(sequence + 1, &cycle, sizeof cycle);

@@ -101,6 +101,7 @@ enum taken { TAKEN, OLD, FOREIGN };
 
 /** Keeps a packet when it is a reply to a frame of this cycle. */
 static enum taken take(struct fsn_wire *wire, const uint8_t *packet, uint32_t len_bytes) {
+    /* mutants: what is shorter than its frame is foreign below; this keeps to what was read */
     if (len_bytes < FSN_WIRE_DATA + 2 || packet[FSN_WIRE_NOP + 1] < FSN_WIRE_FIRST_INDEX) {
         return FOREIGN;
     }
@@ -227,7 +228,8 @@ static bool wait_until(const struct fsn_wire *wire, uint64_t end_ns) {
                                             {.fd = wire->sockets[1], .events = POLLIN}};
     const struct timespec left = {.tv_sec = (time_t)((end_ns - now) / 1000000000u),
                                   .tv_nsec = (long)((end_ns - now) % 1000000000u)};
-    return ppoll(polled, wire->sockets[1] >= 0 ? 2 : 1, &left, NULL) > 0;
+    const nfds_t ports = wire->sockets[1] >= 0 ? 2 : 1;
+    return ppoll(polled, ports, &left, NULL) > 0; /* mutants: at the end the clock says so too */
 }
 
 /** Returns when the last reply came in, on the clock of `sent_ns`; 0 when that is not known. */
