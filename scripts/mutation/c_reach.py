@@ -35,7 +35,11 @@ _PYTHON = {
     "rt": ("tests/core/test_core.py", "tests/core/test_monitor.py"),
     "plan-loader": ("tests/core/test_core_plan.py", "tests/master/test_fingerprint.py"),
     "core": ("tests/core",),
-    "control": ("tests/master", "tests/incidents"),
+    "control": (
+        "tests/master/test_control.py",
+        "tests/master/test_incidents.py",
+        "tests/incidents",
+    ),
     "live": ("tests/master/test_acyclic.py",),
     "segment": ("tests/segment",),
     "scan": ("tests/observe/test_scan.py",),
