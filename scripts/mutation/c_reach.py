@@ -23,8 +23,10 @@ from .c_syntax import function_lines
 _PROGRAMS = {
     "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire fuzz_wire",
     "plan-loader": "activate copy memory plan rules fuzz_plan",
-    "core": "access activate acyclic check cycle igh memory outputs plan record snapshot thread wire",
-    "control": "control incident jobs lease listen master memory replies server stream watch fuzz_control",
+    "core": "access activate acyclic check cycle igh memory outputs plan record snapshot thread "
+    "wire",
+    "control": "control incident jobs lease listen master memory replies server stream watch "
+    "fuzz_control",
     "live": "check igh memory port sdo wire soem hostile_soem",
     "segment": "dialogue memory segment segment_faults",
     "scan": "fuzz_scan",
