@@ -243,14 +243,32 @@ def test_other_users_are_refused_unless_allowed() -> None:
             assert answer in as_nobody(str(master.path)), options
 
 
+DROPPED = {
+    "ok": False,
+    "error": "FSN_E_BUSY",
+    "text": "dropped: silent, and another client needed the place",
+    "hint": "connect again when there is something to ask",
+}
+
+
+def closed(clients: list[Client]) -> None:
+    for client in clients:
+        client.close()
+
+
 def test_too_many_clients() -> None:
     with running() as master:
-        clients = [master.client() for _ in range(32)]
+        clients = [master.client() for _ in range(36)]
         try:
             for client in clients:
-                client.good("hello")
+                client.good("events on")  # who listens is not idle
             with master.client() as one_more:
-                assert one_more.line()["error"] == "FSN_E_BUSY"
+                assert one_more.line() == {
+                    "ok": False,
+                    "error": "FSN_E_BUSY",
+                    "text": "too many clients",
+                    "hint": "close one of them",
+                }
                 with pytest.raises(EOFError):
                     one_more.line()
             clients.pop().close()
@@ -259,8 +277,78 @@ def test_too_many_clients() -> None:
                     if one_more.ask("hello")["ok"]:
                         break
         finally:
-            for client in clients:
-                client.close()
+            closed(clients)
+
+
+def test_clients_that_do_nothing_lock_nobody_out() -> None:
+    with running() as master, master.client() as other, master.client() as writer:
+        other.good("events on")
+        writer.good("lease 0")
+        writer.good(f"set {MODE}=1")
+        idle = [master.client() for _ in range(50)]
+        try:
+            first = other.event("dropped")
+            assert first == {
+                "event": "dropped",
+                "utc": first["utc"],
+                "level": "warning",
+                "now_ns": first["now_ns"],
+                "text": first["text"],
+                "client": 3,
+                "pid": os.getpid(),
+                "why": "makes room",
+            }
+            assert idle[0].line() == DROPPED
+            with pytest.raises(EOFError):
+                idle[0].line()
+            for client in idle[-34:]:  # the places of 36, without the two that do something
+                assert client.good("hello")["ok"]
+            assert writer.value(MODE) == 1
+        finally:
+            closed(idle)
+
+
+_IDLE = """
+import os, socket, sys
+os.setgroups([]); os.setgid(65534); os.setuid(65534)
+idle = []
+while True:
+    idle.append(socket.socket(socket.AF_UNIX))
+    idle[-1].connect(sys.argv[1])
+    try:
+        idle[-1].sendall(b"hello\\n")
+    except BrokenPipeError:
+        pass  # turned away already
+    if len(idle) > 32:
+        print(idle[-1].makefile().readline(), end="", flush=True)
+        if input() == "end":
+            break
+        idle.pop()
+"""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="becomes another user, which takes root")
+def test_root_always_gets_in() -> None:
+    """Of 36 places four are for root and the user of fsn-master."""
+    with running("--allow-user", "nobody") as master:
+        master.directory.chmod(0o755)
+        words = tied(sys.executable, "-I", "-c", _IDLE, master.path)
+        with subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as nobody:
+            assert nobody.stdin is not None
+            assert nobody.stdout is not None
+            assert '"text":"too many clients"' in nobody.stdout.readline()
+            clients = [master.client() for _ in range(4)]
+            assert [c.good("status")["clients"] for c in clients][-1] == 36
+            # Others wait until somebody has been silent for some seconds.
+            answer = ""
+            while '"ok":true' not in answer:
+                nobody.stdin.write("again\n")
+                nobody.stdin.flush()
+                answer = nobody.stdout.readline()
+            nobody.communicate("end\n")
+            closed(clients)
 
 
 def test_busy_clients_take_no_cycle() -> None:

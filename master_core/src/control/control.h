@@ -19,8 +19,10 @@ struct fsn_control;
 struct fsn_job;
 
 enum {
-    FSN_CONTROL_PROTOCOL = 1,        /**< version of the protocol; it grows by new words and keys */
-    FSN_CONTROL_CLIENTS = 32,        /**< at once */
+    FSN_CONTROL_PROTOCOL = 1, /**< version of the protocol; it grows by new words and keys */
+    FSN_CONTROL_SHARED = 32,  /**< clients at once */
+    FSN_CONTROL_RESERVED = 4, /**< more of them for root and the user of the program */
+    FSN_CONTROL_CLIENTS = FSN_CONTROL_SHARED + FSN_CONTROL_RESERVED,
     FSN_CONTROL_OUT_BYTES = 1 << 20, /**< what a client may leave unread before it is dropped */
     FSN_CONTROL_FDS = FSN_CONTROL_CLIENTS + 1,
     FSN_CONTROL_ALLOWED = 16, /**< users and groups that may be allowed */

@@ -15,6 +15,7 @@ enum {
     FSN_LEASE_MAX_MS = 600000, /**< longest lease */
     FSN_TURN_LINES = 16,       /**< requests of one client before the others have their turn */
     FSN_STALL_MS = 5000,       /**< a client that reads nothing for so long is dropped */
+    FSN_IDLE_MS = 5000,        /**< one that does nothing for so long makes room for another */
 };
 
 /** Cycles that a client wants to see. */
@@ -47,7 +48,8 @@ struct fsn_client {
     const char *doom;  /**< why it is to be dropped, or NULL */
     bool more;         /**< whole lines are waiting in `in` */
     uint32_t lease_ms; /**< 0: until it disconnects */
-    uint64_t heard_ns; /**< end of its last request */
+    uint64_t heard_ns; /**< end of its last request, or of its last lease */
+    uint64_t asked_ns; /**< end of its last request, or its beginning */
     uint64_t moved_ns; /**< when it last took bytes, or had none to take */
     size_t in_bytes;
     char in[FSN_LINE_BYTES + 2];

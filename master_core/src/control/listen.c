@@ -164,7 +164,7 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
     umask(before);
     errno = error;
     struct stat found;
-    if (bound != 0 || listen(fd, FSN_CONTROL_CLIENTS) != 0 || lstat(path, &found) != 0) {
+    if (bound != 0 || listen(fd, SOMAXCONN) != 0 || lstat(path, &found) != 0) {
         system_refuses(refusal, "the control socket", path);
         close(fd);
         return FSN_E_SYS;

@@ -287,6 +287,15 @@ fsn_status fsn_outputs_arm(struct fsn_outputs *outputs, uint32_t symbol, uint32_
     return FSN_OK;
 }
 
+bool fsn_outputs_has(const struct fsn_outputs *outputs, uint32_t client) {
+    for (uint32_t i = 0; i < outputs->count; i++) {
+        if (outputs->output[i].owner == client || outputs->output[i].armed == client) {
+            return true;
+        }
+    }
+    return false;
+}
+
 size_t fsn_outputs_take_back(struct fsn_outputs *outputs, uint32_t client, fsn_fallback_fn fallback,
                              void *self) {
     size_t taken = 0;

@@ -62,6 +62,9 @@ void fsn_outputs_write(struct fsn_outputs *outputs, uint32_t client, struct fsn_
 fsn_status fsn_outputs_arm(struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
                            uint64_t now_ns, struct fsn_refusal *refusal);
 
+/** Whether a client writes an output, or may make an edge of one. */
+bool fsn_outputs_has(const struct fsn_outputs *outputs, uint32_t client);
+
 /** Takes everything from a client: its outputs fall back, what it armed is unarmed.
  *  @return how many outputs fell back. */
 size_t fsn_outputs_take_back(struct fsn_outputs *outputs, uint32_t client, fsn_fallback_fn fallback,

@@ -122,7 +122,7 @@ static void answer_lines(struct fsn_control *control, struct fsn_client *client)
             client->skipping = false;
             continue;
         }
-        client->heard_ns = fsn_now_ns();
+        client->heard_ns = client->asked_ns = fsn_now_ns();
         fsn_request(control, client, line, len);
     }
     client->in_bytes -= at;
@@ -155,27 +155,65 @@ static void read_some(struct fsn_control *control, struct fsn_client *client) {
     client->in_bytes += (size_t)got;
 }
 
-static struct fsn_client *free_slot(struct fsn_control *control) {
+/** Best effort: it is one short line into a socket that is empty or that nobody reads. */
+static void say_last(int fd, const char *text) {
+    if (send(fd, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT) < 0) {
+        errno = 0;
+    }
+}
+
+static void turn_away(int fd, const char *text) {
+    say_last(fd, text);
+    close(fd);
+}
+
+/** Whether nobody would miss a client: it listens to nothing, waits for nothing, writes nothing. */
+static bool is_idle(const struct fsn_control *control, const struct fsn_client *client) {
+    return client->fd >= 0 && !client->events && client->stream.every == 0 && client->job == NULL &&
+           client->in_bytes == 0 && client->sent == client->out.len_bytes &&
+           !fsn_outputs_has(control->outputs, client->number);
+}
+
+/** The client that has been idle longest, at least for so long; NULL: none. */
+static struct fsn_client *idlest(struct fsn_control *control, uint64_t now_ns, uint64_t least_ns) {
+    struct fsn_client *found = NULL;
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        struct fsn_client *client = &control->client[i];
+        if (is_idle(control, client) && now_ns - client->asked_ns >= least_ns &&
+            (found == NULL || client->asked_ns < found->asked_ns)) {
+            found = client;
+        }
+    }
+    return found;
+}
+
+/** A place for a new client, NULL: none. Root and the user of this program have places of their own
+ *  and need not wait until somebody counts as idle. */
+static struct fsn_client *make_room(struct fsn_control *control, uid_t user, uint64_t now_ns) {
+    const bool first = user == 0 || user == geteuid();
+    const size_t places = first ? FSN_CONTROL_CLIENTS : FSN_CONTROL_SHARED;
+    for (size_t i = 0; i < places; i++) {
         if (control->client[i].fd < 0) {
             return &control->client[i];
         }
     }
-    return NULL;
-}
-
-static void turn_away(int fd, const char *text) {
-    /* Best effort: it is one short line into an empty socket. */
-    if (send(fd, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT) < 0) {
-        errno = 0;
+    struct fsn_client *client =
+        idlest(control, now_ns, first ? 0 : FSN_IDLE_MS * UINT64_C(1000000));
+    if (client != NULL) {
+        say_last(client->fd,
+                 "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: silent, and "
+                 "another client needed the place\",\"hint\":\"connect again when there "
+                 "is something to ask\"}\n");
+        fsn_client_drop(control, client, "makes room");
     }
-    close(fd);
+    return client;
 }
 
-static void accept_one(struct fsn_control *control) {
+/** Takes in one of those who wait; false when nobody does. */
+static bool accept_one(struct fsn_control *control) {
     const int fd = accept4(control->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (fd < 0) {
-        return;
+        return false;
     }
     struct ucred peer;
     socklen_t size = sizeof peer;
@@ -184,23 +222,25 @@ static void accept_one(struct fsn_control *control) {
         turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_CLOSED\",\"text\":\"this user may not "
                       "connect\",\"hint\":\"start fsn-master with --allow-user or "
                       "--allow-group\"}\n");
-        return;
+        return true;
     }
-    struct fsn_client *client = free_slot(control);
+    const uint64_t now = fsn_now_ns();
+    struct fsn_client *client = make_room(control, peer.uid, now);
     if (client == NULL) {
         turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"too many clients\","
                       "\"hint\":\"close one of them\"}\n");
-        return;
+        return true;
     }
-    const uint64_t now = fsn_now_ns();
     *client = (struct fsn_client){.fd = fd,
                                   .number = ++control->last_number,
                                   .pid = peer.pid,
                                   .uid = peer.uid,
                                   .lease_ms = FSN_LEASE_MS,
                                   .heard_ns = now,
+                                  .asked_ns = now,
                                   .moved_ns = now,
                                   .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+    return true;
 }
 
 /** Events and cycles of the core are polled for: it has no way to wake this thread. While somebody
@@ -289,8 +329,11 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
             serve_client(control, client, fds[i].revents);
         }
     }
-    if (count > 0 && (fds[0].revents & POLLIN) != 0) {
-        accept_one(control);
+    /* Several at once, so that a flood does not fill the queue for others; not all, for the rest.
+     */
+    bool waits = count > 0 && (fds[0].revents & POLLIN) != 0;
+    for (int i = 0; waits && i < FSN_CONTROL_CLIENTS; i++) {
+        waits = accept_one(control);
     }
     fsn_watch(control, fsn_now_ns());
     fsn_incident_turn(control, fsn_now_ns());
