@@ -27,7 +27,7 @@ _PROGRAMS = {
     "wire",
     "control": "control incident jobs lease listen master memory replies server stream watch "
     "fuzz_control",
-    "live": "check igh memory port sdo wire soem hostile_soem",
+    "live": "check igh memory pdo port sdo wire soem hostile_soem",
     "segment": "dialogue memory segment segment_faults",
     "scan": "fuzz_scan",
 }

@@ -1,0 +1,270 @@
+/** PDO assignment and mapping against the plan: what is read, what is written and in which order,
+ *  and what is said where it stays different. */
+#include "live/pdo.h"
+
+#include <string.h>
+
+#include "emulated_rig.h"
+
+enum { SM = 2, NUMBER = 2, ASSIGNED = 0x1C12, PDO = 0x1600, ENTRIES = 8, MOST = 40 };
+
+struct object {
+    uint16_t index;
+    uint8_t sub;
+    uint32_t value;
+};
+
+/** The objects of a SubDevice, which may refuse to be written or to be read. */
+static struct {
+    struct object row[MOST];
+    size_t rows;
+    uint16_t locked;          /**< object that takes nothing */
+    struct object unreadable; /**< one that is not read, or 0 */
+    unsigned unreadable_from; /**< so many reads of it go well before */
+    char log[2000];           /**< what was written */
+} on;
+
+static struct object *find(uint16_t index, uint8_t sub) {
+    for (size_t i = 0; i < on.rows; i++) {
+        if (on.row[i].index == index && on.row[i].sub == sub) {
+            return &on.row[i];
+        }
+    }
+    return NULL;
+}
+
+static void put(uint16_t index, uint8_t sub, uint32_t value) {
+    struct object *o = find(index, sub);
+    CHECK(o != NULL || on.rows < MOST);
+    o = o != NULL ? o : &on.row[on.rows++];
+    *o = (struct object){index, sub, value};
+}
+
+static fsn_status upload(void *bus, struct fsn_transfer *t) {
+    CHECK(bus == &on);
+    const struct object *o = find(t->index, t->sub);
+    const bool refused =
+        on.unreadable.index == t->index && on.unreadable.sub == t->sub && on.unreadable_from-- == 0;
+    if (o == NULL || refused) {
+        on.unreadable_from = refused ? 0 : on.unreadable_from;
+        return FSN_E_BUS_SDO;
+    }
+    for (unsigned i = 0; i < 4; i++) {
+        t->data[i] = (uint8_t)(o->value >> (8 * i));
+    }
+    t->size_bytes = t->sub == 0 ? 1 : t->index == ASSIGNED ? 2 : 4;
+    return FSN_OK;
+}
+
+static fsn_status download(void *bus, struct fsn_transfer *t) {
+    CHECK(bus == &on);
+    uint32_t value = 0;
+    for (unsigned i = 0; i < t->size_bytes; i++) {
+        value |= (uint32_t)t->data[i] << (8 * i);
+    }
+    const size_t used = strlen(on.log);
+    const bool refused = on.locked == t->index && t->sub != 0;
+    snprintf(on.log + used, sizeof on.log - used, "%04x:%02x=%x/%u%s ", t->index, t->sub,
+             (unsigned)value, (unsigned)t->size_bytes, refused ? "!" : "");
+    if (refused) {
+        return FSN_E_BUS_SDO;
+    }
+    put(t->index, t->sub, value);
+    return FSN_OK;
+}
+
+static struct fsn_plan *plan;
+
+/** As the plan has it: one PDO with eight entries of a byte. */
+static void set_up(void) {
+    memset(&on, 0, sizeof on);
+    put(ASSIGNED, 0, 1);
+    put(ASSIGNED, 1, PDO);
+    put(PDO, 0, ENTRIES);
+    for (uint8_t i = 0; i < ENTRIES; i++) {
+        put(PDO, (uint8_t)(i + 1), 0x60000008u | (uint32_t)i << 8);
+    }
+}
+
+static void checked(fsn_status expected, const char *log, const char *detail, int line) {
+    const struct fsn_objects objects = {.bus = &on, .upload = upload, .download = download};
+    char said[FSN_DETAIL_BYTES] = "";
+    const fsn_status status = fsn_pdo_check(plan, SM, &objects, said);
+    if (status != expected || strcmp(on.log, log) != 0 ||
+        (status != FSN_OK && strcmp(said, detail) != 0)) {
+        fprintf(stderr, "line %d: %s\nwritten %s\nsaid    %s\n", line, fsn_status_name(status),
+                on.log, said);
+        exit(1);
+    }
+}
+
+#define CHECKED(status, log, detail) checked(status, log, detail, __LINE__)
+#define ANEW                                                                                       \
+    "1600:00=0/1 1600:01=60000008/4 1600:02=60000108/4 1600:03=60000208/4 1600:04=60000308/4 "     \
+    "1600:05=60000408/4 1600:06=60000508/4 1600:07=60000608/4 1600:08=60000708/4 1600:00=8/1 "
+
+static void what_fits_is_left_alone(void) {
+    set_up();
+    CHECKED(FSN_OK, "", "");
+    put(ASSIGNED, 0, 0x101); /* only the low byte counts */
+    put(PDO, 0, 0x100 + ENTRIES);
+    CHECKED(FSN_OK, "", "");
+}
+
+static void assignments_are_written_once(void) {
+    set_up();
+    put(ASSIGNED, 1, 0x1601);
+    CHECKED(FSN_OK, "1c12:00=0/1 1c12:01=1600/2 1c12:00=1/1 ", "");
+    set_up();
+    put(ASSIGNED, 0, 2);
+    put(ASSIGNED, 2, 0x1605);
+    CHECKED(FSN_OK, "1c12:00=0/1 1c12:01=1600/2 1c12:00=1/1 ", "");
+    set_up();
+    put(ASSIGNED, 1, 0x1601);
+    on.locked = ASSIGNED;
+    CHECKED(FSN_E_BUS_MAPPING, "1c12:00=0/1 1c12:01=1600/2! 1c12:00=1/1 ",
+            "SM2: an assigned PDO is 0x1601, the plan says 0x1600");
+    set_up();
+    on.locked = ASSIGNED;
+    put(ASSIGNED, 0, 0); /* nothing was assigned, and its place keeps another one */
+    put(ASSIGNED, 1, 0x1607);
+    CHECKED(FSN_E_BUS_MAPPING, "1c12:00=0/1 1c12:01=1600/2! 1c12:00=1/1 ",
+            "SM2: an assigned PDO is 0x1607, the plan says 0x1600");
+}
+
+static void what_cannot_be_read_is_left_to_the_device(void) {
+    static const struct object places[] = {{ASSIGNED, 0, 0}, {ASSIGNED, 1, 0}};
+    for (size_t i = 0; i < 2; i++) {
+        set_up();
+        put(ASSIGNED, 1, 0x1601);
+        on.unreadable = places[i];
+        CHECKED(FSN_OK, "", "");
+        on.unreadable_from = 1; /* readable before it was written, and not after */
+        CHECKED(FSN_OK, "1c12:00=0/1 1c12:01=1600/2 1c12:00=1/1 ", "");
+    }
+    static const struct object entries[] = {{PDO, 0, 0}, {PDO, 8, 0}};
+    for (size_t i = 0; i < 2; i++) {
+        set_up();
+        put(PDO, 3, 0x60000210);
+        on.unreadable = entries[i];
+        CHECKED(FSN_OK, "", "");
+        on.unreadable_from = 1;
+        CHECKED(FSN_OK, ANEW, "");
+    }
+}
+
+static void mappings_are_written_once(void) {
+    set_up();
+    put(PDO, 3, 0x60000210);
+    CHECKED(FSN_OK, ANEW, "");
+    set_up();
+    put(PDO, 0, 7);
+    CHECKED(FSN_OK, ANEW, "");
+    set_up();
+    put(PDO, 3, 0x60000210);
+    on.locked = PDO;
+    CHECKED(FSN_E_BUS_MAPPING, "1600:00=0/1 1600:01=60000008/4! 1600:00=8/1 ",
+            "PDO 0x1600, entry 3 is 0x60000210, the plan says 0x60000208 (index, subindex, bits)");
+    set_up();
+    put(PDO, 0, 9);
+    put(PDO, 9, 0x70000008);
+    on.locked = PDO;
+    find(PDO, 0)->value = 9;
+    CHECKED(FSN_OK, "1600:00=0/1 1600:01=60000008/4! 1600:00=8/1 ", "");
+}
+
+/** Two of padding are one of their sum, wherever they stand. */
+static void padding_may_be_split(void) {
+    static const struct build_sm sm[1][2] = {{{1, 8}, {2, 1}}};
+    const struct build build = {.subdevices = 1, .sm = sm};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    uint8_t *entry = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_ENTRY - 1) + 4);
+    for (int i = 2; i < 5; i++) { /* entries 3 to 5 are padding */
+        memset(entry + 12 * i, 0, 4);
+    }
+    build_fix_crc(bytes, len);
+    struct fsn_plan *padded;
+    CHECK(fsn_plan_load(bytes, len, &padded, NULL) == FSN_OK);
+    free(bytes);
+    struct fsn_plan *const kept = plan;
+    plan = padded;
+    const struct fsn_objects objects = {.bus = &on, .upload = upload, .download = download};
+    char said[FSN_DETAIL_BYTES] = "";
+    set_up();
+    put(PDO, 0, 7);
+    put(PDO, 3, 16);
+    put(PDO, 4, 8);
+    for (uint8_t i = 0; i < 3; i++) {
+        put(PDO, (uint8_t)(5 + i), 0x60000508u + 0x100u * i);
+    }
+    CHECK(fsn_pdo_check(plan, 0, &objects, said) == FSN_OK && on.log[0] == 0);
+    put(PDO, 4, 9);
+    on.locked = PDO;
+    CHECK(fsn_pdo_check(plan, 0, &objects, said) == FSN_E_BUS_MAPPING);
+    CHECK(strcmp(said, "PDO 0x1600, entry 3 is 0x00000019, the plan says 0x00000018 (index, "
+                       "subindex, bits)") == 0);
+    fsn_plan_free(padded);
+    plan = kept;
+}
+
+/** Padding of more than 255 bits is several entries; no object holds more than 254. */
+static void long_padding_is_split(void) {
+    static const struct build_sm sm[1][2] = {{{1, 4}, {2, 1}}};
+    const struct build build = {.subdevices = 1, .sm = sm};
+    static const struct {
+        uint32_t bits, count, last;
+    } table[] = {{255, 4, 255}, {256, 5, 8}, {503, 5, 255}, {504, 6, 8}};
+    for (size_t i = 0; i < 4; i++) {
+        size_t len;
+        uint8_t *bytes = build_plan(&build, &len);
+        uint8_t *entry = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_ENTRY - 1) + 4);
+        uint8_t *record = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_SM - 1) + 4);
+        memset(entry, 0, 4);
+        entry[4] = (uint8_t)table[i].bits;
+        entry[5] = (uint8_t)(table[i].bits >> 8);
+        for (uint32_t e = 1; e < 4; e++) {
+            const uint32_t at = table[i].bits + 8 * (e - 1);
+            entry[12 * e + 8] = (uint8_t)at;
+            entry[12 * e + 9] = (uint8_t)(at >> 8);
+        }
+        record[8] = (uint8_t)(table[i].bits + 24);
+        record[9] = (uint8_t)((table[i].bits + 24) >> 8);
+        build_fix_crc(bytes, len);
+        struct fsn_plan *padded;
+        CHECK(fsn_plan_load(bytes, len, &padded, NULL) == FSN_OK);
+        uint32_t entries[FSN_PDO_ENTRIES];
+        const uint32_t count = fsn_pdo_entries(padded, fsn_pdo_record(padded, 0, 0), entries);
+        CHECK(count == table[i].count && entries[count - 4] == table[i].last);
+        for (uint32_t e = 0; e + 4 < count; e++) {
+            CHECK(entries[e] == 248);
+        }
+        CHECK(entries[count - 1] == 0x60000308);
+        CHECK(fsn_get16(fsn_pdo_record(padded, 1, 0)) == 0x1A00);
+        fsn_plan_free(padded);
+        free(bytes);
+    }
+}
+
+static void lengths_are_compared(void) {
+    char said[FSN_DETAIL_BYTES] = "";
+    CHECK(fsn_pdo_check_bits(plan, SM, 64, said) == FSN_OK && said[0] == 0);
+    CHECK(fsn_pdo_check_bits(plan, SM, 63, said) == FSN_E_BUS_MAPPING);
+    CHECK(strcmp(said, "SM2: its length in bits by the SII is 63, the plan says 64") == 0);
+}
+
+int main(void) {
+    size_t len;
+    uint8_t *bytes = build_estop(&len);
+    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    free(bytes);
+    what_fits_is_left_alone();
+    assignments_are_written_once();
+    what_cannot_be_read_is_left_to_the_device();
+    mappings_are_written_once();
+    padding_may_be_split();
+    long_padding_is_split();
+    lengths_are_compared();
+    fsn_plan_free(plan);
+    return 0;
+}
