@@ -21,12 +21,14 @@ from fsoe_net.model import (
     Device,
     Direction,
     Entry,
+    LibraryMapping,
     Pdo,
     Proposal,
     SyncManager,
     match_project,
     propose,
 )
+from fsoe_net.model.library_fill import library_role
 
 LIBRARY = builtin_library()
 
@@ -194,3 +196,78 @@ def test_a_safety_project_names_devices_by_their_order_number():
     bus = Description(format="x", path="x", subdevices=tuple(ring), connections=one.connections)
     made = propose(bus, ["logic", "stop", "motor"], LIBRARY, Answers())
     assert rows(made) == [(0, 0, 2, False), (0, 1, 1, False)]
+
+
+def bare(name: str, product: int, **more: object) -> DescribedSubDevice:
+    empty = Device(path="", vendor_id=2, product_code=product, sync_managers=())
+    return DescribedSubDevice(name=name, device=empty, **more)
+
+
+def said(made: Proposal) -> list[tuple[str, str, str]]:
+    return [(d.code, d.message, d.hint) for d in made.findings]
+
+
+def test_a_device_whose_process_data_nobody_has_stays_open():
+    made = proposed(bare("logic", LOGIC), sub("stop", INPUT, (6, 6)))
+    assert made.open[0] == "logic: an FSoE device, and no file has its process data"
+    assert "the device library has no process data for this EL6910" in made.remarks[0]
+
+
+def test_an_answer_that_names_no_process_data():
+    answers = Answers(process_data={"box": AnsweredWord(text="mine")})
+    made = proposed(bare("box", 0x077E3052), sub("stop", INPUT, (6, 6)), answers=answers)
+    names = ", ".join(m.name for m in LIBRARY.named("EL1918").mappings)
+    what = "the device library has no process data 'mine' for this device"
+    assert said(made)[0] == ("FSN155", what, f"it has: {names}")
+
+
+def test_answers_that_leave_out_a_main_instance_of_a_file():
+    row = DescribedConnection(main=0, sub=2, span=Span("net.xml", 5, 1))
+    made = proposed(
+        sub("logic", LOGIC, (6, 6)),
+        sub("other", LOGIC, (6, 6)),
+        sub("stop", INPUT, (6, 6)),
+        answers=Answers(main=(AnsweredWord(text="other"),)),
+        connections=[row],
+    )
+    what = "logic is not among them, and net.xml:5:1 names it as a MainInstance"
+    assert ("FSN156", what, "add it, or correct that file") in said(made)
+
+
+def test_a_main_instance_without_frames():
+    answers = Answers(main=(AnsweredWord(text="plain"),))
+    made = proposed(bare("plain", 1), sub("stop", INPUT, (6, 6)), answers=answers)
+    what = "plain has no pair of FSoE frames, so it is no MainInstance"
+    hint = "name another SubDevice, or give a file with its process data"
+    assert ("FSN156", what, hint) in said(made)
+
+
+@pytest.mark.parametrize(
+    ("order", "lengths", "role"),
+    [("EL6910", (), "main"), ("EL1904", (), "sub"), ("EL9999", (), ""), ("", (), "")],
+)
+def test_what_the_library_says_of_a_role(order: str, lengths: tuple, role: str):
+    device = Device(path="", vendor_id=0, product_code=0, sync_managers=())
+    assert library_role(DescribedSubDevice(order=order, device=device), lengths, LIBRARY) == role
+
+
+@pytest.mark.parametrize("pair", [True, False])
+def test_a_device_of_both_roles_is_known_by_its_frames(pair: bool):
+    known = next(d for d in LIBRARY.devices if len(set(d.roles)) > 1)
+    at = known.identities[0]
+    device = Device(path="", vendor_id=at.vendor_id, product_code=at.product_code, sync_managers=())
+    rows = {m.role: _frames(m) for m in known.mappings}
+    for role, lengths in rows.items():
+        others = [other for name, other in rows.items() if name != role]
+        expected = role if lengths not in others else ""
+        given = tuple(lengths) if pair else ((999, 999),)
+        found = library_role(DescribedSubDevice(device=device), given, LIBRARY)
+        assert found == (expected if pair else "")
+
+
+def _frames(mapping: LibraryMapping) -> list[tuple[int, int]]:
+    ways: dict[bool, list[int]] = {True: [], False: []}
+    sides = {s.index: s.direction is Direction.OUTPUT for s in mapping.sync_managers}
+    for row in mapping.frames:
+        ways[sides[row.sm_index]].append(row.frame_bytes)
+    return sorted(zip(ways[True], ways[False], strict=False))
