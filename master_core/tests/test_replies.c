@@ -244,7 +244,7 @@ static fsn_status upload(void *bus, struct fsn_transfer *t) {
         const uint32_t *o = objects[i];
         if (o[0] == t->position && o[1] == t->index && o[2] == t->sub) {
             for (uint32_t b = 0; b < o[3]; b++) {
-                t->data[b] = b < 4 ? (uint8_t)(o[4] >> (8 * b)) : 0x45;
+                t->data[b] = (uint8_t)(b < 4 ? o[4] >> (8 * b) : 0x45);
             }
             t->size_bytes = o[3];
             return FSN_OK;
@@ -505,7 +505,9 @@ static char *reply_to(const char *request) {
     }
     const struct fsn_json *out = &on.client->out;
     CHECK(out->len_bytes < sizeof text);
-    memcpy(text, out->bytes, out->len_bytes);
+    if (out->len_bytes > 0) {
+        memcpy(text, out->bytes, out->len_bytes);
+    }
     text[out->len_bytes] = 0;
     char *found = strstr(text, version);
     if (found != NULL) {
