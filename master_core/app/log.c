@@ -2,10 +2,16 @@
 
 #include "log.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <poll.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "control/internal.h"
@@ -22,16 +28,123 @@ void log_as_json(bool json) {
     as_json = json;
 }
 
-/** One write, so that lines of two threads do not mix. What stderr does not take at once is lost:
- *  a reader that stands still must not make leases stand still. */
-static void put(const char *bytes, size_t len) {
-    struct pollfd ready = {.fd = STDERR_FILENO, .events = POLLOUT};
-    if (poll(&ready, 1, 0) == 1 && (ready.revents & POLLOUT) == 0) {
+enum {
+    MOST_PIECE = 4096
+}; /* a pipe that takes something takes so much without waiting: PIPE_BUF */
+
+/** Where lines go. Several threads write them. */
+static struct {
+    pthread_mutex_t lock; /**< held for what does not wait only */
+    bool known;
+    bool socket; /**< send() leaves the waiting to us */
+    bool polled; /**< nothing else says whether it would wait: ask before each piece */
+    int fd;
+    char *rest; /**< of a line that was taken in part, or NULL */
+    size_t rest_bytes, rest_at;
+    unsigned long lost; /**< lines since the last one that was taken */
+} out = {.lock = PTHREAD_MUTEX_INITIALIZER};
+
+/** Standard error may be shared with other programs, which expect it to wait: what does not is a
+ *  description of our own. */
+static void find_out(void) {
+    struct stat found;
+    out.known = true;
+    out.fd = STDERR_FILENO;
+    if (fstat(STDERR_FILENO, &found) != 0 || S_ISREG(found.st_mode)) {
         return;
     }
-    if (ready.revents == 0 || write(STDERR_FILENO, bytes, len) < 0) {
-        return;
+    out.socket = S_ISSOCK(found.st_mode);
+    if (!out.socket) {
+        const int own =
+            open("/proc/self/fd/2", O_WRONLY | O_NONBLOCK | O_NOCTTY | O_APPEND | O_CLOEXEC);
+        out.polled = own < 0;
+        out.fd = own < 0 ? STDERR_FILENO : own;
     }
+}
+
+static ssize_t write_some(const char *bytes, size_t len) {
+    if (out.socket) {
+        return send(out.fd, bytes, len, MSG_DONTWAIT | MSG_NOSIGNAL);
+    }
+    struct pollfd ready = {.fd = out.fd, .events = POLLOUT};
+    if (out.polled && (poll(&ready, 1, 0) != 1 || (ready.revents & POLLOUT) == 0)) {
+        return -1;
+    }
+    return write(out.fd, bytes, out.polled && len > MOST_PIECE ? MOST_PIECE : len);
+}
+
+/** Writes what is taken without waiting, and returns how much that is. */
+static size_t write_all(const char *bytes, size_t len) {
+    size_t done = 0;
+    while (done < len) {
+        const ssize_t wrote = write_some(bytes + done, len - done);
+        if (wrote > 0) {
+            done += (size_t)wrote;
+        } else if (wrote == 0 || errno != EINTR) {
+            break;
+        }
+    }
+    return done;
+}
+
+/** Writes the rest of a line first; false while some of it is left. */
+static bool finish_rest(void) {
+    if (out.rest == NULL) {
+        return true;
+    }
+    out.rest_at += write_all(out.rest + out.rest_at, out.rest_bytes - out.rest_at);
+    if (out.rest_at < out.rest_bytes) {
+        return false;
+    }
+    free(out.rest);
+    out.rest = NULL;
+    return true;
+}
+
+/** Writes a line, and keeps what is not taken at once; false when nothing of it was. */
+static bool put_whole(const char *line, size_t len) {
+    const size_t done = finish_rest() ? write_all(line, len) : 0;
+    if (done == 0) {
+        return false;
+    }
+    if (done < len) {
+        out.rest = malloc(len - done); /* without memory the line stays as it is */
+        out.rest_bytes = out.rest != NULL ? len - done : 0;
+        out.rest_at = 0;
+        if (out.rest != NULL) {
+            memcpy(out.rest, line + done, len - done);
+        }
+    }
+    return true;
+}
+
+static size_t lost_line(char *line, size_t room) {
+    char utc[32];
+    fsn_utc_text(fsn_now_ns(), utc);
+    char text[96];
+    snprintf(text, sizeof text, "lines of this log that nobody read and that were lost: %lu",
+             out.lost);
+    const int len = snprintf(line, room,
+                             as_json ? "{\"event\":\"log\",\"utc\":\"%s\",\"level\":\"%s\","
+                                       "\"text\":\"%s\"}\n"
+                                     : "%s %s %s\n",
+                             utc, level_name(FSN_LOG_WARNING), text);
+    return (size_t)len;
+}
+
+/** One line, so that those of two threads do not mix. What is not taken at once is lost and told
+ *  later: a reader that stands still must not make leases stand still. */
+static void put(const char *line, size_t len) {
+    pthread_mutex_lock(&out.lock);
+    if (!out.known) {
+        find_out();
+    }
+    char told[256];
+    if (out.lost > 0 && put_whole(told, lost_line(told, sizeof told))) {
+        out.lost = 0;
+    }
+    out.lost += out.lost > 0 || !put_whole(line, len);
+    pthread_mutex_unlock(&out.lock);
 }
 
 static void put_text(enum fsn_log_level level, const char *text) {
@@ -45,16 +158,11 @@ static void put_text(enum fsn_log_level level, const char *text) {
     put(line, len);
 }
 
-static void put_json(const char *json, size_t len) {
-    char line[4096];
-    if (len + 1 > sizeof line) { /* a fallback of very many outputs */
-        put(json, len);
-        put("\n", 1);
-        return;
-    }
-    memcpy(line, json, len);
-    line[len] = '\n';
-    put(line, len + 1);
+static void put_json(struct fsn_json *json) {
+    fsn_json_end(json);
+    /* Without memory for it, it is lost as well. */
+    put(json->bytes, json->failed ? 0 : json->len_bytes);
+    fsn_json_free(json);
 }
 
 void log_line(enum fsn_log_level level, const char *format, ...) {
@@ -76,15 +184,14 @@ void log_line(enum fsn_log_level level, const char *format, ...) {
     fsn_json_put_text(&json, "level", level_name(level));
     fsn_json_put_text(&json, "text", text);
     fsn_json_close(&json, '}');
-    if (!json.failed) {
-        put_json(json.bytes, json.len_bytes);
-    }
-    fsn_json_free(&json);
+    put_json(&json);
 }
 
 void log_event(enum fsn_log_level level, const char *text, const char *json, size_t json_bytes) {
     if (as_json) {
-        put_json(json, json_bytes);
+        struct fsn_json line = {.limit_bytes = json_bytes + 2};
+        fsn_json_raw(&line, json, json_bytes);
+        put_json(&line);
     } else if (level > FSN_LOG_DETAIL) {
         put_text(level, text);
     }
