@@ -1,8 +1,8 @@
 """Whole texts: what a test makes the product say is what was read and recorded.
 
 A module of tests says `pytestmark = pytest.mark.usefixtures("said")`. Every finding that is made
-in one of its tests, with place, severity, further places, hint and edits, must then stand in
-`said.txt` beside it; a test may add texts of its own. After a wanted change
+in one of its tests, with place, severity, further places, hint and edits, and every error raised on
+purpose must then stand in `said.txt` beside it; a test may add texts. After a wanted change
 
     FSN_RECORD=1 python -m pytest tests/rules tests/diagnostics tests/timing tests/plan
 
@@ -22,10 +22,11 @@ import pytest
 from networks import PLAIN
 
 from fsoe_net.diag import Diagnostic
+from fsoe_net.errors import FsnError
 
 ROOT = Path(__file__).parents[1]
 NAME = "said.txt"
-# A test that makes more findings than this is about their number or how long they take.
+# A test that makes more of them than this is about their number or how long they take.
 MANY = 100
 _recorded: dict[Path, set[str]] = defaultdict(set)
 
@@ -35,6 +36,7 @@ class Said:
 
     def __init__(self) -> None:
         self.findings: list[Diagnostic] = []
+        self.errors: list[FsnError] = []
         self.texts: list[str] = []
 
     def add(self, text: str) -> None:
@@ -52,6 +54,8 @@ class Said:
                 for e in one.edits
             ]
             self.add("\n".join(lines))
+        for error in self.errors:
+            self.add(f"{type(error).__name__}: {error}")
         out = set()
         for text in self.texts:
             for folder in folders:
@@ -69,7 +73,7 @@ def _read(path: Path) -> frozenset[str]:
 def said(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> Iterator[Said]:
-    """Compare each finding that is made meanwhile with the recorded ones."""
+    """Compare all that is said meanwhile with the recorded ones."""
     heard = Said()
     whole = Diagnostic.__post_init__
 
@@ -77,10 +81,15 @@ def said(
         whole(self)
         heard.findings.append(self)
 
+    def raised(self: FsnError, *args: object) -> None:
+        Exception.__init__(self, *args)
+        heard.errors.append(self)
+
     if not hasattr(request.function, "hypothesis"):
         monkeypatch.setattr(Diagnostic, "__post_init__", kept)
+        monkeypatch.setattr(FsnError, "__init__", raised)
     yield heard
-    if len(heard.findings) > MANY:
+    if len(heard.findings) + len(heard.errors) > MANY:
         return
     texts = heard.whole(tmp_path, PLAIN, ROOT)
     path = request.path.with_name(NAME)

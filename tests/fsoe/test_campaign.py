@@ -20,6 +20,8 @@ from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, merge, run_tri
 from fsoe_net.fsoe.campaign.walk import Link
 from fsoe_net.fsoe.recording.replay import replay
 
+pytestmark = pytest.mark.usefixtures("said")
+
 
 def _counts(result):
     return result.detected, result.tolerated, result.collisions, result.failed

@@ -27,6 +27,8 @@ from fsoe_net.fsoe.campaign.injection import Strangers
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials, trial_count
 from fsoe_net.fsoe.campaign.walk import Walker
 
+pytestmark = pytest.mark.usefixtures("said")
+
 
 def _channel(cycles=40):
     channel = make_link().channel(3)

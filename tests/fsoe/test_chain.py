@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 from fsoe_net.fsoe import Chain, advance, decode_pdu, frame_crcs
 
+pytestmark = pytest.mark.usefixtures("said")
+
 
 def _colliding(chain: Chain, connection_id: int = 10) -> bytes:
     """Safe data whose CRC_0 would equal that of the frame this end sent last."""

@@ -14,6 +14,8 @@ from fsoe_net.fsoe import State
 from fsoe_net.fsoe.campaign.channel import BACK, Application, Channel, SessionIds, Way, set_sequence
 from fsoe_net.fsoe.campaign.walk import Walker
 
+pytestmark = pytest.mark.usefixtures("said")
+
 SIZES = [(1, 1), (1, 6), (2, 2), (6, 4), (14, 2), (126, 126)]
 
 

@@ -21,6 +21,8 @@ from fsoe.pair import (
 
 from fsoe_net.fsoe import Chain, Command, EventKind, State, reset_frame
 
+pytestmark = pytest.mark.usefixtures("said")
+
 UNKNOWN = (0x00, 0x01, 0xFF, 0x2B)
 EVERY = (State.RESET, *RUNNING)
 ALLOWED = {state: {COMMAND_OF[state]} for state in RUNNING}

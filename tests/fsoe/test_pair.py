@@ -20,6 +20,8 @@ from fsoe_net.fsoe import (
     reset_frame,
 )
 
+pytestmark = pytest.mark.usefixtures("said")
+
 SIZES = sorted(SAFE_SIZES)
 
 

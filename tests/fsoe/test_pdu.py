@@ -25,6 +25,8 @@ from fsoe_net.fsoe import (
     sra_crc,
 )
 
+pytestmark = pytest.mark.usefixtures("said")
+
 RESETS_OF_TWO_BYTES = {
     0: "2a0000c42d0000",
     1: "2a010047b70000",

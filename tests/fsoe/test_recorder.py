@@ -24,6 +24,8 @@ from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials
 from fsoe_net.fsoe.campaign.walk import Scene
 from fsoe_net.fsoe.recording.replay import replay
 
+pytestmark = pytest.mark.usefixtures("said")
+
 DRAWN = [name for name in CATALOGUE if name != "bit_errors"]
 
 

@@ -9,11 +9,31 @@ import pytest
 from fsoe.recorded import CONFIG, own_run, recording_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from said import Said
 
 from fsoe_net.errors import RecordingError
+from fsoe_net.fsoe.recording.difference import explain
 from fsoe_net.fsoe.recording.reader import read_recording
 from fsoe_net.fsoe.recording.replay import replay, replay_file
 from fsoe_net.fsoe.recording.rows import file_lines
+
+pytestmark = pytest.mark.usefixtures("said", "differences_said")
+
+
+@pytest.fixture
+def differences_said(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hold what a replay found different against what was read, as people see it."""
+
+    whole = replay
+
+    def kept(*args, **more):
+        result = whole(*args, **more)
+        for one in result.differences[:3]:
+            said.add("\n".join([str(one), *explain(one)]))
+        return result
+
+    monkeypatch.setitem(globals(), "replay", kept)
+
 
 ROWS = own_run(10)[1]
 KEYS = sorted(CONFIG)

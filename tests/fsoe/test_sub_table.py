@@ -22,6 +22,8 @@ from fsoe.pair import (
 
 from fsoe_net.fsoe import Chain, Command, EventKind, Parameters, State, reset_frame
 
+pytestmark = pytest.mark.usefixtures("said")
+
 UNKNOWN = (0x00, 0x01, 0xFF, 0x2B)
 EVERY = (State.RESET, *RUNNING)
 CONNECTION_TEXT = CONNECTION_ID.to_bytes(2, "little") + ADDRESS.to_bytes(2, "little")

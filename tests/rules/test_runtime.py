@@ -130,8 +130,8 @@ def test_slots_filled_from_the_first_are_right_for_lcec():
 
 @pytest.mark.parametrize("code", CATALOGUE)
 def test_every_effect_is_listed_once_for_each_runtime(code: str, said: Said):
-    for runtimes, text in effects_today(code):
-        said.add(f"{code} today: {', '.join(r.value for r in runtimes)}: {text}")
+    rows = [f"{', '.join(r.value for r in names)}: {text}" for names, text in effects_today(code)]
+    said.add("\n  ".join([f"{code} today", *rows]))
     listed = {r: text for runtimes, text in effects_today(code) for r in runtimes}
     assert listed == {r: effect_today(code, r) for r in Runtime if effect_today(code, r)}
     assert Runtime.FSN not in listed
