@@ -186,7 +186,7 @@ def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
             f"{describe_sm(sm)}: the entries add up to {counted(sm.bits, 'bit')}, which is "
             f"no whole number of "
             "bytes; a device with FSoE frames maps whole bytes",
-            hint=f"padding here is {over} bits too long or {8 - over} too short; "
+            hint=f"padding here is {counted(over, 'bit')} too long or {8 - over} too short; "
             "compare with `ethercat pdos`",
         )
     if sm.size_bytes > MAX_DATAGRAM_BYTES:

@@ -267,9 +267,8 @@ def _ends(ctx: Context, row: ResolvedTransfer) -> None:
                 f"size {size} from {end.endpoint} runs "
                 f"{counted(behind - end.sm.size_bytes, 'byte')} past the "
                 f"end of SM{end.sm.sm.index} ({counted(end.sm.size_bytes, 'byte')})",
-                hint=(
-                    f"at most {counted(end.sm.size_bytes - end.byte_offset, 'byte')} are left there"
-                ),
+                hint="there is room for at most "
+                f"{counted(end.sm.size_bytes - end.byte_offset, 'byte')}",
             )
 
 

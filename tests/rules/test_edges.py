@@ -20,10 +20,11 @@ from scans import scan_of
 
 from fsoe_net.diag import Severity
 from fsoe_net.model import DescribedSubDevice
+from fsoe_net.rules import Runtime
 
 pytestmark = pytest.mark.usefixtures("said")
 
-IO, DEVICE = "network.yaml", "devices/ek1914.yaml"
+IO, DEVICE, LOGIC = "network.yaml", "devices/ek1914.yaml", "devices/el6910.yaml"
 FRAME = "io, index: 0x6000, subindex: 1"
 ONLY = """\
 vendor_id: 2
@@ -31,10 +32,13 @@ product_id: 3
 rpdo: [{index: 0x1600, channels: [{index: 0x7000, sub_index: 1, type: uint8}]}]
 """
 STANDARD = "kind: standard\n        in: {ec_module: io, index: 0x6010, subindex: 1}\n"
+PAD = "{{index: 0x2001, sub_index: 1, type: bit{}}}"
 LCEC = [
     [DEVICE, "0x077a2c52", "0x16ad6012"],
     ["devices/el6910.yaml", "0x1afe3052", "0x1af43052"],
 ]
+# The transfers of the second connection go, and it says its slot instead.
+ALONE = cases.CASES["FSN236"]["edit"][:2]
 EDGES: dict[str, tuple[dict, list[str]]] = {
     "a sync manager given twice": (
         {"edit": [[DEVICE, "{index: 1, type: input", "{index: 0, type: input"]]},
@@ -80,6 +84,132 @@ EDGES: dict[str, tuple[dict, list[str]]] = {
     "a frame of another length than linuxcnc-ethercat has": (
         {"runtime": "lcec", "edit": LCEC},
         ["FSN464"],
+    ),
+    "connections alone, where the driver knows none": (
+        {"runtime": Runtime.ROS2_NEWEST, "edit": ALONE},
+        ["FSN223"],
+    ),
+    "a slot without a frame from the MainDevice": (
+        {
+            "edit": [
+                *ALONE,
+                [LOGIC, "0x7010, sub_index: 3, type: uint16", "0x7010, sub_index: 3, type: uint32"],
+            ]
+        },
+        ["FSN236"],
+    ),
+    "a slot without a frame to the MainDevice": (
+        {
+            "edit": [
+                *ALONE,
+                [LOGIC, "0x6010, sub_index: 3, type: uint16", "0x6010, sub_index: 3, type: uint32"],
+            ]
+        },
+        ["FSN236"],
+    ),
+    "a connection over two masters": (
+        {
+            "check": ["robot.urdf"],
+            "edit": [
+                cases.CASES["FSN129"]["edit"][0],
+                [
+                    "transfers.yaml",
+                    "    transfers:",
+                    "    connections:\n      - {main: logic, sub: axis}\n    transfers:",
+                ],
+            ],
+        },
+        ["FSN129"],
+    ),
+    "an object that pads": (
+        {
+            "edit": [
+                [
+                    DEVICE,
+                    "{index: 0x0000, sub_index: 0, type: bit14}",
+                    PAD.format(7) + "\n      - " + PAD.format(4) + "\n      - " + PAD.format(3),
+                ]
+            ]
+        },
+        [],
+    ),
+    "as many parameters as were seen to work": (
+        {"edit": [[IO, '"01 00"', '"' + "01 " * 255 + '00"']]},
+        [],
+    ),
+    "one parameter more": (
+        {"edit": [[IO, '"01 00"', '"' + "01 " * 256 + '00"']]},
+        ["FSN306"],
+    ),
+    "a connection of two others": (
+        {"edit": [[IO, "main: logic, sub: io2", "main: io, sub: io2"]]},
+        ["FSN239"],
+    ),
+    "a connection of the MainDevice": (
+        {"edit": [[IO, "main: logic, sub: io2", "main: MainDevice, sub: io2"]]},
+        ["FSN226"],
+    ),
+    "main and sub exchanged": (
+        {"edit": [[IO, "main: logic, sub: io2", "main: io2, sub: logic"]]},
+        ["FSN227"],
+    ),
+    "a copy of the MainDevice": (
+        {"edit": [[IO, FRAME, "MainDevice, index: 0x6000, subindex: 1"]]},
+        ["FSN226"],
+    ),
+    "a PDO without channels in front": (
+        {"edit": [[DEVICE, "tpdo:\n", "tpdo:\n  - {index: 0x1a05, channels: []}\n"]]},
+        ["FSN406"],
+    ),
+    "no command byte": ({"edit": [[IO, FRAME, "io, index: 0x6010, subindex: 1"]]}, ["FSN211"]),
+    "a standard copy past its sync manager": (
+        {"edit": [[IO, "size: 1\n", "size: 2\n"]]},
+        ["FSN209"],
+    ),
+    "a frame one byte too long": ({"edit": [[IO, "size: 6\n", "size: 7\n"]]}, ["FSN209"]),
+    "a frame one byte too short": ({"edit": [[IO, "size: 6\n", "size: 5\n"]]}, ["FSN208"]),
+    "a watchdog of exactly so many cycles": (
+        {"edit": [[IO, "cycle_us: 1000", "cycle_us: 20000"]]},
+        [],
+    ),
+    "a watchdog just shorter than that": (
+        {"edit": [[IO, "cycle_us: 1000", "cycle_us: 20001"]]},
+        ["FSN601"],
+    ),
+    "no watchdogs, a slow bus": (
+        {
+            "edit": [
+                [IO, "cycle_us: 1000", "cycle_us: 26000"],
+                [IO, ", watchdog_ms: 100", ""],
+                [IO, ", watchdog_ms: 100", ""],
+            ]
+        },
+        ["FSN601"],
+    ),
+    "an unknown safety master": (
+        {"edit": [[IO, "safety_master: logic", "safety_master: plc"]]},
+        ["FSN218"],
+    ),
+    "the MainDevice as safety master": (
+        {"edit": [[IO, "safety_master: logic", "safety_master: MainDevice"]]},
+        ["FSN226"],
+    ),
+    "no safety master, none shared": (
+        {
+            "edit": [
+                [IO, "    safety_master: logic\n", ""],
+                [
+                    IO,
+                    "out: {ec_module: logic, index: 0x7010, subindex: 1}",
+                    "out: {ec_module: io, index: 0x7000, subindex: 1}",
+                ],
+            ]
+        },
+        ["FSN204", "FSN215", "FSN218"],
+    ),
+    "a file without its transfers beside a project": (
+        {"check": ["robot.urdf", "safety.xml"]},
+        ["FSN447"],
     ),
 }
 
