@@ -416,7 +416,7 @@ def stop_value(entry: EntryView) -> int:
     signed = kind == _SIGNED
     low = -(1 << (entry.bits - 1)) if signed else 0
     high = (1 << (entry.bits - signed)) - 1
-    whole = low if value <= low else high if value >= high else int(value)
+    whole = int(min(max(value, low), high))
     return whole & ((1 << entry.bits) - 1)
 
 

@@ -77,7 +77,7 @@ def _datagrams(plan: Plan, fmmus: list[IghFmmu]) -> tuple[IghDatagram, ...]:
     datagrams: list[list[IghFmmu]] = [[]]
     used = 0
     for fmmu in fmmus:
-        if datagrams[-1] and used + fmmu.size_bytes > MAX_DATAGRAM_BYTES:
+        if used and used + fmmu.size_bytes > MAX_DATAGRAM_BYTES:
             datagrams.append([])
             used = 0
         datagrams[-1].append(fmmu)

@@ -47,6 +47,14 @@ PARTS: dict[str, tuple[str, ...]] = {
     "cli": ("cli",),
     "observe": ("observe", "incidents"),
 }  # fmt: skip
+# What a small sample asks instead: tests that are measured within seconds.
+QUICK: dict[str, tuple[str, ...]] = {
+    "rules": ("diagnostics/test_cases.py", "rules/test_references.py", "rules/test_edges.py"),
+    "plan": ("plan/test_whole.py", "plan/test_plan.py"),
+    "fsoe": ("fsoe/test_pdu.py", "fsoe/test_chain.py", "fsoe/test_main_table.py",
+             "fsoe/test_sub_table.py", "fsoe/test_campaign_whole.py", "fsoe/test_replay.py"),
+    "timing": ("timing/test_formulas.py", "timing/test_budget.py", "timing/test_parts.py"),
+}  # fmt: skip
 PRAGMA = re.compile(r"# pragma: no cover")
 
 
@@ -171,6 +179,12 @@ def _names(statement: ast.AST | None) -> list[str]:
         return [statement.name]
     targets = getattr(statement, "targets", None) or [getattr(statement, "target", None)]
     return [n.id for t in targets if t is not None for n in ast.walk(t) if isinstance(n, ast.Name)]
+
+
+def ask_quick_tests_only() -> None:
+    """Replace the tests of each part; parts without quick ones go."""
+    PARTS.clear()
+    PARTS.update(QUICK)
 
 
 class Server:

@@ -43,6 +43,7 @@ from fsoe_net.plan import (
     safety_sha256,
 )
 from fsoe_net.plan.image import MAX_DATAGRAM_BYTES
+from fsoe_net.plan.show import copy_end
 
 pytestmark = pytest.mark.usefixtures("said")
 
@@ -60,7 +61,7 @@ RICH = [
     (
         "devices/ek1914.yaml",
         "rpdo:",
-        "assign_activate: 0x10300\nsdo:\n"
+        "assign_activate: 0x10301\nsdo:\n"
         "  - {index: 0x8000, sub_index: 2, type: int16, value: -2}\n"
         "  - {index: 0x8001, sub_index: 0, type: uint8, value: 255}\nrpdo:",
     ),
@@ -82,14 +83,17 @@ def rich(tmp_path: Path) -> Plan:
 
 
 def tell(said: Said, name: str, plan: Plan) -> None:
-    """Add all texts of a plan, line by line, and all its records unless it is large."""
-    lines = [*plan_text(plan).splitlines(), *igh_text(plan).splitlines()]
+    """Add both texts of a plan, and its records line by line, of a large one the copies alone."""
+    said.add(f"{name}: {plan_text(plan)}")
+    said.add(f"{name}: {igh_text(plan)}")
+    lines: list[str] = []
     document = plan_json(plan)
     rows = [
         (k, v) for k, many in document.items() for v in (many if type(many) is list else [many])
     ]
-    if len(plan.symbols) < 50:
-        lines += [f"{key} {json.dumps(row)}" for key, row in rows]
+    large = len(plan.symbols) > 50
+    lines += [f"{key} {json.dumps(row)}" for key, row in rows if key == "copies" or not large]
+    if not large:
         for part in SECTIONS:
             lines += canonical_section(plan, part).splitlines()
     for line in lines:
@@ -137,6 +141,18 @@ def test_a_datagram_is_cut_where_the_next_sync_manager_no_longer_fits() -> None:
     )
     assert [(d.offset_bytes, d.size_bytes, d.working_counter) for d in igh_image(nothing).datagrams]
     assert igh_text(nothing) == ("Domain0: LogBaseAddr 0x00000000, Size   0, WorkingCounter 0/0")
+
+
+def test_places_without_an_entry_and_sizes_in_bytes() -> None:
+    plan = compile_plan(example("estop"))
+    number = plan.copies[0].destination_sm
+    name = plan.subdevices[plan.sync_managers[number].subdevice].name
+    index = plan.sync_managers[number].index
+    assert copy_end(plan, number, 0).startswith(f"{name} SM{index} byte 0 (0x")
+    assert copy_end(plan, number, 1) == f"{name} SM{index} byte 0"
+    assert copy_end(plan, number, 8 * 63) == f"{name} SM{index} byte 63"
+    sizes = [plan.sync_managers[0]._replace(bits=n).size_bytes for n in (0, 1, 7, 8, 9, 16)]
+    assert sizes == [0, 1, 1, 1, 2, 2]
 
 
 def test_names_of_symbols_are_one_of_a_kind(tmp_path: Path) -> None:
