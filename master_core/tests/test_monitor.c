@@ -333,6 +333,29 @@ static void sessions_begin_anew(void) {
     CHECK(monitor.status.direction[1].frames == 7 && monitor.status.direction[1].wrong == 3);
 }
 
+/** The CRC of a frame before the Reset is forgotten: one that is the same by chance is no collision
+ *  then. */
+static void a_reset_forgets_the_own_crc(void) {
+    struct fsn_monitor monitor;
+    uint8_t reset[6] = {FSN_CMD_RESET};
+    uint8_t session[6] = {FSN_CMD_SESSION, 0x77};
+    uint8_t answer[6] = {FSN_CMD_SESSION};
+    CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+    const uint16_t own = seal(reset, 6, 0, 0, 1);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, reset, 1) == FSN_VERDICT_RIGHT);
+    monitor.followed[FSN_TO_MAIN].has_own = true; /* as in a session before */
+    monitor.followed[FSN_TO_MAIN].own = own;
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, reset, 1) == FSN_VERDICT_RIGHT);
+    const uint16_t first = seal(session, 6, 0, 0, 1);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, session, 1) == FSN_VERDICT_RIGHT);
+    uint32_t tried = 0;
+    do {
+        answer[1] = (uint8_t)tried;
+        CHECK(tried < UINT32_C(1) << 24);
+    } while (seal(answer, 6, (uint16_t)(tried++ >> 8), first, 1) != own);
+    CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, answer, 1) == FSN_VERDICT_RIGHT);
+}
+
 /** Intervals are those between two Data frames of a direction. */
 static void intervals_are_counted(void) {
     static const struct {
@@ -456,6 +479,7 @@ int main(void) {
     what_was_not_known_is_no_gap();
     broken_blocks_are_wrong_at_any_time();
     sessions_begin_anew();
+    a_reset_forgets_the_own_crc();
     intervals_are_counted();
     the_order_of_a_cycle_is_seen();
     outside_is_what_both_show();

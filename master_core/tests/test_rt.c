@@ -195,9 +195,11 @@ static void a_free_run_never_sleeps(void) {
     on.rt.cycle_ns = 1; /* every cycle would be too late */
     on.rt.trace = keep_marker;
     on.rt.trace_fd = 42;
+    on.script[1].dc_time_ns = on.script[2].dc_time_ns = 1000; /* nothing to steer either */
     trace[0] = 0;
     fsn_rt_loop(&on.rt);
     const struct fsn_statistics *s = &on.rt.statistics;
+    CHECK(s->dc_offset.count == 0);
     CHECK(wall.sleeps == 0 && s->cycles == 4 && s->latency.count == 0 && s->overruns == 0);
     CHECK(on.rt.late_ns == 0 && on.rt.left_out == 0);
     /* Four looks at the clock per cycle: begin, before and after the copies, end. */
@@ -488,6 +490,23 @@ static void silence_begins_after_its_time(void) {
     }
 }
 
+/** The ring goes around: what was read makes room, whatever the numbers of its ends are. */
+static void the_ring_goes_around(void) {
+    watch_one();
+    on.rt.ring.head = on.rt.ring.tail = UINT32_MAX - 100; /* the numbers go around too */
+    for (uint32_t i = 0; i < 3 * FSN_RT_EVENTS; i++) {
+        const struct fsn_event event = {.now_ns = i};
+        fsn_rt_push_event(&on.rt, &event);
+        CHECK(only_event().now_ns == i);
+    }
+    for (uint32_t i = 0; i < FSN_RT_EVENTS + 2; i++) {
+        const struct fsn_event event = {.now_ns = i};
+        fsn_rt_push_event(&on.rt, &event);
+    }
+    CHECK(on.rt.statistics.events_lost == 2);
+    CHECK(on.rt.ring.slot[on.rt.ring.tail % FSN_RT_EVENTS].now_ns == 0);
+}
+
 /** A connection that was silent when it went silent again has nothing to tell. */
 static void silent_stays_silent(void) {
     watch_one();
@@ -513,5 +532,6 @@ int main(void) {
     a_reset_is_put_down_to_its_end();
     silence_begins_after_its_time();
     silent_stays_silent();
+    the_ring_goes_around();
     return 0;
 }

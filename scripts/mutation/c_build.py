@@ -17,7 +17,6 @@ from pathlib import Path
 PLAIN = "-O1"
 COVERED = "-O0 --coverage -fprofile-update=atomic"
 _REAL_ERRORS = [
-    "-w",
     "-Werror=incompatible-pointer-types",
     "-Werror=int-conversion",
     "-Werror=implicit-function-declaration",

@@ -70,7 +70,7 @@ static void clear_chain(struct fsn_monitor *m) {
     for (unsigned way = 0; way < 2; way++) {
         m->followed[way].has_own = false;
         m->followed[way].sequence = 1;
-        m->followed[way].guess = 0;
+        m->followed[way].guess = 0; /* mutants: the number is known */
     }
     m->last_crc = 0;
     m->last_way = NOBODY;
@@ -105,6 +105,7 @@ static bool fits(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
 static void lose(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     m->lost |= m->followed[0].sequence != 0 || m->followed[1].sequence != 0;
     for (unsigned i = 0; i < 2; i++) {
+        /* mutants: with the number found again there is an own CRC again */
         m->followed[i].has_own = false;
         m->followed[i].sequence = 0;
         m->followed[i].guess = 0;
@@ -159,7 +160,7 @@ static enum fsn_verdict search(struct fsn_monitor *m, unsigned way, const uint8_
         return FSN_VERDICT_UNCHECKED;
     }
     f->sequence = f->guess;
-    f->guess = 0;
+    f->guess = 0; /* mutants: nobody looks at it while the number is known */
     m->status.gaps += m->lost;
     m->lost = false;
     return FSN_VERDICT_RIGHT;

@@ -80,6 +80,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
             set_index(frame, index_of(f, port));
             frame->back[port] = false;
             /* A frame that cannot be sent is one that does not come back. */
+            /* mutants: nothing sends 0 bytes of a packet */
             if (send(wire->sockets[port], frame->sent, frame->len_bytes, MSG_DONTWAIT) < 0) {
                 wire->unsent++;
                 wire->send_errno = errno;
