@@ -122,7 +122,7 @@ static unsigned lines_of(const char *text) {
 
 #define EVENTS_OFF "{\"ok\":true,\"events\":false}\n"
 #define TOO_LONG                                                                                   \
-    "{\"ok\":false,\"error\":\"FSN_E_SPACE\",\"text\":\"a request has at most 8192 bytes\","      \
+    "{\"ok\":false,\"error\":\"FSN_E_SPACE\",\"text\":\"a request has at most 8192 bytes\","       \
     "\"hint\":\"split it into several requests\"}\n"
 
 static void lines_end_with_or_without_a_return(void) {
