@@ -357,6 +357,68 @@ static void format_1_1_is_read(void) {
     free(bytes);
 }
 
+/** Two fields that contradict each other. */
+static void revisions_are_a_range(void) {
+    size_t len;
+    uint8_t *bytes = build_estop(&len);
+    struct fsn_fault fault;
+    uint8_t *r = bytes + section_at(bytes, 1) + 48;
+    r[16] = 2;
+    memcpy(r + 20, "\2\0\0\0", 4);
+    build_fix_crc(bytes, len);
+    CHECK(load(bytes, len, &fault) == FSN_OK);
+    r[20] = 1;
+    build_fix_crc(bytes, len);
+    CHECK(load(bytes, len, &fault) == FSN_E_PLAN_VALUE);
+    CHECK(strcmp(line_of(&fault, bytes), "PLAN_VALUE SubDevice 1+16: the lowest revision is above "
+                                         "the highest") == 0);
+    free(bytes);
+}
+
+/** A third FSoE copy that says it belongs to a connection of two others. */
+static void a_connection_has_two_copies(void) {
+    static const struct build_sm sm[2][2] = {{{1, 12}, {2, 12}}, {{1, 12}, {2, 12}}};
+    static const struct build_copy copies[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}, {0, 6, 1, 6, 6}};
+    const struct build build = {
+        .subdevices = 2, .sm = sm, .copies = copies, .pairs = 1, .standard = 1};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    struct fsn_fault fault;
+    CHECK(load(bytes, len, &fault) == FSN_OK);
+    uint8_t *r = bytes + section_at(bytes, 8) + 2 * 32;
+    r[24] = 1;
+    memset(r + 28, 0, 4);
+    build_fix_crc(bytes, len);
+    CHECK(load(bytes, len, &fault) == FSN_E_COPY_PAIR);
+    CHECK(strcmp(line_of(&fault, bytes), "COPY_PAIR copy 2+28: the connection does not name this "
+                                         "copy as one of its two") == 0);
+    free(bytes);
+}
+
+/** PDOs and entries that no sync manager has. */
+static void nothing_is_left_over(void) {
+    static const char says[] = "PLAN_REFERENCE PDO -1+0: PDOs or entries belong to no sync manager";
+    static const struct build_sm sm[1][2] = {{{1, 1}, {2, 1}}};
+    const struct build build = {.subdevices = 1, .sm = sm};
+    for (int kind = 0; kind < 2; kind++) {
+        size_t len;
+        uint8_t *bytes = build_plan(&build, &len);
+        struct fsn_fault fault;
+        if (kind == 0) { /* the last sync manager is without its PDO */
+            uint8_t *r = bytes + section_at(bytes, 2) + 24;
+            r[7] = r[8] = r[16] = 0;
+        } else { /* its PDO is without its entry */
+            uint8_t *r = bytes + section_at(bytes, 2) + 24;
+            r[7] = r[8] = 0;
+            bytes[section_at(bytes, 3) + 16 + 8] = 0;
+        }
+        build_fix_crc(bytes, len);
+        CHECK(load(bytes, len, &fault) == FSN_E_PLAN_REFERENCE);
+        CHECK(strcmp(line_of(&fault, bytes), says) == 0);
+        free(bytes);
+    }
+}
+
 static void fault_names_the_copy(void) {
     size_t len;
     uint8_t *bytes = build_estop(&len);
@@ -487,6 +549,9 @@ int main(void) {
     sha256_takes_pieces();
     a_change_changes_its_section();
     format_1_1_is_read();
+    revisions_are_a_range();
+    a_connection_has_two_copies();
+    nothing_is_left_over();
     fault_names_the_copy();
     header_rules();
     two_gibibytes_are_no_plan();

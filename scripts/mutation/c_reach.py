@@ -22,7 +22,7 @@ from .c_syntax import function_lines
 # Test programs by part; what is named nowhere counts for all.
 _PROGRAMS = {
     "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire fuzz_wire",
-    "plan-loader": "activate copy memory plan rules fuzz_plan",
+    "plan-loader": "activate copy fields memory plan rules fuzz_plan",
     "core": "access activate acyclic check cycle igh memory outputs plan record snapshot thread "
     "wire",
     "control": "control incident jobs lease listen master memory replies server stream watch "
