@@ -313,7 +313,13 @@ static int listen_on(struct master *m, const char *path) {
 static int keep_incidents(struct master *m) {
     struct fsn_refusal refusal;
     const char *folder = m->options->incidents;
-    if (folder == NULL || fsn_control_keep_incidents(m->control, folder, &refusal) == FSN_OK) {
+    if (folder == NULL) {
+        return -1;
+    }
+    if (fsn_control_keep_incidents(m->control, folder, &refusal) == FSN_OK) {
+        if (m->options->incidents_mib > 0) {
+            fsn_control_limit_incidents(m->control, (uint64_t)m->options->incidents_mib << 20);
+        }
         return -1;
     }
     log_line(FSN_LOG_ERROR, "%s; %s", refusal.text, refusal.hint != NULL ? refusal.hint : "");

@@ -36,6 +36,7 @@ static const char usage_text[] =
     "  --allow-user NAME  may use the socket, beside root and the user this runs as\n"
     "  --allow-group NAME the same for a group; both may be given several times\n"
     "  --incidents DIR    keeps a file of what happened around each connection that leaves Data\n"
+    "  --incidents-limit MIB  no further one once those in DIR have so much; default 1024\n"
     "  --log text|json    lines on stderr; default text\n"
     "  --trace            writes markers into the kernel's trace buffer\n"
     "  --scan             brings what stands on the bus to PREOP, prints it as JSON and ends\n"
@@ -163,6 +164,7 @@ enum option_id {
     ALLOW_USER,
     ALLOW_GROUP,
     INCIDENTS,
+    INCIDENTS_LIMIT,
     LOG,
     TRACE,
     SCAN,
@@ -235,6 +237,10 @@ static int take(int id, const char *text, struct options *o) {
     case INCIDENTS:
         o->incidents = text;
         return -1;
+    case INCIDENTS_LIMIT:
+        return read_number(text, 1, 1000000, &o->incidents_mib)
+                   ? -1
+                   : wrong("--incidents-limit", text, "1 to 1000000 MiB");
     case LOG:
         return read_log(text, o);
     case TRACE:
@@ -295,6 +301,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"allow-user", required_argument, NULL, ALLOW_USER},
         {"allow-group", required_argument, NULL, ALLOW_GROUP},
         {"incidents", required_argument, NULL, INCIDENTS},
+        {"incidents-limit", required_argument, NULL, INCIDENTS_LIMIT},
         {"log", required_argument, NULL, LOG},
         {"trace", no_argument, NULL, TRACE},
         {"scan", no_argument, NULL, SCAN},

@@ -18,10 +18,11 @@ struct options {
     uint64_t record_ns; /**< for how long cycles are kept; 0: not at all */
     uint64_t wait_ns;   /**< how long to try again while SubDevices are missing */
     enum policy policy;
-    bool policy_given; /**< then it is no good to go on without it */
-    int priority;      /**< 1 … 99, of fifo */
-    int cpu;           /**< CPU number + 1; 0: any */
-    uint32_t dc_every; /**< 0: no distributed clocks */
+    bool policy_given;  /**< then it is no good to go on without it */
+    int priority;       /**< 1 … 99, of fifo */
+    int cpu;            /**< CPU number + 1; 0: any */
+    uint32_t dc_every;  /**< 0: no distributed clocks */
+    long incidents_mib; /**< most MiB of incident files; 0: as it is usual */
     bool free_run, trace, log_json;
     bool scan; /**< looks at the bus and ends; there is no plan */
     struct fsn_control_access access;

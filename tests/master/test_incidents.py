@@ -50,6 +50,28 @@ def test_a_client_asks_for_one(tmp_path):
     assert {"statistics", "connections", "subdevices", "events", "cycle_ns"} <= set(head)
 
 
+def test_files_of_all_runs_have_a_limit_and_nothing_is_deleted(tmp_path):
+    older = tmp_path / "of-another-run.fsnincident"
+    older.write_bytes(bytes(1 << 20))
+    options = ("--incidents", tmp_path, "--incidents-limit", "1", "--cycle", "2ms")
+    with running(*options) as master, master.client() as client:
+        client.good("events on")
+        client.good("incident first")
+        told = client.event("incident")
+        assert (told["file"], told["cycles"], told["whole"]) == ("", 0, False)
+        assert told["level"] == "error"
+        assert told["text"] == (
+            f"incident: first; not kept, for the incident files in {tmp_path} have 1 MiB; move "
+            "some of them away, or start with a higher --incidents-limit"
+        )
+        assert list(tmp_path.iterdir()) == [older]
+        older.rename(tmp_path / "moved.txt")  # not one any more
+        client.good("incident second")
+        told = client.event("incident")
+    assert told["whole"] is True
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "moved.txt", Path(told["file"])])
+
+
 def test_a_connection_that_never_comes_is_one(tmp_path):
     with running("--incidents", tmp_path) as master, master.client() as client:
         client.good("events on")

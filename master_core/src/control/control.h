@@ -25,7 +25,8 @@ enum {
     FSN_CONTROL_CLIENTS = FSN_CONTROL_SHARED + FSN_CONTROL_RESERVED,
     FSN_CONTROL_OUT_BYTES = 1 << 20, /**< what a client may leave unread before it is dropped */
     FSN_CONTROL_FDS = FSN_CONTROL_CLIENTS + 1,
-    FSN_CONTROL_ALLOWED = 16, /**< users and groups that may be allowed */
+    FSN_INCIDENTS_BYTES = 1 << 30, /**< of incident files in a folder */
+    FSN_CONTROL_ALLOWED = 16,      /**< users and groups that may be allowed */
 };
 
 /** What a client asks of the program around the socket. */
@@ -85,6 +86,10 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
  *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
                                       struct fsn_refusal *refusal);
+
+/** Writes no further file once those in the folder, of all runs, have so many bytes; nothing is
+ * ever deleted. FSN_INCIDENTS_BYTES until this is called, after fsn_control_keep_incidents(). */
+void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_bytes);
 
 /** The bus did not open: that is an incident as well.
  *  @param[in] seen  what was found of each SubDevice of the plan; NULL: nothing. */

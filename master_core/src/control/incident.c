@@ -46,6 +46,7 @@ fsn_status fsn_incidents_create(const char *folder, const struct fsn_plan *plan,
         return fsn_refusal_set(refusal, FSN_E_NOMEM, NULL, "out of memory");
     }
     snprintf(in->folder, sizeof in->folder, "%s", folder);
+    in->most_bytes = FSN_INCIDENTS_BYTES;
     in->told = told;
     in->refused = refused;
     in->connections = connections;
@@ -125,7 +126,7 @@ static void finish(struct fsn_control *control) {
         fsn_json_free(&head);
         fsn_window_free(&window);
     } else {
-        in->file = fsn_incident_file_begin(in->folder, stem, &head, &window);
+        in->file = fsn_incident_file_begin(in->folder, stem, in->most_bytes, &head, &window);
     }
     if (in->file == NULL) {
         fsn_event_begin(control, "incident", fsn_now_ns());
@@ -142,6 +143,11 @@ static void tell_result(struct fsn_control *control, const struct fsn_incident_r
     if (result->error == 0) {
         fsn_event_tell(control, FSN_LOG_WARNING, "incident: %.300s; fsoe-net incident %.150s",
                        in->text, result->path);
+    } else if (result->full) {
+        fsn_event_tell(control, FSN_LOG_ERROR,
+                       "incident: %.200s; not kept, for the incident files in %.150s have %" PRIu64
+                       " MiB; move some of them away, or start with a higher --incidents-limit",
+                       in->text, in->folder, in->most_bytes >> 20);
     } else {
         fsn_event_tell(control, FSN_LOG_ERROR,
                        "incident: %.200s; %.150s ends after %" PRIu64 " cycles: %s", in->text,
@@ -295,6 +301,12 @@ fsn_status fsn_answer_incident(struct fsn_asked *asked) {
     }
     fsn_json_put_bool(asked->json, "begun", true);
     return FSN_OK;
+}
+
+void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_bytes) {
+    if (control->incidents != NULL) {
+        control->incidents->most_bytes = most_bytes;
+    }
 }
 
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,

@@ -2,6 +2,7 @@
 
 #include "incident_file.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -10,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 enum { MOST_BYTES = 32 << 20, MOST_NAMES = 1000 };
@@ -61,20 +63,46 @@ struct fsn_incident_file {
     atomic_bool done;
     char folder[FSN_INCIDENT_PATH / 2];
     char stem[FSN_INCIDENT_PATH / 4];
+    uint64_t most_bytes;
     struct fsn_json head;
     struct fsn_window window;
     struct fsn_incident_result result;
 };
 
+/** Bytes of all incident files in a folder, of this run and of those before. */
+static uint64_t bytes_in(const char *folder) {
+    uint64_t bytes = 0;
+    DIR *rows = opendir(folder);
+    const struct dirent *row;
+    while (rows != NULL && (row = readdir(rows)) != NULL) {
+        const char *suffix = strrchr(row->d_name, '.');
+        struct stat found;
+        if (suffix != NULL && strcmp(suffix, FSN_INCIDENT_SUFFIX) == 0 &&
+            fstatat(dirfd(rows), row->d_name, &found, AT_SYMLINK_NOFOLLOW) == 0 &&
+            S_ISREG(found.st_mode)) {
+            bytes += (uint64_t)found.st_size;
+        }
+    }
+    if (rows != NULL) {
+        closedir(rows);
+    }
+    return bytes;
+}
+
 /** Opens a file that was not there; nothing that exists is touched. */
 static int open_new(struct fsn_incident_file *file) {
+    if (bytes_in(file->folder) >= file->most_bytes) {
+        file->result.full = true;
+        errno = EDQUOT;
+        return -1;
+    }
     for (int n = 1; n < MOST_NAMES; n++) {
         char number[16] = "";
         if (n > 1) {
             snprintf(number, sizeof number, "-%d", n);
         }
-        snprintf(file->result.path, sizeof file->result.path, "%s/%s%s.fsnincident", file->folder,
-                 file->stem, number);
+        snprintf(file->result.path, sizeof file->result.path, "%s/%s%s" FSN_INCIDENT_SUFFIX,
+                 file->folder, file->stem, number);
         const int fd = open(file->result.path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
         if (fd >= 0 || errno != EEXIST) {
             return fd;
@@ -161,7 +189,7 @@ static void discard(struct fsn_incident_file *file) {
 }
 
 struct fsn_incident_file *fsn_incident_file_begin(const char *folder, const char *stem,
-                                                  struct fsn_json *head,
+                                                  uint64_t most_bytes, struct fsn_json *head,
                                                   struct fsn_window *window) {
     struct fsn_incident_file *file = calloc(1, sizeof *file);
     if (file == NULL) {
@@ -175,6 +203,7 @@ struct fsn_incident_file *fsn_incident_file_begin(const char *folder, const char
     *window = (struct fsn_window){0};
     snprintf(file->folder, sizeof file->folder, "%s", folder);
     snprintf(file->stem, sizeof file->stem, "%s", stem);
+    file->most_bytes = most_bytes;
     if (pthread_create(&file->thread, NULL, run, file) != 0) {
         discard(file);
         return NULL;

@@ -7,6 +7,8 @@
 
 enum { FSN_INCIDENT_PATH = 512 };
 
+#define FSN_INCIDENT_SUFFIX ".fsnincident"
+
 /** Cycles copied out of the recorder, one behind the other. */
 struct fsn_window {
     uint64_t count;
@@ -25,15 +27,19 @@ struct fsn_incident_file;
 /** Begins to write; takes over head and window, also when it fails.
  *  @param[in] folder, stem  the file is `folder/stem.fsnincident`, or with a number behind the
  * stem.
+ *  @param[in] most_bytes    once the incident files of the folder have so many, whoever wrote them,
+ *                           no further one is written.
  *  @return NULL  no thread, or no memory. */
 struct fsn_incident_file *fsn_incident_file_begin(const char *folder, const char *stem,
-                                                  struct fsn_json *head, struct fsn_window *window);
+                                                  uint64_t most_bytes, struct fsn_json *head,
+                                                  struct fsn_window *window);
 
 /** What became of it. */
 struct fsn_incident_result {
     char path[FSN_INCIDENT_PATH];
     uint64_t cycles; /**< written */
     int error;       /**< 0, or errno: it ends early */
+    bool full;       /**< it was not begun: the files in the folder have their most bytes */
 };
 
 /** Whether the thread is done; if so, it is freed. */

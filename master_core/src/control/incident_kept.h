@@ -19,6 +19,7 @@ struct fsn_pending {
 
 struct fsn_incidents {
     char folder[FSN_INCIDENT_PATH / 2];
+    uint64_t most_bytes; /**< of all incident files in it, before a further one */
     struct fsn_pending pending;
     struct fsn_job *job;            /**< asks the SubDevices for their FSoE values; or NULL */
     struct fsn_json fsoe;           /**< what they told; empty without an answer */
