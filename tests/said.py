@@ -6,8 +6,9 @@ purpose must then stand in `said.txt` beside it; a test may add texts. After a w
 
     FSN_RECORD=1 python -m pytest tests/rules tests/diagnostics tests/timing tests/plan
 
-writes the files of these folders anew; the difference is to be read. Tests of hypothesis are left
-out (theirs are other findings each time), and those that make more than a hundred.
+writes the files of these folders anew, `FSN_RECORD=more` adds to them; the difference is to be
+read. Tests of hypothesis are left out (theirs are other findings each time), and those that make
+more than a hundred.
 """
 
 from __future__ import annotations
@@ -103,4 +104,6 @@ def said(
 def pytest_sessionfinish() -> None:
     """Write what was recorded, one file a folder."""
     for path, texts in _recorded.items():
+        if os.environ["FSN_RECORD"] == "more":
+            texts |= _read(path)
         path.write_text("\n\n".join(sorted(texts)) + "\n", "utf-8")

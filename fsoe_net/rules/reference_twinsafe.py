@@ -190,23 +190,28 @@ def _place(connection: Connection, key: str) -> Span:
 
 def _slots(project: _Project, pairs: _Pairs, *, whole: bool) -> None:
     """Compare the order of slots; a missing connection alone, which is told, moves the others."""
-    known = [(c.slot, c, row) for c, row in pairs]
-    rows = [(slot, c, row) for slot, c, row in known if slot is not None and row.slot is not None]
-    rows.sort(key=lambda item: item[0] or 0)
-    wanted = sorted(row.slot or 0 for _, _, row in rows)
+    rows = sorted(
+        (
+            (c.slot, row.slot, c, row)
+            for c, row in pairs
+            if c.slot is not None and row.slot is not None
+        ),
+        key=lambda item: item[0],
+    )
+    wanted = sorted(there for _, there, _, _ in rows)
     wrong = {
-        slot: (c, row)
-        for (slot, c, row), in_order in zip(rows, wanted, strict=True)
-        if row.slot != slot and (whole or row.slot != in_order)
+        slot: (there, c, row)
+        for (slot, there, c, row), in_order in zip(rows, wanted, strict=True)
+        if there != slot and (whole or there != in_order)
     }
-    for slot, (c, row) in list(wrong.items()):
+    for slot, (there, c, row) in list(wrong.items()):
         if slot not in wrong:
             continue  # told with its partner
-        text = f"{c.main.name} with {c.sub.name} uses slot {slot}, slot {row.slot}"
-        partner, its_row = wrong.get(row.slot or 0, (None, None))
-        if partner is not None and its_row is not None and its_row.slot == slot:
-            del wrong[row.slot or 0]
-            text += f" in {project.file.path}; {partner.sub.name} the other way round"
+        text = f"{c.main.name} with {c.sub.name} uses slot {slot}, slot {there}"
+        partner = wrong.get(there)
+        if partner is not None and partner[0] == slot:
+            del wrong[there]
+            text += f" in {project.file.path}; {partner[1].sub.name} the other way round"
         else:
             text += f" in {project.file.path}"
         project.out.add(

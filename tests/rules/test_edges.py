@@ -247,6 +247,22 @@ def test_a_pdo_without_entries_says_nothing_of_ours():
     assert codes(types(pdos(2, replace(out_pdo(), entries=())))) == []
 
 
+@pytest.mark.parametrize("place", [65_535, 65_536])
+def test_places_that_no_bus_has_are_not_looked_at(place: int):
+    rows = bus().subdevices
+    far = replace(rows[0], name="far", position=place)
+    made = replace(bus(), format="lcec", subdevices=(*rows, far))
+    text = [d.message for d in found(made) if "far" in d.message or str(place) in d.message]
+    assert bool(text) == (place < 65_536), text
+
+
+@pytest.mark.parametrize("format", ["eni", "ethercat-slaves", "lcec", "other"])
+def test_only_a_file_of_the_whole_bus_misses_a_subdevice(format: str):  # noqa: A002
+    made = replace(bus(), format=format, subdevices=bus().subdevices[:-1])
+    told = [d.message for d in found(made) if d.code == "FSN442"]
+    assert bool(told) == (format != "other"), told
+
+
 def test_a_safety_project_beside_a_network_without_connections():
     assert codes(project(*ours()), replace(ROBOT, connections=())) == ["FSN443"]
     assert codes(bus(), replace(ROBOT, connections=())) == []
@@ -269,6 +285,14 @@ def test_watchdogs_that_are_exchanged_are_two_findings(tmp_path: Path):
     )
     told = told_by_main(scan_of(robot), watchdog_ms={0: 50, 1: 100})
     assert [d.code for d in _found(robot, told)] == ["FSN510", "FSN510"]
+
+
+def test_a_pdo_that_was_not_read_hides_no_other():
+    told = scan_of(ROBOT)
+    first, second = told["subdevices"][4]["sms"][0]["pdos"][:2]
+    del first["entries"]
+    second["entries"][0]["bits"] += 8
+    assert "FSN506" in {d.code for d in _found(ROBOT, told)}
 
 
 def test_another_value_behind_two_that_are_exchanged():
