@@ -234,6 +234,12 @@ static void arguments_are_looked_at(void) {
     image[6] = 0x50; /* bits 52 to 59 */
     image[7] = 0xFA;
     CHECK(fsn_core_read_symbol(rig.core, image, 0, &value) == FSN_OK && value == 0xA5);
+    CHECK(strcmp(fsn_found_text(FSN_FOUND_RIGHT), "the SubDevice of the plan") == 0);
+    CHECK(strcmp(fsn_found_text(99), "?") == 0 && fsn_core_kept_cycles(NULL) == 0);
+    CHECK(strcmp(fsn_al_code_text(0), "no error is named") == 0);
+    CHECK(strcmp(fsn_al_code_text(0x7FFF), "not a code of ETG.1000.6") == 0);
+    CHECK(strcmp(fsn_al_code_text(0x8000), "an error of its maker, see its manual") == 0);
+    CHECK(fsn_core_record(NULL, 1, NULL, NULL, NULL) == FSN_E_ARG);
     struct fsn_emulated *bus = NULL;
     CHECK(fsn_emulated_create(NULL, &bus) == FSN_E_ARG && bus == NULL);
     CHECK(fsn_emulated_create(rig.plan, NULL) == FSN_E_ARG);

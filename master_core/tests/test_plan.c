@@ -409,6 +409,82 @@ static void a_connection_has_two_copies(void) {
     free(bytes);
 }
 
+/** What is wrong only where several fields are changed together. */
+static void several_fields_together(void) {
+    static const struct {
+        bool full; /**< the plan with blocks, else without */
+        struct broken change[10];
+        const char *says;
+    } rows[] = {
+        {true,
+         {{8, 0, 24, 2, 2, FSN_OK, NULL}, {8, 0, 28, 4, FSN_NONE, FSN_OK, NULL}},
+         "COPY_FRAME copy 0+0: a copy must cover a whole FSoE block as an FSoE copy, or none"},
+        {false,
+         {{8, 0, 8, 4, 2, FSN_OK, NULL}, {8, 1, 8, 4, 0, FSN_OK, NULL}},
+         "COPY_OVERLAP copy 1+8: two copies write the same byte, or copies are not sorted by "
+         "destination"},
+        {false,
+         {{2, 2, 7, 1, 0, FSN_OK, NULL},
+          {4, 17, 3, 1, 0, FSN_OK, NULL},
+          {4, 18, 3, 1, 0, FSN_OK, NULL},
+          {4, 19, 3, 1, 0, FSN_OK, NULL},
+          {4, 20, 3, 1, 0, FSN_OK, NULL},
+          {4, 21, 3, 1, 0, FSN_OK, NULL},
+          {4, 22, 3, 1, 0, FSN_OK, NULL},
+          {4, 23, 3, 1, 0, FSN_OK, NULL},
+          {4, 24, 3, 1, 0, FSN_OK, NULL}},
+         "COPY_DIRECTION copy 1+8: a copy reads a registered input and writes a registered output"},
+        {true, {{5, 0, 3, 1, 1, FSN_OK, NULL}}, "OK"},
+        {true, {{5, 0, 3, 1, 2, FSN_OK, NULL}}, "OK"},
+        {true, {{5, 0, 3, 1, 8, FSN_OK, NULL}}, "OK"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        size_t len;
+        uint8_t *bytes = rows[i].full ? build_full(&len) : build_estop(&len);
+        for (const struct broken *c = rows[i].change; c->bytes != 0; c++) {
+            uint8_t *field = bytes + section_at(bytes, c->section) +
+                             c->record * fsn_record_bytes[c->section] + c->field;
+            for (uint32_t b = 0; b < c->bytes; b++) {
+                field[b] = (uint8_t)(c->value >> (8 * b));
+            }
+        }
+        build_fix_crc(bytes, len);
+        struct fsn_fault fault;
+        const char *said = load(bytes, len, &fault) == FSN_OK ? "OK" : line_of(&fault, bytes);
+        if (strcmp(said, rows[i].says) != 0) {
+            fprintf(stderr, "said     %s\nexpected %s\n", said, rows[i].says);
+        }
+        CHECK(strcmp(said, rows[i].says) == 0);
+        free(bytes);
+    }
+}
+
+static void put32(uint8_t *at, size_t value) {
+    for (int i = 0; i < 4; i++) {
+        at[i] = (uint8_t)(value >> (8 * i));
+    }
+}
+
+/** A file that ends with a section, where one more or a string should come. */
+static void files_end_behind_their_last_section(void) {
+    size_t len;
+    uint8_t *bytes = build_with_safety(&len);
+    struct fsn_fault fault;
+    size_t cut = section_at(bytes, 10) + 1;
+    bytes[32 + 16 * 9 + 8] = 1;
+    put32(bytes + 12, cut);
+    build_fix_crc(bytes, cut);
+    CHECK(load(bytes, cut, &fault) == FSN_E_PLAN_SECTION && fault.section == 11);
+    free(bytes);
+    bytes = build_estop(&len);
+    cut = section_at(bytes, 10);
+    bytes[32 + 16 * 9 + 8] = 0; /* no strings at all */
+    put32(bytes + 12, cut);
+    build_fix_crc(bytes, cut);
+    CHECK(load(bytes, cut, &fault) == FSN_E_PLAN_STRING && fault.byte == cut);
+    free(bytes);
+}
+
 /** PDOs and entries that no sync manager has. */
 static void nothing_is_left_over(void) {
     static const char says[] = "PLAN_REFERENCE PDO -1+0: PDOs or entries belong to no sync manager";
@@ -566,11 +642,16 @@ int main(void) {
     revisions_are_a_range();
     a_connection_has_two_copies();
     nothing_is_left_over();
+    several_fields_together();
+    files_end_behind_their_last_section();
     fault_names_the_copy();
     header_rules();
     two_gibibytes_are_no_plan();
     gaps_are_zero();
     every_truncation_is_refused();
+    CHECK(strcmp(fsn_status_name(FSN_OK), "FSN_OK") == 0);
+    CHECK(fsn_status_next_step(FSN_OK)[0] == 0 && strcmp(fsn_section_name(99), "?") == 0);
+    CHECK(strcmp(fsn_status_text((fsn_status)-999), "unknown status") == 0);
     CHECK(strcmp(fsn_status_name(FSN_E_COPY_RANGE), "FSN_E_COPY_RANGE") == 0);
     CHECK(strcmp(fsn_status_name((fsn_status)-999), "FSN_E_?") == 0);
     return 0;

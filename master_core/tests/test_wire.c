@@ -514,6 +514,24 @@ static void frames_without_process_data_count_for_no_datagram(void) {
     tear_down(rig);
 }
 
+/** A sync manager that fits no frame. */
+static void sync_managers_fit_their_frames(void) {
+    for (uint32_t more = 0; more < 2; more++) {
+        const struct build_sm sm[1][2] = {{{1, 8}, {2, FSN_WIRE_LRW_BYTES + more}}};
+        const struct build build = {.subdevices = 1, .sm = sm};
+        size_t len;
+        uint8_t *bytes = build_plan(&build, &len);
+        struct fsn_plan *plan;
+        struct fsn_frames frames;
+        CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+        CHECK(fsn_frames_create(plan, 0, &frames) == (more == 0 ? FSN_OK : FSN_E_BUS_IMAGE));
+        CHECK(more != 0 || (frames.wire.frame_count == 2 && frames.wire.frames[1].dc == 0));
+        fsn_frames_free(&frames);
+        fsn_plan_free(plan);
+        free(bytes);
+    }
+}
+
 /** A reply that comes twice while another one is missing is taken once, and is old then. */
 static void a_reply_is_taken_once(void) {
     enum { HALF = 600 };
@@ -765,6 +783,7 @@ int main(void) {
     a_repeated_reply_counts_once();
     frames_are_what_the_standard_says();
     frames_without_process_data_count_for_no_datagram();
+    sync_managers_fit_their_frames();
     a_reply_is_taken_once();
     replies_tell_their_time();
     reading_goes_on_and_ends();
