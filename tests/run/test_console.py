@@ -6,10 +6,10 @@ import threading
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from run.fake_master import fake_master
+from run.fake_master import STATUS, SUBDEVICE, fake_master
 
 from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
-from fsoe_net.run import Client
+from fsoe_net.run import BusState, Client
 from fsoe_net.run.console import COMMANDS, Console, Keeper, complete
 from fsoe_net.run.console.commands_flow import ConsoleEnd
 from fsoe_net.run.console.names import batches
@@ -381,3 +381,62 @@ def test_names_are_asked_for_in_portions_a_request_can_hold():
     assert sum(map(len, portions)) == 1000
     assert max(len(" ".join(p)) for p in portions) < 8000
     assert max(map(len, portions)) < 256
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("start now", "usage: start [for TIME]"),
+        ("stop for", "usage: stop [for TIME]"),
+        ("state a b", "usage: state [SUBDEVICE|all]"),
+        ("state drive_9", "no SubDevice is called drive_9; there are: drive_1, drive_2"),
+        ("connections x", "usage: connections"),
+        ("snapshot x", "usage: snapshot"),
+        ("sii", "usage: sii SUBDEVICE [FILE]"),
+        ("sii 1 2 3", "usage: sii SUBDEVICE [FILE]"),
+        ("sii 0 /no/such/file", "/no/such/file: No such file or directory"),
+        ("alias a", "usage: alias SUBDEVICE ALIAS"),
+        ("alias a b", "'b' is no alias; write 12 or 0x0c"),
+        ("history a b", "usage: history SUBDEVICE"),
+        ("scan x", "usage: scan"),
+        ("list a b", "usage: list [PATTERN] [--typed]"),
+        ("arm", "usage: arm NAME"),
+        ("watch", "usage: watch NAME… [every N] [for TIME] [--typed]"),
+        ("events maybe", "usage: events [on|off|for TIME]"),
+        ("get", "usage: get NAME…|SUBDEVICE|all [--typed]"),
+        ("set a", "a gets no value; set NAME VALUE"),
+        (
+            "wait until a",
+            "a: no condition; NAME [& MASK] [==|!=|<|<=|>|>=] VALUE, connection NAME|all in "
+            "STATE, or state STATE",
+        ),
+        ("wait until state up", None),
+        ("wait until connection c9 in Data for 1s", "no connection is called c9; there are: c1"),
+        ("expect nonsense here", "'here' is no value; write 12, 0x0c, 1.5 or true"),
+        ("lease x", "'x' is no lease in ms; write 12 or 0x0c"),
+        ("release x", "there is no command release; did you mean lease?"),
+    ],
+)
+def test_words_that_are_wrong(rig, line, message):
+    with pytest.raises(ConsoleError) as caught:
+        rig.do(line)
+    if message is None:
+        message = f"'up' is no state of fsn-master: {' '.join(BusState)}"
+    assert str(caught.value) == message
+
+
+def test_events_are_asked_for_and_no_longer(rig):
+    assert rig.do("events on") == ["events on"]
+    assert rig.do("events off") == ["events off"]
+
+
+def test_what_is_not_well_is_shown_with_the_state(monkeypatch):
+    monkeypatch.setitem(STATUS, "fault", "the bus is lost")
+    monkeypatch.setitem(SUBDEVICE, "al", "SAFEOP")
+    with fake_master() as found:
+        rig = Rig(found.path)
+        first, fault, *rows = rig.do("state")
+        rig.keeper.close()
+    assert first.startswith("running, cycle 1 ms, 5 cycles, working counter 9 of 9")
+    assert fault == "the bus is lost"
+    assert all("SAFEOP" in row for row in rows)
