@@ -172,7 +172,7 @@ uint16_t fsn_port_tag(const char *interface) {
         close(fd);
     }
     const uint8_t *address = (const uint8_t *)request.ifr_hwaddr.sa_data;
-    return ok ? (uint16_t)(address[4] << 8 | address[5]) : 1;
+    return (uint16_t)(ok ? address[4] << 8 | address[5] : 1);
 }
 
 fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *out,
