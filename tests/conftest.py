@@ -10,7 +10,9 @@ from hypothesis import HealthCheck, settings
 from said import pytest_sessionfinish, said  # noqa: F401 - a hook, a fixture
 from stuck import pytest_configure, pytest_timeout_set_timer  # noqa: F401 - hooks
 
-settings.register_profile("fsn", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "fsn", deadline=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("fsn")
 
 # A shell starts background jobs with SIGINT ignored, and the programs of tests would inherit it:

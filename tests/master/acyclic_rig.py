@@ -110,7 +110,7 @@ def queue(bus):
     tags = [int(r["tag"]) for r in replies]
     return {
         "in_order": tags == sorted(tags) == list(range(1000)),
-        "ok": all(r["ok"] for r in replies),
+        "refused": [r for r in replies if not r["ok"]],
         "between": all(b["ok"] for b in between),
     }
 

@@ -170,8 +170,12 @@ def incident(network, other):
         whole = {p: json.loads(t.partition("\n")[0]) for p, t in texts.items() if '"end":true' in t}
         return [p for p, head in whole.items() if head["trigger"]["reset_code"]]
 
+    def named():
+        """Those that name the SubDevice; a busy machine has incidents of its own."""
+        return [p for p in written() if (why := judged(p).likely) and last in why.title]
+
     until = time.monotonic() + 2 * PATIENCE_S
-    while not written() and time.monotonic() < until:  # one in ten seconds is written
+    while not named() and time.monotonic() < until:  # one in ten seconds is written
         wait_for("Data", running.in_data)
         emulator.do(f"break {last}")
         wait_for("its loss", lambda: not running.client.subdevices()[-1].in_op)
@@ -180,7 +184,7 @@ def incident(network, other):
         wait_for("its return", lambda: running.client.subdevices()[-1].in_op)
     running.end(signal.SIGINT)
     emulator.end()
-    return {"last": last, "file": str(written()[0]) if written() else None}
+    return {"last": last, "file": str(named()[0]) if named() else None}
 
 
 def _send_as_another(frames):

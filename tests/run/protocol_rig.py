@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import os
 import pty
-import select
 import signal
 import subprocess
-import time
 from pathlib import Path
 
-from run.live_rig import CASES, FSN, PATIENCE_S, Emulator, Running, main
+from run.live_rig import CASES, FSN, Emulator, Running, main
 
 
 class AtTerminal:
@@ -31,7 +29,6 @@ class AtTerminal:
 
     def until(self, *texts):
         """Return the first of the texts that comes, from where reading has come to."""
-        until = time.monotonic() + 3 * PATIENCE_S
         while True:
             new = self.told[self._read :]
             found = [(new.index(text), text) for text in texts if text in new]
@@ -39,15 +36,14 @@ class AtTerminal:
                 place, text = min(found)
                 self._read += place + len(text)
                 return text
-            if not self._more(until - time.monotonic()):
+            if not self._more():
                 return ""
 
-    def _more(self, wait_s):
-        if not select.select([self._end], [], [], max(0.0, wait_s))[0]:
-            return False
+    def _more(self):
+        """Wait for more of it; False once the program has ended."""
         try:
             got = os.read(self._end, 1 << 16)
-        except OSError:  # the program has ended
+        except OSError:
             return False
         self.told += got.decode("utf-8", "replace")
         return bool(got)
@@ -56,9 +52,9 @@ class AtTerminal:
         os.write(self._end, text.encode())
 
     def ended(self):
-        while self._more(PATIENCE_S):
+        while self._more():
             pass
-        code = self.process.wait(PATIENCE_S)
+        code = self.process.wait()
         os.close(self._end)
         return {"code": code, "told": self.told.replace("\r\n", "\n")}
 
