@@ -57,7 +57,8 @@ RESETS = Facts(
         (
             evidence(TriggerKind.NOT_CONNECTED, link=RESETS),
             "Connection c1 did not reach Data; at 2026-11-21 10:00:00 UTC it was in Session; "
-            "2 resets with an error, the last by the SubInstance in drive with code 5, watchdog expired.",
+            "2 resets with an error, the last by the SubInstance in drive with code 5, "
+            "watchdog expired.",
         ),
         (
             evidence(TriggerKind.LEFT_DATA, before="data_process", after="reset"),
