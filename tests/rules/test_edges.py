@@ -256,7 +256,10 @@ def test_places_that_no_bus_has_are_not_looked_at(place: int):
     assert bool(text) == (place < 65_536), text
 
 
-@pytest.mark.parametrize("format", ["eni", "ethercat-slaves", "lcec", "other"])
+WHOLE = ["eni", "ethercat-slaves", "ethercat-slaves-v", "lcec", "soem-slaveinfo"]
+
+
+@pytest.mark.parametrize("format", [*WHOLE, "other"])
 def test_only_a_file_of_the_whole_bus_misses_a_subdevice(format: str):  # noqa: A002
     made = replace(bus(), format=format, subdevices=bus().subdevices[:-1])
     told = [d.message for d in found(made) if d.code == "FSN442"]
