@@ -20,7 +20,7 @@ from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan, decode_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 
-DEADLINE_S = 20.0
+DEADLINE_S = 120.0
 NO_FRAME = -1  # of SOEM: nothing came back in time
 
 
@@ -129,7 +129,7 @@ def kickcat(devices, second=""):
     bus.create_mapping()
     seen["sizes"] = [[s.output_size, s.input_size] for s in slaves]
     bus.request_state(kick.State.SAFE_OP)
-    bus.wait_for_state(kick.State.SAFE_OP, 3.0)
+    bus.wait_for_state(kick.State.SAFE_OP, DEADLINE_S)
     outputs = {n: bytearray(s.output_size) for n, s in enumerate(slaves)}
     copies = relay(devices)
 
@@ -144,7 +144,7 @@ def kickcat(devices, second=""):
 
     cycle()
     bus.request_state(kick.State.OPERATIONAL)
-    bus.wait_for_state(kick.State.OPERATIONAL, 3.0, cycle)
+    bus.wait_for_state(kick.State.OPERATIONAL, DEADLINE_S, cycle)
     end = time.monotonic() + DEADLINE_S
     states = []
     while not (set(states) == {"OP"} and devices.in_data()):
