@@ -138,14 +138,16 @@ class Terminal:
     def send(self, text):
         os.write(self._fd, text.encode())
 
-    def until(self, text):
-        """Wait for a text and return what stood before it."""
+    def until(self, text, again=""):
+        """Wait for a text and return what stood before it; what is pressed again meanwhile."""
         end = time.monotonic() + PATIENCE_S
         while text not in self.seen:
             assert time.monotonic() < end, self.seen
-            if select.select([self._fd], [], [], 1.0)[0]:
+            if select.select([self._fd], [], [], 5.0)[0]:
                 with contextlib.suppress(OSError):
                     self.seen += os.read(self._fd, 4096).decode()
+            elif again:
+                self.send(again)
         before, _, self.seen = self.seen.partition(text)
         return before
 
@@ -169,8 +171,8 @@ def test_the_prompt(master, tmp_path):
     terminal.until("fsn> ")
     terminal.send("wait 1h\n")
     terminal.until("\n")
-    terminal.send("\x03")  # Ctrl-C
-    terminal.until("fsn> ")
+    terminal.send("\x03")  # Ctrl-C, which may come before the command has begun
+    terminal.until("fsn> ", again="\x03")
     terminal.send("echo still here\n")
     terminal.until("\r\nstill here")
     assert terminal.end() == 0
