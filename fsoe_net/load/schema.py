@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 MOST_UNKNOWN = 100
-"""Unknown keys of a document that are told one by one, and guessed at."""
+"""Unknown keys of a document that are reported one by one, and guessed at."""
 # What they say, the readers of numbers and of each file say with more words.
 _SKIPPED = {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength"}
 _SKIPPED |= {"anyOf", "oneOf", "not", "uniqueItems"}

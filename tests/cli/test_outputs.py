@@ -2,7 +2,7 @@
 
 `outputs.yaml` holds the words of each call, what is changed before (file, text to find, text to put
 there), the exit code and all that is printed. Run this file to write it anew, and read the
-difference: ``python tests/cli/test_outputs.py``.
+difference: ``PYTHONPATH=tests python tests/cli/test_outputs.py``.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from cases_file import write_cases
 from cli.tool import fsn
 
 from fsoe_net import __version__
@@ -47,17 +48,7 @@ def _write() -> None:
     for case in CASES:
         with tempfile.TemporaryDirectory() as folder:
             case["code"], case["prints"] = printed(case, Path(folder))
-
-    class _Dumper(yaml.SafeDumper):
-        pass
-
-    def text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
-        style = "|" if "\n" in value else None
-        return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
-
-    _Dumper.add_representer(str, text)
-    whole = yaml.dump(CASES, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100000)
-    (HERE / "outputs.yaml").write_text("# See test_outputs.py.\n" + whole, "utf-8")
+    write_cases(HERE / "outputs.yaml", CASES, "test_outputs.py")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 `cases.yaml` holds what is changed (each pair: text to find, text to put there; the first only) and
 all that is said: findings with place and hint, notes of SubDevices. Run this file to write it anew,
-and read the difference: ``python tests/load/test_cases.py``.
+and read the difference: ``PYTHONPATH=tests python tests/load/test_cases.py``.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from cases_file import write_cases
 from described import bus
 from load.esi_text import esi_text, module_text
 from load.texts import CONFIG, LCEC, PDOS, ROS_SLAVES, SLAVES, SOEM, TWINSAFE, XML, cstruct
@@ -107,17 +108,7 @@ def _write() -> None:
     for kind, cases in CASES.items():
         for case in cases.values():
             case["says"] = said(kind, case)
-
-    class _Dumper(yaml.SafeDumper):
-        pass
-
-    def text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
-        style = "|" if "\n" in value else None
-        return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
-
-    _Dumper.add_representer(str, text)
-    whole = yaml.dump(CASES, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100000)
-    (HERE / "cases.yaml").write_text("# See test_cases.py.\n" + whole, "utf-8")
+    write_cases(HERE / "cases.yaml", CASES, "test_cases.py")
 
 
 if __name__ == "__main__":
