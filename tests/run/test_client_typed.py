@@ -1,15 +1,20 @@
 """Every request of the control protocol through its typed method."""
 
 import itertools
+import sys
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from run.fake_master import fake_master
+from run.fake_master import FakeMaster, fake_master
+from wires import missing, run_inside
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.run import BusState, Client, control_socket
 from fsoe_net.run.console.names import Names
+from fsoe_net.run.sockets import find_socket
 
 
 @pytest.fixture
@@ -140,3 +145,17 @@ def test_where_the_socket_is(tmp_path, monkeypatch):
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     assert control_socket("if/0") == str(tmp_path / "fsn-master-if_0.sock")
+
+
+def test_the_socket_of_another_container_is_not_ours(monkeypatch):
+    """Its interface has the same name; its processes and network are not seen from here."""
+    if why := missing():
+        pytest.skip(why)
+    look = "from fsoe_net.run.sockets import find_socket; print(find_socket('eth1'))"
+    with tempfile.TemporaryDirectory(prefix="fsn-") as folder:
+        monkeypatch.setenv("RUNTIME_DIRECTORY", folder)
+        master = FakeMaster(Path(folder) / "fsn-master-eth1.sock")
+        assert find_socket("eth1") == str(master.path)
+        done = run_inside(sys.executable, "-c", look)
+        master.close()
+    assert (done.stdout, done.stderr) == ("None\n", "")
