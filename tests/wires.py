@@ -11,6 +11,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 from tied import tied
@@ -37,29 +38,30 @@ def run_inside(
     *command: str | Path,
     cables: int = 1,
     cwd: Path | None = None,
-    more: dict[str, str] | None = None,
     text: str = "",
 ) -> subprocess.CompletedProcess[str]:
     """Run a command there, and return what it wrote; programs of ours find ours and their own.
 
-    All that it starts ends with it, processes in sessions of their own as well.
+    All that it starts ends with it, processes in sessions of their own as well; it has a folder of
+    its own for what is only there meanwhile, with a short path, as those of sockets must be.
 
     Args:
         command: it and its arguments.
         cables: how many there are.
         cwd: the folder it is run in.
-        more: added to the environment.
         text: its standard input.
     """
-    return subprocess.run(
-        command_inside(*ALONE, *command, cables=cables),
-        input=text,
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=cwd,
-        env=os.environ | {"PYTHONPATH": f"{ROOT}:{TESTS}"} | (more or {}),
-    )
+    with tempfile.TemporaryDirectory(prefix="fsn-") as own:
+        ours = {"PYTHONPATH": f"{ROOT}:{TESTS}", "TMPDIR": own, "XDG_RUNTIME_DIR": own}
+        return subprocess.run(
+            command_inside(*ALONE, *command, cables=cables),
+            input=text,
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=cwd,
+            env=os.environ | ours,
+        )
 
 
 def run_program(

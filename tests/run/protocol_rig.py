@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import select
 import signal
 import subprocess
 from pathlib import Path
@@ -50,6 +51,12 @@ class AtTerminal:
 
     def write(self, text):
         os.write(self._end, text.encode())
+
+    def press_ctrl_c(self):
+        """Press it again while nothing comes: one just before it reads is seen at the next."""
+        self.process.send_signal(signal.SIGINT)
+        while not select.select([self._end], [], [], 5.0)[0]:
+            self.process.send_signal(signal.SIGINT)
 
     def ended(self):
         while self._more():
@@ -104,7 +111,7 @@ def broken_off(network, other):
     terminal = started(running, network)
     loss(terminal, emulator)
     terminal.until(ASKED)
-    terminal.process.send_signal(signal.SIGINT)
+    terminal.press_ctrl_c()
     seen = {"interrupt": terminal.ended() | {"file": text()}}
     terminal = started(running, network)
     for answer in ("", "yes", "io"):  # nothing, and what does not name the step

@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import tempfile
 
 import pytest
 from cli.tool import fsn
@@ -26,17 +25,15 @@ def on_the_wire(case, network, *commands, tmp, good):
     why = why_no_scan()
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
-    with tempfile.TemporaryDirectory(prefix="fsn-") as runtime:  # the path of a socket is short
-        more = {"XDG_RUNTIME_DIR": runtime}
-        seen = "nothing"
-        for attempt in range(ATTEMPTS):
-            folder = tmp / str(attempt)
-            folder.mkdir()
-            done = run_program("run/scan_rig.py", case, network, *commands, cwd=folder, more=more)
-            seen = done.stdout + done.stderr
-            assert "Traceback (most recent" not in done.stdout
-            if done.returncode == 0 and good(json.loads(done.stdout.splitlines()[-1])):
-                return json.loads(done.stdout.splitlines()[-1]), folder
+    seen = "nothing"
+    for attempt in range(ATTEMPTS):
+        folder = tmp / str(attempt)
+        folder.mkdir()
+        done = run_program("run/scan_rig.py", case, network, *commands, cwd=folder)
+        seen = done.stdout + done.stderr
+        assert "Traceback (most recent" not in done.stdout
+        if done.returncode == 0 and good(json.loads(done.stdout.splitlines()[-1])):
+            return json.loads(done.stdout.splitlines()[-1]), folder
     pytest.fail(f"{ATTEMPTS} times: {seen}")
 
 
