@@ -144,11 +144,9 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
     devices: dict[str, EmulatedDevice] = {}
     rows = zip(resolution.network.subdevices, resolution.layouts, strict=True)
     for sub, layout in rows:
-        if layout is None or sub.name in devices:
-            continue
         inputs = {
             sm.sm.index: bytearray(sm.size_bytes)
-            for sm in layout.managers
+            for sm in (layout.managers if layout else ())
             if sm.sm.direction is Direction.INPUT and sm.registered
         }
         if inputs or sub.name in ports:

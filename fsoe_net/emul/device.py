@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, cast
 
 from fsoe_net.emul.logic import SafetyLogic
 from fsoe_net.emul.setup import ConnectionSetup
@@ -103,10 +103,10 @@ def _port(
     return Port(
         setup=setup,
         instance=instance,
-        rx_sm=_layout(rx).sm.index,
+        rx_sm=_sm_index(rx),
         rx_byte=rx.byte_offset,
         rx_bytes=received.transfer.size_bytes,
-        tx_sm=_layout(tx).sm.index,
+        tx_sm=_sm_index(tx),
         tx_byte=tx.byte_offset,
         receives=receives,
         sends=sends,
@@ -115,10 +115,8 @@ def _port(
     )
 
 
-def _layout(end: ResolvedEnd) -> SmLayout:
-    if end.sm is None:
-        raise ValueError(f"{end.endpoint} has no place")  # connections resolve by construction
-    return end.sm
+def _sm_index(end: ResolvedEnd) -> int:
+    return cast(SmLayout, end.sm).sm.index  # connections resolve by construction
 
 
 @dataclass(slots=True)

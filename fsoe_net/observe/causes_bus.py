@@ -68,9 +68,8 @@ def _gone(e: Evidence) -> Iterator[Candidate]:
         if len(gone) > 1:
             yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
         return
-    for seen in sorted(gone, key=lambda s: s.name not in _ends(e)):
-        yield candidate(e, "device_lost", score, *facts, device=seen.name)
-        return
+    seen = min(gone, key=lambda s: s.name not in _ends(e))
+    yield candidate(e, "device_lost", score, *facts, device=seen.name)
 
 
 def _ends(e: Evidence) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from fsoe_net.diag import counted
 from fsoe_net.fsoe import Command, OutsideState, ResetCode, Verdict, command_text
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
-from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.evidence import Evidence, Planned
 from fsoe_net.observe.evidence_frames import LinkFacts, ResetSeen
 from fsoe_net.observe.incident import TriggerKind
 
@@ -199,7 +199,7 @@ def _watchdog(e: Evidence, link: LinkFacts, codes: Counter[tuple[str, int]]) -> 
         if any(means)
         else "",
     ]
-    yield from _slow(e, watchdog, means, most, facts)
+    yield from _slow(e, plan, watchdog, means, most, facts)
     answered = link.sides[_SUB].linked and link.sides[_MAIN].linked
     if watchdog <= 4 * cycle or (round_trip and watchdog <= 2 * round_trip):
         quick = max(means) <= 4 * cycle
@@ -211,15 +211,17 @@ def _watchdog(e: Evidence, link: LinkFacts, codes: Counter[tuple[str, int]]) -> 
             "both ends answer within a few cycles" if quick and answered else "",
         )
     elif e.left_data and e.reset is not None:
-        yield from _fell_silent(e, e.reset, link, facts)
+        yield from _fell_silent(e, plan, e.reset, facts)
 
 
 def _slow(
-    e: Evidence, watchdog: int, means: list[float], most: list[int], facts: list[str]
+    e: Evidence,
+    plan: Planned,
+    watchdog: int,
+    means: list[float],
+    most: list[int],
+    facts: list[str],
 ) -> Iterator[Candidate]:
-    plan = e.plan
-    if plan is None:
-        return
     cycle = max(e.bus.cycle_ns, 1)
     calm = not (e.bus.short or e.bus.lost or e.bus.late_cycles)
     for end, device in ((_MAIN, plan.main), (_SUB, plan.sub)):
@@ -231,12 +233,9 @@ def _slow(
 
 
 def _fell_silent(
-    e: Evidence, reset: ResetSeen, link: LinkFacts, facts: list[str]
+    e: Evidence, plan: Planned, reset: ResetSeen, facts: list[str]
 ) -> Iterator[Candidate]:
     """The end whose turn it was said nothing any more, though its bus side went on."""
-    plan = e.plan
-    if plan is None:
-        return
     device = plan.sub if reset.waiting_for == "sub" else plan.main
     seen = e.subdevice(device)
     start, end = e.window_ns

@@ -370,9 +370,7 @@ def _waits_in_vain(link: LinkFacts) -> bool:
 def _slots_disagree(e: Evidence, one: str, two: str) -> bool:
     """Whether two connections lie the other way round in what their main sends and receives."""
     places = {p.name: p for p in e.head.places}
-    a, b = places.get(one), places.get(two)
-    if a is None or b is None:
-        return False
+    a, b = places[one], places[two]
     sends = a.to_sub.source_byte < b.to_sub.source_byte
     takes = a.to_main.destination_byte < b.to_main.destination_byte
     return sends is not takes

@@ -233,8 +233,6 @@ def gather(reader: IncidentReader) -> Evidence:
                 watch.idle(record.now_ns)
             continue
         image = record.image
-        if len(image) < head.image_bytes:
-            continue
         for watch in watches.values():
             watch.cycle(record.cycle, record.now_ns, image)
         for pair in pairs:

@@ -88,7 +88,6 @@ class Side:
 
     ``right`` and ``wrong`` count new frames by their CRCs, ``illegal`` those whose first byte is no
     FSoE command. ``linked`` are right frames other than Reset: they fit what the other end said.
-    ``emptied``: times the bytes became all zero.
     ``torn`` are cycles in which the destination did not hold what the source held.
     ``waits_ns`` are the times the other end waited for an answer in Data: count, sum, most.
     """
@@ -100,7 +99,6 @@ class Side:
     linked: int = 0
     torn: int = 0
     torn_cycle: int = 0
-    emptied: int = 0
     not_zero: bool = False
     wrong_in_data: int = 0
     last_ns: int = -1
@@ -218,7 +216,6 @@ class LinkWatch:
                 side.torn_cycle = side.torn_cycle or cycle
             if data != self._last[direction] and not any(data):
                 # An emptied image is no frame: a device in SAFEOP, or one that is gone.
-                side.emptied += 1
                 self._last[direction] = data
             elif data != self._last[direction]:
                 self.new[direction] = data

@@ -1,5 +1,6 @@
 """Emulated devices with each other: start-up, outputs, faults on the way and recovery."""
 
+import shutil
 from dataclasses import replace
 
 import pytest
@@ -291,3 +292,21 @@ def test_time_is_only_what_it_is_told():
     b.now_ns += 10_000 * MS  # the bus stood still for ten seconds
     b.run(3)
     assert ResetCode.WATCHDOG in b.reset_codes("main") + b.reset_codes("sub")
+
+
+def test_what_follows_the_drive_is_not_set_to_good():
+    """A status bit that says what the drive was told goes on doing so; another one is set."""
+    network = bench(ROBOT).network
+    for name, port in network.safe_inputs.items():
+        network.set_good(name)
+        assert port.sends[name].read(port.safe) == (name not in port.mirrored)
+    assert any(port.mirrored for port in network.subs.values())
+
+
+def test_a_device_with_nothing_to_say_is_not_emulated(tmp_path):
+    shutil.copytree(ESTOP.parent, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "coupler.yaml").write_text("vendor_id: 2\nproduct_id: 0x44c2c52\n")
+    path = tmp_path / "network.yaml"
+    row = "  - {name: coupler, position: 2, config: coupler.yaml}\n\nnets:"
+    path.write_text(path.read_text("utf-8").replace("\nnets:", row), "utf-8")
+    assert list(bench(path).network.devices) == ["ek1914", "el1918"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from incidents.seeds_bus import BUS, HEALTHY
 from incidents.seeds_devices import DEVICES
-from incidents.seeds_start import START, start
+from incidents.seeds_start import START, start, told
 from incidents.seeds_symptoms import SYMPTOMS
 from incidents.seeds_tried import TRIED
 from incidents.seeds_wiring import WIRING
@@ -17,4 +17,5 @@ SEEDS = WIRING | DEVICES | BUS | START | TRIED | SYMPTOMS
 # What shall name nothing.
 NOTHING: dict[str, Callable[[Path], Path]] = HEALTHY | {
     "refused for an unknown reason": start("out of memory"),
+    "a SubDevice is missing, none is named": told("MISSING: 5 SubDevices answer"),
 }

@@ -123,6 +123,15 @@ _TOLD = {
         "it has FSoE address 250, the plan says 201",
         "wrong_address",
     ),
+    # Told in other words: what it is instead is not known.
+    "IDENTITY, no numbers": (
+        "IDENTITY: SubDevice 1 (el1904): a SubDevice is another one than the plan says",
+        "wrong_device",
+    ),
+    "ADDRESS, no number": (
+        "ADDRESS: SubDevice 3 (drive_1): a SubDevice has another FSoE address than the plan says",
+        "wrong_address",
+    ),
     "ADDRESS, swapped": (
         "ADDRESS: SubDevice 3 (drive_1): a SubDevice has another FSoE address than the plan says: "
         "it has FSoE address 202, the plan says 201",

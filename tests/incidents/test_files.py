@@ -7,7 +7,7 @@ import json
 import os
 
 import pytest
-from incidents.rig import START, Rig, network, read
+from incidents.rig import START, Rig, edited, network, read
 from incidents.seeds_start import failed
 
 from fsoe_net.errors import IncidentError
@@ -163,6 +163,41 @@ def test_a_bad_cycle_ends_the_reading_there(line, message):
     assert len(rows) == 1
     assert cut.startswith("f:3: ")
     assert message in cut
+
+
+@pytest.mark.parametrize(
+    ("limit", "most", "row", "message"),
+    [
+        ("incident_read._HEAD_BYTES", 1 << 20, {"x": "x" * (1 << 20)}, "longer than 1 MiB"),
+        ("incident_values._MOST_ROWS", 3, {"events": [{}] * 4}, "events has more than 3 entries"),
+    ],
+)
+def test_more_than_a_head_may_hold(monkeypatch, limit, most, row, message):
+    monkeypatch.setattr(f"fsoe_net.observe.{limit}", most)
+    with pytest.raises(IncidentError) as refused:
+        reader(head(**row))
+    assert str(refused.value) == f"f:1: {message}"
+
+
+def test_more_cycles_than_are_read(monkeypatch):
+    monkeypatch.setattr("fsoe_net.observe.incident_read._MOST_CYCLES", 2)
+    rows, cut = cycles(head() + b"".join(b'{"cycle":%d,"t":%d}\n' % (n, n) for n in range(3)))
+    assert [row.cycle for row in rows] == [0, 1]
+    assert cut == "f:4: more than 2 cycles"
+
+
+def test_the_connection_of_a_request_is_one_that_is_not_in_data(whole, tmp_path):
+    """Where sync managers lie is not told: nothing is searched beside a frame."""
+    path = tmp_path / "f"
+    path.write_bytes(whole.read_bytes())
+
+    def change(row):
+        row["trigger"] |= {"kind": "request", "connection": None}
+        row["layout"]["sms"] = []
+
+    e = read(edited(path, change))
+    assert (e.name, e.link.state.in_data) == ("el1918-ek1914", False)
+    assert e.link.shifts == (None, None)
 
 
 def test_a_damaged_plan_costs_names_not_the_file(whole, tmp_path):

@@ -1,0 +1,349 @@
+"""What one rule makes of facts that no run on the emulated bus brings about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from fsoe_net.fsoe import Command, OutsideState, ResetCode, Verdict
+from fsoe_net.observe import CycleRecord, causes_bus, causes_ends, causes_places
+from fsoe_net.observe.candidate import Candidate
+from fsoe_net.observe.evidence import Evidence, Planned
+from fsoe_net.observe.evidence_cycles import BusWatch, SlowCycle
+from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, ResetSeen, Side
+from fsoe_net.observe.incident import (
+    Area,
+    Counters,
+    IncidentHead,
+    Places,
+    SubDeviceSeen,
+    Trigger,
+    TriggerKind,
+)
+
+MS = 1_000_000
+MOMENT = 1000 * MS
+WATCHDOG = "the watchdog is 100 ms"
+AREA = Area(source_byte=0, destination_byte=0, size_bytes=6)
+PLACES = Places(name="a", to_sub=AREA, to_main=replace(AREA, source_byte=6, destination_byte=6))
+
+
+def planned(name: str, main: str = "logic") -> Planned:
+    return Planned(
+        name=name,
+        main=main,
+        sub=f"sub_{name}",
+        connection_id=None,
+        address=None,
+        watchdog_ms=100,
+        safe_bytes=(1, 1),
+    )
+
+
+def link(name: str = "a", **changes: Any) -> LinkFacts:
+    facts = LinkFacts(
+        name=name,
+        sides=(Side(right=40), Side(right=40)),
+        resets=(),
+        frames=(),
+        state=OutsideState.DATA_PROCESS,
+        state_at_moment=OutsideState.DATA_PROCESS,
+        states=frozenset({OutsideState.DATA_PROCESS}),
+        told_address=None,
+        told_watchdog_ms=None,
+        told_app_bytes=None,
+        shifts=(None, None),
+        begun=(1, 0),
+        time_in_failsafe_ns=(0, 0),
+    )
+    return replace(facts, **changes)
+
+
+def reset(**changes: Any) -> ResetSeen:
+    facts = ResetSeen(
+        now_ns=MOMENT,
+        cycle=1000,
+        by="sub",
+        code=ResetCode.COMMAND,
+        state=OutsideState.DATA_PROCESS,
+        silent_ns=(MS, MS),
+        waiting_for="sub",
+        last_verdict=Verdict.WRONG,
+        last_command=Command.PROCESS_DATA,
+        last_right=False,
+    )
+    return replace(facts, **changes)
+
+
+def device(name: str, position: int, **changes: Any) -> SubDeviceSeen:
+    facts = SubDeviceSeen(
+        name=name,
+        position=position,
+        known=True,
+        al="OP",
+        al_code=0,
+        found="",
+        detail="",
+        returns=0,
+        stale_cycles=0,
+        identity=(0, 0, 0),
+        link_lost=(),
+        rx_errors=(),
+    )
+    return replace(facts, **changes)
+
+
+def late(*extra_ms: int) -> dict[str, Any]:
+    """Return what the bus says of cycles that came late, the last one 1 ms before the moment."""
+    rows = (
+        SlowCycle(
+            extra_ns=ms * MS, now_ns=MOMENT - n * MS, cycle=n, late_ns=0, work_ns=0, round_ns=0
+        )
+        for n, ms in enumerate(extra_ms, 1)
+    )
+    return {"slow": tuple(rows)}
+
+
+def evidence(
+    *links: LinkFacts,
+    code: int | None = None,
+    by: str = "",
+    kind: TriggerKind = TriggerKind.LEFT_DATA,
+    subdevices: tuple[SubDeviceSeen, ...] = (),
+    bus: dict[str, Any] | None = None,
+    pairings: tuple[Pairing, ...] = (),
+) -> Evidence:
+    links = links or (link(),)
+    head = IncidentHead(
+        utc="",
+        version="",
+        interface="",
+        backend="emulated",
+        plan_file="",
+        plan_sha256="",
+        plan=None,
+        cycle_ns=MS,
+        trigger=Trigger(kind=kind, connection="a", reset_by=by, reset_code=code, now_ns=MOMENT),
+        counters=Counters(histograms={}),
+        connections=(),
+        subdevices=subdevices,
+        events=(),
+        image_bytes=12,
+        places=(PLACES,),
+        areas=(),
+        fsoe=(),
+    )
+    facts = replace(BusWatch(MS).facts(), cycles=1000, last_ns=MOMENT, **(bus or {}))
+    return Evidence(
+        head=head,
+        bus=facts,
+        planned={one.name: planned(one.name) for one in links},
+        links={one.name: one for one in links},
+        pairings=pairings,
+        name="a",
+        cut="",
+    )
+
+
+def failsafe(*ns: int) -> Iterator[Candidate]:
+    one = link(state=OutsideState.DATA_FAILSAFE, time_in_failsafe_ns=ns)
+    return causes_ends._failsafe(evidence(one, kind=TriggerKind.REQUEST), one)
+
+
+GONE = {"al": "none"}
+BOTH_DAMAGED = link(
+    resets=tuple(
+        reset(by=by, code=ResetCode.CRC, now_ns=MOMENT - n * MS)
+        for n in (1, 2)
+        for by in ["sub", "main"]
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        pytest.param(
+            causes_bus._gone(
+                evidence(subdevices=(device("x", 0, **GONE, detail="link behind 3 is down"),))
+            ),
+            [
+                (
+                    "cable_cut",
+                    49,
+                    "The line is interrupted before x: it and everything behind it is gone.",
+                    "does not answer: x",
+                    "the bus says of x: link behind 3 is down",
+                )
+            ],
+            id="one device is gone and its link too",
+        ),
+        pytest.param(
+            causes_bus._gone(
+                evidence(
+                    subdevices=(device("x", 0, **GONE), device("sub_a", 1, **GONE), device("y", 2))
+                )
+            ),
+            [
+                (
+                    "device_lost",
+                    92,
+                    "sub_a no longer answers on the bus: unplugged, without power, or broken.",
+                    "does not answer: x, sub_a",
+                )
+            ],
+            id="of several that are gone, an end of the connection is named",
+        ),
+        pytest.param(
+            causes_bus._cycle(evidence(bus=late(2, 1), code=ResetCode.WATCHDOG)),
+            [
+                (
+                    "cycle_overruns",
+                    35,
+                    "Many cycles came late: the MainDevice does not keep its cycle.",
+                    "cycle 1 came 2 ms late, 1 ms before the moment; the bus cycle is 1 ms",
+                    "2 late cycles in the 150 ms before the moment, 3 ms in all; the "
+                    "watchdog is 100 ms",
+                )
+            ],
+            id="a watchdog, and two late cycles",
+        ),
+        pytest.param(
+            causes_bus._cycle(evidence(bus=late(2, 1), code=ResetCode.CRC)),
+            [],
+            id="another reset, and two late cycles",
+        ),
+        pytest.param(
+            causes_ends._local(evidence(code=ResetCode.LOCAL, by="main")),
+            [
+                (
+                    "local_reset",
+                    78,
+                    "logic has reset a itself (code 0): nobody found a fault in a frame.",
+                    "logic reset with code 0, all frames before were right",
+                ),
+                (
+                    "main_restarted",
+                    60,
+                    "logic has restarted or its safety program was stopped: it reset all "
+                    "its connections.",
+                    "logic reset with code 0, all frames before were right",
+                ),
+            ],
+            id="the only connection of a main",
+        ),
+        pytest.param(
+            causes_ends._forgot(evidence(link(resets=(reset(),)))),
+            [],
+            id="a wrong frame is refused, which is no restart",
+        ),
+        pytest.param(
+            failsafe(0, 300 * MS),
+            [
+                (
+                    "failsafe",
+                    84,
+                    "The connection is up, but sub_a sends FailSafeData.",
+                    "sub_a has sent FailSafeData for 300 ms of 1000 ms",
+                    "the other end sends ProcessData",
+                    "all frames of both directions have right CRCs",
+                )
+            ],
+            id="the sub alone sends FailSafeData",
+        ),
+        pytest.param(
+            failsafe(MS, MS),
+            [],
+            id="FailSafeData for a moment",
+        ),
+        pytest.param(
+            causes_places._crossed(
+                evidence(link(), link("b"), pairings=(Pairing("a", "b", linked=9),)),
+                planned("a"),
+                link(),
+            ),
+            [
+                (
+                    "copies_crossed",
+                    97,
+                    "The copies of a and b are crossed: each end talks to the wrong peer.",
+                    "9 frames fit a partner in b, 0 the planned one",
+                )
+            ],
+            id="frames that fit another connection",
+        ),
+        pytest.param(
+            causes_places._altered(
+                evidence(BOTH_DAMAGED, kind=TriggerKind.NOT_CONNECTED), planned("a"), BOTH_DAMAGED
+            ),
+            [
+                (
+                    "second_writer",
+                    70,
+                    "Something else writes into the frames of a: good frames do not arrive "
+                    "as sent.",
+                    "sub_a refused frames 2 times as damaged",
+                    "the frames of logic were right where they came in: 40, wrong 0",
+                ),
+                (
+                    "second_writer",
+                    70,
+                    "Something else writes into the frames of a: good frames do not arrive "
+                    "as sent.",
+                    "logic refused frames 2 times as damaged",
+                    "the frames of sub_a were right where they came in: 40, wrong 0",
+                ),
+            ],
+            id="both ends refuse right frames",
+        ),
+    ],
+)
+def test_candidates(found, said):
+    assert [(c.key, c.score, c.title, *c.evidence) for c in found] == said
+
+
+def test_addresses_that_go_round_without_the_first():
+    owner = {2: "b", 3: "c"}
+    assert causes_places._round("a", {"a": 2, "b": 3, "c": 2}, owner) == []
+
+
+def test_facts_of_cycles_are_bounded(monkeypatch):
+    """Runs that are not kept still count."""
+    monkeypatch.setattr("fsoe_net.observe.evidence_cycles._MOST_RUNS", 2)
+    watch = BusWatch(MS)
+    for n in range(20):
+        bad = n % 2
+        now = n * 10 * MS
+        watch.cycle(CycleRecord(cycle=n, now_ns=now, lost=bad, wkc=(3, 2) if bad else None))
+    facts = watch.facts()
+    assert [(r.start_ns // MS, r.cycles) for r in facts.short] == [(10, 1), (30, 1)]
+    assert [(r.start_ns // MS, r.cycles) for r in facts.lost] == [(10, 1), (30, 1)]
+    assert [s.cycle for s in facts.slow] == [1, 2]
+    assert (facts.lost_frames, facts.late_cycles) == (10, 19)
+
+
+def watch() -> LinkWatch:
+    return LinkWatch(PLACES, MOMENT, bounds=((0, 6), (6, 12)), taken=frozenset())
+
+
+def test_facts_of_frames_are_bounded(monkeypatch):
+    monkeypatch.setattr("fsoe_net.observe.evidence_frames._MOST_RESETS", 2)
+    monkeypatch.setattr("fsoe_net.observe.evidence_frames._SEARCHES", 2)
+    one = watch()
+    for n in range(9):
+        frame = bytes([Command.RESET, n, 0, 0, 0, 0]) if n % 2 else bytes([0xFF, n, 0, 0, 0, 0])
+        one.cycle(n, n * MS, frame + bytes(6))
+    facts = one.facts()
+    assert [r.code for r in facts.resets] == [1, 3]
+    assert one._searched == [2, 0]
+    assert (facts.sides[0].frames, facts.sides[1].frames) == (9, 0)
+
+
+def test_an_emptied_image_is_no_frame():
+    one = watch()
+    for n, frame in enumerate((bytes([Command.RESET, 5, 0, 0, 0, 0]), bytes(6))):
+        one.cycle(n, n * MS, frame + bytes(6))
+    assert [f.data[:2].hex() for f in one.facts().frames] == ["2a05"]
