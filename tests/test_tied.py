@@ -7,13 +7,14 @@ import subprocess
 import sys
 
 import pytest
+from patience import PATIENCE_S
 from tied import tied
 from wires import ROOT, TESTS, missing
 
-PATIENCE_S = 60.0
 # A session of its own, as fsn-master has: no signal of a terminal reaches it.
 _CHILD = """
 import os, sys, time
+from patience import PATIENCE_S
 os.setsid()
 fifo = open(sys.argv[1], "w")
 print("here", file=fifo, flush=True)

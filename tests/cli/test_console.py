@@ -14,11 +14,11 @@ import time
 
 import pytest
 from cli.tool import fsn
+from patience import PATIENCE_S
 from run.fake_master import FakeMaster, fake_master
 from tied import tied
 
 CONSOLE = [sys.executable, "-m", "fsoe_net.cli", "console"]
-PATIENCE_S = 60.0
 
 
 @pytest.fixture

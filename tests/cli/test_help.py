@@ -56,7 +56,6 @@ def completed(words: str) -> list[str]:
         },
         capture_output=True,
         text=True,
-        timeout=60,
         check=True,
     )
     return done.stdout.split()

@@ -222,7 +222,6 @@ def test_documents_come_from_standard_input_and_go_to_standard_output():
         _tool("plan", "-", "-o", "-"),
         input=text.encode(),
         capture_output=True,
-        timeout=60,
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -232,7 +231,6 @@ def test_documents_come_from_standard_input_and_go_to_standard_output():
         _tool("plan", "--show", "-"),
         input=done.stdout,
         capture_output=True,
-        timeout=60,
         check=False,
     )
     assert shown.returncode == 0, shown.stderr

@@ -46,7 +46,7 @@ def _run(*args: str, cwd: Path) -> str:
             break
         data += piece
     os.close(main)
-    done.wait(60)
+    done.wait()
     return OURS.sub("", data.decode().replace("\r\n", "\n"))
 
 

@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE_S
 
 from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import EnvironmentFault
@@ -39,7 +40,7 @@ def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path: Path):
     reader.start()
     write_whole(str(pipe), b"plan", overwrite=False)
     assert pipe.is_fifo()
-    reader.join(timeout=60)
+    reader.join(PATIENCE_S)
     assert got == [b"plan"]
 
 

@@ -13,12 +13,12 @@ import sys
 import threading
 import time
 
+from patience import PATIENCE_S
 from segment.peers import Devices, soem
 
 from fsoe_net.observe import CaptureWriter
 
 ALL_PROTOCOLS = 3
-PATIENCE_S = 60.0
 SOCKET_BYTES = 64 << 20
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
+from patience import PATIENCE_S
 
 from fsoe_net.diag import Diagnostic
 from fsoe_net.load import confine, xacro_expand
@@ -86,7 +87,6 @@ class World:
             stderr=subprocess.STDOUT,
             env=os.environ | {"FSN_SECRET": SECRET, "HOME": str(self.away)},
             cwd=self.away,
-            timeout=100,
             check=False,
             start_new_session=True,
         )
@@ -461,7 +461,7 @@ def test_the_child_ends_with_the_tool(tmp_path: Path):
     # It confines itself before it evaluates; from then on the kernel ends it.
     _wait_for(lambda: "Seccomp:\t2" in Path(f"/proc/{child}/status").read_text())
     tool.send_signal(signal.SIGKILL)
-    tool.wait(20)
+    tool.wait()
     _wait_for(lambda: not _is_running(child))
 
 
@@ -473,7 +473,7 @@ def _is_running(pid: str) -> bool:
 
 
 def _wait_for(fact: Callable[[], _T]) -> _T:
-    end = time.monotonic() + 60
+    end = time.monotonic() + PATIENCE_S
     while not (found := fact()):
         assert time.monotonic() < end
         time.sleep(0.01)

@@ -51,7 +51,7 @@ class Bus:
 
     def end(self):
         self.client.ask("shutdown")
-        code = self.process.wait(60)
+        code = self.process.wait()
         self.emulator.end()
         return code
 

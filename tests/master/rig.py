@@ -16,13 +16,13 @@ from typing import Any
 
 import pytest
 from networks import example
+from patience import PATIENCE_S
 from tied import tied
 
 from fsoe_net.plan import compile_plan
 
 ROOT = Path(__file__).parents[2]
 NOBODY = 65534
-WAIT_S = 60.0
 """Longer than a busy machine ever takes; the tests do not measure time."""
 JsonObject = dict[str, Any]
 
@@ -43,7 +43,7 @@ class Client:
 
     def __init__(self, path: Path | str) -> None:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self.socket.settimeout(WAIT_S)
+        self.socket.settimeout(PATIENCE_S)
         try:
             self.socket.connect(str(path))
         except OSError:
@@ -134,8 +134,8 @@ class Master:
 
     def wait(self) -> int:
         """Wait for the end and return the exit code; then the log is whole."""
-        code = self.process.wait(WAIT_S)
-        self._reader.join(WAIT_S)
+        code = self.process.wait(PATIENCE_S)
+        self._reader.join(PATIENCE_S)
         return code
 
     def logged(self, *events: str) -> list[JsonObject]:
@@ -145,7 +145,7 @@ class Master:
             return [line for line in self.log if line["event"] in events]
 
         with self._grown:
-            self._grown.wait_for(lambda: {e["event"] for e in lines()} == set(events), WAIT_S)
+            self._grown.wait_for(lambda: {e["event"] for e in lines()} == set(events), PATIENCE_S)
             return lines()
 
 
@@ -181,7 +181,7 @@ def run_to_end(*arguments: object, **more: Any) -> subprocess.CompletedProcess[s
         capture_output=True,
         text=True,
         check=False,
-        timeout=WAIT_S,
+        timeout=PATIENCE_S,
         **more,
     )
 
@@ -197,7 +197,7 @@ def notifications(listener: socket.socket, last: str) -> list[str]:
 @contextlib.contextmanager
 def notify_socket(directory: Path) -> Iterator[socket.socket]:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
-        listener.settimeout(WAIT_S)
+        listener.settimeout(PATIENCE_S)
         listener.bind(str(directory / "notify"))
         yield listener
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from master.rig import (
-    WAIT_S,
     killed_at_the_end,
     notifications,
     notify_socket,
@@ -129,7 +128,7 @@ def test_the_service_manager_is_told(tmp_path: Path) -> None:
                 notifications(listener, "WATCHDOG=1")
                 process.terminate()
                 notifications(listener, "STOPPING=1")
-                assert process.wait(WAIT_S) == 0
+                assert process.wait() == 0
 
 
 def test_a_log_nobody_reads_stops_nothing(tmp_path: Path) -> None:
@@ -150,4 +149,4 @@ def test_a_log_nobody_reads_stops_nothing(tmp_path: Path) -> None:
                 for _ in range(2000):
                     client.good("arm el6910.logic_control")
             process.terminate()
-            assert process.wait(WAIT_S) == 0
+            assert process.wait() == 0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from master.rig import WAIT_S, Client, running
+from master.rig import Client, running
+from patience import PATIENCE_S
 
 MODE = "drive_1.0x6060:00"  # int8, stop value 8
 LAMP = "el2904.standard_1"
@@ -118,7 +119,7 @@ def test_without_a_recorder_nothing_can_be_watched() -> None:
     with running("--record", "0") as master, master.client() as client:
         assert "no cycles are recorded" in client.refused("watch 1", "FSN_E_STATE")
         assert client.good("layout")["image_bytes"] > 0
-        client.socket.settimeout(WAIT_S)
+        client.socket.settimeout(PATIENCE_S)
         client.good("stop")
         while client.good("status")["state"] != "stopped":
             pass

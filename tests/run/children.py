@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import time
 
-PATIENCE_S = 60.0
+from patience import PATIENCE_S
 
 
 def none_left() -> bool:

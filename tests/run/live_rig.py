@@ -16,12 +16,12 @@ import time
 from pathlib import Path
 
 from incidents.rig import judged
+from patience import PATIENCE_S
 
 from fsoe_net.errors import FsnError
 from fsoe_net.run import Client, find_master
 
 FSN = [sys.executable, "-m", "fsoe_net.cli"]
-PATIENCE_S = 60.0
 
 
 def wait_for(what, found):
@@ -174,7 +174,7 @@ def incident(network, other):
         """Those that name the SubDevice; a busy machine has incidents of its own."""
         return [p for p in written() if (why := judged(p).likely) and last in why.title]
 
-    until = time.monotonic() + 2 * PATIENCE_S
+    until = time.monotonic() + PATIENCE_S
     while not named() and time.monotonic() < until:  # one in ten seconds is written
         wait_for("Data", running.in_data)
         emulator.do(f"break {last}")

@@ -6,6 +6,7 @@ import threading
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from patience import PATIENCE_S
 from run.fake_master import STATUS, SUBDEVICE, fake_master
 
 from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
@@ -292,7 +293,7 @@ def test_the_lease_is_renewed_while_nothing_is_asked(master):
     assert "lease 100" in master.asked
     for _ in range(3):
         master.renewed.clear()
-        assert master.renewed.wait(60)
+        assert master.renewed.wait(PATIENCE_S)
     assert rig.do("lease 0") == ["lease without an end"]
     rig.keeper.close()
 
@@ -300,7 +301,7 @@ def test_the_lease_is_renewed_while_nothing_is_asked(master):
 def test_a_slow_request_does_not_hold_the_lease_up(master):
     rig = Rig(master.path, lease_ms=100)
     renewed = rig.keeper.aside(
-        lambda _: [master.renewed.clear(), master.renewed.wait(60)][1],
+        lambda _: [master.renewed.clear(), master.renewed.wait(PATIENCE_S)][1],
     )
     assert renewed
     rig.keeper.close()

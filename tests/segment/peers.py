@@ -13,6 +13,8 @@ import sys
 import threading
 import time
 
+from patience import PATIENCE_S
+
 from fsoe_net.core import Segment, SegmentLink
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.load import load_network
@@ -20,7 +22,6 @@ from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan, decode_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 
-DEADLINE_S = 120.0
 NO_FRAME = -1  # of SOEM: nothing came back in time
 
 
@@ -95,8 +96,8 @@ def soem(devices, second=None):
     master.write_state()
     copies = relay(devices)
     outputs = {n: bytearray(len(s.output)) for n, s in enumerate(master.slaves)}
-    end = time.monotonic() + DEADLINE_S
-    back = good = 0
+    end = time.monotonic() + PATIENCE_S
+    rounds = back = good = 0
     states = []
     while not (good > 200 and set(states) == {pysoem.OP_STATE} and devices.in_data()):
         if time.monotonic() > end:
@@ -109,14 +110,27 @@ def soem(devices, second=None):
         counted = master.receive_processdata(2000)
         back += counted != NO_FRAME  # a busy machine brings some too late
         good += counted == master.expected_wkc
-        if good > 200 and devices.in_data():
+        rounds += 1
+        if rounds % 50 == 0:
             master.read_state()
             states = [s.state for s in master.slaves]
+            ask_for_op(master)
         time.sleep(0.0005)
     # Once nothing is copied any more, it is over soon: this was so at the end of the loop.
     seen |= {"in_data": True, "states": states, "good": good / back}
     master.close()
     return seen
+
+
+def ask_for_op(master):
+    """Bring back who has left OP: a busy machine is too late for a watchdog now and then."""
+    import pysoem
+
+    for each in master.slaves:
+        if each.state != pysoem.OP_STATE:
+            failed = each.state & pysoem.STATE_ERROR
+            each.state = pysoem.SAFEOP_STATE | pysoem.STATE_ACK if failed else pysoem.OP_STATE
+            each.write_state()
 
 
 def kickcat(devices, second=""):
@@ -129,7 +143,7 @@ def kickcat(devices, second=""):
     bus.create_mapping()
     seen["sizes"] = [[s.output_size, s.input_size] for s in slaves]
     bus.request_state(kick.State.SAFE_OP)
-    bus.wait_for_state(kick.State.SAFE_OP, DEADLINE_S)
+    bus.wait_for_state(kick.State.SAFE_OP, PATIENCE_S)
     outputs = {n: bytearray(s.output_size) for n, s in enumerate(slaves)}
     copies = relay(devices)
 
@@ -144,8 +158,8 @@ def kickcat(devices, second=""):
 
     cycle()
     bus.request_state(kick.State.OPERATIONAL)
-    bus.wait_for_state(kick.State.OPERATIONAL, DEADLINE_S, cycle)
-    end = time.monotonic() + DEADLINE_S
+    bus.wait_for_state(kick.State.OPERATIONAL, PATIENCE_S, cycle)
+    end = time.monotonic() + PATIENCE_S
     states = []
     while not (set(states) == {"OP"} and devices.in_data()):
         if time.monotonic() > end:

@@ -10,7 +10,8 @@ import sys
 import pytest
 from cli.tool import fsn
 from networks import example
-from segment.wire import PATIENCE_S, read_frame
+from patience import PATIENCE_S
+from segment.wire import read_frame
 from wires import ROOT, command_inside, missing, run_inside, run_program
 
 from fsoe_net.core import Segment

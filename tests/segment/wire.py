@@ -13,6 +13,7 @@ import sys
 import time
 
 import pytest
+from patience import PATIENCE_S
 
 from fsoe_net.core import Segment, SegmentLink
 from fsoe_net.errors import EnvironmentFault
@@ -23,7 +24,6 @@ from fsoe_net.run import SegmentSession, counted_session_ids
 
 ETHERTYPE = 0x88A4
 IGNORE_OUTGOING = 23
-PATIENCE_S = 60.0
 
 
 def read_frame(command: int, position: int, address: int, size: int, index: int = 0) -> bytes:
