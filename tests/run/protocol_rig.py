@@ -7,6 +7,7 @@ import pty
 import select
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 from run.live_rig import CASES, FSN, Emulator, Running, main
@@ -76,15 +77,17 @@ ASKED, TAKE, PUT = "leave this step out: ", "off the bus now.", "Put "
 
 def loss(terminal, emulator):
     """Do one loss as it is asked; False when no more comes."""
-    if terminal.until(ASKED) == "":
-        return False
-    name = terminal.told.rpartition("write ")[2].split()[0]
-    terminal.write(name + "\n")
-    if terminal.until(TAKE):
+    found = terminal.until(ASKED)
+    while found == ASKED:  # again where the bus has failed by itself meanwhile
+        name = terminal.told.rpartition("write ")[2].split()[0]
+        terminal.write(name + "\n")
+        found = terminal.until(TAKE, ASKED)
+    if found == TAKE:
         emulator.do(f"break {name}")
-        terminal.until(PUT)
+        if terminal.until(PUT, ASKED) != PUT:
+            sys.exit(f"not put back: {terminal.told}")
         emulator.do(f"heal {name}")
-    return True
+    return found == TAKE
 
 
 def text():
