@@ -61,6 +61,46 @@ static inline const uint8_t *fsn_record(const struct fsn_plan *plan, uint32_t se
     return plan->bytes + plan->offset[section] + (size_t)number * fsn_record_bytes[section];
 }
 
+/* What a record says; the caller knows that there is one of this number. */
+
+static inline struct fsn_subdevice_info fsn_known_subdevice(const struct fsn_plan *plan,
+                                                            uint32_t number) {
+    struct fsn_subdevice_info info = {0};
+    const fsn_status found = fsn_plan_subdevice(plan, number, &info);
+    (void)found;
+    return info;
+}
+
+static inline struct fsn_sm_info fsn_known_sm(const struct fsn_plan *plan, uint32_t number) {
+    struct fsn_sm_info info = {0};
+    const fsn_status found = fsn_plan_sm(plan, number, &info);
+    (void)found;
+    return info;
+}
+
+static inline struct fsn_symbol_info fsn_known_symbol(const struct fsn_plan *plan,
+                                                      uint32_t number) {
+    struct fsn_symbol_info info = {0};
+    const fsn_status found = fsn_plan_symbol(plan, number, &info);
+    (void)found;
+    return info;
+}
+
+static inline struct fsn_copy_info fsn_known_copy(const struct fsn_plan *plan, uint32_t number) {
+    struct fsn_copy_info info = {0};
+    const fsn_status found = fsn_plan_copy(plan, number, &info);
+    (void)found;
+    return info;
+}
+
+static inline struct fsn_connection_info fsn_known_connection(const struct fsn_plan *plan,
+                                                              uint32_t number) {
+    struct fsn_connection_info info = {0};
+    const fsn_status found = fsn_plan_connection(plan, number, &info);
+    (void)found;
+    return info;
+}
+
 static inline uint32_t fsn_sm_bits(const struct fsn_plan *plan, uint32_t sm) {
     return fsn_get32(fsn_record(plan, FSN_SEC_SM, sm) + 8);
 }

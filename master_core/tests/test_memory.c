@@ -1,80 +1,13 @@
 /** Memory that runs out: whichever allocation fails, the call says so, leaves nothing behind, and
- *  the next one works. This program's allocator takes the place of libc's. */
-#define _GNU_SOURCE
-
-#include <dlfcn.h>
+ *  the next one works. */
 #include <string.h>
 
 #include "control_host.h"
 #include "emulated_rig.h"
 #include "fsn/segment.h"
+#include "heap.h"
 #include "image.h"
 #include "live/frames.h"
-
-static struct {
-    void *(*malloc)(size_t);
-    void *(*calloc)(size_t, size_t);
-    void *(*realloc)(void *, size_t);
-    void *(*aligned_alloc)(size_t, size_t);
-    void (*free)(void *);
-    long fails_in; /**< the so manyth allocation from now on fails; 0: none */
-    long alive;
-} heap;
-
-static void find(void *to, const char *name) {
-    void *found = dlsym(RTLD_NEXT, name);
-    memcpy(to, &found, sizeof found);
-}
-
-static bool runs_out(void) {
-    return heap.fails_in > 0 && --heap.fails_in == 0;
-}
-
-static void *counted(void *made) {
-    heap.alive += made != NULL;
-    return made;
-}
-
-void *malloc(size_t bytes) {
-    if (heap.malloc == NULL) {
-        find(&heap.malloc, "malloc");
-    }
-    return runs_out() ? NULL : counted(heap.malloc(bytes));
-}
-
-void *calloc(size_t count, size_t bytes) {
-    if (heap.calloc == NULL) {
-        find(&heap.calloc, "calloc");
-    }
-    return runs_out() ? NULL : counted(heap.calloc(count, bytes));
-}
-
-void *realloc(void *old, size_t bytes) {
-    if (heap.realloc == NULL) {
-        find(&heap.realloc, "realloc");
-    }
-    if (runs_out()) {
-        return NULL;
-    }
-    void *made = heap.realloc(old, bytes);
-    heap.alive += old == NULL && made != NULL;
-    return made;
-}
-
-void *aligned_alloc(size_t alignment, size_t bytes) {
-    if (heap.aligned_alloc == NULL) {
-        find(&heap.aligned_alloc, "aligned_alloc");
-    }
-    return runs_out() ? NULL : counted(heap.aligned_alloc(alignment, bytes));
-}
-
-void free(void *old) {
-    if (heap.free == NULL) {
-        find(&heap.free, "free");
-    }
-    heap.alive -= old != NULL;
-    heap.free(old);
-}
 
 static struct emulated_rig on;
 static uint8_t *plan_bytes;

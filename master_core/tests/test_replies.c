@@ -12,6 +12,7 @@
 #include "control_host.h"
 #include "emulated_rig.h"
 #include "fsn/version.h"
+#include "heap.h"
 #include "plan_internal.h"
 
 enum { SUBS = 3, IMAGE = 84, MEMBERS = 5, SII_BYTES = 512 };
@@ -108,6 +109,7 @@ static struct {
     fsn_status fails; /**< what every transfer answers instead */
     bool goes_on, stateless;
     uint64_t now_ns;
+    unsigned dropped, refused; /**< without memory */
 } on;
 
 static fsn_status bus_open(void *bus, const struct fsn_plan *plan, struct fsn_bus_layout *layout,
@@ -491,17 +493,21 @@ static void change(const char *word) {
     }
 }
 
+static void request(const char *line) {
+    char room[512];
+    snprintf(room, sizeof room, "%s", line);
+    fsn_request(on.control, on.client, room, strlen(room));
+    do_job();
+}
+
 /** The reply to a request, or what a change sends; of the version only that there is one. */
-static char *reply_to(const char *request) {
+static char *reply_to(const char *line) {
     static char text[65536];
     static const char version[] = "\"version\":\"" FSN_VERSION_STRING "\"";
-    char line[512];
-    if (request[0] == '!') {
-        change(request + 1);
+    if (line[0] == '!') {
+        change(line + 1);
     } else {
-        snprintf(line, sizeof line, "%s", request + 2);
-        fsn_request(on.control, on.client, line, strlen(line));
-        do_job();
+        request(line + 2);
     }
     const struct fsn_json *out = &on.client->out;
     CHECK(out->len_bytes < sizeof text);
@@ -518,11 +524,67 @@ static char *reply_to(const char *request) {
     return text;
 }
 
-int main(int argc, char **argv) {
-    static char line[65536], expected[65536];
-    const bool writes = argc > 1 && strcmp(argv[1], "--write") == 0;
+static FILE *open_replies(void) {
     FILE *file = fopen(FSN_TEST_FOLDER "/replies.txt", "r");
-    CHECK(file != NULL && fgets(line, sizeof line, file) != NULL);
+    CHECK(file != NULL);
+    return file;
+}
+
+#ifdef FSN_TEST_HEAP
+/** Whichever allocation fails: a request is answered by one line, or its client is dropped. */
+static void is_answered(const char *line) {
+    struct fsn_client *client = on.client;
+    const struct fsn_json *out = &client->out;
+    const bool refused =
+        out->len_bytes > 11 && memcmp(out->bytes, "{\"ok\":false", 11) == 0 && client->doom == NULL;
+    const bool fits = out->len_bytes > 0 && out->bytes[out->len_bytes - 1] == '\n' &&
+                      memchr(out->bytes, '\n', out->len_bytes - 1) == NULL;
+    if (client->doom != NULL ? strcmp(client->doom, "no memory for it") != 0 || out->len_bytes > 0
+                             : !fits || (!refused && memcmp(out->bytes, "{\"ok\":true", 10) != 0)) {
+        fprintf(stderr, "%s\nwithout memory: %s, %.*s\n", line,
+                client->doom != NULL ? client->doom : "", (int)out->len_bytes,
+                out->bytes != NULL ? out->bytes : "");
+        exit(1);
+    }
+    on.dropped += client->doom != NULL;
+    on.refused += refused;
+    client->doom = NULL;
+    fsn_json_free(&client->out);
+}
+
+/** Every request of the file, each time with one more allocation before the one that fails. */
+static void memory_runs_out(void) {
+    static char line[65536];
+    const long alive = heap.alive;
+    FILE *file = open_replies();
+    memset(&on, 0, sizeof on);
+    set_up();
+    while (fgets(line, sizeof line, file) != NULL) {
+        line[strcspn(line, "\n")] = 0;
+        if (line[0] == '!') {
+            change(line + 1);
+            fsn_json_free(&on.client->out);
+        }
+        for (long n = 1, left = 0; line[0] == '>' && left == 0; n++) {
+            heap.fails_in = n;
+            request(line + 2);
+            left = heap.fails_in;
+            heap.fails_in = 0;
+            is_answered(line);
+        }
+    }
+    fclose(file);
+    CHECK(on.dropped > 100 && on.refused > 300);
+    tear_down();
+    CHECK(heap.alive == alive);
+}
+#endif
+
+/** Compares every reply, or prints it; the exit code. */
+static int replies_are_as_written(bool writes) {
+    static char line[65536], expected[65536];
+    FILE *file = open_replies();
+    CHECK(fgets(line, sizeof line, file) != NULL);
     unsigned requests = 0;
     set_up();
     bool more = true;
@@ -549,4 +611,15 @@ int main(int argc, char **argv) {
     CHECK(writes || memcmp(on.written, "\x39\x30", 2) == 0);
     tear_down();
     return 0;
+}
+
+int main(int argc, char **argv) {
+    const bool writes = argc > 1 && strcmp(argv[1], "--write") == 0;
+    const int differs = replies_are_as_written(writes);
+#ifdef FSN_TEST_HEAP
+    if (!writes && differs == 0) {
+        memory_runs_out();
+    }
+#endif
+    return differs;
 }

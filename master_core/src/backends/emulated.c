@@ -57,8 +57,8 @@ static const uint8_t *newest(struct mailbox *box, bool *fresh) {
 static size_t read_plan(struct fsn_emulated *bus) {
     size_t total = 0;
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
-        struct fsn_sm_info info;
-        if (fsn_plan_sm(bus->plan, sm, &info) == FSN_OK && info.registered) {
+        const struct fsn_sm_info info = fsn_known_sm(bus->plan, sm);
+        if (info.registered) {
             bus->boxes[sm].size_bytes = info.size_bytes;
             bus->boxes[sm].subdevice = info.subdevice;
             bus->boxes[sm].direction = info.direction;

@@ -46,9 +46,8 @@ static bool carries_safety(const struct fsn_plan *plan, uint32_t subdevice) {
         }
     }
     struct fsn_block_info block;
-    struct fsn_sm_info sm;
     for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {
-        if (fsn_plan_sm(plan, block.sm, &sm) == FSN_OK && sm.subdevice == subdevice) {
+        if (fsn_known_sm(plan, block.sm).subdevice == subdevice) {
             return true;
         }
     }
@@ -85,9 +84,8 @@ static bool is_of_module(const struct fsn_plan *plan, const struct fsn_block_inf
 /** What an object has to do with the FSoE frames of a SubDevice; NULL: nothing. */
 static const char *find_in_frames(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index) {
     struct fsn_block_info frame;
-    struct fsn_sm_info sm;
     for (uint32_t i = 0; fsn_plan_block(plan, i, &frame) == FSN_OK; i++) {
-        if (fsn_plan_sm(plan, frame.sm, &sm) != FSN_OK || sm.subdevice != subdevice) {
+        if (fsn_known_sm(plan, frame.sm).subdevice != subdevice) {
             continue;
         }
         if (is_between(plan, frame.sm, index, 8 * frame.byte_offset,

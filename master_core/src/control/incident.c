@@ -218,10 +218,8 @@ bool fsn_incident_begin(struct fsn_control *control, const struct fsn_trigger *t
 void fsn_incident_subdevice(struct fsn_control *control, uint32_t number,
                             const struct fsn_bus_subdevice *seen, uint64_t now_ns) {
     struct fsn_incidents *in = control->incidents;
-    struct fsn_subdevice_info info;
     const bool wrong = seen->found > FSN_FOUND_RIGHT;
-    if (in == NULL || fsn_plan_subdevice(control->plan, number, &info) != FSN_OK ||
-        (!wrong && seen->al_status != FSN_AL_OP)) {
+    if (in == NULL || (!wrong && seen->al_status != FSN_AL_OP)) {
         return; /* it is led on, or tried again: the last word is not spoken */
     }
     const bool told = in->refused[number] != 0;
@@ -229,6 +227,7 @@ void fsn_incident_subdevice(struct fsn_control *control, uint32_t number,
     if (!wrong || told) {
         return;
     }
+    const struct fsn_subdevice_info info = fsn_known_subdevice(control->plan, number);
     char text[400];
     snprintf(text, sizeof text, "SubDevice %.120s: %s%s%s", info.name, fsn_found_text(seen->found),
              seen->detail[0] != 0 ? ": " : "", seen->detail);
@@ -244,11 +243,8 @@ void fsn_incident_connection(struct fsn_control *control, uint32_t number, uint3
 }
 
 static void not_connected(struct fsn_control *control, uint32_t number, uint64_t now_ns) {
-    struct fsn_connection_info info;
+    const struct fsn_connection_info info = fsn_known_connection(control->plan, number);
     char text[300];
-    if (fsn_plan_connection(control->plan, number, &info) != FSN_OK) {
-        return;
-    }
     const char *outside = fsn_outside_text(control->connections[number].outside);
     snprintf(text, sizeof text,
              "connection %.120s has not come to Data within %d s after every SubDevice reached OP, "

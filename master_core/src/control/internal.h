@@ -8,6 +8,7 @@
 #include "job.h"
 #include "json.h"
 #include "outputs.h"
+#include "plan_internal.h"
 #include "words.h"
 
 enum {
@@ -118,7 +119,7 @@ void fsn_request(struct fsn_control *control, struct fsn_client *client, char *l
                  size_t len_bytes);
 
 /** Answers with a refusal. */
-void fsn_reply_refusal(struct fsn_control *control, struct fsn_client *client, const char *tag,
+void fsn_reply_refusal(struct fsn_client *client, const char *tag,
                        const struct fsn_refusal *refusal);
 
 /* stream.c */

@@ -205,13 +205,13 @@ void fsn_job_forget(struct fsn_client *client) {
     }
 }
 
-static void answer(struct fsn_control *control, struct fsn_client *client, struct fsn_job *job) {
+static void answer(struct fsn_client *client, struct fsn_job *job) {
     client->job = NULL;
     client->heard_ns = fsn_now_ns(); /* it was our turn until now */
     if (job->status == FSN_OK) {
         fsn_client_put_long(client, job->json.bytes, job->json.len_bytes);
     } else {
-        fsn_reply_refusal(control, client, job->tag, &job->refusal);
+        fsn_reply_refusal(client, job->tag, &job->refusal);
     }
 }
 
@@ -219,7 +219,7 @@ void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job) {
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         struct fsn_client *client = &control->client[i];
         if (client->fd >= 0 && client->job == job) {
-            answer(control, client, job);
+            answer(client, job);
         }
     }
     fsn_incident_job_done(control, job);

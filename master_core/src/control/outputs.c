@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "plan_internal.h"
+
 struct output {
     struct fsn_symbol_info info;
     bool copied;          /**< a copy writes one of its bytes */
@@ -96,9 +98,8 @@ struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan) {
         return NULL;
     }
     for (uint32_t i = 0; i < o->count; i++) {
-        if (fsn_plan_symbol(plan, i, &o->output[i].info) == FSN_OK) {
-            o->output[i].copied = is_copied(plan, &o->output[i].info);
-        }
+        o->output[i].info = fsn_known_symbol(plan, i);
+        o->output[i].copied = is_copied(plan, &o->output[i].info);
     }
     sort_names(o);
     return o;

@@ -126,12 +126,9 @@ static void numbers(struct fsn_json *json, const char *key, const uint8_t *numbe
 }
 
 static void one_subdevice(struct fsn_control *control, uint32_t number, struct fsn_json *json) {
-    struct fsn_subdevice_info info;
+    const struct fsn_subdevice_info info = fsn_known_subdevice(control->plan, number);
     struct fsn_bus_subdevice seen = {0};
     char al[24];
-    if (fsn_plan_subdevice(control->plan, number, &info) != FSN_OK) {
-        return;
-    }
     fsn_json_open(json, '{');
     fsn_json_put_u64(json, "number", number);
     fsn_json_put_text(json, "name", info.name);
@@ -181,10 +178,7 @@ void fsn_report_symbols(struct fsn_control *control, struct fsn_json *json) {
     fsn_json_key(json, "symbols");
     fsn_json_open(json, '[');
     for (uint32_t i = 0; i < fsn_plan_symbol_count(control->plan); i++) {
-        struct fsn_symbol_info info;
-        if (fsn_plan_symbol(control->plan, i, &info) != FSN_OK) {
-            continue;
-        }
+        const struct fsn_symbol_info info = fsn_known_symbol(control->plan, i);
         const struct fsn_output_state state = fsn_outputs_state(control->outputs, i);
         fsn_json_open(json, '{');
         fsn_json_put_text(json, "name", info.name);

@@ -3,10 +3,7 @@
 
 void fsn_report_name(struct fsn_control *control, struct fsn_json *json, const char *key,
                      uint32_t subdevice) {
-    struct fsn_subdevice_info info;
-    if (fsn_plan_subdevice(control->plan, subdevice, &info) == FSN_OK) {
-        fsn_json_put_text(json, key, info.name);
-    }
+    fsn_json_put_text(json, key, fsn_known_subdevice(control->plan, subdevice).name);
 }
 
 static void put_sms(struct fsn_control *control, struct fsn_json *json) {
@@ -88,13 +85,11 @@ static void put_known(struct fsn_json *json, const char *key, bool known, uint64
 
 static void put_way(struct fsn_control *control, struct fsn_json *json, const char *key,
                     uint32_t number) {
-    struct fsn_copy_info copy;
-    if (fsn_plan_copy(control->plan, number, &copy) == FSN_OK) {
-        fsn_json_key(json, key);
-        fsn_json_open(json, '{');
-        put_place(control, json, &copy);
-        fsn_json_close(json, '}');
-    }
+    const struct fsn_copy_info copy = fsn_known_copy(control->plan, number);
+    fsn_json_key(json, key);
+    fsn_json_open(json, '{');
+    put_place(control, json, &copy);
+    fsn_json_close(json, '}');
 }
 
 static void put_connections(struct fsn_control *control, struct fsn_json *json) {

@@ -94,11 +94,8 @@ static void put_direction(struct fsn_json *json, const char *key, const struct f
 }
 
 static void put_connection(struct fsn_control *control, struct fsn_json *json, uint32_t number) {
-    struct fsn_connection_info info;
+    const struct fsn_connection_info info = fsn_known_connection(control->plan, number);
     const struct fsn_connection_status *status = &control->connections[number];
-    if (fsn_plan_connection(control->plan, number, &info) != FSN_OK) {
-        return;
-    }
     fsn_json_open(json, '{');
     fsn_json_put_text(json, "name", info.name);
     fsn_json_put_text(json, "net", info.net);

@@ -156,17 +156,19 @@ static void begin(struct fsn_json *json, const char *tag, bool ok) {
     }
 }
 
+/** Ends a reply. A client would wait in vain for one that there is no memory for. */
 static void finish(struct fsn_client *client, struct fsn_json *json) {
     fsn_json_close(json, '}');
     fsn_json_end(json);
-    if (!json->failed) {
-        fsn_client_put(client, json->bytes, json->len_bytes);
+    if (json->failed) {
+        client->doom = "no memory for it";
+        return;
     }
+    fsn_client_put(client, json->bytes, json->len_bytes);
 }
 
-void fsn_reply_refusal(struct fsn_control *control, struct fsn_client *client, const char *tag,
+void fsn_reply_refusal(struct fsn_client *client, const char *tag,
                        const struct fsn_refusal *refusal) {
-    (void)control;
     struct fsn_json json = {.limit_bytes = FSN_CONTROL_OUT_BYTES};
     begin(&json, tag, false);
     fsn_json_put_text(&json, "error", fsn_status_name(refusal->status));
@@ -225,13 +227,14 @@ void fsn_request(struct fsn_control *control, struct fsn_client *client, char *l
         begin(&json, tag, true);
         found = answer(&asked, words.word[tagged]);
     }
-    if (found == FSN_OK && json.failed) {
+    const bool later = found == FSN_OK && asked.later; /* its job answers, and nobody else */
+    if (found == FSN_OK && !later && json.failed) {
         found = fsn_asked_refuse(&asked, FSN_E_SPACE, "ask for less", "the reply is too long");
     }
-    if (found == FSN_OK && !asked.later) {
+    if (found != FSN_OK) {
+        fsn_reply_refusal(client, tag, &asked.refusal);
+    } else if (!later) {
         finish(client, &json);
-    } else if (found != FSN_OK) {
-        fsn_reply_refusal(control, client, tag, &asked.refusal);
     }
     fsn_json_free(&json);
 }

@@ -8,10 +8,11 @@
 fsn_status fsn_asked_symbol(struct fsn_asked *asked, const char *name, uint32_t *symbol,
                             struct fsn_symbol_info *info) {
     *symbol = fsn_outputs_find(asked->control->outputs, name);
-    if (*symbol == FSN_NONE || fsn_plan_symbol(asked->control->plan, *symbol, info) != FSN_OK) {
+    if (*symbol == FSN_NONE) {
         return fsn_refusal_set(&asked->refusal, FSN_E_ARG, "symbols lists the names",
                                "no input or output is called %.150s", name);
     }
+    *info = fsn_known_symbol(asked->control->plan, *symbol);
     return FSN_OK;
 }
 
@@ -79,10 +80,7 @@ static fsn_status read_wanted(struct fsn_asked *asked, const char *word, bool ty
 }
 
 static void tell_edge(struct fsn_asked *asked, const char *event, uint32_t symbol, uint64_t raw) {
-    struct fsn_symbol_info info;
-    if (fsn_plan_symbol(asked->control->plan, symbol, &info) != FSN_OK) {
-        return;
-    }
+    const struct fsn_symbol_info info = fsn_known_symbol(asked->control->plan, symbol);
     struct fsn_json *json = fsn_event_begin(asked->control, event, fsn_now_ns());
     fsn_json_put_u64(json, "client", asked->client->number);
     fsn_json_put_u64(json, "pid", (uint64_t)asked->client->pid);

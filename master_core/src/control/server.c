@@ -132,7 +132,7 @@ static void answer_lines(struct fsn_control *control, struct fsn_client *client)
             struct fsn_refusal refusal;
             fsn_refusal_set(&refusal, FSN_E_SPACE, "split it into several requests",
                             "a request has at most %d bytes", FSN_LINE_BYTES);
-            fsn_reply_refusal(control, client, NULL, &refusal);
+            fsn_reply_refusal(client, NULL, &refusal);
         }
         client->skipping = true;
         client->in_bytes = 0;

@@ -43,11 +43,10 @@ static void put_values(struct fsn_control *control, const struct fsn_stream *str
     fsn_json_key(json, "values");
     fsn_json_open(json, '{');
     for (size_t i = 0; i < stream->count; i++) {
-        struct fsn_symbol_info info;
+        const struct fsn_symbol_info info = fsn_known_symbol(control->plan, stream->symbols[i]);
         uint64_t raw;
-        if (fsn_plan_symbol(control->plan, stream->symbols[i], &info) == FSN_OK &&
-            fsn_core_read_symbol(control->core, control->taken.image, stream->symbols[i], &raw) ==
-                FSN_OK) {
+        if (fsn_core_read_symbol(control->core, control->taken.image, stream->symbols[i], &raw) ==
+            FSN_OK) {
             fsn_json_key(json, info.name);
             (stream->typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, json);
         }
@@ -160,10 +159,9 @@ static fsn_status collect(struct fsn_asked *asked, const uint8_t *marks, uint32_
                           struct fsn_stream *stream) {
     size_t bytes = 0;
     for (uint32_t i = 0; i < all; i++) {
-        struct fsn_symbol_info info;
-        if (marks[i] != 0 && fsn_plan_symbol(asked->control->plan, i, &info) == FSN_OK) {
+        if (marks[i] != 0) {
             stream->symbols[stream->count++] = i;
-            bytes += strlen(info.name) + NUMBER_BYTES;
+            bytes += strlen(fsn_known_symbol(asked->control->plan, i).name) + NUMBER_BYTES;
         }
     }
     return bytes < LINE_BYTES - 256

@@ -186,11 +186,9 @@ static void put_ports(const struct fsn_surveyed *of, struct fsn_json *json) {
 }
 
 static void put_end(const struct fsn_surveyed *of, struct fsn_json *json) {
-    struct fsn_subdevice_info info;
     fsn_json_key(json, "planned");
-    if (of->survey->plan != NULL && of->member.subdevice != FSN_NONE &&
-        fsn_plan_subdevice(of->survey->plan, of->member.subdevice, &info) == FSN_OK) {
-        fsn_json_text(json, info.name);
+    if (of->survey->plan != NULL && of->member.subdevice != FSN_NONE) {
+        fsn_json_text(json, fsn_known_subdevice(of->survey->plan, of->member.subdevice).name);
     } else {
         fsn_json_null(json);
     }

@@ -1,5 +1,6 @@
 /** What a SubDevice tells of its FSoE addresses and connections. */
 #include "live/fsoe_objects.h"
+#include "plan_internal.h"
 #include "survey.h"
 
 enum {
@@ -198,9 +199,8 @@ void fsn_survey_fsoe(struct fsn_surveyed *of, struct fsn_json *json) {
 /** Takes note of the FSoE frames that a plan has on a SubDevice. */
 static void note_planned(const struct fsn_plan *plan, uint32_t subdevice, struct fsn_surveyed *of) {
     struct fsn_block_info block;
-    struct fsn_sm_info sm;
     for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {
-        if (fsn_plan_sm(plan, block.sm, &sm) == FSN_OK && sm.subdevice == subdevice) {
+        if (fsn_known_sm(plan, block.sm).subdevice == subdevice) {
             const uint16_t command = fsn_object_at(plan, block.sm, 8 * block.byte_offset);
             fsn_survey_entry(of, (uint32_t)command << 16 | 1 << 8 | 8);
         }
@@ -210,7 +210,6 @@ static void note_planned(const struct fsn_plan *plan, uint32_t subdevice, struct
 static void put_planned(const struct fsn_survey *survey, uint32_t position, struct fsn_json *json) {
     static const struct fsn_surveyed nothing;
     struct fsn_surveyed of = nothing;
-    struct fsn_subdevice_info info;
     struct told told;
     of.survey = survey;
     of.position = position;
@@ -218,8 +217,7 @@ static void put_planned(const struct fsn_survey *survey, uint32_t position, stru
     const struct fsn_bus_member *m = &of.member;
     of.coe = m->al_status != FSN_AL_NONE && (m->mailbox & FSN_MAILBOX_COE) != 0 &&
              survey->ops->acyclic->upload != NULL;
-    if (!of.coe || m->subdevice == FSN_NONE ||
-        fsn_plan_subdevice(survey->plan, m->subdevice, &info) != FSN_OK) {
+    if (!of.coe || m->subdevice == FSN_NONE) {
         return;
     }
     note_planned(survey->plan, m->subdevice, &of);
@@ -227,7 +225,7 @@ static void put_planned(const struct fsn_survey *survey, uint32_t position, stru
         return;
     }
     fsn_json_open(json, '{');
-    fsn_json_put_text(json, "subdevice", info.name);
+    fsn_json_put_text(json, "subdevice", fsn_known_subdevice(survey->plan, m->subdevice).name);
     put_told(&of, &told, json);
     fsn_json_close(json, '}');
 }

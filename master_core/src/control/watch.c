@@ -92,10 +92,7 @@ static void left_data(struct fsn_control *control, const struct fsn_event *event
 }
 
 static void connection_event(struct fsn_control *control, const struct fsn_event *event) {
-    struct fsn_connection_info info;
-    if (fsn_plan_connection(control->plan, event->connection, &info) != FSN_OK) {
-        return;
-    }
+    const struct fsn_connection_info info = fsn_known_connection(control->plan, event->connection);
     const bool reset = event->after == FSN_OUTSIDE_RESET && event->by != 0;
     const char *by = !reset ? NULL : event->by == FSN_TO_SUB + 1 ? "main" : "sub";
     char cause[120] = "";
@@ -159,12 +156,9 @@ static void put_links(const struct fsn_bus_subdevice *seen, char *text, size_t r
 static void subdevice_event(struct fsn_control *control, uint32_t number,
                             const struct fsn_bus_subdevice *before,
                             const struct fsn_bus_subdevice *after, bool told, uint64_t now_ns) {
-    struct fsn_subdevice_info info;
+    const struct fsn_subdevice_info info = fsn_known_subdevice(control->plan, number);
     char from[24];
     char to[24];
-    if (fsn_plan_subdevice(control->plan, number, &info) != FSN_OK) {
-        return;
-    }
     struct fsn_json *json = fsn_event_begin(control, "subdevice", now_ns);
     fsn_json_put_text(json, "subdevice", info.name);
     fsn_json_put_text(json, "before", fsn_al_text(before->al_status, from));
@@ -354,10 +348,7 @@ void fsn_watch(struct fsn_control *control, uint64_t now_ns) {
 /** Adds the name of an output that fell back to the event being written. */
 static void add_output(void *self, uint32_t symbol) {
     struct fsn_control *control = self;
-    struct fsn_symbol_info info;
-    if (fsn_plan_symbol(control->plan, symbol, &info) == FSN_OK) {
-        fsn_json_text(&control->event, info.name);
-    }
+    fsn_json_text(&control->event, fsn_known_symbol(control->plan, symbol).name);
 }
 
 void fsn_watch_take_back(struct fsn_control *control, const struct fsn_client *client,

@@ -95,10 +95,7 @@ static bool read_own_address(const struct fsn_objects *objects, uint16_t wanted,
 static bool read_given_address(const struct fsn_plan *plan, const struct fsn_connection_info *c,
                                const struct fsn_objects *objects, uint16_t *found) {
     uint8_t bytes[8];
-    struct fsn_copy_info copy;
-    if (fsn_plan_copy(plan, c->copy_to_main, &copy) != FSN_OK) {
-        return false;
-    }
+    const struct fsn_copy_info copy = fsn_known_copy(plan, c->copy_to_main);
     const uint16_t object =
         fsn_parameter_object(fsn_object_at(plan, copy.source_sm, 8 * copy.source_byte));
     if (object == 0 || fsn_objects_read(objects, object, 0, bytes) != FSN_OK ||

@@ -64,9 +64,9 @@ static bool list_inputs(const struct fsn_plan *plan, struct fsn_frames *frames) 
         struct fsn_wire_frame *frame = &wire->frames[d];
         frame->first_input = count;
         for (uint32_t sm = 0; sm < sms; sm++) {
-            struct fsn_sm_info info;
+            const struct fsn_sm_info info = fsn_known_sm(plan, sm);
             if (frames->image.sm_base[sm] == FSN_NONE || frames->image.sm_datagram[sm] != d ||
-                fsn_plan_sm(plan, sm, &info) != FSN_OK || info.direction != FSN_INPUT) {
+                info.direction != FSN_INPUT) {
                 continue;
             }
             wire->inputs[count++] = (struct fsn_wire_input){

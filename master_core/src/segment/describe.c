@@ -224,9 +224,8 @@ static bool add_objects(struct objects *o, const struct fsn_plan *plan,
 static bool add_address(struct objects *o, const struct fsn_plan *plan, uint32_t subdevice) {
     bool ok = true;
     for (uint32_t i = 0; i < fsn_plan_connection_count(plan); i++) {
-        struct fsn_connection_info c;
-        if (fsn_plan_connection(plan, i, &c) == FSN_OK && c.sub_subdevice == subdevice &&
-            (c.known & 2) != 0) {
+        const struct fsn_connection_info c = fsn_known_connection(plan, i);
+        if (c.sub_subdevice == subdevice && (c.known & 2) != 0) {
             ok = ok && objects_add_number(o, 0xF980, 0, false, 1, 1) &&
                  objects_add_number(o, 0xF980, 1, false, c.address, 2);
         }
@@ -271,8 +270,8 @@ bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t 
     struct esc *esc = &segment->escs[position];
     struct fsn_subdevice_info info = {
         .name = "coupler", .vendor_id = BECKHOFF, .product_code = COUPLER_PRODUCT};
-    if (subdevice != FSN_NONE && fsn_plan_subdevice(plan, subdevice, &info) != FSN_OK) {
-        return false;
+    if (subdevice != FSN_NONE) {
+        info = fsn_known_subdevice(plan, subdevice);
     }
     esc->has_mailbox = has_mailbox(plan, &info);
     struct sii_sm sms[ESC_SMS] = {{0}};

@@ -18,9 +18,8 @@ static uint32_t place_subdevices(struct fsn_segment *s) {
     uint32_t count = 0;
     for (unsigned with_alias = 0; with_alias < 2; with_alias++) {
         for (uint32_t i = 0; i < subdevices; i++) {
-            struct fsn_subdevice_info info;
-            if (fsn_plan_subdevice(s->plan, i, &info) != FSN_OK ||
-                (info.alias != 0) != (with_alias != 0)) {
+            const struct fsn_subdevice_info info = fsn_known_subdevice(s->plan, i);
+            if ((info.alias != 0) != (with_alias != 0)) {
                 continue;
             }
             uint32_t at = with_alias ? 0 : info.position;

@@ -131,9 +131,7 @@ static fsn_status make_nodes(struct fsn_igh *bus, const struct fsn_plan *plan) {
     }
     for (uint32_t n = 0; n < bus->node_count; n++) {
         bus->nodes[n].number = n;
-        if (fsn_plan_subdevice(plan, n, &bus->nodes[n].info) != FSN_OK) {
-            return FSN_E_ARG;
-        }
+        bus->nodes[n].info = fsn_known_subdevice(plan, n);
     }
     return FSN_OK;
 }
@@ -157,8 +155,8 @@ static fsn_status make_areas(struct fsn_igh *bus) {
         return FSN_E_NOMEM;
     }
     for (uint32_t sm = 0; sm < sms; sm++) {
-        struct fsn_sm_info info;
-        if (bus->image.sm_base[sm] != FSN_NONE && fsn_plan_sm(bus->plan, sm, &info) == FSN_OK) {
+        const struct fsn_sm_info info = fsn_known_sm(bus->plan, sm);
+        if (bus->image.sm_base[sm] != FSN_NONE) {
             bus->areas[bus->area_count++] = (struct igh_area){
                 .sm = sm,
                 .node = info.subdevice,

@@ -204,9 +204,7 @@ static fsn_status make_nodes(struct fsn_soem *bus, const struct fsn_plan *plan) 
     }
     for (uint32_t n = 0; n < bus->node_count; n++) {
         bus->nodes[n].number = n;
-        if (fsn_plan_subdevice(plan, n, &bus->nodes[n].info) != FSN_OK) {
-            return FSN_E_ARG;
-        }
+        bus->nodes[n].info = fsn_known_subdevice(plan, n);
     }
     return FSN_OK;
 }

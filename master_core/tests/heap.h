@@ -1,0 +1,12 @@
+/** Memory that runs out when a test wants it. No sanitizer beside it: that has an allocator too. */
+#ifndef FSN_TEST_HEAP_H
+#define FSN_TEST_HEAP_H
+
+struct heap {
+    long fails_in; /**< the so manyth allocation from now on fails; 0: none */
+    long alive;    /**< allocations that were not freed */
+};
+
+extern struct heap heap;
+
+#endif
