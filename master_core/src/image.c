@@ -40,10 +40,7 @@ static bool append(const struct fsn_plan *plan, uint32_t sm, uint32_t datagram_b
 
 static bool append_subdevice(const struct fsn_plan *plan, uint32_t subdevice,
                              uint32_t datagram_bytes, struct fsn_image *image) {
-    struct fsn_subdevice_info info;
-    if (fsn_plan_subdevice(plan, subdevice, &info) != FSN_OK) {
-        return false;
-    }
+    const struct fsn_subdevice_info info = fsn_known_subdevice(plan, subdevice);
     for (uint8_t direction = FSN_OUTPUT; direction <= FSN_INPUT; direction++) {
         for (uint32_t sm = info.first_sm; sm < info.first_sm + info.sm_count; sm++) {
             if (size_of(plan, sm) > 0 && fsn_sm_direction(plan, sm) == direction &&
@@ -56,10 +53,9 @@ static bool append_subdevice(const struct fsn_plan *plan, uint32_t subdevice,
 }
 
 uint32_t fsn_image_wkc(const struct fsn_plan *plan, const struct fsn_image *image, uint32_t sm) {
-    struct fsn_sm_info info;
-    struct fsn_subdevice_info sub;
-    if (image->sm_base[sm] == FSN_NONE || fsn_plan_sm(plan, sm, &info) != FSN_OK ||
-        fsn_plan_subdevice(plan, info.subdevice, &sub) != FSN_OK) {
+    const struct fsn_sm_info info = fsn_known_sm(plan, sm);
+    const struct fsn_subdevice_info sub = fsn_known_subdevice(plan, info.subdevice);
+    if (image->sm_base[sm] == FSN_NONE) {
         return 0;
     }
     for (uint32_t other = sub.first_sm; other < sm; other++) {

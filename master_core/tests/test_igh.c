@@ -1,16 +1,30 @@
 /** The IgH backend against a master in memory (tests/fake): what it refuses, what it moves, what it
  *  sees, and in which order it calls. */
+#define _POSIX_C_SOURCE 200809L
+
 #include <errno.h>
 #include <string.h>
+#include <time.h>
 
 #include "builder.h"
 #include "fake.h"
 #include "fsn/acyclic.h"
 #include "fsn/fsn.h"
 #include "fsn/live.h"
+#include "heap.h"
 #include "plan_internal.h"
 
 enum { MS = 1000000, ADDRESS = 14, KNOWN_ADDRESS = 2 };
+
+/** Nobody waits here. */
+int clock_nanosleep(clockid_t clock, int flags, const struct timespec *time,
+                    struct timespec *left) {
+    (void)clock;
+    (void)flags;
+    (void)time;
+    (void)left;
+    return 0;
+}
 
 struct rig {
     struct fsn_plan *plan;
@@ -473,7 +487,384 @@ static void a_bus_is_visited_without_a_plan(void) {
     tear_down(rig);
 }
 
+/* -- calls that fail ------------------------------------------------------------------------- */
+
+static bool is_in_op(struct rig *rig, uint32_t n) {
+    return look(rig, n).found == FSN_FOUND_RIGHT && look(rig, n).al_status == FSN_AL_OP;
+}
+
+static void reach_op(struct rig *rig) {
+    unsigned cycles = 0;
+    while (!run(rig, 1, FSN_AL_OP) || !is_in_op(rig, 0) || !is_in_op(rig, 1)) {
+        CHECK(++cycles < 3000);
+    }
+}
+
+/** All that a run does: opening, cycles, objects, a loss, leaving. What opening says. */
+static fsn_status live_through(struct rig *rig) {
+    const fsn_status opened = open_with(rig, 3);
+    if (opened != FSN_OK) {
+        CHECK(rig->fault.status == opened && rig->fault.rule != NULL && !fake.active);
+        return opened;
+    }
+    uint8_t data[8];
+    struct fsn_transfer t = {.index = 0x8000, .sub = 1, .data = data, .size_bytes = sizeof data};
+    reach_op(rig);
+    const unsigned before = fake.failed;
+    const fsn_status read = fsn_core_upload(rig->core, 1, &t);
+    const fsn_status written = fsn_core_download(rig->core, 1, &t);
+    CHECK((read == FSN_OK && written == FSN_OK) || fake.failed > before);
+    fake_unplug(1);
+    run(rig, 40, FSN_AL_OP);
+    fake_plug(1);
+    reach_op(rig);
+    run(rig, 5, FSN_AL_SAFEOP);
+    return FSN_OK;
+}
+
+/** Whichever calls of ecrt.h fail: it is refused with a reason, or it works again afterwards. */
+static void each_call_may_fail(int error, unsigned at_once, unsigned step, unsigned least_refused) {
+    unsigned refused = 0, lived = 0, failed = 1;
+    for (unsigned n = 1; failed > 0; n += step) {
+        struct rig *rig = set_up();
+        fake.fails_from = n;
+        fake.fails_for = at_once;
+        fake.fails_as = error;
+        const fsn_status opened = live_through(rig);
+        failed = fake.failed;
+        refused += opened != FSN_OK;
+        lived += opened == FSN_OK;
+        tear_down(rig);
+    }
+    if (refused < least_refused || lived < 100 / step) {
+        fprintf(stderr, "error %d, %u at once: %u refused, %u lived through\n", error, at_once,
+                refused, lived);
+        exit(1);
+    }
+}
+
+/* -- configuration, and what does not come ---------------------------------------------------- */
+
+static void a_place_may_be_told_by_an_alias(void) {
+    struct rig *rig = set_up();
+    record(rig, FSN_SEC_SUBDEVICE, 1)[4] = 7;
+    record(rig, FSN_SEC_SUBDEVICE, 1)[6] = 0;
+    refuses(rig, FSN_E_BUS_MISSING, "alias 7, position 0: 2 SubDevices answer");
+    rig = set_up();
+    record(rig, FSN_SEC_SUBDEVICE, 1)[4] = 7;
+    record(rig, FSN_SEC_SUBDEVICE, 1)[6] = 0;
+    fake.device[1].info.alias = 7;
+    CHECK(open_with(rig, 0) == FSN_OK && run(rig, 50, FSN_AL_OP) && is_in_op(rig, 1));
+    tear_down(rig);
+}
+
+static void igh_is_told_clocks_and_watchdogs(void) {
+    struct rig *rig = set_up();
+    record(rig, FSN_SEC_SUBDEVICE, 1)[41] = 3;
+    record(rig, FSN_SEC_SM, 0)[6] = 1;
+    record(rig, FSN_SEC_SM, 1)[6] = 2;
+    CHECK(open_with(rig, 0) == FSN_OK);
+    CHECK(fake.device[1].assign_activate == 0x0300 && fake.device[1].sync0_cycle == MS);
+    CHECK(fake.device[0].assign_activate == 0);
+    CHECK(fake.device[0].watchdog[2] == EC_WD_ENABLE &&
+          fake.device[0].watchdog[3] == EC_WD_DISABLE);
+    CHECK(fake.device[1].watchdog[2] == EC_WD_DEFAULT);
+    run(rig, 2, FSN_AL_OP);
+    CHECK(fake.app_time != 0 && fake.clock_syncs == 0);
+    tear_down(rig);
+    /* Its own cycle stands before that of the plan; without both it is a millisecond. */
+    static const uint32_t cycles[][3] = {{2 * MS, 4 * MS, 2000}, {0, 4 * MS, 4000}, {0, 0, 1000}};
+    for (size_t i = 0; i < sizeof cycles / sizeof cycles[0]; i++) {
+        const struct fsn_live_options options = {.interface = "0", .cycle_ns = cycles[i][0]};
+        rig = set_up();
+        rig->plan->cycle_ns = cycles[i][1];
+        CHECK(fsn_backend_igh()->create(&options, &rig->bus, NULL) == FSN_OK);
+        CHECK(fsn_core_create(rig->plan, fsn_backend_igh()->ops, rig->bus, &rig->core, NULL) ==
+              FSN_OK);
+        CHECK(fake.send_interval == cycles[i][2]);
+        tear_down(rig);
+    }
+}
+
+/** A mailbox is configured by nobody, so it has no place in the image either. */
+static void sizes_of_igh_are_checked(void) {
+    struct rig *rig = set_up();
+    record(rig, FSN_SEC_SM, 3)[4] = 1;
+    refuses(rig, FSN_E_BUS_IMAGE, "IgH gives it 0 bytes, the plan says 8");
+}
+
+static void what_does_not_come_is_not_waited_for(void) {
+    struct rig *rig = set_up();
+    fake.scans = 1000000;
+    CHECK(open_with(rig, 0) == FSN_E_BUS_STATE);
+    CHECK(strcmp(rig->fault.rule, "IgH does not come to the end of its scan") == 0);
+    tear_down(rig);
+    rig = set_up();
+    fake.device[1].al = 1;
+    refuses(rig, FSN_E_BUS_STATE, "PREOP refused: AL status 0x01; the kernel log says why");
+    for (uint8_t al = 4; al <= 8; al = (uint8_t)(2 * al)) {
+        rig = set_up();
+        fake.device[1].al = al;
+        CHECK(open_with(rig, 0) == FSN_OK);
+        tear_down(rig);
+    }
+    rig = set_up();
+    fake.device[1].info.vendor_id = 0;
+    refuses(rig, FSN_E_BUS_IDENTITY, "vendor 0x00000000");
+}
+
+/** Who wants no fault gets none. */
+static void a_fault_is_not_needed(void) {
+    struct fsn_bus_layout layout;
+    const struct fsn_bus_ops *ops = fsn_backend_igh()->ops;
+    for (int i = 0; i < 3; i++) {
+        struct rig *rig = set_up();
+        fake.no_master = i == 0;
+        fake.device[0].present = i != 1;
+        fake.device[1].present = false;
+        const struct fsn_live_options options = {.interface = "0"};
+        CHECK(fsn_backend_igh()->create(&options, &rig->bus, NULL) == FSN_OK);
+        const fsn_status status[] = {FSN_E_SYS, FSN_E_BUS_SILENT, FSN_E_BUS_MISSING};
+        CHECK(ops->open(rig->bus, rig->plan, &layout, NULL) == status[i]);
+        tear_down(rig);
+    }
+    CHECK(fsn_backend_igh()->create(&(struct fsn_live_options){.interface = "0"}, NULL, NULL) ==
+          FSN_E_ARG);
+    void *bus;
+    CHECK(fsn_backend_igh()->create(&(struct fsn_live_options){0}, &bus, NULL) == FSN_E_ARG);
+    fsn_backend_igh()->free(NULL);
+}
+
+static void replies_are_waited_for(void) {
+    for (uint64_t wait_ns = 1; wait_ns <= 200000; wait_ns += 199999) {
+        const struct fsn_live_options options = {.interface = "0", .receive_wait_ns = wait_ns};
+        struct rig *rig = set_up();
+        CHECK(fsn_backend_igh()->create(&options, &rig->bus, NULL) == FSN_OK);
+        CHECK(fsn_core_create(rig->plan, fsn_backend_igh()->ops, rig->bus, &rig->core, NULL) ==
+              FSN_OK);
+        CHECK(run(rig, 50, FSN_AL_OP));
+        const uint64_t lost = snapshot(rig).lost_frames;
+        fake.lose_frames = true;
+        run(rig, 1, FSN_AL_OP);
+        fake.lose_frames = false;
+        CHECK(snapshot(rig).lost_frames == lost + 1);
+        tear_down(rig);
+    }
+}
+
+/* -- registers and returns, once more --------------------------------------------------------- */
+
+static void requests_without_an_answer_are_made_again(void) {
+    struct rig *rig = set_up();
+    fake.deaf = true;
+    CHECK(open_with(rig, 0) == FSN_OK);
+    run(rig, 1500, FSN_AL_OP);
+    CHECK(look(rig, 0).rx_errors[1] == 0);
+    fake.deaf = false;
+    run(rig, 1500, FSN_AL_OP);
+    CHECK(look(rig, 0).rx_errors[1] == 7);
+    fake.deaf = true;
+    CHECK(!run(rig, 20, FSN_AL_SAFEOP));
+    fake.device[0].mute = fake.device[1].mute = true; /* and who is silent is not waited for */
+    CHECK(run(rig, 20, FSN_AL_SAFEOP));
+    tear_down(rig);
+}
+
+static void a_loss_between_two_looks_is_one(void) {
+    struct rig *rig = bring_up();
+    run(rig, 1, FSN_AL_OP); /* with a look; the next one is ten cycles away */
+    fake.device[1].mute = true;
+    fake.device[1].al = 2;
+    fake.device[1].info.error_flag = 1;
+    run(rig, 10, FSN_AL_OP);
+    CHECK(look(rig, 1).found == FSN_FOUND_STATE && look(rig, 1).returns == 0);
+    fake.device[1].mute = false;
+    reach_op(rig);
+    CHECK(look(rig, 1).returns == 1 && is_in_op(rig, 1) && look(rig, 0).returns == 0);
+    tear_down(rig);
+}
+
+static void another_device_that_goes_is_still_another(void) {
+    struct rig *rig = bring_up();
+    fake.device[1].info.product_code = 0x99;
+    run(rig, 20, FSN_AL_OP);
+    CHECK(look(rig, 1).found == FSN_FOUND_IDENTITY);
+    fake_unplug(1);
+    run(rig, 40, FSN_AL_OP);
+    CHECK(look(rig, 1).found == FSN_FOUND_IDENTITY && look(rig, 1).al_status == FSN_AL_NONE);
+    tear_down(rig);
+}
+
+/** Who never told an FSoE address need not tell it when he returns. */
+static void an_address_that_was_never_told_is_not_asked_for(void) {
+    struct rig *rig = set_up();
+    for (unsigned i = 0; i < fake.device[1].object_count; i++) {
+        struct fake_object *object = &fake.device[1].objects[i];
+        object->index = object->index == 0xF980 ? 0x2000 : object->index;
+    }
+    CHECK(open_with(rig, 0) == FSN_OK);
+    reach_op(rig);
+    fake_unplug(1);
+    run(rig, 40, FSN_AL_OP);
+    fake_plug(1);
+    reach_op(rig);
+    CHECK(look(rig, 1).returns == 1);
+    tear_down(rig);
+}
+
+/* -- objects, once more ----------------------------------------------------------------------- */
+
+static void errors_of_a_mailbox_have_a_status(void) {
+    static const struct {
+        int error;
+        unsigned times;
+        fsn_status status;
+    } rows[] = {
+        {-ENOBUFS, 1, FSN_E_SPACE},       {-EOVERFLOW, 1, FSN_E_SPACE},
+        {-EOPNOTSUPP, 1, FSN_E_ABSENT},   {-EPROTONOSUPPORT, 1, FSN_E_ABSENT},
+        {-EPROTO, 1, FSN_E_BUS_STATE},    {-EBADMSG, 1, FSN_E_BUS_STATE},
+        {-EIO, 1, FSN_E_BUS_MISSING},     {-EINTR, 99, FSN_OK},
+        {-EINTR, 100, FSN_E_BUS_MISSING},
+    };
+    struct rig *rig = bring_up();
+    for (size_t i = 0; i < 2 * sizeof rows / sizeof rows[0]; i++) {
+        uint8_t data[4] = {1, 2, 3, 4};
+        struct fsn_transfer t = {.position = 1, .index = 0x8000, .sub = 1, .data = data};
+        t.size_bytes = sizeof data;
+        fake.fails_from = fake.calls + 1;
+        fake.fails_for = rows[i / 2].times;
+        fake.fails_as = rows[i / 2].error;
+        const struct fsn_bus_acyclic *acyclic = fsn_backend_igh()->ops->acyclic;
+        CHECK((i % 2 == 0 ? acyclic->upload : acyclic->download)(rig->bus, &t) ==
+              rows[i / 2].status);
+    }
+    tear_down(rig);
+}
+
+static void members_are_told_with_their_nodes(void) {
+    const struct fsn_bus_acyclic *acyclic = fsn_backend_igh()->ops->acyclic;
+    struct rig *rig = set_up();
+    fake.device[0].info.serial_number = 77;
+    fake.device[0].info.alias = 9;
+    snprintf(fake.device[0].info.name, sizeof fake.device[0].info.name, "logic");
+    CHECK(open_with(rig, 0) == FSN_OK);
+    reach_op(rig);
+    run(rig, 100, FSN_AL_OP);
+    struct fsn_bus_member m;
+    CHECK(acyclic->count(rig->bus) == 2 && acyclic->member(rig->bus, 0, &m) == FSN_OK);
+    CHECK(m.subdevice == 0 && m.serial == 77 && m.alias == 9 && m.station == 1 && m.revision == 1);
+    CHECK(strcmp(m.name, "logic") == 0 && m.ports == 0x0F && m.al_status == FSN_AL_OP);
+    CHECK(m.errors_known && m.rx_errors[1] == 7 && m.link_lost[1] == 3 && m.link[0] == 1);
+    CHECK(acyclic->place(rig->bus, 0) == 0 && acyclic->place(rig->bus, 1) == 1);
+    CHECK(acyclic->place(rig->bus, 2) == FSN_NONE);
+    fake.device[1].info.error_flag = 1;
+    CHECK(acyclic->member(rig->bus, 1, &m) == FSN_OK);
+    CHECK(m.subdevice == 1 && m.al_status == (FSN_AL_OP | FSN_AL_ERROR));
+    fake.device[1].info.error_flag = 0;
+    fake_unplug(1);
+    run(rig, 40, FSN_AL_OP);
+    CHECK(acyclic->place(rig->bus, 1) == FSN_NONE && acyclic->count(rig->bus) == 1);
+    CHECK(acyclic->member(rig->bus, 1, &m) == FSN_E_BUS_MISSING && m.subdevice == FSN_NONE);
+    fake.fails_from = fake.calls + 1;
+    fake.fails_for = 1;
+    fake.fails_as = -EIO;
+    CHECK(acyclic->count(rig->bus) == 0);
+    tear_down(rig);
+    rig = set_up();
+    fake.no_requests = true;
+    CHECK(open_with(rig, 0) == FSN_OK && acyclic->member(rig->bus, 0, &m) == FSN_OK);
+    CHECK(m.subdevice == FSN_NONE || !m.errors_known);
+    tear_down(rig);
+}
+
+static void pdos_are_told_by_the_sii(void) {
+    const struct fsn_bus_acyclic *acyclic = fsn_backend_igh()->ops->acyclic;
+    struct rig *rig = bring_up();
+    uint16_t index;
+    bool output = true;
+    uint32_t entries[4];
+    uint32_t count;
+    fake.device[1].sii_bits[2] = 24;
+    CHECK(acyclic->pdo(rig->bus, 1, 2, 0, &index, &output, entries, 4, &count) == FSN_OK);
+    CHECK(index == 0x1600 && !output && count == 2 && entries[0] == 8 && entries[1] == 16);
+    CHECK(acyclic->pdo(rig->bus, 1, 2, 0, &index, &output, entries, 1, &count) == FSN_OK);
+    CHECK(count == 1);
+    CHECK(acyclic->pdo(rig->bus, 1, 2, 1, &index, &output, entries, 4, &count) == FSN_E_ARG);
+    CHECK(acyclic->pdo(rig->bus, 1, 3, 0, &index, &output, entries, 4, &count) == FSN_E_ARG);
+    fake.device[1].sii_bits[3] = 8;
+    CHECK(acyclic->pdo(rig->bus, 1, 3, 0, &index, &output, entries, 4, &count) == FSN_E_ARG);
+    fake.fails_from = fake.calls + 4; /* the second entry */
+    fake.fails_for = 1;
+    fake.fails_as = -EIO;
+    CHECK(acyclic->pdo(rig->bus, 1, 2, 0, &index, &output, entries, 4, &count) == FSN_OK);
+    CHECK(count == 1);
+    tear_down(rig);
+    /* What cannot be read to its end is not judged: of the calls that fail in turn, four make a
+     * wrong SII unknown. */
+    unsigned unknown = 0;
+    for (unsigned n = 1; n < 60; n++) {
+        rig = set_up();
+        fake.device[0].object_count = 0;
+        fake.device[0].sii_bits[2] = 80;
+        fake.fails_from = n;
+        fake.fails_for = 1;
+        fake.fails_as = -EIO;
+        unknown += open_with(rig, 0) == FSN_OK;
+        tear_down(rig);
+    }
+    CHECK(unknown == 4);
+}
+
+#ifdef FSN_TEST_HEAP
+static void memory_runs_out(void) {
+    const struct fsn_live_options options = {.interface = "0"};
+    fsn_status status = FSN_E_NOMEM;
+    long tried = 0;
+    while (status != FSN_OK) {
+        struct rig *rig = set_up();
+        const long alive = heap.alive;
+        heap.fails_in = ++tried;
+        status = fsn_backend_igh()->create(&options, &rig->bus, &rig->fault);
+        if (status == FSN_OK) {
+            status = fsn_core_create(rig->plan, fsn_backend_igh()->ops, rig->bus, &rig->core,
+                                     &rig->fault);
+        }
+        heap.fails_in = 0;
+        CHECK(status == FSN_OK || (status == FSN_E_NOMEM && rig->fault.status == FSN_E_NOMEM));
+        fsn_core_free(rig->core);
+        fsn_backend_igh()->free(rig->bus);
+        rig->core = NULL;
+        rig->bus = NULL;
+        CHECK(heap.alive == alive);
+        tear_down(rig);
+    }
+    CHECK(tried > 15);
+}
+#endif
+
 int main(void) {
+#ifdef FSN_TEST_HEAP
+    memory_runs_out();
+#endif
+    a_place_may_be_told_by_an_alias();
+    igh_is_told_clocks_and_watchdogs();
+    sizes_of_igh_are_checked();
+    what_does_not_come_is_not_waited_for();
+    a_fault_is_not_needed();
+    replies_are_waited_for();
+    requests_without_an_answer_are_made_again();
+    a_loss_between_two_looks_is_one();
+    another_device_that_goes_is_still_another();
+    an_address_that_was_never_told_is_not_asked_for();
+    errors_of_a_mailbox_have_a_status();
+    members_are_told_with_their_nodes();
+    pdos_are_told_by_the_sii();
+    each_call_may_fail(-EIO, 1, 1, 20);
+    each_call_may_fail(-EINTR, 1, 1, 0);
+    each_call_may_fail(-EINTR, 9, 7, 5);
+    each_call_may_fail(-EINTR, 200, 31, 1);
+    each_call_may_fail(-EPROTO, 3, 7, 5);
+    each_call_may_fail(-EOPNOTSUPP, 2, 7, 5);
     objects_are_reached_beside_the_cycle();
     a_bus_is_visited_without_a_plan();
     options_are_checked();

@@ -15,6 +15,17 @@ static void note(const char *what) {
     snprintf(fake.log + used, sizeof fake.log - used, "%s ", what);
 }
 
+bool fake_fails(void) {
+    fake.calls++;
+    const bool fails = fake.fails_from > 0 && fake.calls >= fake.fails_from &&
+                       fake.calls < fake.fails_from + fake.fails_for;
+    if (fails) {
+        fake.failed++;
+        errno = -fake.fails_as;
+    }
+    return fails;
+}
+
 /* -- for the tests -------------------------------------------------------------------------- */
 
 void fake_reset(unsigned devices) {
@@ -78,6 +89,9 @@ unsigned fake_line_length(void) {
 /* -- master --------------------------------------------------------------------------------- */
 
 ec_master_t *ecrt_open_master(unsigned int index) {
+    if (fake_fails()) {
+        return NULL;
+    }
     if (fake.no_master || index != 0) {
         errno = ENOENT;
         return NULL;
@@ -89,6 +103,9 @@ ec_master_t *ecrt_open_master(unsigned int index) {
 }
 
 int ecrt_master_reserve(ec_master_t *master) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     note("reserve");
     return fake.reserved_by_other ? -EBUSY : 0;
@@ -101,6 +118,9 @@ void ecrt_release_master(ec_master_t *master) {
 }
 
 int ecrt_master(ec_master_t *master, ec_master_info_t *info) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     *info = (ec_master_info_t){
         .slave_count = fake_line_length(), .link_up = !fake.link_down, .scan_busy = fake.scans > 0};
@@ -112,6 +132,9 @@ int ecrt_master(ec_master_t *master, ec_master_info_t *info) {
 }
 
 int ecrt_master_get_slave(ec_master_t *master, uint16_t position, ec_slave_info_t *info) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     fake.scans += fake.scan_in_look ? 2 : 0;
     fake.scan_in_look = false;
@@ -129,6 +152,9 @@ int ecrt_master_get_slave(ec_master_t *master, uint16_t position, ec_slave_info_
 
 int ecrt_master_get_sync_manager(ec_master_t *master, uint16_t position, uint8_t sm,
                                  ec_sync_info_t *sync) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     if (position >= FAKE_DEVICES || sm >= SMS) {
         return -EINVAL;
@@ -139,6 +165,9 @@ int ecrt_master_get_sync_manager(ec_master_t *master, uint16_t position, uint8_t
 
 int ecrt_master_get_pdo(ec_master_t *master, uint16_t position, uint8_t sm, uint16_t pdo,
                         ec_pdo_info_t *info) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     *info = (ec_pdo_info_t){.index = 0x1600, .n_entries = 2};
     return pdo == 0 && fake.device[position].sii_bits[sm] > 8 ? 0 : -EINVAL;
@@ -146,6 +175,9 @@ int ecrt_master_get_pdo(ec_master_t *master, uint16_t position, uint8_t sm, uint
 
 int ecrt_master_get_pdo_entry(ec_master_t *master, uint16_t position, uint8_t sm, uint16_t pdo,
                               uint16_t entry, ec_pdo_entry_info_t *info) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     (void)pdo;
     const unsigned bits = fake.device[position].sii_bits[sm];
@@ -164,6 +196,9 @@ static struct fake_device *mailbox_of(uint16_t position) {
 
 int ecrt_master_sdo_upload(ec_master_t *master, uint16_t position, uint16_t index, uint8_t sub,
                            uint8_t *target, size_t room, size_t *size, uint32_t *abort_code) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     struct fake_device *device = mailbox_of(position);
     if (device == NULL) {
@@ -184,6 +219,9 @@ int ecrt_master_sdo_upload(ec_master_t *master, uint16_t position, uint16_t inde
 
 int ecrt_master_sdo_download(ec_master_t *master, uint16_t position, uint16_t index, uint8_t sub,
                              const uint8_t *data, size_t size, uint32_t *abort_code) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     struct fake_device *device = mailbox_of(position);
     if (device == NULL) {
@@ -201,12 +239,18 @@ int ecrt_master_sdo_download(ec_master_t *master, uint16_t position, uint16_t in
 }
 
 int ecrt_master_set_send_interval(ec_master_t *master, size_t interval_us) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     fake.send_interval = (unsigned)interval_us;
     return 0;
 }
 
 int ecrt_master_activate(ec_master_t *master) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     note("activate");
     if (fake.activate_fails) {
@@ -224,6 +268,9 @@ int ecrt_master_deactivate(ec_master_t *master) {
 }
 
 int ecrt_master_reset(ec_master_t *master) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     for (unsigned n = 0; n < fake.device_count; n++) {
         fake.device[n].resets += fake.device[n].info.error_flag;
@@ -235,37 +282,64 @@ int ecrt_master_reset(ec_master_t *master) {
 /* -- configuration -------------------------------------------------------------------------- */
 
 ec_domain_t *ecrt_master_create_domain(ec_master_t *master) {
+    if (fake_fails()) {
+        return NULL;
+    }
     return master->domain_count < DOMAINS ? &master->domain[master->domain_count++] : NULL;
+}
+
+/** Where a configuration looks: so many places behind the device with that alias. */
+static unsigned ring_of(uint16_t alias, uint16_t position) {
+    unsigned first = 0;
+    while (alias != 0 && first < FAKE_DEVICES && fake.device[first].info.alias != alias) {
+        first++;
+    }
+    return first + position;
 }
 
 ec_slave_config_t *ecrt_master_slave_config(ec_master_t *master, uint16_t alias, uint16_t position,
                                             uint32_t vendor_id, uint32_t product_code) {
-    (void)alias;
+    if (fake_fails()) {
+        return NULL;
+    }
     ec_slave_config_t *config = &master->config[master->config_count++];
-    *config = (ec_slave_config_t){
-        .position = position, .vendor_id = vendor_id, .product_code = product_code};
+    *config = (ec_slave_config_t){.position = (uint16_t)ring_of(alias, position),
+                                  .vendor_id = vendor_id,
+                                  .product_code = product_code};
     return config;
 }
 
 int ecrt_slave_config_sync_manager(ec_slave_config_t *config, uint8_t sm, ec_direction_t direction,
                                    ec_watchdog_mode_t watchdog) {
-    (void)watchdog;
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     config->direction[sm] = direction;
+    fake.device[config->position].watchdog[sm] = (int)watchdog;
     return 0;
 }
 
 int ecrt_slave_config_pdo_assign_clear(ec_slave_config_t *config, uint8_t sm) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)config;
     (void)sm;
     return 0;
 }
 
 int ecrt_slave_config_pdo_assign_add(ec_slave_config_t *config, uint8_t sm, uint16_t pdo) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     config->pdo[config->pdo_count++] = (struct pdo){.index = pdo, .sm = sm};
     return 0;
 }
 
 int ecrt_slave_config_pdo_mapping_clear(ec_slave_config_t *config, uint16_t pdo) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)config;
     (void)pdo;
     return 0;
@@ -273,6 +347,9 @@ int ecrt_slave_config_pdo_mapping_clear(ec_slave_config_t *config, uint16_t pdo)
 
 int ecrt_slave_config_pdo_mapping_add(ec_slave_config_t *config, uint16_t pdo, uint16_t index,
                                       uint8_t sub, uint8_t bits) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)index;
     (void)sub;
     for (unsigned i = 0; i < config->pdo_count; i++) {
@@ -284,6 +361,9 @@ int ecrt_slave_config_pdo_mapping_add(ec_slave_config_t *config, uint16_t pdo, u
 int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t *config, uint8_t sm, unsigned int pdo,
                                         unsigned int entry, ec_domain_t *domain,
                                         unsigned int *bit) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)pdo;
     (void)entry;
     domain->config = config;
@@ -294,9 +374,11 @@ int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t *config, uint8_t sm, u
 
 int ecrt_slave_config_dc(ec_slave_config_t *config, uint16_t assign_activate, uint32_t sync0_cycle,
                          int32_t sync0_shift, uint32_t sync1_cycle, int32_t sync1_shift) {
-    (void)config;
-    (void)assign_activate;
-    (void)sync0_cycle;
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
+    fake.device[config->position].assign_activate = assign_activate;
+    fake.device[config->position].sync0_cycle = sync0_cycle;
     (void)sync0_shift;
     (void)sync1_cycle;
     (void)sync1_shift;
@@ -305,6 +387,9 @@ int ecrt_slave_config_dc(ec_slave_config_t *config, uint16_t assign_activate, ui
 
 int ecrt_slave_config_sdo(ec_slave_config_t *config, uint16_t index, uint8_t sub,
                           const uint8_t *data, size_t size) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)config;
     (void)index;
     (void)sub;

@@ -14,7 +14,7 @@ static bool is_interrupted(void) {
 static void serve(ec_slave_config_t *config) {
     ec_reg_request_t *request = &config->request;
     struct fake_device *device = fake_attached(config);
-    if (request->state != EC_REQUEST_BUSY || device == NULL) {
+    if (request->state != EC_REQUEST_BUSY || device == NULL || fake.deaf) {
         return;
     }
     if (request->writes && request->address == 0x0120) {
@@ -49,6 +49,9 @@ static void lead(ec_slave_config_t *config) {
 }
 
 int ecrt_master_send(ec_master_t *master) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     if (is_interrupted()) {
         return -EINTR;
     }
@@ -69,6 +72,14 @@ static void scribble(ec_domain_t *domain) {
     memset(domain->data, 0xDD, sizeof domain->data);
 }
 
+static size_t bytes_of(const ec_domain_t *domain) {
+    unsigned bits = 0;
+    for (unsigned i = 0; i < domain->config->pdo_count; i++) {
+        bits += domain->config->pdo[i].sm == domain->sm ? domain->config->pdo[i].bits : 0;
+    }
+    return (bits + 7) / 8;
+}
+
 static void answer(ec_domain_t *domain) {
     struct fake_device *device = &fake.device[domain->config->position];
     domain->datagram = RECEIVED;
@@ -79,14 +90,17 @@ static void answer(ec_domain_t *domain) {
     }
     domain->counter = 1;
     if (domain->config->direction[domain->sm] == EC_DIR_OUTPUT) {
-        memcpy(device->outputs, domain->data, ecrt_domain_size(domain));
+        memcpy(device->outputs, domain->data, bytes_of(domain));
         device->output_sets++;
     } else {
-        memcpy(domain->data, device->inputs, ecrt_domain_size(domain));
+        memcpy(domain->data, device->inputs, bytes_of(domain));
     }
 }
 
 int ecrt_master_receive(ec_master_t *master) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     if (is_interrupted()) {
         return -EINTR;
     }
@@ -103,24 +117,26 @@ int ecrt_master_receive(ec_master_t *master) {
 }
 
 uint8_t *ecrt_domain_data(const ec_domain_t *domain) {
-    return ((ec_domain_t *)(uintptr_t)domain)->data;
+    return fake_fails() ? NULL : ((ec_domain_t *)(uintptr_t)domain)->data;
 }
 
 size_t ecrt_domain_size(const ec_domain_t *domain) {
-    unsigned bits = 0;
-    for (unsigned i = 0; i < domain->config->pdo_count; i++) {
-        bits += domain->config->pdo[i].sm == domain->sm ? domain->config->pdo[i].bits : 0;
-    }
-    return (bits + 7) / 8;
+    return fake_fails() ? 0 : bytes_of(domain);
 }
 
 /** As the real one: what was received once counts until it is queued again. */
 int ecrt_domain_process(ec_domain_t *domain) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     domain->processed = domain->datagram == RECEIVED ? domain->counter : 0;
     return 0;
 }
 
 int ecrt_domain_queue(ec_domain_t *domain) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     if (is_interrupted()) {
         return -EINTR;
     }
@@ -129,24 +145,36 @@ int ecrt_domain_queue(ec_domain_t *domain) {
 }
 
 int ecrt_domain_state(const ec_domain_t *domain, ec_domain_state_t *state) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     *state = (ec_domain_state_t){.working_counter = domain->processed,
                                  .wc_state = domain->processed == 1 ? EC_WC_COMPLETE : EC_WC_ZERO};
     return 0;
 }
 
 int ecrt_master_application_time(ec_master_t *master, uint64_t time_ns) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     fake.app_time = time_ns;
     return 0;
 }
 
 int ecrt_master_sync_slave_clocks(ec_master_t *master) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     fake.clock_syncs++;
     return 0;
 }
 
 int ecrt_master_reference_clock_time(const ec_master_t *master, uint32_t *time_ns) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     (void)master;
     *time_ns = fake.reference_time;
     return fake.reference_time != 0 ? 0 : -ENXIO;
@@ -155,6 +183,9 @@ int ecrt_master_reference_clock_time(const ec_master_t *master, uint32_t *time_n
 /* -- register requests ---------------------------------------------------------------------- */
 
 ec_reg_request_t *ecrt_slave_config_create_reg_request(ec_slave_config_t *config, size_t size) {
+    if (fake_fails()) {
+        return NULL;
+    }
     return fake.no_requests || size > REGISTER_BYTES ? NULL : &config->request;
 }
 
@@ -174,9 +205,15 @@ static int start(ec_reg_request_t *request, uint16_t address, bool writes) {
 }
 
 int ecrt_reg_request_read(ec_reg_request_t *request, uint16_t address, size_t size) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     return size > REGISTER_BYTES ? -ENOBUFS : start(request, address, false);
 }
 
 int ecrt_reg_request_write(ec_reg_request_t *request, uint16_t address, size_t size) {
+    if (fake_fails()) {
+        return fake.fails_as;
+    }
     return size > REGISTER_BYTES ? -ENOBUFS : start(request, address, true);
 }

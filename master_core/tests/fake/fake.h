@@ -25,7 +25,9 @@ struct fake_device {
     uint8_t inputs[FAKE_BYTES], outputs[FAKE_BYTES];
     uint8_t al, al_code;
     bool refuses_op, refuses_preop;
-    bool mute;            /**< stays on the ring, but takes part in no process data */
+    bool mute;       /**< stays on the ring, but takes part in no process data */
+    int watchdog[4]; /**< as configured, per sync manager */
+    uint32_t assign_activate, sync0_cycle;
     unsigned resets;      /**< times a refusal was taken back */
     unsigned output_sets; /**< times outputs arrived */
 };
@@ -34,6 +36,7 @@ struct fake {
     struct fake_device device[FAKE_DEVICES];
     unsigned device_count;
     bool no_master, reserved_by_other, link_down, lose_frames, activate_fails, no_requests;
+    bool deaf;         /**< no register request is answered */
     int scans;         /**< calls of ecrt_master() that still find a scan going on */
     bool scan_in_look; /**< a scan begins with the next ecrt_master_get_slave() */
     int interrupted;   /**< cyclic calls that still end by a signal */
@@ -42,10 +45,16 @@ struct fake {
     unsigned sdo_while_scanning, downloads, clock_syncs, send_interval;
     uint64_t app_time;
     uint32_t reference_time; /**< 0: none */
-    char log[FAKE_LOG];      /**< what was called in the set-up, in order */
+    /** Calls number `fails_from` (0: none) and so many of them fail, with a negative error. */
+    unsigned calls, fails_from, fails_for, failed;
+    int fails_as;
+    char log[FAKE_LOG]; /**< what was called in the set-up, in order */
 };
 
 extern struct fake fake;
+
+/** Counts a call; whether it is to fail as the test wants. */
+bool fake_fails(void);
 
 /** As many devices as the test plans have: vendor 2, product 0x1000 + n, revision 1, in PREOP. */
 void fake_reset(unsigned devices);

@@ -43,8 +43,7 @@ static fsn_status igh_member(void *context, uint32_t position, struct fsn_bus_me
     const struct igh_node *node = node_at(bus, position);
     ec_slave_info_t slave = {0};
     *m = (struct fsn_bus_member){.subdevice = node != NULL ? node->number : FSN_NONE};
-    if (position > MOST_RING ||
-        ecrt_master_get_slave(bus->master, (uint16_t)position, &slave) != 0) {
+    if (!igh_slave(bus, (uint16_t)position, &slave)) {
         return FSN_E_BUS_MISSING;
     }
     m->vendor_id = slave.vendor_id;

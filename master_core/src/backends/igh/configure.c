@@ -90,19 +90,18 @@ static bool configure_sm(struct fsn_igh *bus, const struct igh_node *node, uint3
 
 /** Registering one entry brings the whole sync manager into the domain. */
 static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct igh_area *area) {
-    const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, area->sm);
+    const uint8_t number = fsn_record(bus->plan, FSN_SEC_SM, area->sm)[4];
     area->domain = ecrt_master_create_domain(bus->master);
     if (area->domain == NULL) {
         return false;
     }
-    for (uint32_t pdo = 0; pdo < fsn_get32(r + 16); pdo++) {
-        unsigned bit = 0;
-        if (fsn_get32(fsn_pdo_record(bus->plan, area->sm, pdo) + 8) > 0) {
-            return ecrt_slave_config_reg_pdo_entry_pos(node->config, r[4], pdo, 0, area->domain,
-                                                       &bit) == 0;
-        }
+    uint32_t pdo = 0; /* what has a place has bits, hence a PDO with entries */
+    while (fsn_get32(fsn_pdo_record(bus->plan, area->sm, pdo) + 8) == 0) {
+        pdo++;
     }
-    return false;
+    unsigned bit = 0;
+    return ecrt_slave_config_reg_pdo_entry_pos(node->config, number, pdo, 0, area->domain, &bit) ==
+           0;
 }
 
 fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node) {

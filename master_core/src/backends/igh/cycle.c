@@ -77,10 +77,7 @@ static void count_silence(struct fsn_igh *bus) {
     for (uint32_t n = 0; n < bus->node_count; n++) {
         struct igh_node *node = &bus->nodes[n];
         const uint32_t before = atomic_load_explicit(&node->silent, memory_order_relaxed);
-        atomic_store_explicit(&node->silent,
-                              node->answered         ? 0
-                              : before == UINT32_MAX ? before
-                                                     : before + 1,
+        atomic_store_explicit(&node->silent, node->answered ? 0 : before + (before != UINT32_MAX),
                               memory_order_relaxed);
         node->answered = false;
     }

@@ -27,6 +27,15 @@ static bool is_read(const ec_slave_info_t *slave) {
     return slave->vendor_id != 0 || slave->product_code != 0;
 }
 
+/* A signal that ends the call is not an empty place. */
+bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave) {
+    int result = -EINTR;
+    for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {
+        result = ecrt_master_get_slave(bus->master, ring, slave);
+    }
+    return result == 0;
+}
+
 /* IgH attaches its configurations by vendor and product code alone; the revision is ours to see. */
 bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
     char detail[FSN_DETAIL_BYTES];
@@ -53,8 +62,7 @@ bool igh_ring_of(const struct fsn_igh *bus, const struct fsn_subdevice_info *inf
     unsigned first = 0;
     while (info->alias != 0 && first < slave_count) {
         ec_slave_info_t slave = {0};
-        if (ecrt_master_get_slave(bus->master, (uint16_t)first, &slave) == 0 &&
-            slave.alias == info->alias) {
+        if (igh_slave(bus, (uint16_t)first, &slave) && slave.alias == info->alias) {
             break;
         }
         first++;
@@ -96,7 +104,7 @@ static fsn_status match(struct fsn_igh *bus, unsigned slave_count, struct fsn_fa
         ec_slave_info_t slave = {0};
         fsn_status status = FSN_OK;
         if (!igh_ring_of(bus, &node->info, slave_count, &node->ring) ||
-            ecrt_master_get_slave(bus->master, node->ring, &slave) != 0) {
+            !igh_slave(bus, node->ring, &slave)) {
             igh_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %u SubDevices answer",
                      node->info.alias, node->info.position, slave_count);
             status = FSN_E_BUS_MISSING;
@@ -131,7 +139,7 @@ static fsn_status wait_for_preop(struct fsn_igh *bus, struct igh_node *node,
                                  struct fsn_fault *fault) {
     ec_slave_info_t slave = {0};
     for (int ms = 0; ms < PREOP_MS; ms += PAUSE_MS) {
-        if (ecrt_master_get_slave(bus->master, node->ring, &slave) == 0) {
+        if (igh_slave(bus, node->ring, &slave)) {
             const unsigned state = slave.al_state & STATE_BITS;
             if (slave.error_flag != 0) {
                 break;

@@ -98,6 +98,8 @@ struct fsn_igh {
 /** Waits until the bus is scanned, takes the master, and finds every SubDevice of the plan in PREOP
  *  or higher; refuses on any difference. */
 fsn_status igh_find(struct fsn_igh *bus, struct fsn_fault *fault);
+/** What IgH knows of who stands at a ring position; false: nothing. */
+bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave);
 /** Position on the ring that the plan means by the last scan; false: nothing stands there. */
 bool igh_ring_of(const struct fsn_igh *bus, const struct fsn_subdevice_info *info,
                  unsigned slave_count, uint16_t *ring);

@@ -185,7 +185,7 @@ static bool lead(struct fsn_igh *bus, struct igh_node *node, const ec_master_inf
                  uint64_t now_ns) {
     ec_slave_info_t slave = {0};
     if (!igh_ring_of(bus, &node->info, master->slave_count, &node->ring) ||
-        ecrt_master_get_slave(bus->master, node->ring, &slave) != 0) {
+        !igh_slave(bus, node->ring, &slave)) {
         lose(bus, node);
         return true;
     }
