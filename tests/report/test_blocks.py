@@ -1,0 +1,140 @@
+"""What the blocks of a report say of a network that states little, and of a plan that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from report.made import BASE, TIMED, inputs_of
+
+from fsoe_net.plan import Plan, igh_image
+from fsoe_net.report import make_document
+from fsoe_net.report.block_copies import _copy_table
+from fsoe_net.report.document import Heading, Item, Level, Paragraph, PointKind, Table, Verdict
+from fsoe_net.report.make import _lead
+
+SPARSE = (
+    ("    required_reaction_ms: 230\n", ""),
+    ("    required: {pl: d}\n", ""),
+    (
+        "name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, source: sheet of the maker",
+        "name: ES1, time_ms: 5",
+    ),
+    ("position: 1,", "position: 1, alias: 7,"),
+    ("10, watchdog_ms: 100", "10, watchdog_ms: 100, unconfirmed: asked by mail"),
+    ('parameters: "01 00"', 'parameters: "01 00", unconfirmed: true'),
+)
+LOCAL = """\
+  - name: local stop
+    elements:
+      - {kind: logic, name: relay, time_ms: 4, pfh_per_hour: 1.0e-9, source: sheet of the maker}
+"""
+OPEN = """\
+Identity: the machine is not named; write project: in the network file
+Architecture: firmware, serial number and project CRC of logic have to be read at the device
+FSoE connections: logic-io is unconfirmed: asked by mail
+FSoE connections: logic-io2 is unconfirmed
+Timing: estop: values nobody answers for: ES1
+Timing: estop: no required reaction time is stated
+Timing: local stop: no sensor is stated; write time_ms: 0 for what takes no time
+Timing: local stop: no input is stated; write time_ms: 0 for what takes no time
+Timing: local stop: no output is stated; write time_ms: 0 for what takes no time
+Timing: local stop: no actuator is stated; write time_ms: 0 for what takes no time
+Timing: local stop: no required reaction time is stated
+Quantities: estop: no PFH_D of ES1
+Quantities: estop: no level (PL or SIL) is required
+Quantities: local stop: no level (PL or SIL) is required
+Bus evidence: no evidence of the machine: give --evidence scan.json or --interface IF
+Tests: no test protocol: nothing was tried at the machine
+Change log: not compared with the state that was accepted last
+Sign-off: not signed
+"""
+
+
+@pytest.fixture(scope="module")
+def sparse(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    text = TIMED.read_text("utf-8").replace("devices/", f"{BASE}/devices/")
+    for find, put in SPARSE:
+        assert find in text
+        text = text.replace(find, put)
+    path = tmp_path_factory.mktemp("sparse") / "sparse.yaml"
+    path.write_text(text + LOCAL, "utf-8")
+    return path
+
+
+def said(items: tuple[Item, ...]) -> str:
+    return " ".join(str(getattr(i, "word", None) or getattr(i, "text", "")) for i in items)
+
+
+def test_what_is_not_stated_is_an_open_point(sparse: Path):
+    points = make_document(inputs_of(sparse)).points
+    told = [(title, p.text) for title, p in points if p.kind is PointKind.OPEN]
+    assert "".join(f"{t}: {text}\n" for t, text in told if t != "Findings") == OPEN
+
+
+def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
+    blocks = {b.key: b.parts for b in make_document(inputs_of(sparse)).blocks}
+    rows = {p.name: p.rows for parts in blocks.values() for p in parts if isinstance(p, Table)}
+    assert [said(row[0]) for row in rows["subdevices"]] == ["0", "1 alias 7", "2"]
+    assert next(said(row[2]) for row in rows["PFH_D of estop"]) == "not stated"
+    # A function without a connection has no share for the bus.
+    assert [said(row[1]) for row in rows["PFH_D of local stop"]] == ["relay", ""]
+    told = [said(p.items) for p in blocks["quantities"] if isinstance(p, Paragraph)]
+    assert told[-1].startswith("Required: no level stated .  ")
+
+
+def test_nothing_open_is_no_list():
+    head, numbers = _lead(inputs_of(TIMED), (), ())
+    assert head == Heading("Open points and assumptions")
+    assert isinstance(numbers, Paragraph)
+
+
+def test_of_much_that_stands_against_it_some_stands_on_the_first_page():
+    against = [("Tests", Verdict(f"fault {n}", Level.ERROR)) for n in range(40)]
+    rows = [said(row) for row in _lead(inputs_of(TIMED), (), against)[1].rows]
+    shown = len(rows) - 1
+    assert rows[:2] == ["Tests:  fault 0", "Tests:  fault 1"]
+    assert rows[-1] == f"and {40 - shown} more in the blocks"
+
+
+def no_first(plan: Plan) -> Plan:
+    """Return a plan in which the first FSoE frame is not known."""
+    return replace(plan, blocks=plan.blocks[1:])
+
+
+@pytest.mark.parametrize(
+    ("change", "cut", "verdicts"),
+    [
+        (lambda p: p, 0, "no overlap one whole frame, no gap both directions"),
+        (no_first, 0, "no overlap frame not recognised both directions"),
+        (
+            lambda p: p,
+            3,
+            "straddles datagrams no overlap one whole frame, no gap both directions",
+        ),
+    ],
+    ids=["right", "unknown frame", "datagram that ends in a frame"],
+)
+def test_verdicts_on_a_copy(change: Callable[[Plan], Plan], cut: int, verdicts: str):
+    plan = inputs_of(TIMED).plan
+    assert plan is not None
+    domain = igh_image(plan)
+    (whole,) = domain.datagrams
+    if cut:
+        rest = replace(
+            whole, offset_bytes=whole.offset_bytes + cut, size_bytes=whole.size_bytes - cut
+        )
+        domain = replace(domain, datagrams=(replace(whole, size_bytes=cut), rest))
+    assert said(_copy_table(change(plan), domain).rows[0][-1]) == verdicts
+
+
+def test_a_copy_without_a_place_in_the_image():
+    plan = inputs_of(TIMED).plan
+    assert plan is not None
+    row = _copy_table(plan, replace(igh_image(plan), fmmus=())).rows[0]
+    assert [said(end) for end in row[2:4]] == [
+        "logic SM3 byte 0 (0x6000:01) no place in the image",
+        "io SM2 byte 0 (0x7000:01) no place in the image",
+    ]
