@@ -130,7 +130,7 @@ def command(
         notes.append("no copies are known, so no safety frame would be moved")
     written = _WRITERS[chosen](description, Path(output).name)
     data = {name: text.encode("utf-8") for name, text in written.files.items()}
-    if chosen.startswith("driver"):
+    if chosen.startswith("driver") and output != STDOUT:
         write_all(output, data, overwrite=overwrite)
     else:
         _write(data, output, overwrite)
@@ -169,6 +169,8 @@ def _eni_to_renew(files: tuple[str, ...], kind: InputKind | None) -> str | None:
 
 
 def _target(output: str) -> str:
+    if output == STDOUT:
+        raise click.UsageError("-o -: standard output has no extension; say the format with --to")
     name = Path(output).name.lower()
     if output.endswith(os.sep) or Path(output).is_dir() or "." not in name:
         return "driver"

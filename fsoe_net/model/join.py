@@ -108,8 +108,17 @@ def _moved(end: DescribedEnd, numbers: dict[int, int]) -> DescribedEnd:
 
 
 def _shown(sub: DescribedSubDevice) -> str:
+    return _name(sub) or "a SubDevice"
+
+
+def _type(sub: DescribedSubDevice) -> str:
+    name = _name(sub)
+    return f"a {name}" if name else "of the type it describes"
+
+
+def _name(sub: DescribedSubDevice) -> str:
     name = "" if sub.name.isdigit() and sub.order else sub.name  # a mere number says nothing
-    return name or sub.order or "a SubDevice"
+    return name or sub.order
 
 
 def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> DescribedSubDevice:
@@ -179,7 +188,7 @@ def fill_devices(bus: Description, types: Sequence[Description], notes: list[str
         filled = _filled(sub, row, path)
         subs.append(replace(filled, revision=sub.revision))
     notes += [
-        f"{path}: no SubDevice is a {_shown(row)}; it is left out"
+        f"{path}: no SubDevice is {_type(row)}; it is left out"
         for n, (row, path) in enumerate(rows)
         if n not in used
     ]

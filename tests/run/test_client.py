@@ -85,6 +85,34 @@ def test_events_come_between_replies(folder):
     assert [e["text"] for e in told] == ["ready", "two"]
 
 
+def test_a_flood_is_bounded_and_counted(folder, monkeypatch):
+    """The oldest are dropped; what is dropped is told, events and watched cycles apart."""
+    monkeypatch.setattr("fsoe_net.run.control_link._MAX_EVENTS", 3)
+    told = b"".join(
+        line({"event": kind, "cycle": n, "now_ns": n}) for n in range(5) for kind in ("x", "image")
+    )
+    with server(folder, told + line(HELLO)) as (path, _):
+        client = Client(path)
+        assert [e["cycle"] for e in client._wait_cycles(0.0)[0]] == [2, 3, 4]
+        assert [e["cycle"] for e in client.events()] == [2, 3, 4]
+        assert client.events_lost == 2
+        # Now nothing is left, and the server is gone.
+        for ask in (client.events, lambda: client._wait_cycles(5.0)):
+            with pytest.raises(EnvironmentFault, match="has closed it"):
+                ask()
+        client.close()
+
+
+def test_what_came_before_the_end_is_still_told(folder):
+    told = line({"event": "image", "cycle": 1, "now_ns": 1}) + line({"event": "state"})
+    with server(folder, line(HELLO) + told) as (path, _):
+        client = Client(path)
+        assert [e["event"] for e in client.events(5.0)] == ["state"]
+        cycles, lost = client._wait_cycles(5.0)
+        assert ([c["cycle"] for c in cycles], lost) == ([1], 0)
+        client.close()
+
+
 @pytest.mark.parametrize(
     ("answers", "message"),
     [
@@ -92,6 +120,7 @@ def test_events_come_between_replies(folder):
         ([b"what?\n"], "no JSON"),
         ([b"[]\n"], "no JSON object"),
         ([b'{"ok":'], "has closed it"),
+        ([b"x" * ((16 << 20) + (1 << 17))], "broke: a line without an end"),
         ([line({"ok": False, "text": "this user may not connect"})], "may not connect"),
     ],
 )
