@@ -26,7 +26,7 @@ from fsoe_net.report.document import (
     code,
     stated,
 )
-from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.inputs import GivenPlan, ReportInputs
 
 __all__ = ["files_table", "identity", "role"]
 
@@ -88,14 +88,11 @@ def identity(inputs: ReportInputs) -> Block:
     if inputs.references:
         parts += [Heading("Compared with"), files_table("compared with", inputs.references)]
     if inputs.given is not None:
-        parts += _given(inputs, points)
+        parts += _given(inputs.given, inputs, points)
     return Block(key="identity", title="Identity", parts=tuple(parts), points=tuple(points))
 
 
-def _given(inputs: ReportInputs, points: list[Point]) -> list[Part]:
-    given = inputs.given
-    if given is None:
-        return []
+def _given(given: GivenPlan, inputs: ReportInputs, points: list[Point]) -> list[Part]:
     same = inputs.plan is not None and given.plan == inputs.plan
     if same:
         verdict = Verdict("is the plan of these files", Level.CLEAR)

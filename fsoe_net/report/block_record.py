@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fsoe_net.diag import Severity, counted
-from fsoe_net.model import SignedBy
+from fsoe_net.model import Acceptance, SignedBy
 from fsoe_net.plan import short_code
 from fsoe_net.report.diff_types import Change
 from fsoe_net.report.document import (
@@ -225,16 +225,15 @@ def sign_off(inputs: ReportInputs) -> Block:
         f"the signatures of {record.author.name} and {record.verifier.name} stand on the report "
         "that the record names",
     )
-    return _sign_off(parts, (record.author, record.verifier), signed, *_changed_files(inputs))
+    changed = _changed_files(record, inputs)
+    return _sign_off(parts, (record.author, record.verifier), signed, *changed)
 
 
-def _changed_files(inputs: ReportInputs) -> list[Point]:
+def _changed_files(record: Acceptance, inputs: ReportInputs) -> list[Point]:
     """Say that files changed though the fingerprint did not: it does not hold everything."""
-    given, resolution = inputs.accepted, inputs.resolution
-    if given is None or resolution is None:
-        return []
-    accepted = {s.sha256 for s in given.record.inputs}
-    changed = [s.path for s in resolution.network.sources if s.sha256 not in accepted]
+    accepted = {s.sha256 for s in record.inputs}
+    sources = inputs.resolution.network.sources if inputs.resolution else ()
+    changed = [s.path for s in sources if s.sha256 not in accepted]
     if not changed:
         return []
     words = (

@@ -9,7 +9,16 @@ from typing import Any
 from fsoe_net.diag import counted
 from fsoe_net.report.document import outward
 from fsoe_net.report.html import escape
-from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Limit, Quantity, with_cycle
+from fsoe_net.timing import (
+    Budget,
+    ConnectionBudget,
+    FunctionBudget,
+    Limit,
+    Quantity,
+    Reaction,
+    with_cycle,
+)
+from fsoe_net.timing.formulas import PartTimes
 from fsoe_net.timing.handshake import broken
 
 __all__ = ["budget_document", "budget_picture", "budget_text", "reaction_pictures"]
@@ -121,9 +130,7 @@ def _function_lines(row: FunctionBudget) -> list[str]:
 
 
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    if not rows:
-        return []
-    widths = [max(len(r[n]) for r in rows) for n in range(len(rows[0]))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in rows]
 
 
@@ -267,12 +274,13 @@ def reaction_pictures(budget: Budget, row: FunctionBudget) -> list[tuple[str, st
 
 
 def _panels(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
-    if row.reaction is None or budget.cycle is None:
+    r, times = row.reaction, row.times
+    if r is None or times is None or budget.cycle is None:
         return []
     found = [("over the bus cycle, ms", _over_cycle(row, budget.drift), budget.cycle)]
-    watchdog = max(row.reaction.watchdog_in or 0.0, row.reaction.watchdog_out or 0.0)
+    watchdog = max(r.watchdog_in or 0.0, r.watchdog_out or 0.0)
     if watchdog:
-        found.append(("over both watchdogs, ms", _over_watchdog(row, watchdog), watchdog))
+        found.append(("over both watchdogs, ms", _over_watchdog(row, r, times, watchdog), watchdog))
     name = row.function.name
     return [
         (f"Reaction times of {name} {over}", _panel(f"{name}: {over}", curves, here=here))
@@ -309,10 +317,7 @@ def _over_cycle(row: FunctionBudget, drift: float) -> list[_Curve]:
     return curves + _required(row, _CYCLES)
 
 
-def _over_watchdog(row: FunctionBudget, now: float) -> list[_Curve]:
-    r = row.reaction
-    if r is None:
-        return []
+def _over_watchdog(row: FunctionBudget, r: Reaction, times: PartTimes, now: float) -> list[_Curve]:
     spots = [now * n / 10 for n in range(1, 21)]
     sides = [(r.worst_input, r.watchdog_in), (r.worst_output, r.watchdog_out)]
     rests = [worst - dog for worst, dog in sides if worst is not None and dog is not None]
@@ -324,18 +329,15 @@ def _over_watchdog(row: FunctionBudget, now: float) -> list[_Curve]:
             tuple((w, max(r.error_free, *(rest + w for rest in rests))) for w in spots),
         ),
         _Curve("Beckhoff, two watchdogs", tuple((w, actuator + len(rests) * w) for w in spots)),
-        _Curve("FSoE handshake, one failure", tuple((w, _counted(row, w)) for w in spots)),
+        _Curve("FSoE handshake, one failure", tuple((w, _counted(r, times, w)) for w in spots)),
     ]
     return curves + _required(row, spots)
 
 
-def _counted(row: FunctionBudget, watchdog: float) -> float:
+def _counted(r: Reaction, times: PartTimes, watchdog: float) -> float:
     """Return the longest response with one failure, handshake counted, at another watchdog."""
-    if row.times is None or row.reaction is None:
-        return 0.0
-    ends = (row.reaction.watchdog_in, row.reaction.watchdog_out)
-    one, two = (None if dog is None else watchdog for dog in ends)
-    return broken(row.times, one, two)
+    one, two = (None if dog is None else watchdog for dog in (r.watchdog_in, r.watchdog_out))
+    return broken(times, one, two)
 
 
 def _required(row: FunctionBudget, spots: Sequence[float]) -> list[_Curve]:

@@ -38,6 +38,7 @@ __all__ = ["CampaignResult", "campaign_links", "run_campaign", "save_failures"]
 _CHUNK = 8192  # the same whatever the number of processes, so that sums are the same too
 _FEW = 4096  # trials which are not worth starting processes for
 _SHOWN_EVERY_S = 0.25  # progress within a piece of work
+_STOP_S = 2.0  # for a process to end when it is asked to
 
 Progress = Callable[[int, int, str], None]
 
@@ -310,6 +311,8 @@ def _stop(pool: ProcessPoolExecutor) -> None:
     for process in processes:
         process.terminate()
     for process in processes:
+        process.join(_STOP_S)
+        process.kill()  # a device may have taken SIGTERM for itself
         process.join()
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import multiprocessing
 import os
+import signal
 import sys
 
 from fsoe.devices import strange_sub
@@ -46,6 +48,15 @@ returns_nothing = _stepping("returns_nothing", lambda _: b"")
 returns_long = _stepping("returns_long", lambda _: bytes(5000))
 returns_short = _stepping("returns_short", lambda frame: frame and frame[:-1])
 returns_odd = _stepping("returns_odd", lambda _: _Odd())
+
+
+class deaf(strange_sub):  # noqa: N801 - named like a factory
+    """A device that takes SIGTERM for itself, in the processes of a campaign alone."""
+
+    def __init__(self, config):
+        super().__init__(config)
+        if multiprocessing.parent_process() is not None:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 class takes_nothing(strange_sub):  # noqa: N801 - named like a factory

@@ -102,6 +102,20 @@ def test_interruption_leaves_no_process(monkeypatch):
     assert none_left()
 
 
+def test_a_process_that_does_not_listen_is_killed(monkeypatch):
+    monkeypatch.setattr(campaign_module, "_CHUNK", 20_000)
+    monkeypatch.setattr(campaign_module, "_SHOWN_EVERY_S", 0.01)
+    monkeypatch.setattr(campaign_module, "_STOP_S", 0.01)
+
+    def stop(_done, _total, _name):
+        raise KeyboardInterrupt
+
+    config = _config(sub_factory=device_factory("fsoe.broken_devices:deaf"))
+    assert run_campaign(config, ("loss",), 100_000, jobs=2, on_progress=stop).interrupted
+    gc.collect()
+    assert none_left()
+
+
 def test_devices_that_raise_are_named_also_from_another_process():
     config = _config(sub_factory=device_factory("fsoe.devices:raising_sub"))
     with pytest.raises(EnvironmentFault, match="cucumber"):
