@@ -137,25 +137,26 @@ def command(
     checked = check_files(files, loading, compared=True)
     evidence = tuple(read_evidence(path) for path in evidence_files)
     asked = None if address is None else ask_live(address)
-    found = _findings(checked, evidence, asked)
-    resolution = checked.resolution
+    resolution = _network(checked)
+    budget = _budget(resolution, evidence, asked)
+    found = _findings(checked, resolution, evidence, budget)
     errors = any(d.level is Severity.ERROR for d in found)
     plan = _plan(resolution, errors=errors)
     result = None
-    if scenario_file is not None and resolution is not None and plan is not None and not errors:
+    if scenario_file is not None and plan is not None and not errors:
         result = _run(resolution, scenario_file)
     fingerprint = None if plan is None or errors else fingerprint_of(plan)
-    before = None if record is None or resolution is None else since(record, resolution, plan)
+    before = None if record is None else since(record, resolution, plan)
     if against is not None:
         before = _against(against, resolution, plan, loading)
     inputs = ReportInputs(
-        name=Path(files[0]).stem if resolution is None else resolution.network.name,
+        name=resolution.network.name,
         version=__version__,
         diagnostics=found,
         resolution=resolution,
         plan=plan,
         fingerprint=fingerprint,
-        budget=_budget(resolution, evidence, asked),
+        budget=budget,
         references=checked.references,
         run=result,
         scenario=scenario_file or "",
@@ -187,40 +188,40 @@ def _rendered(document: Document, form: str) -> bytes:
     return FORMATS[form](document).encode("utf-8")
 
 
-def _findings(
-    checked: Checked, evidence: Sequence[Evidence], live: LiveEvidence | None
-) -> list[Diagnostic]:
-    """Return what the files show, and what scans and measured times show beside them.
+def _network(checked: Checked) -> Resolution:
+    """Return the network, also one with errors.
 
     Raises:
-        InputError: There is no network to report on.
+        InputError: There is none to report on.
     """
-    found = list(checked.diagnostics)
     resolution = checked.resolution
-    if resolution is None or not any(d.level is Severity.ERROR for d in found):
-        resolution = whole_network(checked, "no report written")
+    if resolution is None or not any(d.level is Severity.ERROR for d in checked.diagnostics):
+        return whole_network(checked, "no report written")
+    return resolution
+
+
+def _findings(
+    checked: Checked, resolution: Resolution, evidence: Sequence[Evidence], budget: Budget
+) -> list[Diagnostic]:
+    """Return what the files show, and what scans and measured times show beside them."""
+    found = list(checked.diagnostics)
     for e in evidence:
         if e.scan is not None:
             found += check_scan(resolution, e.scan)
-    budget = _budget(resolution, evidence, live)
-    if budget is not None and budget.functions:
+    if budget.functions:
         found += check_timing(resolution.network, budget, found=found)
     return sort_diagnostics(found)
 
 
 def _budget(
-    resolution: Resolution | None, evidence: Sequence[Evidence], live: LiveEvidence | None
-) -> Budget | None:
-    if resolution is None:
-        return None
+    resolution: Resolution, evidence: Sequence[Evidence], live: LiveEvidence | None
+) -> Budget:
     measured = longest_round_trips(tuple(evidence), live)
     return make_budget(resolution, library_of(resolution.network), measured=measured)
 
 
-def _plan(resolution: Resolution | None, *, errors: bool) -> Plan | None:
+def _plan(resolution: Resolution, *, errors: bool) -> Plan | None:
     """Return the plan; with errors only when one can be made all the same, to show its copies."""
-    if resolution is None:
-        return None
     if not errors:
         return compile_plan(resolution)
     try:
@@ -251,9 +252,9 @@ def _given(path: str) -> GivenPlan:
 
 
 def read_protocol(
-    path: str, resolution: Resolution | None, plan: Plan | None
+    path: str, resolution: Resolution, plan: Plan | None
 ) -> tuple[SourceFile, Protocol, list[Diagnostic]]:
-    """Read a test protocol, and hold it against the network where there is one.
+    """Read a test protocol, and hold it against the network where it has a plan.
 
     Returns:
         Its file, the protocol, and what keeps its results from being taken.
@@ -267,7 +268,7 @@ def read_protocol(
     if protocol is None:
         found = summary(out.diagnostics)
         raise InputError(f"{path} cannot be taken as a test protocol: {found}", out.diagnostics)
-    if resolution is not None and plan is not None:
+    if plan is not None:
         from fsoe_net.run import compare_protocol, make_protocol
 
         whole = fingerprint_of(plan).whole
@@ -276,7 +277,7 @@ def read_protocol(
     return source, protocol, out.diagnostics
 
 
-def _tried(path: str, resolution: Resolution | None, plan: Plan | None) -> Tried:
+def _tried(path: str, resolution: Resolution, plan: Plan | None) -> Tried:
     source, protocol, found = read_protocol(path, resolution, plan)
     print_diagnostics(found, err=True)
     notes = tuple(f"{d.span.line}: {d.message}" for d in found)
@@ -295,11 +296,7 @@ def since(found: Record, resolution: Resolution, now: Plan | None) -> Against:
     return _compared(found.source, before, resolution, found.plan, now)
 
 
-def _against(
-    path: str, resolution: Resolution | None, now: Plan | None, options: LoadOptions
-) -> Against | None:
-    if resolution is None:
-        return None
+def _against(path: str, resolution: Resolution, now: Plan | None, options: LoadOptions) -> Against:
     source, data = _source(path)
     before, found = read_side(path, options)
     if before is None:
