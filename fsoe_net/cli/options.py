@@ -48,8 +48,6 @@ class Time(click.ParamType[int]):
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> int:
         """Return nanoseconds; fails with the forms that are taken."""
-        if isinstance(value, int):
-            return value
         text = str(value)
         found = time_ns(text, bare_ns=self._bare_ns)
         if found is None:

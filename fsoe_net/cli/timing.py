@@ -39,8 +39,6 @@ class _Share(click.ParamType[float]):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        if isinstance(value, float):
-            return value
         match = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(%?)", str(value))
         share = float(match[1]) / (100 if match[2] else 1) if match else -1.0
         if not 0 <= share <= 0.1:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scans import scan_of, subdevice
 
+from fsoe_net.cli.scan_output import scan_table
 from fsoe_net.cli.write import write_all
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
@@ -191,3 +193,94 @@ def test_any_name_and_any_lengths_read_back(devices: list[tuple[str, list[int]]]
 )
 def test_compact_json_is_json(value: object):
     assert json.loads(compact_json(value)) == value
+
+
+ONE_BYTE = [{"index": 0x1600, "entries": [{"index": 0x7000, "subindex": 1, "bits": 8}]}]
+OUTPUTS = {"sm": 2, "kind": "outputs", "start": 0x1000, "bytes": 1, "source": "coe"}
+NOTHING = {"sm": 3, "kind": "inputs", "start": 0x1100, "bytes": 0, "source": "coe", "pdos": []}
+NETWORK = """\
+subdevices:
+  - {name: a_1, position: 0, revision: 0x00000001, config: "devices/a.yaml"}
+  - {name: a_2, position: 1, revision: 0x00000001, config: "devices/a.yaml"}
+  - {name: a_2_, position: 2, revision: 0x00000001, config: "devices/b.yaml"}
+  # position 3: no name, vendor 0x00000000, product 0x00000000: not read
+  # position 4: no name, an identity that could not be read: its identity was not read
+"""
+DEVICE = """\
+# A, as it was found on the bus by `fsoe-net scan`. Types
+# are not told by a bus: whole bytes are unsigned here, other lengths bits.
+vendor_id: 0x00000002
+product_id: 0x00000003
+
+rpdo:
+  - index: 0x1600
+    channels:
+      - {index: 0x7000, sub_index: 1, type: uint8}
+
+sm:
+  - {index: 2, type: output, pdo: rpdo, watchdog: enable}
+  - {index: 3, type: input, watchdog: disable}
+"""
+TABLE = """\
+pos  name     vendor      product     revision    state               out/in     FSoE  links
+0    A        0x00000002  0x00000003  0x00000001  PREOP               SM2 1 / 0  -     xx
+1    A        0x00000002  0x00000003  0x00000001  PREOP               SM2 1 / 0  -     xx
+2    a_2 (B)  0x00000002  0x00000004  0x00000001  PREOP               SM2 1 / 0  -     xx
+3             0x00000000  0x00000000  0x00000001  PREOP error 0x001e  -          -     xx
+4             -           0x00000000  0x00000001  PREOP               SM2 1 / 0  -     xx
+     problem: SII: not read
+eth1: 5 SubDevices, brought to PREOP"""
+
+
+def test_a_bus_of_which_little_is_known():
+    """Names that meet, an identity and sync managers that could not be read."""
+    sms = [OUTPUTS | {"pdos": ONE_BYTE}]
+    known = {"vendor_id": 2, "product_code": 3, "dc": False, "sms": [*sms, NOTHING]}
+    rows = [
+        subdevice(0, name="A", **known),
+        subdevice(1, name="A", **known),
+        subdevice(2, name="B", planned="a_2", vendor_id=2, product_code=4, sms=sms),
+        subdevice(3, al_status=0x12, al_code=0x1E),
+        subdevice(4, sms=sms, problems=["SII: not read"]),
+    ]
+    del rows[3]["sms"], rows[4]["vendor_id"]
+    found = taken(scan_of(example("estop")) | {"subdevices": rows})
+    files = scan_files(found)
+    assert scan_table(found.scan) == TABLE
+    assert NETWORK in files.texts["network.yaml"]
+    assert files.texts["devices/a.yaml"] == DEVICE
+    assert files.left_out == (
+        "position 3: no name, vendor 0x00000000, product 0x00000000: its sync managers were not "
+        "read",
+        "position 4: no name, an identity that could not be read: its identity was not read",
+    )
+
+
+def test_no_net_is_proposed_without_an_address():
+    document = scan_of(example("estop"))
+    (logic,) = [s for s in document["subdevices"] if s["fsoe"] and s["fsoe"]["connections"]]
+    del logic["fsoe"]["connections"][0]["address"]
+    assert scan_files(taken(document)).texts["network.yaml"].endswith("\nnets: []\n")
+
+
+@pytest.mark.parametrize(
+    ("what", "instead", "why"),
+    [
+        (
+            "load_network",
+            lambda _: SimpleNamespace(network=None),
+            "the network of this scan cannot be read again; nothing was written",
+        ),
+        (
+            "check_scan",
+            lambda *_: [SimpleNamespace(code="FSN480", message="io is gone")],
+            "the files of this scan do not say what is on the bus: io is gone; nothing was written",
+        ),
+    ],
+)
+def test_files_that_do_not_read_back_are_not_written(monkeypatch, what, instead, why):
+    monkeypatch.setattr(f"fsoe_net.run.scan_files.{what}", instead)
+    monkeypatch.setattr("fsoe_net.run.scan_files._COMPARED", {"FSN480"})
+    with pytest.raises(InputError) as refused:
+        scan_files(taken(scan_of(example("estop"))))
+    assert str(refused.value) == why
