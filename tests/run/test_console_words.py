@@ -1,0 +1,193 @@
+"""Words of the console and its scripts: what is said to each that is odd, whole texts."""
+
+from __future__ import annotations
+
+import pytest
+from run.fake_master import STATUS, fake_master
+from run.test_console import Rig
+
+from fsoe_net.errors import ConsoleError, ControlRefused
+from fsoe_net.run.console import complete
+from fsoe_net.run.console.conditions import _holds
+from fsoe_net.run.console.names import batches, shown, value_of
+from fsoe_net.run.console.script import ScriptError, expand, parse
+
+
+@pytest.fixture
+def master():
+    with fake_master() as found:
+        yield found
+
+
+@pytest.fixture
+def rig(master):
+    found = Rig(master.path)
+    yield found
+    found.keeper.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("true", True), ("false", False), ("0x0c", 12), ("-3", -3), ("1.5", 1.5)],
+)
+def test_values_of_a_condition(text, value):
+    assert value_of(text) is value or value_of(text) == value
+    assert type(value_of(text)) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "no number"), (True, "true"), (False, "false"), (1.5, "1.5"), (7, "7")],
+)
+def test_values_for_people(value, text):
+    assert shown(value) == text
+
+
+def test_what_is_no_number_holds_nothing():
+    assert not _holds(None, None, "!=", 1)
+    assert not _holds(1.5, 3, "!=", 1)
+    assert _holds(7, 3, "==", 3)
+    assert list(batches([])) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "words"),
+    [
+        ("echo $$ $1", ["a b"], ["echo", "$", "a", "b"]),
+        ('echo "$*" $*', ["a", "b"], ["echo", "a b", "a", "b"]),
+    ],
+)
+def test_what_a_command_becomes(text, arguments, words):
+    (command,) = parse(text)
+    assert [w.text for w in expand(command, arguments, {}, inside=True)] == words
+
+
+@pytest.mark.parametrize(
+    ("text", "argument", "place", "message"),
+    [
+        ("echo a$1", "\x07", (1, 6), "a control character"),
+        (" $1", "", (1, 2), "nothing is left of this command"),
+    ],
+)
+def test_what_a_command_cannot_become(text, argument, place, message):
+    (command,) = parse(text)
+    with pytest.raises(ScriptError) as caught:
+        expand(command, [argument], {}, inside=True)
+    assert (caught.value.line, caught.value.column) == place
+    assert message in str(caught.value)
+
+
+SDO = "usage: sdo read SUBDEVICE INDEX[:SUB] [TYPE] | write SUBDEVICE INDEX[:SUB] TYPE VALUE"
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("run", "usage: run SCRIPT [ARGUMENT…]"),
+        ("lease", "usage: lease MS"),
+        ("lease 1 2", "usage: lease MS"),
+        ("sdo write drive_1 0x1c12:0 uint8", SDO),
+        ("sdo read drive_1", SDO),
+    ],
+)
+def test_how_it_is_written(rig, line, message):
+    with pytest.raises(ConsoleError) as caught:
+        rig.do(line)
+    assert str(caught.value) == message
+
+
+def test_a_script_that_is_too_long(rig, tmp_path):
+    path = tmp_path / "s.fsn"
+    path.write_bytes(b"#" * ((4 << 20) + 1))
+    with pytest.raises(ConsoleError) as caught:
+        rig.do(f"run {path}")
+    assert str(caught.value).endswith(f"{path} is no script: more than 4 MiB")
+
+
+def test_a_bus_that_does_not_come_up(master, rig, monkeypatch):
+    def fails(words):
+        if words[0] == "start":
+            master.state = "failed"
+            master.tell(event="state", state="failed")
+
+    monkeypatch.setattr(master, "_after", fails)
+    monkeypatch.setitem(STATUS, "fault", "drive_1 is gone")
+    master.state = "stopped"
+    with pytest.raises(ConsoleError) as caught:
+        rig.do("start")
+    assert str(caught.value).endswith("start: fsn-master is failed: drive_1 is gone")
+    assert rig.do("state") == ["failed", "drive_1 is gone"]
+
+
+def test_a_bus_that_comes_up_already_is_only_waited_for(master, rig):
+    master.state = "starting"
+    with pytest.raises(ConsoleError) as caught:
+        rig.do("start for 0s")
+    assert str(caught.value).endswith("start: fsn-master is starting")
+    assert "start" not in master.asked
+
+
+def test_the_state_names_who_is_not_in_op(master, rig, monkeypatch):
+    device = master._device
+
+    def lacking(name, position):
+        al = "OP" if name == "drive_1" else "PREOP"
+        return device(name, position) | {"al": al, "found_text": "the planned one", "detail": "why"}
+
+    monkeypatch.setattr(master, "_device", lacking)
+    assert rig.do("state")[1:] == ["drive_2  PREOP  alias 0 position 1  the planned one; why"]
+
+
+def test_an_output_that_a_copy_writes(master, rig):
+    master.symbols[0]["open"] = False
+    (row,) = [line for line in rig.do("list") if line.startswith("logic.ack")]
+    assert row.split() == ["logic.ack", "bool", "0", "copy", "or", "FSoE", "restart", "relevant"]
+
+
+def test_values_that_are_refused(master, rig):
+    master.refuse["get"] = {"error": "FSN_E_STATE", "text": "the bus does not run"}
+    assert rig.do("list logic.ack")[1].split() == [
+        "logic.ack", "bool", "-", "free", "restart", "relevant",
+    ]  # fmt: skip
+    with pytest.raises(ControlRefused, match="get: the bus does not run"):
+        rig.do("get logic.ack")
+    with pytest.raises(ConsoleError, match=r"expected .*; get: the bus does not run"):
+        rig.do("expect logic.ack == 1")
+    master.refuse["get"] = {"error": "FSN_E_NAME", "text": "no such name"}
+    with pytest.raises(ControlRefused, match="get: no such name"):
+        rig.do("expect logic.ack == 1")
+
+
+@pytest.mark.parametrize(
+    ("before", "word", "found"),
+    [
+        ("expect ", "", "connection"),
+        ("expect logic.ack ", "", "!= & == for"),
+        ("wait until ", "st", "state"),
+        ("expect connection ", "", "all"),
+    ],
+)
+def test_what_a_condition_may_go_on_with(rig, before, word, found):
+    names = rig.console.names()
+    told = complete(before, word, names, commands=[], macros={})
+    assert set(found.split()) <= set(told)
+    assert len(told) == len(found.split()) or before == "expect "
+
+
+def test_loud_events_are_noted_at_the_prompt(master, rig, monkeypatch):
+    monkeypatch.setattr(rig.console, "_notes_level", "warning")
+    rig.do("events on")
+    for level, kind in (("info", "x"), ("warning", "edge"), ("warning", "x")):
+        master.tell(event=kind, level=level, text=f"{level} of {kind}")
+    while not rig.notes:
+        rig.do("wait 1ms")
+    assert rig.notes == ["U warning warning of x"]
+
+
+def test_events_are_told_for_a_time(master, rig):
+    rig.do("events on")
+    master.tell(event="x", text="told")
+    found = rig.do("events for 1ms")
+    while not found:
+        found = rig.do("events for 150ms")
+    assert found == ["U info told"]
