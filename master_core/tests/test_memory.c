@@ -67,6 +67,22 @@ static fsn_status segment(void) {
     return status;
 }
 
+/** An object that finds no room leaves the others as they are, and may be set again. */
+static fsn_status object(void) {
+    static const uint8_t bytes[1024];
+    const long after = heap.fails_in;
+    struct fsn_segment *made = NULL;
+    heap.fails_in = 0;
+    CHECK(fsn_segment_create(on.plan, &made) == FSN_OK);
+    heap.fails_in = after;
+    const fsn_status status = fsn_segment_set_object(made, 0, 0x2000, 1, bytes, sizeof bytes);
+    heap.fails_in = 0;
+    CHECK(fsn_segment_set_object(made, 0, 0x2001, 1, bytes, sizeof bytes) == FSN_OK);
+    CHECK(fsn_segment_set_object(made, 0, 0x2000, 1, bytes, sizeof bytes) == FSN_OK);
+    fsn_segment_free(made);
+    return status == FSN_E_ARG ? FSN_E_NOMEM : status;
+}
+
 static fsn_status outputs(void) {
     struct fsn_outputs *made = fsn_outputs_create(on.plan);
     fsn_outputs_free(made);
@@ -97,10 +113,10 @@ static void each_allocation_may_fail(void) {
         fsn_status (*call)(void);
         long least; /**< allocations that it makes at least */
     } table[] = {
-        {"load", load, 2},       {"fingerprint", fingerprint, 3}, {"emulated", emulated, 9},
-        {"core", core, 15},      {"recorder", recorder, 1},       {"frames", frames, 9},
-        {"segment", segment, 3}, {"outputs", outputs, 1},         {"control", control, 5},
-        {"attach", attach, 3},
+        {"load", load, 2},        {"fingerprint", fingerprint, 3}, {"emulated", emulated, 9},
+        {"core", core, 15},       {"recorder", recorder, 1},       {"frames", frames, 9},
+        {"segment", segment, 15}, {"object", object, 2},           {"outputs", outputs, 1},
+        {"control", control, 5},  {"attach", attach, 3},
     };
     for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
         long failed = 0;

@@ -39,6 +39,163 @@ static void hostile_frames_get_no_answer(void) {
     tear_down(&rig);
 }
 
+/** A good frame of one datagram in which one thing is changed. */
+static void frames_are_checked(void) {
+    static const struct {
+        unsigned at;
+        uint8_t value;
+        size_t len;
+        bool answered;
+    } rows[] = {
+        {0, 0xFF, 30, true},                            /* nothing changed */
+        {0, 0xFF, 60, true},                            /* padding behind it */
+        {12, 0x89, 30, false},                          /* another protocol */
+        {13, 0xA5, 30, false},   {15, 0x40, 30, false}, /* EtherCAT, but no datagrams */
+        {0, 0xFF, 15, false},                           /* no whole header */
+        {14, 15, 30, false},                            /* a byte more than there is */
+        {14, 13, 30, false},     /* the datagram has a byte more than its frame */
+        {14, 11, 30, false},     /* less than the head of a datagram */
+        {14, 0, 30, false},      /* none at all */
+        {22, 3, 30, false},      /* more data than the frame has */
+        {23, 0x80, 30, false},   /* another one follows, which is missing */
+        {23, 0x07, 2000, false}, /* more data than a datagram may have */
+    };
+    struct rig rig = set_up();
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct fsn_segment_counts before, after;
+        uint8_t frame[2000] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 1, 1, 1, 1, 1, 1, 0x88, 0xA4};
+        frame[14] = 14;
+        frame[15] = 0x10;
+        frame[16] = BRD;
+        frame[22] = 2;
+        if (rows[i].len > 100) {
+            frame[14] = (uint8_t)(rows[i].len - 16);
+            frame[15] = (uint8_t)(0x10 | (rows[i].len - 16) >> 8);
+        }
+        frame[rows[i].at] = rows[i].value;
+        fsn_segment_counts(rig.segment, &before);
+        const size_t len = fsn_segment_frame(rig.segment, frame, rows[i].len, 1);
+        fsn_segment_counts(rig.segment, &after);
+        if ((len == rows[i].len) != rows[i].answered ||
+            after.foreign - before.foreign != !rows[i].answered ||
+            after.frames - before.frames != rows[i].answered) {
+            fprintf(stderr, "row %zu: %zu\n", i, len);
+            exit(1);
+        }
+    }
+    tear_down(&rig);
+}
+
+/** A plan may place a SubDevice where the emulation has no room, and none is there then. */
+static void what_is_not_there_is_told(void) {
+    struct rig rig = {.bytes = NULL};
+    size_t len;
+    uint8_t byte = 0;
+    CHECK(fsn_segment_create(NULL, &rig.segment) == FSN_E_ARG);
+    rig.bytes = build_estop(&len);
+    CHECK(fsn_plan_load(rig.bytes, len, &rig.plan, NULL) == FSN_OK);
+    CHECK(fsn_segment_create(rig.plan, NULL) == FSN_E_ARG);
+    free(rig.bytes);
+    rig.bytes = build_estop(&len);
+    fsn_plan_free(rig.plan);
+    /* The first table is that of the SubDevices, 48 bytes each; bytes 6 and 7 are the position. */
+    uint8_t *second = rig.bytes + (rig.bytes[36] | rig.bytes[37] << 8) + 48;
+    CHECK(second[6] == 1 && second[7] == 0);
+    second[7] = 0x10; /* 4097 */
+    build_fix_crc(rig.bytes, len);
+    CHECK(fsn_plan_load(rig.bytes, len, &rig.plan, NULL) == FSN_OK);
+    CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+    CHECK(fsn_segment_size(rig.segment) == 1);
+    CHECK(fsn_segment_position(rig.segment, 0) == 0);
+    CHECK(fsn_segment_position(rig.segment, 1) == FSN_NONE);
+    CHECK(fsn_segment_position(rig.segment, 2) == FSN_NONE);
+    CHECK(fsn_segment_write_inputs(rig.segment, 3, &byte, 1) == FSN_E_ARG);
+    CHECK(fsn_segment_write_inputs(rig.segment, 4, &byte, 1) == FSN_E_ARG);
+    CHECK(al(&rig, 0) == 1 && al(&rig, 1) == 0);
+    fsn_segment_set_present(rig.segment, 0, false);
+    CHECK(al(&rig, 0) == 0);
+    fsn_segment_set_present(rig.segment, 7, false);
+    fsn_segment_power_cycle(rig.segment, 7);
+    CHECK(fsn_segment_swap(rig.segment, 0, 1) == FSN_E_ARG);
+    CHECK(fsn_segment_swap(rig.segment, 1, 0) == FSN_E_ARG);
+    CHECK(fsn_segment_swap(rig.segment, 0, 0) == FSN_E_ARG);
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 0, NULL, 1) == FSN_E_ARG);
+    static const uint8_t large[1025];
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 0, large, 1025) == FSN_E_ARG);
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 0, large, 1024) == FSN_OK);
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 0, large, 1023) == FSN_E_ARG);
+    CHECK(fsn_segment_set_object(rig.segment, 1, 0x2000, 0, large, 4) == FSN_E_ARG);
+    tear_down(&rig);
+}
+
+/** A set of inputs is taken as a whole when its first byte is read, and only then; what reaches
+ *  beyond the memory is left out. */
+static void inputs_are_taken_with_their_first_byte(void) {
+    static const uint8_t inputs[2][8] = {{1, 2, 3, 4, 5, 6, 7, 8}, {9, 9, 9, 9, 9, 9, 9, 9}};
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_preop(&rig, 1001);
+    set_sm(&rig, 1001, 3, 0x1140, 8, 0x20);
+    CHECK(fsn_segment_write_inputs(rig.segment, 1, inputs[0], 8) == FSN_OK);
+    CHECK(datagram(&rig, FPRD, 1001, 0x1144, NULL, 4) == 1 && rig.data[0] == 0);
+    CHECK(datagram(&rig, FPRD, 1001, 0x1140, NULL, 4) == 1);
+    CHECK(memcmp(rig.data, inputs[0], 4) == 0);
+    CHECK(fsn_segment_write_inputs(rig.segment, 1, inputs[1], 8) == FSN_OK);
+    CHECK(datagram(&rig, FPRD, 1001, 0x1144, NULL, 4) == 1);
+    CHECK(memcmp(rig.data, inputs[0] + 4, 4) == 0);
+    CHECK(datagram(&rig, FPRD, 1001, 0x113F, NULL, 8) == 1);
+    CHECK(rig.data[0] == 0 && memcmp(rig.data + 1, inputs[1], 7) == 0);
+    set_sm(&rig, 1001, 3, 0x2FFC, 8, 0x20);
+    CHECK(fsn_segment_write_inputs(rig.segment, 1, inputs[0], 8) == FSN_OK);
+    CHECK(datagram(&rig, FPRD, 1001, 0x2FFC, NULL, 4) == 1 && rig.data[0] == 0);
+    /* A shorter sync manager takes as much of it as it holds. */
+    set_sm(&rig, 1001, 3, 0x1200, 3, 0x20);
+    CHECK(fsn_segment_write_inputs(rig.segment, 1, inputs[0], 8) == FSN_OK);
+    CHECK(datagram(&rig, FPRD, 1001, 0x1200, NULL, 4) == 1);
+    CHECK(memcmp(rig.data, "\1\2\3\0", 4) == 0);
+    tear_down(&rig);
+}
+
+/** Outputs count from SAFEOP on, and where they are in the memory. */
+static void outputs_are_given_from_safeop_on(void) {
+    uint8_t outputs[9];
+    bool fresh = true;
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_preop(&rig, 1001);
+    set_sm(&rig, 1001, 2, 0x1100, 9, 0x64);
+    set_sm(&rig, 1001, 3, 0x1140, 8, 0x20);
+    CHECK(datagram(&rig, FPWR, 1001, 0x1100, "123456789", 9) == 1);
+    CHECK(fsn_segment_read_outputs(rig.segment, 0, outputs, 9, &fresh) == FSN_OK && !fresh);
+    CHECK(write16(&rig, FPWR, 1001, 0x0120, 4) == 1 && al(&rig, 0) == 4);
+    CHECK(datagram(&rig, FPWR, 1001, 0x1100, "123456789", 9) == 1);
+    CHECK(fsn_segment_read_outputs(rig.segment, 0, outputs, 9, &fresh) == FSN_OK && fresh);
+    CHECK(memcmp(outputs, "123456789", 9) == 0);
+    set_sm(&rig, 1001, 2, 0x2FFC, 9, 0x64);
+    CHECK(datagram(&rig, FPWR, 1001, 0x2FFC, "abcdefghi", 9) == 1);
+    CHECK(fsn_segment_read_outputs(rig.segment, 0, outputs, 9, &fresh) == FSN_OK && fresh);
+    CHECK(memcmp(outputs, "123456789", 9) == 0);
+    tear_down(&rig);
+}
+
+/** All of an object at once, and more of it than a transfer holds. */
+static void whole_objects_have_a_limit(void) {
+    static const uint8_t request[8] = {0x50, 0x00, 0x20, 0};
+    static const uint8_t part[1024] = {7};
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_preop(&rig, 1001);
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 0, "\3", 1) == FSN_OK);
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 1, part, 1022) == FSN_OK);
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 2, part, 1024) == FSN_OK);
+    CHECK(sdo(&rig, request, 8) == 122 && rig.data[8] == 0x51 && rig.data[12] == 0 &&
+          rig.data[13] == 8); /* 2048 bytes */
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x2000, 3, part, 1) == FSN_OK);
+    CHECK(sdo(&rig, request, 8) == 10 && rig.data[8] == 0x80);
+    CHECK(memcmp(rig.data + 12, "\5\0\4\5", 4) == 0);
+    tear_down(&rig);
+}
+
 static void states_in_order_only(void) {
     struct rig rig = set_up();
     set_stations(&rig);
@@ -275,6 +432,11 @@ static void no_real_interface_is_taken(void) {
 int main(void) {
     working_counters();
     hostile_frames_get_no_answer();
+    frames_are_checked();
+    what_is_not_there_is_told();
+    inputs_are_taken_with_their_first_byte();
+    outputs_are_given_from_safeop_on();
+    whole_objects_have_a_limit();
     states_in_order_only();
     process_data_goes_both_ways();
     wrong_lengths_are_refused();

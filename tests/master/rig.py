@@ -149,6 +149,15 @@ class Master:
             return lines()
 
 
+def end(process: subprocess.Popen[bytes]) -> None:
+    """Ask it to end, for a counting build writes its counts then; kill it if it does not."""
+    process.terminate()
+    try:
+        process.wait(PATIENCE_S)
+    finally:
+        process.kill()
+
+
 @contextlib.contextmanager
 def killed_at_the_end(process: subprocess.Popen[bytes]) -> Iterator[subprocess.Popen[bytes]]:
     """A process that a failing test does not wait for for ever."""
@@ -221,7 +230,7 @@ def running(*arguments: object, name: str = "el6910") -> Iterator[Master]:
                 notifications(listener, "READY=1")
                 yield master
             finally:
-                process.kill()
+                end(process)
                 master.wait()
                 assert process.stderr is not None
                 process.stderr.close()

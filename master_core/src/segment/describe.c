@@ -9,7 +9,7 @@ enum {
     MAILBOX_IN = 0x1000,
     MAILBOX_OUT = 0x1080,
     PROCESS_DATA = 0x1100,
-    SII_BYTES = 4096, /**< more only for the PDOs of a large device */
+    SII_BYTES = 4096, /**< holds all but the PDOs of a device; their room is added */
     ENTRY_BYTES = 8,
     COUPLER_PRODUCT = 0x044C2C52, /**< an EK1100, as the first device of a segment often is */
     BECKHOFF = 2,
@@ -27,10 +27,7 @@ struct writer {
 };
 
 static void put8(struct writer *w, uint32_t value) {
-    if (w->at < w->room) {
-        w->bytes[w->at] = (uint8_t)value;
-    }
-    w->at++;
+    w->bytes[w->at++] = (uint8_t)value;
 }
 
 static void put16(struct writer *w, uint32_t value) {
@@ -49,9 +46,7 @@ static void end_category(struct writer *w, size_t start) {
     if ((w->at - start) % 2 != 0) {
         put8(w, 0);
     }
-    if (w->at <= w->room) {
-        esc_put16(w->bytes + start - 2, (uint32_t)(w->at - start) / 2);
-    }
+    esc_put16(w->bytes + start - 2, (uint32_t)(w->at - start) / 2);
 }
 
 static void put_strings(struct writer *w, const char *name) {
@@ -166,92 +161,88 @@ static uint32_t lay_out(const struct fsn_plan *plan, const struct fsn_subdevice_
     return count;
 }
 
-static bool add_mapping(struct objects *o, const struct fsn_plan *plan, uint32_t pdo_number) {
+static void add_mapping(struct objects *o, const struct fsn_plan *plan, uint32_t pdo_number) {
     const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, pdo_number);
     const uint16_t index = fsn_get16(pdo);
     const uint32_t entries = fsn_get32(pdo + 8);
-    bool ok = objects_add_number(o, index, 0, true, entries > 254 ? 254 : entries, 1);
+    objects_add_number(o, index, 0, true, entries > 254 ? 254 : entries, 1);
     for (uint32_t e = 0; e < entries && e < 254; e++) {
         const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
         const uint32_t value = ((uint32_t)fsn_get16(entry) << 16) | ((uint32_t)entry[2] << 8) |
                                (fsn_get16(entry + 4) & 0xFFu);
-        ok = ok && objects_add_number(o, index, (uint8_t)(e + 1), true, value, 4);
+        objects_add_number(o, index, (uint8_t)(e + 1), true, value, 4);
     }
-    return ok;
 }
 
-static bool add_assignment(struct objects *o, const struct fsn_plan *plan, uint32_t sm) {
+static void add_assignment(struct objects *o, const struct fsn_plan *plan, uint32_t sm) {
     const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
     const uint16_t index = (uint16_t)(0x1C10 + r[4]);
     const uint32_t pdos = fsn_get32(r + 16);
-    bool ok = objects_add_number(o, index, 0, true, pdos, 1);
+    objects_add_number(o, index, 0, true, pdos, 1);
     for (uint32_t p = 0; p < pdos && p < 254; p++) {
         const uint32_t number = fsn_get32(r + 12) + p;
         const uint16_t pdo = fsn_get16(fsn_record(plan, FSN_SEC_PDO, number));
-        ok = ok && objects_add_number(o, index, (uint8_t)(p + 1), true, pdo, 2) &&
-             add_mapping(o, plan, number);
+        objects_add_number(o, index, (uint8_t)(p + 1), true, pdo, 2);
+        add_mapping(o, plan, number);
     }
-    return ok;
 }
 
-static bool add_objects(struct objects *o, const struct fsn_plan *plan,
+static void add_objects(struct objects *o, const struct fsn_plan *plan,
                         const struct fsn_subdevice_info *info, const struct sii_sm *sms,
                         uint32_t count) {
-    bool ok = objects_add_number(o, 0x1000, 0, false, 0x00001389, 4) &&
-              objects_add(o, 0x1008, 0, false, info->name, (uint32_t)strlen(info->name)) &&
-              objects_add_number(o, 0x1018, 0, false, 4, 1) &&
-              objects_add_number(o, 0x1018, 1, false, info->vendor_id, 4) &&
-              objects_add_number(o, 0x1018, 2, false, info->product_code, 4) &&
-              objects_add_number(o, 0x1018, 3, false, info->revision_low, 4) &&
-              objects_add_number(o, 0x1018, 4, false, 0, 4) &&
-              objects_add_number(o, 0x1C00, 0, false, count, 1);
+    objects_add_number(o, 0x1000, 0, false, 0x00001389, 4);
+    objects_add(o, 0x1008, 0, false, info->name, (uint32_t)strlen(info->name));
+    objects_add_number(o, 0x1018, 0, false, 4, 1);
+    objects_add_number(o, 0x1018, 1, false, info->vendor_id, 4);
+    objects_add_number(o, 0x1018, 2, false, info->product_code, 4);
+    objects_add_number(o, 0x1018, 3, false, info->revision_low, 4);
+    objects_add_number(o, 0x1018, 4, false, 0, 4);
+    objects_add_number(o, 0x1C00, 0, false, count, 1);
     for (uint32_t i = 0; i < count; i++) {
-        ok = ok && objects_add_number(o, 0x1C00, (uint8_t)(i + 1), false, sms[i].type, 1);
+        objects_add_number(o, 0x1C00, (uint8_t)(i + 1), false, sms[i].type, 1);
     }
     for (uint32_t i = 0; i < info->sm_count; i++) {
         const uint8_t number = fsn_record(plan, FSN_SEC_SM, info->first_sm + i)[4];
-        ok = ok && (number < 2 || add_assignment(o, plan, info->first_sm + i));
+        if (number >= 2) {
+            add_assignment(o, plan, info->first_sm + i);
+        }
     }
     for (uint32_t i = 0; i < info->sdo_count; i++) {
         const uint8_t *r = fsn_record(plan, FSN_SEC_SDO, info->first_sdo + i);
         const uint8_t zeros[8] = {0};
-        ok = ok && objects_add(o, fsn_get16(r), r[2], true, zeros, r[3]);
+        objects_add(o, fsn_get16(r), r[2], true, zeros, r[3]);
     }
-    return ok;
 }
 
 /** FSoE address of a SubInstance where the plan knows it, as its live object shows it. */
-static bool add_address(struct objects *o, const struct fsn_plan *plan, uint32_t subdevice) {
-    bool ok = true;
+static void add_address(struct objects *o, const struct fsn_plan *plan, uint32_t subdevice) {
     for (uint32_t i = 0; i < fsn_plan_connection_count(plan); i++) {
         const struct fsn_connection_info c = fsn_known_connection(plan, i);
         if (c.sub_subdevice == subdevice && (c.known & 2) != 0) {
-            ok = ok && objects_add_number(o, 0xF980, 0, false, 1, 1) &&
-                 objects_add_number(o, 0xF980, 1, false, c.address, 2);
+            objects_add_number(o, 0xF980, 0, false, 1, 1);
+            objects_add_number(o, 0xF980, 1, false, c.address, 2);
         }
     }
-    return ok;
 }
 
 /** Diagnosis history as a device shows it that has just started: one message, that it did. */
-static bool add_history(struct objects *o) {
+static void add_history(struct objects *o) {
     enum { MESSAGES = 4, FIRST = 6 };
     static const uint8_t message[] = {0x00, 0xE8, 0x00, 0x00, /* code: of the maker, number 0 */
                                       0x00, 0x01,             /* information, one parameter */
                                       0x01, 0x00,             /* text 1 */
                                       0,    0,    0,    0,    0, 0, 0, 0, /* time */
                                       0x05, 0x00, 1};                     /* UINT8 1 */
-    bool ok = objects_add_number(o, 0x10F3, 0, false, FIRST + MESSAGES - 1, 1) &&
-              objects_add_number(o, 0x10F3, 1, false, MESSAGES, 1) &&
-              objects_add_number(o, 0x10F3, 2, false, FIRST, 1) &&
-              objects_add_number(o, 0x10F3, 3, true, 0, 1) &&
-              objects_add_number(o, 0x10F3, 4, false, 1, 1) &&
-              objects_add_number(o, 0x10F3, 5, true, 1, 2) &&
-              objects_add(o, 0x10F3, FIRST, false, message, sizeof message);
+    objects_add_number(o, 0x10F3, 0, false, FIRST + MESSAGES - 1, 1);
+    objects_add_number(o, 0x10F3, 1, false, MESSAGES, 1);
+    objects_add_number(o, 0x10F3, 2, false, FIRST, 1);
+    objects_add_number(o, 0x10F3, 3, true, 0, 1);
+    objects_add_number(o, 0x10F3, 4, false, 1, 1);
+    objects_add_number(o, 0x10F3, 5, true, 1, 2);
+    objects_add(o, 0x10F3, FIRST, false, message, sizeof message);
     for (uint8_t i = 1; i < MESSAGES; i++) {
-        ok = ok && objects_add(o, 0x10F3, (uint8_t)(FIRST + i), false, message, 0);
+        objects_add(o, 0x10F3, (uint8_t)(FIRST + i), false, message, 0);
     }
-    return ok;
 }
 
 /** A device whose sync managers 0 and 1 carry process data has no mailbox. */
@@ -301,7 +292,10 @@ bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t 
     esc->sii = w.bytes;
     esc->identity = (struct esc_identity){{info.vendor_id, info.product_code, info.revision_low}};
     esc->sii_bytes = w.room;
-    return subdevice == FSN_NONE ||
-           (add_objects(&esc->objects, plan, &info, sms, count) && add_history(&esc->objects) &&
-            add_address(&esc->objects, plan, subdevice));
+    if (subdevice != FSN_NONE) {
+        add_objects(&esc->objects, plan, &info, sms, count);
+        add_history(&esc->objects);
+        add_address(&esc->objects, plan, subdevice);
+    }
+    return !esc->objects.failed;
 }

@@ -152,7 +152,7 @@ static void write_registers(struct esc *esc, uint16_t address, const uint8_t *da
                             uint16_t size_bytes) {
     for (uint32_t i = 0; i < size_bytes; i++) {
         const uint32_t at = address + i;
-        if (at < ESC_MEMORY_BYTES && byte_writable(at)) {
+        if (byte_writable(at)) {
             esc->memory[at] = data[i];
         }
     }
@@ -281,9 +281,7 @@ void esc_power_on(struct esc *esc) {
     esc_put16(m + REG_WD_DIVIDER, 0x09C2); /* 100 us */
     esc_put16(m + 0x0410, 1000);
     esc_put16(m + REG_WD_PROCESS_DATA, 1000); /* 100 ms */
-    if (esc->sii_bytes >= 10) {
-        memcpy(m + REG_ALIAS, esc->sii + 8, 2);
-    }
+    memcpy(m + REG_ALIAS, esc->sii + 8, 2);
     m[REG_SII_CONTROL] = 0x40; /* reads give 8 bytes */
     m[0x0140] = 5;             /* SPI */
     for (unsigned i = 0; i < ESC_SMS; i++) {

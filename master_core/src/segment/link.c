@@ -215,9 +215,9 @@ static int set_up_thread(pthread_attr_t *attributes, const struct fsn_segment_li
     int error = 0;
     if (o->priority != 0) {
         const struct sched_param parameter = {.sched_priority = o->priority};
-        error = pthread_attr_setinheritsched(attributes, PTHREAD_EXPLICIT_SCHED);
-        error = error != 0 ? error : pthread_attr_setschedpolicy(attributes, SCHED_FIFO);
-        error = error != 0 ? error : pthread_attr_setschedparam(attributes, &parameter);
+        (void)pthread_attr_setinheritsched(attributes, PTHREAD_EXPLICIT_SCHED);
+        (void)pthread_attr_setschedpolicy(attributes, SCHED_FIFO);
+        error = pthread_attr_setschedparam(attributes, &parameter); /* only this one may be wrong */
     }
     if (error == 0 && o->cpu != 0) {
         if (o->cpu < 0 || o->cpu > CPU_SETSIZE) {

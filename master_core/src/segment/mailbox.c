@@ -152,7 +152,7 @@ static uint32_t store(struct esc *esc, uint16_t index, uint8_t sub, bool complet
     for (uint32_t s = sub; s <= (complete ? 255u : sub) && (at < size_bytes || s == sub); s++) {
         const struct object *o = objects_find(&esc->objects, index, (uint8_t)s);
         if (o == NULL) {
-            return s == sub || !complete ? ABORT_NO_SUB : ABORT_LENGTH;
+            return s == sub ? ABORT_NO_SUB : ABORT_LENGTH;
         }
         if (!o->writable) {
             return ABORT_READ_ONLY;

@@ -20,16 +20,17 @@ static bool grow(void **memory, uint32_t *room, uint32_t needed, size_t element_
     return true;
 }
 
-bool objects_add(struct objects *o, uint16_t index, uint8_t sub, bool writable, const void *value,
+void objects_add(struct objects *o, uint16_t index, uint8_t sub, bool writable, const void *value,
                  uint32_t size_bytes) {
-    if (objects_find(o, index, sub) != NULL) {
-        return true; /* stated twice: the first one counts */
+    if (o->failed || objects_find(o, index, sub) != NULL) {
+        return; /* stated twice: the first one counts */
     }
     uint32_t room = o->value_room;
     if (!grow((void **)&o->rows, &o->room, o->count + 1, sizeof *o->rows) ||
         !grow((void **)&o->values, &room, o->value_bytes + size_bytes, 1) ||
         !grow((void **)&o->initial, &o->value_room, o->value_bytes + size_bytes, 1)) {
-        return false;
+        o->failed = true;
+        return;
     }
     o->rows[o->count++] = (struct object){
         .index = index,
@@ -41,14 +42,13 @@ bool objects_add(struct objects *o, uint16_t index, uint8_t sub, bool writable, 
     memcpy(o->initial + o->value_bytes, value, size_bytes);
     memcpy(o->values + o->value_bytes, value, size_bytes);
     o->value_bytes += size_bytes;
-    return true;
 }
 
-bool objects_add_number(struct objects *o, uint16_t index, uint8_t sub, bool writable,
+void objects_add_number(struct objects *o, uint16_t index, uint8_t sub, bool writable,
                         uint32_t value, uint32_t size_bytes) {
     const uint8_t bytes[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16),
                               (uint8_t)(value >> 24)};
-    return objects_add(o, index, sub, writable, bytes, size_bytes);
+    objects_add(o, index, sub, writable, bytes, size_bytes);
 }
 
 const struct object *objects_find(const struct objects *o, uint16_t index, uint8_t sub) {
@@ -77,7 +77,10 @@ bool objects_put(struct objects *o, uint16_t index, uint8_t sub, const void *val
                  uint32_t size_bytes) {
     const struct object *object = objects_find(o, index, sub);
     if (object == NULL) {
-        return objects_add(o, index, sub, false, value, size_bytes);
+        objects_add(o, index, sub, false, value, size_bytes);
+        const bool ok = !o->failed;
+        o->failed = false; /* the others are whole */
+        return ok;
     }
     if (object->size_bytes != size_bytes) {
         return false;
@@ -85,15 +88,6 @@ bool objects_put(struct objects *o, uint16_t index, uint8_t sub, const void *val
     memcpy(o->values + object->at, value, size_bytes);
     memcpy(o->initial + object->at, value, size_bytes);
     return true;
-}
-
-uint32_t objects_number(const struct objects *o, uint16_t index, uint8_t sub) {
-    const struct object *object = objects_find(o, index, sub);
-    uint32_t value = 0;
-    for (uint32_t i = 0; object != NULL && i < object->size_bytes && i < 4; i++) {
-        value |= (uint32_t)o->values[object->at + i] << (8 * i);
-    }
-    return value;
 }
 
 void objects_reset(struct objects *o) {
@@ -107,17 +101,4 @@ void objects_free(struct objects *o) {
     free(o->values);
     free(o->initial);
     *o = (struct objects){0};
-}
-
-uint32_t objects_assigned_bits(const struct objects *o, uint16_t assignment) {
-    uint32_t bits = 0;
-    const uint32_t pdos = objects_number(o, assignment, 0);
-    for (uint32_t p = 1; p <= pdos && p <= 254; p++) {
-        const uint16_t pdo = (uint16_t)objects_number(o, assignment, (uint8_t)p);
-        const uint32_t entries = objects_number(o, pdo, 0);
-        for (uint32_t e = 1; e <= entries && e <= 254; e++) {
-            bits += objects_number(o, pdo, (uint8_t)e) & 0xFF;
-        }
-    }
-    return bits;
 }

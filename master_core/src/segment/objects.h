@@ -21,10 +21,11 @@ struct objects {
     uint8_t *values;  /**< now */
     uint8_t *initial; /**< at power-on */
     uint32_t value_bytes, value_room;
+    bool failed; /**< no memory: something that was to be added is missing */
 };
 
-/** Adds a value; false when out of memory. */
-bool objects_add(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
+/** Adds a value, unless there is one already. */
+void objects_add(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
                  const void *value, uint32_t size_bytes);
 
 /** Sets a value now and for every power-on; adds it when there is none.
@@ -33,7 +34,7 @@ bool objects_put(struct objects *objects, uint16_t index, uint8_t sub, const voi
                  uint32_t size_bytes);
 
 /** Adds a number of 1, 2 or 4 bytes. */
-bool objects_add_number(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
+void objects_add_number(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
                         uint32_t value, uint32_t size_bytes);
 
 /** Returns an object, or NULL. */
@@ -44,16 +45,9 @@ bool objects_has(const struct objects *objects, uint16_t index);
 
 uint8_t *objects_value(const struct objects *objects, const struct object *object);
 
-/** A number of up to 4 bytes; 0 when there is none. */
-uint32_t objects_number(const struct objects *objects, uint16_t index, uint8_t sub);
-
 /** Puts all values back to what they are at power-on. */
 void objects_reset(struct objects *objects);
 
 void objects_free(struct objects *objects);
-
-/** Bits of process data that an assignment object (0x1C12 …) adds up to, by the mapping objects it
- *  names. */
-uint32_t objects_assigned_bits(const struct objects *objects, uint16_t assignment);
 
 #endif

@@ -22,7 +22,7 @@ static uint8_t sii_byte(const struct esc *esc, uint64_t at) {
 /** Only the alias and the checksum of its block can be written; used after the next power-on. */
 static bool write_alias(struct esc *esc) {
     const uint64_t at = 2 * (uint64_t)esc_get32(esc->memory + REG_SII_ADDRESS);
-    if ((at != ALIAS && at != CHECKSUM) || at + 2 > esc->sii_bytes) {
+    if (at != ALIAS && at != CHECKSUM) {
         return false;
     }
     memcpy(esc->sii + at, esc->memory + REG_SII_DATA, 2);
@@ -41,7 +41,7 @@ void esc_sii_command(struct esc *esc) {
             esc->memory[REG_SII_DATA + i] = sii_byte(esc, 2 * word + i);
         }
     } else if (command == COMMAND_RELOAD) {
-        memcpy(esc->memory + REG_ALIAS, esc->sii + 8, esc->sii_bytes >= 10 ? 2 : 0);
+        memcpy(esc->memory + REG_ALIAS, esc->sii + 8, 2);
     } else if (command == COMMAND_WRITE && write_alias(esc)) {
         return;
     } else if (command != 0) {

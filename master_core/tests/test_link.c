@@ -1,0 +1,267 @@
+/** The link of an emulated segment to interfaces, over sockets of the test's own: this program's
+ *  system calls stand before those of libc, so no interface and no right is needed. */
+#define _GNU_SOURCE
+
+#include <errno.h>
+#include <linux/ethtool.h>
+#include <linux/if_packet.h>
+#include <linux/sockios.h>
+#include <net/if.h>
+#include <sched.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "segment_rig.h"
+
+enum { FRAME_BYTES = 60 };
+
+static struct {
+    int fails_in; /**< the so manyth call from now on fails; 0: none */
+    const char *driver;
+    int mtu;
+    atomic_bool running; /**< both interfaces have a carrier */
+    atomic_int send_fails;
+    int peer[4]; /**< far ends of the interfaces, as they were opened */
+    int peers;
+} os;
+
+static bool fails(void) {
+    errno = EPERM;
+    return os.fails_in > 0 && --os.fails_in == 0;
+}
+
+unsigned if_nametoindex(const char *name) {
+    return fails() || strcmp(name, "none") == 0 ? 0 : 1u + (unsigned)(name[0] == 'b');
+}
+
+int socket(int domain, int type, int protocol) {
+    int ends[2];
+    if (fails()) {
+        return -1;
+    }
+    if (domain != AF_PACKET) {
+        return (int)syscall(SYS_socket, domain, type, protocol);
+    }
+    CHECK(os.peers < 4 && socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) == 0);
+    os.peer[os.peers++] = ends[1];
+    return ends[0];
+}
+
+int ioctl(int fd, unsigned long request, ...) {
+    va_list arguments;
+    va_start(arguments, request);
+    struct ifreq *asked = va_arg(arguments, struct ifreq *);
+    va_end(arguments);
+    (void)fd;
+    if (request != SIOCGIFFLAGS && fails()) {
+        return -1;
+    }
+    if (request == SIOCETHTOOL) {
+        struct ethtool_drvinfo *info = (void *)asked->ifr_data;
+        CHECK(info->cmd == ETHTOOL_GDRVINFO);
+        snprintf(info->driver, sizeof info->driver, "%s", os.driver);
+    } else if (request == SIOCGIFMTU) {
+        asked->ifr_mtu = os.mtu;
+    } else {
+        CHECK(request == SIOCGIFFLAGS);
+        asked->ifr_flags = (short)(IFF_UP | (atomic_load(&os.running) ? IFF_RUNNING : 0));
+    }
+    return 0;
+}
+
+int setsockopt(int fd, int level, int name, const void *value, socklen_t size) {
+    if (fails()) {
+        return -1;
+    }
+    CHECK(level == SOL_SOCKET || (level == SOL_PACKET && name == PACKET_IGNORE_OUTGOING));
+    return level == SOL_PACKET ? 0 : (int)syscall(SYS_setsockopt, fd, level, name, value, size);
+}
+
+int bind(int fd, __CONST_SOCKADDR_ARG address, socklen_t size) {
+    if (fails()) {
+        return -1;
+    }
+    const struct sockaddr *to = address.__sockaddr__;
+    return to->sa_family == AF_PACKET ? 0 : (int)syscall(SYS_bind, fd, to, size);
+}
+
+ssize_t send(int fd, const void *bytes, size_t size, int flags) {
+    const int error = atomic_exchange(&os.send_fails, 0);
+    if (error != 0) {
+        errno = error;
+        return -1;
+    }
+    return sendto(fd, bytes, size, flags, NULL, 0);
+}
+
+static struct rig rig;
+
+static void begin(void) {
+    rig = set_up();
+    os.driver = "veth";
+    os.mtu = 1500;
+    atomic_store(&os.running, true);
+}
+
+static void hang_up(void) {
+    fsn_segment_unlink(rig.segment);
+    while (os.peers > 0) {
+        CHECK(close(os.peer[--os.peers]) == 0);
+    }
+}
+
+static void end(void) {
+    hang_up();
+    tear_down(&rig);
+}
+
+static fsn_status plug(struct fsn_segment_link_options options, int *sys_errno) {
+    return fsn_segment_link(rig.segment, &options, sys_errno);
+}
+
+/** Sends a broadcast read of two bytes. */
+static void ask_at(int port) {
+    uint8_t frame[FRAME_BYTES] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 1, 1, 1, 1, 1, 1, 0x88, 0xA4};
+    frame[14] = 14;
+    frame[15] = 0x10;
+    frame[16] = BRD;
+    frame[22] = 2;
+    CHECK(sendto(os.peer[port], frame, sizeof frame, 0, NULL, 0) == FRAME_BYTES);
+}
+
+/** The working counter of one that comes back where it is waited for. */
+static int answer_at(int from, int to) {
+    uint8_t frame[FRAME_BYTES];
+    ask_at(from);
+    CHECK(recv(os.peer[to], frame, sizeof frame, 0) == FRAME_BYTES);
+    return frame[28] | frame[29] << 8;
+}
+
+static void what_is_asked_is_checked(void) {
+    int error = 77;
+    begin();
+    CHECK(fsn_segment_link(NULL, NULL, &error) == FSN_E_ARG);
+    CHECK(fsn_segment_link(rig.segment, NULL, &error) == FSN_E_ARG);
+    CHECK(plug((struct fsn_segment_link_options){0}, &error) == FSN_E_ARG);
+    CHECK(plug((struct fsn_segment_link_options){.interface = "a", .interface2 = "a"}, &error) ==
+          FSN_E_ARG);
+    fsn_segment_unlink(NULL);
+    fsn_segment_unlink(rig.segment);
+    const struct {
+        struct fsn_segment_link_options options;
+        fsn_status status;
+        int error;
+    } rows[] = {
+        {{.interface = "none"}, FSN_E_SYS, ENODEV},
+        {{.interface = "a", .interface2 = "none"}, FSN_E_SYS, ENODEV},
+        {{.interface = "a", .cpu = -1}, FSN_E_SYS, EINVAL},
+        {{.interface = "a", .cpu = CPU_SETSIZE + 1}, FSN_E_SYS, EINVAL},
+        {{.interface = "a", .priority = 1000}, FSN_E_SYS, EINVAL},
+        {{.interface = "a", .priority = 1000, .cpu = 1}, FSN_E_SYS, EINVAL},
+        {{.interface = "a", .cpu = CPU_SETSIZE}, FSN_E_SYS, EINVAL}, /* there is no such one */
+        {{.interface = "a", .cpu = 1}, FSN_OK, 0},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        if (plug(rows[i].options, &error) != rows[i].status || error != rows[i].error) {
+            fprintf(stderr, "row %zu: %d\n", i, error);
+            exit(1);
+        }
+        CHECK(plug(rows[i].options, NULL) ==
+              (rows[i].status == FSN_OK ? FSN_E_STATE : rows[i].status));
+        hang_up();
+    }
+    end();
+}
+
+static void real_interfaces_are_refused(void) {
+    static const struct {
+        const char *driver;
+        int mtu;
+        fsn_status status;
+        int error;
+    } rows[] = {{"veth", 1500, FSN_OK, 0},
+                {"tun", 9000, FSN_OK, 0},
+                {"e1000e", 1500, FSN_E_ARG, 0},
+                {"veth", 1499, FSN_E_SYS, EMSGSIZE}};
+    begin();
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        int error = 77;
+        os.driver = rows[i].driver;
+        os.mtu = rows[i].mtu;
+        CHECK(plug((struct fsn_segment_link_options){.interface = "a"}, &error) == rows[i].status);
+        CHECK(error == rows[i].error);
+        hang_up();
+    }
+    end();
+}
+
+/** Whichever call fails, it is told, nothing stays open, and the next try works. Only an MTU that
+ *  nobody tells is none that is too small. */
+static void each_call_may_fail(void) {
+    const struct fsn_segment_link_options ring = {.interface = "a", .interface2 = "b"};
+    unsigned told = 0, not_virtual = 0, good = 0;
+    begin();
+    for (int n = 1, left = 0; left == 0; n++) {
+        int error = 0;
+        os.fails_in = n;
+        const fsn_status status = plug(ring, &error);
+        left = os.fails_in;
+        os.fails_in = 0;
+        CHECK(status != FSN_E_SYS || error == EPERM || error == ENODEV);
+        told += status == FSN_E_SYS;
+        not_virtual += status == FSN_E_ARG;
+        good += status == FSN_OK;
+        hang_up();
+        CHECK(plug(ring, NULL) == FSN_OK && answer_at(0, 1) == 2);
+        hang_up();
+    }
+    CHECK(told == 14 && not_virtual == 2 && good == 3);
+    end();
+}
+
+static void an_answer_that_cannot_be_sent_is_counted(void) {
+    struct fsn_segment_counts counts;
+    begin();
+    CHECK(plug((struct fsn_segment_link_options){.interface = "a"}, NULL) == FSN_OK);
+    CHECK(answer_at(0, 0) == 2);
+    atomic_store(&os.send_fails, ENETDOWN);
+    ask_at(0);
+    CHECK(answer_at(0, 0) == 2); /* the next one is */
+    fsn_segment_counts(rig.segment, &counts);
+    CHECK(counts.unsent == 1 && counts.send_errno == ENETDOWN);
+    end();
+}
+
+/** A ring whose far end has no carrier is a line: the answer comes back where it was sent. */
+static void a_ring_opens_without_a_carrier(void) {
+    begin();
+    CHECK(plug((struct fsn_segment_link_options){.interface = "a", .interface2 = "b"}, NULL) ==
+          FSN_OK);
+    CHECK(answer_at(0, 1) == 2 && answer_at(1, 0) == 0); /* backwards nobody looks at it */
+    atomic_store(&os.running, false);
+    int back = 0;
+    while (back == 0) { /* until it has looked */
+        uint8_t frame[FRAME_BYTES];
+        ask_at(0);
+        while (back == 0 && recv(os.peer[1], frame, sizeof frame, MSG_DONTWAIT) < 0) {
+            back = recv(os.peer[0], frame, sizeof frame, MSG_DONTWAIT) > 0;
+            usleep(1000);
+        }
+    }
+    CHECK(answer_at(0, 0) == 2);
+    end();
+}
+
+int main(void) {
+    what_is_asked_is_checked();
+    real_interfaces_are_refused();
+    each_call_may_fail();
+    an_answer_that_cannot_be_sent_is_counted();
+    a_ring_opens_without_a_carrier();
+    return 0;
+}
