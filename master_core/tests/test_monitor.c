@@ -356,6 +356,36 @@ static void a_reset_forgets_the_own_crc(void) {
     CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, answer, 1) == FSN_VERDICT_RIGHT);
 }
 
+/** While a number is searched, one that would repeat the CRC of before is left out by the sender, and
+ *  so is the next but one then; any other is none that follows. */
+static void a_collision_is_known_while_searching(void) {
+    for (uint16_t number = 8; number <= 9; number++) {
+        uint8_t to_sub[6] = {FSN_CMD_PROCESS_DATA, 1};
+        uint8_t to_main[6] = {FSN_CMD_PROCESS_DATA, 2};
+        struct fsn_monitor monitor;
+        CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
+        uint16_t last = 0x1234;
+        uint16_t own = 0;
+        for (uint16_t n = 5; n <= 6; n++) {
+            own = seal(to_sub, 6, 0x77, last, n);
+            CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, to_sub, n) == FSN_VERDICT_UNCHECKED);
+            last = seal(to_main, 6, 0x77, own, n);
+            CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, to_main, n) ==
+                  (n == 5 ? FSN_VERDICT_UNCHECKED : FSN_VERDICT_RIGHT));
+        }
+        uint32_t tried = 0;
+        uint16_t id;
+        do {
+            to_sub[1] = (uint8_t)tried;
+            id = (uint16_t)(tried++ >> 8);
+            CHECK(tried < UINT32_C(1) << 24);
+        } while (seal(to_sub, 6, id, last, 7) != own);
+        (void)seal(to_sub, 6, id, last, number);
+        CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, to_sub, 7) ==
+              (number == 8 ? FSN_VERDICT_RIGHT : FSN_VERDICT_UNCHECKED));
+    }
+}
+
 /** Intervals are those between two Data frames of a direction. */
 static void intervals_are_counted(void) {
     static const struct {
@@ -480,6 +510,7 @@ int main(void) {
     broken_blocks_are_wrong_at_any_time();
     sessions_begin_anew();
     a_reset_forgets_the_own_crc();
+    a_collision_is_known_while_searching();
     intervals_are_counted();
     the_order_of_a_cycle_is_seen();
     outside_is_what_both_show();

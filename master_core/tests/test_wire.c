@@ -771,6 +771,14 @@ static void waiting_ends_when_everybody_was_visited(void) {
     take(rig); /* its other half may still come from the second port */
     CHECK(wall.monotonic_ns >= MONOTONIC_NS + 1000 + 5000 && rig->input.round_trip_ns == 0);
     CHECK(rig->input.lost_frames == 0 && rig->wkc[0].actual == 3);
+    /* Who expects nobody cannot tell that all were visited. */
+    rig->present[1] = true;
+    rig->frames.wire.frames[0].expected = 0;
+    rig->queued = 0;
+    const uint64_t now_ns = wall.monotonic_ns;
+    fsn_wire_send(&rig->frames.wire);
+    take(rig);
+    CHECK(wall.monotonic_ns >= now_ns + 5000 && rig->input.round_trip_ns == 0);
     tear_down(rig);
 }
 
