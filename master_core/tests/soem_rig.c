@@ -2,8 +2,19 @@
 
 #include "soem_rig.h"
 
+#include <sched.h>
 #include <string.h>
 #include <time.h>
+
+bool make_network(void) {
+    if (unshare(CLONE_NEWNET) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
+        return false;
+    }
+    return system("ip link set lo up && ip link add near type veth peer name far && "
+                  "ip link set near up && ip link set far up && "
+                  "ip link add near2 type veth peer name far2 && "
+                  "ip link set near2 up && ip link set far2 up") == 0;
+}
 
 uint64_t now_ns(void) {
     struct timespec now;

@@ -21,6 +21,8 @@ struct rig {
     uint8_t beat;       /**< what the SubDevices deliver, changed by each check */
 };
 
+/** A network namespace with a veth pair; false where this user may not make one. */
+bool make_network(void);
 uint64_t now_ns(void);
 void pause_ms(long ms);
 /** A main at position 0 and three subs behind it. */

@@ -408,17 +408,6 @@ static void refusals(void) {
     tear_down(rig);
 }
 
-/** A network namespace with a veth pair; false where this user may not make one. */
-static bool make_network(void) {
-    if (unshare(CLONE_NEWNET) != 0 && unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) {
-        return false;
-    }
-    return system("ip link set lo up && ip link add near type veth peer name far && "
-                  "ip link set near up && ip link set far up && "
-                  "ip link add near2 type veth peer name far2 && "
-                  "ip link set near2 up && ip link set far2 up") == 0;
-}
-
 /** Reads an object of the third SubDevice; again when an answer came too late. */
 static fsn_status upload(struct rig *rig, struct fsn_transfer *transfer) {
     const uint32_t room = transfer->size_bytes;

@@ -1,0 +1,237 @@
+/** The SOEM backend with SubDevices of other kinds, and what its set-up refuses. As test_soem.c. */
+#include <string.h>
+
+#include "fsn/acyclic.h"
+#include "heap.h"
+#include "plan_internal.h"
+#include "soem_rig.h"
+
+enum { SKIPPED = 77 };
+
+static uint8_t *record(struct fsn_plan *plan, uint32_t section, uint32_t number) {
+    return plan->bytes + plan->offset[section] + number * fsn_record_bytes[section];
+}
+
+/** Both plans of a rig are changed before the segment is made from one of them. */
+static struct rig *set_up_changed(void (*change)(struct fsn_plan *plan)) {
+    struct rig *rig = set_up();
+    fsn_segment_free(rig->segment);
+    change(rig->plan);
+    change(rig->plan_of_segment);
+    CHECK(fsn_segment_create(rig->plan_of_segment, &rig->segment) == FSN_OK);
+    const struct fsn_segment_link_options options = {.interface = "far"};
+    CHECK(fsn_segment_link(rig->segment, &options, NULL) == FSN_OK);
+    return rig;
+}
+
+/** Opens it, again while frames are late. */
+static void is_refused(struct rig *rig, fsn_status status, const char *detail) {
+    fsn_status got = open_bus(rig);
+    for (int tries = 0; got != status && got != FSN_OK && tries < TRIES; tries++) {
+        close_bus(rig);
+        got = open_bus(rig);
+    }
+    if (got != status || strstr(rig->fault.detail, detail) == NULL) {
+        fprintf(stderr, "%s: %s\n", fsn_status_name(got), rig->fault.detail);
+        exit(1);
+    }
+}
+
+static void options_are_checked(void) {
+    static const struct fsn_live_options wrong[] = {
+        {.interface = NULL},
+        {.interface = ""},
+        {.interface = "an-interface-too-long"},
+        {.interface = "near", .redundant = "an-interface-too-long"},
+        {.interface = "near", .redundant = "near"},
+    };
+    const struct fsn_backend *soem = fsn_backend_soem();
+    void *bus = &bus;
+    struct fsn_fault fault;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        CHECK(soem->create(&wrong[i], &bus, &fault) == FSN_E_ARG && fault.status == FSN_E_ARG);
+    }
+    CHECK(soem->create(NULL, &bus, &fault) == FSN_E_ARG);
+    CHECK(soem->create(&(struct fsn_live_options){.interface = "near"}, NULL, NULL) == FSN_E_ARG);
+    soem->free(NULL);
+}
+
+/** Who wants no fault gets none. */
+static void a_fault_is_not_needed(void) {
+    struct rig *rig = set_up();
+    struct fsn_bus_layout layout;
+    fsn_segment_set_present(rig->segment, 0, false);
+    const struct fsn_live_options options = {.interface = "near"};
+    const struct fsn_live_options absent = {.interface = "absent"};
+    const struct fsn_backend *soem = fsn_backend_soem();
+    CHECK(soem->create(&options, &rig->bus, NULL) == FSN_OK);
+    CHECK(soem->ops->open(rig->bus, rig->plan, &layout, NULL) == FSN_E_BUS_SILENT);
+    soem->free(rig->bus);
+    fsn_segment_set_present(rig->segment, 0, true);
+    fsn_segment_set_present(rig->segment, 2, false);
+    CHECK(soem->create(&options, &rig->bus, NULL) == FSN_OK);
+    CHECK(soem->ops->open(rig->bus, rig->plan, &layout, NULL) == FSN_E_BUS_MISSING);
+    soem->free(rig->bus);
+    CHECK(soem->create(&absent, &rig->bus, NULL) == FSN_OK);
+    CHECK(soem->ops->open(rig->bus, rig->plan, &layout, NULL) == FSN_E_SYS);
+    tear_down(rig);
+}
+
+static void carry_an_alias(struct fsn_plan *plan) {
+    record(plan, FSN_SEC_SUBDEVICE, 1)[4] = 7;
+    record(plan, FSN_SEC_SUBDEVICE, 1)[6] = 0; /* itself; in the segment it takes a free place */
+    record(plan, FSN_SEC_SUBDEVICE, 2)[4] = 7;
+    record(plan, FSN_SEC_SUBDEVICE, 2)[6] = 1; /* the next one behind it */
+}
+
+static void places_may_be_told_by_an_alias(void) {
+    struct rig *rig = set_up_changed(carry_an_alias);
+    CHECK(fsn_segment_position(rig->segment, 1) == 1 && fsn_segment_position(rig->segment, 2) == 2);
+    bring_up_from(rig);
+    CHECK(flows(rig, 1) && flows(rig, 2));
+    struct fsn_bus_subdevice seen;
+    CHECK(fsn_backend_soem()->ops->look(rig->bus, SUBDEVICES, &seen) == FSN_E_ARG);
+    tear_down(rig);
+    rig = set_up();
+    record(rig->plan, FSN_SEC_SUBDEVICE, 1)[4] = 9; /* nobody has it */
+    const struct fsn_live_options options = {.interface = "near"};
+    CHECK(fsn_backend_soem()->create(&options, &rig->bus, NULL) == FSN_OK);
+    CHECK(fsn_core_create(rig->plan, fsn_backend_soem()->ops, rig->bus, &rig->core, &rig->fault) ==
+          FSN_E_BUS_MISSING);
+    CHECK(strstr(rig->fault.detail, "alias 9, position 1: 4 SubDevices answer") != NULL);
+    tear_down(rig);
+}
+
+/** The third SubDevice has its process data in sync managers 0 and 1, hence no mailbox; without
+ *  clocks the fourth needs none. */
+static void have_no_mailbox(struct fsn_plan *plan) {
+    record(plan, FSN_SEC_SM, 4)[4] = 0;
+    record(plan, FSN_SEC_SM, 5)[4] = 1;
+    record(plan, FSN_SEC_SUBDEVICE, 1)[41] = 3; /* SYNC0 */
+    record(plan, FSN_SEC_SUBDEVICE, 3)[41] = 7; /* and SYNC1 */
+}
+
+static void some_have_no_mailbox_and_some_have_clocks(void) {
+    uint8_t byte;
+    struct rig *rig = bring_up_from(set_up_changed(have_no_mailbox));
+    CHECK(flows(rig, 1) && flows(rig, 2) && flows(rig, 3));
+    struct fsn_transfer t = {.index = 0x1000, .data = &byte, .size_bytes = 1};
+    CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_ABSENT);
+    tear_down(rig);
+    /* By its SII it has another length than the plan says. */
+    rig = set_up_changed(have_no_mailbox);
+    uint8_t *pdo = record(rig->plan, FSN_SEC_SM, 5);
+    pdo[8] = (uint8_t)(pdo[8] - 8);
+    is_refused(rig, FSN_E_BUS_MAPPING,
+               "SM1: its length in bits by the SII is 48, the plan says 40");
+    tear_down(rig);
+}
+
+/** A plan's sync manager that no SII has, and two that are wrong at once: the first one is named.
+ */
+static void what_has_no_place_is_refused(void) {
+    struct rig *rig = set_up_changed(have_no_mailbox);
+    record(rig->plan, FSN_SEC_SM, 5)[4] = 9;
+    is_refused(rig, FSN_E_BUS_MAPPING, "its SII has no address for SM9, or could not be read");
+    tear_down(rig);
+    rig = set_up();
+    rig->plan->cycle_ns = 0; /* a millisecond then */
+    const struct fsn_segment_identity other = {.vendor_id = 5, .product_code = 6, .revision = 7};
+    for (uint32_t n = 1; n < 3; n++) {
+        const uint32_t position = fsn_segment_position(rig->segment, n);
+        CHECK(fsn_segment_set_identity(rig->segment, position, &other) == FSN_OK);
+        fsn_segment_power_cycle(rig->segment, position);
+    }
+    is_refused(rig, FSN_E_BUS_IDENTITY, "found vendor 0x00000005");
+    CHECK(rig->fault.copy_index == 1);
+    tear_down(rig);
+    rig = set_up();
+    CHECK(system("ip link set far down") == 0);
+    is_refused(rig, FSN_E_BUS_SILENT, "near has no link");
+    CHECK(system("ip link set far up") == 0);
+    tear_down(rig);
+}
+
+/** Whoever is not there is not reached either. */
+static void nobody_is_reached_in_vain(void) {
+    const struct fsn_bus_acyclic *acyclic = fsn_backend_soem()->ops->acyclic;
+    struct rig *rig = bring_up();
+    struct fsn_bus_member member;
+    uint8_t bytes[4];
+    CHECK(acyclic->count(rig->bus) == SUBDEVICES);
+    CHECK(acyclic->place(rig->bus, 1) == 1 && acyclic->place(rig->bus, SUBDEVICES) == FSN_NONE);
+    CHECK(acyclic->member(rig->bus, SUBDEVICES, &member) == FSN_E_ARG);
+    CHECK(acyclic->sii_read(rig->bus, SUBDEVICES, 0, bytes, 4) == FSN_E_BUS_MISSING);
+    CHECK(acyclic->sii_write(rig->bus, SUBDEVICES, 8, 1) == FSN_E_BUS_MISSING);
+    fsn_segment_set_present(rig->segment, SUBDEVICES - 1, false);
+    tend_until(rig, SUBDEVICES - 1, FSN_AL_NONE);
+    CHECK(acyclic->sii_read(rig->bus, SUBDEVICES - 1, 0, bytes, 4) == FSN_E_BUS_MISSING);
+    CHECK(acyclic->sii_write(rig->bus, SUBDEVICES - 1, 8, 1) == FSN_E_BUS_MISSING);
+    tear_down(rig);
+}
+
+/** Tends the bus at a time that lies ahead until something was noted about a SubDevice. */
+static void is_noted(struct rig *rig, uint32_t n, const char *detail) {
+    uint64_t ahead_ns = 0;
+    while (strstr(look(rig, n).detail, detail) == NULL) {
+        CHECK(ahead_ns < PATIENCE_MS * UINT64_C(1000000000));
+        ahead_ns += UINT64_C(100000000);
+        (void)fsn_core_tend(rig->core, FSN_AL_OP, now_ns() + ahead_ns);
+        pause_ms(2);
+    }
+}
+
+/** Who does not come to a state in four seconds is named, and asked again. */
+static void states_have_their_time(void) {
+    struct rig *rig = bring_up();
+    const uint32_t position = fsn_segment_position(rig->segment, 2);
+    CHECK(fsn_segment_set_al_delay(rig->segment, position, UINT64_C(3600000000000)) == FSN_OK);
+    fsn_segment_power_cycle(rig->segment, position);
+    is_noted(rig, 2, "not in PREOP after 4000 ms: AL status 0x01");
+    CHECK(look(rig, 2).found == FSN_FOUND_STATE);
+    CHECK(fsn_segment_set_al_delay(rig->segment, position, 0) == FSN_OK);
+    tear_down(rig);
+}
+
+#ifdef FSN_TEST_HEAP
+static void memory_runs_out(void) {
+    const struct fsn_live_options options = {.interface = "near"};
+    struct rig *rig = set_up();
+    fsn_status status = FSN_E_NOMEM;
+    long tried = 0;
+    while (status != FSN_OK) {
+        const long alive = heap.alive;
+        heap.fails_in = ++tried;
+        status = fsn_backend_soem()->create(&options, &rig->bus, &rig->fault);
+        if (status == FSN_OK) {
+            status = fsn_core_create(rig->plan, fsn_backend_soem()->ops, rig->bus, &rig->core,
+                                     &rig->fault);
+        }
+        tried -= heap.fails_in > 0 && status != FSN_OK; /* a frame was late, nothing else */
+        heap.fails_in = 0;
+        CHECK(status == FSN_OK || rig->fault.status == status);
+        close_bus(rig);
+        CHECK(heap.alive == alive);
+    }
+    CHECK(tried > 15);
+    tear_down(rig);
+}
+#endif
+
+int main(void) {
+    options_are_checked();
+    if (!make_network()) {
+        fprintf(stderr, "skipped: no network namespace with a veth pair can be made here\n");
+        return SKIPPED;
+    }
+    a_fault_is_not_needed();
+    places_may_be_told_by_an_alias();
+    some_have_no_mailbox_and_some_have_clocks();
+    what_has_no_place_is_refused();
+    nobody_is_reached_in_vain();
+    states_have_their_time();
+#ifdef FSN_TEST_HEAP
+    memory_runs_out();
+#endif
+    return 0;
+}
