@@ -356,8 +356,8 @@ static void a_reset_forgets_the_own_crc(void) {
     CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, answer, 1) == FSN_VERDICT_RIGHT);
 }
 
-/** While a number is searched, one that would repeat the CRC of before is left out by the sender, and
- *  so is the next but one then; any other is none that follows. */
+/** While a number is searched, one that would repeat the CRC of before is left out by the sender,
+ * and so is the next but one then; any other is none that follows. */
 static void a_collision_is_known_while_searching(void) {
     for (uint16_t number = 8; number <= 9; number++) {
         uint8_t to_sub[6] = {FSN_CMD_PROCESS_DATA, 1};

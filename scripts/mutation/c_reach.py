@@ -27,8 +27,8 @@ _PROGRAMS = {
     "wire",
     "control": "control incident jobs lease listen master memory replies server stream watch "
     "fuzz_control",
-    "live": "check igh memory pdo port sdo wire soem hostile_soem",
-    "segment": "dialogue memory segment segment_faults",
+    "live": "check igh memory pdo port sdo wire soem soem_odd hostile_soem",
+    "segment": "dialogue link memory segment segment_faults",
     "scan": "fuzz_scan",
 }
 _ELSEWHERE = "test_rig fuzz_monitor"
