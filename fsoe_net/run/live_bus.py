@@ -105,6 +105,11 @@ class _LiveRun:
             raise KeyboardInterrupt  # the bus was not open yet: there is nothing to tell
         return self._result(self._last, current)
 
+    def close(self) -> None:
+        """Leave ``fsn-master``."""
+        if self._client is not None:
+            self._client.close()
+
     def _over(self, duration_ns: int | None) -> bool:
         return (
             duration_ns is not None
@@ -112,9 +117,10 @@ class _LiveRun:
             and time.monotonic_ns() - self._begin_ns >= duration_ns
         )
 
-    def _connect(self) -> None:
-        self._client = self._master.connect()
-        self._client.subscribe()
+    def _connect(self) -> Client:
+        self._client = client = self._master.connect()
+        client.subscribe()
+        return client
 
     def _look(self, wait_s: float) -> bool:
         """Take events and a snapshot; return whether the bus runs."""
@@ -132,11 +138,7 @@ class _LiveRun:
             return False
 
     def _ask(self, wait_s: float) -> bool:
-        if self._client is None:
-            self._connect()
-        client = self._client
-        if client is None:
-            return False
+        client = self._client or self._connect()
         until = time.monotonic() + wait_s
         while True:
             for event in client.events(max(0.0, until - time.monotonic())):
@@ -241,11 +243,13 @@ def run_on_bus(
     with Master(plan, words) as master:
         if on_start is not None:
             on_start(master)
+        run = _LiveRun(resolution, plan, options, master)
         try:
-            run = _LiveRun(resolution, plan, options, master)
             return run.watch(duration_ns, on_update, stop or threading.Event())
         except InputError as refused:
             raise InputError(_located(str(refused), resolution)) from refused
+        finally:
+            run.close()
 
 
 def _located(text: str, resolution: Resolution) -> str:

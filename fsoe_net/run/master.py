@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import IO, cast
 
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.run.client import Client
@@ -171,9 +172,7 @@ class Master:
         self._clean()
 
     def _read(self) -> None:
-        stream = self._process.stderr
-        if stream is None:
-            return
+        stream = cast(IO[bytes], self._process.stderr)  # a pipe, as it was started
         with stream, contextlib.suppress(OSError, ValueError):
             for line in stream:
                 self._lines.append(line.decode("utf-8", "replace").rstrip())

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
-from fsoe_net.run import Client, Master
+from fsoe_net.run import Client, Master, find_master
 from fsoe_net.run.control_link import quoted
 
 HELLO = {"ok": True, "program": "fsn-master", "protocol": 1}
@@ -97,7 +98,7 @@ def test_a_flood_is_bounded_and_counted(folder, monkeypatch):
         assert [e["cycle"] for e in client.events()] == [2, 3, 4]
         assert client.events_lost == 2
         # Now nothing is left, and the server is gone.
-        for ask in (client.events, lambda: client._wait_cycles(5.0)):
+        for ask in (lambda: client.events(5.0), lambda: client._wait_cycles(5.0)):
             with pytest.raises(EnvironmentFault, match="has closed it"):
                 ask()
         client.close()
@@ -196,6 +197,41 @@ def test_a_master_that_cannot_be_started(folder, monkeypatch):
     monkeypatch.setenv("FSN_MASTER", path)
     with pytest.raises(EnvironmentFault, match="cannot be started"):
         Master(b"plan", [])
+
+
+BOUND = """
+import os, signal, socket, sys, time
+path = sys.argv[sys.argv.index("--socket") + 1]
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+if {binds}:
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(path)
+print("T info ready", file=sys.stderr, flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize(
+    ("binds", "message"), [(True, "nobody answers on"), (False, "has not opened ")]
+)
+def test_a_master_that_never_answers_is_killed(folder, monkeypatch, binds, message):
+    monkeypatch.setenv("FSN_MASTER", program(folder, BOUND.format(binds=binds)))
+    monkeypatch.setattr("fsoe_net.run.master._CONNECT_S", 1.0)
+    with Master(b"plan", []) as master:
+        while not master._lines:  # from now on it does not listen to SIGTERM
+            assert not master.ended(0.01)
+        with pytest.raises(EnvironmentFault, match=message):
+            master.connect()
+        monkeypatch.setattr("fsoe_net.run.master._STOP_S", 0.1)
+    assert master._process.returncode == -signal.SIGKILL
+
+
+def test_a_master_of_the_path(folder, monkeypatch):
+    path = program(folder, "")
+    monkeypatch.delenv("FSN_MASTER", raising=False)
+    monkeypatch.setattr(sys, "executable", str(folder / "elsewhere" / "python"))
+    monkeypatch.setenv("PATH", str(folder))
+    assert find_master() == path
 
 
 def test_the_command_stays_quick():
