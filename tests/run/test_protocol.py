@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -13,12 +14,12 @@ from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig
 from fsoe_net.load import load_network
 from fsoe_net.model import (
     Outcome,
+    Resolution,
+    Seen,
     StepKind,
     resolve,
 )
-from fsoe_net.run import (
-    run_protocol_virtual,
-)
+from fsoe_net.run import protocol_virtual, run_protocol_virtual
 
 
 def test_steps_of_functions_connections_devices_and_faults() -> None:
@@ -118,4 +119,97 @@ def test_a_function_without_emulated_inputs_stays_open_with_the_reason() -> None
     assert "no emulated safe input bits" in step.emulated.remark
 
 
-# -- the file -------------------------------------------------------------------------------------
+@needs_core
+def test_steps_are_told_as_they_begin() -> None:
+    resolution = timed()
+    empty, plan = protocol_of(resolution)
+    told: list[str] = []
+    wanted = only(empty, StepKind.START_UP)
+    run_protocol_virtual(wanted, resolution, plan, on_step=told.append)
+    assert told == ["start-up logic-io", "start-up logic-io2"]
+
+
+def _emulated(resolution: Resolution | None = None, *kinds: StepKind) -> dict[str, str]:
+    """Return outcome and remark of each step, on the emulated bus."""
+    resolution = resolution or timed()
+    empty, plan = protocol_of(resolution)
+    kinds = kinds or (StepKind.START_UP, StepKind.TRIGGER, StepKind.LOSS)
+    steps = run_protocol_virtual(only(empty, *kinds), resolution, plan).steps
+    return {
+        s.id: f"{s.emulated.outcome.value if s.emulated.outcome else None}: {s.emulated.remark}"
+        for s in steps
+        if s.emulated
+    }
+
+
+START_UPS = ("start-up logic-io", "start-up logic-io2")
+REACTIONS = ("trigger estop", "loss io", "loss io2", "loss logic")
+
+
+@needs_core
+def test_connections_that_never_reach_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(protocol_virtual, "_PATIENCE_NS", 1_000_000)
+    assert _emulated() == dict.fromkeys(
+        START_UPS, "not as expected: never reached Data"
+    ) | dict.fromkeys(REACTIONS, "not run: not all connections reached Data")
+
+
+@needs_core
+def test_outputs_that_are_never_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(protocol_virtual, "_on", lambda *_: ["a", "b", "c", "d"])
+    assert _emulated() == dict.fromkeys(
+        START_UPS, "not as expected: an output was on before a reset"
+    ) | dict.fromkeys(REACTIONS, "not as expected: still on: a, b, c")
+
+
+@needs_core
+def test_outputs_that_are_never_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(protocol_virtual, "_on", lambda *_: [])
+    found = _emulated(None, StepKind.TRIGGER, StepKind.LOSS)
+    assert found == dict.fromkeys(REACTIONS, "not run: none of its outputs was on")
+
+
+def test_an_output_that_comes_on_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = iter((["a"], [], ["a"]))
+    monkeypatch.setattr(
+        protocol_virtual, "_cycles", lambda *_: iter((9_000_000, 10_000_000, 11_000_000))
+    )
+    monkeypatch.setattr(protocol_virtual, "_on", lambda *_: next(seen))
+    emulation = SimpleNamespace(_time_is=lambda words: words)
+    found = protocol_virtual._Emulation._reaction(
+        emulation,  # type: ignore[arg-type]
+        SimpleNamespace(cycle_ns=1_000_000),  # type: ignore[arg-type]
+        ["a"],
+        act_ns=10_000_000,
+        end_ns=20_000_000,
+    )
+    assert found == Seen(
+        outcome=Outcome.NOT_AS_EXPECTED,
+        measured_ms=0.0,
+        time_is="until it went off",
+        remark="a came on again without a reset",
+    )
+
+
+@needs_core
+def test_a_loss_of_what_is_copied_and_safe_of_nothing(tmp_path: Path) -> None:
+    """One SubDevice carries standard data only, another one nothing that is copied."""
+    text = TIMED.read_text("utf-8").replace("devices/", f"{TIMED.parent}/devices/")
+    rows = "".join(
+        f"  - {{name: {name}, position: {n}, config: {TIMED.parent}/devices/ek1914.yaml}}\n"
+        for n, name in enumerate(("other", "idle"), 3)
+    )
+    text = text.replace("nets:\n", f"{rows}nets:\n", 1)
+    text = text.replace("in: {ec_module: io, index: 0x6010", "in: {ec_module: other, index: 0x6010")
+    path = tmp_path / "network.yaml"
+    path.write_text(text, "utf-8")
+    network = load_network([path]).network
+    assert network is not None
+    found = _emulated(resolve(network), StepKind.LOSS)
+    assert found["loss other"] == "as expected: 2 of 2 connections in Data without it"
+    resolution = resolve(network)
+    empty, plan = protocol_of(resolution)
+    nobody = replace(by_id(empty)["loss other"], subject="nobody")
+    (step,) = run_protocol_virtual(replace(empty, steps=(nobody,)), resolution, plan).steps
+    assert step.emulated is not None
+    assert step.emulated.remark == "nobody carries no process data that is copied"

@@ -304,6 +304,9 @@ def wkc(complete: bool, now_ns: int) -> dict[str, object]:
         ([wkc(False, 0), connection("process data", 5_000_000)], None),
         ([wkc(False, 0), connection("reset", 5_000_000, "b")], None),  # of another SubDevice
         ([{"event": "wkc"}, {"event": "state"}], None),
+        # whole before anything was lost
+        ([wkc(True, 0), wkc(False, 1_000_000), connection("reset", 5_000_000)], 4),
+        ([{"event": "state", "now_ns": 1}], None),
     ],
 )
 def test_times_of_a_loss(events: list[dict[str, object]], took_ms: float | None) -> None:
@@ -311,3 +314,69 @@ def test_times_of_a_loss(events: list[dict[str, object]], took_ms: float | None)
     for event in events:
         times.take(event)
     assert times.took_ms() == took_ms
+
+
+def test_a_loss_of_two_is_timed_when_both_have_left() -> None:
+    times = LossTimes({"a", "b"})
+    for event in (wkc(False, 0), connection("reset", 5_000_000)):
+        times.take(event)
+    assert times.took_ms() is None
+    times.take(connection("silent", 9_000_000, "b"))
+    assert (times.took_ms(), times.silent) == (5, ["b"])
+
+
+def _io(person: Person) -> str:
+    protocol, _ = protocol_of(timed())
+    seen = live(person, protocol)["loss io"].live
+    assert seen is not None
+    return seen.remark
+
+
+def _bus(**more: Any) -> Bus:
+    return Bus(protocol_of(timed())[0].plan_sha256, **more)
+
+
+def test_a_connection_that_fsn_master_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(PAIRS, "logic-io")
+    protocol, _ = protocol_of(timed())
+    steps = live(Person(_bus()), protocol)
+    for name, remark in (
+        ("start-up logic-io", "soem on eth1; fsn-master knows no connection of this name"),
+        ("loss io", "soem on eth1; fsn-master knows no connection logic-io"),
+    ):
+        seen = steps[name].live
+        assert seen is not None
+        assert (seen.outcome, seen.remark) == (Outcome.NOT_RUN, remark)
+
+
+def test_a_bus_that_changes_while_a_person_walks() -> None:
+    class Slow(Person):
+        def guarded(self, step: ProtocolStep) -> bool:
+            self.bus.stuck = "logic-io"
+            return True
+
+    assert _io(Slow(_bus())) == (
+        "soem on eth1; its connections were not in Data: logic-io in Reset"
+    )
+
+
+def test_connections_that_stay_in_data_and_do_not_come_back() -> None:
+    class Lazy(Person):
+        def tell(self, text: str) -> None:
+            if not text.startswith("Put "):
+                super().tell(text)
+
+    assert _io(Lazy(_bus(react_ns=10**15))) == (
+        "soem on eth1; 2 of 2 connections in Data without it; its connections stayed in Data; not "
+        "all came back into Data; outputs are not seen here"
+    )
+
+
+def test_frames_that_were_lost_before_it() -> None:
+    class Loose(Person):
+        def tell(self, text: str) -> None:
+            if text.startswith("Take "):
+                self.bus.told += [wkc(False, self.bus.now_ns), wkc(True, self.bus.now_ns)]
+            super().tell(text)
+
+    assert "; 1 time the bus lost frames before it: the time is uncertain; " in _io(Loose(_bus()))
