@@ -121,15 +121,14 @@ class Attachment:
         """
         current = False
         try:
-            if self._client is None:
-                self._attach(max(0.1, wait_s))
-            current = self._ask(wait_s, stop)
+            client = self._client or self._attach(max(0.1, wait_s))
+            current = self._ask(client, wait_s, stop)
         except EnvironmentFault as fault:
             self._lost(fault)
             (stop or threading.Event()).wait(wait_s)
         return self._view(current)
 
-    def _attach(self, timeout_s: float) -> None:
+    def _attach(self, timeout_s: float) -> Client:
         client = Client(self._path, timeout_s=timeout_s)
         try:
             client.subscribe()
@@ -142,6 +141,7 @@ class Attachment:
             self._away = ""
         self._client = client
         self._facts = ()
+        return client
 
     def _lost(self, fault: EnvironmentFault) -> None:
         if self._client is not None:
@@ -153,10 +153,7 @@ class Attachment:
             self._story.log("monitor", f"fsn-master is gone, waiting for it: {fault}")
             self._story.events_lost += 1  # its last words were perhaps not read
 
-    def _ask(self, wait_s: float, stop: threading.Event | None) -> bool:
-        client = self._client
-        if client is None:
-            return False
+    def _ask(self, client: Client, wait_s: float, stop: threading.Event | None) -> bool:
         until = time.monotonic() + wait_s
         while True:
             for event in client.events(min(0.1, max(0.0, until - time.monotonic()))):

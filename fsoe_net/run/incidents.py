@@ -111,7 +111,7 @@ class IncidentRecorder:
         if not self._asked_never and now_ns >= _BEFORE_NS:
             self._never_connected(seen.now_ns)
         if self._open is not None and seen.now_ns >= self._open.until_ns:
-            self._close()
+            self._close(self._open)
         self._tell(now_ns)
 
     def request(self, text: str) -> None:
@@ -124,7 +124,7 @@ class IncidentRecorder:
         if self._last is not None and not self._asked_never:
             self._never_connected(self._last.now_ns)
         if self._open is not None:
-            self._close()
+            self._close(self._open)
         for thread in self._threads:
             thread.join()
         self._tell(now_ns)
@@ -261,11 +261,9 @@ class IncidentRecorder:
         what = trigger["connection"] or kind.value
         self._open = _Open(incident_name(utc, what), now_ns + _AFTER_NS, head)
 
-    def _close(self) -> None:
+    def _close(self, opened: _Open) -> None:
         """The window is over: the rest of the head is what is known now."""
-        opened, self._open = self._open, None
-        if opened is None:
-            return
+        self._open = None
         session = self._session
         head = (
             opened.head
