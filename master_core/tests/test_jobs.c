@@ -29,6 +29,18 @@ static void values_have_types(void) {
         {"hex", "", "", NULL},
         {"hex", "0x12", NULL, NULL},
         {"hex", "123", NULL, NULL},
+        {"hex", "0g", NULL, NULL},
+        {"hex", "@0", NULL, NULL},
+        {"hex", "1:", NULL, NULL},
+        {"hex", "0G", NULL, NULL},
+        {"hex", "`0", NULL, NULL},
+        {"hex", "/0", NULL, NULL},
+        {"uint8", "0Xff", "ff", "255"},
+        {"uint8", "0y1", NULL, NULL},
+        {"int8", "+5", "05", "5"},
+        {"bool", "off", "00", "false"},
+        {"bool", "on", "01", "true"},
+        {"bool", "1", "01", "true"},
         {"int8", "128", NULL, NULL},
         {"uint8", "-1", NULL, NULL},
         {"uint16", "0x1 ", NULL, NULL},
@@ -128,6 +140,59 @@ static void messages_are_decoded(void) {
     }
 }
 
+/** Every type of a parameter, and what is none: the rest of it stays in `data` only. */
+static void parameters_have_types(void) {
+    static const struct {
+        uint8_t bytes[12];
+        uint32_t size;
+        const char *shown;
+    } rows[] = {
+        {{0x01, 0x00, 2}, 3, "true"},
+        {{0x01, 0x00, 0}, 3, "false"},
+        {{0x02, 0x00, 0x80}, 3, "-128"},
+        {{0x03, 0x00, 0xFE, 0xFF}, 4, "-2"},
+        {{0x04, 0x00, 0xFE, 0xFF, 0xFF, 0x7F}, 6, "2147483646"},
+        {{0x05, 0x00, 0x80}, 3, "128"},
+        {{0x06, 0x00, 0xFE, 0xFF}, 4, "65534"},
+        {{0x07, 0x00, 1, 0, 0, 0x80}, 6, "2147483649"},
+        {{0x08, 0x00, 0, 0, 0xC0, 0x3F}, 6, "1.5"},
+        {{0x11, 0x00, 0, 0, 0, 0, 0, 0, 0, 0xC0}, 10, "-2"},
+        {{0x11, 0x00, 0, 0, 0, 0, 0, 0, 0xF0, 0x7F}, 10, "null"},
+        {{0x15, 0x00, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF}, 10, "-1"},
+        {{0x1B, 0x00, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF}, 10, "18446744073709551615"},
+        {{0x1E, 0x00, 0xFF}, 3, "255"},
+        {{0x1F, 0x00, 0xFF, 1}, 4, "511"},
+        {{0x20, 0x00, 1, 0, 0, 1}, 6, "16777217"},
+        {{0x05, 0x00}, 2, ""},
+        {{0x09, 0x00, 1, 2, 3}, 5, ""},
+        {{0x02, 0x10, 0xAB, 0xCD}, 4, "\"abcd\""},
+        {{0x00, 0x10}, 2, "\"\""},
+        {{0x02, 0x20, 'o', 0xFF}, 4, "\"o\\ufffd\""},
+        {{0x05, 0x30, 'o', 0, 'k', 1, 'x'}, 7, "\"o?\""},
+        {{0x04, 0x30, 0x80, 0, 0x7F, 0}, 6, "\"?\\u007f\""},
+        {{0x00, 0x40, 0x34, 0x12}, 4, "4660"},
+        {{0x00, 0x40, 0x34}, 3, ""},
+        {{0x01, 0x50, 1}, 3, ""},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        uint8_t message[32] = {0, 0, 0, 0, 2, 1};
+        char expected[300] = "";
+        struct fsn_json json = {.limit_bytes = 10000};
+        memcpy(message + 16, rows[i].bytes, rows[i].size);
+        CHECK(fsn_history_message(message, 16 + rows[i].size, 6, &json));
+        const int used =
+            snprintf(expected, sizeof expected,
+                     "{\"subindex\":6,\"id\":0,\"flags\":258,\"time_ns\":0,\"text_id\":0,"
+                     "\"kind\":\"error\",\"parameters\":[%s],\"data\":\"",
+                     rows[i].shown);
+        if (json.len_bytes < (size_t)used || memcmp(json.bytes, expected, (size_t)used) != 0) {
+            fprintf(stderr, "row %zu: %.*s\n", i, (int)json.len_bytes, json.bytes);
+            exit(1);
+        }
+        fsn_json_free(&json);
+    }
+}
+
 static uint8_t sii[0x80 + 200];
 
 static size_t category(size_t at, uint16_t type, const void *bytes, size_t len) {
@@ -173,6 +238,7 @@ int main(void) {
     values_have_types();
     safety_objects_are_not_written();
     messages_are_decoded();
+    parameters_have_types();
     an_sii_is_believed_as_far_as_it_goes();
     return 0;
 }

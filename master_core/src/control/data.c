@@ -1,6 +1,6 @@
 /** Typed bytes of objects. */
-#include <stdio.h>
-#include <stdlib.h>
+#define _POSIX_C_SOURCE 200809L /* strnlen */
+
 #include <string.h>
 
 #include "internal.h"
@@ -86,45 +86,17 @@ const char *fsn_data_parse(const struct fsn_data_type *type, const char *text, u
     return NULL;
 }
 
-void fsn_data_hex(struct fsn_json *json, const char *key, const uint8_t *bytes,
-                  uint32_t size_bytes) {
-    static const char digits[] = "0123456789abcdef";
-    char *text = malloc(2 * (size_t)size_bytes + 1);
-    if (text == NULL) {
-        json->failed = true;
-        return;
-    }
-    for (uint32_t i = 0; i < size_bytes; i++) {
-        text[2 * i] = digits[bytes[i] >> 4];
-        text[2 * i + 1] = digits[bytes[i] & 15];
-    }
-    text[2 * (size_t)size_bytes] = 0;
-    fsn_json_put_text(json, key, text);
-    free(text);
-}
-
-static void write_string(const uint8_t *bytes, uint32_t size_bytes, struct fsn_json *json) {
-    char *text = malloc((size_t)size_bytes + 1);
-    if (text == NULL) {
-        json->failed = true;
-        return;
-    }
-    memcpy(text, bytes, size_bytes);
-    text[size_bytes] = 0; /* it ends at its first zero */
-    fsn_json_text(json, text);
-    free(text);
-}
-
 void fsn_data_write(const struct fsn_data_type *type, const uint8_t *bytes, uint32_t size_bytes,
                     struct fsn_json *json) {
-    fsn_data_hex(json, "data", bytes, size_bytes);
+    fsn_json_put_hex(json, "data", bytes, size_bytes);
     fsn_json_put_u64(json, "bytes", size_bytes);
     if (type->kind == FSN_DATA_HEX) {
         return;
     }
     fsn_json_key(json, "value");
     if (type->kind == FSN_DATA_STRING) {
-        write_string(bytes, size_bytes, json);
+        const char *text = (const char *)bytes;
+        fsn_json_chars(json, text, strnlen(text, size_bytes)); /* it ends at its first zero */
     } else if (size_bytes != type->number.bits / 8u) {
         fsn_json_null(json);
     } else {

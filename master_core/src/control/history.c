@@ -65,17 +65,6 @@ static void put_text(const uint8_t *bytes, uint32_t size, unsigned step, struct 
     fsn_json_text(json, text);
 }
 
-static void put_hex(const uint8_t *bytes, uint32_t size, struct fsn_json *json) {
-    static const char digits[] = "0123456789abcdef";
-    char text[2 * LENGTH_MASK + 1];
-    for (uint32_t i = 0; i < size; i++) {
-        text[2 * i] = digits[bytes[i] >> 4];
-        text[2 * i + 1] = digits[bytes[i] & 15];
-    }
-    text[2 * size] = 0;
-    fsn_json_text(json, text);
-}
-
 /** One parameter; returns its bytes, 0 when it cannot be understood. */
 static uint32_t put_parameter(const uint8_t *at, uint32_t left, struct fsn_json *json) {
     if (left < 2) {
@@ -99,7 +88,7 @@ static uint32_t put_parameter(const uint8_t *at, uint32_t left, struct fsn_json 
         return 0;
     }
     if (type == TYPE_BYTES) {
-        put_hex(at + 2, size, json);
+        fsn_json_hex(json, at + 2, size);
     } else if (type == TYPE_ASCII || type == TYPE_UNICODE) {
         put_text(at + 2, size, type == TYPE_ASCII ? 1 : 2, json);
     } else {
@@ -134,7 +123,7 @@ bool fsn_history_message(const uint8_t *bytes, uint32_t size_bytes, uint32_t id,
         at += taken;
     }
     fsn_json_close(json, ']');
-    fsn_data_hex(json, "data", bytes, size_bytes);
+    fsn_json_put_hex(json, "data", bytes, size_bytes);
     fsn_json_close(json, '}');
     return true;
 }

@@ -86,7 +86,7 @@ static fsn_status read_object(struct doing *d, uint32_t *abort_code) {
     const fsn_status status = sii ? fsn_core_sii_read(d->means->core, job->subdevice, &transfer)
                                   : fsn_core_upload(d->means->core, job->subdevice, &transfer);
     if (status == FSN_OK && sii) {
-        fsn_data_hex(&job->json, "data", room, transfer.size_bytes);
+        fsn_json_put_hex(&job->json, "data", room, transfer.size_bytes);
         fsn_json_put_u64(&job->json, "bytes", transfer.size_bytes);
     } else if (status == FSN_OK) {
         fsn_data_write(&job->type, room, transfer.size_bytes, &job->json);

@@ -77,10 +77,6 @@ const char *fsn_data_parse(const struct fsn_data_type *type, const char *text, u
 void fsn_data_write(const struct fsn_data_type *type, const uint8_t *bytes, uint32_t size_bytes,
                     struct fsn_json *json);
 
-/** Key and bytes in hex. */
-void fsn_data_hex(struct fsn_json *json, const char *key, const uint8_t *bytes,
-                  uint32_t size_bytes);
-
 /** Whether an object may be written, by plan and state of the bus (guard.c).
  *  @return NULL, or why not. */
 const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index,

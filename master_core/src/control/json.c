@@ -77,15 +77,18 @@ static size_t character(struct fsn_json *json, const char *at, size_t left) {
     return taken;
 }
 
-void fsn_json_text(struct fsn_json *json, const char *text) {
+void fsn_json_chars(struct fsn_json *json, const char *text, size_t left) {
     value(json, "\"", 1);
-    size_t left = strlen(text);
     while (left > 0 && !json->failed) {
         const size_t taken = character(json, text, left);
         text += taken;
         left -= taken;
     }
     raw(json, "\"", 1);
+}
+
+void fsn_json_text(struct fsn_json *json, const char *text) {
+    fsn_json_chars(json, text, strlen(text));
 }
 
 void fsn_json_raw(struct fsn_json *json, const char *bytes, size_t len_bytes) {
@@ -152,6 +155,12 @@ void fsn_json_put_u64(struct fsn_json *json, const char *key, uint64_t number) {
 void fsn_json_put_bool(struct fsn_json *json, const char *key, bool yes) {
     fsn_json_key(json, key);
     fsn_json_bool(json, yes);
+}
+
+void fsn_json_put_hex(struct fsn_json *json, const char *key, const uint8_t *bytes,
+                      size_t len_bytes) {
+    fsn_json_key(json, key);
+    fsn_json_hex(json, bytes, len_bytes);
 }
 
 void fsn_json_end(struct fsn_json *json) {

@@ -31,6 +31,7 @@ void fsn_json_key(struct fsn_json *json, const char *key);
 /** Values. Text that is not UTF-8 gets a replacement character for each wrong byte; a number that
  *  JSON does not have becomes null. */
 void fsn_json_text(struct fsn_json *json, const char *text);
+void fsn_json_chars(struct fsn_json *json, const char *text, size_t len_bytes);
 void fsn_json_u64(struct fsn_json *json, uint64_t value);
 void fsn_json_i64(struct fsn_json *json, int64_t value);
 void fsn_json_real(struct fsn_json *json, double value);
@@ -46,6 +47,8 @@ void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes)
 void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text);
 void fsn_json_put_u64(struct fsn_json *json, const char *key, uint64_t value);
 void fsn_json_put_bool(struct fsn_json *json, const char *key, bool value);
+void fsn_json_put_hex(struct fsn_json *json, const char *key, const uint8_t *bytes,
+                      size_t len_bytes);
 
 /** Ends the line. */
 void fsn_json_end(struct fsn_json *json);
