@@ -2,15 +2,57 @@
 #define _GNU_SOURCE
 
 #include <dirent.h>
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <pthread.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "control/incident.h"
 #include "control/incident_kept.h"
 #include "control_host.h"
 #include "emulated_rig.h"
+#include "heap.h"
 
 enum { MS = 1000000 };
+
+/* -- a system that refuses ------------------------------------------------------------------- */
+
+static struct {
+    int fsync, fdopen, access, thread; /**< errors that the next calls end with */
+} fails;
+
+int fsync(int fd) {
+    (void)fd;
+    errno = fails.fsync;
+    return fails.fsync != 0 ? -1 : 0;
+}
+
+static void real(void *to, const char *name) {
+    void *found = dlsym(RTLD_NEXT, name);
+    memcpy(to, &found, sizeof found);
+}
+
+FILE *fdopen(int fd, const char *mode) {
+    FILE *(*libc)(int, const char *);
+    real(&libc, "fdopen");
+    errno = fails.fdopen;
+    return fails.fdopen != 0 ? NULL : libc(fd, mode);
+}
+
+int access(const char *path, int mode) {
+    errno = fails.access;
+    return fails.access != 0 ? -1 : faccessat(AT_FDCWD, path, mode, 0);
+}
+
+int pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*run)(void *),
+                   void *context) {
+    int (*libc)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *);
+    real(&libc, "pthread_create");
+    return fails.thread != 0 ? fails.thread : libc(thread, attributes, run, context);
+}
 
 struct rig {
     struct emulated_rig on;
@@ -26,6 +68,22 @@ static void take_job(void *self, struct fsn_job *job) {
 }
 
 static struct fsn_control_host host;
+static char told[2000];
+static const char *state = "running";
+
+static void keep_text(void *self, enum fsn_log_level level, const char *text, const char *json,
+                      size_t json_bytes) {
+    (void)self;
+    (void)json;
+    (void)json_bytes;
+    const size_t used = strlen(told);
+    snprintf(told + used, sizeof told - used, "%c %s\n", "diwe"[level], text);
+}
+
+static void tell_state(void *self, struct fsn_control_status *status) {
+    host_status(self, status);
+    status->state = state;
+}
 
 static struct rig set_up(void) {
     static const struct build_sm sm[2][2] = {{{1, 8}, {2, 8}}, {{1, 8}, {2, 8}}};
@@ -35,6 +93,9 @@ static struct rig set_up(void) {
     CHECK(mkdtemp(rig.folder) != NULL);
     CHECK(fsn_core_keep(rig.on.core, UINT64_C(10000) * MS, (size_t)8 << 20) == FSN_OK);
     host = test_host(take_job);
+    host.log = keep_text;
+    host.status = tell_state;
+    told[0] = 0;
     rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(rig.control != NULL);
     CHECK(fsn_control_keep_incidents(rig.control, rig.folder, &refusal) == FSN_OK);
@@ -194,7 +255,225 @@ static void one_that_runs_is_not_either(void) {
     CHECK(tear_down(&rig) == 1);
 }
 
+/* -- what goes wrong ------------------------------------------------------------------------- */
+
+/** One incident from its begin to its end; what was told of it, with `*` for the folder. */
+static const char *one_incident(struct rig *rig, uint64_t now_ns) {
+    static char text[2000];
+    told[0] = 0;
+    begin_at(rig, now_ns);
+    cycle_at(rig, now_ns + UINT64_C(1000) * MS);
+    struct fsn_incidents *in = rig->control->incidents;
+    while (in->pending.active || in->file != NULL) {
+        fsn_incident_turn(rig->control, now_ns + UINT64_C(1000) * MS);
+        usleep(100);
+    }
+    text[0] = 0;
+    for (const char *at = told; *at != 0; at++) {
+        const size_t len = strlen(rig->folder);
+        const bool folder = strncmp(at, rig->folder, len) == 0;
+        strncat(text, folder ? "*" : at, 1);
+        at += folder ? len - 1 : 0;
+    }
+    return text;
+}
+
+static void is_told(const char *got, const char *expected) {
+    if (strcmp(got, expected) != 0) {
+        fprintf(stderr, "said     %sexpected %s", got, expected);
+        exit(1);
+    }
+}
+
+/** Name of the file of an incident at a time; `number` behind it for those of the same second. */
+static const char *file_at(uint64_t now_ns, const char *number) {
+    static char name[100];
+    char utc[32];
+    fsn_utc_text(now_ns, utc);
+    for (char *c = utc; *c != 0; c++) {
+        *c = *c == ':' ? '_' : *c;
+    }
+    snprintf(name, sizeof name, "*/incident-%.19sZ-request%s.fsnincident", utc, number);
+    return name;
+}
+
+static void a_system_that_refuses_is_told(void) {
+    struct rig rig = set_up();
+    char expected[500];
+    const uint64_t second = UINT64_C(1000) * MS;
+    cycle_at(&rig, second);
+    snprintf(expected, sizeof expected, "w incident: a test; fsoe-net incident %s\n",
+             file_at(second, ""));
+    is_told(one_incident(&rig, second), expected);
+    snprintf(expected, sizeof expected, "w incident: a test; fsoe-net incident %s\n",
+             file_at(second, "-2"));
+    is_told(one_incident(&rig, second), expected); /* nothing that exists is touched */
+    fails.fsync = EIO;
+    snprintf(expected, sizeof expected,
+             "e incident: a test; %s ends after 4 cycles: Input/output error\n",
+             file_at(2 * second, ""));
+    is_told(one_incident(&rig, 2 * second), expected);
+    fails.fsync = 0;
+    fails.fdopen = ENOMEM;
+    snprintf(expected, sizeof expected,
+             "e incident: a test; %s ends after 0 cycles: Cannot allocate memory\n",
+             file_at(3 * second, ""));
+    is_told(one_incident(&rig, 3 * second), expected);
+    fails.fdopen = 0;
+    fails.thread = EAGAIN;
+    is_told(one_incident(&rig, 4 * second), "e an incident is not kept: no memory for it\n");
+    fails.thread = 0;
+    CHECK(tear_down(&rig) == 4);
+}
+
+/** What stands in the folder counts, whoever wrote it; other files and folders do not. */
+static void a_folder_has_a_limit(void) {
+    struct rig rig = set_up();
+    const uint64_t second = UINT64_C(1000) * MS;
+    char path[100];
+    cycle_at(&rig, second);
+    snprintf(path, sizeof path, "%s/large.other", rig.folder);
+    int fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
+    CHECK(fd >= 0 && ftruncate(fd, 3 << 20) == 0 && close(fd) == 0);
+    snprintf(path, sizeof path, "%s/no-suffix", rig.folder);
+    CHECK(symlink("large.other", path) == 0);
+    snprintf(path, sizeof path, "%s/link.fsnincident", rig.folder);
+    CHECK(symlink("large.other", path) == 0);
+    fsn_control_limit_incidents(rig.control, 2 << 20);
+    CHECK(strstr(one_incident(&rig, second), "w incident: a test; fsoe-net") != NULL);
+    snprintf(path, sizeof path, "%s/of-before.fsnincident", rig.folder);
+    fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
+    CHECK(fd >= 0 && ftruncate(fd, 2 << 20) == 0 && close(fd) == 0);
+    is_told(one_incident(&rig, 2 * second),
+            "e incident: a test; not kept, for the incident files in * have 2 MiB; move some of "
+            "them away, or start with a higher --incidents-limit\n");
+    CHECK(tear_down(&rig) == 5);
+}
+
+static void a_hundred_are_enough(void) {
+    struct rig rig = set_up();
+    const uint64_t second = UINT64_C(1000) * MS;
+    const struct fsn_trigger trigger = {.kind = "request", .now_ns = second, .text = "a test"};
+    cycle_at(&rig, second);
+    rig.control->incidents->files = 99;
+    CHECK(strstr(one_incident(&rig, second), "w incident: a test; fsoe-net") != NULL);
+    told[0] = 0;
+    for (int i = 0; i < 3; i++) {
+        CHECK(!fsn_incident_begin(rig.control, &trigger));
+        is_told(told, "w 100 incidents were kept since the start; no more will be\n");
+    }
+    CHECK(tear_down(&rig) == 1);
+}
+
+static void folders_are_checked(void) {
+    struct rig rig = set_up();
+    char path[100];
+    char text[200];
+    struct fsn_refusal refusal;
+    struct fsn_incidents *none = NULL;
+    snprintf(path, sizeof path, "%s/file", rig.folder);
+    const int fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
+    CHECK(fd >= 0 && close(fd) == 0);
+    errno = ENOSPC; /* of something else */
+    CHECK(fsn_incidents_create(path, rig.on.plan, &none, &refusal) == FSN_E_SYS && none == NULL);
+    snprintf(text, sizeof text, "incidents: %s is no folder to write to: Not a directory", path);
+    CHECK(strcmp(refusal.text, text) == 0);
+    CHECK(fsn_incidents_create("/nonexistent", rig.on.plan, &none, &refusal) == FSN_E_SYS);
+    CHECK(strcmp(refusal.text, "incidents: /nonexistent is no folder to write to: No such file or "
+                               "directory") == 0);
+    fails.access = EACCES;
+    CHECK(fsn_incidents_create(rig.folder, rig.on.plan, &none, &refusal) == FSN_E_SYS);
+    fails.access = 0;
+    snprintf(text, sizeof text, "incidents: %s is no folder to write to: Permission denied",
+             rig.folder);
+    CHECK(strcmp(refusal.text, text) == 0 && none == NULL);
+    CHECK(strcmp(refusal.hint, "mkdir it, and let this user write there") == 0);
+    CHECK(tear_down(&rig) == 1);
+}
+
+/** Whoever stops the bus is no failure; who asks gets his file all the same. */
+static void a_stop_is_no_incident(void) {
+    static const char *const states[] = {"stopping", "stopped", "running"};
+    struct rig rig = set_up();
+    const uint64_t second = UINT64_C(1000) * MS;
+    const struct fsn_trigger left = {.kind = "left_data", .now_ns = second, .text = "a test"};
+    cycle_at(&rig, second);
+    for (int i = 0; i < 3; i++) {
+        state = states[i];
+        CHECK(fsn_incident_begin(rig.control, &left) == (i == 2));
+    }
+    CHECK(!fsn_incident_begin(rig.control, &left)); /* one at a time */
+    fsn_control_attach(rig.control, NULL);          /* and it is written when the bus stops */
+    CHECK(!rig.control->incidents->pending.active);
+    submitted->status = FSN_E_ABSENT;
+    fsn_control_job_done(rig.control, submitted);
+    fsn_control_limit_incidents(rig.control, 0);
+    CHECK(rig.control->incidents->most_bytes == 0);
+    CHECK(tear_down(&rig) == 1);
+}
+
+/** What is shut stays shut: nothing is kept, and nothing breaks. */
+static void without_a_folder_nothing_is_kept(void) {
+    struct rig rig = set_up();
+    const struct fsn_trigger trigger = {.kind = "request", .now_ns = 1, .text = "a test"};
+    struct fsn_control *control = fsn_control_create(rig.on.plan, &host, &nobody);
+    CHECK(control != NULL);
+    fsn_control_limit_incidents(control, 5);
+    fsn_incident_turn(control, 1);
+    fsn_incident_detach(control);
+    fsn_incident_event(control, "{}", 2);
+    fsn_incident_connection(control, 0, FSN_OUTSIDE_DATA_PROCESS);
+    CHECK(!fsn_incident_begin(control, &trigger));
+    fsn_control_free(control);
+    CHECK(tear_down(&rig) == 0);
+}
+
+#ifdef FSN_TEST_HEAP
+/** Whichever allocation fails at the end of the window: a file comes of it, or it is told. */
+static void memory_runs_out(void) {
+    struct rig rig = set_up();
+    const uint64_t second = UINT64_C(1000) * MS;
+    int kept = 0;
+    int lost = 0;
+    cycle_at(&rig, second);
+    for (long n = 1; kept < 3; n++) {
+        const uint64_t now_ns = second * (uint64_t)(n + 1);
+        told[0] = 0;
+        begin_at(&rig, now_ns);
+        cycle_at(&rig, now_ns + second);
+        struct fsn_incidents *in = rig.control->incidents;
+        heap.fails_in = n;
+        while (in->pending.active) {
+            fsn_incident_turn(rig.control, now_ns + second);
+        }
+        heap.fails_in = 0;
+        while (in->file != NULL) {
+            fsn_incident_turn(rig.control, now_ns + second);
+            usleep(100);
+        }
+        kept += strstr(told, "w incident: a test; fsoe-net incident ") != NULL;
+        lost += strcmp(told, "e an incident is not kept: no memory for it\n") == 0;
+        if (kept + lost < n && strstr(told, "Cannot allocate memory") == NULL) {
+            fprintf(stderr, "allocation %ld: %s\n", n, told);
+            exit(1);
+        }
+        CHECK(n < 200);
+    }
+    CHECK(lost > 2);
+    (void)tear_down(&rig);
+}
+#endif
+
 int main(void) {
+#ifdef FSN_TEST_HEAP
+    memory_runs_out();
+#endif
+    a_system_that_refuses_is_told();
+    a_folder_has_a_limit();
+    a_hundred_are_enough();
+    folders_are_checked();
+    a_stop_is_no_incident();
+    without_a_folder_nothing_is_kept();
     a_cycle_that_was_held_up_is_waited_for();
     a_cycle_that_stands_still_is_not();
     one_that_runs_is_not_either();

@@ -27,13 +27,25 @@ enum {
     MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
 };
 
+/** 0, or why this is no folder that one can write to. */
+static int why_not(const char *folder) {
+    struct stat found;
+    if (stat(folder, &found) != 0) {
+        return errno;
+    }
+    if (!S_ISDIR(found.st_mode)) {
+        return ENOTDIR;
+    }
+    return access(folder, W_OK | X_OK) != 0 ? errno : 0;
+}
+
 fsn_status fsn_incidents_create(const char *folder, const struct fsn_plan *plan,
                                 struct fsn_incidents **incidents, struct fsn_refusal *refusal) {
-    struct stat found;
-    if (stat(folder, &found) != 0 || !S_ISDIR(found.st_mode) || access(folder, W_OK | X_OK) != 0) {
+    const int error = why_not(folder);
+    if (error != 0) {
         return fsn_refusal_set(refusal, FSN_E_SYS, "mkdir it, and let this user write there",
                                "incidents: %.200s is no folder to write to: %s", folder,
-                               errno != 0 ? strerror(errno) : "no folder");
+                               strerror(error));
     }
     struct fsn_incidents *in = calloc(1, sizeof *in);
     const uint32_t connections = fsn_plan_connection_count(plan);
