@@ -10,6 +10,7 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -53,6 +54,39 @@ int getgrouplist(const char *name, gid_t own, gid_t *groups, int *count) {
         return -1;
     }
     return *count;
+}
+
+/* -- a system that refuses --------------------------------------------------------------------- */
+
+/** The so manyth of these calls from now on fails with EMFILE; 0: none does. */
+static struct {
+    int socket, listen, lstat, unlink, getsockopt;
+} fails_in;
+
+static bool fails(int *in) {
+    errno = EMFILE;
+    return *in > 0 && --*in == 0;
+}
+
+int socket(int domain, int type, int protocol) {
+    return fails(&fails_in.socket) ? -1 : (int)syscall(SYS_socket, domain, type, protocol);
+}
+
+int listen(int fd, int backlog) {
+    return fails(&fails_in.listen) ? -1 : (int)syscall(SYS_listen, fd, backlog);
+}
+
+int lstat(const char *path, struct stat *found) {
+    return fails(&fails_in.lstat) ? -1 : fstatat(AT_FDCWD, path, found, AT_SYMLINK_NOFOLLOW);
+}
+
+int unlink(const char *path) {
+    return fails(&fails_in.unlink) ? -1 : unlinkat(AT_FDCWD, path, 0);
+}
+
+int getsockopt(int fd, int level, int name, void *value, socklen_t *size) {
+    return fails(&fails_in.getsockopt) ? -1
+                                       : (int)syscall(SYS_getsockopt, fd, level, name, value, size);
 }
 
 static void who_may_connect(void) {
@@ -160,6 +194,52 @@ static void paths_are_refused(void) {
     tear_down();
 }
 
+static void leave_dead_socket(void) {
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
+    const int dead = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    CHECK(bind(dead, (const struct sockaddr *)&address, sizeof address) == 0 && close(dead) == 0);
+}
+
+/** Whatever the system refuses is told, and no file of ours stays. */
+static void a_system_that_refuses_is_told(void) {
+    static const char another[] = "--socket PATH names another place";
+    static const struct {
+        int *call, in;
+        bool dead; /**< another process left a socket */
+        const char *what;
+    } rows[] = {
+        {&fails_in.socket, 1, false, "socket"},
+        {&fails_in.listen, 1, false, "the control socket"},
+        {&fails_in.lstat, 1, false, "the control socket"},
+        {&fails_in.lstat, 2, false, "the control socket"},
+        {&fails_in.socket, 1, true, "socket"},
+        {&fails_in.socket, 2, true, "socket"},
+        {&fails_in.unlink, 1, true, "the socket that a dead process left"},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        char text[200];
+        set_up();
+        if (rows[i].dead) {
+            leave_dead_socket();
+        }
+        snprintf(text, sizeof text, "%s %s: Too many open files", rows[i].what, rig.path);
+        *rows[i].call = rows[i].in;
+        refused(rig.path, FSN_E_SYS, text, another);
+        CHECK(*rows[i].call == 0);
+        CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+        tear_down();
+    }
+    /* A file that has gone by itself is none to remove, nor one that cannot be looked at. */
+    set_up();
+    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+    fails_in.lstat = 1;
+    fsn_control_free(rig.control);
+    rig.control = new_control();
+    CHECK(unlink(rig.path) == 0);
+    tear_down();
+}
+
 static mode_t mode_of(const char *path) {
     struct stat found;
     CHECK(lstat(path, &found) == 0 && S_ISSOCK(found.st_mode));
@@ -184,10 +264,7 @@ static void the_file_is_for_those_who_may(void) {
 /** What a dead process left is replaced; what has taken our place is left alone. */
 static void dead_sockets_make_way(void) {
     set_up();
-    struct sockaddr_un address = {.sun_family = AF_UNIX};
-    snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
-    const int dead = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    CHECK(bind(dead, (const struct sockaddr *)&address, sizeof address) == 0 && close(dead) == 0);
+    leave_dead_socket();
     CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
     CHECK(mode_of(rig.path) == 0600);
     CHECK(unlink(rig.path) == 0);
@@ -262,12 +339,15 @@ static void strangers_are_turned_away(void) {
     as_user(STRANGER, 7001, no);
     as_user(4005, 7001, no);
     as_user(0, 99, "{\"ok\":true");
+    fails_in.getsockopt = 1; /* who cannot be told is nobody */
+    as_user(0, 99, no);
     tear_down();
 }
 
 int main(void) {
     who_may_connect();
     paths_are_refused();
+    a_system_that_refuses_is_told();
     the_file_is_for_those_who_may();
     dead_sockets_make_way();
     strangers_are_turned_away();

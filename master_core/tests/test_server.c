@@ -3,6 +3,7 @@
 #define _GNU_SOURCE
 
 #include <errno.h>
+#include <fcntl.h>
 #include <poll.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -16,6 +17,8 @@
 
 static uint64_t now_ns;
 static int send_fails; /**< the next send() fails so, once */
+static int recv_fails; /**< the next recv() of the server */
+static int poll_fails; /**< the next poll() */
 
 int clock_gettime(clockid_t clock, struct timespec *now) {
     const uint64_t ns = clock == CLOCK_REALTIME ? 1700000000 * SECOND_NS : now_ns;
@@ -30,6 +33,25 @@ ssize_t send(int fd, const void *bytes, size_t size, int flags) {
         return -1;
     }
     return sendto(fd, bytes, size, flags, NULL, 0);
+}
+
+ssize_t recv(int fd, void *bytes, size_t size, int flags) {
+    if (recv_fails != 0) {
+        errno = recv_fails;
+        recv_fails = 0;
+        return -1;
+    }
+    return recvfrom(fd, bytes, size, flags, NULL, NULL);
+}
+
+int poll(struct pollfd *fds, nfds_t count, int timeout_ms) {
+    const struct timespec timeout = {.tv_nsec = timeout_ms * 1000000L};
+    if (poll_fails != 0) {
+        errno = poll_fails;
+        poll_fails = 0;
+        return -1;
+    }
+    return ppoll(fds, count, &timeout, NULL);
 }
 
 static struct rig {
@@ -295,6 +317,84 @@ static void there_is_a_limit_to_what_is_unread(void) {
     tear_down(3);
 }
 
+/** A long answer behind a longer one that nobody took is one too many. */
+static void long_answers_have_their_limit_one_by_one(void) {
+    static char block[2 * FSN_CONTROL_OUT_BYTES];
+    set_up(1);
+    memset(block, 'x', sizeof block);
+    struct fsn_client *client = rig.control->client;
+    fsn_client_put_long(client, block, sizeof block);
+    CHECK(client->doom == NULL && client->out.len_bytes == sizeof block);
+    fsn_client_put_long(client, block, 10);
+    CHECK(strcmp(client->doom, "does not read") == 0 && client->out.len_bytes == sizeof block);
+    tear_down(1);
+}
+
+/** What was read ends for a moment, or for ever. */
+static void reading_may_fail(void) {
+    static const int passing[] = {EAGAIN, EINTR};
+    set_up(2);
+    for (int i = 0; i < 2; i++) {
+        say(0, "events off\n");
+        recv_fails = passing[i];
+        turn();
+        CHECK(recv_fails == 0 && rig.control->client[0].fd >= 0);
+        turn();
+        recv_fails = 0;
+        CHECK(strcmp(heard(0), EVENTS_OFF) == 0);
+    }
+    say(0, "events off\n");
+    recv_fails = ECONNRESET;
+    turn();
+    CHECK(rig.control->client[0].fd == -1 && rig.control->client[1].fd >= 0 && rig.told[0] == 0);
+    tear_down(2);
+}
+
+/** While a client waits for a job or for its turn, its lines are left where they are; who has gone
+ *  meanwhile is not waited for. */
+static void lines_wait_behind_a_job(void) {
+    static struct fsn_job job;
+    set_up(1);
+    struct fsn_client *client = rig.control->client;
+    client->job = &job;
+    say(0, "events off\n");
+    turn();
+    CHECK(rig.fds[1].events == 0 && client->in_bytes == 0 && heard(0)[0] == 0);
+    memset(client->in, 'x', FSN_LINE_BYTES + 1); /* came with the line of the job */
+    client->in_bytes = FSN_LINE_BYTES + 1;
+    turn();
+    CHECK(!client->skipping && client->in_bytes == FSN_LINE_BYTES + 1 && heard(0)[0] == 0);
+    client->job = NULL;
+    turn();
+    CHECK(client->skipping && client->in_bytes == 0 && strcmp(heard(0), TOO_LONG) == 0);
+    client->skipping = false;
+    client->job = &job;
+    close(rig.peer[0]);
+    turn();
+    CHECK(client->fd == -1 && client->job == NULL && job.cancelled);
+    rig.peer[0] = open("/dev/null", O_RDWR | O_CLOEXEC);
+    tear_down(1);
+}
+
+/** Sixteen lines and all the room behind them: nothing more fits until it was its turn again. */
+static void a_full_buffer_waits_for_its_turn(void) {
+    set_up(1);
+    struct fsn_client *client = rig.control->client;
+    for (int i = 0; i < 17; i++) {
+        memcpy(client->in + 11 * i, "events off\n", 11);
+    }
+    memset(client->in + 11 * 17, ' ', FSN_LINE_BYTES + 1 - 11 * 17);
+    client->in_bytes = FSN_LINE_BYTES + 1;
+    close(rig.peer[0]);
+    fsn_control_prepare(rig.control, rig.fds, &rig.wait_ns);
+    CHECK(rig.fds[1].events == 0);
+    rig.fds[1].revents = POLLHUP;
+    fsn_control_serve(rig.control, rig.fds, 2);
+    CHECK(client->fd == -1 && rig.told[0] == 0); /* answered in vain */
+    rig.peer[0] = open("/dev/null", O_RDWR | O_CLOEXEC);
+    tear_down(1);
+}
+
 /** Who is silent for longer than his lease loses his outputs, and is told. */
 static void leases_end(void) {
     set_up(1);
@@ -329,6 +429,10 @@ static void a_flush_waits_for_readers(void) {
     fsn_client_put(&rig.control->client[0], block, sizeof block);
     fsn_control_flush(rig.control, 0); /* nobody reads, and there is no time */
     CHECK(rig.control->client[0].sent > 0 && rig.control->client[0].sent < sizeof block);
+    const size_t before = rig.control->client[0].sent;
+    poll_fails = EINTR;
+    fsn_control_flush(rig.control, 1000); /* nor after a signal */
+    CHECK(poll_fails == 0 && rig.control->client[0].sent == before);
     tear_down(2);
 }
 
@@ -341,6 +445,10 @@ int main(void) {
     what_is_not_taken_waits();
     who_does_not_read_is_dropped();
     there_is_a_limit_to_what_is_unread();
+    long_answers_have_their_limit_one_by_one();
+    reading_may_fail();
+    lines_wait_behind_a_job();
+    a_full_buffer_waits_for_its_turn();
     leases_end();
     a_flush_waits_for_readers();
     return 0;

@@ -167,6 +167,9 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
     if (bound != 0 || listen(fd, SOMAXCONN) != 0 || lstat(path, &found) != 0) {
         system_refuses(refusal, "the control socket", path);
         close(fd);
+        if (bound == 0) {
+            unlink(path);
+        }
         return FSN_E_SYS;
     }
     memcpy(control->path, address.sun_path, sizeof control->path);

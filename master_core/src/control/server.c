@@ -17,9 +17,6 @@ uint64_t fsn_now_ns(void) {
 }
 
 void fsn_client_drop(struct fsn_control *control, struct fsn_client *client, const char *why) {
-    if (client->fd < 0) {
-        return;
-    }
     close(client->fd);
     client->fd = -1;
     client->events = false;
@@ -39,36 +36,34 @@ void fsn_client_drop(struct fsn_control *control, struct fsn_client *client, con
     fsn_watch_take_back(control, client, why);
 }
 
-/** Writes what a client takes without waiting. */
+/** Writes what a client that is there takes without waiting. */
 static void send_some(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
-    while (client->fd >= 0 && client->sent < client->out.len_bytes) {
+    while (client->sent < client->out.len_bytes) {
         const ssize_t sent =
             send(client->fd, client->out.bytes + client->sent, client->out.len_bytes - client->sent,
                  MSG_NOSIGNAL | MSG_DONTWAIT);
         if (sent < 0 && errno == EINTR) {
             continue;
         }
-        if (sent < 0 && errno != EAGAIN && errno != EWOULDBLOCK) {
-            fsn_client_drop(control, client, "disconnected");
+        if (sent < 0 && errno == EAGAIN) {
             return;
         }
         if (sent < 0) {
-            break;
+            fsn_client_drop(control, client, "disconnected");
+            return;
         }
         client->sent += (size_t)sent;
         client->moved_ns = now_ns;
     }
-    if (client->fd >= 0 && client->sent == client->out.len_bytes) {
-        fsn_json_free(&client->out);
-        client->sent = 0;
-        client->long_bytes = 0;
-        client->moved_ns = now_ns;
-    }
+    fsn_json_free(&client->out);
+    client->sent = 0;
+    client->long_bytes = 0;
+    client->moved_ns = now_ns;
 }
 
 void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes) {
     struct fsn_json *out = &client->out;
-    if (client->fd < 0 || client->doom != NULL) {
+    if (client->doom != NULL) {
         return;
     }
     if (client->sent > 0) { /* what is gone needs no room */
@@ -145,7 +140,7 @@ static void read_some(struct fsn_control *control, struct fsn_client *client) {
         return;
     }
     const ssize_t got = recv(client->fd, client->in + client->in_bytes, room, MSG_DONTWAIT);
-    if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) {
+    if (got < 0 && (errno == EAGAIN || errno == EINTR)) {
         return;
     }
     if (got <= 0) {
@@ -157,9 +152,8 @@ static void read_some(struct fsn_control *control, struct fsn_client *client) {
 
 /** Best effort: it is one short line into a socket that is empty or that nobody reads. */
 static void say_last(int fd, const char *text) {
-    if (send(fd, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT) < 0) {
-        errno = 0;
-    }
+    const ssize_t sent = send(fd, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT);
+    (void)sent;
 }
 
 static void turn_away(int fd, const char *text) {
@@ -323,7 +317,7 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         fd[i] = control->client[i].fd;
     }
-    for (size_t i = 1; i < count && i <= FSN_CONTROL_CLIENTS; i++) {
+    for (size_t i = 1; i < count; i++) {
         struct fsn_client *client = &control->client[i - 1];
         if (fds[i].fd >= 0 && fds[i].fd == fd[i - 1] && client->fd == fd[i - 1]) {
             serve_client(control, client, fds[i].revents);
