@@ -1,0 +1,274 @@
+"""What commands say at their end of what rarely happens; the work itself is stood in for."""
+
+from __future__ import annotations
+
+import io
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace as Facts
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from networks import PLAIN, example
+from rich.console import Console
+from run.fake_master import fake_master
+from run.test_live_run import OPTIONS, RESOLUTION, Process
+
+from fsoe_net.cli import (
+    accept,
+    campaign,
+    console,
+    emulate,
+    options,
+    run,
+    scan,
+    test_protocol,
+    verify,
+)
+from fsoe_net.cli.fitted_table import Column, FittedTable
+from fsoe_net.cli.known import Known
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.model import Outcome, Seen
+from fsoe_net.plan import compile_plan, fingerprint_of
+from fsoe_net.run import live_bus
+
+NETWORK = str(PLAIN / "estop" / "network.yaml")
+
+
+def call(command: Any, *words: object) -> Result:
+    return CliRunner().invoke(command, [str(word) for word in words])
+
+
+# -- emulate ---------------------------------------------------------------------------------------
+
+
+def served(**changes: Any) -> Any:
+    counts = Facts(frames=2, work_ns=3000, unsent=0, send_errno=0)
+    facts = {
+        "events": (), "states": {"io": Facts(state="PREOP", error=True, code=0x1E)},
+        "connections": {"a": "reset"}, "counts": counts, "verdicts": (), "passed": False,
+    }  # fmt: skip
+    return Facts(**facts | changes)
+
+
+VERDICT = Facts(held=False, place="s.yaml:4", text="x = 1", seen="was 0")
+
+
+@pytest.mark.parametrize(
+    ("result", "lines"),
+    [
+        (
+            served(),
+            [
+                "io                       PREOP, error 0x001e",
+                "a                        Reset",
+                "",
+                "2 frames answered, 1.5 us each",
+                "not every connection is in Data: no MainDevice has brought all of them to OP",
+            ],
+        ),
+        (
+            served(
+                states={"io": Facts(state="OP", error=False, code=0)},
+                counts=Facts(frames=1, work_ns=1000, unsent=3, send_errno=105),
+                connections={},
+            ),
+            [
+                "io                       OP",
+                "",
+                "1 frame answered, 1.0 us each",
+                "3 answers could not be sent: No buffer space available",
+                "not every connection is in Data: no MainDevice has copied the FSoE frames between "
+                "them",
+            ],
+        ),
+        (
+            served(
+                states={}, connections={}, verdicts=(VERDICT, Facts(held=True)),
+                counts=Facts(frames=0, unsent=0),
+            ),
+            [
+                "",
+                "0 frames answered: no MainDevice spoke on this interface",
+                "s.yaml:4: not observed: x = 1; was 0",
+            ],
+        ),
+    ],
+)  # fmt: skip
+def test_emulate(result: Any, lines: list[str], capsys: pytest.CaptureFixture[str]):
+    emulate._print(result)
+    assert capsys.readouterr().out.splitlines()[1:] == lines
+
+
+@pytest.mark.parametrize("given", [None, "2s"])
+def test_emulate_runs_as_long_as_its_scenario(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, given: str | None
+):
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text("version: 1\nduration_s: 7\nsteps: []\n", "utf-8")
+    asked: list[int | None] = []
+
+    def serve(_session: Any, _link: Any, duration_ns: int | None, **_: Any) -> Any:
+        asked.append(duration_ns)
+        return served(passed=True)
+
+    monkeypatch.setattr(emulate, "serve", serve)
+    more = () if given is None else ("--duration", given)
+    done = call(emulate.command, NETWORK, "--interface", "x", "--scenario", scenario, *more)
+    assert done.exit_code == 0, done.output
+    assert asked == [7_000_000_000 if given is None else 2_000_000_000]
+
+
+# -- campaign --------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_campaign(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    from fsoe_net.run import campaign as at_work
+
+    whole = at_work.run_campaign
+
+    def stopped(*words: Any, **more: Any) -> Any:
+        return replace(whole(*words, **more), interrupted=True)
+
+    monkeypatch.setattr(campaign, "run_campaign", stopped)
+    monkeypatch.setattr(campaign, "save_failures", lambda *_: {("loss", 7): None})
+    done = call(
+        campaign.command, NETWORK, "--faults", "loss", "--cycles", 20, "--save-dir", tmp_path / "x"
+    )
+    assert done.exit_code == 130, done.output
+    assert "incomplete: nothing wrongly accepted so far\n" in done.output
+    assert "loss, trial 7: fails only after a long run, no trace\n" in done.output
+    assert done.output.endswith("interrupted: the report holds what was done until then\n")
+
+
+# -- test protocol ---------------------------------------------------------------------------------
+
+
+def test_steps_that_went_wrong_are_named_at_the_end(capsys: pytest.CaptureFixture[str]):
+    bad = Seen(outcome=Outcome.NOT_AS_EXPECTED)
+    steps = (
+        Facts(id="loss io", emulated=bad, live=bad),
+        Facts(id="loss io2", emulated=None, live=Seen(outcome=Outcome.AS_EXPECTED)),
+    )
+    protocol: Any = Facts(steps=steps, open_steps=(), machine_steps=steps)
+    assert test_protocol._say(protocol, "x.yaml") == 1
+    assert capsys.readouterr().out == (
+        "x.yaml: 2 steps, 0 of 2 open at the machine\n"
+        "1 tried on the emulated bus, 0 not: EMULATED, not evidence for this machine\n"
+        "not as expected: loss io\n"
+    )
+
+
+def test_a_protocol_that_breaks_off_before_its_first_step(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(test_protocol, "Client", fake_client)
+    monkeypatch.setattr(test_protocol, "run_protocol_live", broken)
+    monkeypatch.setattr(test_protocol, "_write", lambda *_, **__: pytest.fail("nothing was seen"))
+    nothing: Any = None
+    with pytest.raises(EnvironmentFault, match="it broke"):
+        test_protocol._live(nothing, nothing, "s", nothing, "x.yaml", overwrite=False)
+
+
+class fake_client:  # noqa: N801 - stands for a class
+    def __init__(self, _socket: str) -> None:
+        pass
+
+    def __enter__(self) -> fake_client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+def broken(*_: object, **more: Any) -> Any:
+    raise EnvironmentFault("it broke")
+
+
+def test_a_step_that_shows_nothing_is_not_told(capsys: pytest.CaptureFixture[str]):
+    step: Any = Facts(id="fault loss", live=None)
+    test_protocol._tell_step(step)
+    assert capsys.readouterr() == ("", "")
+
+
+# -- the others ------------------------------------------------------------------------------------
+
+
+def test_an_fsn_master_that_tells_no_fingerprint():
+    wanted = Known(path="a", fingerprint=fingerprint_of(compile_plan(example("estop"))))
+    with fake_master() as fake, pytest.raises(EnvironmentFault) as refused:
+        verify._live(wanted, str(fake.path))
+    assert str(refused.value) == (
+        f"{fake.path}: this fsn-master tells no fingerprint; install a newer one"
+    )
+
+
+@pytest.mark.parametrize(
+    ("findings", "lines"),
+    [
+        ((), []),
+        ((1,), ["let pass: 1 warning, 0 steps of 6, each by name and reason"]),
+    ],
+)
+def test_a_record_that_is_written(
+    findings: tuple[int, ...], lines: list[str], capsys: pytest.CaptureFixture[str]
+):
+    person = Facts(name="A", date="2026-11-21")
+    record: Any = Facts(
+        whole="a2be4767288d92e3" + 48 * "0", author=person, verifier=person, findings=findings,
+        steps_left_out=(), steps=6,
+    )  # fmt: skip
+    accept._say("x.yaml", record, None)
+    assert capsys.readouterr().out.splitlines() == [
+        "x.yaml: A2BE 4767 288D 92E3, author A, verifier A, 2026-11-21",
+        *lines,
+        "Sign the report; keep it and this record under version control.",
+    ]
+
+
+def test_what_a_scan_leaves_out_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    found = Facts(texts={"network.yaml": "x"}, left_out=("position 3: not read",))
+    monkeypatch.setattr(scan, "take_scan", lambda *_, **__: Facts(scan=None, document={}))
+    monkeypatch.setattr(scan, "scan_table", lambda _: "table")
+    monkeypatch.setattr(scan, "scan_files", lambda _: found)
+    done = call(scan.command, "--interface", "x", "-o", tmp_path / "bus")
+    assert done.output == (
+        f"table\n1 file in {tmp_path}/bus: network.yaml\nleft out: position 3: not read\n"
+    )
+
+
+def test_a_console_without_a_place_for_its_history(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(console, "_history_file", lambda: None)
+    nothing: Any = None
+    with console._line_editor(nothing):
+        pass
+
+
+def test_the_socket_of_an_interface_is_looked_for(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("fsoe_net.run.control_socket", lambda name: f"/run/{name}.sock")
+    assert options.master_socket(None, "eth1") == "/run/eth1.sock"
+
+
+def test_a_table_keeps_what_is_needed_however_narrow():
+    columns = (Column(head="connection", rank=0), Column(head="resets", rank=1))
+    assert FittedTable(columns, [("el1918-ek1914", "3")])._fitting(8) == [0]
+
+
+def test_a_live_run_shows_its_connections_as_it_goes(monkeypatch: pytest.MonkeyPatch):
+    shown = Console(width=120, record=True, file=io.StringIO(), force_terminal=True)
+    monkeypatch.setattr(run, "terminal", lambda: shown)
+    monkeypatch.setattr(sys, "stdout", Facts(isatty=lambda: True))
+    monkeypatch.setattr(live_bus, "_UPDATE_S", 0.01)
+    wanted: Any = Facts(plan=None, fmt="text")
+    with fake_master() as fake:
+        process = Process(fake)
+        process.pid = process.socket = "?"  # type: ignore[attr-defined]
+        monkeypatch.setattr(live_bus, "Master", process)
+        told: list[str] = []
+        monkeypatch.setattr(run, "echo", lambda text, **_: told.append(text))
+        result = run._on_bus(RESOLUTION, OPTIONS, 50_000_000, wanted)
+    assert result.passed
+    assert told == [
+        "fsn-master (process ?) starts on eth1; Ctrl-C stops it; control socket ?",
+    ]
+    assert "el1918-ek1914" in shown.export_text()
