@@ -1,0 +1,254 @@
+"""What reports, pages and pictures say where there is nothing, little, or something rare."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace as Facts
+from typing import Any
+
+import pytest
+from incidents.rig import read
+from networks import example
+from report.made import TIMED, inputs_of
+from run.protocols import DONE, protocol_of, timed
+from run.watched_master import WatchedMaster
+from scans import scan_of
+
+from fsoe_net.core import Histogram
+from fsoe_net.errors import InputError
+from fsoe_net.fsoe.campaign import EXHAUSTIVE
+from fsoe_net.model import Outcome, Resolution, SafetyFunction
+from fsoe_net.observe import Naming
+from fsoe_net.observe.lua import lua_dissector
+from fsoe_net.plan import compile_plan
+from fsoe_net.report import ask_live, campaign, read_evidence, timing
+from fsoe_net.report.again import _functions_over
+from fsoe_net.report.block_evidence import bus_evidence
+from fsoe_net.report.document import Block, Picture, Table
+from fsoe_net.report.evidence import longest_round_trips
+from fsoe_net.report.incident_page import incident_page
+from fsoe_net.report.incident_story import story_of
+from fsoe_net.report.incident_strip import Wrong, _wrong
+from fsoe_net.report.incident_text import incident_text
+from fsoe_net.report.protocol import _words, protocol_page
+from fsoe_net.report.touched import touched_subdevices
+from fsoe_net.report.write_html import _block
+from fsoe_net.report.write_markdown import _table
+
+# -- incidents -------------------------------------------------------------------------------------
+
+NOTHING = "Nothing wrong is seen in what was recorded."
+NO_CAUSE = (
+    "No known cause fits the evidence well, so none is named. Keep this file; look at the frames "
+    "and events below, and at the diagnosis of the devices."
+)
+
+
+@pytest.mark.parametrize(("kind", "nothing"), [("request", NOTHING), ("left_data", NO_CAUSE)])
+def test_an_incident_without_a_cause(kind: str, nothing: str, tmp_path: Path):
+    path = tmp_path / "x.fsnincident"
+    head = {"incident": 1, "trigger": {"kind": kind, "cycle": 0, "now_ns": 1, "text": ""}}
+    path.write_text(json.dumps(head) + '\n{"end":true,"cycles":0}\n', "utf-8")
+    story = story_of(read(path))
+    assert story.nothing == nothing
+    assert story.remarks[-1] == "the file holds no layout: the frames cannot be shown"
+    text = incident_text(story)
+    assert " ".join(text.partition("LIKELY CAUSE\n")[2].split()).startswith(nothing)
+    assert "OTHER CANDIDATES" not in text
+    page = incident_page(story, "0")
+    assert f'<div class="cause"><h2>Likely cause</h2><p>{nothing}</p></div>' in page
+
+
+def test_what_is_wrong_in_a_slice_of_time():
+    words = [_wrong(*row, 1000) for row in ((1, 1, 0), (1, 0, 0), (0, 0, 1001), (0, 0, 1000))]
+    assert words == [Wrong.LOST, Wrong.SHORT, Wrong.LATE, Wrong.NOTHING]
+
+
+# -- campaigns -------------------------------------------------------------------------------------
+
+
+def row(**changes: Any) -> Any:
+    facts = {
+        "name": "loss", "collisions": 0, "exposed_collisions": 0, "expected": 0.25, "tolerated": 0,
+        "most_tolerated": 0, "rate_ok": True, "wrongly_accepted": 0, "wrong_reactions": 0,
+        "interval": None, "injected": 9, "detected": 9, "latency_sum_ns": 0, "latency_max_ns": 0,
+        "failed": 0, "latency_max_share": 0,
+    }  # fmt: skip
+    return Facts(**facts | changes)
+
+
+@pytest.mark.parametrize(
+    ("rows", "interrupted", "verdict"),
+    [
+        ([row()], False, "passed: nothing wrongly accepted, every reaction right"),
+        ([row()], True, "incomplete: nothing wrongly accepted so far"),
+        (
+            [row(wrongly_accepted=2, wrong_reactions=1), row(tolerated=3), row(rate_ok=False)],
+            True,
+            "FAILED: 2 wrongly accepted, 1 wrong reactions, more tolerated than the catalogue "
+            "allows, collisions are not as many as the CRC allows",
+        ),
+    ],
+)
+def test_the_verdict_of_a_campaign(rows: list[Any], interrupted: bool, verdict: str):
+    result: Any = Facts(classes=rows, interrupted=interrupted)
+    assert campaign._verdict(result) == verdict
+
+
+def test_collisions_of_a_campaign():
+    assert campaign._rate_note(row(name=EXHAUSTIVE, collisions=2)) == (
+        f"{EXHAUSTIVE}: 2 collisions where the code allows none"
+    )
+    shown = campaign._cells(row(collisions=5, exposed_collisions=3, interval=(1, 4)))
+    assert {"5 (3 of them counted)", "1..4"} <= set(shown)
+
+
+# -- times -----------------------------------------------------------------------------------------
+
+
+def test_times_that_were_not_measured(monkeypatch: pytest.MonkeyPatch):
+    empty = Histogram(
+        count=0, min_ns=0, mean_ns=0, p50_ns=0, p99_ns=0, p999_ns=0, max_ns=0, buckets=()
+    )
+    monkeypatch.setattr(timing, "_histograms", lambda _: [("work", empty)])
+    nothing: Any = None
+    assert timing.timing_text(nothing) == "no times were measured"
+    assert timing.timing_bars(empty) == []
+
+
+@pytest.mark.parametrize(
+    ("ns", "text"),
+    [(999, "999 ns"), (1_500, "1.5 us"), (2_000_000, "2 ms"), (3_000_000_000, "3 s")],
+)
+def test_a_time_for_people(ns: int, text: str):
+    assert timing._time_text(ns) == text
+
+
+# -- pages -----------------------------------------------------------------------------------------
+
+
+def test_small_pictures_stand_beside_each_other():
+    small, wide = (Picture(title=t, words=t, svg=f"<svg>{t}</svg>", wide=t == "w") for t in "sw")
+    shown = _block(1, Block(key="k", title="T", parts=(small, wide, small), points=()))
+    assert shown.count('<div class="pictures">') == 2
+    assert shown.index("<svg>s</svg>") < shown.index("<svg>w</svg>")
+
+
+def test_a_table_without_rows_is_none():
+    assert _table(Table(name="t", columns=(), rows=())) == ["none", ""]
+
+
+def test_a_protocol_with_failed_and_disputed_steps():
+    protocol, _ = protocol_of(timed())
+    first, second, *rest = protocol.steps
+    failed = replace(DONE, outcome=Outcome.NOT_AS_EXPECTED, remark="it <stayed> on")
+    steps = (replace(first, machine=failed), replace(second, machine=DONE), *rest)
+    page = protocol_page(replace(protocol, steps=steps), version="0")
+    assert "<p><b>4 of 6 steps open at the machine, 1 not as expected.</b></p>" in page
+    assert "<span class='muted'>it &lt;stayed&gt; on</span>" in page
+    assert _words(None, None, "") == ""
+
+
+# -- what a change touches -------------------------------------------------------------------------
+
+
+def test_another_cycle_touches_all():
+    plan = compile_plan(example("estop"))
+    assert touched_subdevices(plan, plan) == frozenset()
+    assert touched_subdevices(plan, replace(plan, cycle_ns=plan.cycle_ns + 1)) is None
+
+
+def test_a_function_that_names_no_subdevice_is_always_touched():
+    resolution = timed()
+    (function,) = resolution.network.safety_functions
+
+    def over(name: str, *functions: SafetyFunction) -> set[str]:
+        network = replace(resolution.network, safety_functions=functions)
+        return _functions_over({name}, replace(resolution, network=network))
+
+    nameless = replace(function, name="none", elements=())
+    assert over("io", function, nameless) == {"estop", "none"}
+    assert over("nobody", function, nameless) == {"none"}
+
+
+# -- evidence --------------------------------------------------------------------------------------
+
+
+def points(**more: Any) -> list[str]:
+    return [p.text for p in bus_evidence(inputs_of(TIMED, **more)).points]
+
+
+def test_a_running_bus_that_is_emulated_is_no_evidence(tmp_path_factory: pytest.TempPathFactory):
+    master = WatchedMaster(tmp_path_factory.mktemp("m") / "s")
+    try:
+        live = ask_live(str(master.path))
+    finally:
+        master.close()
+    inputs = inputs_of(TIMED)
+    assert inputs.plan is not None
+    own = hashlib.sha256(inputs.plan.to_bytes()).hexdigest()
+    status = replace(live.status, backend="emulated", plan_sha256=own, accepted=True)
+    emulated = replace(live, status=status)
+    assert points(live=emulated) == [
+        "no evidence of the machine: give --evidence scan.json or --interface IF"
+    ]
+    assert longest_round_trips((), emulated) == {}
+    (seen,) = longest_round_trips((), live).values()
+    assert seen > 0
+    assert points(live=live) == [
+        "the running fsn-master has another plan",
+        "the running fsn-master holds no accepted plan",
+        "identities and mappings were not read back: a scan.json tells them",
+    ]
+    assert points(live=live, plan=None)[0] == "the running fsn-master has another plan"
+
+
+def test_a_scan_of_devices_in_error_without_fsoe(tmp_path: Path):
+    document = scan_of(example("estop"))
+    for sub in document["subdevices"]:
+        sub |= {"fsoe": None, "sms": [], "al_status": 0x12, "problems": ["SII: not read"]}
+    path = tmp_path / "scan.json"
+    path.write_text(json.dumps(document), "utf-8")
+    block = bus_evidence(inputs_of(TIMED, evidence=(read_evidence(str(path)),)))
+    tables = [p for p in block.parts if isinstance(p, Table)]
+    assert [t.name for t in tables] == ["evidence files", f"scan {path}"]
+    state = tables[1].rows[0][-1]
+    assert [getattr(i, "word", None) or i.text for i in state] == [  # type: ignore[union-attr]
+        "PREOP", "AL error flag", "SII: not read",
+    ]  # fmt: skip
+    path.write_text(json.dumps(document | {"scan": 7}), "utf-8")
+    with pytest.raises(InputError) as refused:
+        read_evidence(str(path))
+    assert str(refused.value) == f"{path} is a damaged scan"
+
+
+# -- names -----------------------------------------------------------------------------------------
+
+
+def without_ids(resolution: Resolution) -> Resolution:
+    rows = tuple(
+        replace(c, facts=None if c.facts is None else replace(c.facts, connection_id=None))
+        for c in resolution.connections
+    )
+    return replace(resolution, connections=rows)
+
+
+def test_a_connection_whose_id_nobody_states():
+    resolution = without_ids(example("estop"))
+    text = lua_dissector(resolution, compile_plan(resolution))
+    connection = text.partition("local CONNECTIONS = {")[2].partition("signals")[0]
+    assert "id = " not in connection
+    naming = Naming(resolution)
+    (only,) = naming.connections
+    assert naming.find(77, only.frame_bytes) is only
+    assert naming.find(77, (31, 31)) is None
+
+
+def test_frames_that_have_no_place_in_a_plan():
+    """A plan of other SubDevices: nothing is watched at addresses that are not theirs."""
+    text = lua_dissector(example("estop"), compile_plan(example("el6910")))
+    assert "places = {}" in text
+    assert "address = " not in text.partition("local CONNECTIONS = {")[2].partition("\n\n")[0]
