@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from incidents.rig import read
-from networks import example
+from networks import example, write_big_network
 from report.made import TIMED, inputs_of
 from run.protocols import DONE, protocol_of, timed
 from run.watched_master import WatchedMaster
@@ -24,7 +24,7 @@ from fsoe_net.model import Outcome, Resolution, SafetyFunction
 from fsoe_net.observe import Naming
 from fsoe_net.observe.lua import lua_dissector
 from fsoe_net.plan import compile_plan
-from fsoe_net.report import ask_live, campaign, read_evidence, timing
+from fsoe_net.report import ask_live, campaign, make_document, read_evidence, timing
 from fsoe_net.report.again import _functions_over
 from fsoe_net.report.block_evidence import bus_evidence
 from fsoe_net.report.document import Block, Picture, Table
@@ -252,3 +252,16 @@ def test_frames_that_have_no_place_in_a_plan():
     text = lua_dissector(example("estop"), compile_plan(example("el6910")))
     assert "places = {}" in text
     assert "address = " not in text.partition("local CONNECTIONS = {")[2].partition("\n\n")[0]
+
+
+def test_subdevices_without_a_copy_are_left_out_of_a_large_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("fsoe_net.report.block_network._MOST_PLAIN", 20)
+    document = make_document(inputs_of(write_big_network(tmp_path, 33, 20)))
+    parts = next(b.parts for b in document.blocks if b.key == "architecture")
+    (picture,) = [p for p in parts if isinstance(p, Picture)]
+    assert ">22 SubDevices without a copy</text>" in picture.svg
+    table = next(p for p in parts if isinstance(p, Table) and p.name == "subdevices")
+    assert len(table.rows) == 11
+    assert table.remark == "22 SubDevices without FSoE are not listed"

@@ -190,6 +190,14 @@ def test_a_warning_is_let_pass_by_name(place: str) -> None:
     assert record.justification("FSN607", "says more") is None
 
 
+def test_a_warning_that_is_there_twice_is_let_pass_once() -> None:
+    report = signed_report(report_with(findings=[_row("warning")] * 2))
+    reason = Reason(subject="FSN607@a.yaml:7", reason="sheet read", by="C. Okoro")
+    record, refusals = sign_off(grounds_of(report=report, reasons=(reason,)))
+    assert record is not None, refusals
+    assert [row.code for row in record.findings] == ["FSN607"]
+
+
 @pytest.mark.parametrize("subject", ["FSN607@a.yaml:8", "FSN608@a.yaml:7", "FSN607", "FSN607@"])
 def test_another_place_is_another_warning(subject: str) -> None:
     found = refused(_with_finding("warning", Reason(subject=subject, reason="x", by="y")))
