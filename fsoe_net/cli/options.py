@@ -78,8 +78,20 @@ class _Path(click.ParamType[str]):
         return [CompletionItem(incomplete, type=self._completion)]
 
 
+class _Folder(_Path):
+    """A folder; ``-`` is none, as it is standard output everywhere."""
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str:
+        """Return the path; fails where a file alone would have a meaning."""
+        if value == "-":
+            self.fail("- is standard output; name a folder, ./- where it is called so", param, ctx)
+        return str(value)
+
+
 FILE = _Path("file", "file")
-FOLDER = _Path("folder", "dir")
+FOLDER = _Folder("folder", "dir")
 
 
 class _Interface(click.ParamType[str]):
