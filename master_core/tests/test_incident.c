@@ -268,13 +268,14 @@ static const char *one_incident(struct rig *rig, uint64_t now_ns) {
         fsn_incident_turn(rig->control, now_ns + UINT64_C(1000) * MS);
         usleep(100);
     }
-    text[0] = 0;
+    size_t used = 0;
     for (const char *at = told; *at != 0; at++) {
         const size_t len = strlen(rig->folder);
         const bool folder = strncmp(at, rig->folder, len) == 0;
-        strncat(text, folder ? "*" : at, 1);
+        text[used++] = folder ? '*' : *at;
         at += folder ? len - 1 : 0;
     }
+    text[used] = 0;
     return text;
 }
 

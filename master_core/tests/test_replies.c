@@ -495,7 +495,8 @@ static void change(const char *word) {
 
 static void request(const char *line) {
     char room[512];
-    snprintf(room, sizeof room, "%s", line);
+    CHECK(strlen(line) < sizeof room);
+    memcpy(room, line, strlen(line) + 1);
     fsn_request(on.control, on.client, room, strlen(room));
     do_job();
 }

@@ -37,7 +37,7 @@ fsn_status fsn_answer_get(struct fsn_asked *asked) {
     fsn_json_open(asked->json, '{');
     for (size_t i = 0; i < asked->count; i++) {
         uint32_t symbol;
-        struct fsn_symbol_info info;
+        struct fsn_symbol_info info = {0};
         uint64_t raw;
         if (fsn_asked_symbol(asked, asked->argument[i], &symbol, &info) != FSN_OK) {
             return FSN_E_ARG;
@@ -56,7 +56,7 @@ fsn_status fsn_answer_get(struct fsn_asked *asked) {
 static fsn_status read_wanted(struct fsn_asked *asked, const char *word, bool typed,
                               uint64_t now_ns, struct fsn_wanted *wanted) {
     char name[FSN_LINE_BYTES + 1];
-    struct fsn_symbol_info info;
+    struct fsn_symbol_info info = {0};
     const char *equals = strrchr(word, '=');
     if (equals == NULL || equals == word) {
         return fsn_refusal_set(&asked->refusal, FSN_E_ARG, "set NAME=VALUE …",
@@ -123,7 +123,7 @@ fsn_status fsn_answer_set(struct fsn_asked *asked) {
 
 fsn_status fsn_answer_arm(struct fsn_asked *asked) {
     uint32_t symbol;
-    struct fsn_symbol_info info;
+    struct fsn_symbol_info info = {0};
     fsn_status found = fsn_asked_symbol(asked, asked->argument[0], &symbol, &info);
     if (found == FSN_OK) {
         found = fsn_outputs_arm(asked->control->outputs, symbol, asked->client->number,
