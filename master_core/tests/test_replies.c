@@ -343,14 +343,18 @@ static void submit(void *self, struct fsn_job *job) {
     waiting = job;
 }
 
+static struct fsn_job_means means_of(void) {
+    return (struct fsn_job_means){.core = on.core,
+                                  .ops = &on.ops,
+                                  .bus = &on,
+                                  .plan = on.plan,
+                                  .interface = "eth0",
+                                  .between = between};
+}
+
 /** The acyclic thread. */
 static void do_job(void) {
-    const struct fsn_job_means means = {.core = on.core,
-                                        .ops = &on.ops,
-                                        .bus = &on,
-                                        .plan = on.plan,
-                                        .interface = "eth0",
-                                        .between = between};
+    const struct fsn_job_means means = means_of();
     struct fsn_job *job = waiting;
     waiting = NULL;
     if (job != NULL) {
@@ -450,6 +454,26 @@ static void tear_down(void) {
     fsn_plan_free(on.plan);
 }
 
+/** What an incident asks of the planned SubDevices; shown as an answer. */
+static void ask_for_fsoe(void) {
+    struct fsn_job *job = fsn_job_fsoe(on.control);
+    CHECK((job == NULL) == (waiting == NULL));
+    if (job == NULL) {
+        fsn_client_put(on.client, "{\"none\":true}\n", 14);
+        return;
+    }
+    const struct fsn_job_means means = means_of();
+    waiting = NULL;
+    fsn_job_run(job, &means);
+    char text[64];
+    snprintf(text, sizeof text, "{\"status\":%d,\"fsoe\":", (int)job->status);
+    fsn_client_put(on.client, text, strlen(text));
+    const bool good = job->status == FSN_OK;
+    fsn_client_put(on.client, good ? job->json.bytes : "0", good ? job->json.len_bytes : 1);
+    fsn_client_put(on.client, "}\n", 2);
+    fsn_control_job_done(on.control, job);
+}
+
 /** Changes the rig by a word. */
 static void change(const char *word) {
     if (strcmp(word, "stop") == 0) {
@@ -485,6 +509,8 @@ static void change(const char *word) {
         host.submit = submit;
     } else if (strcmp(word, "no-members") == 0) {
         on.acyclic.member = NULL;
+    } else if (strcmp(word, "fsoe") == 0) {
+        ask_for_fsoe();
     } else if (strcmp(word, "nobody-else") == 0) {
         on.client->number = 6;
     } else {
