@@ -6,6 +6,7 @@
 #include "control/value.h"
 #include "control/words.h"
 #include "emulated_rig.h"
+#include "plan_internal.h"
 
 /** The line gets exactly the room it may use, so that ASan sees a reach beyond it. */
 static const char *split(const char *text, size_t len, struct fsn_words *words, char **room) {
@@ -373,7 +374,76 @@ static void values_go_out_together(void) {
     tear_down(&rig);
 }
 
+/** What no client may write, whoever asks: first the reason that is nearest to the plan. */
+static void not_every_output_is_for_clients(void) {
+    static const struct build_sm sm[3][2] = {
+        {{1, 20}, {2, 20}}, {{1, 6}, {2, 6}}, {{1, 4}, {2, 4}}};
+    static const struct build_copy copies[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}, {2, 0, 0, 14, 2}};
+    static const struct build_symbol symbols[] = {
+        {.sm = 0, .bit_offset = 128, .bits = 8}, /* free */
+        {.sm = 1, .bit_offset = 128, .bits = 8}, /* an input */
+        {.sm = 0, .bit_offset = 120, .bits = 8}, /* the last byte of a copy */
+        {.sm = 0, .bit_offset = 104, .bits = 8}, /* the one before it */
+        {.sm = 4, .bit_offset = 0, .bits = 8},   /* where the bus has no place */
+    };
+    static const struct {
+        fsn_status status;
+        const char *text, *hint; /**< behind a name, which is empty here */
+    } cases[] = {
+        {FSN_OK, "", NULL},
+        {FSN_E_CLOSED, " is an input", "get reads it"},
+        {FSN_E_CLOSED, " belongs to a copy", "the transfers of the network write it"},
+        {FSN_OK, "", NULL},
+        {FSN_E_CLOSED, " has no place in the process image", NULL},
+    };
+    const struct build build = {.subdevices = 3,
+                                .sm = sm,
+                                .copies = copies,
+                                .pairs = 1,
+                                .standard = 1,
+                                .symbols = symbols,
+                                .symbol_count = 5};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    struct fsn_plan *plan;
+    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    free(bytes);
+    plan->bytes[plan->offset[FSN_SEC_SM] + 4 * fsn_record_bytes[FSN_SEC_SM] + 7] = 0;
+    struct fsn_emulated *bus;
+    struct fsn_core *core;
+    CHECK(fsn_emulated_create(plan, &bus) == FSN_OK);
+    CHECK(fsn_core_create(plan, fsn_emulated_ops(), bus, &core, NULL) == FSN_OK);
+    struct fsn_outputs *outputs = fsn_outputs_create(plan);
+    CHECK(outputs != NULL);
+    fsn_outputs_attach(outputs, core);
+    for (uint32_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        struct fsn_refusal refusal = {.text = ""};
+        CHECK(fsn_outputs_check(outputs, i, 1, 5, 1, &refusal) == cases[i].status);
+        if (strcmp(refusal.text, cases[i].text) != 0) {
+            fprintf(stderr, "%u: %s\n", i, refusal.text);
+            exit(1);
+        }
+        CHECK(cases[i].hint == NULL ? refusal.hint == NULL
+                                    : strcmp(refusal.hint, cases[i].hint) == 0);
+        CHECK(fsn_outputs_state(outputs, i).open == (cases[i].status == FSN_OK));
+        CHECK(!fsn_outputs_has(outputs, 1));
+    }
+    fsn_outputs_close(outputs, NULL, NULL);
+    struct fsn_refusal refusal;
+    CHECK(fsn_outputs_check(outputs, 0, 1, 5, 1, &refusal) == FSN_E_STATE);
+    CHECK(strcmp(refusal.text, "the bus is being stopped") == 0);
+    fsn_outputs_attach(outputs, NULL);
+    CHECK(fsn_outputs_check(outputs, 0, 1, 5, 1, &refusal) == FSN_E_STATE);
+    CHECK(strcmp(refusal.text, "the bus is stopped") == 0);
+    fsn_outputs_free(outputs);
+    fsn_outputs_free(NULL);
+    fsn_core_free(core);
+    fsn_emulated_free(bus);
+    fsn_plan_free(plan);
+}
+
 int main(void) {
+    not_every_output_is_for_clients();
     lines_are_split();
     json_is_escaped_and_bounded();
     texts_are_shown_as_far_as_there_is_room();

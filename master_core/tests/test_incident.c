@@ -351,6 +351,82 @@ static void a_folder_has_a_limit(void) {
     CHECK(tear_down(&rig) == 5);
 }
 
+/** A whole file: its head, a line for each cycle with what is not as it should be, and the end. */
+static void a_file_says_what_is_new(void) {
+    static const char expected[] =
+        "{\"incident\":1}\n"
+        "{\"cycle\":7,\"t\":1000,\"image\":\"00ff1a\"}\n"
+        "{\"cycle\":8,\"t\":2000,\"late\":11,\"work\":12,\"round\":13,\"lost\":14,\"old\":15,"
+        "\"foreign\":16,\"overruns\":17,\"wkc\":[6,5]}\n"
+        "{\"cycle\":10,\"t\":4000,\"image\":\"00ff1b\"}\n"
+        "{\"end\":true,\"cycles\":3}\n";
+    static const struct fsn_cycle cycles[] = {{.cycle = 7, .now_ns = 1000},
+                                              {.cycle = 8,
+                                               .now_ns = 2000,
+                                               .late_ns = 11,
+                                               .work_ns = 12,
+                                               .round_trip_ns = 13,
+                                               .lost_frames = 14,
+                                               .old_replies = 15,
+                                               .foreign_frames = 16,
+                                               .overruns = 17,
+                                               .expected_wkc = 6,
+                                               .actual_wkc = 5},
+                                              {.cycle = 10, .now_ns = 4000}};
+    static const uint8_t images[] = {0x00, 0xFF, 0x1A, 0x00, 0xFF, 0x1A, 0x00, 0xFF, 0x1B};
+    struct rig rig = set_up();
+    struct fsn_json head = {.limit_bytes = 100};
+    fsn_json_open(&head, '{');
+    fsn_json_put_u64(&head, "incident", 1);
+    fsn_json_close(&head, '}');
+    fsn_json_end(&head);
+    struct fsn_window window = {.count = 3,
+                                .image_bytes = 3,
+                                .cycles = malloc(sizeof cycles),
+                                .images = malloc(sizeof images)};
+    CHECK(window.cycles != NULL && window.images != NULL);
+    memcpy(window.cycles, cycles, sizeof cycles);
+    memcpy(window.images, images, sizeof images);
+    struct fsn_incident_result result;
+    struct fsn_incident_file *file =
+        fsn_incident_file_begin(rig.folder, "a-name", 1, &head, &window);
+    CHECK(file != NULL && head.bytes == NULL && window.cycles == NULL);
+    fsn_incident_file_wait(file, &result);
+    char path[100];
+    char text[1000];
+    snprintf(path, sizeof path, "%s/a-name.fsnincident", rig.folder);
+    CHECK(strcmp(result.path, path) == 0 && result.cycles == 3 && result.error == 0);
+    CHECK(!result.full);
+    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    const ssize_t got = read(fd, text, sizeof text - 1);
+    CHECK(got > 0 && close(fd) == 0);
+    text[got] = 0;
+    is_told(text, expected);
+    struct stat found;
+    CHECK(stat(path, &found) == 0 && (found.st_mode & 0111) == 0);
+    CHECK(tear_down(&rig) == 1);
+}
+
+/** The window begins five seconds before the moment, with the first cycle that is still there. */
+static void a_window_has_its_begin(void) {
+    struct rig rig = set_up();
+    for (uint64_t n = 1; n <= 5; n++) {
+        cycle_at(&rig, n * 100 * MS);
+    }
+    for (uint64_t from = 0; from <= 6; from++) {
+        struct fsn_window window = fsn_window_take(rig.on.core, from * 100 * MS);
+        const uint64_t first = from == 0 ? 1 : from;
+        CHECK(window.count == 6 - first && window.image_bytes == fsn_core_image_bytes(rig.on.core));
+        for (uint64_t i = 0; i < window.count; i++) {
+            CHECK(window.cycles[i].cycle == first + i);
+            CHECK(window.cycles[i].now_ns == (first + i) * 100 * MS);
+        }
+        fsn_window_free(&window);
+        CHECK(window.cycles == NULL && window.images == NULL && window.count == 0);
+    }
+    CHECK(tear_down(&rig) == 0);
+}
+
 static void a_hundred_are_enough(void) {
     struct rig rig = set_up();
     const uint64_t second = UINT64_C(1000) * MS;
@@ -471,6 +547,8 @@ int main(void) {
 #endif
     a_system_that_refuses_is_told();
     a_folder_has_a_limit();
+    a_file_says_what_is_new();
+    a_window_has_its_begin();
     a_hundred_are_enough();
     folders_are_checked();
     a_stop_is_no_incident();

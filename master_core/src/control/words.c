@@ -6,7 +6,7 @@
 
 /** Length of the UTF-8 sequence at `at` and the character it stands for, 0 when there is none. */
 static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
-    static const uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
+    static const uint32_t least[] = {0x80, 0x800, 0x10000}; /* of two bytes and more */
     const uint8_t first = at[0];
     *character = first;
     if (first < 0x80) {
@@ -25,7 +25,7 @@ static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
     }
     *character = point;
     const bool surrogate = point >= 0xD800 && point <= 0xDFFF;
-    return point < least[len] || point > 0x10FFFF || surrogate ? 0 : len;
+    return point < least[len - 2] || point > 0x10FFFF || surrogate ? 0 : len;
 }
 
 /** Whether a character acts on a terminal, hides, or reorders the line it is in. */
