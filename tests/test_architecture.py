@@ -100,6 +100,11 @@ def f(a: int, b: int = 1) -> str:
         return "less"
     store(a, b, key=LIMIT)
     return f"{a} of {b}"
+def tried(a: str):
+    try:
+        keep(a)
+    except (OSError, KeyError):
+        forget(a)
 def alike(a: int) -> int:
     return a  # mutants: the name says it
 '''
@@ -116,6 +121,8 @@ CHANGED = [
     "        pass",
     '        return "XXless"',
     "        return None",
+    "    except (StopAsyncIteration, KeyError):",
+    "    except (OSError, StopAsyncIteration):",
     "LIMIT: int = 1",
     "LIMIT: int = 3",
     "def f(a: int, b: int = 0) -> str:",
@@ -173,6 +180,9 @@ def test_a_small_sample_is_held_to_its_floor(tmp_path: Path):
     assert not score.below(95)
     assert common.Score("rules", 1, killed=13, survivors=[mutant] * 7).below(95)
     assert not common.Score("rules", 1).below(95)
+    score.write(tmp_path / "build")
+    again, names = common.last_run(tmp_path / "build", "rules")
+    assert (again.killed, again.survivors, names) == (18, [], {str(mutant): True})
     (tmp_path / "tests").mkdir()
     (tmp_path / common.RESULTS).write_text("# Kept.\n", "utf-8")
     common.keep_result(tmp_path, score)

@@ -137,6 +137,14 @@ class Score:
         }
 
 
+def last_run(folder: Path, part: str) -> tuple[Score, dict[str, bool]]:
+    """Return the killed mutants of the last run of a part, and the survivors by what is printed."""
+    document = json.loads((folder / f"{part}.json").read_text("utf-8"))
+    survivors = [Mutant(**row, source="") for row in document["survivors"]]
+    score = Score(part, document["seed"], killed=document["killed"])
+    return score, dict.fromkeys(map(str, survivors), True)
+
+
 def read_results(root: Path) -> dict[str, dict[str, float]]:
     """Return the results by part, each with its `floor`; empty without a file."""
     path = root / RESULTS

@@ -36,7 +36,7 @@ FROM_COSMIC_RAY = re.split(
     ReplaceUnaryOperator_Delete_Not ReplaceUnaryOperator_Delete_USub
     ReplaceUnaryOperator_Delete_Invert
     AddNot ReplaceTrueWithFalse ReplaceFalseWithTrue ReplaceAndWithOr ReplaceOrWithAnd
-    ReplaceBreakWithContinue ReplaceContinueWithBreak ExceptionReplacer NumberReplacer
+    ReplaceBreakWithContinue ReplaceContinueWithBreak NumberReplacer
     RemoveDecorator ZeroIterationForLoop
 """.strip(),
 )
@@ -122,7 +122,8 @@ class RemoveKeywordArgument(Own):
         if node.type != "arglist" or node.parent.type != "trailer":
             return
         for i, child in enumerate(node.children):
-            if child.type == "argument" and _is_named(child):
+            named = child.type == "argument" and _is_named(child)
+            if named and child.children[0].value != "strict":
                 kept = node.children[:i] + node.children[i + 2 :]
                 yield _code(kept).rstrip(",")
 
@@ -246,7 +247,21 @@ class OtherWord(Own):
                 yield OPPOSITES[node.value]
 
 
+class OtherException(Own):
+    """`except A` to an exception that nothing raises, each of several by itself."""
+
+    def texts(self, node):
+        clause = node.parent
+        if clause is not None and clause.type == "testlist_comp" and node.type != "operator":
+            node, clause = clause.parent, clause.parent.parent
+        elif _code([node]).startswith("("):
+            return
+        if clause is not None and clause.type == "except_clause" and clause.children[1] is node:
+            yield "StopAsyncIteration"
+
+
 OWN = (
+    OtherException,
     SwapArguments,
     RemoveKeywordArgument,
     RemoveStatement,

@@ -13,9 +13,10 @@ import json
 import re
 import subprocess
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 
 from mutation.common import (
@@ -30,6 +31,8 @@ from mutation.common import (
 PACKAGE = "fsoe_net"
 # What a server answers where only a new import puts a mutant in place.
 NOT_HERE = 125
+# What the tests of one mutant may cost; one that they do not notice by then has survived.
+SECONDS = 15
 # Where the tests of a part are. Those that run in real time are not here: they take too long and
 # notice little of what these parts do.
 PARTS: dict[str, tuple[str, ...]] = {
@@ -112,6 +115,7 @@ class Covered:
     """Which tests run which lines, and how long each takes."""
 
     seconds: dict[str, float] = field(default_factory=dict)
+    kills: Counter[str] = field(default_factory=Counter)
     lines: dict[str, dict[int, set[str]]] = field(
         default_factory=lambda: defaultdict(lambda: defaultdict(set))
     )
@@ -130,8 +134,14 @@ class Covered:
         return set().union(*(rows.get(n, ()) for n in range(first, last + 1)))
 
     def ordered(self, tests: set[str]) -> list[str]:
-        """Return the fast tests first."""
-        return sorted(tests, key=lambda t: (round(self.seconds[t], 2), t))
+        """Return the fast tests first, and those that have noticed other mutants."""
+        cost = {t: (0.01 + round(self.seconds[t], 2)) / (0.1 + self.kills[t]) for t in tests}
+        return sorted(tests, key=lambda t: (cost[t], t))
+
+    def affordable(self, tests: list[str]) -> list[str]:
+        """Return the first of them that need no more than `SECONDS` together, and one at least."""
+        sums = accumulate(self.seconds[t] for t in tests)
+        return [t for n, (t, s) in enumerate(zip(tests, sums, strict=True)) if s < SECONDS or not n]
 
 
 class _Choice:
@@ -205,6 +215,7 @@ class Server:
     def ask(self, paths: list[str], **options: object) -> int | None:
         """Return the exit code of pytest, None when the time was over; options: see server.py."""
         empty = {"tests": None, "seconds": None, "mutant": None, "record": None}
+        (self._work / "failed").write_text("", "utf-8")
         request = {**empty, **options, "paths": paths, "work": str(self._work)}
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -214,6 +225,10 @@ class Server:
         if not answer:
             raise SystemExit(f"mutate: the tests cannot be collected: {self._work}/output.txt")
         return json.loads(answer)["code"]
+
+    def failed(self) -> str:
+        """Return which test the last request ended at, empty without one."""
+        return (self._work / "failed").read_text("utf-8")
 
     def close(self) -> None:
         """End the process."""
@@ -241,7 +256,7 @@ def _digests(root: Path, tests: Path, lines: dict[str, dict]) -> dict[str, str]:
     return {
         str(file.relative_to(root)): hashlib.sha256(file.read_bytes()).hexdigest()
         for file in files
-        if file.is_file() and file.suffix != ".pyc" and file.name != "said.txt"
+        if file.is_file() and file.suffix != ".pyc" and file.name not in ("said.txt", "said_by.txt")
     }
 
 
@@ -284,7 +299,7 @@ class Runner:
             compile(mutant.source, mutant.path, "exec")
         except SyntaxError:
             return INVALID
-        tests = self._choice.tests(mutant)
+        tests = self._covered.affordable(self._choice.tests(mutant))
         if not tests:
             return SURVIVED
         text = self._work / "mutant.py"
@@ -296,9 +311,10 @@ class Runner:
                 code = server.ask(
                     list(dict.fromkeys(t.split("::")[0] for t in tests)),
                     tests=tests,
-                    seconds=30 + 5 * sum(self._covered.seconds[t] for t in tests),
+                    seconds=30 + 10 * sum(self._covered.seconds[t] for t in tests),
                     mutant=[module, str(self._root / mutant.path), str(text)],
                 )
+                self._covered.kills[server.failed()] += 1
         # 5: the mutant changed which tests there are, and none that ran the line is left.
         return SURVIVED if code in (0, 5) else KILLED
 
