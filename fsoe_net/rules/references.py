@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, counted, sort_diagnostics
 from fsoe_net.model import (
@@ -230,10 +231,10 @@ class _Check:
             found = places.get((sub.alias, sub.position))
             if found is None:
                 continue
-            if not _same(sub, known[found]):
-                self._other(sub, found, known[found])
-            else:
+            if _same(sub, known[found]):
                 pairs.append((sub, found))
+            else:
+                self._other(sub, found, known[found])
         return pairs
 
     def _first_master(self) -> list[SubDevice]:
@@ -259,6 +260,9 @@ class _Check:
         if not any(r.alias for r in rows):
             subs = [s for s in subs if not s.alias]  # the file does not speak about aliases
         match = match_scan(replace(self.network, subdevices=tuple(subs)), scan, {})
+        for sub, there in match.other:
+            number = numbers[there.position]
+            self._other(sub, number, known[number])
         self._places(match, numbers)
         return [
             (sub, numbers[there.position])
@@ -267,9 +271,6 @@ class _Check:
         ]
 
     def _places(self, match: Match, numbers: dict[int, int]) -> None:
-        for sub, there in match.other:
-            number = numbers[there.position]
-            self._other(sub, number, (there.vendor_id or 0, there.product_code or 0))
         for one, at_one, two, at_two in match.swapped:
             self._moved(
                 one,
@@ -284,10 +285,9 @@ class _Check:
                 f"{sub.name} is at position {at}, at position {found.position} in {self.file.path}",
                 numbers.get(found.position),
             )
-        free = {self.identity(r) for r in self.file.subdevices if r.position is None}
+        free = {self.identity(r) for r in self.file.subdevices if r.position is None} - {None}
         for sub, _ in match.missing:
-            device = sub.device
-            if device is not None and (device.vendor_id, device.product_code) in free:
+            if _identity(sub) in free:
                 continue  # in a group that comes and goes
             self._moved(sub, f"{sub.name} is not in {self.file.path}", None)
         extra = [s.name or s.identity for s in match.extra if s.position in numbers]
@@ -318,15 +318,14 @@ class _Check:
     def _other(self, sub: SubDevice, number: int, identity: tuple[int, int] | None) -> None:
         self.blamed.add(sub.name)
         row = self.file.subdevices[number]
-        device, (vendor, product) = sub.device, identity or (0, 0)
-        own = "" if device is None else _words(device.vendor_id, device.product_code)
+        own, there = (cast("tuple[int, int]", known) for known in (_identity(sub), identity))
         name = row.name or row.order
         place = f"alias {sub.alias}" if sub.alias else f"position {sub.position}"
         self.out.add(
             "FSN431",
             _place(sub),
-            f"{sub.name} at {place} is {own}, {f'{name[:60]}, ' if name else ''}"
-            f"{_words(vendor, product)} in {self.file.path}",
+            f"{sub.name} at {place} is {_words(*own)}, {f'{name[:60]}, ' if name else ''}"
+            f"{_words(*there)} in {self.file.path}",
             hint="one of the two files is of another machine or an older state; compare with the "
             "label of the device",
             related=(Related(span=row.span, message="the device there"),),
@@ -436,9 +435,12 @@ def _as_scanned(
     )
 
 
+def _identity(sub: SubDevice) -> tuple[int, int] | None:
+    return None if sub.device is None else (sub.device.vendor_id, sub.device.product_code)
+
+
 def _same(sub: SubDevice, identity: tuple[int, int] | None) -> bool:
-    device = sub.device
-    return device is None or identity in (None, (device.vendor_id, device.product_code))
+    return None in (_identity(sub), identity) or _identity(sub) == identity
 
 
 def _place(sub: SubDevice) -> Span:

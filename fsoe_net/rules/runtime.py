@@ -148,7 +148,7 @@ _OLD_KEYS = {
 # -- linuxcnc-ethercat ----------------------------------------------------------------------------
 
 # Product codes of Beckhoff that linuxcnc-ethercat has FSoE support for.
-_LCEC_MAINS = {0x1AF43052: "EL6900", 0x077E3052: "EL1918"}
+_LCEC_MAINS = {0x1AF43052, 0x077E3052}  # EL6900, EL1918
 _LCEC_SUBS = {0x07703052: "EL1904", 0x0B583052: "EL2904", 0x16AD6012: "AX5805"}
 _LCEC_FRAME_BYTES = {"EL1904": (6,), "EL2904": (6,), "AX5805": (7, 11)}
 
@@ -171,8 +171,7 @@ def _lcec(ctx: Context) -> None:
 def _lcec_type(ctx: Context, sub: SubDevice, *, is_main: bool) -> None:
     if sub.device is None:
         return
-    known = _LCEC_MAINS if is_main else _LCEC_SUBS
-    if sub.device.product_code in known:
+    if sub.device.product_code in (_LCEC_MAINS if is_main else _LCEC_SUBS):
         return
     role = "MainInstance" if is_main else "SubInstance"
     ctx.add(
