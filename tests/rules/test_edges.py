@@ -20,7 +20,8 @@ from scans import scan_of
 
 from fsoe_net.diag import Severity
 from fsoe_net.model import DescribedSubDevice
-from fsoe_net.rules import Runtime
+from fsoe_net.rules import Runtime, check
+from fsoe_net.rules.context import few, nearest
 
 pytestmark = pytest.mark.usefixtures("said")
 
@@ -39,7 +40,42 @@ LCEC = [
 ]
 # The transfers of the second connection go, and it says its slot instead.
 ALONE = cases.CASES["FSN236"]["edit"][:2]
+THIRD = """\
+      - size: 6
+        in: {ec_module: io, index: 0x6000, subindex: 1}
+        out: {ec_module: logic, index: 0x7000, subindex: 1}
+"""
 EDGES: dict[str, tuple[dict, list[str]]] = {
+    "a transfer past the safety master": (
+        {"edit": [[IO, "logic, index: 0x6010, subindex: 1", "io, index: 0x6000, subindex: 1"]]},
+        ["FSN215", "FSN219"],
+    ),
+    "three transfers to one place": (
+        {"edit": [[IO, "    connections:", 2 * THIRD + "    connections:"]]},
+        ["FSN204"],
+    ),
+    "a connection of a device that is not there, beside a wrong size": (
+        {
+            "edit": [
+                [IO, "size: 6\n", "size: 7\n"],
+                [IO, "main: logic, sub: io2", "main: safety_plc_b, sub: io2"],
+            ]
+        },
+        ["FSN201", "FSN209"],
+    ),
+    "a connection of a device that is not there, beside a name given twice": (
+        {
+            "edit": [
+                [IO, "{name: io2,", "{name: io,"],
+                [IO, "main: logic, sub: io2", "main: safety_plc_b, sub: io2"],
+            ]
+        },
+        ["FSN134"],
+    ),
+    "an RxPDO of the last number": (
+        {"edit": [[DEVICE, "index: 0x1a00", "index: 0x17ff"]]},
+        ["FSN401"],
+    ),
     "a sync manager given twice": (
         {"edit": [[DEVICE, "{index: 1, type: input", "{index: 0, type: input"]]},
         ["FSN412"],
@@ -226,6 +262,26 @@ def test_beside_the_seeded_mistake(name: str, tmp_path: Path, monkeypatch: pytes
     assert sorted({d.code for d in rows}) == wanted, [d.message for d in rows]
 
 
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        # The frame of a drive is as long as that of another free slot.
+        ([("el6910, index: 0x7020", "el6910, index: 0x7000")], "FSN210"),
+        # Two slots are free.
+        (
+            [
+                ("el6910, index: 0x7020", "el6910, index: 0x7000"),
+                ("el6910, index: 0x7030", "el6910, index: 0x7010"),
+            ],
+            "FSN210",
+        ),
+    ],
+)
+def test_the_slot_that_fits_is_named(changes: list[tuple[str, str]], code: str, tmp_path: Path):
+    robot = with_text(tmp_path, *changes)
+    assert code in {d.code for d in check(robot)}
+
+
 # -- other files ----------------------------------------------------------------------------------
 
 
@@ -301,3 +357,26 @@ def test_a_pdo_that_was_not_read_hides_no_other():
 def test_another_value_behind_two_that_are_exchanged():
     told = told_by_main(scan_of(ROBOT), connection_id={0: 2, 1: 1, 2: 9, 3: 12})
     assert [d.code for d in _found(ROBOT, told)] == ["FSN509"] * 3
+
+
+def test_of_two_that_are_exchanged_the_process_data_is_compared():
+    told = scan_of(ROBOT)
+    rows = told["subdevices"]
+    rows[2], rows[3] = rows[3] | {"position": 2}, rows[2] | {"position": 3}
+    assert "FSN506" not in {d.code for d in _found(ROBOT, told)}
+    for n in (2, 3):
+        rows[n]["sms"][0]["pdos"][0]["entries"][0]["bits"] += 8
+    assert [d.code for d in _found(ROBOT, told)].count("FSN506") == 2
+
+
+@pytest.mark.parametrize(
+    ("number", "text"), [(0, ""), (2, "n0, n1"), (3, "n0, n1 and 1 more"), (5, "n0, n1 and 3 more")]
+)
+def test_few_of_many(number: int, text: str):
+    assert few([f"n{n}" for n in range(number)], 2) == text
+
+
+def test_the_nearest_name():
+    assert nearest("logik", ["logics", "logic", "lo"]) == "logic"
+    assert nearest("LOGIC", ["logic"]) == nearest("lgoic", ["logic"]) == "logic"
+    assert nearest("quite another", ["logic"]) is None
