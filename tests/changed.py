@@ -1,0 +1,147 @@
+"""Whole results of files that are changed in one place: what a reader or a check makes of each.
+
+A test gives the result of each change as a text. Its digest, with the codes of the findings in it,
+stands in `changed/NAME.txt` beside the test. After a wanted change
+
+    FSN_RECORD=1 python -m pytest -k each_change tests
+
+writes these files anew; the difference is to be read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+_NUMBER = re.compile(r"(?<![\w.])(0x|#x)?([0-9a-fA-F]+)(?![\w.])")
+_WORD = re.compile(r"(?<![\w</:&#])[A-Za-z_]\w+")
+_TAG = re.compile(r"<(/?)([A-Za-z][\w:.-]*)((?:\"[^\"]*\"|[^\">])*?)(/?)>")
+_ATTRIBUTE = re.compile(r"\s[A-Za-z][\w:]*=\"[^\"]*\"")
+_VALUE = re.compile(r"(\w+): ([^,}\s]+)")
+_CODE = re.compile(r"FSN\d{3}")
+
+Changes = Iterator[tuple[str, str]]
+
+
+def gone(text: str) -> Changes:
+    """Yield the text once without each line; XML without each element, without each attribute."""
+    for first, end in _parts(text):
+        yield f"{_place(text, first)} gone", text[:first] + text[end:]
+    for match in _ATTRIBUTE.finditer(text) if _is_xml(text) else ():
+        name = f"{_place(text, match.start())} attribute gone"
+        yield name, text[: match.start()] + text[match.end() :]
+
+
+def twice(text: str) -> Changes:
+    """Yield the text once with each line twice; XML with each element."""
+    for first, end in _parts(text):
+        yield f"{_place(text, first)} twice", text[:end] + text[first:]
+
+
+def more(text: str) -> Changes:
+    """Yield the text once with each number one more."""
+    for match in _NUMBER.finditer(text):
+        prefix, digits = match[1] or "", match[2]
+        if not prefix and not digits.isdigit():
+            continue  # a word
+        base, form = (16, "x") if prefix else (10, "d")
+        other = format(int(digits, base) + 1, f"0{len(digits)}{form}")
+        name = f"{_place(text, match.start())} {prefix}{digits} + 1"
+        yield name, text[: match.start(2)] + other + text[match.end(2) :]
+
+
+def words(text: str) -> Changes:
+    """Yield the text once with each word another one; of XML not the names of elements."""
+    for match in _WORD.finditer(text):
+        name = f"{_place(text, match.start())} {match[0]} is another"
+        yield name, text[: match.end()] + "q" + text[match.end() :]
+
+
+def others(text: str, most: int = 3) -> Changes:
+    """Yield the text once with each value of a key replaced by others that the key has."""
+    found = list(_VALUE.finditer(text))
+    values: dict[str, list[str]] = {}
+    for match in found:
+        values.setdefault(match[1], []).append(match[2])
+    for match in found:
+        known = list(dict.fromkeys(values[match[1]]))
+        at = known.index(match[2])
+        for other in (known[at + 1 :] + known[:at])[:most]:
+            name = f"{_place(text, match.start())} {match[0]} is {other}"
+            yield name, text[: match.start(2)] + other + text[match.end(2) :]
+
+
+WAYS: dict[str, Callable[[str], Changes]] = {w.__name__: w for w in (gone, twice, more, words)}
+
+
+def bits(data: bytes, step: int = 1) -> Iterator[tuple[str, bytes]]:
+    """Yield the bytes with one bit of each other, the bit changing from byte to byte."""
+    for n in range(0, len(data), step):
+        yield f"byte {n}", data[:n] + bytes([data[n] ^ 1 << n // step % 8]) + data[n + 1 :]
+
+
+def whole(value: object, seen: dict[int, tuple[int, object]] | None = None) -> str:
+    """Return all that a value holds, the same in each process; what comes again by its number."""
+    seen = {} if seen is None else seen
+    if is_dataclass(value) and not isinstance(value, type):
+        if id(value) in seen:
+            return f"#{seen[id(value)][0]}"
+        seen[id(value)] = len(seen), value  # kept: what is made on demand must not go
+        inner = (f"{f.name}={whole(getattr(value, f.name), seen)}" for f in fields(value))
+        return f"{type(value).__name__}({', '.join(inner)})"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(whole(v, seen) for v in value)}]"
+    if isinstance(value, set | frozenset):
+        return f"{{{', '.join(sorted(whole(v, {}) for v in value))}}}"
+    if isinstance(value, Mapping):
+        rows = (f"{whole(k, seen)}: {whole(v, seen)}" for k, v in value.items())
+        return f"{{{', '.join(rows)}}}"
+    return repr(value)
+
+
+def compare(test: str, name: str, results: Iterable[tuple[str, str]]) -> None:
+    """Compare the result of each change with the recorded one; `test` is the test's file."""
+    path = Path(test).parent / "changed" / f"{name}.txt"
+    rows, told = {}, {}
+    for change, said in results:
+        result = said.replace(f"{Path.cwd()}/", "")
+        codes = " ".join(sorted(set(_CODE.findall(result))))
+        digest = hashlib.sha256(result.encode()).hexdigest()[:8] if result else "nothing"
+        rows[change] = f"{change}: {codes} {digest}".replace("  ", " ")
+        told[change] = result
+    if "FSN_RECORD" in os.environ:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("".join(f"{row}\n" for row in rows.values()), "utf-8")
+        return
+    wanted = {r.rpartition(": ")[0]: r for r in path.read_text("utf-8").splitlines()}
+    for change in {**wanted, **rows}:
+        now, before = rows.get(change), wanted.get(change)
+        assert now == before, f"{path}: {before}, now\n{now}\n{told.get(change)}"
+
+
+def _is_xml(text: str) -> bool:
+    return text.lstrip().startswith("<")
+
+
+def _parts(text: str) -> list[tuple[int, int]]:
+    """Return first and end of each line, of XML of each element."""
+    if not _is_xml(text):
+        starts = [0, *(m.end() for m in re.finditer("\n", text))]
+        return [(a, b) for a, b in zip(starts, [*starts[1:], len(text)], strict=True) if a < b]
+    out, opened = [], []
+    for tag in _TAG.finditer(text):
+        if tag[1]:
+            out.append((opened.pop(), tag.end()))
+        elif tag[4]:
+            out.append((tag.start(), tag.end()))
+        else:
+            opened.append(tag.start())
+    return sorted(out)
+
+
+def _place(text: str, at: int) -> str:
+    return f"{text.count(chr(10), 0, at) + 1}:{at - text.rfind(chr(10), 0, at)}"
