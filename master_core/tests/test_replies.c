@@ -17,8 +17,10 @@
 
 enum { SUBS = 3, IMAGE = 84, MEMBERS = 5, SII_BYTES = 512 };
 
+static time_t later_s; /**< than all the other time of this test */
+
 int clock_gettime(clockid_t clock, struct timespec *now) {
-    *now = (struct timespec){.tv_sec = clock == CLOCK_REALTIME ? 1700000000 : 1000};
+    *now = (struct timespec){.tv_sec = (clock == CLOCK_REALTIME ? 1700000000 : 1000) + later_s};
     return 0;
 }
 
@@ -86,6 +88,15 @@ static struct fsn_plan *make_plan(void) {
     struct fsn_plan *plan;
     CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
     free(bytes);
+    /* Of the second connection address and watchdog are known. */
+    uint8_t *second =
+        plan->bytes + plan->offset[FSN_SEC_CONNECTION] + fsn_record_bytes[FSN_SEC_CONNECTION];
+    second[26] = 78;
+    second[28] = 100;
+    second[30] |= 6;
+    struct fsn_connection_info info;
+    CHECK(fsn_plan_connection(plan, 1, &info) == FSN_OK && info.known == 7);
+    CHECK(info.address == 78 && info.watchdog_ms == 100);
     return plan;
 }
 
@@ -108,6 +119,7 @@ static struct {
     uint32_t written_bytes;
     fsn_status fails; /**< what every transfer answers instead */
     bool goes_on, stateless;
+    time_t takes_s; /**< each upload */
     uint64_t now_ns;
     unsigned dropped, refused; /**< without memory */
 } on;
@@ -230,6 +242,7 @@ static const uint32_t objects[][5] = {
 
 static fsn_status upload(void *bus, struct fsn_transfer *t) {
     (void)bus;
+    later_s += on.takes_s;
     if (on.fails != FSN_OK) {
         t->abort_code = on.fails == FSN_E_BUS_SDO ? 0x06010002 : 0;
         return on.fails;
@@ -359,6 +372,7 @@ static void do_job(void) {
     waiting = NULL;
     if (job != NULL) {
         fsn_job_run(job, &means);
+        later_s = 0;
         fsn_control_job_done(on.control, job);
     }
 }
@@ -509,6 +523,8 @@ static void change(const char *word) {
         host.submit = submit;
     } else if (strcmp(word, "no-members") == 0) {
         on.acyclic.member = NULL;
+    } else if (strncmp(word, "takes ", 6) == 0) {
+        on.takes_s = atoi(word + 6);
     } else if (strcmp(word, "fsoe") == 0) {
         ask_for_fsoe();
     } else if (strcmp(word, "nobody-else") == 0) {

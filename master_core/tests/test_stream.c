@@ -148,6 +148,23 @@ static void what_is_overwritten_is_counted(void) {
     tear_down(&rig);
 }
 
+/** Who was away goes on an eighth of the recorder behind its oldest cycle, in his own step. */
+static void what_is_left_out_is_no_more_than_needed(void) {
+    for (uint64_t more = 0; more < 3; more++) {
+        struct rig rig = set_up();
+        CHECK(answer(&rig, "watch 3 t", "\"ok\":true"));
+        run(&rig, (unsigned)(200 + more));
+        fsn_streams_serve(rig.control);
+        const uint64_t until = 200 + more - KEPT + KEPT / 8 + 2;
+        const uint64_t count = (until - 1 + 2) / 3;
+        const char *line = rig.client->out.bytes;
+        const char *end = memchr(line, '\n', rig.client->out.len_bytes);
+        CHECK(number_of(line, end, "\"cycle\":") == 1 + 3 * count);
+        CHECK(number_of(line, end, "\"skipped\":") == count);
+        tear_down(&rig);
+    }
+}
+
 static void a_slow_reader_is_not_waited_for(void) {
     struct rig rig = set_up();
     CHECK(answer(&rig, "watch 1 --image", "\"ok\":true"));
@@ -191,6 +208,7 @@ int main(void) {
     requests_are_understood();
     every_cycle_comes_once();
     what_is_overwritten_is_counted();
+    what_is_left_out_is_no_more_than_needed();
     a_slow_reader_is_not_waited_for();
     watching_goes_on_with_another_core();
     return 0;
