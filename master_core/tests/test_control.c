@@ -374,6 +374,46 @@ static void values_go_out_together(void) {
     tear_down(&rig);
 }
 
+/** The first and the last character of each length, and what lies beside them. */
+static void utf8_has_its_bounds(void) {
+    static const struct {
+        const char *text;
+        bool good;
+    } cases[] = {
+        {"\x7F", true},
+        {"\x80", false},
+        {"\xBF", false},
+        {"\xC1\xBF", false},
+        {"\xC2\x80", true},
+        {"\xC2\x7F", false},
+        {"\xC2\xC0", false},
+        {"\xC2", false},
+        {"\xDF\xBF", true},
+        {"\xE0\x9F\xBF", false},
+        {"\xE0\xA0\x80", true},
+        {"\xE0\xA0", false},
+        {"\xED\x9F\xBF", true},
+        {"\xED\xA0\x80", false},
+        {"\xED\xBF\xBF", false},
+        {"\xEE\x80\x80", true},
+        {"\xEF\xBF\xBF", true},
+        {"\xF0\x8F\xBF\xBF", false},
+        {"\xF0\x90\x80\x80", true},
+        {"\xF0\x90\x80", false},
+        {"\xF4\x8F\xBF\xBF", true},
+        {"\xF4\x90\x80\x80", false},
+        {"\xF5\x80\x80\x80", false},
+        {"\xF8\x88\x80\x80\x80", false},
+        {"\xFF", false},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        if (fsn_is_utf8(cases[i].text, strlen(cases[i].text)) != cases[i].good) {
+            fprintf(stderr, "case %zu\n", i);
+            exit(1);
+        }
+    }
+}
+
 /** What no client may write, whoever asks: first the reason that is nearest to the plan. */
 static void not_every_output_is_for_clients(void) {
     static const struct build_sm sm[3][2] = {
@@ -443,6 +483,7 @@ static void not_every_output_is_for_clients(void) {
 }
 
 int main(void) {
+    utf8_has_its_bounds();
     not_every_output_is_for_clients();
     lines_are_split();
     json_is_escaped_and_bounded();
