@@ -121,8 +121,6 @@ def _box(
 def _arc(plan: Plan, number: int, place: dict[int, tuple[float, float]]) -> tuple[str, str]:
     """Return the line of a connection and its name; lines differ in colour and in dash."""
     connection = plan.connections[number]
-    if connection.main not in place or connection.sub not in place:
-        return "", ""
     (x1, y1), (x2, y2) = place[connection.main], place[connection.sub]
     shift = 10 * (number % 4) - 15
     start, end = x1 + _BOX_WIDTH / 2 + shift, x2 + _BOX_WIDTH / 2 + shift / 2
