@@ -69,6 +69,7 @@ int ioctl(int fd, unsigned long request, ...) {
         asked->ifr_mtu = os.mtu;
     } else {
         CHECK(request == SIOCGIFFLAGS);
+        CHECK(strcmp(asked->ifr_name, "a") == 0 || strcmp(asked->ifr_name, "b") == 0);
         asked->ifr_flags = (short)(IFF_UP | (atomic_load(&os.running) ? IFF_RUNNING : 0));
     }
     return 0;

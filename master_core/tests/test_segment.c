@@ -128,6 +128,45 @@ static void what_is_not_there_is_told(void) {
     tear_down(&rig);
 }
 
+/** Where the plan leaves a place free stands a coupler, with an SII and no objects. */
+static void a_free_place_has_a_coupler(void) {
+    struct rig rig = {.bytes = NULL};
+    size_t len;
+    rig.bytes = build_estop(&len);
+    (rig.bytes + (rig.bytes[36] | rig.bytes[37] << 8) + 48)[6] = 2;
+    build_fix_crc(rig.bytes, len);
+    CHECK(fsn_plan_load(rig.bytes, len, &rig.plan, NULL) == FSN_OK);
+    CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+    CHECK(fsn_segment_size(rig.segment) == 3 && fsn_segment_position(rig.segment, 1) == 2);
+    CHECK(datagram(&rig, APWR, 0xFFFF, 0x0502, "\0\1\x08\0\0\0", 6) == 1);
+    CHECK(datagram(&rig, APRD, 0xFFFF, 0x0508, NULL, 8) == 1);
+    CHECK(memcmp(rig.data, "\2\0\0\0\x52\x2C\x4C\x04", 8) == 0);
+    CHECK(al(&rig, 1) == 1 && write16(&rig, APWR, 0xFFFF, 0x0120, 2) == 1 && al(&rig, 1) == 2);
+    tear_down(&rig);
+}
+
+/** The watchdog is as long as the registers say, from the write on. */
+static void the_watchdog_takes_its_time_from_the_registers(void) {
+    static const struct {
+        uint16_t divider, limit, most_ms;
+    } rows[] = {{2498, 20, 2}, {2498, 40, 4}, {4998, 20, 4}};
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct rig rig = set_up();
+        uint16_t code;
+        set_stations(&rig);
+        to_op(&rig, 1001, 0, 9);
+        CHECK(write16(&rig, FPWR, 1001, 0x0400, rows[i].divider) == 1);
+        CHECK(write16(&rig, FPWR, 1001, 0x0420, rows[i].limit) == 1);
+        CHECK(datagram(&rig, LWR, 0, 0, "123456789", 9) == 1 && al(&rig, 0) == 8);
+        for (uint16_t ms = 1; ms <= rows[i].most_ms; ms++) {
+            CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 2 && al(&rig, 0) == 8);
+        }
+        CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 2);
+        CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x14 && code == 0x001B);
+        tear_down(&rig);
+    }
+}
+
 /** A set of inputs is taken as a whole when its first byte is read, and only then; what reaches
  *  beyond the memory is left out. */
 static void inputs_are_taken_with_their_first_byte(void) {
@@ -434,6 +473,8 @@ int main(void) {
     hostile_frames_get_no_answer();
     frames_are_checked();
     what_is_not_there_is_told();
+    a_free_place_has_a_coupler();
+    the_watchdog_takes_its_time_from_the_registers();
     inputs_are_taken_with_their_first_byte();
     outputs_are_given_from_safeop_on();
     whole_objects_have_a_limit();

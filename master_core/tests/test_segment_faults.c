@@ -73,6 +73,10 @@ static void receive_errors_are_forwarded(void) {
     CHECK(memcmp(peek(&rig, 1, 0x0300, 4), "\2\2\0\0", 4) == 0);
     CHECK(peek(&rig, 2, 0x0308, 1)[0] == 2);
     CHECK(peek(&rig, 0, 0x0308, 1)[0] == 0);
+    CHECK(fsn_segment_set_link(rig.segment, 1, false) == FSN_OK); /* behind the second one */
+    CHECK(fsn_segment_rx_errors(rig.segment, 0, 0, 1) == FSN_OK);
+    CHECK(fsn_segment_set_link(rig.segment, 1, true) == FSN_OK);
+    CHECK(peek(&rig, 1, 0x0308, 1)[0] == 1 && peek(&rig, 2, 0x0308, 1)[0] == 2);
     CHECK(fsn_segment_rx_errors(rig.segment, 1, 0, 0xFFFFFFFFu) == FSN_OK);
     CHECK(peek(&rig, 1, 0x0300, 1)[0] == 255);
     CHECK(fsn_segment_rx_errors(rig.segment, 1, 2, 1) == FSN_E_ARG);
