@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import socket
 from collections.abc import Iterator
 
@@ -104,11 +105,19 @@ def test_a_subscriber_that_does_not_read_is_dropped() -> None:
             assert busy.good("hello")["client"] == 1
 
 
-def test_half_a_line_and_an_abrupt_end() -> None:
+@pytest.mark.parametrize("held_up", [False, True])
+def test_half_a_line_and_an_abrupt_end(held_up: bool) -> None:
+    """Also where all of them have gone before the first is served: nobody else loses a place."""
     with running() as master, master.client() as other:
+        other.good("hello")  # it has its place
+        if held_up:
+            master.process.send_signal(signal.SIGSTOP)
         for _ in range(50):
             with socket.socket(socket.AF_UNIX) as one:
                 one.connect(str(master.path))
                 with contextlib.suppress(BrokenPipeError):
                     one.sendall(b"status\nsnapshot\nget")
+        master.process.send_signal(signal.SIGCONT)
+        with master.client() as last:
+            assert last.good("status")["state"] == "running"  # all before it have been served
         assert other.good("status")["state"] == "running"

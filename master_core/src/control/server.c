@@ -161,11 +161,30 @@ static void turn_away(int fd, const char *text) {
     close(fd);
 }
 
+/** What lies at a client and was not read yet: requests, its end. */
+static short unread(const struct fsn_client *client) {
+    struct pollfd there = {.fd = client->fd, .events = POLLIN};
+    return client->fd >= 0 && poll(&there, 1, 0) > 0 ? there.revents : 0;
+}
+
+/** Whether all places are taken, one of them by a client that has gone: the next turn reads what it
+ *  has left, and frees it. */
+static bool is_place_coming(const struct fsn_control *control) {
+    bool gone = false;
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        if (control->client[i].fd < 0) {
+            return false;
+        }
+        gone = gone || (unread(&control->client[i]) & POLLHUP) != 0;
+    }
+    return gone;
+}
+
 /** Whether nobody would miss a client: it listens to nothing, waits for nothing, writes nothing. */
 static bool is_idle(const struct fsn_control *control, const struct fsn_client *client) {
     return client->fd >= 0 && !client->events && client->stream.every == 0 && client->job == NULL &&
            client->in_bytes == 0 && client->sent == client->out.len_bytes &&
-           !fsn_outputs_has(control->outputs, client->number);
+           !fsn_outputs_has(control->outputs, client->number) && unread(client) == 0;
 }
 
 /** The client that has been idle longest, at least for so long; NULL: none. */
@@ -327,7 +346,7 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
      */
     bool waits = count > 0 && (fds[0].revents & POLLIN) != 0;
     for (int i = 0; waits && i < FSN_CONTROL_CLIENTS; i++) {
-        waits = accept_one(control);
+        waits = !is_place_coming(control) && accept_one(control);
     }
     fsn_watch(control, fsn_now_ns());
     fsn_incident_turn(control, fsn_now_ns());
