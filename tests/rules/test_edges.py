@@ -40,6 +40,13 @@ LCEC = [
 ]
 # The transfers of the second connection go, and it says its slot instead.
 ALONE = cases.CASES["FSN236"]["edit"][:2]
+TWICE = """\
+state_interface: logic_state}
+  - index: 0x1bfe
+    channels:
+      - {index: 0x6010, sub_index: 1, type: uint8}
+      - {index: 0x6011, sub_index: 1, type: uint8}
+"""
 THIRD = """\
       - size: 6
         in: {ec_module: io, index: 0x6000, subindex: 1}
@@ -71,6 +78,10 @@ EDGES: dict[str, tuple[dict, list[str]]] = {
             ]
         },
         ["FSN134"],
+    ),
+    "a PDO of two entries that others have": (
+        {"edit": [[LOGIC, "state_interface: logic_state}\n", TWICE]]},
+        ["FSN408"],
     ),
     "an RxPDO of the last number": (
         {"edit": [[DEVICE, "index: 0x1a00", "index: 0x17ff"]]},
@@ -327,6 +338,30 @@ def test_a_safety_project_beside_a_network_without_connections():
     assert codes(bus(), replace(ROBOT, connections=())) == []
 
 
+def test_a_transfer_that_cannot_be_hides_no_copy(tmp_path: Path):
+    broken = with_text(tmp_path, ("el1904, index: 0x6000", "el1904, index: 0x6fff"))
+    assert not broken.transfers[0].usable
+    made = bus()
+    less = replace(made, copies=made.copies[:-1])
+    # Its own copy is one of no transfer; another that is missing is named as well.
+    assert codes(made, broken) == ["FSN444"]
+    assert codes(less, broken) == ["FSN444", "FSN444"]
+
+
+def test_a_part_of_a_network_is_paired_by_type():
+    part = replace(ROBOT, network=replace(ROBOT.network, partial=True))
+    rows = tuple(replace(s, position=9 - n) for n, s in enumerate(changed(1, pdos(2)).subdevices))
+    other = replace(bus(), format="lcec", subdevices=rows, copies=(), connections=())
+    assert codes(other, part) == ["FSN433"]
+
+
+def test_the_safety_project_within_a_file_is_compared():
+    made = replace(bus(), format="twincat")
+    assert codes(made) == []
+    rows = tuple(replace(c, connection_id=77) for c in made.connections)
+    assert set(codes(replace(made, connections=rows))) == {"FSN446"}
+
+
 # -- the bus --------------------------------------------------------------------------------------
 
 
@@ -357,6 +392,13 @@ def test_a_pdo_that_was_not_read_hides_no_other():
 def test_another_value_behind_two_that_are_exchanged():
     told = told_by_main(scan_of(ROBOT), connection_id={0: 2, 1: 1, 2: 9, 3: 12})
     assert [d.code for d in _found(ROBOT, told)] == ["FSN509"] * 3
+
+
+def test_connections_are_paired_by_what_they_say():
+    told = scan_of(ROBOT)
+    told["subdevices"][1]["fsoe"]["connections"].reverse()
+    turned = [(d.code, d.message) for d in _found(ROBOT, told)]
+    assert not [text for code, text in turned if code in ("FSN509", "FSN510")], turned
 
 
 def test_of_two_that_are_exchanged_the_process_data_is_compared():
