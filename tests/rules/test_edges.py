@@ -40,6 +40,9 @@ LCEC = [
 ]
 # The transfers of the second connection go, and it says its slot instead.
 ALONE = cases.CASES["FSN236"]["edit"][:2]
+MANY = "".join(
+    f"  - {{name: s{n:02}, position: {n}, config: devices/ek1914.yaml}}\n" for n in range(3, 21)
+)
 TWICE = """\
 state_interface: logic_state}
   - index: 0x1bfe
@@ -82,6 +85,29 @@ EDGES: dict[str, tuple[dict, list[str]]] = {
     "a PDO of two entries that others have": (
         {"edit": [[LOGIC, "state_interface: logic_state}\n", TWICE]]},
         ["FSN408"],
+    ),
+    "a copy to the place right before its own": (
+        {"edit": [[IO, FRAME, "logic, index: 0x7010, subindex: 1"]]},
+        ["FSN215", "FSN217"],
+    ),
+    "values of two devices for which nobody answers": (
+        {
+            "check": ["timed.yaml"],
+            "edit": [
+                ["timed.yaml", "1.11e-9, source: manual 3.0}", "1.11e-9}"],
+                ["timed.yaml", "1.25e-9, source: manual 3.0}", "1.25e-9}"],
+            ],
+        },
+        ["FSN607"],
+    ),
+    "an unknown name beside many": (
+        {
+            "edit": [
+                [IO, "nets:", MANY + "nets:"],
+                [IO, FRAME, "zzzz_qqqq, index: 0x6000, subindex: 1"],
+            ]
+        },
+        ["FSN201"],
     ),
     "an RxPDO of the last number": (
         {"edit": [[DEVICE, "index: 0x1a00", "index: 0x17ff"]]},
@@ -392,6 +418,14 @@ def test_a_pdo_that_was_not_read_hides_no_other():
 def test_another_value_behind_two_that_are_exchanged():
     told = told_by_main(scan_of(ROBOT), connection_id={0: 2, 1: 1, 2: 9, 3: 12})
     assert [d.code for d in _found(ROBOT, told)] == ["FSN509"] * 3
+
+
+def test_another_address_behind_two_that_are_exchanged():
+    told = scan_of(ROBOT)
+    rows = told["subdevices"]
+    rows[2]["fsoe"]["address"], rows[3]["fsoe"]["address"] = 102, 101
+    rows[4]["fsoe"]["address"] = 7
+    assert [d.code for d in _found(ROBOT, told)] == ["FSN508", "FSN508"]
 
 
 def test_connections_are_paired_by_what_they_say():
