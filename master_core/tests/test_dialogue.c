@@ -116,6 +116,10 @@ static void begin(void) {
     CHECK(fsn_segment_set_object(rig.segment, 1, 0x2001, 0, "\2", 1) == FSN_OK);
     CHECK(fsn_segment_set_object(rig.segment, 1, 0x2001, 1, "\x34\x12", 2) == FSN_OK);
     CHECK(fsn_segment_set_object(rig.segment, 1, 0x2001, 2, "\x78\x56\x34\x12", 4) == FSN_OK);
+    CHECK(fsn_segment_set_object(rig.segment, 1, 0x2003, 0,
+                                 "the last segment of this one has three bytes: 0123456789 "
+                                 "0123456789 0123456789 0123456789 0123456789 0123456789 01",
+                                 115) == FSN_OK);
     to_preop(&rig, 1001);
 }
 

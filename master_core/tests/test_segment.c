@@ -2,6 +2,7 @@
  *  Real MainDevices on it are tests/segment/test_peers.py. */
 #include <string.h>
 
+#include "plan_internal.h"
 #include "segment_rig.h"
 
 static void working_counters(void) {
@@ -142,6 +143,38 @@ static void a_free_place_has_a_coupler(void) {
     CHECK(datagram(&rig, APRD, 0xFFFF, 0x0508, NULL, 8) == 1);
     CHECK(memcmp(rig.data, "\2\0\0\0\x52\x2C\x4C\x04", 8) == 0);
     CHECK(al(&rig, 1) == 1 && write16(&rig, APWR, 0xFFFF, 0x0120, 2) == 1 && al(&rig, 1) == 2);
+    tear_down(&rig);
+}
+
+/** Alias, revision and FSoE address of the plan are where a MainDevice looks for them. */
+static void what_the_plan_knows_is_shown(void) {
+    static const uint8_t count[8] = {0x40, 0x80, 0xF9, 0};
+    static const uint8_t address[8] = {0x40, 0x80, 0xF9, 1};
+    struct rig rig = {.bytes = NULL};
+    size_t len;
+    rig.bytes = build_estop(&len);
+    CHECK(fsn_plan_load(rig.bytes, len, &rig.plan, NULL) == FSN_OK);
+    uint8_t *first = rig.plan->bytes + rig.plan->offset[FSN_SEC_SUBDEVICE];
+    uint8_t *connection = rig.plan->bytes + rig.plan->offset[FSN_SEC_CONNECTION];
+    first[4] = 0x34;
+    first[5] = 0x12;
+    first[16] = 0x78;
+    first[19] = 0x56;
+    connection[26] = 0xCD;
+    connection[27] = 0xAB;
+    connection[30] |= 2;
+    struct fsn_connection_info info;
+    CHECK(fsn_plan_connection(rig.plan, 0, &info) == FSN_OK && info.address == 0xABCD);
+    CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+    CHECK(write16(&rig, APWR, 0xFFFF, 0x0010, 1001) == 1); /* the SubInstance */
+    CHECK(datagram(&rig, APRD, 0, 0x0012, NULL, 2) == 1 && memcmp(rig.data, "\x34\x12", 2) == 0);
+    CHECK(datagram(&rig, APWR, 0, 0x0502, "\0\1\x0C\0\0\0", 6) == 1);
+    CHECK(datagram(&rig, APRD, 0, 0x0508, NULL, 4) == 1);
+    CHECK(memcmp(rig.data, "\x78\0\0\x56", 4) == 0);
+    to_preop(&rig, 1001);
+    CHECK(sdo(&rig, count, 8) == 10 && memcmp(rig.data + 8, "\x4F\x80\xF9\0\1\0\0\0", 8) == 0);
+    CHECK(sdo(&rig, address, 8) == 10);
+    CHECK(memcmp(rig.data + 8, "\x4B\x80\xF9\1\xCD\xAB\0\0", 8) == 0);
     tear_down(&rig);
 }
 
@@ -474,6 +507,7 @@ int main(void) {
     frames_are_checked();
     what_is_not_there_is_told();
     a_free_place_has_a_coupler();
+    what_the_plan_knows_is_shown();
     the_watchdog_takes_its_time_from_the_registers();
     inputs_are_taken_with_their_first_byte();
     outputs_are_given_from_safeop_on();
