@@ -9,17 +9,18 @@ from collections.abc import Iterable
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.inputs import check_files, input_options, whole_network
-from fsoe_net.cli.known import Record, read_record
+from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, output_option
-from fsoe_net.cli.output import counted
 from fsoe_net.cli.report import read_protocol, since
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
+from fsoe_net.diag import counted
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, parse_acceptance, read_bytes
 from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile, says_something
 from fsoe_net.plan import compile_plan, short_code
+from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.project.known import Record, read_record
 from fsoe_net.report import Grounds, Reason, Refusal, read_signed_report, sign_off
 from fsoe_net.save import write_acceptance
 

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import click
 
-from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FOLDER, output_option
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import STDOUT, check_target, write_whole
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
 from fsoe_net.load import LoadOptions
+from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
 from fsoe_net.run.campaign import (
     CampaignResult,

@@ -7,14 +7,15 @@ import os
 
 import click
 
-from fsoe_net.cli.inputs import Checked, check_files, input_options, runtime_option
+from fsoe_net.cli.inputs import input_options, runtime_option
 from fsoe_net.cli.options import FILE, INTERFACE
-from fsoe_net.cli.output import FORMATS, counted, exit_code, print_diagnostics, summary
+from fsoe_net.cli.output import FORMATS, exit_code, print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Diagnostic, Severity, without_collector
+from fsoe_net.diag import Diagnostic, Severity, counted, summary, without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, load_scan
 from fsoe_net.model import Scan
+from fsoe_net.project.check import Checked, check_files
 from fsoe_net.rules import Runtime
 
 __all__ = ["command"]

@@ -9,12 +9,11 @@ from pathlib import Path
 
 import click
 
-from fsoe_net.cli.convert_eni import renewed_eni
 from fsoe_net.cli.options import FILE, output_option
-from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import STDOUT, write_all, write_whole
-from fsoe_net.diag import Severity, sort_diagnostics
+from fsoe_net.diag import Severity, counted, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import (
     Collector,
@@ -26,6 +25,7 @@ from fsoe_net.load import (
     load_network,
 )
 from fsoe_net.model import Description, fill_devices, has_layout, join_buses
+from fsoe_net.project.renew_eni import renewed_eni
 from fsoe_net.save import (
     DriverVersion,
     Written,

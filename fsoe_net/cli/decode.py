@@ -11,7 +11,6 @@ from typing import BinaryIO
 import click
 
 from fsoe_net.cli.decode_output import CaptureFacts, JsonOutput, Output, Row, TextOutput
-from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import STDOUT, check_target, write_whole
@@ -31,6 +30,7 @@ from fsoe_net.observe import (
     parse_frames,
 )
 from fsoe_net.plan import compile_plan
+from fsoe_net.project.check import check_files, whole_network
 
 __all__ = ["command"]
 

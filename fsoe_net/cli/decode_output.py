@@ -9,10 +9,9 @@ from typing import NamedTuple, Protocol
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.output import counted
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core import DirectionSnapshot, FoundConnection, Place, ScanCounts
-from fsoe_net.diag import printable
+from fsoe_net.diag import counted, printable
 from fsoe_net.fsoe import (
     Command,
     OutsideState,

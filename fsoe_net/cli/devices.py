@@ -8,9 +8,9 @@ from collections.abc import Iterable
 import click
 
 from fsoe_net.cli.options import FILE
-from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Severity
+from fsoe_net.diag import Severity, counted
 from fsoe_net.errors import InputError
 from fsoe_net.load import load_library
 from fsoe_net.model import (

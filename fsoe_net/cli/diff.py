@@ -9,9 +9,8 @@ import click
 
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE
-from fsoe_net.cli.output import counted
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag import Diagnostic, Severity, Span, counted, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.load import (
     Collector,

@@ -9,8 +9,8 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.options import INTERFACE
-from fsoe_net.cli.output import counted
 from fsoe_net.cli.terminal import echo, terminal
+from fsoe_net.diag import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.host import Examination, Finding, Host, Level, Unreadable, examine
 

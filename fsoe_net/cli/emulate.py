@@ -10,7 +10,7 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
-from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, INTERFACE, RUN_TIME
 from fsoe_net.cli.run import with_scenario
 from fsoe_net.cli.run_output import print_events
@@ -21,6 +21,7 @@ from fsoe_net.diag import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.load import LoadOptions
 from fsoe_net.plan import compile_plan
+from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.run import (
     EmulateResult,
     SegmentSession,

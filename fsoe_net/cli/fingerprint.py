@@ -7,11 +7,11 @@ import json
 import click
 
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.known import Known, read_known
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions
 from fsoe_net.plan import SECTIONS
+from fsoe_net.project.known import Known, read_known
 
 __all__ = ["command"]
 

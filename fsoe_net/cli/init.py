@@ -8,19 +8,20 @@ from pathlib import Path
 
 import click
 
-from fsoe_net.cli.gather import gather
 from fsoe_net.cli.init_output import answers_template, network_remarks
 from fsoe_net.cli.init_prompt import ask
-from fsoe_net.cli.inputs import check_files, reference_options
+from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
-from fsoe_net.cli.output import counted, print_diagnostics, summary
-from fsoe_net.cli.proposing import Inputs, Made, make_proposal, question_findings
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import write_all
-from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.diag import Diagnostic, Severity, counted, sort_diagnostics, summary
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, describe_scan, load_answers
 from fsoe_net.model import Answers
+from fsoe_net.project.check import check_files
+from fsoe_net.project.gather import gather
+from fsoe_net.project.proposing import Inputs, Made, make_proposal, question_findings
 from fsoe_net.save import write_network
 
 __all__ = ["command"]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fsoe_net.cli.proposing import Inputs, Made
 from fsoe_net.model import Ask, DescribedSubDevice, Proposal, Question
+from fsoe_net.project.proposing import Inputs, Made
 from fsoe_net.save import Remarks
 
 __all__ = ["answers_template", "network_remarks"]

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import click
 
-from fsoe_net.cli.proposing import Made
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Span
 from fsoe_net.model import (
@@ -18,6 +17,7 @@ from fsoe_net.model import (
     Ask,
     Question,
 )
+from fsoe_net.project.proposing import Made
 
 __all__ = ["ask", "parse_ring"]
 

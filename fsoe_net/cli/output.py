@@ -11,10 +11,10 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import CATALOGUE, Diagnostic, Severity, counted, printable
+from fsoe_net.diag import CATALOGUE, Diagnostic, Severity, printable
 from fsoe_net.rules import Runtime, effect_today
 
-__all__ = ["FORMATS", "counted", "exit_code", "print_diagnostics", "summary"]
+__all__ = ["FORMATS", "exit_code", "print_diagnostics"]
 
 _MOST_OF_A_CODE = 100  # shown as text; one mistake made everywhere is read once
 
@@ -27,20 +27,6 @@ _DOCS = "https://fsoe-net.readthedocs.io/diagnostics"
 def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
     """Return 1 when there is an error or a warning, else 0."""
     return int(any(d.level is not Severity.INFO for d in diagnostics))
-
-
-def summary(diagnostics: Sequence[Diagnostic]) -> str:
-    """Return ``2 errors, 1 warning, 3 notes``; empty when there is nothing."""
-    parts = []
-    for level, word in (
-        (Severity.ERROR, "error"),
-        (Severity.WARNING, "warning"),
-        (Severity.INFO, "note"),
-    ):
-        count = sum(d.level is level for d in diagnostics)
-        if count:
-            parts.append(counted(count, word))
-    return ", ".join(parts)
 
 
 def print_diagnostics(

@@ -6,12 +6,12 @@ import json
 
 import click
 
-from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import output_option
-from fsoe_net.cli.output import counted, print_diagnostics
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import STDOUT, check_target, write_whole
-from fsoe_net.diag import Severity, without_collector
+from fsoe_net.diag import Severity, counted, without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, read_bytes
 from fsoe_net.plan import (
@@ -23,6 +23,7 @@ from fsoe_net.plan import (
     plan_json,
     plan_text,
 )
+from fsoe_net.project.check import check_files, whole_network
 
 __all__ = ["command"]
 

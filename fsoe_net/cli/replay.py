@@ -9,8 +9,8 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.options import FILE
-from fsoe_net.cli.output import counted
 from fsoe_net.cli.terminal import echo
+from fsoe_net.diag import counted
 from fsoe_net.errors import InputError, RecordingError
 from fsoe_net.fsoe.recording import ReplayResult, file_lines, replay
 from fsoe_net.fsoe.recording.difference import Difference, differing_bytes, explain

@@ -13,17 +13,18 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.diff import read_side
-from fsoe_net.cli.inputs import Checked, check_files, input_options, library_of, whole_network
-from fsoe_net.cli.known import Record, read_record
+from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
-from fsoe_net.cli.output import print_diagnostics, summary
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
-from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics, summary
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, load_protocol, open_file
 from fsoe_net.model import Protocol, Resolution, SourceFile
 from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, fingerprint_of
+from fsoe_net.project.check import Checked, check_files, library_of, whole_network
+from fsoe_net.project.known import Record, read_record
 from fsoe_net.report import (
     FORMATS,
     Against,

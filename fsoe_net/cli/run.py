@@ -12,9 +12,8 @@ from typing import TypeVar
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import CYCLE, FILE, FOLDER, INTERFACE, RUN_TIME, Time, overwrite_option
-from fsoe_net.cli.output import summary
 from fsoe_net.cli.run_output import (
     live_view,
     make_folder,
@@ -25,12 +24,13 @@ from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.core import Snapshot
-from fsoe_net.diag import Severity, sort_diagnostics
+from fsoe_net.diag import Severity, sort_diagnostics, summary
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, load_scenario, read_bytes
 from fsoe_net.model import Resolution, Scenario
 from fsoe_net.observe import CaptureWriter
 from fsoe_net.plan import compile_plan, decode_plan
+from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.run import (
     BusOptions,
     ConnectionResult,

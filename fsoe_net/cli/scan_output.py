@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.cli.output import counted
+from fsoe_net.diag import counted
 from fsoe_net.model import Scan, ScannedConnection, ScannedSubDevice
 
 __all__ = ["scan_table"]

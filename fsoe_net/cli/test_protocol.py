@@ -8,16 +8,17 @@ from pathlib import Path
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.inputs import check_files, input_options, whole_network
+from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
-from fsoe_net.cli.output import print_diagnostics, summary
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
-from fsoe_net.diag import counted, printable
+from fsoe_net.diag import counted, printable, summary
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, load_protocol
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution
 from fsoe_net.plan import Fingerprint, compile_plan, fingerprint_of
+from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.report import protocol_page
 from fsoe_net.run import (
     Client,

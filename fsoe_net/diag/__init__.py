@@ -13,7 +13,7 @@ from fsoe_net.diag.diagnostic import (
 )
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.diag.printable import first_control, printable
-from fsoe_net.diag.words import counted
+from fsoe_net.diag.words import counted, summary
 
 __all__ = [
     "CATALOGUE",
@@ -31,5 +31,6 @@ __all__ = [
     "nearest_code",
     "printable",
     "sort_diagnostics",
+    "summary",
     "without_collector",
 ]

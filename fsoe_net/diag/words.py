@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-__all__ = ["counted"]
+from collections.abc import Sequence
+
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+
+__all__ = ["counted", "summary"]
 
 
 def counted(number: int, word: str) -> str:
@@ -12,3 +16,17 @@ def counted(number: int, word: str) -> str:
     stem = word[:-1]
     is_ies = word.endswith("y") and stem[-1:] not in "aeiou"
     return f"{number} {stem}ies" if is_ies else f"{number} {word}s"
+
+
+def summary(diagnostics: Sequence[Diagnostic]) -> str:
+    """Return ``2 errors, 1 warning, 3 notes``; empty when there is nothing."""
+    parts = []
+    for level, word in (
+        (Severity.ERROR, "error"),
+        (Severity.WARNING, "warning"),
+        (Severity.INFO, "note"),
+    ):
+        count = sum(d.level is level for d in diagnostics)
+        if count:
+            parts.append(counted(count, word))
+    return ", ".join(parts)

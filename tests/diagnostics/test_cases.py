@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fsoe_net.cli.gather import gather
-from fsoe_net.cli.inputs import check_files
-from fsoe_net.cli.proposing import Inputs, make_proposal, question_findings
 from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
 from fsoe_net.load import Collector, LoadOptions, load_answers, load_scan
 from fsoe_net.load.esi import EsiChoice
 from fsoe_net.model import Answers
+from fsoe_net.project.check import check_files
+from fsoe_net.project.gather import gather
+from fsoe_net.project.proposing import Inputs, make_proposal, question_findings
 from fsoe_net.rules import Runtime
 
 pytestmark = pytest.mark.usefixtures("said")

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from run.support import EXAMPLES, needs_core, run, session_of
 
-from fsoe_net.cli.inputs import check_files
 from fsoe_net.diag import Severity
 from fsoe_net.load import load_network
 from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan
+from fsoe_net.project.check import check_files
 from fsoe_net.run import run_live
 
 FOLDERS = ["estop", "el6910"]

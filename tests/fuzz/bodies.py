@@ -25,7 +25,6 @@ from load import texts, twincat_text
 from load.sii_image import category, image, strings
 from load.startup import startup
 
-from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.core import CorePlan, Scanner
 from fsoe_net.diag import Span
 from fsoe_net.errors import InputError, PlanFormatError, RecordingError
@@ -47,6 +46,7 @@ from fsoe_net.load.twinsafe import load_twinsafe
 from fsoe_net.model import Description, detect_fsoe, layout_of, near_misses
 from fsoe_net.observe import CaptureWriter, follow_frames, parse_frames, read_capture
 from fsoe_net.plan import compile_plan, decode_plan, encode_plan, plan_json, plan_text
+from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.save import replace_copies, write_eni
 
 __all__ = ["TARGETS", "Target", "mutated"]

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.cli.inputs import check_files
 from fsoe_net.diag import Severity
 from fsoe_net.load import Collector, load_network, parse_yaml, yaml_tree
+from fsoe_net.project.check import check_files
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 

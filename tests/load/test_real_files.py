@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from data_files import listed, need
 
-from fsoe_net.cli.inputs import check_files
 from fsoe_net.diag import Severity
 from fsoe_net.plan import compile_plan, igh_text
+from fsoe_net.project.check import check_files
 
 
 @pytest.mark.parametrize("name", listed("yaml", "icube_*.yaml"))

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import example, resolved
 
-from fsoe_net.cli.inputs import check_files
 from fsoe_net.diag import Severity
 from fsoe_net.model import (
     ConnectionFacts,
@@ -31,6 +30,7 @@ from fsoe_net.model import (
     resolve,
 )
 from fsoe_net.plan import compile_plan
+from fsoe_net.project.check import check_files
 from fsoe_net.save import describe, write_network
 
 pytestmark = pytest.mark.usefixtures("said")

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from networks import EXAMPLES
 
-from fsoe_net.cli.inputs import check_files
 from fsoe_net.diag import Severity
+from fsoe_net.project.check import check_files
 
 pytestmark = pytest.mark.usefixtures("said")
 

@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.cli.gather import Gathered
 from fsoe_net.diag import Diagnostic, Severity, Span
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, DeviceType, list_types, load_devices, load_library, ring_of
@@ -26,6 +25,7 @@ from fsoe_net.model import (
     match_project,
     propose,
 )
+from fsoe_net.project.gather import Gathered
 from fsoe_net.save import describe
 
 __all__ = ["Inputs", "Made", "make_proposal", "question_findings"]

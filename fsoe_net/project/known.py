@@ -6,7 +6,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.cli.inputs import check_files, whole_network
 from fsoe_net.diag import without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, is_acceptance, load_acceptance, read_bytes
@@ -23,6 +22,7 @@ from fsoe_net.plan import (
     fingerprint_of,
     safety_text,
 )
+from fsoe_net.project.check import check_files, whole_network
 
 __all__ = ["Known", "Record", "read_known", "read_record"]
 
