@@ -11,7 +11,6 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, output_option
-from fsoe_net.cli.report import read_protocol, since
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target, write_whole
 from fsoe_net.diag import counted
@@ -21,6 +20,7 @@ from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile, says_
 from fsoe_net.plan import compile_plan, short_code
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.known import Record, read_record
+from fsoe_net.project.report import read_protocol, since
 from fsoe_net.report import Grounds, Reason, Refusal, read_signed_report, sign_off
 from fsoe_net.save import write_acceptance
 

@@ -3,45 +3,28 @@
 from __future__ import annotations
 
 import json
-import os
 
 import click
 
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Diagnostic, Severity, Span, counted, sort_diagnostics
+from fsoe_net.diag import Severity, counted
 from fsoe_net.errors import InputError
 from fsoe_net.load import (
-    Collector,
-    InputKind,
     LoadOptions,
-    find_kind,
-    is_acceptance,
-    load_foreign,
-    load_network,
-    parse_acceptance,
-    parse_scan,
-    read_bytes,
 )
-from fsoe_net.model import resolve
-from fsoe_net.plan import MAGIC, accepted_plan, decode_plan
+from fsoe_net.project.compare import read_side
 from fsoe_net.report import (
     Change,
     Difference,
     Side,
     compare,
-    side_of_description,
-    side_of_network,
-    side_of_plan,
-    side_of_scan,
 )
 
-__all__ = ["change_line", "command", "read_side"]
+__all__ = ["change_line", "command"]
 
 _SHOWN_ENTRIES = 6
-_NO_NET = "FSN125"
-_MAX_BYTES = 256 * 1024 * 1024
 _MARK = {"added": "+", "removed": "-"}
 _COLOUR = {"added": "green", "removed": "red"}
 _EPILOG = """\b
@@ -92,58 +75,6 @@ def command(
         show = _print_json if fmt == "json" else _print_text
         show(sides[0], sides[1], difference)
     ctx.exit(0 if difference.same else 1)
-
-
-def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
-    """Read one side; ``None`` when a part of it could not be read."""
-    out = Collector()
-    if os.path.isfile(path) and find_kind(path, Collector()) is InputKind.CAPTURE:
-        return _side_of_description(path, InputKind.CAPTURE, out, path)  # of any size
-    data = read_bytes(path, out, most=_MAX_BYTES)
-    if data is None:
-        return None, out.diagnostics
-    if data.startswith(MAGIC):
-        try:
-            return side_of_plan(decode_plan(data), path), []
-        except InputError as exc:
-            out.add("FSN101", Span(path), f"damaged plan: {exc}", hint="compile it again")
-            return None, out.diagnostics
-    if is_acceptance(data):
-        return _side_of_record(data, path, out), out.diagnostics
-    if data.lstrip()[:1] == b"{":
-        scan, found = parse_scan(data, path)
-        return (None if scan is None else side_of_scan(scan, path)), found
-    kind = find_kind(data, out, name=path)
-    if kind is None:
-        return None, out.diagnostics
-    if kind is not InputKind.YAML:
-        return _side_of_description(data, kind, out, path)
-    loaded = load_network([os.fspath(path)], options)
-    out.diagnostics += loaded.diagnostics
-    network = loaded.network
-    return _judged(None if network is None else side_of_network(resolve(network), path), out)
-
-
-def _side_of_record(data: bytes, path: str, out: Collector) -> Side | None:
-    record = parse_acceptance(data, path, out)
-    held = None if record is None else accepted_plan(record, out)
-    if record is None or held is None:
-        return None
-    return side_of_plan(held[0], path, record.safety_functions)
-
-
-def _side_of_description(
-    source: str | bytes, kind: InputKind, out: Collector, path: str
-) -> tuple[Side | None, list[Diagnostic]]:
-    description = load_foreign(source, kind, out, name=path)
-    whole = description is not None and not description.truncated
-    return _judged(side_of_description(description) if description and whole else None, out)
-
-
-def _judged(side: Side | None, out: Collector) -> tuple[Side | None, list[Diagnostic]]:
-    # A network of which nobody has said yet what is copied can be compared all the same.
-    found = sort_diagnostics([d for d in out.diagnostics if d.code != _NO_NET])
-    return (None if any(d.level is Severity.ERROR for d in found) else side), found
 
 
 def _print_text(a: Side, b: Side, difference: Difference) -> None:

@@ -12,7 +12,6 @@ from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, INTERFACE, RUN_TIME
-from fsoe_net.cli.run import with_scenario
 from fsoe_net.cli.run_output import print_events
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo
@@ -22,6 +21,7 @@ from fsoe_net.errors import EnvironmentFault
 from fsoe_net.load import LoadOptions
 from fsoe_net.plan import compile_plan
 from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.project.simulate import with_scenario
 from fsoe_net.run import (
     EmulateResult,
     SegmentSession,

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import click
 
@@ -24,13 +23,11 @@ from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.core import Snapshot
-from fsoe_net.diag import Severity, sort_diagnostics, summary
-from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, load_scenario, read_bytes
-from fsoe_net.model import Resolution, Scenario
+from fsoe_net.load import LoadOptions
+from fsoe_net.model import Resolution
 from fsoe_net.observe import CaptureWriter
-from fsoe_net.plan import compile_plan, decode_plan
 from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.project.simulate import plan_bytes, prepare
 from fsoe_net.run import (
     BusOptions,
     ConnectionResult,
@@ -39,15 +36,12 @@ from fsoe_net.run import (
     Master,
     RunResult,
     Session,
-    Stage,
-    counted_session_ids,
-    random_session_ids,
     run_live,
     run_on_bus,
     run_virtual,
 )
 
-__all__ = ["command", "prepare", "with_scenario"]
+__all__ = ["command"]
 
 _EPILOG = """\b
 Examples:
@@ -62,9 +56,6 @@ drives the real one: machines may move.
 Exit codes: 0 every expectation held, or without any every connection is in Data at the end; 1 not
 so, a file has an error, or the live bus was refused; 2 wrong use; 3 the compiled core, fsn-master
 or a permission is missing."""
-
-
-_Stage = TypeVar("_Stage", bound=Stage)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,7 +309,7 @@ def _emulated(
 def _on_bus(
     resolution: Resolution, options: BusOptions, duration_ns: int | None, wanted: _Files
 ) -> RunResult:
-    plan = _plan_bytes(resolution, wanted.plan)
+    plan = plan_bytes(resolution, wanted.plan)
     name = resolution.network.name
     stop = stop_on(ENDS)  # when its terminal goes, the tool goes and the bus stays
 
@@ -351,67 +342,6 @@ def _on_bus(
             on_update=show,
             stop=stop,
         )
-
-
-def prepare(
-    resolution: Resolution, plan_file: str | None, scenario_file: str | None, *, virtual: bool
-) -> Session:
-    """Build a session from a checked network.
-
-    Raises:
-        InputError: No connection, a plan of another network, or a scenario with mistakes.
-    """
-    data = _plan_bytes(resolution, plan_file)
-    ids = counted_session_ids() if virtual else random_session_ids()
-    return with_scenario(
-        lambda scenario: Session(resolution, data, scenario, session_ids=ids), scenario_file
-    )
-
-
-def _plan_bytes(resolution: Resolution, plan_file: str | None) -> bytes:
-    if resolution.network.partial or not resolution.connections:
-        raise InputError("nothing to run: these files hold no FSoE connection of a whole network")
-    fresh = compile_plan(resolution).to_bytes()
-    return fresh if plan_file is None else _plan_of(plan_file, fresh)
-
-
-def _plan_of(plan_file: str, fresh: bytes) -> bytes:
-    out = Collector()
-    data = read_bytes(plan_file, out)
-    if data is None:
-        raise InputError("no plan to run", out.diagnostics)
-    try:
-        decode_plan(data)
-    except InputError as exc:
-        raise InputError(f"{plan_file}: {exc}") from exc
-    if data != fresh:
-        raise InputError(
-            f"{plan_file} was not compiled from these files; `fsoe-net plan … -o {plan_file}` "
-            "compiles it anew"
-        )
-    return data
-
-
-def with_scenario(make: Callable[[Scenario | None], _Stage], path: str | None) -> _Stage:
-    """Return a stage with the scenario of a file; without a file the stage alone.
-
-    Raises:
-        InputError: The scenario has mistakes: in itself, and beside the network, all at once.
-    """
-    if path is None:
-        return make(None)
-    scenario, found = load_scenario(path)
-    found = [d for d in found if d.level is not Severity.INFO]
-    if scenario is None:
-        raise InputError(f"the scenario has mistakes: {summary(found)}", found)
-    stage = make(scenario)
-    named = {d.span for d in found}
-    misfits = [d for d in stage.scenario_findings() if d.span not in named]
-    if found or misfits:
-        words = "has mistakes" if found else "does not fit this network"
-        everything = sort_diagnostics([*found, *misfits])
-        raise InputError(f"the scenario {words}: {summary(everything)}", everything)
-    return stage
 
 
 def _live(

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from networks import EXAMPLES, example, write_big_network
 
-from fsoe_net.cli.run import prepare
+from fsoe_net.project.simulate import prepare
 from fsoe_net.run import run_virtual
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from fsoe_net.cli.run import prepare
 from fsoe_net.load import load_network
 from fsoe_net.model import Resolution, resolve
+from fsoe_net.project.simulate import prepare
 from fsoe_net.run import RunResult, Session, run_virtual
 
 ROOT = Path(__file__).parents[2]

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from networks import EXAMPLES, example, resolved
 
-from fsoe_net.cli.run import prepare
 from fsoe_net.errors import CoreMissing, InputError
+from fsoe_net.project.simulate import prepare
 from fsoe_net.run import RunResult, Session, run_virtual
 
 

@@ -1,0 +1,306 @@
+"""The report of a network: everything it may speak about, gathered from files and a live bus."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from fsoe_net import __version__
+from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics, summary
+from fsoe_net.errors import InputError
+from fsoe_net.load import Collector, LoadOptions, load_protocol, open_file
+from fsoe_net.model import Protocol, Resolution, SourceFile
+from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, fingerprint_of
+from fsoe_net.project.check import Checked, library_of, whole_network
+from fsoe_net.project.compare import read_side
+from fsoe_net.project.known import Record
+from fsoe_net.project.simulate import prepare
+from fsoe_net.report import (
+    FORMATS,
+    Against,
+    Document,
+    Evidence,
+    GivenPlan,
+    GivenRecord,
+    LiveEvidence,
+    ReportInputs,
+    Side,
+    Tried,
+    compare,
+    longest_round_trips,
+    make_document,
+    report_pdf,
+    side_of_network,
+    side_of_plan,
+    steps_again,
+    tried_of,
+)
+from fsoe_net.rules import check_scan, check_timing
+from fsoe_net.timing import Budget, make_budget
+
+if TYPE_CHECKING:
+    from fsoe_net.run import RunResult
+
+__all__ = ["REPORT_FORMATS", "Report", "make_report", "read_protocol", "since"]
+
+REPORT_FORMATS = (*FORMATS, "pdf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """A report, and why it may not be taken as it is.
+
+    Attributes:
+        document: What is written.
+        findings: Everything found in the network, sorted.
+        run: The run of the scenario, if there was one.
+        protocol_findings: What keeps the test protocol from being taken, located.
+        protocol_fits: Whether its results are in the report; also without one.
+    """
+
+    document: Document
+    findings: Sequence[Diagnostic]
+    run: RunResult | None
+    protocol_findings: Sequence[Diagnostic]
+    protocol_fits: bool
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        """The errors of the network; the report says them first."""
+        return [d for d in self.findings if d.level is Severity.ERROR]
+
+    @property
+    def passed(self) -> bool:
+        """Whether there is no error, the run passed and the protocol is of this network."""
+        return not self.errors and self.protocol_fits and (self.run is None or self.run.passed)
+
+    def render(self, form: str) -> bytes:
+        """Return the report in one of `REPORT_FORMATS`.
+
+        Raises:
+            EnvironmentFault: The extra ``pdf`` is not installed.
+            KeyError: There is no such format.
+        """
+        if form == "pdf":
+            return report_pdf(self.document)
+        return FORMATS[form](self.document).encode("utf-8")
+
+
+def make_report(
+    checked: Checked,
+    *,
+    name: str,
+    evidence: Sequence[Evidence] = (),
+    live: LiveEvidence | None = None,
+    plan: str | None = None,
+    scenario: str | None = None,
+    against: str | None = None,
+    accepted: Record | None = None,
+    protocol: str | None = None,
+    loading: LoadOptions | None = None,
+) -> Report:
+    """Make the report of a network; one with an error gets a report that says so first.
+
+    Args:
+        checked: The network, compared with other files and the device library.
+        name: Of a network that could not be read.
+        evidence: Files that describe the machine.
+        live: What a running ``fsn-master`` reports.
+        plan: A plan file that shall be the plan of this network.
+        scenario: A scenario file to run in virtual time.
+        against: An earlier plan or network, from which the change log starts.
+        accepted: An acceptance record, from which it starts otherwise.
+        protocol: A test protocol file.
+        loading: How references in ``against`` are followed.
+
+    Raises:
+        InputError: There is no network to report on, or a file cannot be used.
+    """
+    found = _findings(checked, evidence, live)
+    resolution = checked.resolution
+    errors = any(d.level is Severity.ERROR for d in found)
+    compiled = _plan(resolution, errors=errors)
+    run = None
+    if scenario is not None and resolution is not None and compiled is not None and not errors:
+        run = _run(resolution, scenario)
+    fingerprint = None if compiled is None or errors else fingerprint_of(compiled)
+    before = None
+    if resolution is not None and accepted is not None:
+        before = since(accepted, resolution, compiled)
+    elif resolution is not None and against is not None:
+        before = _against(against, resolution, compiled, loading or LoadOptions())
+    tried: Tried | None = None
+    protocol_findings: list[Diagnostic] = []
+    if protocol is not None:
+        tried, protocol_findings = _tried(protocol, resolution, compiled)
+    inputs = ReportInputs(
+        name=name if resolution is None else resolution.network.name,
+        version=__version__,
+        diagnostics=found,
+        resolution=resolution,
+        plan=compiled,
+        fingerprint=fingerprint,
+        budget=_budget(resolution, evidence, live),
+        references=checked.references,
+        run=run,
+        scenario=scenario or "",
+        evidence=tuple(evidence),
+        live=live,
+        given=None if plan is None else _given(plan),
+        against=before,
+        tried=tried,
+        accepted=None if accepted is None else _accepted(accepted, fingerprint),
+    )
+    return Report(
+        document=make_document(inputs),
+        findings=found,
+        run=run,
+        protocol_findings=protocol_findings,
+        protocol_fits=tried is None or tried.fits,
+    )
+
+
+def _findings(
+    checked: Checked, evidence: Sequence[Evidence], live: LiveEvidence | None
+) -> list[Diagnostic]:
+    """Return what the files show, and what scans and measured times show beside them.
+
+    Raises:
+        InputError: There is no network to report on.
+    """
+    found = list(checked.diagnostics)
+    resolution = checked.resolution
+    if resolution is None or not any(d.level is Severity.ERROR for d in found):
+        resolution = whole_network(checked, "no report written")
+    for e in evidence:
+        if e.scan is not None:
+            found += check_scan(resolution, e.scan)
+    budget = _budget(resolution, evidence, live)
+    if budget is not None and budget.functions:
+        found += check_timing(resolution.network, budget, found=found)
+    return sort_diagnostics(found)
+
+
+def _budget(
+    resolution: Resolution | None, evidence: Sequence[Evidence], live: LiveEvidence | None
+) -> Budget | None:
+    if resolution is None:
+        return None
+    measured = longest_round_trips(tuple(evidence), live)
+    return make_budget(resolution, library_of(resolution.network), measured=measured)
+
+
+def _plan(resolution: Resolution | None, *, errors: bool) -> Plan | None:
+    """Return the plan; with errors only when one can be made all the same, to show its copies."""
+    if resolution is None:
+        return None
+    if not errors:
+        return compile_plan(resolution)
+    try:
+        return compile_plan(resolution)
+    except (InputError, LookupError, ValueError, struct.error):
+        return None
+
+
+def _run(resolution: Resolution, scenario: str) -> RunResult:
+    from fsoe_net.run import run_virtual
+
+    session = prepare(resolution, None, scenario, virtual=True)
+    return run_virtual(session, session.duration_ns)
+
+
+def _source(path: str) -> tuple[SourceFile, bytes]:
+    with open_file(path) as stream:
+        data = stream.read()
+    return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data
+
+
+def _given(path: str) -> GivenPlan:
+    source, data = _source(path)
+    if not data.startswith(MAGIC):
+        raise InputError(f"{path} is no .fsnplan file; make one with fsoe-net plan FILES -o PLAN")
+    return GivenPlan(source=source, plan=decode_plan(data))
+
+
+def read_protocol(
+    path: str, resolution: Resolution | None, plan: Plan | None
+) -> tuple[SourceFile, Protocol, list[Diagnostic]]:
+    """Read a test protocol, and hold it against the network where there is one.
+
+    Returns:
+        Its file, the protocol, and what keeps its results from being taken.
+
+    Raises:
+        InputError: It is none.
+    """
+    source, _ = _source(path)
+    out = Collector()
+    protocol = load_protocol(path, out)
+    if protocol is None:
+        found = summary(out.diagnostics)
+        raise InputError(f"{path} cannot be taken as a test protocol: {found}", out.diagnostics)
+    if resolution is not None and plan is not None:
+        from fsoe_net.run import compare_protocol, make_protocol
+
+        whole = fingerprint_of(plan).whole
+        fresh = make_protocol(resolution, plan.to_bytes(), fingerprint=whole)
+        compare_protocol(protocol, fresh, out)
+    return source, protocol, out.diagnostics
+
+
+def _tried(
+    path: str, resolution: Resolution | None, plan: Plan | None
+) -> tuple[Tried, list[Diagnostic]]:
+    source, protocol, found = read_protocol(path, resolution, plan)
+    notes = tuple(f"{d.span.line}: {d.message}" for d in found)
+    bad = any(d.level is Severity.ERROR for d in found)
+    return replace(tried_of(source, protocol), notes=notes, fits=not bad), found
+
+
+def _accepted(found: Record, now: Fingerprint | None) -> GivenRecord:
+    fits = now is not None and now.whole == found.fingerprint.whole
+    return GivenRecord(source=found.source, record=found.record, fits=fits)
+
+
+def since(found: Record, resolution: Resolution, now: Plan | None) -> Against:
+    """Return what has changed since a record was signed, and which steps that calls for."""
+    before = side_of_plan(found.plan, found.source.path, found.record.safety_functions)
+    return _compared(found.source, before, resolution, found.plan, now)
+
+
+def _against(path: str, resolution: Resolution, now: Plan | None, options: LoadOptions) -> Against:
+    source, data = _source(path)
+    before, found = read_side(path, options)
+    if before is None:
+        errors = [d for d in found if d.level is Severity.ERROR]
+        raise InputError(f"{path} cannot be compared", errors)
+    plan = decode_plan(data) if data.startswith(MAGIC) else None
+    return _compared(source, before, resolution, plan, now)
+
+
+def _compared(
+    source: SourceFile,
+    before: Side,
+    resolution: Resolution,
+    plan: Plan | None,
+    now: Plan | None,
+) -> Against:
+    from fsoe_net.run import make_protocol  # slow to load, as in read_protocol
+
+    difference = compare(before, side_of_network(resolution, resolution.network.name))
+    steps = make_protocol(resolution, b"").steps
+    return Against(
+        source=source,
+        difference=difference,
+        again=steps_again(
+            difference.changes,
+            resolution,
+            steps,
+            plans=None if plan is None or now is None else (plan, now),
+            functions=before.functions,
+        ),
+        fingerprint=None if plan is None else fingerprint_of(plan),
+    )

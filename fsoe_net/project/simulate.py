@@ -1,0 +1,83 @@
+"""A checked network on the emulated bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from fsoe_net.diag import Severity, sort_diagnostics, summary
+from fsoe_net.errors import InputError
+from fsoe_net.load import Collector, load_scenario, read_bytes
+from fsoe_net.model import Resolution, Scenario
+from fsoe_net.plan import compile_plan, decode_plan
+from fsoe_net.run import Session, Stage, counted_session_ids, random_session_ids
+
+__all__ = ["plan_bytes", "prepare", "with_scenario"]
+
+_Stage = TypeVar("_Stage", bound=Stage)
+
+
+def prepare(
+    resolution: Resolution, plan_file: str | None, scenario_file: str | None, *, virtual: bool
+) -> Session:
+    """Build a session from a checked network.
+
+    Raises:
+        InputError: No connection, a plan of another network, or a scenario with mistakes.
+    """
+    data = plan_bytes(resolution, plan_file)
+    ids = counted_session_ids() if virtual else random_session_ids()
+    return with_scenario(
+        lambda scenario: Session(resolution, data, scenario, session_ids=ids), scenario_file
+    )
+
+
+def plan_bytes(resolution: Resolution, plan_file: str | None) -> bytes:
+    """Return the compiled plan; a plan file that is given must be the same.
+
+    Raises:
+        InputError: No connection, or a plan of another network.
+    """
+    if resolution.network.partial or not resolution.connections:
+        raise InputError("nothing to run: these files hold no FSoE connection of a whole network")
+    fresh = compile_plan(resolution).to_bytes()
+    return fresh if plan_file is None else _plan_of(plan_file, fresh)
+
+
+def _plan_of(plan_file: str, fresh: bytes) -> bytes:
+    out = Collector()
+    data = read_bytes(plan_file, out)
+    if data is None:
+        raise InputError("no plan to run", out.diagnostics)
+    try:
+        decode_plan(data)
+    except InputError as exc:
+        raise InputError(f"{plan_file}: {exc}") from exc
+    if data != fresh:
+        raise InputError(
+            f"{plan_file} was not compiled from these files; `fsoe-net plan … -o {plan_file}` "
+            "compiles it anew"
+        )
+    return data
+
+
+def with_scenario(make: Callable[[Scenario | None], _Stage], path: str | None) -> _Stage:
+    """Return a stage with the scenario of a file; without a file the stage alone.
+
+    Raises:
+        InputError: The scenario has mistakes: in itself, and beside the network, all at once.
+    """
+    if path is None:
+        return make(None)
+    scenario, found = load_scenario(path)
+    found = [d for d in found if d.level is not Severity.INFO]
+    if scenario is None:
+        raise InputError(f"the scenario has mistakes: {summary(found)}", found)
+    stage = make(scenario)
+    named = {d.span for d in found}
+    misfits = [d for d in stage.scenario_findings() if d.span not in named]
+    if found or misfits:
+        words = "has mistakes" if found else "does not fit this network"
+        everything = sort_diagnostics([*found, *misfits])
+        raise InputError(f"the scenario {words}: {summary(everything)}", everything)
+    return stage
