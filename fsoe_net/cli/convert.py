@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -13,31 +12,9 @@ from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import STDOUT, write_all, write_whole
-from fsoe_net.diag import Severity, counted, sort_diagnostics
-from fsoe_net.errors import InputError
-from fsoe_net.load import (
-    Collector,
-    InputKind,
-    LoadOptions,
-    find_kind,
-    load_devices,
-    load_foreign,
-    load_network,
-)
-from fsoe_net.model import Description, fill_devices, has_layout, join_buses
-from fsoe_net.project.renew_eni import renewed_eni
-from fsoe_net.save import (
-    DriverVersion,
-    Written,
-    describe,
-    eni_notes,
-    own_words_lost,
-    write_c_header,
-    write_driver,
-    write_eni,
-    write_lcec,
-    write_network,
-)
+from fsoe_net.diag import counted
+from fsoe_net.load import InputKind
+from fsoe_net.project.convert import TARGETS, convert
 
 __all__ = ["command"]
 
@@ -49,38 +26,6 @@ Examples:
   fsoe-net convert network.yaml -o bus.h --to c
   fsoe-net convert start-up.pcapng -o network.yaml
   fsoe-net convert network.yaml machine.eni.xml -o new.eni.xml"""
-
-_NO_NET = "FSN125"
-_Writer = Callable[[Description, str], Written]
-
-
-def _eni(description: Description, file: str) -> Written:
-    facts = any(c.address is not None or c.watchdog_ms for c in description.connections)
-    notes = [*eni_notes(description), *own_words_lost(description, nets=True)]
-    if facts:
-        notes.append("addresses and watchdogs of connections are not in this file")
-    return Written(files={file: write_eni(description)}, notes=tuple(notes))
-
-
-def _network(description: Description, file: str) -> Written:
-    written = write_network(description, name=Path(file).stem)
-    files = {file if n == "network.yaml" else n: text for n, text in written.files.items()}
-    return replace(written, files=files)
-
-
-def _driver(version: DriverVersion) -> _Writer:
-    return lambda description, _file: write_driver(description, version=version)
-
-
-_WRITERS: dict[str, _Writer] = {
-    "network": _network,
-    "driver": _driver(DriverVersion.NEWEST),
-    **{f"driver-{v.value}": _driver(v) for v in DriverVersion if v is not DriverVersion.NEWEST},
-    "eni": _eni,
-    "igh": lambda d, file: write_c_header(d, igh=True, file=file),
-    "c": lambda d, file: write_c_header(d, igh=False, file=file),
-    "lcec": lambda d, file: write_lcec(d, file=file),
-}
 
 
 @click.command("convert", epilog=_EPILOG)
@@ -95,7 +40,7 @@ _WRITERS: dict[str, _Writer] = {
 @click.option(
     "--to",
     "target",
-    type=click.Choice(list(_WRITERS)),
+    type=click.Choice(TARGETS),
     help="Format of OUT; without it by its extension.",
 )
 def command(
@@ -112,32 +57,23 @@ def command(
     ENI of the same bus into an ENI: the copies of the network in that ENI, all else byte for byte.
     """
     chosen = target or _target(output)
-    notes: list[str] = []
-    kind = InputKind(source) if source else None
-    given = _eni_to_renew(files, kind) if chosen == "eni" else None
-    if given is not None:
-        description = _read(tuple(f for f in files if f != given), kind, notes)
-        _write({Path(output).name: renewed_eni(description, given, notes)}, output, overwrite)
-        _tell(output, description, 1, notes)
-        return
-    description = _read(files, kind, notes, starts=chosen == "eni")
-    notes += [
-        f"{s.name or s.order or 'a SubDevice'}: {n}"
-        for s in description.subdevices
-        for n in s.notes
-    ]
-    if not description.copies:
-        notes.append("no copies are known, so no safety frame would be moved")
-    written = _WRITERS[chosen](description, Path(output).name)
-    data = {name: text.encode("utf-8") for name, text in written.files.items()}
-    if chosen.startswith("driver") and output != STDOUT:
-        write_all(output, data, overwrite=overwrite)
+    made = convert(files, chosen, name=Path(output).name, source=source)
+    print_diagnostics(made.findings, err=True)
+    if chosen.startswith("driver"):
+        write_all(output, made.files, overwrite=overwrite)
     else:
-        _write(data, output, overwrite)
-    _tell(output, description, len(written.files), [*notes, *written.notes])
+        _write(made.files, output, overwrite)
+    for note in dict.fromkeys(made.notes):
+        echo(f"note: {note}", err=True)
+    bus = made.description
+    echo(
+        f"{output}: {counted(len(bus.subdevices), 'SubDevice')}, "
+        f"{counted(len(bus.copies), 'copy')}, {counted(len(made.files), 'file')}",
+        err=output == STDOUT,
+    )
 
 
-def _write(files: dict[str, bytes], output: str, overwrite: bool) -> None:
+def _write(files: Mapping[str, bytes], output: str, overwrite: bool) -> None:
     if output != STDOUT:
         write_all(Path(output).parent, files, overwrite=overwrite)
     elif len(files) == 1:
@@ -148,29 +84,7 @@ def _write(files: dict[str, bytes], output: str, overwrite: bool) -> None:
         )
 
 
-def _tell(output: str, description: Description, files: int, notes: list[str]) -> None:
-    for note in dict.fromkeys(notes):
-        echo(f"note: {note}", err=True)
-    echo(
-        f"{output}: {counted(len(description.subdevices), 'SubDevice')}, "
-        f"{counted(len(description.copies), 'copy')}, {counted(files, 'file')}",
-        err=output == STDOUT,
-    )
-
-
-def _eni_to_renew(files: tuple[str, ...], kind: InputKind | None) -> str | None:
-    """Return the one ENI that is named beside a network; its copies are to be replaced."""
-    if kind is not None or len(files) < 2:
-        return None
-    kinds = {f: find_kind(_file_of(f), Collector()) for f in files}
-    enis = [f for f, k in kinds.items() if k is InputKind.ENI]
-    networks = [f for f, k in kinds.items() if k is InputKind.YAML]
-    return enis[0] if len(enis) == 1 and networks else None
-
-
 def _target(output: str) -> str:
-    if output == STDOUT:
-        raise click.UsageError("-o -: standard output has no extension; say the format with --to")
     name = Path(output).name.lower()
     if output.endswith(os.sep) or Path(output).is_dir() or "." not in name:
         return "driver"
@@ -189,94 +103,3 @@ def _target(output: str) -> str:
         if name.endswith(suffix):
             raise click.UsageError(f"{suffix} is read and not written: a vendor makes such files")
     raise click.UsageError(f"the format of {output!r} is not known; say it with --to")
-
-
-# -- input ----------------------------------------------------------------------------------------
-
-
-def _read(
-    files: tuple[str, ...], kind: InputKind | None, notes: list[str], *, starts: bool = False
-) -> Description:
-    """Read and join the files; with ``starts`` also what an ESI says about starting a device."""
-    out = Collector()
-    kinds = [(f, kind or find_kind(f, out)) for f in map(_file_of, dict.fromkeys(files))]
-    buses: list[Description] = []
-    types: list[Description] = []
-    for file, found in kinds:
-        if found not in (InputKind.YAML, InputKind.ESI, None):
-            read = load_foreign(file, found, out)
-            if read is not None:
-                (types if found.is_device_type or read.placeless else buses).append(read)
-    own = [f for f, k in kinds if k is InputKind.YAML]
-    if own:
-        made, is_bus = _read_yaml(own, out)
-        (buses if is_bus else types).insert(0, made)
-    _refuse_errors(out)
-    bus = join_buses(buses, notes) if buses else None
-    esis = [f for f, k in kinds if k is InputKind.ESI]
-    types += _read_esi(esis, bus, out, notes, starts=starts)
-    _refuse_errors(out)
-    print_diagnostics(sort_diagnostics(out.diagnostics), err=True)
-    if bus is not None:
-        joined = fill_devices(bus, types, notes)
-    elif types:
-        joined = replace(types[0], subdevices=tuple(s for t in types for s in t.subdevices))
-    else:
-        raise InputError("nothing written: nothing was read")
-    if joined.truncated or any(s.truncated for s in joined.subdevices):
-        raise InputError("nothing written: a file is cut off; what is missing is not guessed")
-    return joined
-
-
-def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:
-    """Return what YAML and URDF say, and whether it is a bus: slave YAMLs are device types."""
-    loaded = load_network(files, LoadOptions())
-    # A bus without copies can be described all the same; a note says that nothing is moved.
-    out.diagnostics += [d for d in loaded.diagnostics if d.code != _NO_NET]
-    _refuse_errors(out)
-    network = loaded.network
-    if network is None:
-        raise InputError("nothing written: nothing was read")
-    if network.partial and network.nets:
-        raise InputError(
-            "nothing written: these files alone are no whole network; name the URDF or network "
-            "file too"
-        )
-    made = describe(network)
-    return made.without_positions() if network.partial else made, not network.partial
-
-
-def _read_esi(
-    files: list[str], bus: Description | None, out: Collector, notes: list[str], *, starts: bool
-) -> list[Description]:
-    """Return the devices that the bus lacks; without a bus all of each file.
-
-    With ``starts`` also devices whose process data are known: those a file lacks are no finding.
-    """
-    types = []
-    for file in files:
-        if bus is None:
-            found = [load_foreign(file, InputKind.ESI, out)]
-        else:
-            lacking = [s for s in bus.subdevices if not has_layout(s.device)]
-            known = [s for s in bus.subdevices if has_layout(s.device)] if starts else []
-            found = [load_devices(file, lacking, out), load_devices(file, known, Collector())]
-            if found == [None, None]:
-                notes.append(f"{file}: no SubDevice needs a device of it")
-        types += [made for made in found if made is not None]
-    return types
-
-
-def _file_of(path: str) -> str:
-    """Return the file to read of a folder that `convert` or `scan` wrote."""
-    for name in ("network.yaml", "transfers.yaml"):
-        inside = os.path.join(path, name)
-        if os.path.isdir(path) and os.path.isfile(inside):
-            return inside
-    return path
-
-
-def _refuse_errors(out: Collector) -> None:
-    errors = [d for d in out.diagnostics if d.level is Severity.ERROR]
-    if errors:
-        raise InputError("nothing written", sort_diagnostics(errors))
