@@ -12,7 +12,7 @@ from fsoe_net import __version__
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import check_target, write_whole
+from fsoe_net.cli.write import check_target
 from fsoe_net.diag import counted
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, parse_acceptance, read_bytes
@@ -23,6 +23,7 @@ from fsoe_net.project.known import Record, read_record
 from fsoe_net.project.report import read_protocol, since
 from fsoe_net.report import Grounds, Reason, Refusal, read_signed_report, sign_off
 from fsoe_net.save import write_acceptance
+from fsoe_net.save.files import write_whole
 
 __all__ = ["command"]
 

@@ -17,7 +17,7 @@ import click
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FOLDER, output_option
 from fsoe_net.cli.terminal import echo, terminal
-from fsoe_net.cli.write import STDOUT, check_target, write_whole
+from fsoe_net.cli.write import check_target
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
 from fsoe_net.load import LoadOptions
@@ -31,6 +31,7 @@ from fsoe_net.run.campaign import (
     save_failures,
 )
 from fsoe_net.run.device import device_factory, stdout_to_stderr
+from fsoe_net.save.files import STDOUT, write_whole
 
 __all__ = ["command"]
 

@@ -11,10 +11,10 @@ import click
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import STDOUT, write_all, write_whole
 from fsoe_net.diag import counted
 from fsoe_net.load import InputKind
 from fsoe_net.project.convert import TARGETS, convert
+from fsoe_net.save.files import STDOUT, write_all, write_whole
 
 __all__ = ["command"]
 

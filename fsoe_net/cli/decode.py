@@ -13,7 +13,7 @@ import click
 from fsoe_net.cli.decode_output import CaptureFacts, JsonOutput, Output, Row, TextOutput
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import STDOUT, check_target, write_whole
+from fsoe_net.cli.write import check_target
 from fsoe_net.core import Scanner, Sighting
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe import Command, Verdict, safe_data_of
@@ -31,6 +31,7 @@ from fsoe_net.observe import (
 )
 from fsoe_net.plan import compile_plan
 from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.save.files import STDOUT, write_whole
 
 __all__ = ["command"]
 

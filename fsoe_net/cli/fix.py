@@ -10,11 +10,11 @@ from collections.abc import Iterable, Sequence
 import click
 
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import write_all
 from fsoe_net.diag import Diagnostic, Edit, counted
 from fsoe_net.errors import InputError
 from fsoe_net.load import STDIN, Collector, patch_yaml, read_bytes
 from fsoe_net.model import SourceFile
+from fsoe_net.save.files import write_all
 
 __all__ = ["apply_fixes"]
 

@@ -14,7 +14,6 @@ from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import write_all
 from fsoe_net.diag import Diagnostic, Severity, counted, sort_diagnostics, summary
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, describe_scan, load_answers
@@ -23,6 +22,7 @@ from fsoe_net.project.check import check_files
 from fsoe_net.project.gather import gather
 from fsoe_net.project.proposing import Inputs, Made, make_proposal, question_findings
 from fsoe_net.save import write_network
+from fsoe_net.save.files import write_all
 
 __all__ = ["command"]
 

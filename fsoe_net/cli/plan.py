@@ -10,7 +10,7 @@ from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import STDOUT, check_target, write_whole
+from fsoe_net.cli.write import check_target
 from fsoe_net.diag import Severity, counted, without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.load import Collector, LoadOptions, read_bytes
@@ -24,6 +24,7 @@ from fsoe_net.plan import (
     plan_text,
 )
 from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.save.files import STDOUT, write_whole
 
 __all__ = ["command"]
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import write_whole
 from fsoe_net.core import Statistics
 from fsoe_net.diag import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.report.timing import timing_csv, timing_picture, timing_text
 from fsoe_net.run import ConnectionResult, RunEvent, RunResult, SubDeviceSnapshot, state_text
+from fsoe_net.save.files import write_whole
 
 if TYPE_CHECKING:
     from rich.console import Group

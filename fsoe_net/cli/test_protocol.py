@@ -12,7 +12,7 @@ from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import check_target, write_whole
+from fsoe_net.cli.write import check_target
 from fsoe_net.diag import counted, printable, summary
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, load_protocol
@@ -28,6 +28,7 @@ from fsoe_net.run import (
     run_protocol_virtual,
 )
 from fsoe_net.save import write_protocol
+from fsoe_net.save.files import write_whole
 
 __all__ = ["command"]
 

@@ -11,12 +11,13 @@ from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, Time, overwrite_option
 from fsoe_net.cli.output import exit_code, print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import check_target, write_whole
+from fsoe_net.cli.write import check_target
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, open_file
 from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.report import budget_document, budget_picture, budget_text, measured_ms
 from fsoe_net.rules import check_timing
+from fsoe_net.save.files import write_whole
 from fsoe_net.timing import make_budget
 
 __all__ = ["command"]

@@ -11,10 +11,10 @@ from cli.tool import fsn
 from networks import PLAIN
 
 from fsoe_net.cli.output import print_diagnostics
-from fsoe_net.cli.write import write_whole
 from fsoe_net.core import CorePlan
 from fsoe_net.diag import Diagnostic, Span
 from fsoe_net.errors import CoreMissing, EnvironmentFault, PlanFormatError
+from fsoe_net.save.files import write_whole
 
 ESTOP = str(PLAIN / "estop" / "network.yaml")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from patience import PATIENCE_S
 
-from fsoe_net.cli.write import write_whole
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.save.files import write_whole
 
 
 def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path):

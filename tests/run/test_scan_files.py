@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from scans import scan_of, subdevice
 
 from fsoe_net.cli.scan_output import scan_table
-from fsoe_net.cli.write import write_all
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
 from fsoe_net.load import load_network, load_scan, parse_scan
@@ -20,6 +19,7 @@ from fsoe_net.model import resolve
 from fsoe_net.rules import check, check_scan
 from fsoe_net.run.scan import TakenScan
 from fsoe_net.run.scan_files import ScanFiles, compact_json, scan_files
+from fsoe_net.save.files import write_all
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -1,0 +1,119 @@
+"""Files are written whole or not at all; one that exists stays unless it may be replaced."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from fsoe_net.errors import EnvironmentFault, InputError
+
+__all__ = ["STDOUT", "refuse_present", "write_all", "write_whole"]
+
+STDOUT = "-"
+
+
+def write_whole(output: str | os.PathLike[str], data: bytes, *, overwrite: bool) -> None:
+    """Write a file: one that a full disk cuts off must not replace a good one.
+
+    ``-`` is standard output. A link stays a link. What is no regular file, such as ``/dev/null``
+    or a named pipe, is written to: giving its name to a new file would take it from every other
+    program.
+
+    Raises:
+        InputError: It exists, and is not to be replaced.
+        EnvironmentFault: It cannot be written; what was there is unchanged.
+    """
+    if os.fspath(output) == STDOUT:
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
+        return
+    _write_parts({Path(output): data}, overwrite=overwrite)
+
+
+def write_all(
+    folder: str | os.PathLike[str], files: Mapping[str, bytes], *, overwrite: bool
+) -> None:
+    """Write several files, with the folders they need: all or none.
+
+    Args:
+        folder: Where the names of the files begin.
+        files: Content by name; one that names the others comes first, and is written last.
+        overwrite: Whether files that exist are replaced.
+
+    Raises:
+        InputError: One exists, and is not to be replaced.
+        EnvironmentFault: One cannot be written; what was there is unchanged.
+    """
+    paths = {Path(folder) / name: data for name, data in reversed(list(files.items()))}
+    if not overwrite:
+        for path in reversed(paths):
+            refuse_present(path)
+    for path in paths:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as exc:
+            raise EnvironmentFault(f"cannot write {path}: {exc.strerror}") from exc
+    _write_parts(paths, overwrite=overwrite)
+
+
+def _write_parts(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
+    """Write each file under another name first, so that a full disk is noticed before."""
+    partial: dict[Path, Path] = {}
+    made: list[Path] = []
+    path = Path()
+    try:
+        for path, data in files.items():
+            if path.exists() and not path.is_file():
+                path.write_bytes(data)
+                continue
+            if not overwrite:
+                refuse_present(path)
+            target = Path(os.path.realpath(path))
+            partial[target] = target.with_name(f"{target.name}.{os.getpid()}.part")
+            partial[target].write_bytes(data)
+        for path, part in partial.items():
+            is_new = not path.exists()
+            if overwrite:
+                part.replace(path)
+            else:
+                _link(part, path)
+            if is_new:
+                made.append(path)
+        made.clear()
+    except OSError as exc:
+        why = exc.strerror if path.parent.is_dir() else f"there is no folder {path.parent}"
+        raise EnvironmentFault(f"cannot write {path}: {why}") from exc
+    finally:
+        for left in (*partial.values(), *made):
+            with contextlib.suppress(OSError):  # it has its name by now, or was never made
+                left.unlink(missing_ok=True)
+
+
+def _link(part: Path, path: Path) -> None:
+    """Give a file its name unless somebody has it by now."""
+    try:
+        os.link(part, path)
+    except FileExistsError:
+        refuse_present(path)
+        raise
+    except OSError:  # no hard links on this file system
+        refuse_present(path)
+        part.replace(path)
+
+
+def refuse_present(path: Path) -> None:
+    """Refuse a file that would be replaced.
+
+    Raises:
+        InputError: It exists.
+    """
+    # A link counts too, also one that leads nowhere; a pipe or /dev/null has nothing to lose.
+    if path.is_symlink() or path.is_file():
+        if path.exists() and not path.is_file():
+            return
+        raise InputError(
+            f"nothing written: {path} exists; name another file, or replace it with --overwrite"
+        )
