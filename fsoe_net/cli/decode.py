@@ -10,18 +10,15 @@ from typing import BinaryIO
 
 import click
 
-from fsoe_net.cli.decode_output import CaptureFacts, JsonOutput, Output, Row, TextOutput
+from fsoe_net.cli.decode_output import JsonOutput, Output, TextOutput
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.core import Scanner, Sighting
+from fsoe_net.core import Sighting
 from fsoe_net.errors import InputError
-from fsoe_net.fsoe import Command, Verdict, safe_data_of
+from fsoe_net.fsoe import Verdict, safe_data_of
 from fsoe_net.load import open_file
 from fsoe_net.observe import (
-    CaptureReader,
-    ConnectionNames,
-    LogicalImage,
     Naming,
     buffered,
     follow_frames,
@@ -31,6 +28,7 @@ from fsoe_net.observe import (
 )
 from fsoe_net.plan import compile_plan
 from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.project.decode import CaptureDecoder, DecodedFrame, naming_of
 from fsoe_net.save.files import STDOUT, write_whole
 
 __all__ = ["command"]
@@ -133,9 +131,9 @@ def _standard_input() -> io.BufferedReader:
 
 def _naming(network: tuple[str, ...]) -> Naming:
     if not network:
-        return Naming(None)
+        return naming_of(None)
     resolution = whole_network(check_files(network), "nothing decoded")
-    return Naming(resolution, LogicalImage(compile_plan(resolution)))
+    return naming_of(resolution)
 
 
 def _write_lua(files: tuple[str, ...], output: str | None, *, overwrite: bool) -> None:
@@ -153,7 +151,7 @@ def _decode_hex(texts: Iterable[tuple[str, str]], naming: Naming, out: Output) -
     number = 0
     for number, seen in enumerate(follow_frames(parse_frames(texts)), start=1):  # noqa: B007
         out.row(
-            Row(
+            DecodedFrame(
                 packet=0,
                 time_ms=None,
                 names=naming.find(seen.pdu.connection_id, seen.lengths),
@@ -174,22 +172,6 @@ def _decode_hex(texts: Iterable[tuple[str, str]], naming: Naming, out: Output) -
 def _lines(stream: io.BufferedReader) -> Iterator[tuple[str, str]]:
     for number, line in enumerate(stream, start=1):
         yield f"stdin:{number}", line.decode("utf-8-sig" if number == 1 else "utf-8", "replace")
-
-
-class _Named:
-    """Which connection of the network each one found is, and whether its roles are swapped."""
-
-    def __init__(self, scanner: Scanner, naming: Naming) -> None:
-        self._scanner = scanner
-        self._naming = naming
-        self._known: dict[int, tuple[ConnectionNames | None, bool]] = {}
-
-    def of(self, sighting: Sighting) -> tuple[ConnectionNames | None, bool]:
-        # A start-up tells the roles for certain, so the guess is taken back.
-        if sighting.connection not in self._known or sighting.frame[0] == Command.SESSION:
-            found = self._scanner.connections()[sighting.connection]
-            self._known[sighting.connection] = self._naming.find_in(found)
-        return self._known[sighting.connection]
 
 
 class _Said:
@@ -216,41 +198,18 @@ def _decode_capture(
     changes: bool,
     summary: bool,
 ) -> None:
-    reader, scanner = CaptureReader(name, stream), Scanner()
-    named = _Named(scanner, naming)
+    decoder = CaptureDecoder(name, stream, naming)
     said = _Said()
-    start_ns = now_ns = -1
     out.begin(name)
     try:
-        for time_ns, bus, packet in reader:
-            if start_ns < 0:
-                start_ns = time_ns
-            now_ns = max(now_ns, time_ns)  # several interfaces in one file may step back
-            for s in scanner.packet(packet, now_ns, bus):
-                out.wrong += s.verdict is Verdict.WRONG
-                if summary:
-                    continue
-                if changes and not said.is_news(s):
-                    continue
-                names, swapped = named.of(s)
-                out.row(
-                    Row(
-                        s.packet,
-                        (s.time_ns - start_ns) / 1e6,
-                        names,
-                        s.connection,
-                        s.direction ^ swapped,
-                        s.frame,
-                        s.verdict,
-                        s.state,
-                        s.sequence,
-                        "",
-                    )
-                )
+        for s in decoder.sightings():
+            out.wrong += s.verdict is Verdict.WRONG
+            if not summary and (not changes or said.is_news(s)):
+                out.row(decoder.frame_of(s))
     except InputError as exc:
         out.damaged(str(exc))
     out.end_of_frames()
-    connections = [(c, *naming.find_in(c)) for c in scanner.connections()]
+    connections = decoder.connections()
     ways = [(c.to_sub, c.to_main) for c, *_ in connections]
     out.unchecked |= not ways or any(not sum(d.right + d.wrong for d in way) for way in ways)
-    out.found(connections, scanner.counts(), CaptureFacts(start_ns, reader.cut, reader.other_links))
+    out.found(connections, decoder.counts(), decoder.facts)

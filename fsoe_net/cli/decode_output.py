@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import click
 
@@ -22,8 +22,9 @@ from fsoe_net.fsoe import (
     safe_data_of,
 )
 from fsoe_net.observe import ConnectionNames
+from fsoe_net.project.decode import CaptureFacts, DecodedFrame, Found
 
-__all__ = ["CaptureFacts", "JsonOutput", "Output", "Row", "TextOutput"]
+__all__ = ["JsonOutput", "Output", "TextOutput"]
 
 _WAYS = ("main_to_sub", "sub_to_main")
 _ARROWS = ("main > sub", "sub > main")
@@ -34,46 +35,15 @@ _LINES_AT_ONCE = 500
 _MOST_PARTS = 10_000
 _STATE_TEXT = {state: state.word.replace("_", " ") for state in OutsideState}
 
-Found = tuple[FoundConnection, ConnectionNames | None, bool]
-
-
-class Row(NamedTuple):
-    """One frame to print; ``packet`` 0 and ``time_ms`` ``None``: typed, not captured."""
-
-    packet: int
-    time_ms: float | None
-    names: ConnectionNames | None
-    number: int
-    direction: int
-    frame: bytes
-    verdict: Verdict
-    state: OutsideState
-    sequence: int
-    note: str
-
-
-class CaptureFacts(NamedTuple):
-    """What is to be said of a capture.
-
-    Attributes:
-        start_ns: Time of its first packet; -1: there is none.
-        cut: Packets of which only the beginning was kept.
-        other_links: Packets of interfaces that are not Ethernet.
-    """
-
-    start_ns: int
-    cut: int
-    other_links: int
-
 
 class _Parts:
     """Cached texts of what does not change from frame to frame: all but CRCs, time and number."""
 
-    def __init__(self, build: Callable[[Row, bytes], tuple[str, str]]) -> None:
+    def __init__(self, build: Callable[[DecodedFrame, bytes], tuple[str, str]]) -> None:
         self._build = build
         self._known: dict[tuple[object, ...], tuple[str, str]] = {}
 
-    def of(self, row: Row) -> tuple[str, str]:
+    def of(self, row: DecodedFrame) -> tuple[str, str]:
         _, _, names, number, direction, frame, _, state, _, _ = row
         data = safe_data_of(frame)
         key = number, direction, frame[0], data, state, frame[-2:], id(names)
@@ -111,7 +81,7 @@ class Output(Protocol):
     def begin(self, source: str) -> None:
         """Begin a source: a file or ``hex``."""
 
-    def row(self, row: Row) -> None:
+    def row(self, row: DecodedFrame) -> None:
         """Print one frame."""
 
     def damaged(self, message: str) -> None:
@@ -127,7 +97,7 @@ class Output(Protocol):
         """Close the document."""
 
 
-def _meaning(row: Row, data: bytes) -> str:
+def _meaning(row: DecodedFrame, data: bytes) -> str:
     """Return what the frame says beyond its columns."""
     if row.frame[0] == Command.RESET:
         return f"{data[0]}: {reset_code_text(data[0])}"
@@ -151,7 +121,7 @@ class TextOutput:
         self._source = source
         self._headed = self._damaged = False
 
-    def row(self, row: Row) -> None:
+    def row(self, row: DecodedFrame) -> None:
         """Print one frame as a line."""
         typed = row.time_ms is None
         if not self._headed:
@@ -175,7 +145,7 @@ class TextOutput:
         self._lines.add(f"{place}{left}{crc} {right}{note}\n")
 
     @staticmethod
-    def _constant(row: Row, data: bytes) -> tuple[str, str]:
+    def _constant(row: DecodedFrame, data: bytes) -> tuple[str, str]:
         """Return the columns left and right of the CRC."""
         name = row.names.name if row.names else f"#{row.number + 1}"
         way = _ARROWS[row.direction]
@@ -315,7 +285,7 @@ class JsonOutput:
         echo(f'{{"source": {json.dumps(source)}, "frames": [', nl=False)
         self._sources, self._rows, self._damage = self._sources + 1, 0, None
 
-    def row(self, row: Row) -> None:
+    def row(self, row: DecodedFrame) -> None:
         """Write one frame."""
         where = ""
         if row.time_ms is None:
@@ -331,7 +301,7 @@ class JsonOutput:
         self._rows += 1
 
     @staticmethod
-    def _constant(row: Row, data: bytes) -> tuple[str, str]:
+    def _constant(row: DecodedFrame, data: bytes) -> tuple[str, str]:
         """Return the members that do not change from frame to frame; nothing stands behind."""
         item: dict[str, object] = {
             "connection": row.names.name if row.names else None,

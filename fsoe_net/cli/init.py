@@ -8,7 +8,6 @@ from pathlib import Path
 
 import click
 
-from fsoe_net.cli.init_output import answers_template, network_remarks
 from fsoe_net.cli.init_prompt import ask
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
@@ -19,9 +18,9 @@ from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.load import Collector, LoadOptions, describe_scan, load_answers
 from fsoe_net.model import Answers
 from fsoe_net.project.check import check_files
+from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings
+from fsoe_net.project.draft_text import answers_template, draft_files
 from fsoe_net.project.gather import gather
-from fsoe_net.project.proposing import Inputs, Made, make_proposal, question_findings
-from fsoe_net.save import write_network
 from fsoe_net.save.files import write_all
 
 __all__ = ["command"]
@@ -103,7 +102,7 @@ def command(
         found.used.append(f"the bus at {interface or socket}")
     inputs = Inputs.of(found)
     if template:
-        made = make_proposal(inputs, answers)
+        made = make_draft(inputs, answers)
         _refuse(made)
         echo(answers_template(made, inputs, answers_file), nl=False)
         return
@@ -138,19 +137,19 @@ def _sorted(out: Collector) -> list[Diagnostic]:
     return sort_diagnostics(out.diagnostics)
 
 
-def _refuse(made: Made) -> None:
+def _refuse(made: Draft) -> None:
     errors = [d for d in made.findings if d.level is Severity.ERROR]
     if errors:
         raise InputError("nothing written", sort_diagnostics(errors))
 
 
-def _answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Made:
+def _answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
     """Propose; with somebody to ask, ask and propose again until nothing is left to ask."""
-    made = make_proposal(inputs, answers)
+    made = make_draft(inputs, answers)
     _refuse(made)
     while asking and made.questions:
         tried = ask(made.questions[0], answers, made)
-        after = make_proposal(inputs, tried)
+        after = make_draft(inputs, tried)
         wrong = [d for d in after.findings if d.level is Severity.ERROR]
         if wrong:
             print_diagnostics(wrong, err=True)
@@ -159,7 +158,7 @@ def _answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Made:
     return made
 
 
-def _tell_questions(made: Made, inputs: Inputs, *, answered: bool) -> None:
+def _tell_questions(made: Draft, inputs: Inputs, *, answered: bool) -> None:
     """Say what was not answered; without a ring, or when nobody allowed it, refuse.
 
     Raises:
@@ -173,16 +172,15 @@ def _tell_questions(made: Made, inputs: Inputs, *, answered: bool) -> None:
     print_diagnostics(found, err=True)
 
 
-def _finish(made: Made, inputs: Inputs, folder: Path, *, overwrite: bool) -> bool:
+def _finish(made: Draft, inputs: Inputs, folder: Path, *, overwrite: bool) -> bool:
     """Write the network and check it; return whether it has an error."""
     assert made.proposal is not None  # noqa: S101 - no question about the ring is open
     told = [
         d for d in (*inputs.found.out.diagnostics, *made.findings) if d.level is not Severity.INFO
     ]
     print_diagnostics(sort_diagnostics(told), err=True)
-    remarks = network_remarks(made, inputs)
+    written = draft_files(made, inputs)
     description = made.proposal.bus
-    written = write_network(description, name=made.name, remarks=remarks)
     files = {name: text.encode("utf-8") for name, text in written.files.items()}
     write_all(folder, files, overwrite=overwrite)
     for note in dict.fromkeys((*made.notes, *written.notes)):

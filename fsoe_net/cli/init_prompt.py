@@ -17,7 +17,7 @@ from fsoe_net.model import (
     Ask,
     Question,
 )
-from fsoe_net.project.proposing import Made
+from fsoe_net.project.draft import Draft
 
 __all__ = ["ask", "parse_ring"]
 
@@ -27,7 +27,7 @@ _ITEM = re.compile(
 _HERE = Span("your answer")
 
 
-def ask(question: Question, answers: Answers, made: Made) -> Answers:
+def ask(question: Question, answers: Answers, made: Draft) -> Answers:
     """Ask until there is an answer, and return the answers with it.
 
     Args:
@@ -91,7 +91,7 @@ def _with_ring(text: str, answers: Answers) -> Answers | None:
     return None if rows is None else replace(answers, subdevices=rows)
 
 
-def _with(question: Question, text: str, answers: Answers, made: Made) -> Answers | None:
+def _with(question: Question, text: str, answers: Answers, made: Draft) -> Answers | None:
     words = [_choice(question, w) for w in re.split(r"[,;]\s*", text)]
     if None in words or (len(words) > 1 and question.ask is not Ask.MAIN):
         return None

@@ -14,8 +14,8 @@ from fsoe_net.load import Collector, LoadOptions, load_answers, load_scan
 from fsoe_net.load.esi import EsiChoice
 from fsoe_net.model import Answers
 from fsoe_net.project.check import check_files
+from fsoe_net.project.draft import Inputs, make_draft, question_findings
 from fsoe_net.project.gather import gather
-from fsoe_net.project.proposing import Inputs, make_proposal, question_findings
 from fsoe_net.rules import Runtime
 
 pytestmark = pytest.mark.usefixtures("said")
@@ -76,7 +76,7 @@ def _proposal_findings(case: dict) -> list[Diagnostic]:
     answers = load_answers(case["answers"], out) if "answers" in case else Answers()
     assert answers is not None, out.diagnostics
     found = gather(case["init"], LoadOptions())
-    made = make_proposal(Inputs.of(found), answers)
+    made = make_draft(Inputs.of(found), answers)
     asked = question_findings(made, answered="answers" in case)
     return [*found.out.diagnostics, *made.findings, *asked]
 

@@ -28,7 +28,7 @@ from fsoe_net.model import (
 from fsoe_net.project.gather import Gathered
 from fsoe_net.save import describe
 
-__all__ = ["Inputs", "Made", "make_proposal", "question_findings"]
+__all__ = ["Draft", "Inputs", "make_draft", "question_findings"]
 
 _MOST_IDLE = 4
 _VALUES = {
@@ -40,7 +40,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Made:
+class Draft:
     """A proposal, or why there is none yet.
 
     Attributes:
@@ -127,7 +127,7 @@ class Inputs:
         return _with_part(filled, self.found.part, notes)
 
 
-def make_proposal(inputs: Inputs, answers: Answers) -> Made:
+def make_draft(inputs: Inputs, answers: Answers) -> Draft:
     """Propose a network from what was read and what was answered so far."""
     bus, out, notes = inputs.ring(answers)
     findings = list(out.diagnostics)
@@ -144,7 +144,7 @@ def make_proposal(inputs: Inputs, answers: Answers) -> Made:
         )
     if bus is None:
         question = () if answers.subdevices else (_ask_ring(inputs),)
-        return Made(
+        return Draft(
             proposal=None, name=name, questions=question, findings=tuple(findings), notes=()
         )
     bus = replace(bus, cycle_us=answers.cycle_us or bus.cycle_us)
@@ -164,7 +164,7 @@ def make_proposal(inputs: Inputs, answers: Answers) -> Made:
         answers,
         hints,
     )
-    return Made(
+    return Draft(
         proposal=proposal,
         name=name,
         questions=proposal.questions,
@@ -173,7 +173,7 @@ def make_proposal(inputs: Inputs, answers: Answers) -> Made:
     )
 
 
-def question_findings(made: Made, *, answered: bool) -> list[Diagnostic]:
+def question_findings(made: Draft, *, answered: bool) -> list[Diagnostic]:
     """Return FSN157 for each open question, an error where nothing can be written without it.
 
     Args:

@@ -1,16 +1,27 @@
-"""Comments of the network that ``fsoe-net init`` writes, and its template for answers."""
+"""Texts of a proposed network: its commented files, and a template for answers."""
 
 from __future__ import annotations
 
+from fsoe_net.errors import InputError
 from fsoe_net.model import Ask, DescribedSubDevice, Proposal, Question
-from fsoe_net.project.proposing import Inputs, Made
-from fsoe_net.save import Remarks
+from fsoe_net.project.draft import Draft, Inputs
+from fsoe_net.save import Remarks, Written, write_network
 
-__all__ = ["answers_template", "network_remarks"]
+__all__ = ["answers_template", "draft_files"]
 
 
-def network_remarks(made: Made, inputs: Inputs) -> Remarks:
-    """Return the comments of a proposed network."""
+def draft_files(made: Draft, inputs: Inputs) -> Written:
+    """Return the commented files of a proposed network.
+
+    Raises:
+        InputError: Nobody has said yet what is on the ring, or a file cannot hold the network.
+    """
+    if made.proposal is None:
+        raise InputError("nothing written: which SubDevices are on the ring is not known")
+    return write_network(made.proposal.bus, name=made.name, remarks=_remarks(made, inputs))
+
+
+def _remarks(made: Draft, inputs: Inputs) -> Remarks:
     proposal = made.proposal
     if proposal is None:
         return Remarks()
@@ -74,7 +85,7 @@ def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
     return (*lines, *facts, *proposal.remarks.get(number, ()))
 
 
-def answers_template(made: Made, inputs: Inputs, answered: str | None = None) -> str:
+def answers_template(made: Draft, inputs: Inputs, answered: str | None = None) -> str:
     """Return an answers file with everything that is open, as comments to be completed.
 
     Args:
