@@ -4,7 +4,7 @@ from fsoe_net.diag.catalogue import CATALOGUE, CodeInfo, code_info, nearest_code
 from fsoe_net.diag.diagnostic import (
     Diagnostic,
     Edit,
-    Findings,
+    FindingList,
     Fix,
     Related,
     Severity,
@@ -20,7 +20,7 @@ __all__ = [
     "CodeInfo",
     "Diagnostic",
     "Edit",
-    "Findings",
+    "FindingList",
     "Fix",
     "Related",
     "Severity",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Diagnostic",
     "Edit",
-    "Findings",
+    "FindingList",
     "Fix",
     "Related",
     "Severity",
@@ -146,7 +146,7 @@ class Diagnostic:
 
 
 @dataclass(slots=True)
-class Findings:
+class FindingList:
     """Gathers findings while loaders and rules go on after a mistake."""
 
     diagnostics: list[Diagnostic] = field(default_factory=list)

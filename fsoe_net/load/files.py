@@ -10,7 +10,7 @@ import stat
 import sys
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Findings, Span
+from fsoe_net.diag import FindingList, Span
 from fsoe_net.errors import InputError
 from fsoe_net.model import SourceFile
 
@@ -23,7 +23,7 @@ _MOST_STDIN_BYTES = 256 * 1024 * 1024
 
 
 @dataclass(slots=True)
-class Collector(Findings):
+class Collector(FindingList):
     """Findings, and the files that were read.
 
     ``decimal_files`` are those of which FSN115 has spoken.

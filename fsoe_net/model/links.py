@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Findings, Span, counted
+from fsoe_net.diag import FindingList, Span, counted
 from fsoe_net.model.answers import AnsweredConnection, Answers
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd, Description
 from fsoe_net.model.pairing import PairEnd
@@ -115,7 +115,7 @@ def link_connections(
     ends: Sequence[FrameEnd],
     links: list[Link],
     path: str,
-    out: Findings,
+    out: FindingList,
 ) -> tuple[list[str], list[PairEnd]]:
     """Add what files say about connections, and return what does not fit.
 
@@ -241,7 +241,7 @@ def _link_row(
 
 
 def link_answers(
-    answers: Answers, ends: Sequence[FrameEnd], links: list[Link], out: Findings
+    answers: Answers, ends: Sequence[FrameEnd], links: list[Link], out: FindingList
 ) -> None:
     """Add the connections of the answers.
 
@@ -272,7 +272,7 @@ def link_answers(
 
 
 def _named(
-    row: AnsweredConnection, key: str, name: str, ends: dict[str, FrameEnd], out: Findings
+    row: AnsweredConnection, key: str, name: str, ends: dict[str, FrameEnd], out: FindingList
 ) -> FrameEnd | None:
     end = ends.get(name)
     if end is None:
@@ -291,7 +291,7 @@ def _link_answer(
     mains: list[FrameEnd],
     sub: FrameEnd,
     links: list[Link],
-    out: Findings,
+    out: FindingList,
 ) -> None:
     subs = [p for p in sub.pairs if row.sub_slot in (None, p.slot)]
     slots = [p for e in mains for p in e.pairs if row.slot in (None, p.slot)]
@@ -334,7 +334,7 @@ def _refuse(
     fitting: list[tuple[PairEnd, PairEnd]],
     free: list[tuple[PairEnd, PairEnd]],
     used: dict[tuple[int, int], Link],
-    out: Findings,
+    out: FindingList,
 ) -> None:
     key = "slot" if row.slot is not None else "sub"
     if not fitting:
@@ -378,7 +378,7 @@ def _facts(row: AnsweredConnection) -> DescribedConnection:
     )
 
 
-def state_facts(link: Link, row: AnsweredConnection, out: Findings) -> None:
+def state_facts(link: Link, row: AnsweredConnection, out: FindingList) -> None:
     """Put the facts of an answer to a connection.
 
     Args:

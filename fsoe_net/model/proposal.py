@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Diagnostic, Findings
+from fsoe_net.diag import Diagnostic, FindingList
 from fsoe_net.model.answers import AnsweredWord, Answers, Ask, Question
 from fsoe_net.model.description import (
     DescribedConnection,
@@ -92,7 +92,7 @@ class _Maker:
     ) -> None:
         self._names, self._library, self._answers = tuple(names), library, answers
         self._hints = hints
-        self._out = Findings()
+        self._out = FindingList()
         self._open: list[str] = []
         self._questions: list[Question] = []
         self._remarks: dict[int, list[str]] = {n: [] for n in range(len(bus.subdevices))}

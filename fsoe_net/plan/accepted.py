@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Findings
+from fsoe_net.diag import FindingList
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.model import Acceptance
 from fsoe_net.plan.codec import decode_plan
@@ -12,7 +12,7 @@ from fsoe_net.plan.model import Plan
 __all__ = ["accepted_plan"]
 
 
-def accepted_plan(record: Acceptance, out: Findings) -> tuple[Plan, Fingerprint] | None:
+def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerprint] | None:
     """Return the plan in a record with its fingerprint, worked out anew.
 
     Args:

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Findings
+from fsoe_net.diag import FindingList
 from fsoe_net.model import (
     Device,
     DeviceLayout,
@@ -35,7 +35,7 @@ _MOST_COMPARISONS = 200_000  # of two words; a second or two
 
 
 @dataclass(slots=True, kw_only=True)
-class Context(Findings):
+class Context(FindingList):
     """One run of the rules over one network.
 
     The sets keep one mistake from being named twice: module pairs that already have an error,

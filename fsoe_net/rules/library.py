@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fsoe_net.diag import Diagnostic, Findings, Severity, sort_diagnostics
+from fsoe_net.diag import Diagnostic, FindingList, Severity, sort_diagnostics
 from fsoe_net.model import (
     DeviceLayout,
     Library,
@@ -31,7 +31,7 @@ def check_library(
             error or warning.
         notes: Whether to tell its notes too.
     """
-    out = Findings()
+    out = FindingList()
     told: set[str] = set()
     wrong = {d.span.file for d in found if d.level is not Severity.INFO}
     for device, layout, sub in Context(resolution=resolution).devices():
@@ -46,7 +46,7 @@ def check_library(
 
 
 def _frames(
-    out: Findings, sub: SubDevice, layout: DeviceLayout, known: LibraryDevice
+    out: FindingList, sub: SubDevice, layout: DeviceLayout, known: LibraryDevice
 ) -> LibraryMapping | None:
     """FSN448; return the mapping that fits."""
     frames = _sizes((*b.key, b.frame_bytes) for sm in layout.managers for b in sm.blocks)
@@ -93,7 +93,7 @@ def _listed(frames: dict[int, list[int]]) -> str:
 
 
 def _notes(
-    out: Findings, sub: SubDevice, known: LibraryDevice, mapping: LibraryMapping | None
+    out: FindingList, sub: SubDevice, known: LibraryDevice, mapping: LibraryMapping | None
 ) -> None:
     """FSN449: all notes of a device type in one finding."""
     notes = [*known.notes, *(mapping.notes if mapping is not None else ())]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag import Findings, Related, Span, counted
+from fsoe_net.diag import FindingList, Related, Span, counted
 from fsoe_net.model import (
     Connection,
     DescribedCopy,
@@ -31,7 +31,7 @@ class _Copied:
 
 
 def check_copies(
-    out: Findings,
+    out: FindingList,
     resolution: Resolution,
     file: Description,
     subs: Mapping[int, SubDevice],
@@ -100,7 +100,7 @@ def _own(end: ResolvedEnd, byte: int) -> _Byte:
 
 
 def _transfer(
-    out: Findings,
+    out: FindingList,
     row: ResolvedTransfer,
     file: Description,
     copied: dict[_Byte, _Copied],
@@ -130,7 +130,7 @@ def _transfer(
         _other(out, row, f"{text} in {file.path}", there)
 
 
-def _other(out: Findings, row: ResolvedTransfer, text: str, there: Span) -> None:
+def _other(out: FindingList, row: ResolvedTransfer, text: str, there: Span) -> None:
     out.add(
         "FSN444",
         row.transfer.span,
@@ -142,7 +142,7 @@ def _other(out: Findings, row: ResolvedTransfer, text: str, there: Span) -> None
 
 
 def _longer(
-    out: Findings,
+    out: FindingList,
     row: ResolvedTransfer,
     file: Description,
     number: int,
@@ -159,7 +159,7 @@ def _longer(
 
 
 def _unknown(
-    out: Findings,
+    out: FindingList,
     resolution: Resolution,
     file: Description,
     copy: DescribedCopy,
@@ -179,7 +179,7 @@ def _unknown(
 
 
 def check_slots(
-    out: Findings,
+    out: FindingList,
     resolution: Resolution,
     file: Description,
     subs: Mapping[int, SubDevice],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from fsoe_net.diag import Findings, Related, Span, counted
+from fsoe_net.diag import FindingList, Related, Span, counted
 from fsoe_net.model import (
     Connection,
     DescribedConnection,
@@ -24,7 +24,7 @@ _HINT = "the logic runs with its safety project: write its value here, or change
 class _Project:
     """A safety project beside the connections of one MainInstance."""
 
-    out: Findings
+    out: FindingList
     resolution: Resolution
     file: Description
     library: Library
@@ -56,7 +56,7 @@ class _Project:
 
 
 def check_twinsafe(
-    out: Findings,
+    out: FindingList,
     resolution: Resolution,
     file: Description,
     library: Library,
@@ -97,7 +97,7 @@ def check_twinsafe(
         _values(project, connection, row)
 
 
-def _nothing(out: Findings, resolution: Resolution, where: str, hint: str) -> None:
+def _nothing(out: FindingList, resolution: Resolution, where: str, hint: str) -> None:
     text = f"no SubDevice of this network is in {where}"
     out.add("FSN443", resolution.network.span, text, hint=hint)
 

@@ -10,7 +10,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast
 
-from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, counted, sort_diagnostics
+from fsoe_net.diag import (
+    Diagnostic,
+    FindingList,
+    Related,
+    Severity,
+    Span,
+    counted,
+    sort_diagnostics,
+)
 from fsoe_net.model import (
     DescribedSubDevice,
     Description,
@@ -63,7 +71,7 @@ def check_references(
         found: What is already known to be wrong; a device whose file has an error in its process
             data is not compared.
     """
-    out = Findings()
+    out = FindingList()
     broken = {d.span.file for d in found if d.code in _BLAMED}
     for reference in references:
         _Check(resolution, reference, library, broken, out).run()
@@ -78,7 +86,7 @@ class _Check:
     file: Description
     library: Library
     broken: set[str]
-    out: Findings
+    out: FindingList
     blamed: set[str] = field(default_factory=set)
     guessed: str = ""
     # By what both sides say: a hundred equal terminals are compared once.

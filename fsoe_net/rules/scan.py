@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
+from fsoe_net.diag import Diagnostic, FindingList, Related, Severity, Span, sort_diagnostics
 from fsoe_net.model import Network, Resolution, Scan, ScannedSubDevice, SubDevice
 from fsoe_net.rules.scan_devices import check_health, check_layout, check_revision
 from fsoe_net.rules.scan_fsoe import check_fsoe_values
@@ -20,7 +20,7 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
         resolution: The network, resolved.
         scan: What is on the bus.
     """
-    network, out = resolution.network, Findings()
+    network, out = resolution.network, FindingList()
     addresses = {
         fact.sub: fact.address
         for net in network.nets
@@ -61,7 +61,7 @@ def _title(found: ScannedSubDevice) -> str:
     return f"{found.name} ({found.identity})" if found.name else found.identity
 
 
-def _silent(out: Findings, sub: SubDevice, there: ScannedSubDevice) -> None:
+def _silent(out: FindingList, sub: SubDevice, there: ScannedSubDevice) -> None:
     out.add(
         "FSN501",
         _place(sub),
@@ -71,7 +71,7 @@ def _silent(out: Findings, sub: SubDevice, there: ScannedSubDevice) -> None:
     )
 
 
-def _missing(out: Findings, network: Network, scan: Scan, match: Match) -> None:
+def _missing(out: FindingList, network: Network, scan: Scan, match: Match) -> None:
     count = len(scan.subdevices)
     for sub, place in match.missing:
         where = f"position {place}" if place is not None else f"alias {sub.alias}"
@@ -103,7 +103,7 @@ def _missing(out: Findings, network: Network, scan: Scan, match: Match) -> None:
         )
 
 
-def _order(out: Findings, match: Match) -> None:
+def _order(out: FindingList, match: Match) -> None:
     for one, found_one, two, found_two in match.swapped:
         out.add(
             "FSN503",
@@ -122,7 +122,7 @@ def _order(out: Findings, match: Match) -> None:
         )
 
 
-def _other(out: Findings, match: Match) -> None:
+def _other(out: FindingList, match: Match) -> None:
     for sub, found in match.other:
         device = sub.device
         expected = (
@@ -143,7 +143,7 @@ def _other(out: Findings, match: Match) -> None:
         )
 
 
-def _extra(out: Findings, network: Network, match: Match) -> None:
+def _extra(out: FindingList, network: Network, match: Match) -> None:
     for found in match.extra:
         plain = not found.process_data
         effect = (
@@ -170,7 +170,7 @@ def _extra(out: Findings, network: Network, match: Match) -> None:
         )
 
 
-def _aliases(out: Findings, network: Network, scan: Scan) -> None:
+def _aliases(out: FindingList, network: Network, scan: Scan) -> None:
     used = {s.alias: s for s in network.subdevices if s.alias}
     for alias, sub in used.items():
         places = [str(f.position) for f in scan.subdevices if f.alias == alias]
@@ -184,7 +184,7 @@ def _aliases(out: Findings, network: Network, scan: Scan) -> None:
             )
 
 
-def _same_place(out: Findings, match: Match) -> None:
+def _same_place(out: FindingList, match: Match) -> None:
     """FSN414 that only the bus shows: one SubDevice named by its alias and by its position."""
     first: dict[int, SubDevice] = {}
     for sub, found in sorted((*match.pairs, *match.other), key=lambda row: row[0].alias):
@@ -203,7 +203,7 @@ def _same_place(out: Findings, match: Match) -> None:
 
 
 def _health(
-    out: Findings, network: Network, scan: Scan, found: Mapping[str, ScannedSubDevice]
+    out: FindingList, network: Network, scan: Scan, found: Mapping[str, ScannedSubDevice]
 ) -> None:
     by_position = {there.position: name for name, there in found.items()}
     places = {s.name: s for s in reversed(network.subdevices)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Findings, Span, counted
+from fsoe_net.diag import FindingList, Span, counted
 from fsoe_net.model import (
     DeviceLayout,
     Direction,
@@ -21,7 +21,7 @@ __all__ = ["check_health", "check_layout", "check_revision"]
 _SCAN = "`fsoe-net scan --interface IF -o DIR` writes the files of what is there"
 
 
-def check_revision(out: Findings, sub: SubDevice, found: ScannedSubDevice) -> None:
+def check_revision(out: FindingList, sub: SubDevice, found: ScannedSubDevice) -> None:
     """FSN505."""
     if sub.revision is None or found.revision is None or sub.revision == found.revision:
         return
@@ -35,7 +35,7 @@ def check_revision(out: Findings, sub: SubDevice, found: ScannedSubDevice) -> No
     )
 
 
-def check_health(out: Findings, span: Span, name: str, found: ScannedSubDevice) -> None:
+def check_health(out: FindingList, span: Span, name: str, found: ScannedSubDevice) -> None:
     """FSN511, FSN512, FSN514: error state, lost links, what could not be read."""
     problems = [] if found.is_silent else list(found.problems)
     if found.in_error:
@@ -67,7 +67,7 @@ def check_health(out: Findings, span: Span, name: str, found: ScannedSubDevice) 
 
 
 def _error_state(
-    out: Findings, span: Span, name: str, found: ScannedSubDevice, problems: list[str]
+    out: FindingList, span: Span, name: str, found: ScannedSubDevice, problems: list[str]
 ) -> None:
     """FSN511; takes the words for the AL status code out of the problems."""
     code = f"AL status code 0x{found.al_code or 0:04x}"
@@ -84,7 +84,7 @@ def _error_state(
 
 
 def check_layout(
-    out: Findings, sub: SubDevice, found: ScannedSubDevice, layout: DeviceLayout
+    out: FindingList, sub: SubDevice, found: ScannedSubDevice, layout: DeviceLayout
 ) -> None:
     """FSN506, FSN507: PDO assignment, mapping and length of each sync manager."""
     device = sub.device
@@ -113,7 +113,7 @@ def check_layout(
 
 
 def _add_length(
-    out: Findings, sub: SubDevice, planned: SmLayout, found: ScannedSubDevice, why: str
+    out: FindingList, sub: SubDevice, planned: SmLayout, found: ScannedSubDevice, why: str
 ) -> None:
     out.add(
         "FSN507",
@@ -125,7 +125,7 @@ def _add_length(
 
 
 def _sync_manager(
-    out: Findings,
+    out: FindingList,
     sub: SubDevice,
     found: ScannedSubDevice,
     planned: SmLayout,
@@ -143,7 +143,7 @@ def _sync_manager(
 
 
 def _pdos_differ(
-    out: Findings,
+    out: FindingList,
     sub: SubDevice,
     planned: SmLayout,
     pdos: tuple[Pdo, ...],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag import Findings, Related, counted
+from fsoe_net.diag import FindingList, Related, counted
 from fsoe_net.model import ConnectionFacts, Network, ScannedConnection, ScannedSubDevice
 from fsoe_net.rules.context import few
 
@@ -46,7 +46,7 @@ _VALUES = (
 
 
 def check_fsoe_values(
-    out: Findings, network: Network, found: Mapping[str, ScannedSubDevice]
+    out: FindingList, network: Network, found: Mapping[str, ScannedSubDevice]
 ) -> None:
     """Compare addresses of the SubInstances, and the connections of the MainInstances.
 
@@ -87,7 +87,7 @@ def _given(there: ScannedSubDevice, *, is_main: bool) -> list[ScannedConnection]
 
 
 def _addresses(
-    out: Findings,
+    out: FindingList,
     stated: list[ConnectionFacts],
     found: Mapping[str, ScannedSubDevice],
     given: Mapping[str, list[ScannedConnection]],
@@ -128,7 +128,7 @@ def _addresses(
 
 
 def _exchanged(
-    out: Findings,
+    out: FindingList,
     one: ConnectionFacts,
     two: ConnectionFacts,
     found: Mapping[str, ScannedSubDevice],
@@ -144,7 +144,7 @@ def _exchanged(
 
 
 def _connections(
-    out: Findings,
+    out: FindingList,
     main: str,
     facts: list[ConnectionFacts],
     there: ScannedSubDevice,
@@ -175,7 +175,7 @@ def _connections(
 
 
 def _as_given(
-    out: Findings,
+    out: FindingList,
     main: str,
     facts: list[ConnectionFacts],
     given: Mapping[str, list[ScannedConnection]],
@@ -222,7 +222,7 @@ def _paired(
 
 
 def _compare(
-    out: Findings,
+    out: FindingList,
     main: str,
     value: _Value,
     pairs: list[tuple[ConnectionFacts, ScannedConnection]],

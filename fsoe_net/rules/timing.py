@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fsoe_net.diag import Diagnostic, Findings, Related, Severity, Span, sort_diagnostics
+from fsoe_net.diag import Diagnostic, FindingList, Related, Severity, Span, sort_diagnostics
 from fsoe_net.model import Network, SafetyFunction
 from fsoe_net.rules.context import nearest
 from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Judgement, exceeds
@@ -26,7 +26,7 @@ def check_timing(
         found: What else is wrong. A part that an error leaves out of the network is not reported
             again as missing from its safety functions.
     """
-    out = Findings()
+    out = FindingList()
     if not network.safety_functions:
         return []
     _names(out, network)
@@ -42,7 +42,7 @@ def check_timing(
     return sort_diagnostics(shown)
 
 
-def _names(out: Findings, network: Network) -> None:
+def _names(out: FindingList, network: Network) -> None:
     seen: dict[str, SafetyFunction] = {}
     for function in network.safety_functions:
         first = seen.setdefault(function.name, function)
@@ -56,7 +56,7 @@ def _names(out: Findings, network: Network) -> None:
             )
 
 
-def _elements(out: Findings, network: Network, function: SafetyFunction) -> bool:
+def _elements(out: FindingList, network: Network, function: SafetyFunction) -> bool:
     """Name elements that are no SubDevice; return whether there is one."""
     names = [s.name for s in network.subdevices]
     wrong = [e for e in function.elements if e.sub and e.sub not in names]
@@ -71,7 +71,7 @@ def _elements(out: Findings, network: Network, function: SafetyFunction) -> bool
     return bool(wrong)
 
 
-def _function(out: Findings, row: FunctionBudget, *, hopeless: bool) -> None:
+def _function(out: FindingList, row: FunctionBudget, *, hopeless: bool) -> None:
     function = row.function
     for apart in row.parts.apart:
         out.add(
@@ -111,7 +111,7 @@ def _function(out: Findings, row: FunctionBudget, *, hopeless: bool) -> None:
         )
 
 
-def _reaction(out: Findings, row: FunctionBudget) -> None:
+def _reaction(out: FindingList, row: FunctionBudget) -> None:
     function, reaction = row.function, row.reaction
     place = function.at("required_reaction_ms")
     if reaction is None:
@@ -137,7 +137,7 @@ def _reaction(out: Findings, row: FunctionBudget) -> None:
         )
 
 
-def _connection(out: Findings, row: ConnectionBudget) -> None:
+def _connection(out: FindingList, row: ConnectionBudget) -> None:
     facts = row.connection.facts
     name = row.connection.name
     place = facts.at("watchdog_ms") if facts is not None else _place(row)
