@@ -1,12 +1,91 @@
-"""fsoe-net: check, compile, run and emulate FSoE (Safety over EtherCAT) networks.
+"""fsoe-net: check, compile, run and report FSoE (Safety over EtherCAT) networks.
 
-The package is built in layers, lowest first: ``diag`` and ``errors``, ``fsoe``, ``model``,
-``load``, ``rules``, ``plan``, ``core`` and ``emul``, ``run``, ``report``, ``cli``. Each imports
-only what stands below it.
+    import fsoe_net
+
+    network = fsoe_net.load("network.yaml")
+    print(network.check())
+    network.compile().save("machine.fsnplan")
+
+These names are stable; ``docs/reference/stability.md`` says how they change. What stands in the
+packages below is not: it moves without notice.
 
 Part of the black channel, not certified, never a safety function.
 """
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fsoe_net.diag import Diagnostic, Severity
+    from fsoe_net.errors import ControlRefused, EnvironmentFault, FsnError, InputError
+    from fsoe_net.plan import Plan
+    from fsoe_net.project.convert import Conversion
+    from fsoe_net.project.decode import DecodedFrame
+    from fsoe_net.project.draft import Draft
+    from fsoe_net.project.findings import Findings
+    from fsoe_net.project.network import Network, connect, convert, decode, load, propose
+    from fsoe_net.project.report import Report
+    from fsoe_net.run import Client, Run
+
 __version__ = "0.1.0"
 
-__all__ = ["__version__"]
+__all__ = [
+    "Client",
+    "ControlRefused",
+    "Conversion",
+    "DecodedFrame",
+    "Diagnostic",
+    "Draft",
+    "EnvironmentFault",
+    "Findings",
+    "FsnError",
+    "InputError",
+    "Network",
+    "Plan",
+    "Report",
+    "Run",
+    "Severity",
+    "connect",
+    "convert",
+    "decode",
+    "load",
+    "propose",
+]
+
+# Imported when they are used: a command loads what it needs, and nothing else.
+_PLACES = {
+    "Client": "run",
+    "ControlRefused": "errors",
+    "Conversion": "project.convert",
+    "DecodedFrame": "project.decode",
+    "Diagnostic": "diag",
+    "Draft": "project.draft",
+    "EnvironmentFault": "errors",
+    "Findings": "project.findings",
+    "FsnError": "errors",
+    "InputError": "errors",
+    "Network": "project.network",
+    "Plan": "plan",
+    "Report": "project.report",
+    "Run": "run",
+    "Severity": "diag",
+    "connect": "project.network",
+    "convert": "project.network",
+    "decode": "project.network",
+    "load": "project.network",
+    "propose": "project.network",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_PLACES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

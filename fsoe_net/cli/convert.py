@@ -13,7 +13,7 @@ from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import counted
 from fsoe_net.load import InputKind
-from fsoe_net.project.convert import TARGETS, convert
+from fsoe_net.project.convert import TARGETS, convert_files
 from fsoe_net.save.files import STDOUT, write_all, write_whole
 
 __all__ = ["command"]
@@ -57,10 +57,10 @@ def command(
     ENI of the same bus into an ENI: the copies of the network in that ENI, all else byte for byte.
     """
     chosen = target or _target(output)
-    made = convert(files, chosen, name=Path(output).name, source=source)
+    made = convert_files(files, chosen, name=Path(output).name, source=source)
     print_diagnostics(made.findings, err=True)
     if chosen.startswith("driver"):
-        write_all(output, made.files, overwrite=overwrite)
+        made.save(output, overwrite=overwrite)
     else:
         _write(made.files, output, overwrite)
     for note in dict.fromkeys(made.notes):

@@ -16,16 +16,13 @@ from fsoe_net.load import (
 )
 from fsoe_net.project.compare import read_side
 from fsoe_net.report import (
-    Change,
     Difference,
     Side,
     compare,
 )
 
-__all__ = ["change_line", "command"]
+__all__ = ["command"]
 
-_SHOWN_ENTRIES = 6
-_MARK = {"added": "+", "removed": "-"}
 _COLOUR = {"added": "green", "removed": "red"}
 _EPILOG = """\b
 Examples:
@@ -81,36 +78,11 @@ def _print_text(a: Side, b: Side, difference: Difference) -> None:
     echo(f"A: {a.path} ({a.format}), {counted(len(a.subdevices), 'SubDevice')}")
     echo(f"B: {b.path} ({b.format}), {counted(len(b.subdevices), 'SubDevice')}")
     for change in difference.changes:
-        echo(change_line(change), fg=_COLOUR.get(change.kind, "yellow"))
+        echo(str(change), fg=_COLOUR.get(change.kind, "yellow"))
     for words in difference.not_compared:
         echo(f"not compared: {words}")
     count = len(difference.changes)
     echo(counted(count, "difference") if count else "no difference")
-
-
-def change_line(change: Change) -> str:
-    """Return a change as one line: ``~ connection a - b changed: watchdog 100 ms -> 120 ms``."""
-    area = change.area.replace("_", " ")
-    mark = _MARK.get(change.kind, "~")
-    text = " ".join(w for w in (mark, area, change.where, change.kind) if w)
-    if change.entries:
-        shown = ", ".join(change.entries[:_SHOWN_ENTRIES])
-        more = len(change.entries) - _SHOWN_ENTRIES
-        text += f": {shown}" + (f" and {more} more" if more > 0 else "")
-    value = _value(change)
-    if change.what and value:
-        return f"{text}: {change.what} {value}"
-    return f"{text}: {value}" if value else text
-
-
-def _value(change: Change) -> str:
-    before, after = change.before, change.after
-    if change.kind in ("added", "removed"):
-        return str(after if before is None else before) if (before, after) != (None, None) else ""
-    if change.kind == "moved" and before is None:
-        return f"{after}"
-    words = ["not stated" if v is None else "empty" if v == "" else str(v) for v in (before, after)]
-    return " -> ".join(words)
 
 
 def _print_json(a: Side, b: Side, difference: Difference) -> None:

@@ -19,9 +19,8 @@ from fsoe_net.load import Collector, LoadOptions, describe_scan, load_answers
 from fsoe_net.model import Answers
 from fsoe_net.project.check import check_files
 from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings
-from fsoe_net.project.draft_text import answers_template, draft_files
+from fsoe_net.project.draft_text import answers_template
 from fsoe_net.project.gather import gather
-from fsoe_net.save.files import write_all
 
 __all__ = ["command"]
 
@@ -104,13 +103,13 @@ def command(
     if template:
         made = make_draft(inputs, answers)
         _refuse(made)
-        echo(answers_template(made, inputs, answers_file), nl=False)
+        echo(answers_template(made, answers_file), nl=False)
         return
     asking = not no_input and sys.stdin.isatty()
     made = _answered(inputs, answers, asking=asking)
     if not asking:
-        _tell_questions(made, inputs, answered=answers_file is not None or no_input)
-    if _finish(made, inputs, folder, overwrite=overwrite):
+        _tell_questions(made, answered=answers_file is not None or no_input)
+    if _finish(made, folder, overwrite=overwrite):
         ctx.exit(1)
 
 
@@ -158,7 +157,7 @@ def _answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
     return made
 
 
-def _tell_questions(made: Draft, inputs: Inputs, *, answered: bool) -> None:
+def _tell_questions(made: Draft, *, answered: bool) -> None:
     """Say what was not answered; without a ring, or when nobody allowed it, refuse.
 
     Raises:
@@ -167,22 +166,23 @@ def _tell_questions(made: Draft, inputs: Inputs, *, answered: bool) -> None:
     found = question_findings(made, answered=answered)
     needed = [d for d in found if d.level is Severity.ERROR]
     if needed:
-        print_diagnostics(sort_diagnostics(inputs.found.out.diagnostics), err=True)
+        print_diagnostics(sort_diagnostics(made.inputs.found.out.diagnostics), err=True)
         raise InputError("nothing written: nobody is here to be asked", needed)
     print_diagnostics(found, err=True)
 
 
-def _finish(made: Draft, inputs: Inputs, folder: Path, *, overwrite: bool) -> bool:
+def _finish(made: Draft, folder: Path, *, overwrite: bool) -> bool:
     """Write the network and check it; return whether it has an error."""
     assert made.proposal is not None  # noqa: S101 - no question about the ring is open
     told = [
-        d for d in (*inputs.found.out.diagnostics, *made.findings) if d.level is not Severity.INFO
+        d
+        for d in (*made.inputs.found.out.diagnostics, *made.findings)
+        if d.level is not Severity.INFO
     ]
     print_diagnostics(sort_diagnostics(told), err=True)
-    written = draft_files(made, inputs)
+    written = made.files()
     description = made.proposal.bus
-    files = {name: text.encode("utf-8") for name, text in written.files.items()}
-    write_all(folder, files, overwrite=overwrite)
+    made.save(folder, overwrite=overwrite)
     for note in dict.fromkeys((*made.notes, *written.notes)):
         echo(f"note: {note}", err=True)
     network = folder / "network.yaml"
@@ -194,15 +194,15 @@ def _finish(made: Draft, inputs: Inputs, folder: Path, *, overwrite: bool) -> bo
         f"{counted(len(written.files), 'file')}"
     )
     checked = check_files([str(network)])
-    found = [d for d in checked.diagnostics if d.level is not Severity.INFO]
-    print_diagnostics(found)
+    left = [d for d in checked.diagnostics if d.level is not Severity.INFO]
+    print_diagnostics(left)
     if made.open:
         echo("\nOpen:")
     for text in made.open:
         echo(f"  - {text}")
-    errors = sum(d.level is Severity.ERROR for d in found)
+    errors = sum(d.level is Severity.ERROR for d in left)
     echo(
         f"\nNext: {'complete' if errors or made.open else 'read'} {network}, "
-        f"then fsoe-net check {network}" + (f"   ({summary(found)} now)" if found else "")
+        f"then fsoe-net check {network}" + (f"   ({summary(left)} now)" if left else "")
     )
     return errors > 0

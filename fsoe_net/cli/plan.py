@@ -12,12 +12,10 @@ from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag import Severity, counted, without_collector
-from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, read_bytes
+from fsoe_net.load import LoadOptions
 from fsoe_net.plan import (
     Plan,
     compile_plan,
-    decode_plan,
     fingerprint_of,
     igh_text,
     plan_json,
@@ -34,8 +32,6 @@ Examples:
   fsoe-net plan --show machine.fsnplan
   fsoe-net plan --show machine.fsnplan --image igh
   fsoe-net plan --show machine.fsnplan --format json"""
-
-_MOST_PLAN_BYTES = 64 * 1024 * 1024  # as fsn-master takes them
 
 
 @click.command("plan", epilog=_EPILOG)
@@ -93,14 +89,7 @@ def command(
 def _read(files: tuple[str, ...]) -> Plan:
     if len(files) != 1:
         raise click.UsageError("--show takes one plan file")
-    out = Collector()
-    data = read_bytes(files[0], out, most=_MOST_PLAN_BYTES)
-    if data is None:
-        raise InputError("no plan to show", out.diagnostics)
-    try:
-        return decode_plan(data)
-    except InputError as exc:
-        raise InputError(f"{files[0]}: {exc}") from exc
+    return Plan.load(files[0])
 
 
 def _show(plan: Plan, image: str | None, fmt: str) -> None:

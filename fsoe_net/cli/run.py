@@ -15,7 +15,6 @@ from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import CYCLE, FILE, FOLDER, INTERFACE, RUN_TIME, Time, overwrite_option
 from fsoe_net.cli.run_output import (
     live_view,
-    make_folder,
     print_result,
     write_timing,
 )
@@ -34,12 +33,13 @@ from fsoe_net.run import (
     IncidentRecorder,
     LiveUpdate,
     Master,
-    RunResult,
+    Run,
     Session,
     run_live,
     run_on_bus,
     run_virtual,
 )
+from fsoe_net.save.files import make_folder
 
 __all__ = ["command"]
 
@@ -292,7 +292,7 @@ def _check_options(
 
 def _emulated(
     resolution: Resolution, duration: int | None, wanted: _Files, period_ns: int, *, virtual: bool
-) -> RunResult:
+) -> Run:
     session = prepare(resolution, wanted.plan, wanted.scenario, virtual=virtual)
     duration_ns = duration or session.duration_ns
     recorder = None
@@ -308,7 +308,7 @@ def _emulated(
 
 def _on_bus(
     resolution: Resolution, options: BusOptions, duration_ns: int | None, wanted: _Files
-) -> RunResult:
+) -> Run:
     plan = plan_bytes(resolution, wanted.plan)
     name = resolution.network.name
     stop = stop_on(ENDS)  # when its terminal goes, the tool goes and the bus stays
@@ -350,7 +350,7 @@ def _live(
     period_ns: int,
     fmt: str,
     recorder: IncidentRecorder | None,
-) -> RunResult:
+) -> Run:
     if fmt == "json" or not sys.stdout.isatty():
         return run_live(session, duration_ns, device_period_ns=period_ns, incidents=recorder)
     from rich.live import Live

@@ -5,16 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core import Statistics
 from fsoe_net.diag import counted
-from fsoe_net.errors import EnvironmentFault
 from fsoe_net.report.timing import timing_csv, timing_picture, timing_text
-from fsoe_net.run import ConnectionResult, RunEvent, RunResult, SubDeviceSnapshot, state_text
+from fsoe_net.run import ConnectionResult, Run, RunEvent, SubDeviceSnapshot, state_text
 from fsoe_net.save.files import write_whole
 
 if TYPE_CHECKING:
@@ -26,7 +24,6 @@ __all__ = [
     "interesting",
     "joined_events",
     "live_view",
-    "make_folder",
     "not_in_op",
     "number_text",
     "print_events",
@@ -103,7 +100,7 @@ def number_text(value: int | None) -> str:
     return "-" if value is None else str(value)
 
 
-def print_result(result: RunResult) -> None:
+def print_result(result: Run) -> None:
     """Print events, connections, SubDevices not in OP, totals and verdicts."""
     rows = [["connection", "state", "ConnID", "address", "FSoE cycle", "to Data", "resets"]]
     for c in result.connections:
@@ -138,7 +135,7 @@ def print_result(result: RunResult) -> None:
     _print_verdicts(result)
 
 
-def _mode(result: RunResult) -> str:
+def _mode(result: Run) -> str:
     if result.bus.interface is None:
         return result.mode
     return f"{result.bus.backend} on {result.bus.interface}"
@@ -178,7 +175,7 @@ def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
     return [e for e in events if not e.text.startswith(quiet) or e.text.endswith("Data")]
 
 
-def _stall_text(result: RunResult) -> str:
+def _stall_text(result: Run) -> str:
     """Return what a stall of this machine explains; empty where it was shorter than a watchdog."""
     watchdogs = [c.watchdog_ms for c in result.connections if c.watchdog_ms]
     if not watchdogs or result.stalled_ms < min(watchdogs):
@@ -190,7 +187,7 @@ def _stall_text(result: RunResult) -> str:
     )
 
 
-def _print_verdicts(result: RunResult) -> None:
+def _print_verdicts(result: Run) -> None:
     for verdict in result.verdicts:
         if not verdict.held:
             echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")
@@ -205,24 +202,8 @@ def _print_verdicts(result: RunResult) -> None:
         echo(stall)
 
 
-def make_folder(path: str | None, option: str) -> None:
-    """Make the folder of an option when it is missing; not those above it, lest a typo makes some.
-
-    Raises:
-        EnvironmentFault: It is not there and cannot be made.
-    """
-    if path is None or Path(path).is_dir():
-        return
-    try:
-        Path(path).mkdir()
-    except FileNotFoundError as exc:
-        raise EnvironmentFault(f"{option} {path}: there is no folder {Path(path).parent}") from exc
-    except OSError as exc:
-        raise EnvironmentFault(f"{option} {path}: {exc.strerror}") from exc
-
-
 def write_timing(
-    result: RunResult, stats: str | None, plot: str | None, *, text: bool, overwrite: bool
+    result: Run, stats: str | None, plot: str | None, *, text: bool, overwrite: bool
 ) -> None:
     """Write the files that were asked for, and print percentiles when ``text`` is wanted.
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import click
 
-from fsoe_net.cli.diff import change_line
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, master_options, master_socket
 from fsoe_net.cli.terminal import echo
@@ -124,7 +123,7 @@ def _difference(wanted: Known, given: Known, sections: tuple[str, ...]) -> Itera
         sides = (_side(wanted.plan, wanted), _side(given.plan, given))
         for change in compare(*sides).changes:
             told = True
-            yield change_line(change)
+            yield str(change)
     hidden = ""
     for name in sections:
         before, after = wanted.section_text(name), given.section_text(name)

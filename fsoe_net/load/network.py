@@ -1,4 +1,4 @@
-"""From the files a user names to one `Network`: recognises kinds, follows references."""
+"""From the files a user names to one `NetworkConfig`: recognises kinds, follows references."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fsoe_net.load.schema import (
 from fsoe_net.load.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.load.urdf import DriverSystem, ModuleDecl, known_plugin_findings, load_urdf
 from fsoe_net.load.yaml_tree import MapNode, SeqNode, parse_yaml
-from fsoe_net.model import Device, Net, Network, SafetyFunction, SubDevice, layout_of
+from fsoe_net.model import Device, Net, NetworkConfig, SafetyFunction, SubDevice, layout_of
 
 _SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
 
@@ -45,7 +45,7 @@ class FileKind(enum.Enum):
 class LoadResult:
     """What was read. ``network`` is ``None`` when nothing could be understood."""
 
-    network: Network | None
+    network: NetworkConfig | None
     diagnostics: tuple[Diagnostic, ...]
 
 
@@ -171,7 +171,7 @@ class _Assembly:
         )
         return None
 
-    def finish(self) -> Network | None:
+    def finish(self) -> NetworkConfig | None:
         """Build the network from what was read."""
         if self._network_file is not None:
             return self._from_network_file(self._network_file)
@@ -185,7 +185,7 @@ class _Assembly:
 
     # -- network YAML -----------------------------------------------------------------------------
 
-    def _from_network_file(self, file: _Yaml) -> Network:
+    def _from_network_file(self, file: _Yaml) -> NetworkConfig:
         root = file.root
         subs = [s for s in map(self._subdevice, root.maps("subdevices")) if s is not None]
         frames = any(s.device is not None and layout_of(s.device).blocks for s in subs)
@@ -274,7 +274,7 @@ class _Assembly:
 
     # -- URDF -------------------------------------------------------------------------------------
 
-    def _from_urdf(self, path: str) -> Network | None:
+    def _from_urdf(self, path: str) -> NetworkConfig | None:
         subs: list[SubDevice] = []
         nets: tuple[Net, ...] = ()
         cycle_ns: int | None = None
@@ -377,7 +377,7 @@ class _Assembly:
 
     # -- files on their own -----------------------------------------------------------------------
 
-    def _from_transfers_alone(self) -> Network:
+    def _from_transfers_alone(self) -> NetworkConfig:
         nets: tuple[Net, ...] = ()
         subs: list[SubDevice] = []
         for file in self._transfer_files:
@@ -410,7 +410,7 @@ class _Assembly:
             partial=bool(missing),
         )
 
-    def _from_slaves(self) -> Network:
+    def _from_slaves(self) -> NetworkConfig:
         subs = [
             SubDevice(
                 span=device.span if device else Span(path, 1, 1),
@@ -437,8 +437,8 @@ class _Assembly:
         project: str = "",
         fields: Mapping[str, Span] | None = None,
         partial: bool = False,
-    ) -> Network:
-        return Network(
+    ) -> NetworkConfig:
+        return NetworkConfig(
             span=span,
             fields=fields or {},
             name=name,

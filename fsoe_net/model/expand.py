@@ -19,7 +19,7 @@ from fsoe_net.model.network import (
     ConnectionFacts,
     Endpoint,
     Net,
-    Network,
+    NetworkConfig,
     Transfer,
     TransferKind,
 )
@@ -77,7 +77,7 @@ class Expansion:
     with a trouble or because something else is wrong before.
     """
 
-    network: Network
+    network: NetworkConfig
     troubles: tuple[ConnectionTrouble, ...] = ()
     made: frozenset[int] = frozenset()
     left_out: frozenset[int] = frozenset()
@@ -127,7 +127,7 @@ class _Wish:
 
 
 def expand(
-    network: Network,
+    network: NetworkConfig,
     rows: tuple[ResolvedTransfer, ...],
     by_name: dict[str, SubDevice],
     finder: Finder,
@@ -150,7 +150,7 @@ def expand(
 class _Expander:
     def __init__(
         self,
-        network: Network,
+        network: NetworkConfig,
         rows: tuple[ResolvedTransfer, ...],
         by_name: dict[str, SubDevice],
         finder: Finder,

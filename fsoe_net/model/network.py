@@ -12,7 +12,7 @@ __all__ = [
     "ConnectionFacts",
     "Endpoint",
     "Net",
-    "Network",
+    "NetworkConfig",
     "SourceFile",
     "Transfer",
     "TransferKind",
@@ -93,7 +93,7 @@ class SourceFile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Network(Located):
+class NetworkConfig(Located):
     """Everything that is known before the bus is there.
 
     ``subdevices`` stand in the order in which a driver adds them to its master, which is the order

@@ -13,7 +13,7 @@ from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.ends import Finder, Layouts, ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.expand import ConnectionTrouble, Hitch, expand
 from fsoe_net.model.layout import DeviceLayout
-from fsoe_net.model.network import ConnectionFacts, Net, Network, TransferKind
+from fsoe_net.model.network import ConnectionFacts, Net, NetworkConfig, TransferKind
 from fsoe_net.model.slots import frame_pairs, slot_numbers
 
 __all__ = [
@@ -65,7 +65,7 @@ class Resolution:
     transfers that found no partner in the opposite direction.
     """
 
-    network: Network
+    network: NetworkConfig
     layouts: tuple[DeviceLayout | None, ...]
     transfers: tuple[ResolvedTransfer, ...]
     connections: tuple[Connection, ...]
@@ -75,7 +75,7 @@ class Resolution:
 
 
 @without_collector
-def resolve(network: Network) -> Resolution:
+def resolve(network: NetworkConfig) -> Resolution:
     """Work out layouts, transfer ends and connections of a network. Never raises."""
     layouts = Layouts()
     by_name: dict[str, SubDevice] = {}
@@ -107,7 +107,7 @@ def resolve(network: Network) -> Resolution:
     )
 
 
-def _transfers(network: Network, finder: Finder) -> tuple[ResolvedTransfer, ...]:
+def _transfers(network: NetworkConfig, finder: Finder) -> tuple[ResolvedTransfer, ...]:
     return tuple(
         ResolvedTransfer(
             net=net,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from fsoe_net.observe.incident import CycleRecord
 
-__all__ = ["BusFacts", "BusWatch", "Run", "SlowCycle"]
+__all__ = ["BadCycles", "BusFacts", "BusWatch", "SlowCycle"]
 
 _MOST_RUNS = 2_000
 _MOST_OLD = 20_000
@@ -16,7 +16,7 @@ _TIMELINE = 240
 
 
 @dataclass(slots=True, kw_only=True)
-class Run:
+class BadCycles:
     """Successive cycles with something wrong; ``least`` is the smallest working counter."""
 
     start_ns: int
@@ -27,7 +27,7 @@ class Run:
 
     @property
     def length_ns(self) -> int:
-        """From the first cycle of the run to the first good one behind it."""
+        """From the first of them to the first good one behind them."""
         return self.end_ns - self.start_ns
 
 
@@ -58,9 +58,9 @@ class BusFacts:
     first_ns: int
     last_ns: int
     cycle_ns: int
-    short: tuple[Run, ...]
+    short: tuple[BadCycles, ...]
     open_short: bool
-    lost: tuple[Run, ...]
+    lost: tuple[BadCycles, ...]
     lost_frames: int
     old_replies: int
     old: tuple[tuple[int, int], ...]
@@ -71,11 +71,11 @@ class BusFacts:
     slow: tuple[SlowCycle, ...]
     timeline: tuple[tuple[int, int, int, int, int], ...]
 
-    def short_between(self, start_ns: int, end_ns: int) -> list[Run]:
+    def short_between(self, start_ns: int, end_ns: int) -> list[BadCycles]:
         """Return the runs of incomplete working counters that touch a time."""
         return [r for r in self.short if r.end_ns >= start_ns and r.start_ns <= end_ns]
 
-    def lost_between(self, start_ns: int, end_ns: int) -> list[Run]:
+    def lost_between(self, start_ns: int, end_ns: int) -> list[BadCycles]:
         """Return the runs of lost frames that touch a time."""
         return [r for r in self.lost if r.end_ns >= start_ns and r.start_ns <= end_ns]
 
@@ -102,9 +102,9 @@ class BusWatch:
     _cycles: int = 0
     _first_ns: int = 0
     _last: CycleRecord | None = None
-    _short: list[Run] = field(default_factory=list)
+    _short: list[BadCycles] = field(default_factory=list)
     _in_short: bool = False
-    _lost: list[Run] = field(default_factory=list)
+    _lost: list[BadCycles] = field(default_factory=list)
     _lost_frames: int = 0
     _old: int = 0
     _olds: list[tuple[int, int]] = field(default_factory=list)
@@ -174,7 +174,7 @@ class BusWatch:
             run.least = min(run.least, actual)
         elif len(self._short) < _MOST_RUNS:
             now = record.now_ns
-            self._short.append(Run(start_ns=now, end_ns=now, least=actual, expected=expected))
+            self._short.append(BadCycles(start_ns=now, end_ns=now, least=actual, expected=expected))
         self._in_short = True
 
     def _losses(self, record: CycleRecord, last: CycleRecord | None) -> None:
@@ -183,7 +183,7 @@ class BusWatch:
             run.end_ns = record.now_ns
             run.cycles += 1
         elif len(self._lost) < _MOST_RUNS:
-            self._lost.append(Run(start_ns=record.now_ns, end_ns=record.now_ns))
+            self._lost.append(BadCycles(start_ns=record.now_ns, end_ns=record.now_ns))
 
     def _slice(self, record: CycleRecord, extra: int) -> None:
         length = max(1, self.span_ns // _TIMELINE)

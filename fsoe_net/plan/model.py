@@ -6,8 +6,14 @@ dataclass takes several times as long; they give up the `index` method of tuples
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+from fsoe_net.errors import InputError, PlanFormatError
+
+if TYPE_CHECKING:
+    from fsoe_net.plan.fingerprint import Fingerprint
 
 __all__ = [
     "NONE",
@@ -24,6 +30,7 @@ __all__ = [
 ]
 
 NONE = 0xFFFFFFFF
+_MOST_BYTES = 64 * 1024 * 1024  # as fsn-master takes them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,3 +201,47 @@ class Plan:
         from fsoe_net.plan.codec import encode_plan
 
         return encode_plan(self)
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the `.fsnplan` file, whole or not at all.
+
+        Raises:
+            InputError: The file exists, and is not to be replaced.
+            EnvironmentFault: It cannot be written; what was there is unchanged.
+        """
+        from fsoe_net.save.files import write_whole
+
+        write_whole(path, self.to_bytes(), overwrite=overwrite)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Plan:
+        """Read a `.fsnplan` file, and check that its tables hold together.
+
+        Raises:
+            InputError: It cannot be read.
+            PlanFormatError: It is no valid plan.
+        """
+        from fsoe_net.load.files import Collector, read_bytes
+        from fsoe_net.plan.codec import decode_plan
+
+        name, out = os.fspath(path), Collector()
+        data = read_bytes(name, out, most=_MOST_BYTES)
+        if data is None:
+            raise InputError(f"{name} cannot be read", out.diagnostics)
+        try:
+            return decode_plan(data)
+        except PlanFormatError as exc:
+            raise PlanFormatError(f"{name}: {exc}") from exc
+
+    def show(self) -> str:
+        """Return its connections and copies as tables, with names, offsets and lengths."""
+        from fsoe_net.plan.show import plan_text
+
+        return plan_text(self)
+
+    @property
+    def fingerprint(self) -> Fingerprint:
+        """What identifies everything safety-relevant in it."""
+        from fsoe_net.plan.fingerprint import fingerprint_of
+
+        return fingerprint_of(self)

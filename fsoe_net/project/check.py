@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics, summary
 from fsoe_net.errors import InputError
 from fsoe_net.load import LoadOptions, builtin_library, load_network
-from fsoe_net.model import Library, Network, Resolution, Scan, SourceFile, resolve
+from fsoe_net.model import Library, NetworkConfig, Resolution, Scan, SourceFile, resolve
 from fsoe_net.project.references import References, read_references, split_files
 from fsoe_net.rules import (
     Runtime,
@@ -35,7 +35,7 @@ class Checked:
     references: tuple[SourceFile, ...] = ()
 
     @property
-    def network(self) -> Network | None:
+    def network(self) -> NetworkConfig | None:
         """The network, if any."""
         return self.resolution.network if self.resolution else None
 
@@ -63,7 +63,7 @@ def whole_network(checked: Checked, refusal: str) -> Resolution:
     return resolution
 
 
-def library_of(network: Network) -> Library:
+def library_of(network: NetworkConfig) -> Library:
     """Return the device library as far as it is about devices of a network."""
     return builtin_library(
         frozenset(s.device.product_code for s in network.subdevices if s.device is not None)

@@ -32,8 +32,9 @@ from fsoe_net.save import (
     write_lcec,
     write_network,
 )
+from fsoe_net.save.files import write_all
 
-__all__ = ["TARGETS", "Conversion", "convert"]
+__all__ = ["TARGETS", "Conversion", "convert_files"]
 
 _NO_NET = "FSN125"
 _Writer = Callable[[Description, str], Written]
@@ -55,8 +56,17 @@ class Conversion:
     findings: Sequence[Diagnostic]
     description: Description
 
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the files, all or none.
 
-def convert(
+        Raises:
+            InputError: One exists, and is not to be replaced.
+            EnvironmentFault: One cannot be written; what was there is unchanged.
+        """
+        write_all(folder, self.files, overwrite=overwrite)
+
+
+def convert_files(
     files: Sequence[str], target: str, *, name: str, source: str | None = None
 ) -> Conversion:
     """Return the bus that files describe together in another format.

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
 from fsoe_net.core import FoundConnection, ScanCounts, Scanner, Sighting
 from fsoe_net.fsoe import Command, OutsideState, Verdict
-from fsoe_net.load import open_file
 from fsoe_net.model import Resolution
 from fsoe_net.observe import CaptureReader, ConnectionNames, LogicalImage, Naming
 from fsoe_net.plan import compile_plan
 
-__all__ = ["CaptureDecoder", "CaptureFacts", "DecodedFrame", "Found", "decode", "naming_of"]
+__all__ = ["CaptureDecoder", "CaptureFacts", "DecodedFrame", "Found", "naming_of"]
 
 Found = tuple[FoundConnection, ConnectionNames | None, bool]
 
@@ -142,23 +140,3 @@ class CaptureDecoder:
     def facts(self) -> CaptureFacts:
         """What is to be said of the capture itself."""
         return CaptureFacts(self._start_ns, self._reader.cut, self._reader.other_links)
-
-
-def decode(
-    capture: str | os.PathLike[str], resolution: Resolution | None = None
-) -> Iterator[DecodedFrame]:
-    """Yield the FSoE frames of a capture (pcap, pcapng), in order.
-
-    Args:
-        capture: The file.
-        resolution: A network, for names.
-
-    Raises:
-        InputError: It cannot be read, or not to its end.
-        CoreMissing: The compiled part is not there.
-    """
-    name = os.fspath(capture)
-    with open_file(name, regular=False) as stream:
-        decoder = CaptureDecoder(name, stream, naming_of(resolution))
-        for sighting in decoder.sightings():
-            yield decoder.frame_of(sighting)

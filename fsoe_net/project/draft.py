@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,7 @@ from fsoe_net.model import (
     DescribedSubDevice,
     Description,
     Library,
-    Network,
+    NetworkConfig,
     Proposal,
     Question,
     SubDevice,
@@ -26,7 +27,8 @@ from fsoe_net.model import (
     propose,
 )
 from fsoe_net.project.gather import Gathered
-from fsoe_net.save import describe
+from fsoe_net.save import Written, describe
+from fsoe_net.save.files import write_all
 
 __all__ = ["Draft", "Inputs", "make_draft", "question_findings"]
 
@@ -49,8 +51,10 @@ class Draft:
         questions: To be asked, the first one first.
         findings: Wrong answers.
         notes: What was assumed or left out.
+        inputs: What it was made from.
     """
 
+    inputs: Inputs
     proposal: Proposal | None
     name: str
     questions: tuple[Question, ...]
@@ -75,6 +79,26 @@ class Draft:
         if bus.cycle_us is None:
             found.append("bus cycle not told: cycle_us")
         return tuple(found)
+
+    def files(self) -> Written:
+        """Return the commented files of the network, ``network.yaml`` first.
+
+        Raises:
+            InputError: Nobody has said yet what is on the ring.
+        """
+        from fsoe_net.project.draft_text import draft_files
+
+        return draft_files(self)
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the files, all or none.
+
+        Raises:
+            InputError: As `files`; or one exists, and is not to be replaced.
+            EnvironmentFault: One cannot be written; what was there is unchanged.
+        """
+        files = {name: text.encode("utf-8") for name, text in self.files().files.items()}
+        write_all(folder, files, overwrite=overwrite)
 
 
 @dataclass(slots=True)
@@ -145,7 +169,12 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
     if bus is None:
         question = () if answers.subdevices else (_ask_ring(inputs),)
         return Draft(
-            proposal=None, name=name, questions=question, findings=tuple(findings), notes=()
+            inputs=inputs,
+            proposal=None,
+            name=name,
+            questions=question,
+            findings=tuple(findings),
+            notes=(),
         )
     bus = replace(bus, cycle_us=answers.cycle_us or bus.cycle_us)
     names = _names(bus.subdevices)
@@ -165,6 +194,7 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
         hints,
     )
     return Draft(
+        inputs=inputs,
         proposal=proposal,
         name=name,
         questions=proposal.questions,
@@ -246,13 +276,13 @@ def _word(sub: DescribedSubDevice) -> str:
 # -- transfers without their modules --------------------------------------------------------------
 
 
-def _modules(part: Network) -> set[str]:
+def _modules(part: NetworkConfig) -> set[str]:
     return {e.module for n in part.nets for t in n.transfers for e in (t.source, t.destination)} - {
         s.name for s in part.subdevices
     }
 
 
-def _with_part(bus: Description, part: Network | None, notes: list[str]) -> Description:
+def _with_part(bus: Description, part: NetworkConfig | None, notes: list[str]) -> Description:
     """Add the transfers of a file whose modules now are known by their names."""
     if part is None:
         return bus

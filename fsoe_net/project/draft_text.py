@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from fsoe_net.errors import InputError
 from fsoe_net.model import Ask, DescribedSubDevice, Proposal, Question
-from fsoe_net.project.draft import Draft, Inputs
+from fsoe_net.project.draft import Draft
 from fsoe_net.save import Remarks, Written, write_network
 
 __all__ = ["answers_template", "draft_files"]
 
 
-def draft_files(made: Draft, inputs: Inputs) -> Written:
+def draft_files(made: Draft) -> Written:
     """Return the commented files of a proposed network.
 
     Raises:
@@ -18,14 +18,14 @@ def draft_files(made: Draft, inputs: Inputs) -> Written:
     """
     if made.proposal is None:
         raise InputError("nothing written: which SubDevices are on the ring is not known")
-    return write_network(made.proposal.bus, name=made.name, remarks=_remarks(made, inputs))
+    return write_network(made.proposal.bus, name=made.name, remarks=_remarks(made))
 
 
-def _remarks(made: Draft, inputs: Inputs) -> Remarks:
+def _remarks(made: Draft) -> Remarks:
     proposal = made.proposal
     if proposal is None:
         return Remarks()
-    used = ", ".join(inputs.found.used) or "answers and the device library"
+    used = ", ".join(made.inputs.found.used) or "answers and the device library"
     head = [f"Proposed by `fsoe-net init` from {used}.", _TRUST]
     if proposal.bus.connections:
         head.append(_SLOT)
@@ -85,12 +85,11 @@ def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
     return (*lines, *facts, *proposal.remarks.get(number, ()))
 
 
-def answers_template(made: Draft, inputs: Inputs, answered: str | None = None) -> str:
+def answers_template(made: Draft, answered: str | None = None) -> str:
     """Return an answers file with everything that is open, as comments to be completed.
 
     Args:
         made: The proposal so far.
-        inputs: What it was made from.
         answered: File whose answers it has already; they are not in the text.
     """
     lines = _template_head(made.name, answered)
@@ -100,7 +99,7 @@ def answers_template(made: Draft, inputs: Inputs, answered: str | None = None) -
     questions = {a: [q for q in made.questions if q.ask is a] for a in Ask}
     for question in questions[Ask.SUBDEVICES]:
         lines += [f"# {question.text}", *(f"#   {f}" for f in question.facts)]
-        example = next((t.order for t in inputs.types), "EL1904")
+        example = next((t.order for t in made.inputs.types), "EL1904")
         lines += ["# subdevices:", f"#   - {{type: {example}, name: stop, count: 2}}", ""]
     for key, value in ((Ask.PROCESS_DATA, None), (Ask.FRAMES, "yes")):
         if questions[key]:

@@ -19,7 +19,7 @@ from fsoe_net.load import (
     load_network,
     load_scan,
 )
-from fsoe_net.model import Description, Network
+from fsoe_net.model import Description, NetworkConfig
 from fsoe_net.save import describe
 
 __all__ = ["Gathered", "gather"]
@@ -61,7 +61,7 @@ class Gathered:
     types: list[Description] = field(default_factory=list)
     esis: list[str] = field(default_factory=list)
     projects: list[Description] = field(default_factory=list)
-    part: Network | None = None
+    part: NetworkConfig | None = None
     name: str = ""
     notes: list[str] = field(default_factory=list)
     out: Collector = field(default_factory=Collector)
@@ -264,7 +264,7 @@ def _read_root(
     return brought
 
 
-def _confirmed(network: Network, out: Collector) -> Network:
+def _confirmed(network: NetworkConfig, out: Collector) -> NetworkConfig:
     """Return a network without its unconfirmed connections: here they are open once more.
 
     Raises:
@@ -293,7 +293,7 @@ def _confirmed(network: Network, out: Collector) -> Network:
     return replace(network, nets=tuple(nets))
 
 
-def _sort_network(network: Network, path: str, found: Gathered) -> None:
+def _sort_network(network: NetworkConfig, path: str, found: Gathered) -> None:
     network = _confirmed(network, found.out)
     if network.partial and network.nets:
         declared = {s.name for s in network.subdevices}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag import Diagnostic
 from fsoe_net.load import Collector, InputKind, find_kind, load_devices, load_foreign, read_bytes
-from fsoe_net.model import DescribedSubDevice, Description, Network, SourceFile
+from fsoe_net.model import DescribedSubDevice, Description, NetworkConfig, SourceFile
 
 __all__ = ["References", "read_references", "split_files"]
 
@@ -43,7 +43,7 @@ def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, InputK
     return own, others
 
 
-def read_references(files: Sequence[tuple[str, InputKind]], network: Network) -> References:
+def read_references(files: Sequence[tuple[str, InputKind]], network: NetworkConfig) -> References:
     """Read the other files; of an ESI only the devices of the network."""
     found = References()
     for path, kind in files:
@@ -70,7 +70,7 @@ def _sha256(path: str) -> str:
         return ""  # it was there when it was read
 
 
-def _devices(path: str, network: Network, out: Collector) -> Description | None:
+def _devices(path: str, network: NetworkConfig, out: Collector) -> Description | None:
     wanted = [
         DescribedSubDevice(device=sub.device, revision=sub.revision)
         for sub in network.subdevices

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fsoe_net import __version__
@@ -39,10 +41,11 @@ from fsoe_net.report import (
     tried_of,
 )
 from fsoe_net.rules import check_scan, check_timing
+from fsoe_net.save.files import write_whole
 from fsoe_net.timing import Budget, make_budget
 
 if TYPE_CHECKING:
-    from fsoe_net.run import RunResult
+    from fsoe_net.run import Run
 
 __all__ = ["REPORT_FORMATS", "Report", "make_report", "read_protocol", "since"]
 
@@ -63,7 +66,7 @@ class Report:
 
     document: Document
     findings: Sequence[Diagnostic]
-    run: RunResult | None
+    run: Run | None
     protocol_findings: Sequence[Diagnostic]
     protocol_fits: bool
 
@@ -87,6 +90,19 @@ class Report:
         if form == "pdf":
             return report_pdf(self.document)
         return FORMATS[form](self.document).encode("utf-8")
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the report; its suffix says in which format: .html, .md, .json or .pdf.
+
+        Raises:
+            ValueError: It is another suffix.
+            InputError: The file exists, and is not to be replaced.
+            EnvironmentFault: It cannot be written, or the extra ``pdf`` is not installed.
+        """
+        form = Path(path).suffix.lstrip(".").lower()
+        if form not in REPORT_FORMATS:
+            raise ValueError(f"{os.fspath(path)!r} ends in none of .html, .md, .json, .pdf")
+        write_whole(path, self.render(form), overwrite=overwrite)
 
 
 def make_report(
@@ -205,7 +221,7 @@ def _plan(resolution: Resolution | None, *, errors: bool) -> Plan | None:
         return None
 
 
-def _run(resolution: Resolution, scenario: str) -> RunResult:
+def _run(resolution: Resolution, scenario: str) -> Run:
     from fsoe_net.run import run_virtual
 
     session = prepare(resolution, None, scenario, virtual=True)

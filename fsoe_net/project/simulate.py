@@ -7,9 +7,9 @@ from typing import TypeVar
 
 from fsoe_net.diag import Severity, sort_diagnostics, summary
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, load_scenario, read_bytes
+from fsoe_net.load import load_scenario
 from fsoe_net.model import Resolution, Scenario
-from fsoe_net.plan import compile_plan, decode_plan
+from fsoe_net.plan import Plan, compile_plan
 from fsoe_net.run import Session, Stage, counted_session_ids, random_session_ids
 
 __all__ = ["plan_bytes", "prepare", "with_scenario"]
@@ -45,20 +45,12 @@ def plan_bytes(resolution: Resolution, plan_file: str | None) -> bytes:
 
 
 def _plan_of(plan_file: str, fresh: bytes) -> bytes:
-    out = Collector()
-    data = read_bytes(plan_file, out)
-    if data is None:
-        raise InputError("no plan to run", out.diagnostics)
-    try:
-        decode_plan(data)
-    except InputError as exc:
-        raise InputError(f"{plan_file}: {exc}") from exc
-    if data != fresh:
+    if Plan.load(plan_file).to_bytes() != fresh:
         raise InputError(
             f"{plan_file} was not compiled from these files; `fsoe-net plan … -o {plan_file}` "
             "compiles it anew"
         )
-    return data
+    return fresh
 
 
 def with_scenario(make: Callable[[Scenario | None], _Stage], path: str | None) -> _Stage:

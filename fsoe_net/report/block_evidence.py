@@ -34,7 +34,7 @@ from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
 
 if TYPE_CHECKING:
     from fsoe_net.observe import IncidentHead
-    from fsoe_net.run import RunResult
+    from fsoe_net.run import Run
 
 __all__ = ["bus_evidence", "tests"]
 
@@ -437,7 +437,7 @@ def _state_words(word: str) -> str:
     return state_text(word)
 
 
-def _emulated_run(run: RunResult) -> list[Part]:
+def _emulated_run(run: Run) -> list[Part]:
     source = "run of this plan on the emulated bus"
     s = run.statistics
     passed = Verdict("passed", Level.CLEAR) if run.passed else Verdict("FAILED", Level.ERROR)

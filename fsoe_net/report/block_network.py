@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from fsoe_net.diag import counted
 from fsoe_net.fsoe import safe_data_length, sra_crc
 from fsoe_net.load import builtin_library
-from fsoe_net.model import Connection, Device, Library, Network, SubDevice
+from fsoe_net.model import Connection, Device, Library, NetworkConfig, SubDevice
 from fsoe_net.report.document import (
     BLANK,
     Block,
@@ -94,7 +94,7 @@ def _nothing() -> Paragraph:
 
 
 def _subdevices(
-    shown: Sequence[SubDevice], network: Network, mains: set[str], subs: set[str]
+    shown: Sequence[SubDevice], network: NetworkConfig, mains: set[str], subs: set[str]
 ) -> Table:
     library = builtin_library(frozenset(s.device.product_code for s in shown if s.device))
     rows = []

@@ -8,6 +8,9 @@ __all__ = ["Change", "Fact"]
 
 Fact = int | str | None
 
+_SHOWN_ENTRIES = 6
+_MARK = {"added": "+", "removed": "-"}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
@@ -31,3 +34,27 @@ class Change:
     before: Fact = None
     after: Fact = None
     entries: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Return it as one line: ``~ connection a - b changed: watchdog 100 ms -> 120 ms``."""
+        area = self.area.replace("_", " ")
+        mark = _MARK.get(self.kind, "~")
+        text = " ".join(w for w in (mark, area, self.where, self.kind) if w)
+        if self.entries:
+            shown = ", ".join(self.entries[:_SHOWN_ENTRIES])
+            more = len(self.entries) - _SHOWN_ENTRIES
+            text += f": {shown}" + (f" and {more} more" if more > 0 else "")
+        value = self._value()
+        if self.what and value:
+            return f"{text}: {self.what} {value}"
+        return f"{text}: {value}" if value else text
+
+    def _value(self) -> str:
+        both = (self.before, self.after)
+        if self.kind in ("added", "removed"):
+            stated = self.after if self.before is None else self.before
+            return "" if both == (None, None) else str(stated)
+        if self.kind == "moved" and self.before is None:
+            return str(self.after)
+        words = ["not stated" if v is None else "empty" if v == "" else str(v) for v in both]
+        return " -> ".join(words)

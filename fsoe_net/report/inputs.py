@@ -14,7 +14,7 @@ from fsoe_net.report.evidence import Evidence, LiveEvidence
 from fsoe_net.timing import Budget
 
 if TYPE_CHECKING:
-    from fsoe_net.run import RunResult
+    from fsoe_net.run import Run
 
 __all__ = ["Against", "GivenPlan", "GivenRecord", "ReportInputs", "TestStep", "Tried"]
 
@@ -143,7 +143,7 @@ class ReportInputs:
     fingerprint: Fingerprint | None
     budget: Budget | None
     references: Sequence[SourceFile] = ()
-    run: RunResult | None = None
+    run: Run | None = None
     scenario: str = ""
     evidence: Sequence[Evidence] = field(default_factory=tuple)
     live: LiveEvidence | None = None

@@ -25,7 +25,7 @@ from fsoe_net.model import (
     Device,
     DeviceLayout,
     Library,
-    Network,
+    NetworkConfig,
     Resolution,
     Scan,
     ScannedSm,
@@ -127,7 +127,7 @@ class _Check:
                 check_twinsafe(self.out, self.resolution, project, self.library, slots=False)
 
     @property
-    def network(self) -> Network:
+    def network(self) -> NetworkConfig:
         """The network."""
         return self.resolution.network
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import enum
 
 from fsoe_net.diag import Severity, counted
-from fsoe_net.model import Direction, Network, ResolvedTransfer, SubDevice, TransferKind
+from fsoe_net.model import Direction, NetworkConfig, ResolvedTransfer, SubDevice, TransferKind
 from fsoe_net.rules.context import Context
 
 __all__ = ["ROS2", "Runtime", "check_runtime"]
@@ -114,7 +114,7 @@ def _aliases(ctx: Context) -> None:
             )
 
 
-def _new_keys(ctx: Context, network: Network, runtime: Runtime) -> None:
+def _new_keys(ctx: Context, network: NetworkConfig, runtime: Runtime) -> None:
     """FSN463: keys this version does not know, each once."""
     rows = [network, *network.nets, *network.subdevices]
     rows += [sub.device for sub in network.subdevices if sub.device is not None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fsoe_net.diag import Diagnostic, FindingList, Related, Severity, Span, sort_diagnostics
-from fsoe_net.model import Network, Resolution, Scan, ScannedSubDevice, SubDevice
+from fsoe_net.model import NetworkConfig, Resolution, Scan, ScannedSubDevice, SubDevice
 from fsoe_net.rules.scan_devices import check_health, check_layout, check_revision
 from fsoe_net.rules.scan_fsoe import check_fsoe_values
 from fsoe_net.rules.scan_match import Match, match_scan
@@ -71,7 +71,7 @@ def _silent(out: FindingList, sub: SubDevice, there: ScannedSubDevice) -> None:
     )
 
 
-def _missing(out: FindingList, network: Network, scan: Scan, match: Match) -> None:
+def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match) -> None:
     count = len(scan.subdevices)
     for sub, place in match.missing:
         where = f"position {place}" if place is not None else f"alias {sub.alias}"
@@ -143,7 +143,7 @@ def _other(out: FindingList, match: Match) -> None:
         )
 
 
-def _extra(out: FindingList, network: Network, match: Match) -> None:
+def _extra(out: FindingList, network: NetworkConfig, match: Match) -> None:
     for found in match.extra:
         plain = not found.process_data
         effect = (
@@ -170,7 +170,7 @@ def _extra(out: FindingList, network: Network, match: Match) -> None:
         )
 
 
-def _aliases(out: FindingList, network: Network, scan: Scan) -> None:
+def _aliases(out: FindingList, network: NetworkConfig, scan: Scan) -> None:
     used = {s.alias: s for s in network.subdevices if s.alias}
     for alias, sub in used.items():
         places = [str(f.position) for f in scan.subdevices if f.alias == alias]
@@ -203,7 +203,7 @@ def _same_place(out: FindingList, match: Match) -> None:
 
 
 def _health(
-    out: FindingList, network: Network, scan: Scan, found: Mapping[str, ScannedSubDevice]
+    out: FindingList, network: NetworkConfig, scan: Scan, found: Mapping[str, ScannedSubDevice]
 ) -> None:
     by_position = {there.position: name for name, there in found.items()}
     places = {s.name: s for s in reversed(network.subdevices)}

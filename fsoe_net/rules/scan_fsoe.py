@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fsoe_net.diag import FindingList, Related, counted
-from fsoe_net.model import ConnectionFacts, Network, ScannedConnection, ScannedSubDevice
+from fsoe_net.model import ConnectionFacts, NetworkConfig, ScannedConnection, ScannedSubDevice
 from fsoe_net.rules.context import few
 
 __all__ = ["check_fsoe_values"]
@@ -46,7 +46,7 @@ _VALUES = (
 
 
 def check_fsoe_values(
-    out: FindingList, network: Network, found: Mapping[str, ScannedSubDevice]
+    out: FindingList, network: NetworkConfig, found: Mapping[str, ScannedSubDevice]
 ) -> None:
     """Compare addresses of the SubInstances, and the connections of the MainInstances.
 

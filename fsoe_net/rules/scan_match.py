@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fsoe_net.model import Network, Scan, ScannedSubDevice, SubDevice
+from fsoe_net.model import NetworkConfig, Scan, ScannedSubDevice, SubDevice
 
 __all__ = ["Match", "match_scan"]
 
@@ -81,7 +81,7 @@ def same_identity(sub: SubDevice, found: ScannedSubDevice) -> bool:
     return (sub.device.vendor_id, sub.device.product_code) == (found.vendor_id, found.product_code)
 
 
-def match_scan(network: Network, scan: Scan, addresses: Mapping[str, int]) -> Match:
+def match_scan(network: NetworkConfig, scan: Scan, addresses: Mapping[str, int]) -> Match:
     """Find each SubDevice of a network on a bus.
 
     Args:

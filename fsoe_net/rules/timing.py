@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from fsoe_net.diag import Diagnostic, FindingList, Related, Severity, Span, sort_diagnostics
-from fsoe_net.model import Network, SafetyFunction
+from fsoe_net.model import NetworkConfig, SafetyFunction
 from fsoe_net.rules.context import nearest
 from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Judgement, exceeds
 
@@ -16,7 +16,7 @@ _FOLLOWS = frozenset({"FSN605", "FSN606"})  # a part of a safety function that i
 
 
 def check_timing(
-    network: Network, budget: Budget, *, found: Iterable[Diagnostic] = ()
+    network: NetworkConfig, budget: Budget, *, found: Iterable[Diagnostic] = ()
 ) -> list[Diagnostic]:
     """Return what the budget of a network shows, sorted by place.
 
@@ -42,7 +42,7 @@ def check_timing(
     return sort_diagnostics(shown)
 
 
-def _names(out: FindingList, network: Network) -> None:
+def _names(out: FindingList, network: NetworkConfig) -> None:
     seen: dict[str, SafetyFunction] = {}
     for function in network.safety_functions:
         first = seen.setdefault(function.name, function)
@@ -56,7 +56,7 @@ def _names(out: FindingList, network: Network) -> None:
             )
 
 
-def _elements(out: FindingList, network: Network, function: SafetyFunction) -> bool:
+def _elements(out: FindingList, network: NetworkConfig, function: SafetyFunction) -> bool:
     """Name elements that are no SubDevice; return whether there is one."""
     names = [s.name for s in network.subdevices]
     wrong = [e for e in function.elements if e.sub and e.sub not in names]

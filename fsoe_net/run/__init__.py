@@ -27,8 +27,8 @@ from fsoe_net.run.protocol_virtual import run_protocol_virtual
 from fsoe_net.run.result import (
     BusResult,
     ConnectionResult,
+    Run,
     RunEvent,
-    RunResult,
     Verdict,
     state_text,
 )
@@ -59,8 +59,8 @@ __all__ = [
     "LiveUpdate",
     "Master",
     "NamedConnection",
+    "Run",
     "RunEvent",
-    "RunResult",
     "ScanReply",
     "SdoValue",
     "SegmentSession",

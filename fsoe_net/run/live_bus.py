@@ -13,7 +13,7 @@ from fsoe_net.model import Connection, Resolution
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master
-from fsoe_net.run.result import BusResult, ConnectionResult, RunResult, is_data
+from fsoe_net.run.result import BusResult, ConnectionResult, Run, is_data
 from fsoe_net.run.story import ConnectionFacts, Story, connection_result
 
 __all__ = ["BusOptions", "LiveUpdate", "run_on_bus"]
@@ -90,7 +90,7 @@ class _LiveRun:
         duration_ns: int | None,
         on_update: Callable[[LiveUpdate], None] | None,
         stop: threading.Event,
-    ) -> RunResult:
+    ) -> Run:
         """Watch until the time is over or the user has had enough; then return what was seen."""
         self._connect()
         while not self._over(duration_ns) and not stop.is_set():
@@ -166,13 +166,13 @@ class _LiveRun:
         rows = zip(self._facts, snapshot.cycle.connections, strict=True)
         return tuple(connection_result(facts, wire, self._story) for facts, wire in rows)
 
-    def _result(self, snapshot: LiveSnapshot, current: bool) -> RunResult:
+    def _result(self, snapshot: LiveSnapshot, current: bool) -> Run:
         story, end_ns = self._story, self._end_ns or time.monotonic_ns()
         if not current:
             story.log("run", "the bus was not running at the end; what is shown was seen last")
         connections = self._connections(snapshot)
         lost = self._client.events_lost if self._client is not None else 0
-        return RunResult(
+        return Run(
             mode="live",
             network=self._resolution.network.name,
             plan_sha256=hashlib.sha256(self._plan).hexdigest(),
@@ -219,7 +219,7 @@ def run_on_bus(
     on_start: Callable[[Master], None] | None = None,
     on_update: Callable[[LiveUpdate], None] | None = None,
     stop: threading.Event | None = None,
-) -> RunResult:
+) -> Run:
     """Start ``fsn-master``, watch it, stop it orderly.
 
     Args:

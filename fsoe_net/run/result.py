@@ -11,8 +11,8 @@ from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 __all__ = [
     "BusResult",
     "ConnectionResult",
+    "Run",
     "RunEvent",
-    "RunResult",
     "Verdict",
     "is_data",
     "state_text",
@@ -103,7 +103,7 @@ class BusResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunResult:
+class Run:
     """A whole run. ``passed``: every expectation held, or, without any, all reached Data.
 
     ``subdevices`` are known on a live bus only. ``stalled_ms`` is the longest time in which the bus

@@ -17,7 +17,7 @@ from fsoe_net.observe import CaptureWriter
 from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.incidents import IncidentRecorder
-from fsoe_net.run.result import ConnectionResult, RunResult, is_data
+from fsoe_net.run.result import ConnectionResult, Run, is_data
 from fsoe_net.run.stage import DEFAULT_CYCLE_NS, DeviceSide, Stage
 
 __all__ = ["Session", "run_live", "run_virtual"]
@@ -104,7 +104,7 @@ class Session(Stage):
             safe_to_main=main.instance.received_safe_data.hex(),
         )
 
-    def result(self, mode: str, duration_ns: int, *, devices_stood_ns: int = 0) -> RunResult:
+    def result(self, mode: str, duration_ns: int, *, devices_stood_ns: int = 0) -> Run:
         """Return the result of a run that has ended.
 
         Args:
@@ -118,7 +118,7 @@ class Session(Stage):
         verdicts = self.engine.verdicts()
         reached = all(is_data(c.state) for c in connections)
         passed = all(v.held for v in verdicts) if verdicts else reached
-        return RunResult(
+        return Run(
             mode=mode,
             network=self.resolution.network.name,
             plan_sha256=self.plan_sha256,
@@ -157,7 +157,7 @@ def run_virtual(
     *,
     capture: CaptureWriter | None = None,
     incidents: IncidentRecorder | None = None,
-) -> RunResult:
+) -> Run:
     """Run in virtual time: one cycle and one step of every device after the other.
 
     The same session gives the same result, byte for byte. A keyboard interrupt ends the run early;
@@ -192,7 +192,7 @@ def run_live(
     device_period_ns: int = 1_000_000,
     on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None = None,
     incidents: IncidentRecorder | None = None,
-) -> RunResult:
+) -> Run:
     """Run in real time: the core cycles in its own C thread, the devices live at their own pace.
 
     Args:
@@ -228,7 +228,7 @@ class _Live:
         self,
         duration_ns: int,
         on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None,
-    ) -> RunResult:
+    ) -> Run:
         session = self._session
         session.core.start(cycle_ns=session.cycle_ns)
         self._start_ns = time.monotonic_ns()

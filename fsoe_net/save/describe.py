@@ -9,7 +9,7 @@ from fsoe_net.model import (
     DescribedEnd,
     DescribedSubDevice,
     Description,
-    Network,
+    NetworkConfig,
     ResolvedEnd,
     TransferKind,
     resolve,
@@ -18,7 +18,7 @@ from fsoe_net.model import (
 __all__ = ["describe"]
 
 
-def describe(network: Network) -> Description:
+def describe(network: NetworkConfig) -> Description:
     """Return what a network says, with a copy for each of its transfers.
 
     Raises:

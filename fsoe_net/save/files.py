@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fsoe_net.errors import EnvironmentFault, InputError
 
-__all__ = ["STDOUT", "refuse_present", "write_all", "write_whole"]
+__all__ = ["STDOUT", "make_folder", "refuse_present", "write_all", "write_whole"]
 
 STDOUT = "-"
 
@@ -117,3 +117,19 @@ def refuse_present(path: Path) -> None:
         raise InputError(
             f"nothing written: {path} exists; name another file, or replace it with --overwrite"
         )
+
+
+def make_folder(path: str | None, what: str) -> None:
+    """Make the folder when it is missing; not those above it, lest a typo makes some.
+
+    Raises:
+        EnvironmentFault: It is not there and cannot be made.
+    """
+    if path is None or Path(path).is_dir():
+        return
+    try:
+        Path(path).mkdir()
+    except FileNotFoundError as exc:
+        raise EnvironmentFault(f"{what} {path}: there is no folder {Path(path).parent}") from exc
+    except OSError as exc:
+        raise EnvironmentFault(f"{what} {path}: {exc.strerror}") from exc

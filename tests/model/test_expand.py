@@ -20,7 +20,7 @@ from fsoe_net.model import (
     Entry,
     Hitch,
     Net,
-    Network,
+    NetworkConfig,
     Pdo,
     Resolution,
     SubDevice,
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.usefixtures("said")
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 
 
-def shortened(resolution: Resolution) -> Network:
+def shortened(resolution: Resolution) -> NetworkConfig:
     """The same network without its FSoE transfers: connections with slots instead."""
     nets = []
     for net in resolution.network.nets:
@@ -128,8 +128,8 @@ def device(*slots: tuple[int, int], distance: int = 0x1000) -> Device:
     )
 
 
-def bus(devices: dict[str, Device], *connections: ConnectionFacts, **net: object) -> Network:
-    return Network(
+def bus(devices: dict[str, Device], *connections: ConnectionFacts, **net: object) -> NetworkConfig:
+    return NetworkConfig(
         name="n",
         cycle_ns=1_000_000,
         subdevices=tuple(
@@ -156,12 +156,12 @@ def ends(resolution: Resolution) -> list[tuple[str, str, int]]:
     ]
 
 
-def hitches(network: Network) -> list[tuple[Hitch, str]]:
+def hitches(network: NetworkConfig) -> list[tuple[Hitch, str]]:
     return [(t.hitch, t.key) for t in resolve(network).troubles]
 
 
 @st.composite
-def networks(draw: st.DrawFn) -> tuple[Network, Network]:
+def networks(draw: st.DrawFn) -> tuple[NetworkConfig, NetworkConfig]:
     """The same network twice: with transfers, and with connections alone."""
     safe = st.sampled_from([1, 2, 4, 6, 14])
     sizes = draw(st.lists(st.tuples(safe, safe), min_size=1, max_size=6))
@@ -195,7 +195,7 @@ def networks(draw: st.DrawFn) -> tuple[Network, Network]:
 
 @settings(max_examples=60, deadline=None)
 @given(networks())
-def test_any_network_can_be_written_short(both: tuple[Network, Network]):
+def test_any_network_can_be_written_short(both: tuple[NetworkConfig, NetworkConfig]):
     long, short = both
     assert resolve(short).troubles == ()
     assert compile_plan(resolve(short)).to_bytes() == compile_plan(resolve(long)).to_bytes()

@@ -12,7 +12,7 @@ import pytest
 from fsoe_net.load import load_network
 from fsoe_net.model import Resolution, resolve
 from fsoe_net.project.simulate import prepare
-from fsoe_net.run import RunResult, Session, run_virtual
+from fsoe_net.run import Run, Session, run_virtual
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -45,13 +45,13 @@ def session_of(
     return prepare(resolution_of(folder), None, file, virtual=True)
 
 
-def run(folder: Path, scenario: str | Path | None = None, *, tmp: Path | None = None) -> RunResult:
+def run(folder: Path, scenario: str | Path | None = None, *, tmp: Path | None = None) -> Run:
     """Run in virtual time to the end of the scenario."""
     session = session_of(folder, scenario, tmp=tmp)
     return run_virtual(session, session.duration_ns)
 
 
-def document(result: RunResult) -> dict[str, Any]:
+def document(result: Run) -> dict[str, Any]:
     """Return the JSON document of a run, as a reader gets it."""
     loaded: dict[str, Any] = json.loads(json.dumps(result.to_json("0")))
     return loaded

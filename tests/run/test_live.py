@@ -12,14 +12,14 @@ import pytest
 from run.support import ESTOP, ROBOT, needs_core, session_of
 
 from fsoe_net.cli.run_output import _stall_text, print_result
-from fsoe_net.run import RunResult, run_live
+from fsoe_net.run import Run, run_live
 
 pytestmark = needs_core
 
 MS = 1_000_000
 
 
-def long_enough(run: Callable[[int], RunResult], came: Callable[[RunResult], bool]) -> RunResult:
+def long_enough(run: Callable[[int], Run], came: Callable[[Run], bool]) -> Run:
     """Runs for a time, then for a multiple of it, until what must come has come.
 
     A busy machine may let the devices wait for most of a short run.
@@ -31,7 +31,7 @@ def long_enough(run: Callable[[int], RunResult], came: Callable[[RunResult], boo
     return result
 
 
-def in_data(result: RunResult) -> bool:
+def in_data(result: Run) -> bool:
     return all(c.time_to_data_ms is not None for c in result.connections)
 
 
@@ -39,7 +39,7 @@ def in_data(result: RunResult) -> bool:
 def test_connections_come_up_and_reset_is_pressed(folder: Path):
     updates: list[float] = []
 
-    def run(times: int) -> RunResult:
+    def run(times: int) -> Run:
         updates.clear()
         return run_live(
             session_of(folder),
@@ -69,7 +69,7 @@ def test_devices_slower_than_the_bus():
 
 
 def test_unplugged_for_good(tmp_path: Path):
-    def run(times: int) -> RunResult:
+    def run(times: int) -> Run:
         text = (
             f"duration_s: {times}\nsteps: [{{at_ms: {300 * times}, break: ek1914}}]\n"
             f"expect: [{{at_ms: {900 * times}, safe_outputs: {{ek1914.0x7001:01: 0}}, "

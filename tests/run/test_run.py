@@ -10,7 +10,7 @@ from networks import EXAMPLES, example, resolved
 
 from fsoe_net.errors import CoreMissing, InputError
 from fsoe_net.project.simulate import prepare
-from fsoe_net.run import RunResult, Session, run_virtual
+from fsoe_net.run import Run, Session, run_virtual
 
 
 def session(name: str, scenario: Path | str | None = None, *, virtual: bool = True) -> Session:
@@ -20,7 +20,7 @@ def session(name: str, scenario: Path | str | None = None, *, virtual: bool = Tr
         pytest.skip(str(exc))
 
 
-def run(name: str, scenario: str, tmp_path: Path) -> RunResult:
+def run(name: str, scenario: str, tmp_path: Path) -> Run:
     path = tmp_path / "scenario.yaml"
     path.write_text(scenario, "utf-8")
     made = session(name, path)

@@ -283,10 +283,10 @@ def test_keyboard_interrupt_keeps_the_result(monkeypatch: pytest.MonkeyPatch):
 def test_a_network_without_a_connection_is_refused():
     from run.support import resolution_of
 
-    from fsoe_net.model import Network, resolve
+    from fsoe_net.model import NetworkConfig, resolve
     from fsoe_net.project.simulate import prepare
 
     whole = resolution_of(ESTOP).network
-    empty = resolve(Network(name="x", cycle_ns=None, subdevices=whole.subdevices, nets=()))
+    empty = resolve(NetworkConfig(name="x", cycle_ns=None, subdevices=whole.subdevices, nets=()))
     with pytest.raises(InputError, match="nothing to run"):
         prepare(empty, None, None, virtual=True)

@@ -1,0 +1,126 @@
+"""What `import fsoe_net` gives: few names, all documented, and the programs of the page run."""
+
+import ast
+import inspect
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli.tool import fsn
+from run.fake_master import fake_master
+from run.support import EXAMPLES, ROOT, needs_core
+
+import fsoe_net
+
+PAGE = ROOT / "docs" / "tutorial" / "library.md"
+SOCKET = "/run/fsn-master-eth1.sock"
+BROKEN = sorted((EXAMPLES / "broken").glob("*.yaml"))
+
+
+def test_at_most_twenty_names_and_all_of_them_are_there():
+    assert len(fsoe_net.__all__) <= 20
+    assert sorted(fsoe_net.__all__) == fsoe_net.__all__
+    assert set(dir(fsoe_net)) == {*fsoe_net.__all__, "__version__"}
+    with pytest.raises(AttributeError, match="no attribute 'Everything'"):
+        fsoe_net.Everything
+
+
+@pytest.mark.parametrize("name", fsoe_net.__all__)
+def test_every_name_and_its_public_methods_are_documented(name):
+    thing = getattr(fsoe_net, name)
+    public = [thing]
+    if inspect.isclass(thing):
+        public += [v for k, v in vars(thing).items() if not k.startswith("_") and callable(v)]
+    assert all(inspect.getdoc(one) for one in public)
+    assert re.search(rf":: {name}\b", (ROOT / "docs/reference/library.md").read_text("utf-8"))
+
+
+def test_it_is_imported_without_a_command_line_or_anything_else():
+    loaded = "import sys, fsoe_net; print(sorted(m for m in sys.modules if 'fsoe_net' in m))"
+    done = subprocess.run(
+        [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "['fsoe_net']\n"
+    used = (
+        "import sys, fsoe_net\n"
+        "fsoe_net.load(sys.argv[1]).check()\n"
+        "print([m for m in ('click', 'rich', 'fsoe_net.cli') if m in sys.modules])"
+    )
+    words = [sys.executable, "-c", used, str(EXAMPLES / "estop" / "network.yaml")]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_it_is_typed():
+    assert (Path(fsoe_net.__file__).parent / "py.typed").is_file()
+
+
+@needs_core
+def test_the_programs_of_the_page_run(tmp_path, monkeypatch, capsys):
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    monkeypatch.chdir(tmp_path / "examples" / "estop")
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    assert len(blocks) == 9
+    names: dict[str, object] = {}
+    with fake_master() as master:
+        for block in blocks:
+            exec(compile(block.replace(SOCKET, str(master.path)), str(PAGE), "exec"), names)
+        assert "set drive_1.0x6040:00=6" in master.asked
+    out = capsys.readouterr().out
+    assert "\npassed\n" in out
+    assert "no plan: 1 error" in out
+    assert "NOT HELD" not in out
+    written = {p.name for p in Path().iterdir()}
+    assert {"machine.fsnplan", "report.html", "run.pcapng", "out", "proposed"} <= written
+
+
+def test_the_first_program_has_ten_lines():
+    first = re.search(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    assert len([line for line in first[1].splitlines() if line.strip()]) <= 10
+
+
+@pytest.mark.parametrize("path", [*BROKEN, EXAMPLES / "estop/network.yaml"], ids=lambda p: p.stem)
+def test_the_library_finds_what_the_command_finds_and_compiles_nothing_with_an_error(path):
+    network = fsoe_net.load(path)
+    found = network.check()
+    command = ast.literal_eval(
+        fsn("check", path, "--format", "json").stdout.replace("null", "None")
+    )
+    assert found.to_json() == command
+    if found.ok:
+        assert network.compile().to_bytes()
+        return
+    with pytest.raises(fsoe_net.InputError) as refused:
+        network.compile()
+    assert refused.value.diagnostics == found.errors
+
+
+def test_what_cannot_be_used_is_said():
+    with pytest.raises(ValueError, match="at least one path"):
+        fsoe_net.load()
+    lost = fsoe_net.load("no-such-file.yaml")
+    assert (lost.name, [f.code for f in lost.check()]) == ("no-such-file", ["FSN101"])
+    with pytest.raises(fsoe_net.InputError, match="no plan: 1 error"):
+        lost.compile()
+    with pytest.raises(fsoe_net.InputError, match="no-such-file cannot be compared"):
+        lost.diff(lost)
+    network = fsoe_net.load(EXAMPLES / "estop" / "network.yaml")
+    with pytest.raises(fsoe_net.InputError, match="no-such-plan cannot be compared"):
+        network.diff("no-such-plan")
+    with pytest.raises(fsoe_net.InputError, match="is no whole scan document"):
+        network.check(scan=EXAMPLES / "estop" / "network.yaml")
+    with pytest.raises(ValueError, match="start"):
+        network.report(against="a", accepted="b")
+    with pytest.raises(ValueError, match=r"ends in none of \.html"):
+        network.report().save("report.txt")
+    with pytest.raises(ValueError, match="capture needs virtual=True"):
+        network.simulate(capture="a.pcapng", virtual=False)
+    with pytest.raises(ValueError, match="to='x' is not a format; there are network, driver"):
+        fsoe_net.convert(EXAMPLES / "estop" / "network.yaml", to="x")
+    with pytest.raises(fsoe_net.InputError, match="no-such-answers cannot be used"):
+        fsoe_net.propose(answers="no-such-answers")
+    with pytest.raises(fsoe_net.EnvironmentFault, match="nobody"):
+        fsoe_net.connect("/no/such.sock")
