@@ -3,7 +3,8 @@
     import fsoe_net
 
     network = fsoe_net.load("network.yaml")
-    print(network.check())
+    for finding in network.check():
+        ...
     network.compile().save("machine.fsnplan")
 
 These names are stable; ``docs/reference/stability.md`` says how they change. What stands in the

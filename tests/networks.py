@@ -8,7 +8,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import Resolution, resolve
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -15,7 +15,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag import counted
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, parse_acceptance, read_bytes
+from fsoe_net.formats import Collector, LoadOptions, parse_acceptance, read_bytes
 from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile, says_something
 from fsoe_net.plan import compile_plan, short_code
 from fsoe_net.project.check import check_files, whole_network

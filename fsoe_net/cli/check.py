@@ -13,7 +13,7 @@ from fsoe_net.cli.output import FORMATS, exit_code, print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Diagnostic, Severity, counted, summary, without_collector
 from fsoe_net.errors import InputError
-from fsoe_net.load import LoadOptions, load_scan
+from fsoe_net.formats import LoadOptions, load_scan
 from fsoe_net.model import Scan
 from fsoe_net.project.check import Checked, check_files
 from fsoe_net.rules import Runtime

@@ -12,7 +12,7 @@ from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import counted
-from fsoe_net.load import InputKind
+from fsoe_net.formats import InputKind
 from fsoe_net.project.convert import TARGETS, convert_files
 from fsoe_net.save.files import STDOUT, write_all, write_whole
 

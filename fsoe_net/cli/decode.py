@@ -16,8 +16,8 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.core import Sighting
 from fsoe_net.errors import InputError
+from fsoe_net.formats import open_file
 from fsoe_net.fsoe import Verdict, safe_data_of
-from fsoe_net.load import open_file
 from fsoe_net.observe import (
     Naming,
     buffered,

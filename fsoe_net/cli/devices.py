@@ -12,7 +12,7 @@ from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Severity, counted
 from fsoe_net.errors import InputError
-from fsoe_net.load import load_library
+from fsoe_net.formats import load_library
 from fsoe_net.model import (
     Direction,
     Entry,

@@ -11,7 +11,7 @@ from fsoe_net.cli.options import FILE
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Severity, counted
 from fsoe_net.errors import InputError
-from fsoe_net.load import (
+from fsoe_net.formats import (
     LoadOptions,
 )
 from fsoe_net.project.compare import read_side

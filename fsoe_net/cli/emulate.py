@@ -18,7 +18,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.core import SegmentLink, is_test_rig
 from fsoe_net.diag import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.load import LoadOptions
+from fsoe_net.formats import LoadOptions
 from fsoe_net.plan import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import with_scenario

@@ -12,7 +12,7 @@ import click
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Diagnostic, Edit, counted
 from fsoe_net.errors import InputError
-from fsoe_net.load import STDIN, Collector, patch_yaml, read_bytes
+from fsoe_net.formats import STDIN, Collector, patch_yaml, read_bytes
 from fsoe_net.model import SourceFile
 from fsoe_net.save.files import write_all
 

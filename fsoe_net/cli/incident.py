@@ -10,7 +10,7 @@ from fsoe_net import __version__
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.load import open_file
+from fsoe_net.formats import open_file
 from fsoe_net.observe import IncidentReader
 from fsoe_net.observe.evidence import gather
 from fsoe_net.report.incident_page import incident_page

@@ -15,7 +15,7 @@ from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import Diagnostic, Severity, counted, sort_diagnostics, summary
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.load import Collector, LoadOptions, describe_scan, load_answers
+from fsoe_net.formats import Collector, LoadOptions, describe_scan, load_answers
 from fsoe_net.model import Answers
 from fsoe_net.project.check import check_files
 from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings

@@ -12,7 +12,7 @@ from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag import Severity, counted, without_collector
-from fsoe_net.load import LoadOptions
+from fsoe_net.formats import LoadOptions
 from fsoe_net.plan import (
     Plan,
     compile_plan,

@@ -12,10 +12,10 @@ from fsoe_net.cli.options import FILE
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import counted
 from fsoe_net.errors import InputError, RecordingError
+from fsoe_net.formats import open_file
 from fsoe_net.fsoe.recording import ReplayResult, file_lines, replay
 from fsoe_net.fsoe.recording.difference import Difference, differing_bytes, explain
 from fsoe_net.fsoe.recording.model import Answer
-from fsoe_net.load import open_file
 
 __all__ = ["command"]
 

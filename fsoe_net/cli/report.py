@@ -11,7 +11,7 @@ from fsoe_net.cli.options import FILE, master_options, master_socket, output_opt
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.load import LoadOptions
+from fsoe_net.formats import LoadOptions
 from fsoe_net.project.check import check_files
 from fsoe_net.project.known import read_record
 from fsoe_net.project.report import REPORT_FORMATS, make_report

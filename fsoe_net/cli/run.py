@@ -22,7 +22,7 @@ from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.core import Snapshot
-from fsoe_net.load import LoadOptions
+from fsoe_net.formats import LoadOptions
 from fsoe_net.model import Resolution
 from fsoe_net.observe import CaptureWriter
 from fsoe_net.project.check import check_files, whole_network

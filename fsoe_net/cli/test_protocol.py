@@ -15,7 +15,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag import counted, printable, summary
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.load import Collector, LoadOptions, load_protocol
+from fsoe_net.formats import Collector, LoadOptions, load_protocol
 from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution
 from fsoe_net.plan import Fingerprint, compile_plan, fingerprint_of
 from fsoe_net.project.check import check_files, whole_network

@@ -13,7 +13,7 @@ from fsoe_net.cli.output import exit_code, print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.errors import InputError
-from fsoe_net.load import LoadOptions, open_file
+from fsoe_net.formats import LoadOptions, open_file
 from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.report import budget_document, budget_picture, budget_text, measured_ms
 from fsoe_net.rules import check_timing

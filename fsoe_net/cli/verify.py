@@ -14,7 +14,7 @@ from fsoe_net.cli.options import FILE, master_options, master_socket
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.load import LoadOptions
+from fsoe_net.formats import LoadOptions
 from fsoe_net.plan import Plan
 from fsoe_net.project.known import Known, read_known
 from fsoe_net.report import Side, compare, side_of_plan

@@ -1,6 +1,6 @@
 """Looks at FSoE frames of others: hex, captures, a dissector for Wireshark. Sends nothing."""
 
-from fsoe_net.load.packets import CaptureReader, buffered, is_capture, read_capture
+from fsoe_net.formats.packets import CaptureReader, buffered, is_capture, read_capture
 from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.observe.hexframes import HexFrame, Seen, follow_frames, parse_frames
 from fsoe_net.observe.incident import (

@@ -221,7 +221,7 @@ class Plan:
             InputError: It cannot be read.
             PlanFormatError: It is no valid plan.
         """
-        from fsoe_net.load.files import Collector, read_bytes
+        from fsoe_net.formats.files import Collector, read_bytes
         from fsoe_net.plan.codec import decode_plan
 
         name, out = os.fspath(path), Collector()

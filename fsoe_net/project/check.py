@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics, summary
 from fsoe_net.errors import InputError
-from fsoe_net.load import LoadOptions, builtin_library, load_network
+from fsoe_net.formats import LoadOptions, builtin_library, load_network
 from fsoe_net.model import Library, NetworkConfig, Resolution, Scan, SourceFile, resolve
 from fsoe_net.project.references import References, read_references, split_files
 from fsoe_net.rules import (

@@ -6,7 +6,7 @@ import os
 
 from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import (
+from fsoe_net.formats import (
     Collector,
     InputKind,
     LoadOptions,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import (
+from fsoe_net.formats import (
     Collector,
     InputKind,
     LoadOptions,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag import Diagnostic, Severity, Span
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, DeviceType, list_types, load_devices, load_library, ring_of
+from fsoe_net.formats import Collector, DeviceType, list_types, load_devices, load_library, ring_of
 from fsoe_net.model import (
     Answers,
     Ask,

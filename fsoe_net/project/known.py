@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from fsoe_net.diag import without_collector
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, is_acceptance, load_acceptance, read_bytes
+from fsoe_net.formats import Collector, LoadOptions, is_acceptance, load_acceptance, read_bytes
 from fsoe_net.model import Acceptance, SafetyFunction, SourceFile
 from fsoe_net.plan import (
     MAGIC,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fsoe_net.diag import Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, load_answers, load_scan, open_file
+from fsoe_net.formats import Collector, LoadOptions, load_answers, load_scan, open_file
 from fsoe_net.model import Answers
 from fsoe_net.plan import Fingerprint, Plan, compile_plan
 from fsoe_net.project.check import check_files, library_of, whole_network

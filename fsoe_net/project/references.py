@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag import Diagnostic
-from fsoe_net.load import Collector, InputKind, find_kind, load_devices, load_foreign, read_bytes
+from fsoe_net.formats import Collector, InputKind, find_kind, load_devices, load_foreign, read_bytes
 from fsoe_net.model import DescribedSubDevice, Description, NetworkConfig, SourceFile
 
 __all__ = ["References", "read_references", "split_files"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fsoe_net.diag import Severity, counted, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, load_eni_images, read_bytes
+from fsoe_net.formats import Collector, load_eni_images, read_bytes
 from fsoe_net.model import Description, renumbered_copies
 from fsoe_net.save import replace_copies
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from fsoe_net import __version__
 from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics, summary
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, load_protocol, open_file
+from fsoe_net.formats import Collector, LoadOptions, load_protocol, open_file
 from fsoe_net.model import Protocol, Resolution, SourceFile
 from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, fingerprint_of
 from fsoe_net.project.check import Checked, library_of, whole_network

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from fsoe_net.diag import Severity, sort_diagnostics, summary
 from fsoe_net.errors import InputError
-from fsoe_net.load import load_scenario
+from fsoe_net.formats import load_scenario
 from fsoe_net.model import Resolution, Scenario
 from fsoe_net.plan import Plan, compile_plan
 from fsoe_net.run import Session, Stage, counted_session_ids, random_session_ids

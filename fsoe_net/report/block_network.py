@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from fsoe_net.diag import counted
+from fsoe_net.formats import builtin_library
 from fsoe_net.fsoe import safe_data_length, sra_crc
-from fsoe_net.load import builtin_library
 from fsoe_net.model import Connection, Device, Library, NetworkConfig, SubDevice
 from fsoe_net.report.document import (
     BLANK,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from fsoe_net.core import Histogram
 from fsoe_net.errors import InputError
-from fsoe_net.load import open_file, parse_scan
+from fsoe_net.formats import open_file, parse_scan
 from fsoe_net.model import Scan, SourceFile
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fsoe_net.errors import InputError
+from fsoe_net.formats import Collector
 from fsoe_net.fsoe.campaign import CATALOGUE
-from fsoe_net.load import Collector
 from fsoe_net.model import (
     Connection,
     ElementKind,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fsoe_net.errors import InputError
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import (
     Resolution,
     ScannedEntry,

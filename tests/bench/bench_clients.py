@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from fsoe_net.errors import FsnError
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import Client, find_master

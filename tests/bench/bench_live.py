@@ -21,7 +21,7 @@ import yaml
 
 from fsoe_net.core import SegmentLink
 from fsoe_net.errors import FsnError
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import Client, SegmentSession, counted_session_ids, find_master

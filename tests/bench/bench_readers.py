@@ -12,9 +12,9 @@ from data_files import DATA
 from described import bus
 from load.texts import PDOS
 
-from fsoe_net.load import Collector
-from fsoe_net.load.eni import load_eni
-from fsoe_net.load.igh_text import load_igh_text
+from fsoe_net.formats import Collector
+from fsoe_net.formats.eni import load_eni
+from fsoe_net.formats.igh_text import load_igh_text
 from fsoe_net.save import write_eni
 
 

@@ -31,7 +31,7 @@ STAGES = ("start", "load", "resolve", "rules", "plan", "encode")
 @without_collector
 def stages(path: str) -> None:
     """Check and plan one network as `plan` does; print seconds per stage and MiB at most."""
-    from fsoe_net.load import load_network
+    from fsoe_net.formats import load_network
     from fsoe_net.model import resolve
     from fsoe_net.plan import compile_plan
     from fsoe_net.rules import check

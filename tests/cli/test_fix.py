@@ -14,7 +14,7 @@ from fsoe_net.cli import check, fix
 from fsoe_net.cli.main import main
 from fsoe_net.diag import Edit, Span
 from fsoe_net.errors import InputError
-from fsoe_net.load import patch_yaml
+from fsoe_net.formats import patch_yaml
 
 BROKEN = EXAMPLES / "broken"
 GOOD = {

@@ -21,7 +21,7 @@ from cli.tool import fsn
 from networks import PLAIN
 from scans import scan_of
 
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import resolve
 
 ROOT = Path(__file__).parents[2]

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
-from fsoe_net.load import Collector, LoadOptions, load_answers, load_scan
-from fsoe_net.load.esi import EsiChoice
+from fsoe_net.formats import Collector, LoadOptions, load_answers, load_scan
+from fsoe_net.formats.esi import EsiChoice
 from fsoe_net.model import Answers
 from fsoe_net.project.check import check_files
 from fsoe_net.project.draft import Inputs, make_draft, question_findings
@@ -48,9 +48,9 @@ def _seed(folder: Path, case: dict) -> None:
 def findings(case: dict) -> list[Diagnostic]:
     """Return what is found in the files of a case, in the current folder.
 
-    `reader: module.function` reads them with one of `fsoe_net.load`, and `choice` with that choice
-    of a device; `init: [files]` proposes a network from them, with `answers` if there are; all
-    others are checked, and compared with the bus if there is a `scan` and with all files in
+    `reader: module.function` reads them with one of `fsoe_net.formats`, and `choice` with that
+    choice of a device; `init: [files]` proposes a network from them, with `answers` if there are;
+    all others are checked, and compared with the bus if there is a `scan` and with all files in
     `check` that are not of the network itself.
     """
     if "init" in case:
@@ -63,7 +63,7 @@ def findings(case: dict) -> list[Diagnostic]:
         runtime = Runtime(case.get("runtime", "fsn"))
         return check_files(case["check"], runtime=runtime, scan=scan, compared=True).diagnostics
     module, name = case["reader"].split(".")
-    read = getattr(import_module(f"fsoe_net.load.{module}"), name)
+    read = getattr(import_module(f"fsoe_net.formats.{module}"), name)
     options = {"choice": EsiChoice(**case["choice"])} if "choice" in case else {}
     out = Collector()
     for file in case["check"]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fsoe_net.emul import EmulatedNetwork, build_network
+from fsoe_net.formats import load_network
 from fsoe_net.fsoe import Event, EventKind
-from fsoe_net.load import load_network
 from fsoe_net.model import LogicChoice, Resolution, resolve
 
 ROOT = Path(__file__).parents[2]

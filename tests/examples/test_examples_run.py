@@ -6,7 +6,7 @@ import pytest
 from run.support import EXAMPLES, needs_core, run, session_of
 
 from fsoe_net.diag import Severity
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan
 from fsoe_net.project.check import check_files

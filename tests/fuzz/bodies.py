@@ -28,21 +28,21 @@ from load.startup import startup
 from fsoe_net.core import CorePlan, Scanner
 from fsoe_net.diag import Span
 from fsoe_net.errors import InputError, PlanFormatError, RecordingError
+from fsoe_net.formats import Collector, load_scenario, urdf
+from fsoe_net.formats.capture import load_capture_content
+from fsoe_net.formats.eni import load_eni, load_eni_images
+from fsoe_net.formats.esi import EsiChoice, load_esi
+from fsoe_net.formats.foreign import Source
+from fsoe_net.formats.igh_text import load_igh_text
+from fsoe_net.formats.lcec import load_lcec
+from fsoe_net.formats.ros_slaves import load_ros_slaves
+from fsoe_net.formats.sii import load_sii
+from fsoe_net.formats.soem_text import load_soem_text
+from fsoe_net.formats.twincat import load_twincat
+from fsoe_net.formats.twinsafe import load_twinsafe
 from fsoe_net.fsoe.recording import reader as recording_reader
 from fsoe_net.fsoe.recording import replay
 from fsoe_net.fsoe.recording.rows import file_lines
-from fsoe_net.load import Collector, load_scenario, urdf
-from fsoe_net.load.capture import load_capture_content
-from fsoe_net.load.eni import load_eni, load_eni_images
-from fsoe_net.load.esi import EsiChoice, load_esi
-from fsoe_net.load.foreign import Source
-from fsoe_net.load.igh_text import load_igh_text
-from fsoe_net.load.lcec import load_lcec
-from fsoe_net.load.ros_slaves import load_ros_slaves
-from fsoe_net.load.sii import load_sii
-from fsoe_net.load.soem_text import load_soem_text
-from fsoe_net.load.twincat import load_twincat
-from fsoe_net.load.twinsafe import load_twinsafe
 from fsoe_net.model import Description, detect_fsoe, layout_of, near_misses
 from fsoe_net.observe import CaptureWriter, follow_frames, parse_frames, read_capture
 from fsoe_net.plan import compile_plan, decode_plan, encode_plan, plan_json, plan_text

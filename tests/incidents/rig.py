@@ -12,7 +12,7 @@ from typing import Any
 from networks import EXAMPLES, resolved
 
 from fsoe_net.emul import EmulatedDevice
-from fsoe_net.load import load_scenario
+from fsoe_net.formats import load_scenario
 from fsoe_net.model import Resolution
 from fsoe_net.observe import IncidentReader
 from fsoe_net.observe.causes import Verdicts, judge

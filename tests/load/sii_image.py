@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from fsoe_net.load.sii import sii_checksum
+from fsoe_net.formats.sii import sii_checksum
 from fsoe_net.model import DescribedSubDevice, Direction, Pdo
 
 __all__ = ["category", "image", "image_of", "strings"]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report.signed import record_of
 
-from fsoe_net.load import Collector, is_acceptance, parse_acceptance
+from fsoe_net.formats import Collector, is_acceptance, parse_acceptance
 from fsoe_net.model import Acceptance, Element, ElementKind, JustifiedFinding, SafetyFunction
 from fsoe_net.plan import accepted_plan, decode_plan, fingerprint_of, safety_text
 from fsoe_net.save import write_acceptance

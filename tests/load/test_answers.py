@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fsoe_net.load import Collector, parse_answers
+from fsoe_net.formats import Collector, parse_answers
 
 GOOD = b"""\
 name: cell

@@ -22,8 +22,8 @@ from load.startup import (
 from observe.traffic import Bus, datagram, packet
 
 from fsoe_net.diag import Severity
-from fsoe_net.load import Collector, InputKind, capture, find_kind
-from fsoe_net.load.capture import load_capture, load_capture_content
+from fsoe_net.formats import Collector, InputKind, capture, find_kind
+from fsoe_net.formats.capture import load_capture, load_capture_content
 
 WAYS = {(1, 3, 0, 2), (0, 3, 1, 2)}  # source and destination: SubDevice, sync manager
 

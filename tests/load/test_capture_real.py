@@ -14,8 +14,8 @@ from observe.tshark import tshark
 from wires import missing, run_program
 
 from fsoe_net.diag import Severity
-from fsoe_net.load import Collector, load_network
-from fsoe_net.load.capture import load_capture
+from fsoe_net.formats import Collector, load_network
+from fsoe_net.formats.capture import load_capture
 from fsoe_net.model import layout_of, resolve
 
 ROOT = Path(__file__).parents[2]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.load import Collector
-from fsoe_net.load.device import load_device
+from fsoe_net.formats import Collector
+from fsoe_net.formats.device import load_device
 from fsoe_net.model import EntryView
 
 SLAVE = """vendor_id: 2

@@ -9,8 +9,8 @@ import pytest
 from data_files import need
 from described import bus, copy
 
-from fsoe_net.load import Collector
-from fsoe_net.load.eni import load_eni, load_eni_images
+from fsoe_net.formats import Collector
+from fsoe_net.formats.eni import load_eni, load_eni_images
 from fsoe_net.model import DescribedSubDevice, Direction, layout_of
 from fsoe_net.save import write_eni
 

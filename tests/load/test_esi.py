@@ -10,8 +10,8 @@ from described import described_devices
 from hypothesis import given, settings
 from load.esi_text import device_text, esi_text, module_text
 
-from fsoe_net.load import Collector
-from fsoe_net.load.esi import EsiChoice, list_esi, load_esi
+from fsoe_net.formats import Collector
+from fsoe_net.formats.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.model import Direction, Entry, Pdo, layout_of
 
 SMS = (

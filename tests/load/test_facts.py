@@ -9,7 +9,7 @@ import pytest
 from load.sii_image import category, image
 from load.texts import PDOS, SLAVES
 
-from fsoe_net.load import Collector, InputKind, find_kind, load_foreign
+from fsoe_net.formats import Collector, InputKind, find_kind, load_foreign
 from fsoe_net.model import DescribedSubDevice, Direction
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"

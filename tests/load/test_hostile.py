@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.diag import Severity
-from fsoe_net.load import Collector, load_network, parse_yaml, yaml_tree
+from fsoe_net.formats import Collector, load_network, parse_yaml, yaml_tree
 from fsoe_net.project.check import check_files
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"

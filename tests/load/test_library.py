@@ -8,8 +8,8 @@ import pytest
 from model.fsoe_table import rows
 
 import fsoe_net
-from fsoe_net.load import Collector, builtin_library, load_library, parse_library_device
-from fsoe_net.load.schema import read_schema
+from fsoe_net.formats import Collector, builtin_library, load_library, parse_library_device
+from fsoe_net.formats.schema import read_schema
 from fsoe_net.model import Direction, layout_of
 
 FOLDER = Path(fsoe_net.__file__).parent / "devices"

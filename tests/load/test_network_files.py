@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.load import LoadOptions, load_network
+from fsoe_net.formats import LoadOptions, load_network
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 

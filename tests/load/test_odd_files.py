@@ -11,9 +11,9 @@ import pytest
 from load.sii_image import category, image
 
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, InputKind, find_kind, load_foreign
-from fsoe_net.load.hex_text import binary_of
-from fsoe_net.load.not_read import NEXT_STEPS
+from fsoe_net.formats import Collector, InputKind, find_kind, load_foreign
+from fsoe_net.formats.hex_text import binary_of
+from fsoe_net.formats.not_read import NEXT_STEPS
 
 ENI = """<EtherCATConfig Version="1.3"><Config><Master><Info><Name>m</Name></Info></Master>
 <Slave><Info><Name><![CDATA[Box \u00b0]]></Name>

@@ -17,9 +17,9 @@ from load.texts import (
     cstruct,
 )
 
-from fsoe_net.load import Collector
-from fsoe_net.load.igh_text import load_igh_text
-from fsoe_net.load.soem_text import load_soem_text
+from fsoe_net.formats import Collector
+from fsoe_net.formats.igh_text import load_igh_text
+from fsoe_net.formats.soem_text import load_soem_text
 from fsoe_net.model import Description, Watchdog, layout_of
 
 READERS = {

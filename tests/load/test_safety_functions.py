@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.diag import Diagnostic
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import ElementKind, SafetyFunction
 
 HEAD = "version: 1\nproject: Cell 7\nsubdevices: []\nnets: []\nsafety_functions:\n"

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scans import scan_of, subdevice
 
-from fsoe_net.load import load_network, load_scan, parse_scan
+from fsoe_net.formats import load_network, load_scan, parse_scan
 from fsoe_net.model import resolve
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"

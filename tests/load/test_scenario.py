@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.diag import Severity
-from fsoe_net.load import load_scenario, read_schema
+from fsoe_net.formats import load_scenario, read_schema
 from fsoe_net.model import Action, LogicChoice
 
 WEEK_MS = 7 * 24 * 3600 * 1000

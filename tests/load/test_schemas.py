@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from load.inventions import documents
 
 from fsoe_net.diag import Diagnostic, Severity
-from fsoe_net.load import (
+from fsoe_net.formats import (
     Collector,
     LoadOptions,
     load_answers,
@@ -23,7 +23,7 @@ from fsoe_net.load import (
     load_scenario,
     read_schema,
 )
-from fsoe_net.load.schema import _validator
+from fsoe_net.formats.schema import _validator
 
 # Other keys or files say the rest: a path, two names of one thing, the order of two times, a day
 # that its month has, a step that is not done at the machine, the bits of another entry.

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from load.sii_image import category, image, image_of, strings
 
 from fsoe_net.diag import Span
-from fsoe_net.load import Collector
-from fsoe_net.load.sii import load_sii, read_sii, sii_checksum
+from fsoe_net.formats import Collector
+from fsoe_net.formats.sii import load_sii, read_sii, sii_checksum
 from fsoe_net.model import Direction
 
 

@@ -11,9 +11,9 @@ from cli.tool import fsn
 from load import twincat_text as tc
 
 from fsoe_net.diag import Severity
-from fsoe_net.load import Collector, InputKind, find_kind, load_foreign
-from fsoe_net.load.twincat import load_twincat
-from fsoe_net.load.twinsafe import load_twinsafe
+from fsoe_net.formats import Collector, InputKind, find_kind, load_foreign
+from fsoe_net.formats.twincat import load_twincat
+from fsoe_net.formats.twinsafe import load_twinsafe
 from fsoe_net.model import Description, Watchdog, layout_of
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from fsoe_net.diag import Severity, Span
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, InputKind, find_kind, load_foreign
-from fsoe_net.load.esi import load_esi
-from fsoe_net.load.igh_text import load_igh_text
+from fsoe_net.formats import Collector, InputKind, find_kind, load_foreign
+from fsoe_net.formats.esi import load_esi
+from fsoe_net.formats.igh_text import load_igh_text
 from fsoe_net.model import DescribedSubDevice, Description, Device
 from fsoe_net.report import compare, side_of_description
 from fsoe_net.save import write_eni

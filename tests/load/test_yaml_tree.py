@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 from fsoe_net.diag import Span
-from fsoe_net.load import Collector, yaml_tree
-from fsoe_net.load.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
+from fsoe_net.formats import Collector, yaml_tree
+from fsoe_net.formats.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted(

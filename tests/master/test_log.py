@@ -14,7 +14,7 @@ from pathlib import Path
 from master.rig import ROOT, Client, JsonObject, killed_at_the_end, program, when_it_listens
 from tied import tied
 
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan
 

@@ -8,8 +8,8 @@ import pytest
 from load.test_other_tools import TWINSAFE
 
 from fsoe_net.diag import Span
-from fsoe_net.load import Collector, builtin_library
-from fsoe_net.load.twinsafe import load_twinsafe
+from fsoe_net.formats import Collector, builtin_library
+from fsoe_net.formats.twinsafe import load_twinsafe
 from fsoe_net.model import (
     AnsweredConnection,
     AnsweredWord,

@@ -13,7 +13,7 @@ from networks import PLAIN, example, write_big_network
 
 from fsoe_net.core import Core, CorePlan, EmulatedBus
 from fsoe_net.errors import CoreMissing, PlanFormatError
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import EntryView, resolve
 from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_image, plan_json, plan_text
 from fsoe_net.plan.compile import stop_value

@@ -15,7 +15,7 @@ from said import Said
 
 from fsoe_net.diag import Findings
 from fsoe_net.errors import InputError, PlanFormatError
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import (
     Acceptance,
     Element,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fsoe_net.load import builtin_library
+from fsoe_net.formats import builtin_library
 from fsoe_net.plan import compile_plan, fingerprint_of
 from fsoe_net.project.check import check_files
 from fsoe_net.report import ReportInputs

@@ -12,8 +12,8 @@ from described import bus
 from networks import PLAIN, example, resolved
 from scans import scan_of
 
-from fsoe_net.load import Collector, parse_scan
-from fsoe_net.load.eni import load_eni
+from fsoe_net.formats import Collector, parse_scan
+from fsoe_net.formats.eni import load_eni
 from fsoe_net.model import Description
 from fsoe_net.plan import compile_plan
 from fsoe_net.report import (

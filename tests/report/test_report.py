@@ -16,7 +16,7 @@ from networks import example, write_big_network
 from report.made import CODES, TIMED, inputs_of, with_mistakes
 
 from fsoe_net.diag import Diagnostic, Severity, Span
-from fsoe_net.load.schema import read_schema
+from fsoe_net.formats.schema import read_schema
 from fsoe_net.model import SourceFile, StepKind
 from fsoe_net.plan import compile_plan
 from fsoe_net.report import (

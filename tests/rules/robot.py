@@ -9,7 +9,7 @@ from pathlib import Path
 from networks import EXAMPLES, example, resolved
 
 from fsoe_net.diag import Diagnostic
-from fsoe_net.load import builtin_library
+from fsoe_net.formats import builtin_library
 from fsoe_net.model import DescribedSubDevice, Description, Resolution
 from fsoe_net.rules import check_references
 from fsoe_net.save import describe

@@ -14,7 +14,7 @@ from networks import PLAIN
 from scans import COUPLER, scan_of, subdevice
 
 from fsoe_net.diag import Severity
-from fsoe_net.load import load_network, parse_scan
+from fsoe_net.formats import load_network, parse_scan
 from fsoe_net.model import Resolution, resolve
 from fsoe_net.rules import check_scan
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import (
     AtMachine,
     Outcome,

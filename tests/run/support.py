@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import Resolution, resolve
 from fsoe_net.project.simulate import prepare
 from fsoe_net.run import Run, Session, run_virtual

@@ -10,8 +10,8 @@ import pytest
 from run.protocols import TIMED, by_id, only, protocol_of, timed
 from run.support import ESTOP, needs_core, resolution_of
 
+from fsoe_net.formats import load_network
 from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig
-from fsoe_net.load import load_network
 from fsoe_net.model import (
     Outcome,
     Resolution,

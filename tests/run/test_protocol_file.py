@@ -13,7 +13,7 @@ import yaml
 from run.protocols import DONE, by_id, protocol_of, timed
 
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, load_protocol, read_schema
+from fsoe_net.formats import Collector, load_protocol, read_schema
 from fsoe_net.model import (
     EMULATED_NOTE,
     Outcome,

@@ -14,7 +14,7 @@ from scans import scan_of, subdevice
 from fsoe_net.cli.scan_output import scan_table
 from fsoe_net.diag import Severity
 from fsoe_net.errors import InputError
-from fsoe_net.load import load_network, load_scan, parse_scan
+from fsoe_net.formats import load_network, load_scan, parse_scan
 from fsoe_net.model import resolve
 from fsoe_net.rules import check, check_scan
 from fsoe_net.run.scan import TakenScan

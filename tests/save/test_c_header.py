@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from networks import example
 
 from fsoe_net.errors import InputError
-from fsoe_net.load.files import Collector
-from fsoe_net.load.igh_text import load_igh_text
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.igh_text import load_igh_text
 from fsoe_net.model import (
     DescribedSubDevice,
     Description,

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from networks import EXAMPLES, example
 
 from fsoe_net.errors import InputError
-from fsoe_net.load import load_network
-from fsoe_net.load.device import device_from_yaml
-from fsoe_net.load.files import Collector
-from fsoe_net.load.yaml_tree import parse_yaml
+from fsoe_net.formats import load_network
+from fsoe_net.formats.device import device_from_yaml
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.yaml_tree import parse_yaml
 from fsoe_net.model import (
     DescribedConnection,
     DescribedSubDevice,

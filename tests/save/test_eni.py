@@ -13,8 +13,8 @@ from networks import example
 
 from fsoe_net.diag import printable
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector
-from fsoe_net.load.eni import EniImages, load_eni, load_eni_images
+from fsoe_net.formats import Collector
+from fsoe_net.formats.eni import EniImages, load_eni, load_eni_images
 from fsoe_net.model import (
     DescribedSubDevice,
     Description,

@@ -13,9 +13,9 @@ import pytest
 from data_files import ROOT, need
 from described import bus
 
-from fsoe_net.load import Collector
-from fsoe_net.load.eni import load_eni
-from fsoe_net.load.esi import load_esi
+from fsoe_net.formats import Collector
+from fsoe_net.formats.eni import load_eni
+from fsoe_net.formats.esi import load_esi
 from fsoe_net.model import Description, StartFacts, fill_devices
 from fsoe_net.save import eni_notes, write_eni
 

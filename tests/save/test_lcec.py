@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from networks import example
 
 from fsoe_net.errors import InputError
-from fsoe_net.load.files import Collector
-from fsoe_net.load.lcec import load_lcec
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.lcec import load_lcec
 from fsoe_net.model import (
     DescribedConnection,
     DescribedSubDevice,

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.diag import Span
-from fsoe_net.load import Collector, load_network
-from fsoe_net.load.types import type_bits
+from fsoe_net.formats import Collector, load_network
+from fsoe_net.formats.types import type_bits
 from fsoe_net.model import DRIVER_WORD, TYPE_BITS, Device, Direction, Entry, Pdo, SyncManager
 from fsoe_net.save.slave_yaml import type_word, write_slave_yaml
 

@@ -10,8 +10,8 @@ from segment.test_emulate import EMULATE, ESTOP
 from segment.wire import read_frame
 from wires import command_inside, missing
 
+from fsoe_net.formats import load_scenario
 from fsoe_net.fsoe import State
-from fsoe_net.load import load_scenario
 from fsoe_net.model import Action, Step
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import SegmentSession, Session, counted_session_ids, run_virtual

@@ -16,8 +16,8 @@ from wires import ROOT, command_inside, missing, run_inside, run_program
 
 from fsoe_net.core import Segment
 from fsoe_net.errors import CoreError, EnvironmentFault
-from fsoe_net.load import Collector
-from fsoe_net.load.sii import load_sii, sii_checksum
+from fsoe_net.formats import Collector
+from fsoe_net.formats.sii import load_sii, sii_checksum
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import SegmentSession, counted_session_ids
 

@@ -17,7 +17,7 @@ from patience import PATIENCE_S
 
 from fsoe_net.core import Segment, SegmentLink
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.load import load_network
+from fsoe_net.formats import load_network
 from fsoe_net.model import resolve
 from fsoe_net.plan import compile_plan
 from fsoe_net.run import SegmentSession, counted_session_ids

@@ -10,7 +10,7 @@ import pytest
 from networks import PLAIN
 from said import Said
 
-from fsoe_net.load import builtin_library, load_network
+from fsoe_net.formats import builtin_library, load_network
 from fsoe_net.model import Library, Resolution, resolve
 from fsoe_net.report.budget import budget_text
 from fsoe_net.report.document import outward

@@ -16,7 +16,7 @@ from timing.test_budget import (
 )
 
 from fsoe_net.diag import Severity
-from fsoe_net.load import builtin_library
+from fsoe_net.formats import builtin_library
 from fsoe_net.model import Library, LibraryFigure
 from fsoe_net.rules import check_timing
 from fsoe_net.timing import Judgement, PfhSum, WatchdogJudgement, make_budget, with_cycle
