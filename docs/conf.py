@@ -8,7 +8,8 @@ copyright = "the fsoe-net authors"  # noqa: A001
 text = (Path(__file__).parents[1] / "fsoe_net" / "__init__.py").read_text("utf-8")
 release = version = re.search(r'__version__ = "([^"]+)"', text).group(1)
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-autodoc_typehints = "none"
+autodoc_typehints = "description"
+default_role = "py:obj"
 autodoc_member_order = "bysource"
 napoleon_use_ivar = True
 myst_enable_extensions = ["colon_fence", "deflist"]

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -123,3 +124,14 @@ def test_what_cannot_be_used_is_said():
         fsoe_net.propose(answers="no-such-answers")
     with pytest.raises(fsoe_net.EnvironmentFault, match="nobody"):
         fsoe_net.connect("/no/such.sock")
+
+
+def test_programs_of_users_are_typed_strictly(tmp_path):
+    pytest.importorskip("mypy", reason="mypy is not installed; pip install -e '.[lint]'")
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    program = tmp_path / "program.py"
+    program.write_text("".join(blocks), "utf-8")
+    strict = ["--strict", "--config-file", os.devnull, "--follow-imports", "silent"]
+    words = [sys.executable, "-m", "mypy", *strict, "--cache-dir", str(tmp_path), str(program)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.stdout == "Success: no issues found in 1 source file\n"

@@ -1,8 +1,8 @@
 """Expands xacro with the real xacro, in a child process that the kernel confines.
 
 Request and answer are JSON, see `fsoe_net.formats.xacro_child`. Every element of the expansion
-keeps the place where it was written, also through macros and includes. An expression of the file may have
-written the answer: it is checked like a file of unknown origin.
+keeps the place where it was written, also through macros and includes. An expression of the file
+may have written the answer: it is checked like a file of unknown origin.
 """
 
 from __future__ import annotations

@@ -43,6 +43,11 @@ class DecodedFrame(NamedTuple):
     sequence: int
     note: str
 
+    @property
+    def connection(self) -> str:
+        """Its name in the network, else its number in this capture."""
+        return f"connection {self.number}" if self.names is None else self.names.name
+
 
 class CaptureFacts(NamedTuple):
     """What is to be said of a capture.
