@@ -19,16 +19,17 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fsoe_net.diag import Diagnostic, Severity
+    from fsoe_net.diag.diagnostic import Diagnostic, Severity
     from fsoe_net.errors import ControlRefused, EnvironmentFault, FsnError, InputError
-    from fsoe_net.plan import Plan
+    from fsoe_net.plan.model import Plan
     from fsoe_net.project.convert import Conversion
     from fsoe_net.project.decode import DecodedFrame
     from fsoe_net.project.draft import Draft
     from fsoe_net.project.findings import Findings
     from fsoe_net.project.network import Network, connect, convert, decode, load, propose
     from fsoe_net.project.report import Report
-    from fsoe_net.run import Client, Run
+    from fsoe_net.run.client import Client
+    from fsoe_net.run.result import Run
 
 __version__ = "0.1.0"
 
@@ -57,21 +58,21 @@ __all__ = [
 
 # Imported when they are used: a command loads what it needs, and nothing else.
 _PLACES = {
-    "Client": "run",
+    "Client": "run.client",
     "ControlRefused": "errors",
     "Conversion": "project.convert",
     "DecodedFrame": "project.decode",
-    "Diagnostic": "diag",
+    "Diagnostic": "diag.diagnostic",
     "Draft": "project.draft",
     "EnvironmentFault": "errors",
     "Findings": "project.findings",
     "FsnError": "errors",
     "InputError": "errors",
     "Network": "project.network",
-    "Plan": "plan",
+    "Plan": "plan.model",
     "Report": "project.report",
-    "Run": "run",
-    "Severity": "diag",
+    "Run": "run.result",
+    "Severity": "diag.diagnostic",
     "connect": "project.network",
     "convert": "project.network",
     "decode": "project.network",

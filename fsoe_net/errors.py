@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from fsoe_net.diag import Diagnostic
+    from fsoe_net.diag.diagnostic import Diagnostic
 
 __all__ = [
     "ConfigError",

@@ -4,18 +4,8 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from fsoe_net.model import (
-    DescribedCopy,
-    DescribedEnd,
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Entry,
-    Pdo,
-    Sdo,
-    SyncManager,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager
+from fsoe_net.model.description import DescribedCopy, DescribedEnd, DescribedSubDevice, Description
 
 NAMES = st.text(st.characters(codec="latin-1", exclude_categories=("C", "Z")), max_size=12)
 

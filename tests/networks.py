@@ -8,8 +8,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from fsoe_net.formats import load_network
-from fsoe_net.model import Resolution, resolve
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import Resolution, resolve
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

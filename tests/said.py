@@ -25,7 +25,7 @@ from pathlib import Path
 import pytest
 from networks import PLAIN
 
-from fsoe_net.diag import Diagnostic
+from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.errors import FsnError
 
 ROOT = Path(__file__).parents[1]

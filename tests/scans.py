@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from fsoe_net.model import Direction, Resolution
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.resolve import Resolution
 
 COUPLER = {"vendor_id": 2, "product_code": 0x044C2C52, "name": "EK1100"}
 

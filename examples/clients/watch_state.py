@@ -7,7 +7,7 @@ then falls back to its stop value. Part of the black channel: no safety function
 import sys
 
 from fsoe_net.errors import ControlRefused, FsnError
-from fsoe_net.run import Client
+from fsoe_net.run.client import Client
 
 
 def main(path: str, output: str | None) -> None:

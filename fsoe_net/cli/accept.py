@@ -13,16 +13,20 @@ from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.formats import Collector, LoadOptions, parse_acceptance, read_bytes
-from fsoe_net.model import Acceptance, Intervention, SignedBy, SourceFile, says_something
-from fsoe_net.plan import compile_plan, short_code
+from fsoe_net.formats.acceptance import parse_acceptance
+from fsoe_net.formats.files import Collector, read_bytes
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_something
+from fsoe_net.model.network import SourceFile
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.known import Record, read_record
 from fsoe_net.project.report import read_protocol, since
-from fsoe_net.report import Grounds, Reason, Refusal, read_signed_report, sign_off
-from fsoe_net.save import write_acceptance
+from fsoe_net.report.sign_off import Grounds, Reason, Refusal, read_signed_report, sign_off
+from fsoe_net.save.acceptance import write_acceptance
 from fsoe_net.save.files import write_whole
 
 __all__ = ["command"]

@@ -19,8 +19,9 @@ from fsoe_net.cli.options import FOLDER, output_option
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
-from fsoe_net.formats import LoadOptions
-from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig, trial_count
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
+from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, trial_count
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
 from fsoe_net.run.campaign import (

@@ -11,12 +11,15 @@ from fsoe_net.cli.inputs import input_options, runtime_option
 from fsoe_net.cli.options import FILE, INTERFACE
 from fsoe_net.cli.output import FORMATS, exit_code, print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Diagnostic, Severity, counted, summary, without_collector
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.pause import without_collector
+from fsoe_net.diag.words import counted, summary
 from fsoe_net.errors import InputError
-from fsoe_net.formats import LoadOptions, load_scan
-from fsoe_net.model import Scan
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.scan import load_scan
+from fsoe_net.model.scan import Scan
 from fsoe_net.project.check import Checked, check_files
-from fsoe_net.rules import Runtime
+from fsoe_net.rules.runtime import Runtime
 
 __all__ = ["command"]
 

@@ -13,8 +13,10 @@ import click
 from fsoe_net.cli.options import FILE, Time, master_options, master_socket
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import ConsoleError, FsnError
-from fsoe_net.run.console import COMMANDS, Console, Keeper, complete
 from fsoe_net.run.console.commands_flow import ConsoleEnd
+from fsoe_net.run.console.completion import complete
+from fsoe_net.run.console.console import COMMANDS, Console
+from fsoe_net.run.console.keeper import Keeper
 
 __all__ = ["command"]
 

@@ -10,18 +10,13 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.terminal import echo
-from fsoe_net.core import DirectionSnapshot, FoundConnection, Place, ScanCounts
-from fsoe_net.diag import counted, printable
-from fsoe_net.fsoe import (
-    Command,
-    OutsideState,
-    Verdict,
-    command_text,
-    reset_code_text,
-    safe_data_length,
-    safe_data_of,
-)
-from fsoe_net.observe import ConnectionNames
+from fsoe_net.core.scan import FoundConnection, Place, ScanCounts
+from fsoe_net.core.snapshot import DirectionSnapshot
+from fsoe_net.diag.printable import printable
+from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.pdu import Command, command_text, reset_code_text, safe_data_length, safe_data_of
+from fsoe_net.observe.names import ConnectionNames
 from fsoe_net.project.decode import CaptureFacts, DecodedFrame, Found
 
 __all__ = ["JsonOutput", "Output", "TextOutput"]

@@ -10,18 +10,12 @@ import click
 from fsoe_net.cli.options import FILE
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Severity, counted
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.formats import load_library
-from fsoe_net.model import (
-    Direction,
-    Entry,
-    Library,
-    LibraryDevice,
-    LibraryMapping,
-    Pdo,
-    SyncManager,
-)
+from fsoe_net.formats.library import load_library
+from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.library import Library, LibraryDevice, LibraryMapping
 
 __all__ = ["command"]
 

@@ -9,17 +9,13 @@ import click
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Severity, counted
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.formats import (
-    LoadOptions,
-)
+from fsoe_net.formats.options import LoadOptions
 from fsoe_net.project.compare import read_side
-from fsoe_net.report import (
-    Difference,
-    Side,
-    compare,
-)
+from fsoe_net.report.diff import Difference, compare
+from fsoe_net.report.diff_side import Side
 
 __all__ = ["command"]
 

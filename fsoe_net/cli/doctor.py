@@ -10,9 +10,11 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.options import INTERFACE
 from fsoe_net.cli.terminal import echo, terminal
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.host import Examination, Finding, Host, Level, Unreadable, examine
+from fsoe_net.host.doctor import Examination, examine
+from fsoe_net.host.finding import Finding, Level
+from fsoe_net.host.seam import Host, Unreadable
 
 __all__ = ["command"]
 

@@ -15,20 +15,16 @@ from fsoe_net.cli.options import FILE, INTERFACE, RUN_TIME
 from fsoe_net.cli.run_output import print_events
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo
-from fsoe_net.core import SegmentLink, is_test_rig
-from fsoe_net.diag import counted
+from fsoe_net.core.segment import SegmentLink, is_test_rig
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats import LoadOptions
-from fsoe_net.plan import compile_plan
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import with_scenario
-from fsoe_net.run import (
-    EmulateResult,
-    SegmentSession,
-    random_session_ids,
-    serve,
-    state_text,
-)
+from fsoe_net.run.emulate import EmulateResult, SegmentSession, serve
+from fsoe_net.run.result import state_text
+from fsoe_net.run.session import random_session_ids
 
 __all__ = ["command"]
 

@@ -13,10 +13,10 @@ import click
 from click.shell_completion import CompletionItem
 
 from fsoe_net.cli.terminal import echo
-from fsoe_net.core import status_table
-from fsoe_net.diag import CATALOGUE, nearest_code
+from fsoe_net.core.status import status_table
+from fsoe_net.diag.catalogue import CATALOGUE, nearest_code
 from fsoe_net.errors import CoreMissing
-from fsoe_net.rules import effects_today
+from fsoe_net.rules.effects import effects_today
 
 __all__ = ["command", "page_text"]
 

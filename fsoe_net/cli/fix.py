@@ -10,10 +10,12 @@ from collections.abc import Iterable, Sequence
 import click
 
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Diagnostic, Edit, counted
+from fsoe_net.diag.diagnostic import Diagnostic, Edit
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.formats import STDIN, Collector, patch_yaml, read_bytes
-from fsoe_net.model import SourceFile
+from fsoe_net.formats.files import STDIN, Collector, read_bytes
+from fsoe_net.formats.patch import patch_yaml
+from fsoe_net.model.network import SourceFile
 from fsoe_net.save.files import write_all
 
 __all__ = ["apply_fixes"]

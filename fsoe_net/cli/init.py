@@ -13,10 +13,14 @@ from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Diagnostic, Severity, counted, sort_diagnostics, summary
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.diag.words import counted, summary
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.formats import Collector, LoadOptions, describe_scan, load_answers
-from fsoe_net.model import Answers
+from fsoe_net.formats.answers import load_answers
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.scan_bus import describe_scan
+from fsoe_net.model.answers import Answers
 from fsoe_net.project.check import check_files
 from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings
 from fsoe_net.project.draft_text import answers_template

@@ -8,8 +8,8 @@ from dataclasses import replace
 import click
 
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import Span
-from fsoe_net.model import (
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.model.answers import (
     AnsweredConnection,
     AnsweredDevice,
     AnsweredWord,

@@ -18,9 +18,11 @@ from fsoe_net.cli.run_output import event_line, interesting, joined_events
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.run import Attachment, BusView, LiveCapture, RunEvent
+from fsoe_net.run.attachment import Attachment, BusView
+from fsoe_net.run.live_capture import LiveCapture
+from fsoe_net.run.result import RunEvent
 
 if TYPE_CHECKING:
     from rich.console import Console

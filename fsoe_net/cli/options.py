@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from fsoe_net.model import time_ns, time_text
+from fsoe_net.model.times import time_ns, time_text
 
 __all__ = [
     "CYCLE",
@@ -138,7 +138,7 @@ def master_socket(socket: str | None, interface: str | None) -> str:
         raise click.UsageError("one of --socket PATH and --interface IF says which fsn-master")
     if socket is not None:
         return socket
-    from fsoe_net.run import control_socket
+    from fsoe_net.run.sockets import control_socket
 
     return control_socket(interface or "")
 

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 import click
 
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
+from fsoe_net.diag.catalogue import CATALOGUE
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.project.findings import finding_text, github_line, json_document, sarif_document
-from fsoe_net.rules import Runtime
+from fsoe_net.rules.runtime import Runtime
 
 __all__ = ["FORMATS", "exit_code", "print_diagnostics"]
 

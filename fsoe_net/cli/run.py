@@ -21,24 +21,17 @@ from fsoe_net.cli.run_output import (
 from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
-from fsoe_net.core import Snapshot
-from fsoe_net.formats import LoadOptions
-from fsoe_net.model import Resolution
-from fsoe_net.observe import CaptureWriter
+from fsoe_net.core.snapshot import Snapshot
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import plan_bytes, prepare
-from fsoe_net.run import (
-    BusOptions,
-    ConnectionResult,
-    IncidentRecorder,
-    LiveUpdate,
-    Master,
-    Run,
-    Session,
-    run_live,
-    run_on_bus,
-    run_virtual,
-)
+from fsoe_net.run.incidents import IncidentRecorder
+from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
+from fsoe_net.run.master import Master
+from fsoe_net.run.result import ConnectionResult, Run
+from fsoe_net.run.session import Session, run_live, run_virtual
 from fsoe_net.save.files import make_folder
 
 __all__ = ["command"]

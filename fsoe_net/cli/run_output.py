@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.cli.terminal import echo
-from fsoe_net.core import Statistics
-from fsoe_net.diag import counted
+from fsoe_net.core.snapshot import Statistics
+from fsoe_net.diag.words import counted
 from fsoe_net.report.timing import timing_csv, timing_picture, timing_text
-from fsoe_net.run import ConnectionResult, Run, RunEvent, SubDeviceSnapshot, state_text
+from fsoe_net.run.live_snapshot import SubDeviceSnapshot
+from fsoe_net.run.result import ConnectionResult, Run, RunEvent, state_text
 from fsoe_net.save.files import write_whole
 
 if TYPE_CHECKING:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import counted
-from fsoe_net.model import Scan, ScannedConnection, ScannedSubDevice
+from fsoe_net.diag.words import counted
+from fsoe_net.model.scan import Scan, ScannedConnection, ScannedSubDevice
 
 __all__ = ["scan_table"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fsoe_net.diag import printable
+from fsoe_net.diag.printable import printable
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType

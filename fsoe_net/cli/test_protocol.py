@@ -13,22 +13,24 @@ from fsoe_net.cli.options import FILE, master_options, master_socket, output_opt
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.diag import counted, printable, summary
+from fsoe_net.diag.printable import printable
+from fsoe_net.diag.words import counted, summary
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.formats import Collector, LoadOptions, load_protocol
-from fsoe_net.model import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Resolution
-from fsoe_net.plan import Fingerprint, compile_plan, fingerprint_of
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.protocol import load_protocol
+from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.report import protocol_page
-from fsoe_net.run import (
-    Client,
-    keep_machine,
-    make_protocol,
-    run_protocol_live,
-    run_protocol_virtual,
-)
-from fsoe_net.save import write_protocol
+from fsoe_net.report.protocol import protocol_page
+from fsoe_net.run.client import Client
+from fsoe_net.run.protocol import keep_machine, make_protocol
+from fsoe_net.run.protocol_live import run_protocol_live
+from fsoe_net.run.protocol_virtual import run_protocol_virtual
 from fsoe_net.save.files import write_whole
+from fsoe_net.save.protocol import write_protocol
 
 __all__ = ["command"]
 

@@ -12,12 +12,14 @@ import click
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, master_options, master_socket
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats import LoadOptions
-from fsoe_net.plan import Plan
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.plan.model import Plan
 from fsoe_net.project.known import Known, read_known
-from fsoe_net.report import Side, compare, side_of_plan
+from fsoe_net.report.diff import compare
+from fsoe_net.report.diff_read import side_of_plan
+from fsoe_net.report.diff_side import Side
 
 __all__ = ["command"]
 
@@ -96,7 +98,8 @@ def command(
 
 def _live(wanted: Known, socket: str) -> _Compared:
     """Ask the core; a bus cycle that is not the one its plan states counts as another section."""
-    from fsoe_net.run import Client, fingerprint_in_use
+    from fsoe_net.run.client import Client
+    from fsoe_net.run.in_use import fingerprint_in_use
 
     with Client(socket) as client:
         status = client.status()

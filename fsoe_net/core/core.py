@@ -16,8 +16,8 @@ from fsoe_net.core.snapshot import (
     Statistics,
 )
 from fsoe_net.errors import CoreError, PlanFormatError
-from fsoe_net.fsoe import OutsideState
-from fsoe_net.plan import Fingerprint
+from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.plan.fingerprint import Fingerprint
 
 __all__ = ["Core", "CorePlan", "EmulatedBus"]
 

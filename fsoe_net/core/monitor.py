@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from fsoe_net.core.module import compiled
 from fsoe_net.errors import PduSizeError
-from fsoe_net.fsoe import DirectionCounts, OutsideState, Verdict, frame_length
+from fsoe_net.fsoe.monitor import DirectionCounts, OutsideState, Verdict
+from fsoe_net.fsoe.pdu import frame_length
 
 __all__ = ["CoreMonitor", "frame_fits", "frame_sequence"]
 

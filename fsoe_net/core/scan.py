@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from fsoe_net.core.core import direction_snapshot
 from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.core.snapshot import DirectionSnapshot
-from fsoe_net.fsoe import OutsideState, Verdict
+from fsoe_net.fsoe.monitor import OutsideState, Verdict
 
 __all__ = ["FoundConnection", "Place", "ScanCounts", "Scanner", "Sighting"]
 

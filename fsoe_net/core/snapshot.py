@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.fsoe import OutsideState
+from fsoe_net.fsoe.monitor import OutsideState
 
 __all__ = [
     "ConnectionSnapshot",

@@ -7,8 +7,11 @@ from dataclasses import replace
 
 from fsoe_net.emul.device import EmulatedDevice, Port, main_port, sub_port
 from fsoe_net.emul.setup import ConnectionSetup, choose_setups
-from fsoe_net.fsoe import SubInstance
-from fsoe_net.model import Direction, LogicChoice, Resolution, split_name
+from fsoe_net.fsoe.sub_instance import SubInstance
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scenario import LogicChoice
+from fsoe_net.model.signals import split_name
 
 __all__ = ["EmulatedNetwork", "build_network", "normal_name"]
 

@@ -8,8 +8,14 @@ from typing import Protocol, cast
 
 from fsoe_net.emul.logic import SafetyLogic
 from fsoe_net.emul.setup import ConnectionSetup
-from fsoe_net.fsoe import MainConfig, MainInstance, State, SubConfig, SubInstance, safe_data_length
-from fsoe_net.model import ResolvedEnd, Signal, SmLayout, connection_signals, write_bits
+from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.fsoe.event import State
+from fsoe_net.fsoe.main_instance import MainInstance
+from fsoe_net.fsoe.pdu import safe_data_length
+from fsoe_net.fsoe.sub_instance import SubInstance
+from fsoe_net.model.ends import ResolvedEnd
+from fsoe_net.model.layout import SmLayout
+from fsoe_net.model.signals import Signal, connection_signals, write_bits
 
 __all__ = ["EmulatedDevice", "Port", "ProcessData", "main_port", "sub_port"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.model import Connection, Resolution
+from fsoe_net.model.resolve import Connection, Resolution
 
 __all__ = ["ConnectionSetup", "choose_setups"]
 

@@ -15,17 +15,17 @@ from fsoe_net.formats.numbers import Reader, read_int
 from fsoe_net.formats.safety import safety_functions_from_yaml
 from fsoe_net.formats.schema import check_structure
 from fsoe_net.formats.yaml_tree import MapNode, parse_yaml
-from fsoe_net.model import (
+from fsoe_net.model.acceptance import (
     Acceptance,
     Intervention,
     JustifiedFinding,
     JustifiedStep,
     Replaced,
     SignedBy,
-    SourceFile,
     same_person,
     says_something,
 )
+from fsoe_net.model.network import SourceFile
 
 __all__ = ["is_acceptance", "load_acceptance", "parse_acceptance"]
 

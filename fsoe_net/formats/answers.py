@@ -8,7 +8,7 @@ from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.numbers import Reader, read_int
 from fsoe_net.formats.schema import check_structure
 from fsoe_net.formats.yaml_tree import MapNode, Node, ScalarNode, SeqNode, parse_yaml
-from fsoe_net.model import AnsweredConnection, AnsweredDevice, AnsweredWord, Answers
+from fsoe_net.model.answers import AnsweredConnection, AnsweredDevice, AnsweredWord, Answers
 
 __all__ = ["load_answers", "parse_answers"]
 

@@ -14,7 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from fsoe_net.diag import Severity, Span, counted
+from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
 from fsoe_net.formats.capture_cycles import Cycles, FramePlace
 from fsoe_net.formats.capture_datagrams import Command, datagrams
@@ -24,17 +25,11 @@ from fsoe_net.formats.capture_station import Station
 from fsoe_net.formats.files import Collector, open_file
 from fsoe_net.formats.foreign import Source
 from fsoe_net.formats.packets import CaptureReader
-from fsoe_net.model import (
-    DescribedCopy,
-    DescribedEnd,
-    DescribedSubDevice,
-    Description,
-    Direction,
-    SourceFile,
-    SyncManager,
-    detect_fsoe,
-    layout_of,
-)
+from fsoe_net.model.bus import Direction, SyncManager
+from fsoe_net.model.description import DescribedCopy, DescribedEnd, DescribedSubDevice, Description
+from fsoe_net.model.detect import detect_fsoe
+from fsoe_net.model.layout import layout_of
+from fsoe_net.model.network import SourceFile
 
 __all__ = [
     "CaptureContent",

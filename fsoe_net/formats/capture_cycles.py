@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from fsoe_net.formats.capture_datagrams import Command, Datagram
-from fsoe_net.fsoe import Command as FsoeCommand
-from fsoe_net.fsoe import Monitor, safe_data_length
+from fsoe_net.fsoe.monitor import Monitor
+from fsoe_net.fsoe.pdu import Command as FsoeCommand
+from fsoe_net.fsoe.pdu import safe_data_length
 
 __all__ = ["ENOUGH_FRAMES", "Cycles", "CyclicWindow", "FramePlace"]
 

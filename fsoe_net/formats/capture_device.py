@@ -6,20 +6,12 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.capture_station import MAPPINGS, Manager, Station
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.sii import SiiImage, describe_sii, read_sii_categories
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Device,
-    Direction,
-    Entry,
-    Pdo,
-    Sdo,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice
 
 __all__ = ["describe_station"]
 

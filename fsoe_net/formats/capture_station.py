@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from fsoe_net.formats.capture_sdo import SdoAbort, SdoFollower, SdoValue
 from fsoe_net.formats.capture_sii import SII_REGISTERS, SiiReads
-from fsoe_net.model import Direction
+from fsoe_net.model.bus import Direction
 
 __all__ = ["MAPPINGS", "Fmmu", "Manager", "Station"]
 

@@ -5,22 +5,13 @@ from __future__ import annotations
 import math
 import os
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.numbers import Reader, read_float, read_int, warn_decimal_index
 from fsoe_net.formats.schema import check_structure, schema_keys
 from fsoe_net.formats.types import type_bits
 from fsoe_net.formats.yaml_tree import MapNode, SeqNode, load_yaml
-from fsoe_net.model import (
-    Device,
-    Direction,
-    Entry,
-    EntryView,
-    Pdo,
-    Sdo,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
 
 __all__ = ["device_from_yaml", "load_device"]
 

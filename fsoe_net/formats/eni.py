@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag import Related, Span
+from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.eni_image import ImageMap, copies_of, header_bits, map_images
 from fsoe_net.formats.eni_parts import EniParts, read_cyclic, read_image
 from fsoe_net.formats.eni_slave import EniSlave, read_slave
@@ -13,7 +13,8 @@ from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import Source, is_kind, source_bytes, xml_number
 from fsoe_net.formats.xml_text import readable_xml
 from fsoe_net.formats.xml_tree import Element, parse_xml
-from fsoe_net.model import DescribedCopy, Description, Direction
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.description import DescribedCopy, Description
 
 __all__ = ["EniImages", "load_eni", "load_eni_images"]
 

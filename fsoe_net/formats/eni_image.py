@@ -12,18 +12,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from fsoe_net.diag import Related, Span
+from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.eni_parts import CyclicCommand, EniParts, Fmmu, RawCopy, Window
 from fsoe_net.formats.eni_slave import EniSlave
 from fsoe_net.formats.files import Collector
-from fsoe_net.model import (
-    DescribedCopy,
-    DescribedEnd,
-    Direction,
-    FsoeBlock,
-    SmLayout,
-    layout_of,
-)
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.description import DescribedCopy, DescribedEnd
+from fsoe_net.model.layout import FsoeBlock, SmLayout, layout_of
 
 __all__ = ["ImageMap", "Place", "copies_of", "header_bits", "map_images"]
 

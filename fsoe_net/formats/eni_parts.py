@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import xml_number
 from fsoe_net.formats.xml_tree import Element
-from fsoe_net.model import Direction
+from fsoe_net.model.bus import Direction
 
 __all__ = [
     "CyclicCommand",

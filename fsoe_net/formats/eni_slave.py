@@ -5,24 +5,14 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from fsoe_net.diag import Span, counted
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.words import counted
 from fsoe_net.formats.eni_parts import Fmmu, Window, read_windows
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import xml_number
 from fsoe_net.formats.xml_tree import Element
-from fsoe_net.model import (
-    ClockFacts,
-    DescribedSubDevice,
-    Device,
-    Direction,
-    Entry,
-    MailboxFacts,
-    Pdo,
-    Sdo,
-    StartFacts,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model.description import ClockFacts, DescribedSubDevice, MailboxFacts, StartFacts
 
 __all__ = ["EniSlave", "pdo_of", "read_slave"]
 

@@ -6,7 +6,8 @@ import difflib
 import hashlib
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Severity, Span, counted
+from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.diag.words import counted
 from fsoe_net.formats.esi_cache import cached_catalogue, keep_catalogue
 from fsoe_net.formats.esi_catalogue import EsiCatalogue, EsiRow, scan_esi
 from fsoe_net.formats.esi_device import read_esi_device
@@ -14,7 +15,7 @@ from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import Source, source_bytes
 from fsoe_net.formats.xml_text import plain_xml
 from fsoe_net.formats.xml_tree import Element, parse_xml
-from fsoe_net.model import DescribedSubDevice, Description
+from fsoe_net.model.description import DescribedSubDevice, Description
 
 __all__ = ["MAX_ESI_BYTES", "EsiChoice", "list_esi", "load_esi"]
 

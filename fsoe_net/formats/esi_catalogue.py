@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import XML_KINDS, esi_number
 from fsoe_net.formats.xml_tree import MAX_DEPTH, shown_name, xml_hint

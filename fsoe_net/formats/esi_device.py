@@ -5,23 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Related, Severity, Span, counted
+from fsoe_net.diag.diagnostic import Related, Severity, Span
+from fsoe_net.diag.words import counted
 from fsoe_net.formats.esi_catalogue import EsiRow
 from fsoe_net.formats.esi_parts import EsiPdo, PartReader, SlotPlace, flag, name_of, slot_places
 from fsoe_net.formats.esi_start import esi_start
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import esi_number
 from fsoe_net.formats.xml_tree import Element
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Device,
-    Direction,
-    Pdo,
-    PdoFacts,
-    Sdo,
-    SyncManager,
-    TypeFacts,
-)
+from fsoe_net.model.bus import Device, Direction, Pdo, Sdo, SyncManager
+from fsoe_net.model.description import DescribedSubDevice, PdoFacts, TypeFacts
 
 __all__ = ["read_esi_device"]
 

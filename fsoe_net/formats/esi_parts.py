@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import esi_number
 from fsoe_net.formats.xml_tree import Element
-from fsoe_net.model import Direction, Entry, Pdo, Sdo
+from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo
 
 __all__ = ["EsiPdo", "PartReader", "SlotPlace", "flag", "name_of", "slot_places"]
 

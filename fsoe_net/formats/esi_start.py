@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from fsoe_net.formats.esi_parts import EsiPdo, flag
 from fsoe_net.formats.foreign import esi_number
 from fsoe_net.formats.xml_tree import Element
-from fsoe_net.model import ClockFacts, MailboxFacts, StartFacts
+from fsoe_net.model.description import ClockFacts, MailboxFacts, StartFacts
 
 __all__ = ["esi_start"]
 

@@ -10,9 +10,9 @@ import stat
 import sys
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import FindingList, Span
+from fsoe_net.diag.diagnostic import FindingList, Span
 from fsoe_net.errors import InputError
-from fsoe_net.model import SourceFile
+from fsoe_net.model.network import SourceFile
 
 __all__ = ["MAX_FILE_BYTES", "STDIN", "Collector", "open_file", "read_bytes"]
 

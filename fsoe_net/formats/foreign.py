@@ -7,7 +7,7 @@ import re
 from contextlib import suppress
 from xml.parsers import expat
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.files import MAX_FILE_BYTES, Collector, read_bytes
 from fsoe_net.formats.not_read import NEXT_STEPS, unreadable_kind
 from fsoe_net.formats.xml_text import plain_xml

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import enum
+import importlib
 import os
 from collections.abc import Iterable
 from typing import Protocol
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats.capture import load_capture
-from fsoe_net.formats.eni import load_eni
-from fsoe_net.formats.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.formats.files import Collector, open_file
 from fsoe_net.formats.foreign import Source, kind_of, next_step
 from fsoe_net.formats.hex_text import is_hex_text
-from fsoe_net.formats.igh_text import load_igh_text
-from fsoe_net.formats.lcec import load_lcec
 from fsoe_net.formats.packets import is_capture
-from fsoe_net.formats.ros_slaves import load_ros_slaves
-from fsoe_net.formats.sii import load_sii
-from fsoe_net.formats.soem_text import load_soem_text
-from fsoe_net.formats.twincat import load_twincat
-from fsoe_net.formats.twinsafe import load_twinsafe
-from fsoe_net.model import DescribedSubDevice, Description
+from fsoe_net.model.description import DescribedSubDevice, Description
 
 __all__ = ["InputKind", "find_kind", "load_devices", "load_foreign"]
 
@@ -78,17 +69,18 @@ class _Reader(Protocol):
     def __call__(self, source: Source, out: Collector, *, name: str) -> Description | None: ...
 
 
-_READERS: dict[InputKind, _Reader] = {
-    InputKind.ENI: load_eni,
-    InputKind.ESI: load_esi,
-    InputKind.SII: load_sii,
-    InputKind.ETHERCAT: load_igh_text,
-    InputKind.SOEM: load_soem_text,
-    InputKind.LCEC: load_lcec,
-    InputKind.ROS_SLAVES: load_ros_slaves,
-    InputKind.TWINSAFE: load_twinsafe,
-    InputKind.TWINCAT: load_twincat,
-    InputKind.CAPTURE: load_capture,
+# Module and function of each reader: only those that are needed are imported.
+_READERS = {
+    InputKind.ENI: ("eni", "load_eni"),
+    InputKind.ESI: ("esi", "load_esi"),
+    InputKind.SII: ("sii", "load_sii"),
+    InputKind.ETHERCAT: ("igh_text", "load_igh_text"),
+    InputKind.SOEM: ("soem_text", "load_soem_text"),
+    InputKind.LCEC: ("lcec", "load_lcec"),
+    InputKind.ROS_SLAVES: ("ros_slaves", "load_ros_slaves"),
+    InputKind.TWINSAFE: ("twinsafe", "load_twinsafe"),
+    InputKind.TWINCAT: ("twincat", "load_twincat"),
+    InputKind.CAPTURE: ("capture", "load_capture"),
 }
 
 
@@ -147,7 +139,9 @@ def load_foreign(
         out: Takes what is wrong with it.
         name: Name shown when ``source`` is bytes.
     """
-    return _READERS[kind](source, out, name=name)
+    module, function = _READERS[kind]
+    reader: _Reader = getattr(importlib.import_module(f"fsoe_net.formats.{module}"), function)
+    return reader(source, out, name=name)
 
 
 def load_devices(
@@ -161,6 +155,8 @@ def load_devices(
             found by its order number, where the file has one device of that.
         out: Takes what is wrong with it.
     """
+    from fsoe_net.formats.esi import EsiChoice, list_esi, load_esi
+
     catalogue = list_esi(path, out)
     if catalogue is None:
         return None

@@ -10,18 +10,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.pasted import Pasted
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Entry,
-    Pdo,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, Description
 
 __all__ = ["read_cstruct"]
 

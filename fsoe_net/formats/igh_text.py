@@ -9,24 +9,15 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import Source, is_kind, kind_of, source_bytes
 from fsoe_net.formats.igh_config import read_config, read_domains
 from fsoe_net.formats.igh_cstruct import read_cstruct
 from fsoe_net.formats.igh_xml import read_xml
 from fsoe_net.formats.pasted import Line, Pasted, pasted
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Entry,
-    Pdo,
-    SyncManager,
-    TypeFacts,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
 
 __all__ = ["load_igh_text"]
 

@@ -8,21 +8,14 @@ from __future__ import annotations
 
 import re
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.eni_slave import pdo_of
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import text_of, xml_number
 from fsoe_net.formats.pasted import pasted
 from fsoe_net.formats.xml_tree import Element, parse_xml
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Pdo,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, Description
 
 __all__ = ["read_xml"]
 

@@ -9,22 +9,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Related, Severity, Span, counted
+from fsoe_net.diag.diagnostic import Related, Severity, Span
+from fsoe_net.diag.words import counted
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import Source, is_kind, source_bytes
 from fsoe_net.formats.xml_text import readable_xml
 from fsoe_net.formats.xml_tree import Element, parse_xml
-from fsoe_net.model import (
-    DescribedConnection,
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Entry,
-    Pdo,
-    Sdo,
-    SyncManager,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 
 __all__ = ["load_lcec"]
 

@@ -8,23 +8,20 @@ import re
 from collections.abc import Sequence
 from importlib import resources
 
-from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.numbers import Reader, read_float, read_int
 from fsoe_net.formats.schema import check_structure
 from fsoe_net.formats.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
-from fsoe_net.model import (
-    Direction,
-    Entry,
+from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.library import (
     Library,
     LibraryDevice,
     LibraryFigure,
     LibraryFrame,
     LibraryIdentity,
     LibraryMapping,
-    Pdo,
-    SyncManager,
     contradictions,
 )
 

@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics, without_collector
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.pause import without_collector
 from fsoe_net.formats.device import device_from_yaml, load_device
 from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.numbers import Reader, read_float, read_int
@@ -26,7 +27,10 @@ from fsoe_net.formats.schema import (
 from fsoe_net.formats.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.formats.urdf import DriverSystem, ModuleDecl, known_plugin_findings, load_urdf
 from fsoe_net.formats.yaml_tree import MapNode, SeqNode, parse_yaml
-from fsoe_net.model import Device, Net, NetworkConfig, SafetyFunction, SubDevice, layout_of
+from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.layout import layout_of
+from fsoe_net.model.network import Net, NetworkConfig
+from fsoe_net.model.safety import SafetyFunction
 
 _SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
 

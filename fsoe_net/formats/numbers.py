@@ -13,7 +13,7 @@ import functools
 import math
 import re
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.yaml_tree import Node, ScalarNode
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import text_of
 

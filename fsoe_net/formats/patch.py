@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from fsoe_net.diag import Edit, Span
+from fsoe_net.diag.diagnostic import Edit, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.yaml_tree import MapNode, Node, ScalarNode, parse_yaml

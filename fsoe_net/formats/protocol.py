@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import re
 
-from fsoe_net.diag import Severity
+from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.protocol_entry import check_entry
 from fsoe_net.formats.schema import check_structure
 from fsoe_net.formats.yaml_tree import MapNode, Node, load_yaml
-from fsoe_net.model import AtMachine, Outcome, Protocol, ProtocolStep, Seen, StepKind
+from fsoe_net.model.protocol import AtMachine, Outcome, Protocol, ProtocolStep, Seen, StepKind
 
 __all__ = ["load_protocol"]
 

@@ -6,7 +6,8 @@ import re
 from datetime import date
 
 from fsoe_net.formats.files import Collector
-from fsoe_net.model import AtMachine, Outcome, ProtocolStep, says_something
+from fsoe_net.model.acceptance import says_something
+from fsoe_net.model.protocol import AtMachine, Outcome, ProtocolStep
 
 __all__ = ["check_entry"]
 

@@ -12,14 +12,11 @@ from pathlib import Path
 
 from fsoe_net.formats.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.formats.files import Collector
-from fsoe_net.model import (
-    AnsweredDevice,
-    DescribedSubDevice,
-    Description,
-    Device,
-    Library,
-    has_layout,
-)
+from fsoe_net.model.answers import AnsweredDevice
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.join import has_layout
+from fsoe_net.model.library import Library
 
 __all__ = ["DeviceType", "list_types", "ring_of"]
 

@@ -6,7 +6,8 @@ from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import Source, is_kind, source_bytes
 from fsoe_net.formats.numbers import Reader, read_int
 from fsoe_net.formats.yaml_tree import MapNode, parse_yaml
-from fsoe_net.model import DescribedSubDevice, Description, Device
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedSubDevice, Description
 
 __all__ = ["load_ros_slaves"]
 

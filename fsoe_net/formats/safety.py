@@ -7,7 +7,7 @@ import math
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.numbers import Reader, read_float, read_int
 from fsoe_net.formats.yaml_tree import MapNode
-from fsoe_net.model import Element, ElementKind, SafetyFunction
+from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
 
 __all__ = ["safety_functions_from_yaml"]
 

@@ -7,12 +7,13 @@ import os
 import re
 from typing import NoReturn, TypeVar
 
-from fsoe_net.diag import Diagnostic, Severity, Span, printable, sort_diagnostics
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.printable import printable
 from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.numbers import Reader, read_int
 from fsoe_net.formats.schema import check_structure
 from fsoe_net.formats.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
-from fsoe_net.model import (
+from fsoe_net.model.scan import (
     Scan,
     ScannedConnection,
     ScannedEntry,

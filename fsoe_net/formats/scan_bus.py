@@ -2,20 +2,9 @@
 
 from __future__ import annotations
 
-from fsoe_net.model import (
-    DescribedConnection,
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Entry,
-    Pdo,
-    Scan,
-    ScannedPdo,
-    ScannedSm,
-    ScannedSubDevice,
-    SyncManager,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
+from fsoe_net.model.scan import Scan, ScannedPdo, ScannedSm, ScannedSubDevice
 
 __all__ = ["describe_scan"]
 

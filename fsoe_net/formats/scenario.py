@@ -6,13 +6,13 @@ import os
 import re
 from dataclasses import replace
 
-from fsoe_net.diag import Diagnostic, Related, Severity, Span, sort_diagnostics
+from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span, sort_diagnostics
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.numbers import Reader, read_float, read_int
 from fsoe_net.formats.scenario_steps import step_arguments
 from fsoe_net.formats.schema import check_structure
 from fsoe_net.formats.yaml_tree import MapNode, Node, ScalarNode, SeqNode, load_yaml
-from fsoe_net.model import Action, Expectation, LogicChoice, Scenario, Step
+from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
 
 __all__ = ["load_scenario"]
 

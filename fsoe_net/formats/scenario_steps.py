@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.numbers import Reader, read_int
 from fsoe_net.formats.yaml_tree import MapNode, ScalarNode, SeqNode
-from fsoe_net.model import Action
+from fsoe_net.model.scenario import Action
 
 __all__ = ["StepArguments", "step_arguments"]
 

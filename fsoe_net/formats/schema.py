@@ -17,13 +17,13 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fsoe_net.diag import Severity
+from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from fsoe_net.diag import Span
+    from fsoe_net.diag.diagnostic import Span
     from fsoe_net.formats.files import Collector
 
 __all__ = [

@@ -14,22 +14,15 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import Source, next_step, source_bytes
 from fsoe_net.formats.hex_text import binary_of, is_hex_text
 from fsoe_net.formats.not_read import unreadable_kind
 from fsoe_net.formats.sii_parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Pdo,
-    SyncManager,
-    TypeFacts,
-)
+from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
+from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
 
 __all__ = [
     "MAX_SII_BYTES",

@@ -13,8 +13,9 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fsoe_net.diag import Span, counted
-from fsoe_net.model import Direction, Entry, Pdo
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Direction, Entry, Pdo
 
 __all__ = ["SiiEntry", "SiiGeneral", "SiiPdo", "sii_general", "sii_pdos", "sii_strings"]
 

@@ -9,20 +9,12 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import Source, is_kind, source_bytes
 from fsoe_net.formats.pasted import Line, Pasted, pasted
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Entry,
-    Pdo,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, Description
 
 __all__ = ["load_soem_text"]
 

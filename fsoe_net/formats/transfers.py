@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from fsoe_net.diag import Related, Severity, Span
+from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.numbers import Reader, read_int, warn_decimal_index
 from fsoe_net.formats.schema import nearest_key
 from fsoe_net.formats.yaml_tree import MapNode, Node, SeqNode
-from fsoe_net.model import ConnectionFacts, Endpoint, Net, Transfer, TransferKind
+from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, Transfer, TransferKind
 
 __all__ = ["ModuleRow", "modules_from_yaml", "nets_from_yaml"]
 

@@ -12,7 +12,8 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Severity, counted
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.diag.words import counted
 from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.foreign import Source, esi_number, is_kind, source_bytes
 from fsoe_net.formats.twincat_box import Box, read_box
@@ -20,7 +21,7 @@ from fsoe_net.formats.twincat_links import read_links
 from fsoe_net.formats.twincat_safety import SafetyProject, read_safety_project
 from fsoe_net.formats.xml_text import readable_xml
 from fsoe_net.formats.xml_tree import Element, parse_xml, shown_name
-from fsoe_net.model import Description
+from fsoe_net.model.description import Description
 
 __all__ = ["load_twincat"]
 

@@ -18,21 +18,12 @@ import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.foreign import esi_number
 from fsoe_net.formats.xml_tree import Element
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Device,
-    Direction,
-    Entry,
-    MailboxFacts,
-    Pdo,
-    StartFacts,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, MailboxFacts, StartFacts
 
 __all__ = ["Box", "Message", "Range", "read_box", "type_bits_of"]
 

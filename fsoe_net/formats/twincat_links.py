@@ -6,12 +6,14 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Severity, Span, counted
+from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.diag.words import counted
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.twincat_box import Box, Message, Range
 from fsoe_net.formats.twincat_safety import SafetyProject
 from fsoe_net.formats.xml_tree import Element
-from fsoe_net.model import DescribedConnection, DescribedCopy, DescribedEnd, Direction
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd
 
 __all__ = ["Links", "read_links"]
 

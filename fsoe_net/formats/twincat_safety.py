@@ -12,12 +12,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from fsoe_net.diag import Severity, Span, counted
+from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.diag.words import counted
 from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.foreign import xml_number
 from fsoe_net.formats.xml_text import readable_xml
 from fsoe_net.formats.xml_tree import Element, parse_xml, shown_name
-from fsoe_net.model import DescribedConnection, DescribedSubDevice, Description, Device
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 
 __all__ = [
     "Alias",

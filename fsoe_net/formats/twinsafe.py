@@ -22,7 +22,8 @@ from fsoe_net.formats.twincat_safety import (
 )
 from fsoe_net.formats.xml_text import readable_xml
 from fsoe_net.formats.xml_tree import Element, parse_xml
-from fsoe_net.model import DescribedConnection, DescribedSubDevice, Description, Device
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 
 __all__ = ["load_twinsafe"]
 

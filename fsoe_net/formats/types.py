@@ -5,9 +5,9 @@ from __future__ import annotations
 import difflib
 import re
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.files import Collector
-from fsoe_net.model import DRIVER_WORD, TYPE_BITS
+from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
 __all__ = ["type_bits"]
 

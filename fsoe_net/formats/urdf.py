@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from fsoe_net.diag import Diagnostic, Related
+from fsoe_net.diag.diagnostic import Diagnostic, Related
 from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.foreign import XML_KINDS
 from fsoe_net.formats.options import LoadOptions
@@ -19,7 +19,7 @@ from fsoe_net.formats.urdf_system import (
 )
 from fsoe_net.formats.xacro_expand import expand_xacro, uses_xacro
 from fsoe_net.formats.xml_tree import Element, parse_xml
-from fsoe_net.model import SourceFile
+from fsoe_net.model.network import SourceFile
 
 __all__ = ["DriverSystem", "ModuleDecl", "UrdfResult", "known_plugin_findings", "load_urdf"]
 

@@ -12,7 +12,7 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Diagnostic, Related, Severity, Span
+from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.xml_tree import Element
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Related
+from fsoe_net.diag.diagnostic import Related
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.urdf_params import (
     DRIVER_PLUGIN,
@@ -18,7 +18,7 @@ from fsoe_net.formats.urdf_params import (
     read_params,
 )
 from fsoe_net.formats.xml_tree import Element
-from fsoe_net.model import Located
+from fsoe_net.model.bus import Located
 
 __all__ = ["COMPONENTS", "DriverSystem", "ModuleDecl", "plugin_of", "read_system"]
 

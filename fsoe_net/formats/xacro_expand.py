@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
-from fsoe_net.diag import Related, Span
+from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.confine import inside, sandbox_command
 from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.options import LoadOptions

@@ -9,7 +9,7 @@ from __future__ import annotations
 import codecs
 import re
 
-from fsoe_net.diag import Severity, Span
+from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.files import Collector
 
 __all__ = ["plain_xml", "readable_xml"]

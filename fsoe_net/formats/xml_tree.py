@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from fsoe_net.diag import Span, printable
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.printable import printable
 from fsoe_net.formats.files import Collector
 
 __all__ = [

@@ -16,7 +16,8 @@ from typing import Any, NoReturn
 
 import yaml
 
-from fsoe_net.diag import Related, Severity, Span, first_control
+from fsoe_net.diag.diagnostic import Related, Severity, Span
+from fsoe_net.diag.printable import first_control
 from fsoe_net.formats.files import Collector, read_bytes
 
 __all__ = ["MapNode", "Node", "Places", "ScalarNode", "SeqNode", "load_yaml", "parse_yaml"]

@@ -11,7 +11,7 @@ import enum
 import struct
 from typing import NamedTuple
 
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import FsoeError, PduSizeError
 
 __all__ = [

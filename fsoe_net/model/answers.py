@@ -6,7 +6,7 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Located
 
 __all__ = ["AnsweredConnection", "AnsweredDevice", "AnsweredWord", "Answers", "Ask", "Question"]

@@ -6,7 +6,7 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 
 __all__ = [
     "Device",

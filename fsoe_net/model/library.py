@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.fsoe import safe_data_length
+from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, Direction, Located, SyncManager
 from fsoe_net.model.layout import DeviceLayout, layout_of
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import FindingList, Span, counted
+from fsoe_net.diag.diagnostic import FindingList, Span
+from fsoe_net.diag.words import counted
 from fsoe_net.model.answers import AnsweredConnection, Answers
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd, Description
 from fsoe_net.model.pairing import PairEnd

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Diagnostic, FindingList
+from fsoe_net.diag.diagnostic import Diagnostic, FindingList
 from fsoe_net.model.answers import AnsweredWord, Answers, Ask, Question
 from fsoe_net.model.description import (
     DescribedConnection,

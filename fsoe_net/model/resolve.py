@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.diag import without_collector
+from fsoe_net.diag.pause import without_collector
 from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.ends import Finder, Layouts, ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.expand import ConnectionTrouble, Hitch, expand

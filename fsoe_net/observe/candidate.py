@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.fsoe import reset_code_text
+from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.observe.causes_table import CAUSES
 from fsoe_net.observe.evidence import Evidence
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
 from fsoe_net.observe.evidence import Evidence
 from fsoe_net.observe.incident import SubDeviceSeen, TriggerKind

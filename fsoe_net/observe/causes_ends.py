@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from fsoe_net.diag import counted
-from fsoe_net.fsoe import Command, OutsideState, ResetCode, Verdict, command_text
+from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.pdu import Command, ResetCode, command_text
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
 from fsoe_net.observe.evidence import Evidence, Planned
 from fsoe_net.observe.evidence_frames import LinkFacts, ResetSeen

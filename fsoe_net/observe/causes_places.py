@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fsoe_net.diag import counted
-from fsoe_net.fsoe import ResetCode
+from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.pdu import ResetCode
 from fsoe_net.observe.candidate import Candidate, any_of, candidate, code_text
 from fsoe_net.observe.causes_ends import told_codes
 from fsoe_net.observe.evidence import Evidence, Planned

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from fsoe_net.fsoe import OutsideState
+from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.observe.evidence_cycles import BusFacts, BusWatch
 from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, PairWatch, ResetSeen
 from fsoe_net.observe.incident import (
@@ -21,7 +21,7 @@ from fsoe_net.observe.incident import (
 )
 from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.observe.incident_values import clean
-from fsoe_net.plan import NONE, Plan
+from fsoe_net.plan.model import NONE, Plan
 
 __all__ = ["Evidence", "Planned", "gather"]
 

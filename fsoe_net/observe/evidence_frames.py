@@ -5,16 +5,9 @@ from __future__ import annotations
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
-from fsoe_net.fsoe import (
-    Command,
-    Monitor,
-    OutsideState,
-    Verdict,
-    decode_pdu,
-    fits_start,
-    is_frame_length,
-    safe_data_length,
-)
+from fsoe_net.fsoe.chain import fits_start
+from fsoe_net.fsoe.monitor import Monitor, OutsideState, Verdict
+from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_length
 from fsoe_net.observe.incident import Area, Places
 
 __all__ = [

@@ -7,17 +7,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from fsoe_net.errors import InputError
-from fsoe_net.fsoe import (
+from fsoe_net.fsoe.chain import before, is_whole
+from fsoe_net.fsoe.monitor import Monitor, OutsideState, Verdict
+from fsoe_net.fsoe.pdu import (
     Command,
-    Monitor,
-    OutsideState,
     Pdu,
-    Verdict,
-    before,
     decode_pdu,
     frame_length,
     is_frame_length,
-    is_whole,
     safe_data_length,
 )
 

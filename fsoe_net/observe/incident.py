@@ -10,8 +10,8 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.core import Histogram
-from fsoe_net.plan import Plan
+from fsoe_net.core.snapshot import Histogram
+from fsoe_net.plan.model import Plan
 
 __all__ = [
     "Area",

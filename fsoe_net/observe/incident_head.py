@@ -6,9 +6,9 @@ import base64
 import binascii
 import hashlib
 
-from fsoe_net.core import Histogram
+from fsoe_net.core.snapshot import Histogram
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.fsoe import is_frame_length
+from fsoe_net.fsoe.pdu import is_frame_length
 from fsoe_net.observe.incident import (
     Area,
     Counters,
@@ -24,7 +24,8 @@ from fsoe_net.observe.incident import (
     TriggerKind,
 )
 from fsoe_net.observe.incident_values import Values
-from fsoe_net.plan import Plan, decode_plan
+from fsoe_net.plan.codec import decode_plan
+from fsoe_net.plan.model import Plan
 
 __all__ = ["head_of"]
 

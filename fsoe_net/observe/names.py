@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.core import FoundConnection
-from fsoe_net.model import Connection, Resolution, Signal, connection_signals
+from fsoe_net.core.scan import FoundConnection
+from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.model.signals import Signal, connection_signals
 from fsoe_net.observe.wire import LogicalImage
 
 __all__ = ["ConnectionNames", "Naming"]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterable, Iterator
 
-from fsoe_net.model import ResolvedEnd
-from fsoe_net.plan import Plan, igh_image
+from fsoe_net.model.ends import ResolvedEnd
+from fsoe_net.plan.image import igh_image
+from fsoe_net.plan.model import Plan
 
 __all__ = ["LogicalImage", "RebuiltFrames", "image_packets"]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import FindingList
+from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.model import Acceptance
+from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.fingerprint import SECTIONS, Fingerprint, fingerprint_of, safety_sha256
 from fsoe_net.plan.model import Plan

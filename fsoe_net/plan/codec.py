@@ -8,7 +8,8 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-from fsoe_net.diag import printable, without_collector
+from fsoe_net.diag.pause import without_collector
+from fsoe_net.diag.printable import printable
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.model import (
     NONE,

@@ -12,9 +12,9 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from fsoe_net.diag import without_collector
+from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.model import SafetyFunction
+from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.plan.model import NONE, Plan, PlanEntry, PlanSdo, PlanSymbol, PlanSyncManager
 
 __all__ = [

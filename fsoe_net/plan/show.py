@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict
 
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import NONE, Plan, PlanCopy

@@ -5,20 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics, summary
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.diag.words import summary
 from fsoe_net.errors import InputError
-from fsoe_net.formats import LoadOptions, builtin_library, load_network
-from fsoe_net.model import Library, NetworkConfig, Resolution, Scan, SourceFile, resolve
+from fsoe_net.formats.library import builtin_library
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.model.library import Library
+from fsoe_net.model.network import NetworkConfig, SourceFile
+from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.model.scan import Scan
 from fsoe_net.project.references import References, read_references, split_files
-from fsoe_net.rules import (
-    Runtime,
-    check,
-    check_library,
-    check_references,
-    check_scan,
-    check_timing,
-)
-from fsoe_net.timing import make_budget
+from fsoe_net.rules.check import check
+from fsoe_net.rules.library import check_library
+from fsoe_net.rules.references import check_references
+from fsoe_net.rules.runtime import Runtime
+from fsoe_net.rules.scan import check_scan
+from fsoe_net.rules.timing import check_timing
+from fsoe_net.timing.budget import make_budget
 
 __all__ = ["Checked", "check_files", "library_of", "whole_network"]
 

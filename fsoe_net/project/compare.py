@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import os
 
-from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats import (
-    Collector,
-    InputKind,
-    LoadOptions,
-    find_kind,
-    is_acceptance,
-    load_foreign,
-    load_network,
-    parse_acceptance,
-    parse_scan,
-    read_bytes,
+from fsoe_net.formats.acceptance import is_acceptance, parse_acceptance
+from fsoe_net.formats.files import Collector, read_bytes
+from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.scan import parse_scan
+from fsoe_net.model.resolve import resolve
+from fsoe_net.plan.accepted import accepted_plan
+from fsoe_net.plan.codec import MAGIC, decode_plan
+from fsoe_net.report.diff_read import (
+    side_of_description,
+    side_of_network,
+    side_of_plan,
+    side_of_scan,
 )
-from fsoe_net.model import resolve
-from fsoe_net.plan import MAGIC, accepted_plan, decode_plan
-from fsoe_net.report import Side, side_of_description, side_of_network, side_of_plan, side_of_scan
+from fsoe_net.report.diff_side import Side
 
 __all__ = ["read_side"]
 

@@ -7,32 +7,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats import (
-    Collector,
-    InputKind,
-    LoadOptions,
-    find_kind,
-    load_devices,
-    load_foreign,
-    load_network,
-)
-from fsoe_net.model import Description, fill_devices, has_layout, join_buses
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.foreign_file import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.model.description import Description
+from fsoe_net.model.join import fill_devices, has_layout, join_buses
 from fsoe_net.project.renew_eni import renewed_eni
-from fsoe_net.save import (
-    DriverVersion,
-    Written,
-    describe,
-    eni_notes,
-    own_words_lost,
-    write_c_header,
-    write_driver,
-    write_eni,
-    write_lcec,
-    write_network,
-)
+from fsoe_net.save.c_header import write_c_header
+from fsoe_net.save.describe import describe
+from fsoe_net.save.driver import DriverVersion, write_driver, write_network
+from fsoe_net.save.eni import eni_notes, write_eni
 from fsoe_net.save.files import write_all
+from fsoe_net.save.lcec import write_lcec
+from fsoe_net.save.written import Written, own_words_lost
 
 __all__ = ["TARGETS", "Conversion", "convert_files"]
 

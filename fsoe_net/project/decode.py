@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
-from fsoe_net.core import FoundConnection, ScanCounts, Scanner, Sighting
-from fsoe_net.fsoe import Command, OutsideState, Verdict
-from fsoe_net.model import Resolution
-from fsoe_net.observe import CaptureReader, ConnectionNames, LogicalImage, Naming
-from fsoe_net.plan import compile_plan
+from fsoe_net.core.scan import FoundConnection, ScanCounts, Scanner, Sighting
+from fsoe_net.formats.packets import CaptureReader
+from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.pdu import Command
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.observe.names import ConnectionNames, Naming
+from fsoe_net.observe.wire import LogicalImage
+from fsoe_net.plan.compile import compile_plan
 
 __all__ = ["CaptureDecoder", "CaptureFacts", "DecodedFrame", "Found", "naming_of"]
 

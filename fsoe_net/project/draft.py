@@ -7,28 +7,24 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Diagnostic, Severity, Span
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats import Collector, DeviceType, list_types, load_devices, load_library, ring_of
-from fsoe_net.model import (
-    Answers,
-    Ask,
-    DescribedSubDevice,
-    Description,
-    Library,
-    NetworkConfig,
-    Proposal,
-    Question,
-    SubDevice,
-    fill_devices,
-    has_layout,
-    join_buses,
-    match_project,
-    propose,
-)
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.foreign_file import load_devices
+from fsoe_net.formats.library import load_library
+from fsoe_net.formats.ring import DeviceType, list_types, ring_of
+from fsoe_net.model.answers import Answers, Ask, Question
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.join import fill_devices, has_layout, join_buses
+from fsoe_net.model.library import Library
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.project import match_project
+from fsoe_net.model.proposal import Proposal, propose
 from fsoe_net.project.gather import Gathered
-from fsoe_net.save import Written, describe
+from fsoe_net.save.describe import describe
 from fsoe_net.save.files import write_all
+from fsoe_net.save.written import Written
 
 __all__ = ["Draft", "Inputs", "make_draft", "question_findings"]
 

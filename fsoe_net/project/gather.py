@@ -7,20 +7,17 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats import (
-    Collector,
-    InputKind,
-    LoadOptions,
-    describe_scan,
-    find_kind,
-    load_foreign,
-    load_network,
-    load_scan,
-)
-from fsoe_net.model import Description, NetworkConfig
-from fsoe_net.save import describe
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.scan import load_scan
+from fsoe_net.formats.scan_bus import describe_scan
+from fsoe_net.model.description import Description
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.save.describe import describe
 
 __all__ = ["Gathered", "gather"]
 

@@ -6,22 +6,25 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.diag import without_collector
+from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
-from fsoe_net.formats import Collector, LoadOptions, is_acceptance, load_acceptance, read_bytes
-from fsoe_net.model import Acceptance, SafetyFunction, SourceFile
-from fsoe_net.plan import (
-    MAGIC,
+from fsoe_net.formats.acceptance import is_acceptance, load_acceptance
+from fsoe_net.formats.files import Collector, read_bytes
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.model.acceptance import Acceptance
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.safety import SafetyFunction
+from fsoe_net.plan.accepted import accepted_plan
+from fsoe_net.plan.codec import MAGIC, decode_plan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import (
     Fingerprint,
-    Plan,
-    accepted_plan,
     canonical_section,
-    compile_plan,
-    decode_plan,
     fingerprint_from_json,
     fingerprint_of,
     safety_text,
 )
+from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import check_files, whole_network
 
 __all__ = ["Known", "Record", "read_known", "read_record"]

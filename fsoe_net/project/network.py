@@ -7,25 +7,32 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fsoe_net.diag import Severity, sort_diagnostics
+from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats import Collector, LoadOptions, load_answers, load_scan, open_file
-from fsoe_net.model import Answers
-from fsoe_net.plan import Fingerprint, Plan, compile_plan
+from fsoe_net.formats.answers import load_answers
+from fsoe_net.formats.files import Collector, open_file
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.scan import load_scan
+from fsoe_net.model.answers import Answers
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import Fingerprint
+from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.project.draft import Draft, Inputs, make_draft
 from fsoe_net.project.findings import Findings
 from fsoe_net.project.gather import gather
-from fsoe_net.rules import check_scan
-from fsoe_net.timing import Budget, make_budget
+from fsoe_net.rules.scan import check_scan
+from fsoe_net.timing.budget import Budget, make_budget
 
 if TYPE_CHECKING:
-    from fsoe_net.model import Resolution
+    from fsoe_net.model.resolve import Resolution
     from fsoe_net.project.convert import Conversion
     from fsoe_net.project.decode import DecodedFrame
     from fsoe_net.project.report import Report
-    from fsoe_net.report import Difference, Side
-    from fsoe_net.run import Client, Run
+    from fsoe_net.report.diff import Difference
+    from fsoe_net.report.diff_side import Side
+    from fsoe_net.run.client import Client
+    from fsoe_net.run.result import Run
 
 __all__ = ["Network", "connect", "convert", "decode", "load", "propose"]
 
@@ -171,9 +178,10 @@ class Network:
             CoreMissing: The compiled part is not there.
             EnvironmentFault: A file cannot be written.
         """
-        from fsoe_net.observe import CaptureWriter
+        from fsoe_net.observe.capture import CaptureWriter
         from fsoe_net.project.simulate import prepare
-        from fsoe_net.run import IncidentRecorder, run_live, run_virtual
+        from fsoe_net.run.incidents import IncidentRecorder
+        from fsoe_net.run.session import run_live, run_virtual
         from fsoe_net.save.files import make_folder
 
         if capture is not None and not virtual:
@@ -202,7 +210,8 @@ class Network:
         Raises:
             InputError: One of the two cannot be compared; the exception carries the errors.
         """
-        from fsoe_net.report import compare, side_of_plan
+        from fsoe_net.report.diff import compare
+        from fsoe_net.report.diff_read import side_of_plan
 
         mine = self._side()
         if isinstance(other, Network):
@@ -244,7 +253,7 @@ class Network:
         """
         from fsoe_net.project.known import read_record
         from fsoe_net.project.report import make_report
-        from fsoe_net.report import read_evidence
+        from fsoe_net.report.evidence import read_evidence
 
         if against is not None and accepted is not None:
             raise ValueError("against and accepted: the change log starts from one of them")
@@ -264,7 +273,7 @@ class Network:
         return whole_network(self._checked, refusal)
 
     def _side(self) -> Side:
-        from fsoe_net.report import side_of_network
+        from fsoe_net.report.diff_read import side_of_network
 
         if self._checked.resolution is None:
             raise InputError(f"{self.name} cannot be compared", self.check().errors)
@@ -351,7 +360,8 @@ def connect(
     Raises:
         EnvironmentFault: Nobody answers there, or you may not connect.
     """
-    from fsoe_net.run import Client, control_socket
+    from fsoe_net.run.client import Client
+    from fsoe_net.run.sockets import control_socket
 
     path = control_socket(interface) if socket is None else os.fspath(socket)
     return Client(path, timeout_s=timeout_s)

@@ -6,9 +6,11 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Diagnostic
-from fsoe_net.formats import Collector, InputKind, find_kind, load_devices, load_foreign, read_bytes
-from fsoe_net.model import DescribedSubDevice, Description, NetworkConfig, SourceFile
+from fsoe_net.diag.diagnostic import Diagnostic
+from fsoe_net.formats.files import Collector, read_bytes
+from fsoe_net.formats.foreign_file import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.network import NetworkConfig, SourceFile
 
 __all__ = ["References", "read_references", "split_files"]
 

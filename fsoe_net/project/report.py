@@ -11,41 +11,41 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fsoe_net import __version__
-from fsoe_net.diag import Diagnostic, Severity, sort_diagnostics, summary
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.diag.words import summary
 from fsoe_net.errors import InputError
-from fsoe_net.formats import Collector, LoadOptions, load_protocol, open_file
-from fsoe_net.model import Protocol, Resolution, SourceFile
-from fsoe_net.plan import MAGIC, Fingerprint, Plan, compile_plan, decode_plan, fingerprint_of
+from fsoe_net.formats.files import Collector, open_file
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.protocol import load_protocol
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.protocol import Protocol
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.codec import MAGIC, decode_plan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of
+from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import Checked, library_of, whole_network
 from fsoe_net.project.compare import read_side
 from fsoe_net.project.known import Record
 from fsoe_net.project.simulate import prepare
-from fsoe_net.report import (
-    FORMATS,
-    Against,
-    Document,
-    Evidence,
-    GivenPlan,
-    GivenRecord,
-    LiveEvidence,
-    ReportInputs,
-    Side,
-    Tried,
-    compare,
-    longest_round_trips,
-    make_document,
-    report_pdf,
-    side_of_network,
-    side_of_plan,
-    steps_again,
-    tried_of,
-)
-from fsoe_net.rules import check_scan, check_timing
+from fsoe_net.report.again import steps_again
+from fsoe_net.report.diff import compare
+from fsoe_net.report.diff_read import side_of_network, side_of_plan
+from fsoe_net.report.diff_side import Side
+from fsoe_net.report.document import Document
+from fsoe_net.report.evidence import Evidence, LiveEvidence, longest_round_trips
+from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, ReportInputs, Tried
+from fsoe_net.report.make import make_document
+from fsoe_net.report.protocol_steps import tried_of
+from fsoe_net.report.write import FORMATS
+from fsoe_net.report.write_pdf import report_pdf
+from fsoe_net.rules.scan import check_scan
+from fsoe_net.rules.timing import check_timing
 from fsoe_net.save.files import write_whole
-from fsoe_net.timing import Budget, make_budget
+from fsoe_net.timing.budget import Budget, make_budget
 
 if TYPE_CHECKING:
-    from fsoe_net.run import Run
+    from fsoe_net.run.result import Run
 
 __all__ = ["REPORT_FORMATS", "Report", "make_report", "read_protocol", "since"]
 
@@ -222,7 +222,7 @@ def _plan(resolution: Resolution | None, *, errors: bool) -> Plan | None:
 
 
 def _run(resolution: Resolution, scenario: str) -> Run:
-    from fsoe_net.run import run_virtual
+    from fsoe_net.run.session import run_virtual
 
     session = prepare(resolution, None, scenario, virtual=True)
     return run_virtual(session, session.duration_ns)
@@ -259,7 +259,7 @@ def read_protocol(
         found = summary(out.diagnostics)
         raise InputError(f"{path} cannot be taken as a test protocol: {found}", out.diagnostics)
     if resolution is not None and plan is not None:
-        from fsoe_net.run import compare_protocol, make_protocol
+        from fsoe_net.run.protocol import compare_protocol, make_protocol
 
         whole = fingerprint_of(plan).whole
         fresh = make_protocol(resolution, plan.to_bytes(), fingerprint=whole)
@@ -304,7 +304,7 @@ def _compared(
     plan: Plan | None,
     now: Plan | None,
 ) -> Against:
-    from fsoe_net.run import make_protocol  # slow to load, as in read_protocol
+    from fsoe_net.run.protocol import make_protocol  # slow to load, as in read_protocol
 
     difference = compare(before, side_of_network(resolution, resolution.network.name))
     steps = make_protocol(resolution, b"").steps

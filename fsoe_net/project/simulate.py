@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from fsoe_net.diag import Severity, sort_diagnostics, summary
+from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
+from fsoe_net.diag.words import summary
 from fsoe_net.errors import InputError
-from fsoe_net.formats import load_scenario
-from fsoe_net.model import Resolution, Scenario
-from fsoe_net.plan import Plan, compile_plan
-from fsoe_net.run import Session, Stage, counted_session_ids, random_session_ids
+from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scenario import Scenario
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.model import Plan
+from fsoe_net.run.session import Session, counted_session_ids, random_session_ids
+from fsoe_net.run.stage import Stage
 
 __all__ = ["plan_bytes", "prepare", "with_scenario"]
 

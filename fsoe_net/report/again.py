@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Sequence
 
-from fsoe_net.model import (
-    ProtocolStep,
-    Resolution,
-    SafetyFunction,
-    StepKind,
-    TransferKind,
-)
-from fsoe_net.plan import Plan, safety_text
+from fsoe_net.model.network import TransferKind
+from fsoe_net.model.protocol import ProtocolStep, StepKind
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.safety import SafetyFunction
+from fsoe_net.plan.fingerprint import safety_text
+from fsoe_net.plan.model import Plan
 from fsoe_net.report.diff_types import Change
 from fsoe_net.report.touched import touched_subdevices
 

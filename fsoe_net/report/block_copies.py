@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.plan import NONE, IghDomain, Plan, PlanCopy, copy_end, igh_image
+from fsoe_net.plan.image import IghDomain, igh_image
+from fsoe_net.plan.model import NONE, Plan, PlanCopy
+from fsoe_net.plan.show import copy_end
 from fsoe_net.report.document import (
     Block,
     Cell,

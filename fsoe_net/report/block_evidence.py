@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from fsoe_net.diag import counted
-from fsoe_net.model import Scan, ScannedSubDevice
+from fsoe_net.diag.words import counted
+from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.report.block_head import files_table
 from fsoe_net.report.document import (
     BLANK,
@@ -33,8 +33,8 @@ from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
 from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
 
 if TYPE_CHECKING:
-    from fsoe_net.observe import IncidentHead
-    from fsoe_net.run import Run
+    from fsoe_net.observe.incident import IncidentHead
+    from fsoe_net.run.result import Run
 
 __all__ = ["bus_evidence", "tests"]
 
@@ -432,7 +432,7 @@ def _result(word: str, ms: float | None, source: str, *, failed: bool = False) -
 
 
 def _state_words(word: str) -> str:
-    from fsoe_net.run import state_text  # slow to load, and most reports have no run
+    from fsoe_net.run.result import state_text  # slow to load, and most reports have no run
 
     return state_text(word)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.model import SourceFile
-from fsoe_net.plan import fingerprint_of
+from fsoe_net.model.network import SourceFile
+from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.document import (
     BLANK,
     Block,

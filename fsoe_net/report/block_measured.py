@@ -22,7 +22,7 @@ from fsoe_net.report.document import (
 from fsoe_net.report.inputs import ReportInputs
 
 if TYPE_CHECKING:
-    from fsoe_net.core import Histogram
+    from fsoe_net.core.snapshot import Histogram
 
 __all__ = ["measured_cycle"]
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from fsoe_net.diag import counted
-from fsoe_net.formats import builtin_library
-from fsoe_net.fsoe import safe_data_length, sra_crc
-from fsoe_net.model import Connection, Device, Library, NetworkConfig, SubDevice
+from fsoe_net.diag.words import counted
+from fsoe_net.formats.library import builtin_library
+from fsoe_net.fsoe.crc import sra_crc
+from fsoe_net.fsoe.pdu import safe_data_length
+from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.library import Library
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.resolve import Connection
 from fsoe_net.report.document import (
     BLANK,
     Block,

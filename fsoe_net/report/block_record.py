@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.diag import Severity, counted
-from fsoe_net.model import Acceptance, SignedBy
-from fsoe_net.plan import short_code
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.diag.words import counted
+from fsoe_net.model.acceptance import Acceptance, SignedBy
+from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.report.diff_types import Change
 from fsoe_net.report.document import (
     BLANK,

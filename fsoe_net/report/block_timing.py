@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.report.block_measured import measured_cycle
 from fsoe_net.report.budget import reaction_pictures
 from fsoe_net.report.document import (
@@ -32,16 +32,12 @@ from fsoe_net.report.document import (
     strong,
 )
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.timing import (
-    NOT_ASSESSED,
-    Budget,
-    ConnectionBudget,
-    FunctionBudget,
-    Judgement,
-    Limit,
-    Quantity,
-    WatchdogJudgement,
-)
+from fsoe_net.timing.budget import Budget
+from fsoe_net.timing.elements import Quantity
+from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
+from fsoe_net.timing.pfh import NOT_ASSESSED
+from fsoe_net.timing.reaction import FunctionBudget
+from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
 
 __all__ = ["quantities", "timing"]
 

@@ -6,20 +6,15 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.report.document import outward
 from fsoe_net.report.html import escape
-from fsoe_net.timing import (
-    Budget,
-    ConnectionBudget,
-    FunctionBudget,
-    Limit,
-    Quantity,
-    Reaction,
-    with_cycle,
-)
+from fsoe_net.timing.budget import Budget
+from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.formulas import PartTimes
 from fsoe_net.timing.handshake import broken
+from fsoe_net.timing.reaction import FunctionBudget, Reaction, with_cycle
+from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
 
 __all__ = ["budget_document", "budget_picture", "budget_text", "reaction_pictures"]
 

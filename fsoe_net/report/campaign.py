@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from fsoe_net import __version__
-from fsoe_net.fsoe import reset_code_text
-from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, ClassResult, code_distance
+from fsoe_net.fsoe.campaign.bit_errors import code_distance
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
+from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, ClassResult
+from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.run.campaign import CampaignResult
 
 __all__ = ["Saved", "to_json", "to_markdown", "to_text"]

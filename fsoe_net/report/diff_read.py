@@ -5,30 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 
-from fsoe_net.model import (
-    ConnectionFacts,
-    DescribedSubDevice,
-    Description,
-    DeviceLayout,
-    Direction,
-    Entry,
-    Pdo,
-    Resolution,
-    ResolvedEnd,
-    SafetyFunction,
-    Scan,
-    ScannedSm,
-    ScannedSubDevice,
-    SmLayout,
-    SubDevice,
-    SyncManager,
-    TransferKind,
-    Watchdog,
-    find_blocks,
-    layout_of,
-    place_entries,
-)
-from fsoe_net.plan import NONE, Plan, PlanSubDevice, safety_sha256
+from fsoe_net.model.bus import Direction, Entry, Pdo, SubDevice, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.ends import ResolvedEnd
+from fsoe_net.model.layout import DeviceLayout, SmLayout, find_blocks, layout_of, place_entries
+from fsoe_net.model.network import ConnectionFacts, TransferKind
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.safety import SafetyFunction
+from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
+from fsoe_net.plan.fingerprint import safety_sha256
+from fsoe_net.plan.model import NONE, Plan, PlanSubDevice
 from fsoe_net.report.diff_side import (
     Side,
     SideConnection,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from fsoe_net.model import Element, SafetyFunction
+from fsoe_net.model.safety import Element, SafetyFunction
 from fsoe_net.report.diff_types import Change, Fact
 
 __all__ = ["compare_functions"]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.model import SafetyFunction
+from fsoe_net.model.safety import SafetyFunction
 
 __all__ = [
     "Side",

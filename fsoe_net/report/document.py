@@ -11,7 +11,7 @@ import enum
 import math
 from dataclasses import dataclass
 
-from fsoe_net.diag import Diagnostic
+from fsoe_net.diag.diagnostic import Diagnostic
 
 __all__ = [
     "BLANK",

@@ -10,14 +10,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from fsoe_net.core import Histogram
+from fsoe_net.core.snapshot import Histogram
 from fsoe_net.errors import InputError
-from fsoe_net.formats import open_file, parse_scan
-from fsoe_net.model import Scan, SourceFile
+from fsoe_net.formats.files import open_file
+from fsoe_net.formats.scan import parse_scan
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.scan import Scan
 
 if TYPE_CHECKING:
-    from fsoe_net.observe import IncidentHead
-    from fsoe_net.run import LiveSnapshot, Status
+    from fsoe_net.observe.incident import IncidentHead
+    from fsoe_net.run.control_values import Status
+    from fsoe_net.run.live_snapshot import LiveSnapshot
 
 __all__ = [
     "Evidence",
@@ -108,7 +111,7 @@ def read_evidence(path: str) -> Evidence:
             return Evidence(source=source, run=_run(document))
         except (KeyError, TypeError, ValueError, AttributeError) as exc:
             raise InputError(f"{path} is no whole result of a run: {exc}; {_NEXT}") from exc
-    from fsoe_net.observe import IncidentReader  # most reports need none of it
+    from fsoe_net.observe.incident_read import IncidentReader  # most reports need none of it
 
     try:
         return Evidence(source=source, incident=IncidentReader(path, io.BytesIO(data)).head)
@@ -185,7 +188,7 @@ def ask_live(socket: str) -> LiveEvidence:
     Raises:
         EnvironmentFault: Nobody answers, or the bus is stopped.
     """
-    from fsoe_net.run import Client
+    from fsoe_net.run.client import Client
 
     with Client(socket) as client:
         status, snapshot = client.status(), client.snapshot()

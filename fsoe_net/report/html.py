@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable
 
-from fsoe_net.diag import printable
+from fsoe_net.diag.printable import printable
 
 __all__ = ["escape", "html_page", "table"]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from fsoe_net.diag import counted
-from fsoe_net.fsoe import decode_pdu, describe, reset_code_text
-from fsoe_net.observe import TriggerKind
+from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.pdu import decode_pdu, describe, reset_code_text
 from fsoe_net.observe.causes import Verdicts, judge
 from fsoe_net.observe.evidence import Evidence
 from fsoe_net.observe.evidence_frames import FrameSeen
-from fsoe_net.run import state_text
+from fsoe_net.observe.incident import TriggerKind
+from fsoe_net.run.result import state_text
 
 __all__ = [
     "NO_STATEMENT",

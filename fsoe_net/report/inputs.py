@@ -6,15 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from fsoe_net.diag import Diagnostic, Severity
-from fsoe_net.model import Acceptance, JustifiedFinding, Resolution, SourceFile
-from fsoe_net.plan import Fingerprint, Plan
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.model.acceptance import Acceptance, JustifiedFinding
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.fingerprint import Fingerprint
+from fsoe_net.plan.model import Plan
 from fsoe_net.report.diff import Difference
 from fsoe_net.report.evidence import Evidence, LiveEvidence
-from fsoe_net.timing import Budget
+from fsoe_net.timing.budget import Budget
 
 if TYPE_CHECKING:
-    from fsoe_net.run import Run
+    from fsoe_net.run.result import Run
 
 __all__ = ["Against", "GivenPlan", "GivenRecord", "ReportInputs", "TestStep", "Tried"]
 

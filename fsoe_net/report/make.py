@@ -6,7 +6,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
-from fsoe_net.diag import CATALOGUE, Diagnostic, Severity, counted
+from fsoe_net.diag.catalogue import CATALOGUE
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.words import counted
 from fsoe_net.report.block_copies import copies
 from fsoe_net.report.block_evidence import bus_evidence, tests
 from fsoe_net.report.block_head import identity, role

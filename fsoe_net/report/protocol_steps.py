@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from fsoe_net.model import AtMachine, Protocol, ProtocolStep, Seen, SourceFile
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, Seen
 from fsoe_net.report.inputs import TestStep, Tried
 
 __all__ = ["tried_of"]

@@ -15,25 +15,24 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
-from fsoe_net.diag import Diagnostic, Severity, Span, counted
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.model import (
+from fsoe_net.model.acceptance import (
     Acceptance,
     Intervention,
     JustifiedFinding,
     JustifiedStep,
-    Outcome,
-    Protocol,
-    ProtocolStep,
     Replaced,
-    Resolution,
     SignedBy,
-    SourceFile,
-    StepKind,
     same_person,
     says_something,
 )
-from fsoe_net.plan import Plan, fingerprint_of
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.protocol import Outcome, Protocol, ProtocolStep, StepKind
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.plan.model import Plan
 from fsoe_net.report.document import Level
 
 __all__ = ["Grounds", "Reason", "Refusal", "SignedReport", "read_signed_report", "sign_off"]

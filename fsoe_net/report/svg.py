@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import counted
-from fsoe_net.plan import NONE, Plan, entry_at
+from fsoe_net.diag.words import counted
+from fsoe_net.plan.model import NONE, Plan
+from fsoe_net.plan.show import entry_at
 from fsoe_net.report.html import escape
 
 __all__ = ["MAX_PER_ROW", "copy_picture", "topology_picture"]

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 
-from fsoe_net.core import Histogram, Statistics, bucket_end
+from fsoe_net.core.snapshot import Histogram, Statistics, bucket_end
 from fsoe_net.report.html import escape
 
 __all__ = [

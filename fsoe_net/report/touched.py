@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fsoe_net.plan import NONE, Plan, canonical_section
+from fsoe_net.plan.fingerprint import canonical_section
+from fsoe_net.plan.model import NONE, Plan
 
 __all__ = ["touched_subdevices"]
 

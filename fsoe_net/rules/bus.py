@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Related
-from fsoe_net.model import SubDevice
+from fsoe_net.diag.diagnostic import Related
+from fsoe_net.model.bus import SubDevice
 from fsoe_net.rules.context import Context
 
 __all__ = ["check_bus"]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import Related, counted
-from fsoe_net.model import ConnectionTrouble, FramePair, Hitch, Net, Transfer
+from fsoe_net.diag.diagnostic import Related
+from fsoe_net.diag.words import counted
+from fsoe_net.model.expand import ConnectionTrouble, Hitch
+from fsoe_net.model.network import Net, Transfer
+from fsoe_net.model.slots import FramePair
 from fsoe_net.rules.context import Context, few, nearest
 from fsoe_net.rules.ends import is_main_device
 from fsoe_net.rules.runtime import ROS2, Runtime

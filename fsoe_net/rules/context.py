@@ -6,18 +6,11 @@ import difflib
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import FindingList
-from fsoe_net.model import (
-    Device,
-    DeviceLayout,
-    FsoeBlock,
-    Placed,
-    Resolution,
-    ResolvedEnd,
-    ResolvedTransfer,
-    SmLayout,
-    SubDevice,
-)
+from fsoe_net.diag.diagnostic import FindingList
+from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
+from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout
+from fsoe_net.model.resolve import Resolution
 
 __all__ = [
     "Context",

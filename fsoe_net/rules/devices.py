@@ -4,18 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 
-from fsoe_net.diag import Related, Severity, counted
-from fsoe_net.model import (
-    Device,
-    DeviceLayout,
-    Direction,
-    Entry,
-    Pdo,
-    Placed,
-    SmLayout,
-    SubDevice,
-    Watchdog,
-)
+from fsoe_net.diag.diagnostic import Related, Severity
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SubDevice, Watchdog
+from fsoe_net.model.layout import DeviceLayout, Placed, SmLayout
 from fsoe_net.rules.context import Context, describe_sm
 
 __all__ = ["check_devices"]

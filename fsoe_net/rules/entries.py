@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.diag import Span, counted
-from fsoe_net.model import Entry, Pdo, ScannedEntry
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Entry, Pdo
+from fsoe_net.model.scan import ScannedEntry
 from fsoe_net.rules.context import few
 
 __all__ = ["Item", "assignment_words", "first_difference", "items_of", "listed"]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fsoe_net.diag import Related
-from fsoe_net.model import ConnectionFacts, Direction, Net, TransferKind, Watchdog
+from fsoe_net.diag.diagnostic import Related
+from fsoe_net.model.bus import Direction, Watchdog
+from fsoe_net.model.network import ConnectionFacts, Net, TransferKind
 from fsoe_net.rules.context import Context, few
 
 __all__ = ["check_fsoe"]

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fsoe_net.diag import Diagnostic, FindingList, Severity, sort_diagnostics
-from fsoe_net.model import (
-    DeviceLayout,
-    Library,
-    LibraryDevice,
-    LibraryMapping,
-    Resolution,
-    SubDevice,
-)
+from fsoe_net.diag.diagnostic import Diagnostic, FindingList, Severity, sort_diagnostics
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.layout import DeviceLayout
+from fsoe_net.model.library import Library, LibraryDevice, LibraryMapping
+from fsoe_net.model.resolve import Resolution
 from fsoe_net.rules.context import Context, few
 
 __all__ = ["check_library"]

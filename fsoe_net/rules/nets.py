@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 
-from fsoe_net.diag import Related, counted
-from fsoe_net.model import (
-    Connection,
-    Direction,
-    FsoeBlock,
-    Net,
-    ResolvedEnd,
-    ResolvedTransfer,
-    SubDevice,
-    TransferKind,
-    main_instance_of,
-    partner_block,
-    shared_modules,
-)
+from fsoe_net.diag.diagnostic import Related
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Direction, SubDevice
+from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
+from fsoe_net.model.layout import FsoeBlock
+from fsoe_net.model.network import Net, TransferKind
+from fsoe_net.model.resolve import Connection, main_instance_of, partner_block, shared_modules
 from fsoe_net.rules.context import (
     Context,
     Guesses,

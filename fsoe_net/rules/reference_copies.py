@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag import FindingList, Related, Span, counted
-from fsoe_net.model import (
-    Connection,
-    DescribedCopy,
-    DescribedEnd,
-    Description,
-    Resolution,
-    ResolvedEnd,
-    ResolvedTransfer,
-    SubDevice,
-)
+from fsoe_net.diag.diagnostic import FindingList, Related, Span
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.description import DescribedCopy, DescribedEnd, Description
+from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
+from fsoe_net.model.resolve import Connection, Resolution
 
 __all__ = ["check_copies", "check_slots"]
 

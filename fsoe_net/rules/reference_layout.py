@@ -5,18 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag import Severity, Span, counted
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Device,
-    DeviceLayout,
-    Direction,
-    Pdo,
-    PdoFacts,
-    SmLayout,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, PdoFacts
+from fsoe_net.model.layout import DeviceLayout, SmLayout
 from fsoe_net.rules.context import describe_sm
 from fsoe_net.rules.entries import assignment_words, first_difference, items_of, listed
 

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from fsoe_net.diag import FindingList, Related, Span, counted
-from fsoe_net.model import (
-    Connection,
-    DescribedConnection,
-    Description,
-    Library,
-    LibraryDevice,
-    Resolution,
-)
+from fsoe_net.diag.diagnostic import FindingList, Related, Span
+from fsoe_net.diag.words import counted
+from fsoe_net.model.description import DescribedConnection, Description
+from fsoe_net.model.library import Library, LibraryDevice
+from fsoe_net.model.resolve import Connection, Resolution
 
 __all__ = ["check_twinsafe"]
 

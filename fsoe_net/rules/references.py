@@ -10,30 +10,24 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import cast
 
-from fsoe_net.diag import (
+from fsoe_net.diag.diagnostic import (
     Diagnostic,
     FindingList,
     Related,
     Severity,
     Span,
-    counted,
     sort_diagnostics,
 )
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Description,
-    Device,
-    DeviceLayout,
-    Library,
-    NetworkConfig,
-    Resolution,
-    Scan,
-    ScannedSm,
-    ScannedSubDevice,
-    SubDevice,
-    has_layout,
-    projects_of,
-)
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.join import has_layout
+from fsoe_net.model.layout import DeviceLayout
+from fsoe_net.model.library import Library
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.project import projects_of
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
 from fsoe_net.rules.context import few
 from fsoe_net.rules.reference_copies import check_copies, check_slots
 from fsoe_net.rules.reference_layout import Remark, compare_layout

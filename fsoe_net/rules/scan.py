@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fsoe_net.diag import Diagnostic, FindingList, Related, Severity, Span, sort_diagnostics
-from fsoe_net.model import NetworkConfig, Resolution, Scan, ScannedSubDevice, SubDevice
+from fsoe_net.diag.diagnostic import (
+    Diagnostic,
+    FindingList,
+    Related,
+    Severity,
+    Span,
+    sort_diagnostics,
+)
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.rules.scan_devices import check_health, check_layout, check_revision
 from fsoe_net.rules.scan_fsoe import check_fsoe_values
 from fsoe_net.rules.scan_match import Match, match_scan

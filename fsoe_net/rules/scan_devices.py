@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag import FindingList, Span, counted
-from fsoe_net.model import (
-    DeviceLayout,
-    Direction,
-    Pdo,
-    ScannedPdo,
-    ScannedSm,
-    ScannedSubDevice,
-    SmLayout,
-    SubDevice,
-)
+from fsoe_net.diag.diagnostic import FindingList, Span
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Direction, Pdo, SubDevice
+from fsoe_net.model.layout import DeviceLayout, SmLayout
+from fsoe_net.model.scan import ScannedPdo, ScannedSm, ScannedSubDevice
 from fsoe_net.rules.context import few
 from fsoe_net.rules.entries import assignment_words, first_difference, listed
 

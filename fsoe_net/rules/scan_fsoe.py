@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from fsoe_net.diag import FindingList, Related, counted
-from fsoe_net.model import ConnectionFacts, NetworkConfig, ScannedConnection, ScannedSubDevice
+from fsoe_net.diag.diagnostic import FindingList, Related
+from fsoe_net.diag.words import counted
+from fsoe_net.model.network import ConnectionFacts, NetworkConfig
+from fsoe_net.model.scan import ScannedConnection, ScannedSubDevice
 from fsoe_net.rules.context import few
 
 __all__ = ["check_fsoe_values"]

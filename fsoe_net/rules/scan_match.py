@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fsoe_net.model import NetworkConfig, Scan, ScannedSubDevice, SubDevice
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.scan import Scan, ScannedSubDevice
 
 __all__ = ["Match", "match_scan"]
 

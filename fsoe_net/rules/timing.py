@@ -4,10 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fsoe_net.diag import Diagnostic, FindingList, Related, Severity, Span, sort_diagnostics
-from fsoe_net.model import NetworkConfig, SafetyFunction
+from fsoe_net.diag.diagnostic import (
+    Diagnostic,
+    FindingList,
+    Related,
+    Severity,
+    Span,
+    sort_diagnostics,
+)
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.rules.context import nearest
-from fsoe_net.timing import Budget, ConnectionBudget, FunctionBudget, Judgement, exceeds
+from fsoe_net.timing.budget import Budget
+from fsoe_net.timing.judgement import Judgement, exceeds
+from fsoe_net.timing.reaction import FunctionBudget
+from fsoe_net.timing.watchdogs import ConnectionBudget
 
 __all__ = ["check_timing"]
 

@@ -7,9 +7,9 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from fsoe_net.core import ConnectionSnapshot
+from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import ControlRefused, EnvironmentFault
-from fsoe_net.fsoe import reset_code_text
+from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.run.client import Client
 from fsoe_net.run.control_values import BusState, Status
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot

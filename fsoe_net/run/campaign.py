@@ -14,22 +14,21 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fsoe_net.emul import ConnectionSetup, choose_setups
+from fsoe_net.emul.setup import ConnectionSetup, choose_setups
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.fsoe import MainConfig, SubConfig, safe_data_length
-from fsoe_net.fsoe.campaign import (
+from fsoe_net.fsoe.campaign.shrink import shrink
+from fsoe_net.fsoe.campaign.trials import (
     CampaignConfig,
     ClassResult,
-    Link,
-    MainFactory,
-    SubFactory,
     Trials,
     merge,
     run_trials,
-    shrink,
     trial_count,
 )
-from fsoe_net.model import Resolution
+from fsoe_net.fsoe.campaign.walk import Link, MainFactory, SubFactory
+from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.fsoe.pdu import safe_data_length
+from fsoe_net.model.resolve import Resolution
 from fsoe_net.run.device import divert_stdout
 from fsoe_net.run.stage import DEFAULT_CYCLE_NS
 

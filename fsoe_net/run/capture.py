@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from fsoe_net.core import Core
-from fsoe_net.observe import CaptureWriter, LogicalImage
-from fsoe_net.plan import Plan
+from fsoe_net.core.core import Core
+from fsoe_net.observe.capture import CaptureWriter
+from fsoe_net.observe.wire import LogicalImage
+from fsoe_net.plan.model import Plan
 
 __all__ = ["BusCapture"]
 

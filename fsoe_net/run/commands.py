@@ -6,8 +6,9 @@ import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from fsoe_net.diag import Span
-from fsoe_net.model import TIME_UNITS_NS, Action, Step, time_ns
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.model.scenario import Action, Step
+from fsoe_net.model.times import TIME_UNITS_NS, time_ns
 
 __all__ = ["Command", "CommandError", "parse_command"]
 

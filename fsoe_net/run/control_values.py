@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from fsoe_net.core import ConnectionSnapshot
+from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.plan import Fingerprint, fingerprint_from_json
+from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 from fsoe_net.run.live_snapshot import read_connection
 
 __all__ = [

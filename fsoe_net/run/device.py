@@ -18,8 +18,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.fsoe import MainConfig, SubConfig, frame_length
-from fsoe_net.fsoe.campaign import Peer
+from fsoe_net.fsoe.campaign.channel import Peer
+from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.fsoe.pdu import frame_length
 
 __all__ = ["DeviceFactory", "device_factory", "divert_stdout", "stdout_to_stderr"]
 

@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fsoe_net.core import AlStatus, Segment, SegmentCounts, SegmentLink
-from fsoe_net.diag import counted
+from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import CoreError
-from fsoe_net.model import Step
+from fsoe_net.model.scenario import Step
 from fsoe_net.run.commands import CommandError, parse_command
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.faults import apply_step

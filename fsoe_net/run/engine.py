@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fsoe_net.diag import counted
-from fsoe_net.emul import EmulatedNetwork, Port
-from fsoe_net.fsoe import EventKind, State, reset_code_text
-from fsoe_net.model import Action, Expectation, Scenario, Step
+from fsoe_net.diag.words import counted
+from fsoe_net.emul.bus import EmulatedNetwork
+from fsoe_net.emul.device import Port
+from fsoe_net.fsoe.event import EventKind, State
+from fsoe_net.fsoe.pdu import reset_code_text
+from fsoe_net.model.scenario import Action, Expectation, Scenario, Step
 from fsoe_net.run.result import RunEvent, Verdict, is_data
 
 __all__ = ["Engine", "state_word"]

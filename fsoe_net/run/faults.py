@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fsoe_net.core import Segment
-from fsoe_net.model import Action, Step
+from fsoe_net.core.segment import Segment
+from fsoe_net.model.scenario import Action, Step
 
 __all__ = ["apply_step"]
 

@@ -6,10 +6,11 @@ import difflib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from fsoe_net.diag import Diagnostic, Span, sort_diagnostics
-from fsoe_net.emul import EmulatedNetwork, normal_name
-from fsoe_net.model import Action, Located, Scenario, Step
-from fsoe_net.plan import Plan, PlanSymbol
+from fsoe_net.diag.diagnostic import Diagnostic, Span, sort_diagnostics
+from fsoe_net.emul.bus import EmulatedNetwork, normal_name
+from fsoe_net.model.bus import Located
+from fsoe_net.model.scenario import Action, Scenario, Step
+from fsoe_net.plan.model import Plan, PlanSymbol
 
 __all__ = ["Names", "check_scenario", "check_step"]
 

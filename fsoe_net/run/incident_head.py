@@ -10,10 +10,13 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from fsoe_net.core import Core, CorePlan, DirectionSnapshot, Histogram, Snapshot
-from fsoe_net.emul import EmulatedNetwork
-from fsoe_net.fsoe import SubInstance, command_text, reset_code_text
-from fsoe_net.plan import Plan, PlanCopy, igh_image
+from fsoe_net.core.core import Core, CorePlan
+from fsoe_net.core.snapshot import DirectionSnapshot, Histogram, Snapshot
+from fsoe_net.emul.bus import EmulatedNetwork
+from fsoe_net.fsoe.pdu import command_text, reset_code_text
+from fsoe_net.fsoe.sub_instance import SubInstance
+from fsoe_net.plan.image import igh_image
+from fsoe_net.plan.model import Plan, PlanCopy
 
 __all__ = ["fsoe_json", "layout_json", "plan_text", "snapshot_json", "subdevices_json"]
 

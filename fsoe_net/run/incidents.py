@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net import __version__
-from fsoe_net.core import CoreEvent, Glance
-from fsoe_net.fsoe import OutsideState, reset_code_text
-from fsoe_net.observe import CycleRecord, TriggerKind, incident_name, write_incident
+from fsoe_net.core.snapshot import CoreEvent, Glance
+from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.pdu import reset_code_text
+from fsoe_net.observe.incident import CycleRecord, TriggerKind
+from fsoe_net.observe.incident_write import incident_name, write_incident
 from fsoe_net.run.incident_head import (
     fsoe_json,
     layout_json,

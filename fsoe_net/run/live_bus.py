@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
-from fsoe_net.model import Connection, Resolution
+from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master

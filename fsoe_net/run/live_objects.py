@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fsoe_net.core import Segment
-from fsoe_net.emul import EmulatedDevice, EmulatedNetwork, Port
-from fsoe_net.fsoe import State
+from fsoe_net.core.segment import Segment
+from fsoe_net.emul.bus import EmulatedNetwork
+from fsoe_net.emul.device import EmulatedDevice, Port
+from fsoe_net.fsoe.event import State
 
 __all__ = ["LiveObjects"]
 

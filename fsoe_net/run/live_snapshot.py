@@ -6,8 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-from fsoe_net.core import ConnectionSnapshot, DirectionSnapshot, Histogram, Snapshot, Statistics
-from fsoe_net.fsoe import OutsideState
+from fsoe_net.core.snapshot import (
+    ConnectionSnapshot,
+    DirectionSnapshot,
+    Histogram,
+    Snapshot,
+    Statistics,
+)
+from fsoe_net.fsoe.monitor import OutsideState
 
 __all__ = [
     "LiveSnapshot",

@@ -7,18 +7,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats import Collector
-from fsoe_net.fsoe.campaign import CATALOGUE
-from fsoe_net.model import (
-    Connection,
-    ElementKind,
-    Protocol,
-    ProtocolStep,
-    Resolution,
-    SafetyFunction,
-    StepKind,
-)
-from fsoe_net.plan import short_code
+from fsoe_net.formats.files import Collector
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
+from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind
+from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.model.safety import ElementKind, SafetyFunction
+from fsoe_net.plan.fingerprint import short_code
 
 __all__ = ["compare_protocol", "connections_of", "keep_machine", "make_protocol"]
 

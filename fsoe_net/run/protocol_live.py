@@ -13,17 +13,10 @@ from dataclasses import replace
 from typing import Any
 from typing import Protocol as Interface
 
-from fsoe_net.diag import counted
-from fsoe_net.model import (
-    EMULATED_NOTE,
-    Outcome,
-    Protocol,
-    ProtocolStep,
-    Resolution,
-    Seen,
-    StepKind,
-)
-from fsoe_net.plan import Fingerprint
+from fsoe_net.diag.words import counted
+from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Seen, StepKind
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.run.control_values import NamedConnection, Status
 from fsoe_net.run.in_use import check_in_use, emulated_bus
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot

@@ -5,21 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from fsoe_net.diag import Span, counted
-from fsoe_net.fsoe.campaign import EXHAUSTIVE, CampaignConfig, ClassResult
-from fsoe_net.model import (
-    Action,
-    ElementKind,
-    Outcome,
-    Protocol,
-    ProtocolStep,
-    Resolution,
-    SafetyFunction,
-    Scenario,
-    Seen,
-    Step,
-    StepKind,
-)
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult
+from fsoe_net.model.protocol import Outcome, Protocol, ProtocolStep, Seen, StepKind
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.safety import ElementKind, SafetyFunction
+from fsoe_net.model.scenario import Action, Scenario, Step
 from fsoe_net.run.campaign import campaign_links, run_campaign
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.result import is_data

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from fsoe_net.core import Statistics
+from fsoe_net.core.snapshot import Statistics
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 
 __all__ = [

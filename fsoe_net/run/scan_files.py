@@ -12,16 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats import load_network
-from fsoe_net.model import (
-    Resolution,
-    ScannedEntry,
-    ScannedPdo,
-    ScannedSm,
-    ScannedSubDevice,
-    resolve,
-)
-from fsoe_net.rules import check_scan
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.model.scan import ScannedEntry, ScannedPdo, ScannedSm, ScannedSubDevice
+from fsoe_net.rules.scan import check_scan
 from fsoe_net.run.scan import TakenScan
 from fsoe_net.run.scan_net import proposed_net, yaml_word
 

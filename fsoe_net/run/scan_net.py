@@ -6,15 +6,11 @@ import json
 import re
 from collections.abc import Mapping
 
-from fsoe_net.model import (
-    DeviceLayout,
-    FsoeBlock,
-    Resolution,
-    Scan,
-    ScannedConnection,
-    SubDevice,
-    slot_numbers,
-)
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.layout import DeviceLayout, FsoeBlock
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scan import Scan, ScannedConnection
+from fsoe_net.model.slots import slot_numbers
 
 __all__ = ["proposed_net", "yaml_word"]
 

@@ -9,11 +9,13 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-from fsoe_net.core import ConnectionSnapshot, Core, EmulatedBus, Snapshot
-from fsoe_net.emul import Port
-from fsoe_net.fsoe import State, reset_code_text
-from fsoe_net.model import Step
-from fsoe_net.observe import CaptureWriter
+from fsoe_net.core.core import Core, EmulatedBus
+from fsoe_net.core.snapshot import ConnectionSnapshot, Snapshot
+from fsoe_net.emul.device import Port
+from fsoe_net.fsoe.event import State
+from fsoe_net.fsoe.pdu import reset_code_text
+from fsoe_net.model.scenario import Step
+from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.incidents import IncidentRecorder

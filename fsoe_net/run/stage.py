@@ -7,11 +7,12 @@ import hashlib
 from collections.abc import Callable
 from typing import Protocol
 
-from fsoe_net.core import CorePlan
-from fsoe_net.diag import Diagnostic
-from fsoe_net.emul import build_network
-from fsoe_net.model import LogicChoice, Resolution, Scenario, Step
-from fsoe_net.plan import decode_plan
+from fsoe_net.core.core import CorePlan
+from fsoe_net.diag.diagnostic import Diagnostic
+from fsoe_net.emul.bus import build_network
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scenario import LogicChoice, Scenario, Step
+from fsoe_net.plan.codec import decode_plan
 from fsoe_net.run.engine import Engine
 from fsoe_net.run.fit import Names, check_scenario
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from fsoe_net.core import ConnectionSnapshot, DirectionSnapshot
-from fsoe_net.fsoe import Command, reset_code_text
+from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot
+from fsoe_net.fsoe.pdu import Command, reset_code_text
 from fsoe_net.run.result import ConnectionResult, RunEvent, state_text
 
 __all__ = ["ENDS", "ConnectionFacts", "Story", "connection_result"]

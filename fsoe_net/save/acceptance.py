@@ -9,7 +9,9 @@ from typing import Any
 
 import yaml
 
-from fsoe_net.model import Acceptance, Element, SafetyFunction, SignedBy, SourceFile
+from fsoe_net.model.acceptance import Acceptance, SignedBy
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.safety import Element, SafetyFunction
 
 __all__ = ["write_acceptance"]
 

@@ -9,15 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import (
-    DescribedEnd,
-    DescribedSubDevice,
-    Description,
-    Direction,
-    Entry,
-    Pdo,
-    SyncManager,
-)
+from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.description import DescribedEnd, DescribedSubDevice, Description
 from fsoe_net.save.written import (
     Endpoints,
     Written,

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import (
+from fsoe_net.model.description import (
     DescribedConnection,
     DescribedCopy,
     DescribedEnd,
     DescribedSubDevice,
     Description,
-    NetworkConfig,
-    ResolvedEnd,
-    TransferKind,
-    resolve,
 )
+from fsoe_net.model.ends import ResolvedEnd
+from fsoe_net.model.network import NetworkConfig, TransferKind
+from fsoe_net.model.resolve import resolve
 
 __all__ = ["describe"]
 

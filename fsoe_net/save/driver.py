@@ -8,13 +8,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import (
-    DescribedConnection,
-    DescribedSubDevice,
-    Description,
-    Device,
-    slot_numbers,
-)
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
+from fsoe_net.model.slots import slot_numbers
 from fsoe_net.save.remarks import Remarks, comment, connection_lines
 from fsoe_net.save.slave_yaml import write_slave_yaml
 from fsoe_net.save.written import (

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import DescribedCopy, DescribedSubDevice, Description, Direction
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.description import DescribedCopy, DescribedSubDevice, Description
 from fsoe_net.save.eni_commands import BRD, BWR, plain_text, register
 from fsoe_net.save.eni_layout import EniLayout, Piece, WrittenCommand, lay_out
 from fsoe_net.save.eni_slave import slave_lines

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
-from fsoe_net.model import Pdo, Sdo
+from fsoe_net.model.bus import Pdo, Sdo
 
 __all__ = [
     "APWR",

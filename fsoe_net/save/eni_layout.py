@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import Description, Direction, SmLayout, layout_of
+from fsoe_net.model.bus import Direction
+from fsoe_net.model.description import Description
+from fsoe_net.model.layout import SmLayout, layout_of
 
 __all__ = ["EniLayout", "Piece", "WrittenCommand", "lay_out"]
 

@@ -5,14 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.sax.saxutils import quoteattr
 
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Direction,
-    Pdo,
-    StartFacts,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Direction, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, StartFacts
 from fsoe_net.save.eni_commands import (
     APWR,
     FPWR,

@@ -10,16 +10,8 @@ from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import (
-    DescribedConnection,
-    DescribedSubDevice,
-    Description,
-    Direction,
-    Entry,
-    Pdo,
-    Sdo,
-    SyncManager,
-)
+from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo, SyncManager
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 from fsoe_net.save.written import (
     Written,
     copy_groups,

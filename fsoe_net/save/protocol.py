@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from fsoe_net.model import EMULATED_NOTE, Protocol, ProtocolStep, Seen
+from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, Seen
 
 __all__ = ["write_protocol"]
 

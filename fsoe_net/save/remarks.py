@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fsoe_net.model import DescribedConnection
+from fsoe_net.model.description import DescribedConnection
 from fsoe_net.save.written import plain_text, quoted
 
 __all__ = ["Remarks", "comment", "connection_lines"]

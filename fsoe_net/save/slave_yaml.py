@@ -5,18 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import (
-    DRIVER_WORD,
-    TYPE_BITS,
-    Device,
-    Direction,
-    Entry,
-    EntryView,
-    Pdo,
-    Sdo,
-    SyncManager,
-    Watchdog,
-)
+from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 from fsoe_net.save.written import quoted
 
 __all__ = ["type_word", "write_slave_yaml"]

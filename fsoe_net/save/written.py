@@ -8,15 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import (
-    DescribedCopy,
-    DescribedEnd,
-    Description,
-    DeviceLayout,
-    Entry,
-    SmLayout,
-    layout_of,
-)
+from fsoe_net.model.bus import Entry
+from fsoe_net.model.description import DescribedCopy, DescribedEnd, Description
+from fsoe_net.model.layout import DeviceLayout, SmLayout, layout_of
 
 __all__ = [
     "CopyGroup",

@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.model import Library, Resolution
+from fsoe_net.model.library import Library
+from fsoe_net.model.resolve import Resolution
 from fsoe_net.timing.elements import parts_of
 from fsoe_net.timing.reaction import FunctionBudget, function_budget
 from fsoe_net.timing.watchdogs import ConnectionBudget, connection_budget

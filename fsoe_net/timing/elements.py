@@ -5,17 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.model import (
-    Connection,
-    Element,
-    ElementKind,
-    Library,
-    LibraryDevice,
-    Resolution,
-    SafetyFunction,
-    SubDevice,
-    says_something,
-)
+from fsoe_net.model.acceptance import says_something
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.library import Library, LibraryDevice
+from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
 
 __all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fsoe_net.model import SafetyFunction
+from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.judgement import Judgement
 

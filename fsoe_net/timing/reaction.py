@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fsoe_net.model import Connection, SafetyFunction
+from fsoe_net.model.resolve import Connection
+from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.formulas import (
     PartTimes,

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.model import Connection
+from fsoe_net.model.resolve import Connection
 from fsoe_net.timing.formulas import (
     RESERVE,
     lost_frames_survived,

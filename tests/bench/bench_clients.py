@@ -23,10 +23,11 @@ from pathlib import Path
 from typing import Any
 
 from fsoe_net.errors import FsnError
-from fsoe_net.formats import load_network
-from fsoe_net.model import resolve
-from fsoe_net.plan import compile_plan
-from fsoe_net.run import Client, find_master
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import resolve
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run.client import Client
+from fsoe_net.run.master import find_master
 
 CLIENTS, TURNS, CYCLE, CHANGES = 20, 5, "500us", 200
 OUTPUT = "drive_1.0x6060:00"

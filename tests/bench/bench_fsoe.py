@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from fsoe.foreign import MODULE, ForeignMain
 from fsoe.pair import Bench, make_sub
 
-from fsoe_net.fsoe import State
+from fsoe_net.fsoe.event import State
 
 LIMIT_PER_S = 20_000
 SIZES = (1, 2, 6, 14)

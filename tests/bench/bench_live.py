@@ -19,12 +19,15 @@ from pathlib import Path
 
 import yaml
 
-from fsoe_net.core import SegmentLink
+from fsoe_net.core.segment import SegmentLink
 from fsoe_net.errors import FsnError
-from fsoe_net.formats import load_network
-from fsoe_net.model import resolve
-from fsoe_net.plan import compile_plan
-from fsoe_net.run import Client, SegmentSession, counted_session_ids, find_master
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import resolve
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run.client import Client
+from fsoe_net.run.emulate import SegmentSession
+from fsoe_net.run.master import find_master
+from fsoe_net.run.session import counted_session_ids
 
 PAIRS, PRIORITY, TURNS, ATTEMPTS = 5, 60, 3, 6
 DEVICES = Path(__file__).parents[2] / "examples" / "estop" / "devices"

@@ -20,7 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from networks import write_big_network
 
-from fsoe_net.diag import Severity, without_collector
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.diag.pause import without_collector
 
 SIZES = (4_096, 16_384, 65_535)
 LIMIT_S = 10.0
@@ -31,10 +32,10 @@ STAGES = ("start", "load", "resolve", "rules", "plan", "encode")
 @without_collector
 def stages(path: str) -> None:
     """Check and plan one network as `plan` does; print seconds per stage and MiB at most."""
-    from fsoe_net.formats import load_network
-    from fsoe_net.model import resolve
-    from fsoe_net.plan import compile_plan
-    from fsoe_net.rules import check
+    from fsoe_net.formats.network import load_network
+    from fsoe_net.model.resolve import resolve
+    from fsoe_net.plan.compile import compile_plan
+    from fsoe_net.rules.check import check
 
     marks = [0.0, time.process_time()]
     loaded = load_network([path])
@@ -68,8 +69,9 @@ def core(path: str) -> None:
     """Load a plan with the C core, and read it back in Python; print seconds of both."""
     from networks import resolved
 
-    from fsoe_net.core import CorePlan
-    from fsoe_net.plan import compile_plan, decode_plan
+    from fsoe_net.core.core import CorePlan
+    from fsoe_net.plan.codec import decode_plan
+    from fsoe_net.plan.compile import compile_plan
 
     data = compile_plan(resolved(path)).to_bytes()
     begin = time.process_time()

@@ -11,8 +11,8 @@ from cli.tool import fsn
 from networks import PLAIN
 
 from fsoe_net.cli.output import print_diagnostics
-from fsoe_net.core import CorePlan
-from fsoe_net.diag import Diagnostic, Span
+from fsoe_net.core.core import CorePlan
+from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import CoreMissing, EnvironmentFault, PlanFormatError
 from fsoe_net.save.files import write_whole
 

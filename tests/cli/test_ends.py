@@ -28,10 +28,11 @@ from fsoe_net.cli import (
     verify,
 )
 from fsoe_net.cli.fitted_table import Column, FittedTable
-from fsoe_net.cli.known import Known
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.model import Outcome, Seen
-from fsoe_net.plan import compile_plan, fingerprint_of
+from fsoe_net.model.protocol import Outcome, Seen
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.project.known import Known
 from fsoe_net.run import live_bus
 
 NETWORK = str(PLAIN / "estop" / "network.yaml")

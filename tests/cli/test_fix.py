@@ -12,9 +12,9 @@ from networks import EXAMPLES
 
 from fsoe_net.cli import check, fix
 from fsoe_net.cli.main import main
-from fsoe_net.diag import Edit, Span
+from fsoe_net.diag.diagnostic import Edit, Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats import patch_yaml
+from fsoe_net.formats.patch import patch_yaml
 
 BROKEN = EXAMPLES / "broken"
 GOOD = {

@@ -7,15 +7,16 @@ from types import SimpleNamespace as Facts
 from typing import Any
 
 import pytest
+from fsoe_net.cli.init_output import Remarks, answers_template, network_remarks
 
 from fsoe_net.cli import gather
-from fsoe_net.cli.init_output import Remarks, answers_template, network_remarks
 from fsoe_net.cli.init_prompt import _with, parse_ring
-from fsoe_net.cli.proposing import Made, _names
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError
-from fsoe_net.load import InputKind
-from fsoe_net.model import Answers, Ask, DescribedSubDevice, Question
+from fsoe_net.formats.foreign_file import InputKind
+from fsoe_net.model.answers import Answers, Ask, Question
+from fsoe_net.model.description import DescribedSubDevice
+from fsoe_net.project.draft import Made, _names
 
 HERE = Span("x")
 NOTHING = Made(proposal=None, name="cell", questions=(), findings=())

@@ -16,7 +16,7 @@ from networks import EXAMPLES
 
 from fsoe_net.cli.main import cli
 from fsoe_net.cli.options import CYCLE, FILE, FOLDER, RUN_TIME, Time
-from fsoe_net.model import time_ns, time_text
+from fsoe_net.model.times import time_ns, time_text
 
 ROOT = Path(__file__).parents[2]
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")

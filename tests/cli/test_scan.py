@@ -21,8 +21,8 @@ from cli.tool import fsn
 from networks import PLAIN
 from scans import scan_of
 
-from fsoe_net.formats import load_network
-from fsoe_net.model import resolve
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import resolve
 
 ROOT = Path(__file__).parents[2]
 NETWORK = PLAIN / "el6910" / "network.yaml"

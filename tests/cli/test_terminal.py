@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.diag import first_control, printable
+from fsoe_net.diag.printable import first_control, printable
 
 ROOT = Path(__file__).parents[2]
 ESTOP = ROOT / "examples" / "estop"

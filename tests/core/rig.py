@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from core.plan_builder import Builder, estop
 
-from fsoe_net.core import Core, CorePlan, EmulatedBus
+from fsoe_net.core.core import Core, CorePlan, EmulatedBus
 from fsoe_net.errors import CoreMissing
 
 

@@ -7,7 +7,7 @@ import pytest
 from cli.tool import fsn
 from run.support import needs_core
 
-from fsoe_net.core import status_table
+from fsoe_net.core.status import status_table
 
 ROOT = Path(__file__).parents[2]
 

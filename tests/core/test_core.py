@@ -7,10 +7,10 @@ import gc
 import pytest
 from networks import example
 
-from fsoe_net.core import Core, CorePlan, EmulatedBus
+from fsoe_net.core.core import Core, CorePlan, EmulatedBus
 from fsoe_net.errors import CoreError, CoreMissing, PlanFormatError
-from fsoe_net.fsoe import OutsideState
-from fsoe_net.plan import compile_plan
+from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.plan.compile import compile_plan
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 from core.plan_builder import Builder, Transfer, estop, fix_crc, section
 from core.rig import load, need_core
 
-from fsoe_net.core import CorePlan
+from fsoe_net.core.core import CorePlan
 from fsoe_net.errors import PlanFormatError
 
 

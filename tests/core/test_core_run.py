@@ -8,9 +8,10 @@ from core.rig import Rig, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.core import Core, EmulatedBus, bucket_end
+from fsoe_net.core.core import Core, EmulatedBus
+from fsoe_net.core.snapshot import bucket_end
 from fsoe_net.errors import CoreError
-from fsoe_net.fsoe import OutsideState
+from fsoe_net.fsoe.monitor import OutsideState
 
 RESET = bytes([0x2A, 5, 1, 2, 7, 0])
 SESSION = bytes([0x4E, 1, 1, 2, 7, 0])

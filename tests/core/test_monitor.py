@@ -7,18 +7,11 @@ from fsoe.pair import Bench, make_main, make_sub
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.core import CoreMonitor, frame_fits, frame_sequence
+from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
 from fsoe_net.errors import PduSizeError
-from fsoe_net.fsoe import (
-    SAFE_SIZES,
-    Monitor,
-    OutsideState,
-    Verdict,
-    decode_pdu,
-    frame_crcs,
-    frame_length,
-    solve_sequence,
-)
+from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
+from fsoe_net.fsoe.monitor import Monitor, OutsideState, Verdict
+from fsoe_net.fsoe.pdu import SAFE_SIZES, decode_pdu, frame_length
 
 sizes = st.sampled_from([1, 2, 4, 6, 14, 126])
 words = st.integers(0, 0xFFFF)

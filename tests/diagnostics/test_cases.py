@@ -9,14 +9,18 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
-from fsoe_net.formats import Collector, LoadOptions, load_answers, load_scan
+from fsoe_net.diag.catalogue import CATALOGUE
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.formats.answers import load_answers
 from fsoe_net.formats.esi import EsiChoice
-from fsoe_net.model import Answers
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.scan import load_scan
+from fsoe_net.model.answers import Answers
 from fsoe_net.project.check import check_files
 from fsoe_net.project.draft import Inputs, make_draft, question_findings
 from fsoe_net.project.gather import gather
-from fsoe_net.rules import Runtime
+from fsoe_net.rules.runtime import Runtime
 
 pytestmark = pytest.mark.usefixtures("said")
 

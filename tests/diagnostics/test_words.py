@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 
 PACKAGE = Path(__file__).parents[2] / "fsoe_net"
 NOUNS = [

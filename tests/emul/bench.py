@@ -7,10 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fsoe_net.emul import EmulatedNetwork, build_network
-from fsoe_net.formats import load_network
-from fsoe_net.fsoe import Event, EventKind
-from fsoe_net.model import LogicChoice, Resolution, resolve
+from fsoe_net.emul.bus import EmulatedNetwork, build_network
+from fsoe_net.formats.network import load_network
+from fsoe_net.fsoe.event import Event, EventKind
+from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.model.scenario import LogicChoice
 
 ROOT = Path(__file__).parents[2]
 ESTOP = ROOT / "examples" / "estop" / "network.yaml"

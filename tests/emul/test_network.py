@@ -6,15 +6,12 @@ from dataclasses import replace
 import pytest
 from emul.bench import ESTOP, MS, ROBOT, Bench, bench
 
-from fsoe_net.fsoe import (
-    MainConfig,
-    MainInstance,
-    ResetCode,
-    State,
-    SubConfig,
-    SubInstance,
-)
-from fsoe_net.model import LogicChoice
+from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.fsoe.event import State
+from fsoe_net.fsoe.main_instance import MainInstance
+from fsoe_net.fsoe.pdu import ResetCode
+from fsoe_net.fsoe.sub_instance import SubInstance
+from fsoe_net.model.scenario import LogicChoice
 
 NAME = "el1918-ek1914"
 OUT = "ek1914.0x7001:01"

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 from emul.bench import ESTOP, ROBOT, load
 
-from fsoe_net.emul import choose_setups
-from fsoe_net.model import ConnectionFacts, Resolution
+from fsoe_net.emul.setup import choose_setups
+from fsoe_net.model.network import ConnectionFacts
+from fsoe_net.model.resolve import Resolution
 
 
 def with_facts(resolution: Resolution, *facts: ConnectionFacts | None) -> Resolution:

@@ -5,8 +5,8 @@ from emul.bench import ESTOP, ROBOT, bench
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fsoe_net.emul import normal_name
-from fsoe_net.model import Signal, write_bits
+from fsoe_net.emul.bus import normal_name
+from fsoe_net.model.signals import Signal, write_bits
 
 
 def test_names_of_a_small_device():

@@ -8,8 +8,8 @@ import pytest
 from cli.tool import fsn
 from networks import EXAMPLES, example, resolved
 
-from fsoe_net.diag import Severity
-from fsoe_net.plan import compile_plan
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files
 
 BROKEN = sorted(EXAMPLES.glob("broken/*.yaml"))

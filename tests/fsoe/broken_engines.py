@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 from fsoe.devices import _NoCrc
 
-from fsoe_net.fsoe import Chain, Command, MainInstance, State, SubInstance, advance
 from fsoe_net.fsoe import chain as chain_module
+from fsoe_net.fsoe.chain import Chain, advance
+from fsoe_net.fsoe.event import State
 from fsoe_net.fsoe.instance import Instance
-from fsoe_net.fsoe.pdu import ResetCode
+from fsoe_net.fsoe.main_instance import MainInstance
+from fsoe_net.fsoe.pdu import Command, ResetCode
+from fsoe_net.fsoe.sub_instance import SubInstance
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from fsoe_net.fsoe import Chain, MainInstance, State, SubInstance, advance
 from fsoe_net.fsoe.campaign.channel import SessionIds
+from fsoe_net.fsoe.chain import Chain, advance
+from fsoe_net.fsoe.event import State
+from fsoe_net.fsoe.main_instance import MainInstance
+from fsoe_net.fsoe.sub_instance import SubInstance
 
 
 class _NoCrc(Chain):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from fsoe_net.fsoe import MainConfig, SubConfig
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import CampaignConfig
 from fsoe_net.fsoe.campaign.walk import Link
+from fsoe_net.fsoe.config import MainConfig, SubConfig
 
 DRAWN = [name for name in CATALOGUE if name != "bit_errors"]
 SIZES = [(1, 1), (2, 2), (6, 4), (1, 14)]

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from fsoe_net.fsoe import (
-    Chain,
-    Command,
-    EventKind,
-    MainConfig,
-    MainInstance,
-    Pdu,
-    State,
-    SubConfig,
-    SubInstance,
-    decode_pdu,
-)
+from fsoe_net.fsoe.chain import Chain
+from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.fsoe.event import EventKind, State
+from fsoe_net.fsoe.main_instance import MainInstance
+from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu
+from fsoe_net.fsoe.sub_instance import SubInstance
 
 CONNECTION_ID = 0xABCD
 ADDRESS = 0x1234

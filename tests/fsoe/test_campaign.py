@@ -13,11 +13,11 @@ from fsoe.devices import (
 from fsoe.links import DRAWN, SIZES, make_config, make_link
 
 from fsoe_net.errors import ConfigError
-from fsoe_net.fsoe import Command, decode_pdu
 from fsoe_net.fsoe.campaign import trials as campaign_module
 from fsoe_net.fsoe.campaign.shrink import shrink
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, merge, run_trials
 from fsoe_net.fsoe.campaign.walk import Link
+from fsoe_net.fsoe.pdu import Command, decode_pdu
 from fsoe_net.fsoe.recording.replay import replay
 
 pytestmark = pytest.mark.usefixtures("said")

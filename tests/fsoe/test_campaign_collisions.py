@@ -6,7 +6,6 @@ import random
 import pytest
 from fsoe.links import SIZES, make_config, make_link
 
-from fsoe_net.fsoe import Chain, Command, decode_pdu
 from fsoe_net.fsoe.campaign.channel import Way
 from fsoe_net.fsoe.campaign.faults import Swap
 from fsoe_net.fsoe.campaign.injection import Injection
@@ -15,6 +14,8 @@ from fsoe_net.fsoe.campaign.statistics import count_interval
 from fsoe_net.fsoe.campaign.trials import run_trials
 from fsoe_net.fsoe.campaign.walk import Link, Walker
 from fsoe_net.fsoe.campaign.witness import Witness, collision
+from fsoe_net.fsoe.chain import Chain
+from fsoe_net.fsoe.pdu import Command, decode_pdu
 
 
 def _scene_in_data(link: Link, number: int = 0):

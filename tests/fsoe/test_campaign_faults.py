@@ -8,7 +8,6 @@ import pytest
 from fsoe.links import DRAWN, make_config, make_link
 
 from fsoe_net.errors import ConfigError
-from fsoe_net.fsoe import Command, frame_length
 from fsoe_net.fsoe.campaign.bit_errors import bit_error, bit_error_count, code_distance
 from fsoe_net.fsoe.campaign.channel import Way
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
@@ -26,6 +25,7 @@ from fsoe_net.fsoe.campaign.faults import (
 from fsoe_net.fsoe.campaign.injection import Strangers
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials, trial_count
 from fsoe_net.fsoe.campaign.walk import Walker
+from fsoe_net.fsoe.pdu import Command, frame_length
 
 pytestmark = pytest.mark.usefixtures("said")
 

@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.fsoe import Chain, advance, decode_pdu, frame_crcs
+from fsoe_net.fsoe.chain import Chain, advance
+from fsoe_net.fsoe.crc import frame_crcs
+from fsoe_net.fsoe.pdu import decode_pdu
 
 pytestmark = pytest.mark.usefixtures("said")
 

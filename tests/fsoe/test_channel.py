@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.errors import ConfigError
-from fsoe_net.fsoe import State
 from fsoe_net.fsoe.campaign.channel import BACK, Application, Channel, SessionIds, Way, set_sequence
 from fsoe_net.fsoe.campaign.walk import Walker
+from fsoe_net.fsoe.event import State
 
 pytestmark = pytest.mark.usefixtures("said")
 

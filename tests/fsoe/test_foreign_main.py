@@ -10,7 +10,9 @@ from fsoe.pair import ADDRESS, last_reset, make_sub
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fsoe_net.fsoe import Command, EventKind, ResetCode, State, decode_pdu, sra_crc
+from fsoe_net.fsoe.crc import sra_crc
+from fsoe_net.fsoe.event import EventKind, State
+from fsoe_net.fsoe.pdu import Command, ResetCode, decode_pdu
 
 foreign = load()
 START_UP = [

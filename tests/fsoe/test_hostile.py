@@ -11,9 +11,11 @@ import pytest
 from fsoe.links import make_link
 from fsoe.pair import CONNECTION_ID, Bench, is_reset, last_reset, make_sub, parts, right
 
-from fsoe_net.fsoe import Chain, Command, EventKind, State, frame_length, reset_frame
 from fsoe_net.fsoe.campaign.channel import BACK, Way
 from fsoe_net.fsoe.campaign.faults import Alternate, Flip, Freeze, Late, Slip, Swap, Torn
+from fsoe_net.fsoe.chain import Chain, reset_frame
+from fsoe_net.fsoe.event import EventKind, State
+from fsoe_net.fsoe.pdu import Command, frame_length
 
 TO_SUB, TO_MAIN = Way.TO_SUB, Way.TO_MAIN
 CYCLES = 44  # the start-up takes 16 of them

@@ -10,15 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.errors import ConfigError
-from fsoe_net.fsoe import (
-    SAFE_SIZES,
-    Command,
-    EventKind,
-    State,
-    decode_pdu,
-    frame_crcs,
-    reset_frame,
-)
+from fsoe_net.fsoe.chain import reset_frame
+from fsoe_net.fsoe.crc import frame_crcs
+from fsoe_net.fsoe.event import EventKind, State
+from fsoe_net.fsoe.pdu import SAFE_SIZES, Command, decode_pdu
 
 pytestmark = pytest.mark.usefixtures("said")
 

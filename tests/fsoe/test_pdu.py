@@ -8,21 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.errors import FsoeError, PduSizeError
-from fsoe_net.fsoe import (
+from fsoe_net.fsoe.chain import fits_start, reset_frame
+from fsoe_net.fsoe.crc import block_crc, frame_crcs, sra_crc
+from fsoe_net.fsoe.pdu import (
     SAFE_SIZES,
     Command,
     Pdu,
-    block_crc,
     decode_pdu,
     describe,
-    fits_start,
-    frame_crcs,
     frame_length,
     is_frame_length,
     reset_code_text,
-    reset_frame,
     safe_data_length,
-    sra_crc,
 )
 
 pytestmark = pytest.mark.usefixtures("said")

@@ -9,7 +9,7 @@ from fsoe.recorded import CONFIG, own_run, row_of
 from said import Said
 
 from fsoe_net.errors import RecordingError
-from fsoe_net.fsoe import decode_pdu
+from fsoe_net.fsoe.pdu import decode_pdu
 from fsoe_net.fsoe.recording.difference import explain
 from fsoe_net.fsoe.recording.replay import replay, replay_file
 

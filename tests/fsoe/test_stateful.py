@@ -21,7 +21,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from fsoe_net.fsoe import Command, MainInstance, State, SubInstance, frame_length, reset_frame
+from fsoe_net.fsoe.chain import reset_frame
+from fsoe_net.fsoe.event import State
+from fsoe_net.fsoe.main_instance import MainInstance
+from fsoe_net.fsoe.pdu import Command, frame_length
+from fsoe_net.fsoe.sub_instance import SubInstance
 
 SIZES = st.sampled_from([(1, 1), (2, 2), (1, 2), (6, 4), (4, 14)])
 APPS = st.sampled_from([b"", b"\x01", b"\x01\x02\x03\x04\x05"])

@@ -20,7 +20,10 @@ from fsoe.pair import (
     wrong_crc,
 )
 
-from fsoe_net.fsoe import Chain, Command, EventKind, Parameters, State, reset_frame
+from fsoe_net.fsoe.chain import Chain, reset_frame
+from fsoe_net.fsoe.config import Parameters
+from fsoe_net.fsoe.event import EventKind, State
+from fsoe_net.fsoe.pdu import Command
 
 pytestmark = pytest.mark.usefixtures("said")
 

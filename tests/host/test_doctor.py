@@ -7,7 +7,9 @@ import pytest
 from cli.tool import fsn
 from host.made_up import CAPABILITIES, CLOCKS, CPUS, MASTER, good, status
 
-from fsoe_net.host import Host, Level, Unreadable, examine
+from fsoe_net.host.doctor import examine
+from fsoe_net.host.finding import Level
+from fsoe_net.host.seam import Host, Unreadable
 
 ROOT = Path(__file__).parents[2]
 EVERY_WARNING = (Level.WARNING, Level.BAD)

@@ -11,14 +11,15 @@ from typing import Any
 
 from networks import EXAMPLES, resolved
 
-from fsoe_net.emul import EmulatedDevice
-from fsoe_net.formats import load_scenario
-from fsoe_net.model import Resolution
-from fsoe_net.observe import IncidentReader
+from fsoe_net.emul.device import EmulatedDevice
+from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.model.resolve import Resolution
 from fsoe_net.observe.causes import Verdicts, judge
 from fsoe_net.observe.evidence import Evidence, gather
-from fsoe_net.plan import compile_plan
-from fsoe_net.run import IncidentRecorder, Session, counted_session_ids
+from fsoe_net.observe.incident_read import IncidentReader
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run.incidents import IncidentRecorder
+from fsoe_net.run.session import Session, counted_session_ids
 
 MS = 1_000_000
 CELL, ESTOP = "el6910", "estop"

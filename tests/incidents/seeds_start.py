@@ -11,7 +11,8 @@ from typing import Any
 
 from incidents.rig import CELL, Seed, network
 
-from fsoe_net.plan import Plan, compile_plan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.model import Plan
 
 
 def subdevice(plan: Plan, number: int, found: str = "", detail: str = "", **more: Any) -> Any:

@@ -12,7 +12,7 @@ from incidents.seeds_bus import EVERYBODY, all_of, watchdog
 from incidents.seeds_start import failed
 from networks import resolved, write_big_network
 
-from fsoe_net.model import Resolution
+from fsoe_net.model.resolve import Resolution
 
 FIVE = [f"s{n}" for n in range(1, 6)]
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from incidents.rig import CELL, COUPLER, ESTOP, MS, Rig, Seed, config, edited, network
 
-from fsoe_net.emul import choose_setups
 from fsoe_net.emul.device import main_port
-from fsoe_net.run import counted_session_ids
+from fsoe_net.emul.setup import choose_setups
+from fsoe_net.run.session import counted_session_ids
 
 SLOTS_IN = (
     ("out: {ec_module: el6910, index: 0x7020", "out: {ec_module: el6910, index: 0x70FF"),

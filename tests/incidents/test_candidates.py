@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from fsoe_net.fsoe import Command, OutsideState, ResetCode, Verdict
-from fsoe_net.observe import CycleRecord, causes_bus, causes_ends, causes_places
+from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.pdu import Command, ResetCode
+from fsoe_net.observe import causes_bus, causes_ends, causes_places
 from fsoe_net.observe.candidate import Candidate
 from fsoe_net.observe.evidence import Evidence, Planned
 from fsoe_net.observe.evidence_cycles import BusWatch, SlowCycle
@@ -17,6 +18,7 @@ from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, Rese
 from fsoe_net.observe.incident import (
     Area,
     Counters,
+    CycleRecord,
     IncidentHead,
     Places,
     SubDeviceSeen,

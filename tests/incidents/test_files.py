@@ -11,8 +11,10 @@ from incidents.rig import START, Rig, edited, network, read
 from incidents.seeds_start import failed
 
 from fsoe_net.errors import IncidentError
-from fsoe_net.observe import CycleRecord, IncidentReader, incident_name, write_incident
 from fsoe_net.observe.causes import judge
+from fsoe_net.observe.incident import CycleRecord
+from fsoe_net.observe.incident_read import IncidentReader
+from fsoe_net.observe.incident_write import incident_name, write_incident
 from fsoe_net.report.incident_page import incident_page
 from fsoe_net.report.incident_story import story_json, story_of
 from fsoe_net.report.incident_text import incident_text

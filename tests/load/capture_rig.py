@@ -16,7 +16,7 @@ import time
 from patience import PATIENCE_S
 from segment.peers import Devices, soem
 
-from fsoe_net.observe import CaptureWriter
+from fsoe_net.observe.capture import CaptureWriter
 
 ALL_PROTOCOLS = 3
 SOCKET_BYTES = 64 << 20

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from xml.sax.saxutils import escape, quoteattr
 
-from fsoe_net.model import DescribedSubDevice, Direction, Entry, Pdo
+from fsoe_net.model.bus import Direction, Entry, Pdo
+from fsoe_net.model.description import DescribedSubDevice
 
 __all__ = ["device_text", "esi_text", "module_text", "pdo_text"]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import struct
 
 from fsoe_net.formats.sii import sii_checksum
-from fsoe_net.model import DescribedSubDevice, Direction, Pdo
+from fsoe_net.model.bus import Direction, Pdo
+from fsoe_net.model.description import DescribedSubDevice
 
 __all__ = ["category", "image", "image_of", "strings"]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from fsoe_net.formats import Collector, parse_answers
+from fsoe_net.formats.answers import parse_answers
+from fsoe_net.formats.files import Collector
 
 GOOD = b"""\
 name: cell

@@ -21,9 +21,11 @@ from load.startup import (
 )
 from observe.traffic import Bus, datagram, packet
 
-from fsoe_net.diag import Severity
-from fsoe_net.formats import Collector, InputKind, capture, find_kind
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats import capture
 from fsoe_net.formats.capture import load_capture, load_capture_content
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.foreign_file import InputKind, find_kind
 
 WAYS = {(1, 3, 0, 2), (0, 3, 1, 2)}  # source and destination: SubDevice, sync manager
 

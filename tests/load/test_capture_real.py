@@ -13,10 +13,12 @@ from data_files import need
 from observe.tshark import tshark
 from wires import missing, run_program
 
-from fsoe_net.diag import Severity
-from fsoe_net.formats import Collector, load_network
+from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.capture import load_capture
-from fsoe_net.model import layout_of, resolve
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.layout import layout_of
+from fsoe_net.model.resolve import resolve
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

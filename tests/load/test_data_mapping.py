@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.formats import Collector
 from fsoe_net.formats.device import load_device
-from fsoe_net.model import EntryView
+from fsoe_net.formats.files import Collector
+from fsoe_net.model.bus import EntryView
 
 SLAVE = """vendor_id: 2
 product_id: 3

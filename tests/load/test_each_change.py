@@ -14,18 +14,16 @@ from load.test_cases import KINDS
 from load.texts import DOMAINS, SLAVES_V
 from said import Said
 
-from fsoe_net.load import (
-    Collector,
-    load_acceptance,
-    load_answers,
-    load_network,
-    load_protocol,
-    load_scan,
-    load_scenario,
-)
-from fsoe_net.load.capture import load_capture
-from fsoe_net.load.igh_text import load_igh_text
-from fsoe_net.load.sii import load_sii
+from fsoe_net.formats.acceptance import load_acceptance
+from fsoe_net.formats.answers import load_answers
+from fsoe_net.formats.capture import load_capture
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.igh_text import load_igh_text
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.protocol import load_protocol
+from fsoe_net.formats.scan import load_scan
+from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.formats.sii import load_sii
 
 BASE = HERE / "base"
 SCENARIO = """\

@@ -10,9 +10,10 @@ from described import described_devices
 from hypothesis import given, settings
 from load.esi_text import device_text, esi_text, module_text
 
-from fsoe_net.formats import Collector
 from fsoe_net.formats.esi import EsiChoice, list_esi, load_esi
-from fsoe_net.model import Direction, Entry, Pdo, layout_of
+from fsoe_net.formats.files import Collector
+from fsoe_net.model.bus import Direction, Entry, Pdo
+from fsoe_net.model.layout import layout_of
 
 SMS = (
     '<Sm StartAddress="#x1000" ControlByte="#x26">MBoxOut</Sm>'

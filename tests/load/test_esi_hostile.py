@@ -10,10 +10,10 @@ import pytest
 from bench.big_esi import write_big_esi
 from load.esi_text import esi_text, module_text
 
-from fsoe_net.formats import Collector
 from fsoe_net.formats import esi as esi_module
 from fsoe_net.formats.esi import EsiChoice, list_esi, load_esi
 from fsoe_net.formats.esi_cache import cache_folder
+from fsoe_net.formats.files import Collector
 
 DEVICE = '<Device><Type ProductCode="#x10" RevisionNo="1">D</Type><Name>{0}</Name>{1}</Device>\n'
 

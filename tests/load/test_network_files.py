@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.formats import LoadOptions, load_network
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.options import LoadOptions
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 

@@ -11,7 +11,8 @@ import pytest
 from load.sii_image import category, image
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats import Collector, InputKind, find_kind, load_foreign
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
 from fsoe_net.formats.hex_text import binary_of
 from fsoe_net.formats.not_read import NEXT_STEPS
 

@@ -6,11 +6,11 @@ import pytest
 from data_files import need
 from load.texts import LCEC, ROS_SLAVES, TWINSAFE
 
-from fsoe_net.formats import Collector
+from fsoe_net.formats.files import Collector
 from fsoe_net.formats.lcec import load_lcec
 from fsoe_net.formats.ros_slaves import load_ros_slaves
 from fsoe_net.formats.twinsafe import load_twinsafe
-from fsoe_net.model import layout_of
+from fsoe_net.model.layout import layout_of
 
 
 def lcec(text: str, *codes: str, **options: int):

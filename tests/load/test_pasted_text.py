@@ -17,10 +17,12 @@ from load.texts import (
     cstruct,
 )
 
-from fsoe_net.formats import Collector
+from fsoe_net.formats.files import Collector
 from fsoe_net.formats.igh_text import load_igh_text
 from fsoe_net.formats.soem_text import load_soem_text
-from fsoe_net.model import Description, Watchdog, layout_of
+from fsoe_net.model.bus import Watchdog
+from fsoe_net.model.description import Description
+from fsoe_net.model.layout import layout_of
 
 READERS = {
     "pdos": (PDOS, load_igh_text),

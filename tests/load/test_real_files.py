@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from data_files import listed, need
 
-from fsoe_net.diag import Severity
-from fsoe_net.plan import compile_plan, igh_text
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.image import igh_text
 from fsoe_net.project.check import check_files
 
 

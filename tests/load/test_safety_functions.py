@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.diag import Diagnostic
-from fsoe_net.formats import load_network
-from fsoe_net.model import ElementKind, SafetyFunction
+from fsoe_net.diag.diagnostic import Diagnostic
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.safety import ElementKind, SafetyFunction
 
 HEAD = "version: 1\nproject: Cell 7\nsubdevices: []\nnets: []\nsafety_functions:\n"
 WHOLE = """\

@@ -13,17 +13,14 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from load.inventions import documents
 
-from fsoe_net.diag import Diagnostic, Severity
-from fsoe_net.formats import (
-    Collector,
-    LoadOptions,
-    load_answers,
-    load_network,
-    load_protocol,
-    load_scenario,
-    read_schema,
-)
-from fsoe_net.formats.schema import _validator
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.formats.answers import load_answers
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.protocol import load_protocol
+from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.formats.schema import _validator, read_schema
 
 # Other keys or files say the rest: a path, two names of one thing, the order of two times, a day
 # that its month has, a step that is not done at the machine, the bits of another entry.

@@ -10,11 +10,14 @@ import pytest
 from cli.tool import fsn
 from load import twincat_text as tc
 
-from fsoe_net.diag import Severity
-from fsoe_net.formats import Collector, InputKind, find_kind, load_foreign
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
 from fsoe_net.formats.twincat import load_twincat
 from fsoe_net.formats.twinsafe import load_twinsafe
-from fsoe_net.model import Description, Watchdog, layout_of
+from fsoe_net.model.bus import Watchdog
+from fsoe_net.model.description import Description
+from fsoe_net.model.layout import layout_of
 
 
 def read(path: Path) -> Description:

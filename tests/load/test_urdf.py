@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from data_files import need
 
-from fsoe_net.diag import Severity
+from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.urdf import UrdfResult, load_urdf
 
 HERE = Path(__file__).parent / "urdf"

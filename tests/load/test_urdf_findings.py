@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.diag import Diagnostic, Severity
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.formats.urdf import load_urdf
 
 BASE = (Path(__file__).parent / "urdf" / "robot.urdf").read_text("utf-8")

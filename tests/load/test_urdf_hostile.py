@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.diag import Diagnostic
+from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.formats import urdf
 from fsoe_net.formats.options import LoadOptions
 from fsoe_net.formats.urdf import load_urdf

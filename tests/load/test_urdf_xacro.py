@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from fsoe_net.diag import Diagnostic
+from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.formats import xacro_expand
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.options import LoadOptions

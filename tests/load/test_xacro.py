@@ -102,7 +102,7 @@ def test_packages_are_found(tmp_path: Path):
 
 
 def test_a_urdf_without_transfers_is_remarked(tmp_path: Path):
-    from fsoe_net.formats import load_network
+    from fsoe_net.formats.network import load_network
 
     result = load_network([write(tmp_path)])
     assert "FSN125" in [d.code for d in result.diagnostics]

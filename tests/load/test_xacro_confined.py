@@ -23,7 +23,7 @@ from typing import TypeVar
 import pytest
 from patience import PATIENCE_S
 
-from fsoe_net.diag import Diagnostic
+from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.formats import confine, xacro_expand
 from fsoe_net.formats.options import LoadOptions
 from fsoe_net.formats.urdf import load_urdf

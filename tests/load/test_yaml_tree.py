@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fsoe_net.diag import Span
-from fsoe_net.formats import Collector, yaml_tree
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats import yaml_tree
+from fsoe_net.formats.files import Collector
 from fsoe_net.formats.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
 
 ROOT = Path(__file__).parents[2]

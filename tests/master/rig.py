@@ -19,7 +19,7 @@ from networks import example
 from patience import PATIENCE_S
 from tied import tied
 
-from fsoe_net.plan import compile_plan
+from fsoe_net.plan.compile import compile_plan
 
 ROOT = Path(__file__).parents[2]
 NOBODY = 65534

@@ -9,8 +9,9 @@ from master.rig import running
 from networks import PLAIN, example
 
 from fsoe_net import __version__
-from fsoe_net.plan import compile_plan, fingerprint_from_json, fingerprint_of
-from fsoe_net.run import Client
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import fingerprint_from_json, fingerprint_of
+from fsoe_net.run.client import Client
 
 ESTOP = str(PLAIN / "estop" / "network.yaml")
 

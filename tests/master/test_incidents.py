@@ -13,7 +13,9 @@ import pytest
 from master.rig import run_to_end, running, write_plan
 from networks import example
 
-from fsoe_net.plan import compile_plan, decode_plan, fingerprint_from_json, fingerprint_of
+from fsoe_net.plan.codec import decode_plan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import fingerprint_from_json, fingerprint_of
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, Any] | None]:

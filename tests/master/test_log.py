@@ -14,9 +14,9 @@ from pathlib import Path
 from master.rig import ROOT, Client, JsonObject, killed_at_the_end, program, when_it_listens
 from tied import tied
 
-from fsoe_net.formats import load_network
-from fsoe_net.model import resolve
-from fsoe_net.plan import compile_plan
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import resolve
+from fsoe_net.plan.compile import compile_plan
 
 PAGE_BYTES = 4096
 

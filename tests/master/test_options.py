@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 from master.rig import NOBODY, program, run_to_end, running, write_plan
 
-from fsoe_net.plan import decode_plan, fingerprint_of
+from fsoe_net.plan.codec import decode_plan
+from fsoe_net.plan.fingerprint import fingerprint_of
 
 USAGE = [
     (["--bus", "emulated"], "PLAN: the plan is missing"),

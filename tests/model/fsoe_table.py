@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from fsoe_net.model import Direction, Entry, Pdo
+from fsoe_net.model.bus import Direction, Entry, Pdo
 
 WORD = re.compile(r"(?:-|(\w{4}):(\w\w)(?:-(\w\w))?)/(\d+)(?:x(\d+))?(?:=(.*))?\Z")
 

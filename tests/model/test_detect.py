@@ -5,14 +5,9 @@ from __future__ import annotations
 import pytest
 from model.fsoe_table import pdo, rows
 
-from fsoe_net.model import (
-    Direction,
-    SyncManager,
-    detect_fsoe,
-    guess_pdo,
-    near_misses,
-    place_entries,
-)
+from fsoe_net.model.bus import Direction, SyncManager
+from fsoe_net.model.detect import detect_fsoe, guess_pdo, near_misses
+from fsoe_net.model.layout import place_entries
 
 SM3 = SyncManager(index=3, direction=Direction.INPUT, carries=None)
 TABLE = rows()

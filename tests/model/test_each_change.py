@@ -11,11 +11,15 @@ import pytest
 from diagnostics.test_cases import HERE
 from networks import PLAIN
 
-from fsoe_net.cli.gather import gather
-from fsoe_net.cli.proposing import Inputs, make_proposal
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, LoadOptions, load_answers, load_network
-from fsoe_net.model import Answers, resolve
+from fsoe_net.formats.answers import load_answers
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.options import LoadOptions
+from fsoe_net.model.answers import Answers
+from fsoe_net.model.resolve import resolve
+from fsoe_net.project.draft import Inputs, make_proposal
+from fsoe_net.project.gather import gather
 
 BASE, ROBOT = HERE / "base", PLAIN / "el6910"
 ANSWERS = """\

@@ -8,15 +8,9 @@ import pytest
 from described import bus, device
 
 from fsoe_net.errors import InputError
-from fsoe_net.model import (
-    DescribedConnection,
-    DescribedSubDevice,
-    Description,
-    Device,
-    fill_devices,
-    has_layout,
-    join_buses,
-)
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
+from fsoe_net.model.join import fill_devices, has_layout, join_buses
 
 
 def bare(made: DescribedSubDevice, **changes) -> DescribedSubDevice:

@@ -7,7 +7,8 @@ import re
 import pytest
 from networks import example
 
-from fsoe_net.model import Device, Direction, Entry, Pdo, SyncManager, layout_of
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.layout import layout_of
 
 
 def device(text: str, direction: Direction = Direction.INPUT) -> Device:

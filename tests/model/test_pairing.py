@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fsoe_net.model import Direction, Entry, PairEnd, pair_by_lengths
+from fsoe_net.model.bus import Direction, Entry
 from fsoe_net.model.layout import FsoeBlock
+from fsoe_net.model.pairing import PairEnd, pair_by_lengths
 
 
 def pair(subdevice: int, slot: int, to: int, back: int) -> PairEnd:

@@ -7,28 +7,17 @@ from dataclasses import replace
 import pytest
 from load.test_other_tools import TWINSAFE
 
-from fsoe_net.diag import Span
-from fsoe_net.formats import Collector, builtin_library
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.library import builtin_library
 from fsoe_net.formats.twinsafe import load_twinsafe
-from fsoe_net.model import (
-    AnsweredConnection,
-    AnsweredWord,
-    Answers,
-    Ask,
-    DescribedConnection,
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Entry,
-    LibraryMapping,
-    Pdo,
-    Proposal,
-    SyncManager,
-    match_project,
-    propose,
-)
+from fsoe_net.model.answers import AnsweredConnection, AnsweredWord, Answers, Ask
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
+from fsoe_net.model.library import LibraryMapping
 from fsoe_net.model.library_fill import library_role
+from fsoe_net.model.project import match_project
+from fsoe_net.model.proposal import Proposal, propose
 
 LIBRARY = builtin_library()
 

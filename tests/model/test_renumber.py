@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 from described import bus, copy, device
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError
-from fsoe_net.model import Description, renumbered_copies
+from fsoe_net.model.description import Description
+from fsoe_net.model.renumber import renumbered_copies
 
 MINE = replace(bus(2), path="mine.xml")
 MINE = replace(

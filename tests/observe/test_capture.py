@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.errors import InputError
-from fsoe_net.observe import CaptureReader, CaptureWriter, read_capture
+from fsoe_net.formats.packets import CaptureReader, read_capture
+from fsoe_net.observe.capture import CaptureWriter
 
 T_S = 1_763_719_200
 TIMES_NS = [T_S * 10**9 + n * 2_000_000 for n in range(4)]

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.errors import InputError
-from fsoe_net.fsoe import Verdict
-from fsoe_net.observe import follow_frames, parse_frames
+from fsoe_net.fsoe.monitor import Verdict
+from fsoe_net.observe.hexframes import follow_frames, parse_frames
 
 RESET = "2a0000c42d0000"
 # What other implementations sent: 2/2 bytes, session ids 0x1122 and 0x3344, ConnID 0xABCD.

@@ -11,12 +11,16 @@ from hypothesis import strategies as st
 from observe.tshark import items, run, tshark
 from run.support import ESTOP, ROBOT, needs_core, resolution_of, session_of
 
-from fsoe_net.core import Scanner
-from fsoe_net.fsoe import Command, Monitor, Verdict, safe_data_of
-from fsoe_net.observe import CaptureWriter, LogicalImage, Naming, lua_dissector, read_capture
-from fsoe_net.observe.lua import _quoted
-from fsoe_net.plan import compile_plan
-from fsoe_net.run import run_virtual
+from fsoe_net.core.scan import Scanner
+from fsoe_net.formats.packets import read_capture
+from fsoe_net.fsoe.monitor import Monitor, Verdict
+from fsoe_net.fsoe.pdu import Command, safe_data_of
+from fsoe_net.observe.capture import CaptureWriter
+from fsoe_net.observe.lua import _quoted, lua_dissector
+from fsoe_net.observe.names import Naming
+from fsoe_net.observe.wire import LogicalImage
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run.session import run_virtual
 
 pytestmark = needs_core
 

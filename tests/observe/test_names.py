@@ -1,7 +1,7 @@
 """Names for what is seen."""
 
-from fsoe_net.model import Signal
-from fsoe_net.observe import ConnectionNames
+from fsoe_net.model.signals import Signal
+from fsoe_net.observe.names import ConnectionNames
 
 
 def test_a_value_is_named_by_its_label_or_else_its_address():

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from observe.traffic import FPRD, LRD, LRW, LWR, MAC, Bus, datagram, packet
 
-from fsoe_net.core import Scanner
-from fsoe_net.fsoe import Command, OutsideState, Verdict, frame_length
-from fsoe_net.observe import read_capture
+from fsoe_net.core.scan import Scanner
+from fsoe_net.formats.packets import read_capture
+from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.pdu import Command, frame_length
 
 SIZES = [(1, 1), (2, 2), (1, 6), (6, 1), (4, 14), (14, 14), (2, 1)]
 

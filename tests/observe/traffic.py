@@ -7,7 +7,7 @@ import struct
 
 from fsoe.pair import counted, make_main, make_sub
 
-from fsoe_net.fsoe import frame_length
+from fsoe_net.fsoe.pdu import frame_length
 
 LRD, LWR, LRW, FPRD = 10, 11, 12, 4
 MAC = bytes.fromhex("010105010000 020000000001")

@@ -14,24 +14,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import PLAIN, example, resolved
 
-from fsoe_net.diag import Span
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.model import Element, ElementKind, SafetyFunction
-from fsoe_net.plan import (
+from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
+from fsoe_net.plan.codec import decode_plan, encode_plan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import (
     SECTIONS,
     Fingerprint,
-    Plan,
-    PlanSdo,
     canonical_section,
-    compile_plan,
-    decode_plan,
-    encode_plan,
     fingerprint_from_json,
     fingerprint_of,
     fingerprint_of_sections,
     safety_sha256,
     safety_text,
 )
+from fsoe_net.plan.model import Plan, PlanSdo
 
 pytestmark = pytest.mark.usefixtures("said")
 

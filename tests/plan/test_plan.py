@@ -11,12 +11,16 @@ from pathlib import Path
 import pytest
 from networks import PLAIN, example, write_big_network
 
-from fsoe_net.core import Core, CorePlan, EmulatedBus
+from fsoe_net.core.core import Core, CorePlan, EmulatedBus
 from fsoe_net.errors import CoreMissing, PlanFormatError
-from fsoe_net.formats import load_network
-from fsoe_net.model import EntryView, resolve
-from fsoe_net.plan import Plan, compile_plan, decode_plan, igh_image, plan_json, plan_text
-from fsoe_net.plan.compile import stop_value
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.bus import EntryView
+from fsoe_net.model.resolve import resolve
+from fsoe_net.plan.codec import decode_plan
+from fsoe_net.plan.compile import compile_plan, stop_value
+from fsoe_net.plan.image import igh_image
+from fsoe_net.plan.model import Plan
+from fsoe_net.plan.show import plan_json, plan_text
 from fsoe_net.project.check import check_files
 
 pytestmark = pytest.mark.usefixtures("said")

@@ -13,37 +13,27 @@ from core.plan_builder import estop, fix_crc, section
 from networks import EXAMPLES, PLAIN, example, resolved
 from said import Said
 
-from fsoe_net.diag import Findings
+from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.errors import InputError, PlanFormatError
-from fsoe_net.formats import load_network
-from fsoe_net.model import (
-    Acceptance,
-    Element,
-    ElementKind,
-    SafetyFunction,
-    SignedBy,
-    SourceFile,
-    resolve,
-)
-from fsoe_net.plan import (
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.acceptance import Acceptance, SignedBy
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.resolve import resolve
+from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
+from fsoe_net.plan.accepted import accepted_plan
+from fsoe_net.plan.codec import decode_plan, encode_plan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import (
     SECTIONS,
-    Plan,
-    accepted_plan,
     canonical_section,
-    compile_plan,
     cycle_sha256,
-    decode_plan,
-    encode_plan,
     fingerprint_from_json,
     fingerprint_of,
-    igh_image,
-    igh_text,
-    plan_json,
-    plan_text,
     safety_sha256,
 )
-from fsoe_net.plan.image import MAX_DATAGRAM_BYTES
-from fsoe_net.plan.show import copy_end
+from fsoe_net.plan.image import MAX_DATAGRAM_BYTES, igh_image, igh_text
+from fsoe_net.plan.model import Plan
+from fsoe_net.plan.show import copy_end, plan_json, plan_text
 
 pytestmark = pytest.mark.usefixtures("said")
 
@@ -377,7 +367,7 @@ def test_the_plan_in_a_record_is_worked_out_anew(said: Said) -> None:
         author=signed,
         verifier=signed,
     )
-    out = Findings()
+    out = FindingList()
     assert accepted_plan(record, out) == (plan, found)
     assert out.diagnostics == []
     changed = dict(found.sections) | {"copies": "0" * 64, "cycle": "0" * 64}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fsoe_net.formats import builtin_library
-from fsoe_net.plan import compile_plan, fingerprint_of
+from fsoe_net.formats.library import builtin_library
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.project.check import check_files
-from fsoe_net.report import ReportInputs
-from fsoe_net.timing import make_budget
+from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.timing.budget import make_budget
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 TIMED = BASE / "timed.yaml"

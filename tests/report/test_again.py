@@ -9,10 +9,14 @@ from pathlib import Path
 import pytest
 from report.made import BASE, TIMED, inputs_of
 
-from fsoe_net.model import Resolution
-from fsoe_net.plan import compile_plan, fingerprint_of
-from fsoe_net.report import Change, compare, side_of_network, side_of_plan, steps_again
-from fsoe_net.run import make_protocol
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.report.again import steps_again
+from fsoe_net.report.diff import compare
+from fsoe_net.report.diff_read import side_of_network, side_of_plan
+from fsoe_net.report.diff_types import Change
+from fsoe_net.run.protocol import make_protocol
 
 
 def _resolution(path: Path = TIMED) -> Resolution:

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from report.made import BASE, TIMED, inputs_of
 
-from fsoe_net.plan import Plan, igh_image
-from fsoe_net.report import make_document
+from fsoe_net.plan.image import igh_image
+from fsoe_net.plan.model import Plan
 from fsoe_net.report.block_copies import _copy_table
 from fsoe_net.report.document import Heading, Item, Level, Paragraph, PointKind, Table, Verdict
-from fsoe_net.report.make import _lead
+from fsoe_net.report.make import _lead, make_document
 
 SPARSE = (
     ("    required_reaction_ms: 230\n", ""),

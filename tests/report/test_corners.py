@@ -17,22 +17,25 @@ from run.protocols import DONE, protocol_of, timed
 from run.watched_master import WatchedMaster
 from scans import scan_of
 
-from fsoe_net.core import Histogram
+from fsoe_net.core.snapshot import Histogram
 from fsoe_net.errors import InputError
-from fsoe_net.fsoe.campaign import EXHAUSTIVE
-from fsoe_net.model import Outcome, Resolution, SafetyFunction
-from fsoe_net.observe import Naming
+from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE
+from fsoe_net.model.protocol import Outcome
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.observe.lua import lua_dissector
-from fsoe_net.plan import compile_plan
-from fsoe_net.report import ask_live, campaign, make_document, read_evidence, timing
+from fsoe_net.observe.names import Naming
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.report import campaign, timing
 from fsoe_net.report.again import _functions_over
 from fsoe_net.report.block_evidence import bus_evidence
 from fsoe_net.report.document import Block, Picture, Table
-from fsoe_net.report.evidence import longest_round_trips
+from fsoe_net.report.evidence import ask_live, longest_round_trips, read_evidence
 from fsoe_net.report.incident_page import incident_page
 from fsoe_net.report.incident_story import story_of
 from fsoe_net.report.incident_strip import Wrong, _wrong
 from fsoe_net.report.incident_text import incident_text
+from fsoe_net.report.make import make_document
 from fsoe_net.report.protocol import _words, protocol_page
 from fsoe_net.report.touched import touched_subdevices
 from fsoe_net.report.write_html import _block

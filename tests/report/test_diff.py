@@ -12,20 +12,20 @@ from described import bus
 from networks import PLAIN, example, resolved
 from scans import scan_of
 
-from fsoe_net.formats import Collector, parse_scan
 from fsoe_net.formats.eni import load_eni
-from fsoe_net.model import Description
-from fsoe_net.plan import compile_plan
-from fsoe_net.report import (
-    Difference,
-    Side,
-    compare,
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.scan import parse_scan
+from fsoe_net.model.description import Description
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.report.diff import Difference, compare
+from fsoe_net.report.diff_read import (
     side_of_description,
     side_of_network,
     side_of_plan,
     side_of_scan,
 )
-from fsoe_net.save import write_eni
+from fsoe_net.report.diff_side import Side
+from fsoe_net.save.eni import write_eni
 
 MIRROR = {"added": "removed", "removed": "added"}
 

@@ -10,11 +10,12 @@ from networks import example, resolved
 from report.made import BASE, TIMED
 from scans import scan_of
 
-from fsoe_net.load import parse_scan
-from fsoe_net.plan import compile_plan
-from fsoe_net.report import Side, compare, side_of_network, side_of_plan, side_of_scan
+from fsoe_net.formats.scan import parse_scan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.report.diff import compare
+from fsoe_net.report.diff_read import side_of_network, side_of_plan, side_of_scan
 from fsoe_net.report.diff_safety import compare_functions
-from fsoe_net.report.diff_side import SideSubDevice
+from fsoe_net.report.diff_side import Side, SideSubDevice
 
 
 def said(a: Side, b: Side) -> list[str]:

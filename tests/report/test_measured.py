@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from report.made import TIMED, inputs_of
 
-from fsoe_net.core import Histogram, bucket_end
+from fsoe_net.core.snapshot import Histogram, bucket_end
 from fsoe_net.errors import InputError
-from fsoe_net.model import SourceFile
-from fsoe_net.report import make_document, read_evidence
+from fsoe_net.model.network import SourceFile
 from fsoe_net.report.block_measured import measured_cycle
 from fsoe_net.report.document import Number, Table
-from fsoe_net.report.evidence import Evidence, RunEvidence
+from fsoe_net.report.evidence import Evidence, RunEvidence, read_evidence
+from fsoe_net.report.make import make_document
 
 # Buckets of an octave are a quarter of it wide: 917 504 … 1 048 575 ns holds 1 ms, the next one
 # ends at 1 310 719 ns; 4 194 304 … 5 242 879 ns holds 5 ms.

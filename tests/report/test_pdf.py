@@ -13,8 +13,9 @@ from cli.tool import fsn
 from report.made import TIMED, inputs_of
 
 from fsoe_net.errors import InputError
-from fsoe_net.report import make_document, pdf_library, render_report, report_pdf
-from fsoe_net.report.write_pdf import _for_print
+from fsoe_net.report.make import make_document
+from fsoe_net.report.write import render_report
+from fsoe_net.report.write_pdf import _for_print, pdf_library, report_pdf
 
 try:
     pdf_library()

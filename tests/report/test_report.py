@@ -15,23 +15,18 @@ import pytest
 from networks import example, write_big_network
 from report.made import CODES, TIMED, inputs_of, with_mistakes
 
-from fsoe_net.diag import Diagnostic, Severity, Span
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.formats.schema import read_schema
-from fsoe_net.model import SourceFile, StepKind
-from fsoe_net.plan import compile_plan
-from fsoe_net.report import (
-    Against,
-    GivenPlan,
-    Tried,
-    compare,
-    make_document,
-    render_report,
-    side_of_network,
-    side_of_plan,
-    tried_of,
-)
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.protocol import StepKind
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.report.diff import compare
+from fsoe_net.report.diff_read import side_of_network, side_of_plan
 from fsoe_net.report.document import Number, PointKind, Table
-from fsoe_net.report.inputs import TestStep
+from fsoe_net.report.inputs import Against, GivenPlan, TestStep, Tried
+from fsoe_net.report.make import make_document
+from fsoe_net.report.protocol_steps import tried_of
+from fsoe_net.report.write import render_report
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = read_schema("report")

@@ -9,11 +9,12 @@ import pytest
 from report.made import BASE, TIMED
 from report.signed import done, grounds_of, record_of, report_with, signed_report, source
 
-from fsoe_net.diag import Diagnostic, Span
+from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import InputError
-from fsoe_net.model import AtMachine, Intervention, Outcome, Seen, SignedBy, StepKind, same_person
-from fsoe_net.plan import fingerprint_of
-from fsoe_net.report import Grounds, Reason, read_signed_report, sign_off
+from fsoe_net.model.acceptance import Intervention, SignedBy, same_person
+from fsoe_net.model.protocol import AtMachine, Outcome, Seen, StepKind
+from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.report.sign_off import Grounds, Reason, read_signed_report, sign_off
 
 
 def refused(grounds: Grounds) -> list[str]:

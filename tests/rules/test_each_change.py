@@ -12,9 +12,9 @@ from diagnostics.test_cases import HERE
 from networks import PLAIN
 from said import Said
 
-from fsoe_net.cli.inputs import check_files
-from fsoe_net.load import load_scan
-from fsoe_net.rules import Runtime
+from fsoe_net.formats.scan import load_scan
+from fsoe_net.project.check import check_files
+from fsoe_net.rules.runtime import Runtime
 
 BASE, ROBOT = HERE / "base", PLAIN / "el6910"
 # Name: folder, the file that changes, the network, what it is compared with, the runtime.

@@ -18,10 +18,11 @@ from rules.test_references_twinsafe import ours, project
 from rules.test_scan import _found
 from scans import scan_of
 
-from fsoe_net.diag import Severity
-from fsoe_net.model import DescribedSubDevice
-from fsoe_net.rules import Runtime, check
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.model.description import DescribedSubDevice
+from fsoe_net.rules.check import check
 from fsoe_net.rules.context import few, nearest
+from fsoe_net.rules.runtime import Runtime
 
 pytestmark = pytest.mark.usefixtures("said")
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from diagnostics import test_cases as cases
 
-from fsoe_net.diag import Severity
+from fsoe_net.diag.diagnostic import Severity
 
 pytestmark = pytest.mark.usefixtures("said")
 

@@ -13,20 +13,18 @@ from hypothesis import strategies as st
 from networks import EXAMPLES, example, resolved
 from rules.robot import LIBRARY, ROBOT, bus, codes, crossed, found, with_text
 
-from fsoe_net.diag import CATALOGUE, Diagnostic, Severity
-from fsoe_net.model import (
+from fsoe_net.diag.catalogue import CATALOGUE
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import (
     DescribedConnection,
     DescribedSubDevice,
     Description,
-    Device,
-    Direction,
-    Pdo,
     PdoFacts,
-    SyncManager,
     TypeFacts,
-    Watchdog,
 )
-from fsoe_net.rules import check_library, check_references
+from fsoe_net.rules.library import check_library
+from fsoe_net.rules.references import check_references
 
 pytestmark = pytest.mark.usefixtures("said")
 

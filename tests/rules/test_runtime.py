@@ -11,9 +11,11 @@ from diagnostics import test_cases as cases
 from networks import EXAMPLES, resolved
 from said import Said
 
-from fsoe_net.diag import CATALOGUE, Severity
-from fsoe_net.rules import Runtime, check, effect_today, effects_today
-from fsoe_net.rules.runtime import ROS2
+from fsoe_net.diag.catalogue import CATALOGUE
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.rules.check import check
+from fsoe_net.rules.effects import effect_today, effects_today
+from fsoe_net.rules.runtime import ROS2, Runtime
 
 pytestmark = pytest.mark.usefixtures("said")
 

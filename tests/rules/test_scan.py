@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from networks import PLAIN
 from scans import COUPLER, scan_of, subdevice
 
-from fsoe_net.diag import Severity
-from fsoe_net.formats import load_network, parse_scan
-from fsoe_net.model import Resolution, resolve
-from fsoe_net.rules import check_scan
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.scan import parse_scan
+from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.rules.scan import check_scan
 
 pytestmark = pytest.mark.usefixtures("said")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from networks import EXAMPLES
 
-from fsoe_net.diag import Severity
+from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.project.check import check_files
 
 pytestmark = pytest.mark.usefixtures("said")

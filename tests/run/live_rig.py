@@ -19,7 +19,8 @@ from incidents.rig import judged
 from patience import PATIENCE_S
 
 from fsoe_net.errors import FsnError
-from fsoe_net.run import Client, find_master
+from fsoe_net.run.client import Client
+from fsoe_net.run.master import find_master
 
 FSN = [sys.executable, "-m", "fsoe_net.cli"]
 

@@ -5,22 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from fsoe_net.formats import load_network
-from fsoe_net.model import (
-    AtMachine,
-    Outcome,
-    Protocol,
-    ProtocolStep,
-    Resolution,
-    StepKind,
-    resolve,
-)
-from fsoe_net.plan import (
-    compile_plan,
-)
-from fsoe_net.run import (
-    make_protocol,
-)
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.protocol import AtMachine, Outcome, Protocol, ProtocolStep, StepKind
+from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run.protocol import make_protocol
 
 TIMED = Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml"
 DONE = AtMachine(outcome=Outcome.AS_EXPECTED, measured_ms=61.5, by="A. Person", date="2026-11-21")

@@ -9,10 +9,11 @@ from typing import Any
 
 import pytest
 
-from fsoe_net.formats import load_network
-from fsoe_net.model import Resolution, resolve
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.project.simulate import prepare
-from fsoe_net.run import Run, Session, run_virtual
+from fsoe_net.run.result import Run
+from fsoe_net.run.session import Session, run_virtual
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

@@ -10,7 +10,7 @@ from run.support import ESTOP, ROBOT, needs_core
 
 from fsoe_net import __version__
 from fsoe_net.cli.main import main
-from fsoe_net.plan import compile_plan
+from fsoe_net.plan.compile import compile_plan
 
 NETWORK = str(ESTOP / "network.yaml")
 

@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
-from fsoe_net.run import Client, Master, find_master
+from fsoe_net.run.client import Client
 from fsoe_net.run.control_link import quoted
+from fsoe_net.run.master import Master, find_master
 
 HELLO = {"ok": True, "program": "fsn-master", "protocol": 1}
 

@@ -12,9 +12,10 @@ from run.fake_master import FakeMaster, fake_master
 from wires import missing, run_inside
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault
-from fsoe_net.run import BusState, Client, control_socket
+from fsoe_net.run.client import Client
 from fsoe_net.run.console.names import Names
-from fsoe_net.run.sockets import find_socket
+from fsoe_net.run.control_values import BusState
+from fsoe_net.run.sockets import control_socket, find_socket
 
 
 @pytest.fixture

@@ -10,11 +10,14 @@ from patience import PATIENCE_S
 from run.fake_master import STATUS, SUBDEVICE, fake_master
 
 from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
-from fsoe_net.run import BusState, Client
-from fsoe_net.run.console import COMMANDS, Console, Keeper, complete
+from fsoe_net.run.client import Client
 from fsoe_net.run.console.commands_flow import ConsoleEnd
+from fsoe_net.run.console.completion import complete
+from fsoe_net.run.console.console import COMMANDS, Console
+from fsoe_net.run.console.keeper import Keeper
 from fsoe_net.run.console.names import batches
 from fsoe_net.run.console.script import ScriptError, expand, parse
+from fsoe_net.run.control_values import BusState
 
 
 @pytest.fixture

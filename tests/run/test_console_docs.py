@@ -5,7 +5,8 @@ import re
 from run.fake_master import fake_master
 from run.support import ROOT
 
-from fsoe_net.run.console import COMMANDS, Console, Keeper
+from fsoe_net.run.console.console import COMMANDS, Console
+from fsoe_net.run.console.keeper import Keeper
 from fsoe_net.run.console.script import parse
 
 PAGE = (ROOT / "docs" / "howto" / "console.md").read_text("utf-8")

@@ -4,7 +4,8 @@ import pytest
 from master import rig
 
 from fsoe_net.errors import ConsoleError
-from fsoe_net.run.console import Console, Keeper
+from fsoe_net.run.console.console import Console
+from fsoe_net.run.console.keeper import Keeper
 
 OUTPUT = "drive_1.0x6060:00"  # stop value 8
 

@@ -7,7 +7,7 @@ from run.fake_master import STATUS, fake_master
 from run.test_console import Rig
 
 from fsoe_net.errors import ConsoleError, ControlRefused
-from fsoe_net.run.console import complete
+from fsoe_net.run.console.completion import complete
 from fsoe_net.run.console.conditions import _holds
 from fsoe_net.run.console.names import batches, shown, value_of
 from fsoe_net.run.console.script import ScriptError, expand, parse

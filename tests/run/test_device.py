@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.fsoe import SubConfig
+from fsoe_net.fsoe.config import SubConfig
 from fsoe_net.run.device import device_factory
 
 CONFIG = SubConfig(address=1, safe_out_bytes=2, safe_in_bytes=2)

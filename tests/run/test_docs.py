@@ -10,13 +10,14 @@ import pytest
 from networks import example
 from run.support import ESTOP, ROOT, document, needs_core, run, session_of
 
-from fsoe_net.formats import load_scenario, read_schema
-from fsoe_net.fsoe import SubConfig
+from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.formats.schema import read_schema
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import CampaignConfig
+from fsoe_net.fsoe.config import SubConfig
 from fsoe_net.report.campaign import to_json
-from fsoe_net.run import run_virtual
 from fsoe_net.run.campaign import campaign_links, run_campaign
+from fsoe_net.run.session import run_virtual
 
 PAGES = ROOT / "docs" / "reference"
 

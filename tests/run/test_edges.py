@@ -16,22 +16,25 @@ import pytest
 from networks import example
 from run.support import needs_core
 
-from fsoe_net.diag import Span
-from fsoe_net.emul import build_network
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.emul.bus import build_network
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.load import load_network
-from fsoe_net.model import Action, Resolution, Step, resolve
-from fsoe_net.plan import compile_plan
-from fsoe_net.run import IncidentRecorder, Session, build_master, counted_session_ids, sockets
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.model.scenario import Action, Step
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run import build_master, sockets
 from fsoe_net.run.device import stdout_to_stderr
 from fsoe_net.run.emulate import serve
 from fsoe_net.run.faults import apply_step
 from fsoe_net.run.fit import Names, check_step
 from fsoe_net.run.incident_head import fsoe_json
+from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_objects import _parameters_at
 from fsoe_net.run.packet_socket import _SO_TIMESTAMPNS, _TIME, PacketSocket, _time_ns
 from fsoe_net.run.protocol import _merged
+from fsoe_net.run.session import Session, counted_session_ids
 from fsoe_net.run.story import Story
 
 HERE = Span("x", 1, 1)

@@ -12,7 +12,8 @@ import pytest
 from run.support import ESTOP, ROBOT, needs_core, session_of
 
 from fsoe_net.cli.run_output import _stall_text, print_result
-from fsoe_net.run import Run, run_live
+from fsoe_net.run.result import Run
+from fsoe_net.run.session import run_live
 
 pytestmark = needs_core
 

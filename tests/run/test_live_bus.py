@@ -16,7 +16,7 @@ from run.support import run as run_virtually
 from wires import missing, run_program
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.run import find_master
+from fsoe_net.run.master import find_master
 
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
 ROBOT = str(EXAMPLES / "el6910" / "network.yaml")

@@ -12,10 +12,11 @@ from networks import example
 from run.fake_master import FakeMaster, fake_master
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
-from fsoe_net.plan import compile_plan
-from fsoe_net.run import Client, live_bus
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run import live_bus
+from fsoe_net.run.client import Client
 from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
-from fsoe_net.run.result import RunResult
+from fsoe_net.run.result import Run
 
 RESOLUTION = example("estop")
 PLAN = compile_plan(RESOLUTION).to_bytes()
@@ -61,7 +62,7 @@ def process(monkeypatch: pytest.MonkeyPatch) -> Iterator[Process]:
         yield found
 
 
-def run(process: Process, updates: Any = None, **more: Any) -> RunResult:
+def run(process: Process, updates: Any = None, **more: Any) -> Run:
     """Run; ``updates`` is called with the number of each update and the event that ends the run."""
     stop = threading.Event()
     seen: list[LiveUpdate] = []
@@ -73,7 +74,7 @@ def run(process: Process, updates: Any = None, **more: Any) -> RunResult:
     return run_on_bus(RESOLUTION, PLAN, OPTIONS, None, on_update=update, stop=stop, **more)
 
 
-def texts(result: RunResult) -> list[str]:
+def texts(result: Run) -> list[str]:
     return [e.text for e in result.events if e.source == "run"]
 
 

@@ -19,9 +19,11 @@ from run.watched_master import MS, WatchedMaster, direction, subdevice
 from tied import tied
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.observe import RebuiltFrames, read_capture
+from fsoe_net.formats.packets import read_capture
+from fsoe_net.observe.wire import RebuiltFrames
 from fsoe_net.report.timing import timing_bars
-from fsoe_net.run import Attachment, LiveCapture
+from fsoe_net.run.attachment import Attachment
+from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.packet_socket import PacketSocket
 
 LRW_AT, HEAD = 14 + 2, 10  # first datagram of a frame, its header
@@ -209,7 +211,8 @@ def layout_of(images):
     """Return a layout that fits: where a run's outputs are is told by its plan, in IgH's order."""
     from networks import example
 
-    from fsoe_net.plan import compile_plan, igh_image
+    from fsoe_net.plan.compile import compile_plan
+    from fsoe_net.plan.image import igh_image
 
     domain = igh_image(compile_plan(example("estop")))
     sms = [
@@ -321,7 +324,7 @@ def test_no_such_interface():
 
 
 def test_bars_show_a_single_late_cycle():
-    from fsoe_net.core import Histogram
+    from fsoe_net.core.snapshot import Histogram
 
     buckets = ((1024, 1_000_000), (1500, 5), (4096, 1))
     seen = Histogram(

@@ -10,16 +10,13 @@ import pytest
 from run.protocols import TIMED, by_id, only, protocol_of, timed
 from run.support import ESTOP, needs_core, resolution_of
 
-from fsoe_net.formats import load_network
-from fsoe_net.fsoe.campaign import CATALOGUE, EXHAUSTIVE, CampaignConfig
-from fsoe_net.model import (
-    Outcome,
-    Resolution,
-    Seen,
-    StepKind,
-    resolve,
-)
-from fsoe_net.run import protocol_virtual, run_protocol_virtual
+from fsoe_net.formats.network import load_network
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
+from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig
+from fsoe_net.model.protocol import Outcome, Seen, StepKind
+from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.run import protocol_virtual
+from fsoe_net.run.protocol_virtual import run_protocol_virtual
 
 
 def test_steps_of_functions_connections_devices_and_faults() -> None:

@@ -9,7 +9,7 @@ import yaml
 from run.support import ROOT
 from run.test_live_bus import on_the_wire
 
-from fsoe_net.model import EMULATED_NOTE
+from fsoe_net.model.protocol import EMULATED_NOTE
 
 TIMED = ROOT / "tests/diagnostics/base/timed.yaml"
 WATCHDOG_MS = 2000.0

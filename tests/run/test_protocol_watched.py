@@ -11,22 +11,10 @@ import pytest
 from run.protocols import by_id, protocol_of, timed
 
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.model import (
-    EMULATED_NOTE,
-    Outcome,
-    Protocol,
-    ProtocolStep,
-    StepKind,
-)
-from fsoe_net.plan import (
-    Fingerprint,
-    compile_plan,
-    fingerprint_of,
-    fingerprint_of_sections,
-)
-from fsoe_net.run import (
-    run_protocol_live,
-)
+from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, StepKind
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of, fingerprint_of_sections
+from fsoe_net.run.protocol_live import run_protocol_live
 from fsoe_net.run.protocol_times import LossTimes
 
 PAIRS = {"logic-io": {"logic", "io"}, "logic-io2": {"logic", "io2"}}

@@ -10,7 +10,8 @@ from networks import EXAMPLES, example, resolved
 
 from fsoe_net.errors import CoreMissing, InputError
 from fsoe_net.project.simulate import prepare
-from fsoe_net.run import Run, Session, run_virtual
+from fsoe_net.run.result import Run
+from fsoe_net.run.session import Session, run_virtual
 
 
 def session(name: str, scenario: Path | str | None = None, *, virtual: bool = True) -> Session:
@@ -114,7 +115,7 @@ def test_scenario_mistakes_are_located(tmp_path: Path, scenario: str, words: str
 
 
 def test_plan_of_another_network_is_refused(tmp_path: Path):
-    from fsoe_net.plan import compile_plan
+    from fsoe_net.plan.compile import compile_plan
 
     other = tmp_path / "other.fsnplan"
     other.write_bytes(compile_plan(example("el6910")).to_bytes())

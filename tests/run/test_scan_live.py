@@ -8,7 +8,7 @@ from cli.tool import fsn
 from run.test_live_bus import ESTOP, REQUIRED, ROBOT, why_not
 from wires import run_program
 
-from fsoe_net.run import find_master
+from fsoe_net.run.master import find_master
 
 ATTEMPTS = 3  # a busy machine may stop a scan for longer than a mailbox waits
 

@@ -7,7 +7,7 @@ import pytest
 from run.support import ESTOP, ROBOT, document, needs_core, run, session_of
 
 from fsoe_net.errors import InputError
-from fsoe_net.run import run_virtual
+from fsoe_net.run.session import run_virtual
 
 pytestmark = needs_core
 
@@ -283,7 +283,8 @@ def test_keyboard_interrupt_keeps_the_result(monkeypatch: pytest.MonkeyPatch):
 def test_a_network_without_a_connection_is_refused():
     from run.support import resolution_of
 
-    from fsoe_net.model import NetworkConfig, resolve
+    from fsoe_net.model.network import NetworkConfig
+    from fsoe_net.model.resolve import resolve
     from fsoe_net.project.simulate import prepare
 
     whole = resolution_of(ESTOP).network

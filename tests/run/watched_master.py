@@ -8,7 +8,7 @@ import json
 import socket
 import threading
 
-from fsoe_net.core import Statistics
+from fsoe_net.core.snapshot import Statistics
 
 HISTOGRAMS = ("latency", "period", "work", "copy", "round_trip", "dc_offset")
 MS = 1_000_000

@@ -15,16 +15,11 @@ from networks import example
 from fsoe_net.errors import InputError
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.igh_text import load_igh_text
-from fsoe_net.model import (
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Pdo,
-    SyncManager,
-    layout_of,
-)
-from fsoe_net.save import describe, write_c_header
+from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.layout import layout_of
+from fsoe_net.save.c_header import write_c_header
+from fsoe_net.save.describe import describe
 
 FAKE = Path(__file__).parent / "fake"
 COMPILERS = [c for c in ("gcc", "clang") if shutil.which(c)]

@@ -13,23 +13,21 @@ from diagnostics.test_cases import HERE
 from load.texts import LCEC
 
 from fsoe_net.errors import InputError
-from fsoe_net.load import Collector, load_acceptance, load_network, load_protocol
-from fsoe_net.load.eni import load_eni
-from fsoe_net.load.lcec import load_lcec
-from fsoe_net.model import Description
-from fsoe_net.save import (
-    DriverVersion,
-    describe,
-    eni_notes,
-    own_words_lost,
-    write_acceptance,
-    write_c_header,
-    write_driver,
-    write_eni,
-    write_lcec,
-    write_network,
-    write_protocol,
-)
+from fsoe_net.formats.acceptance import load_acceptance
+from fsoe_net.formats.eni import load_eni
+from fsoe_net.formats.files import Collector
+from fsoe_net.formats.lcec import load_lcec
+from fsoe_net.formats.network import load_network
+from fsoe_net.formats.protocol import load_protocol
+from fsoe_net.model.description import Description
+from fsoe_net.save.acceptance import write_acceptance
+from fsoe_net.save.c_header import write_c_header
+from fsoe_net.save.describe import describe
+from fsoe_net.save.driver import DriverVersion, write_driver, write_network
+from fsoe_net.save.eni import eni_notes, write_eni
+from fsoe_net.save.lcec import write_lcec
+from fsoe_net.save.protocol import write_protocol
+from fsoe_net.save.written import own_words_lost
 
 BASE = HERE / "base"
 WRITERS: list[Callable[[Description], object]] = [

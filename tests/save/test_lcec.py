@@ -12,16 +12,11 @@ from networks import example
 from fsoe_net.errors import InputError
 from fsoe_net.formats.files import Collector
 from fsoe_net.formats.lcec import load_lcec
-from fsoe_net.model import (
-    DescribedConnection,
-    DescribedSubDevice,
-    Description,
-    Device,
-    Direction,
-    Pdo,
-    SyncManager,
-)
-from fsoe_net.save import Written, describe, write_lcec
+from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
+from fsoe_net.save.describe import describe
+from fsoe_net.save.lcec import write_lcec
+from fsoe_net.save.written import Written
 
 
 def back(written: Written) -> Description:

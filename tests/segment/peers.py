@@ -15,12 +15,14 @@ import time
 
 from patience import PATIENCE_S
 
-from fsoe_net.core import Segment, SegmentLink
+from fsoe_net.core.segment import Segment, SegmentLink
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats import load_network
-from fsoe_net.model import resolve
-from fsoe_net.plan import compile_plan, decode_plan
-from fsoe_net.run import SegmentSession, counted_session_ids
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.resolve import resolve
+from fsoe_net.plan.codec import decode_plan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run.emulate import SegmentSession
+from fsoe_net.run.session import counted_session_ids
 
 NO_FRAME = -1  # of SOEM: nothing came back in time
 

@@ -10,12 +10,13 @@ from segment.test_emulate import EMULATE, ESTOP
 from segment.wire import read_frame
 from wires import command_inside, missing
 
-from fsoe_net.formats import load_scenario
-from fsoe_net.fsoe import State
-from fsoe_net.model import Action, Step
-from fsoe_net.plan import compile_plan
-from fsoe_net.run import SegmentSession, Session, counted_session_ids, run_virtual
+from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.fsoe.event import State
+from fsoe_net.model.scenario import Action, Step
+from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run.commands import CommandError, parse_command
+from fsoe_net.run.emulate import SegmentSession
+from fsoe_net.run.session import Session, counted_session_ids, run_virtual
 
 
 def estop(kind=SegmentSession, scenario=None):

@@ -14,12 +14,13 @@ from patience import PATIENCE_S
 from segment.wire import read_frame
 from wires import ROOT, command_inside, missing, run_inside, run_program
 
-from fsoe_net.core import Segment
+from fsoe_net.core.segment import Segment
 from fsoe_net.errors import CoreError, EnvironmentFault
-from fsoe_net.formats import Collector
+from fsoe_net.formats.files import Collector
 from fsoe_net.formats.sii import load_sii, sii_checksum
-from fsoe_net.plan import compile_plan
-from fsoe_net.run import SegmentSession, counted_session_ids
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.run.emulate import SegmentSession
+from fsoe_net.run.session import counted_session_ids
 
 ESTOP = str(ROOT / "examples" / "estop" / "network.yaml")
 EMULATE = [sys.executable, "-m", "fsoe_net.cli", "emulate"]

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 from signal_path.path import NEVER, End, Link
 
-from fsoe_net.fsoe import MainConfig, MainInstance, State, SubConfig, SubInstance
+from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.fsoe.event import State
 from fsoe_net.fsoe.instance import Instance
+from fsoe_net.fsoe.main_instance import MainInstance
+from fsoe_net.fsoe.sub_instance import SubInstance
 
 START_NS = 1_000_000_000
 OLD, NEW = b"\x01", b"\x00"

@@ -10,20 +10,18 @@ import pytest
 from networks import PLAIN
 from said import Said
 
-from fsoe_net.formats import builtin_library, load_network
-from fsoe_net.model import Library, Resolution, resolve
+from fsoe_net.formats.library import builtin_library
+from fsoe_net.formats.network import load_network
+from fsoe_net.model.library import Library
+from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.report.budget import budget_text
 from fsoe_net.report.document import outward
-from fsoe_net.rules import check_timing
-from fsoe_net.timing import (
-    Apart,
-    Budget,
-    ConnectionBudget,
-    FunctionBudget,
-    Judgement,
-    WatchdogJudgement,
-    make_budget,
-)
+from fsoe_net.rules.timing import check_timing
+from fsoe_net.timing.budget import Budget, make_budget
+from fsoe_net.timing.elements import Apart
+from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
+from fsoe_net.timing.reaction import FunctionBudget
+from fsoe_net.timing.watchdogs import ConnectionBudget
 
 pytestmark = pytest.mark.usefixtures("said")
 

@@ -15,11 +15,11 @@ from timing.test_budget import (
     with_watchdogs,
 )
 
-from fsoe_net.diag import Severity
-from fsoe_net.formats import builtin_library
-from fsoe_net.model import Library, LibraryFigure
-from fsoe_net.rules import check_timing
-from fsoe_net.timing import Judgement, PfhSum, WatchdogJudgement, make_budget, with_cycle
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats.library import builtin_library
+from fsoe_net.model.library import Library, LibraryFigure
+from fsoe_net.rules.timing import check_timing
+from fsoe_net.timing.budget import make_budget
 from fsoe_net.timing.formulas import (
     PartTimes,
     beckhoff_typical,
@@ -36,6 +36,9 @@ from fsoe_net.timing.handshake import (
     disturbed_output,
     polled_error_free,
 )
+from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
+from fsoe_net.timing.pfh import PfhSum
+from fsoe_net.timing.reaction import with_cycle
 
 pytestmark = pytest.mark.usefixtures("said")
 

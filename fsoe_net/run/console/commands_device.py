@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fsoe_net.diag import counted
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage

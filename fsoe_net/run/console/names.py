@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from fsoe_net.errors import ConsoleError
-from fsoe_net.model import time_ns
+from fsoe_net.model.times import time_ns
 from fsoe_net.run.control_values import Symbol, Value
 
 __all__ = ["Names", "batches", "number", "object_address", "seconds", "shown", "value_of"]

@@ -1,0 +1,40 @@
+"""All rules of a network, in their order."""
+
+from __future__ import annotations
+
+from fsoe_net.diag.diagnostic import Diagnostic, sort_diagnostics
+from fsoe_net.diag.pause import without_collector
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.rules.bus import check_bus
+from fsoe_net.rules.connections import check_connections, check_drivers
+from fsoe_net.rules.context import Context
+from fsoe_net.rules.devices import check_devices
+from fsoe_net.rules.ends import check_ends
+from fsoe_net.rules.frames import check_frames
+from fsoe_net.rules.fsoe import check_fsoe
+from fsoe_net.rules.nets import check_nets
+from fsoe_net.rules.runtime import Runtime, check_runtime
+
+__all__ = ["check"]
+
+
+@without_collector
+def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Diagnostic]:
+    """Return everything that is wrong in a network, sorted by place.
+
+    Args:
+        resolution: The network, resolved.
+        runtime: Adds what only this runtime minds.
+    """
+    ctx = Context(resolution=resolution)
+    # Order matters: a mistake in one place is named there, and not again by the rules behind it.
+    check_devices(ctx)
+    check_bus(ctx)
+    check_connections(ctx)
+    check_ends(ctx)
+    check_frames(ctx)
+    check_nets(ctx)
+    check_fsoe(ctx)
+    check_drivers(ctx, runtime)
+    check_runtime(ctx, runtime)
+    return sort_diagnostics(ctx.diagnostics)
