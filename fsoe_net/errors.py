@@ -1,7 +1,7 @@
 """Exceptions of fsoe-net.
 
-What is wrong in a user's file is data (`fsoe_net.diag.Diagnostic`), not an exception. Exceptions
-are for the outside world and for programming mistakes:
+What is wrong in a user's file is data (`fsoe_net.Diagnostic`), not an exception. Exceptions are for
+the outside world and for programming mistakes:
 
     FsnError                      anything this package raises on purpose
     +-- EnvironmentFault          a tool, permission or compiled part is missing      (exit 3)

@@ -6,12 +6,11 @@ then falls back to its stop value. Part of the black channel: no safety function
 
 import sys
 
-from fsoe_net.errors import ControlRefused, FsnError
-from fsoe_net.run.client import Client
+from fsoe_net import ControlRefused, FsnError, connect
 
 
 def main(path: str, output: str | None) -> None:
-    with Client(path) as client:
+    with connect(path) as client:
         status = client.status()
         print(f"{status.state}: {status.cycles} cycles of {status.cycle_ns / 1e6:g} ms")
         for connection in client.connections():

@@ -1,4 +1,4 @@
-"""The passive monitor of the C core: `fsoe_net.fsoe.Monitor`, only faster."""
+"""The passive monitor of the C core: `fsoe_net.fsoe.monitor.Monitor`, only faster."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ class Statistics:
 class DirectionSnapshot:
     """One direction of a connection; ``cycle_*`` is the time between new data frames.
 
-    ``right``, ``wrong`` and ``unchecked`` count frames by their CRCs (`fsoe_net.fsoe.Verdict`).
+    ``right``, ``wrong`` and ``unchecked`` count frames by their CRCs, see `Verdict`.
     """
 
     command: int

@@ -51,7 +51,7 @@ def load_acceptance(path: str | os.PathLike[str], out: Collector) -> Acceptance 
 
     Returns:
         The record, or ``None`` when it could not be understood. Whether its fingerprint is that of
-        the plan in it is not looked at here, see `fsoe_net.plan.accepted_plan`.
+        the plan in it is not looked at here, see `fsoe_net.plan.accepted.accepted_plan`.
     """
     data = read_bytes(path, out, most=_MOST_BYTES)
     return None if data is None else parse_acceptance(data, os.fspath(path), out)

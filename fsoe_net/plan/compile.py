@@ -45,7 +45,7 @@ def compile_plan(resolution: Resolution) -> Plan:
 
     Raises:
         InputError: A transfer does not resolve to bytes, or an FSoE transfer has no partner; the
-            rules name the place, so run `fsoe_net.rules.check` first.
+            rules name the place, so run `fsoe_net.rules.check.check` first.
     """
     for row in resolution.transfers:
         if not row.usable or row.transfer.size_bytes == 0:

@@ -198,7 +198,7 @@ def save_failures(result: CampaignResult, folder: Path) -> dict[tuple[str, int],
         folder: Where to; made if needed.
 
     Returns:
-        Class and trial, and the file `fsoe_net.fsoe.recording.replay_file` takes;
+        Class and trial, and the file `fsoe_net.fsoe.recording.replay.replay_file` takes;
         ``None`` for a case that fails only after the long run it was found in.
     """
     saved: dict[tuple[str, int], Path | None] = {}

@@ -32,7 +32,7 @@ _POLL_S = 0.02
 
 
 class Observer(Interface):
-    """What is asked of a running ``fsn-master``; `fsoe_net.run.Client` is one."""
+    """What is asked of a running ``fsn-master``; `fsoe_net.run.client.Client` is one."""
 
     def status(self) -> Status:
         """Return state and plan."""

@@ -4,10 +4,10 @@ import sys
 HIDE = """
 import sys
 sys.modules["fsoe_net.core._core"] = None
-import fsoe_net.core
+from fsoe_net.core.core import CorePlan
 from fsoe_net.errors import CoreMissing, EnvironmentFault
 try:
-    fsoe_net.core.CorePlan.load(b"")
+    CorePlan.load(b"")
 except CoreMissing as exc:
     assert isinstance(exc, EnvironmentFault)
     print(exc)

@@ -77,7 +77,8 @@ class World:
     def run(self, *, trusted: bool) -> None:
         program = (
             "import sys\n"
-            "from fsoe_net.formats import LoadOptions, load_network\n"
+            "from fsoe_net.formats.options import LoadOptions\n"
+            "from fsoe_net.formats.network import load_network\n"
             "options = LoadOptions(trust_xacro=sys.argv[2] == 'True')\n"
             "for d in load_network([sys.argv[1]], options).diagnostics: print(d.message)\n"
         )
