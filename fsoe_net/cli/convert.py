@@ -59,7 +59,7 @@ def command(
     chosen = target or _target(output)
     made = convert_files(files, chosen, name=Path(output).name, source=source)
     print_diagnostics(made.findings, err=True)
-    if chosen.startswith("driver"):
+    if chosen.startswith("driver") and output != STDOUT:
         made.save(output, overwrite=overwrite)
     else:
         _write(made.files, output, overwrite)

@@ -104,7 +104,6 @@ def command(
     evidence = [read_evidence(path) for path in evidence_files]
     report = make_report(
         checked,
-        name=Path(files[0]).stem,
         evidence=evidence,
         live=None if address is None else ask_live(address),
         plan=plan_file,

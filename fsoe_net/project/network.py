@@ -259,7 +259,6 @@ class Network:
             raise ValueError("against and accepted: the change log starts from one of them")
         return make_report(
             self._checked,
-            name=self.name,
             evidence=[read_evidence(os.fspath(path)) for path in evidence],
             plan=_text(plan),
             scenario=_text(scenario),

@@ -108,7 +108,6 @@ class Report:
 def make_report(
     checked: Checked,
     *,
-    name: str,
     evidence: Sequence[Evidence] = (),
     live: LiveEvidence | None = None,
     plan: str | None = None,
@@ -122,7 +121,6 @@ def make_report(
 
     Args:
         checked: The network, compared with other files and the device library.
-        name: Of a network that could not be read.
         evidence: Files that describe the machine.
         live: What a running ``fsn-master`` reports.
         plan: A plan file that shall be the plan of this network.
@@ -135,31 +133,32 @@ def make_report(
     Raises:
         InputError: There is no network to report on, or a file cannot be used.
     """
-    found = _findings(checked, evidence, live)
-    resolution = checked.resolution
+    resolution = _network(checked)
+    budget = _budget(resolution, evidence, live)
+    found = _findings(checked, resolution, evidence, budget)
     errors = any(d.level is Severity.ERROR for d in found)
     compiled = _plan(resolution, errors=errors)
     run = None
-    if scenario is not None and resolution is not None and compiled is not None and not errors:
+    if scenario is not None and compiled is not None and not errors:
         run = _run(resolution, scenario)
     fingerprint = None if compiled is None or errors else fingerprint_of(compiled)
     before = None
-    if resolution is not None and accepted is not None:
+    if accepted is not None:
         before = since(accepted, resolution, compiled)
-    elif resolution is not None and against is not None:
+    elif against is not None:
         before = _against(against, resolution, compiled, loading or LoadOptions())
     tried: Tried | None = None
     protocol_findings: list[Diagnostic] = []
     if protocol is not None:
         tried, protocol_findings = _tried(protocol, resolution, compiled)
     inputs = ReportInputs(
-        name=name if resolution is None else resolution.network.name,
+        name=resolution.network.name,
         version=__version__,
         diagnostics=found,
         resolution=resolution,
         plan=compiled,
         fingerprint=fingerprint,
-        budget=_budget(resolution, evidence, live),
+        budget=budget,
         references=checked.references,
         run=run,
         scenario=scenario or "",
@@ -179,40 +178,40 @@ def make_report(
     )
 
 
-def _findings(
-    checked: Checked, evidence: Sequence[Evidence], live: LiveEvidence | None
-) -> list[Diagnostic]:
-    """Return what the files show, and what scans and measured times show beside them.
+def _network(checked: Checked) -> Resolution:
+    """Return the network, also one with errors.
 
     Raises:
-        InputError: There is no network to report on.
+        InputError: There is none to report on.
     """
-    found = list(checked.diagnostics)
     resolution = checked.resolution
-    if resolution is None or not any(d.level is Severity.ERROR for d in found):
-        resolution = whole_network(checked, "no report written")
+    if resolution is None or not any(d.level is Severity.ERROR for d in checked.diagnostics):
+        return whole_network(checked, "no report written")
+    return resolution
+
+
+def _findings(
+    checked: Checked, resolution: Resolution, evidence: Sequence[Evidence], budget: Budget
+) -> list[Diagnostic]:
+    """Return what the files show, and what scans and measured times show beside them."""
+    found = list(checked.diagnostics)
     for e in evidence:
         if e.scan is not None:
             found += check_scan(resolution, e.scan)
-    budget = _budget(resolution, evidence, live)
-    if budget is not None and budget.functions:
+    if budget.functions:
         found += check_timing(resolution.network, budget, found=found)
     return sort_diagnostics(found)
 
 
 def _budget(
-    resolution: Resolution | None, evidence: Sequence[Evidence], live: LiveEvidence | None
-) -> Budget | None:
-    if resolution is None:
-        return None
+    resolution: Resolution, evidence: Sequence[Evidence], live: LiveEvidence | None
+) -> Budget:
     measured = longest_round_trips(tuple(evidence), live)
     return make_budget(resolution, library_of(resolution.network), measured=measured)
 
 
-def _plan(resolution: Resolution | None, *, errors: bool) -> Plan | None:
+def _plan(resolution: Resolution, *, errors: bool) -> Plan | None:
     """Return the plan; with errors only when one can be made all the same, to show its copies."""
-    if resolution is None:
-        return None
     if not errors:
         return compile_plan(resolution)
     try:
@@ -242,9 +241,9 @@ def _given(path: str) -> GivenPlan:
 
 
 def read_protocol(
-    path: str, resolution: Resolution | None, plan: Plan | None
+    path: str, resolution: Resolution, plan: Plan | None
 ) -> tuple[SourceFile, Protocol, list[Diagnostic]]:
-    """Read a test protocol, and hold it against the network where there is one.
+    """Read a test protocol, and compare it with the network where it has a plan.
 
     Returns:
         Its file, the protocol, and what keeps its results from being taken.
@@ -258,7 +257,7 @@ def read_protocol(
     if protocol is None:
         found = summary(out.diagnostics)
         raise InputError(f"{path} cannot be taken as a test protocol: {found}", out.diagnostics)
-    if resolution is not None and plan is not None:
+    if plan is not None:
         from fsoe_net.run.protocol import compare_protocol, make_protocol
 
         whole = fingerprint_of(plan).whole
@@ -267,9 +266,7 @@ def read_protocol(
     return source, protocol, out.diagnostics
 
 
-def _tried(
-    path: str, resolution: Resolution | None, plan: Plan | None
-) -> tuple[Tried, list[Diagnostic]]:
+def _tried(path: str, resolution: Resolution, plan: Plan | None) -> tuple[Tried, list[Diagnostic]]:
     source, protocol, found = read_protocol(path, resolution, plan)
     notes = tuple(f"{d.span.line}: {d.message}" for d in found)
     bad = any(d.level is Severity.ERROR for d in found)
