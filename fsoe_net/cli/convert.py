@@ -85,6 +85,8 @@ def _write(files: Mapping[str, bytes], output: str, overwrite: bool) -> None:
 
 
 def _target(output: str) -> str:
+    if output == STDOUT:
+        raise click.UsageError("-o -: standard output has no extension; say the format with --to")
     name = Path(output).name.lower()
     if output.endswith(os.sep) or Path(output).is_dir() or "." not in name:
         return "driver"

@@ -246,7 +246,7 @@ def test_a_console_without_a_place_for_its_history(monkeypatch: pytest.MonkeyPat
 
 
 def test_the_socket_of_an_interface_is_looked_for(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("fsoe_net.run.control_socket", lambda name: f"/run/{name}.sock")
+    monkeypatch.setattr("fsoe_net.run.sockets.control_socket", lambda name: f"/run/{name}.sock")
     assert options.master_socket(None, "eth1") == "/run/eth1.sock"
 
 

@@ -7,19 +7,20 @@ from types import SimpleNamespace as Facts
 from typing import Any
 
 import pytest
-from fsoe_net.cli.init_output import Remarks, answers_template, network_remarks
 
-from fsoe_net.cli import gather
 from fsoe_net.cli.init_prompt import _with, parse_ring
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.foreign_file import InputKind
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
-from fsoe_net.project.draft import Made, _names
+from fsoe_net.project import gather
+from fsoe_net.project.draft import Draft, _names
+from fsoe_net.project.draft_text import answers_template
 
 HERE = Span("x")
-NOTHING = Made(proposal=None, name="cell", questions=(), findings=())
+INPUTS: Any = Facts(types=())
+NOTHING = Draft(inputs=INPUTS, proposal=None, name="cell", questions=(), findings=())
 
 
 def test_a_folder_with_too_many_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -48,10 +49,10 @@ def test_a_file_that_is_cut_off_is_said():
 
 
 def test_nothing_is_said_of_no_proposal():
-    inputs: Any = Facts(types=())
-    assert network_remarks(NOTHING, inputs) == Remarks()
+    with pytest.raises(InputError, match="which SubDevices are on the ring is not known"):
+        NOTHING.files()
     assert NOTHING.open == ()
-    assert answers_template(NOTHING, inputs).endswith("name: cell\n# cycle_us: 1000\n")
+    assert answers_template(NOTHING).endswith("name: cell\n# cycle_us: 1000\n")
 
 
 def question(ask: Ask, *choices: tuple[str, str]) -> Question:
@@ -65,9 +66,8 @@ def test_open_questions_of_frames_and_mains_in_a_template():
         question(Ask.FRAMES, ("yes", ""), ("no", "")),
         question(Ask.MAIN, ("a", ""), ("b", "")),
     )
-    made = Made(proposal=None, name="cell", questions=questions, findings=())
-    inputs: Any = Facts(types=())
-    assert answers_template(made, inputs).split("# cycle_us: 1000\n\n")[1] == (
+    made = Draft(inputs=INPUTS, proposal=None, name="cell", questions=questions, findings=())
+    assert answers_template(made).split("# cycle_us: 1000\n\n")[1] == (
         "# frames:\n#   # Which?\n#   # a fact\n#   io: yes   # or no\n# Which?\n# main: [a, b]\n"
     )
 

@@ -11,7 +11,6 @@ import pytest
 from click.testing import CliRunner
 
 from fsoe_net.cli import decode_output, explain, fix, monitor, monitor_output, verify, write
-from fsoe_net.cli.diff import change_line
 from fsoe_net.cli.terminal import terminal
 from fsoe_net.core.scan import FoundConnection, Place, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
@@ -144,7 +143,7 @@ def test_texts_of_frames_are_forgotten_when_they_are_too_many(monkeypatch: pytes
     ],
 )
 def test_a_difference(change: Change, line: str):
-    assert change_line(change) == line
+    assert str(change) == line
 
 
 def test_long_sections_differ_in_a_few_lines():
