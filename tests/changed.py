@@ -92,7 +92,7 @@ def whole(value: object, seen: dict[int, tuple[int, object]] | None = None) -> s
             return f"#{seen[id(value)][0]}"
         seen[id(value)] = len(seen), value  # kept: what is made on demand must not go
         inner = (f"{f.name}={whole(getattr(value, f.name), seen)}" for f in fields(value))
-        return f"{type(value).__name__}({', '.join(inner)})"
+        return f"({', '.join(inner)})"
     if isinstance(value, tuple | list):
         return f"[{', '.join(whole(v, seen) for v in value)}]"
     if isinstance(value, set | frozenset):

@@ -18,7 +18,7 @@ from fsoe_net.formats.network import load_network
 from fsoe_net.formats.options import LoadOptions
 from fsoe_net.model.answers import Answers
 from fsoe_net.model.resolve import resolve
-from fsoe_net.project.draft import Inputs, make_proposal
+from fsoe_net.project.draft import Inputs, make_draft
 from fsoe_net.project.gather import gather
 
 BASE, ROBOT = HERE / "base", PLAIN / "el6910"
@@ -52,7 +52,7 @@ def _proposed(files: tuple[str, ...]) -> str:
     if Path("answers.yaml").exists():
         answers = load_answers("answers.yaml", Collector())
     try:
-        made = make_proposal(Inputs.of(gather(list(files), LoadOptions())), answers or Answers())
+        made = make_draft(Inputs.of(gather(list(files), LoadOptions())), answers or Answers())
     except InputError as error:
         return str(error)
     return changed.whole((made, made.open))
