@@ -119,7 +119,14 @@ class _LiveRun:
 
     def _connect(self) -> Client:
         self._client = client = self._master.connect()
-        client.subscribe()
+        try:
+            client.subscribe()
+        except ControlRefused:
+            raise
+        except EnvironmentFault:
+            if self._master.ended(2.0):  # it has refused the bus in this moment
+                self._master.explain()
+            raise
         return client
 
     def _look(self, wait_s: float) -> bool:

@@ -14,9 +14,9 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.foreign_file import InputKind
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
+from fsoe_net.project import gather
 from fsoe_net.project.draft import Draft, _names
 from fsoe_net.project.draft_text import answers_template
-from fsoe_net.project.gather import gather
 
 HERE = Span("x")
 INPUTS: Any = Facts(types=())

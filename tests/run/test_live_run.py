@@ -177,3 +177,18 @@ def test_nobody_answers_any_more(process: Process):
 
     with pytest.raises(EnvironmentFault, match="nobody answers on"):
         run(process, updates)
+
+
+@pytest.mark.parametrize(("has_ended", "said"), [(True, "is missing"), (False, "broke: ")])
+def test_a_bus_that_is_refused_between_two_requests_is_explained(
+    process: Process, monkeypatch: pytest.MonkeyPatch, has_ended: bool, said: str
+):
+    def connect() -> Client:
+        client = Client(process.fake.path)
+        process.fake.drop()
+        return client
+
+    monkeypatch.setattr(process, "connect", connect)
+    process.has_ended = has_ended
+    with pytest.raises(InputError if has_ended else EnvironmentFault, match=said):
+        run(process)
