@@ -135,3 +135,14 @@ def test_programs_of_users_are_typed_strictly(tmp_path):
     words = [sys.executable, "-m", "mypy", *strict, "--cache-dir", str(tmp_path), str(program)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.stdout == "Success: no issues found in 1 source file\n"
+
+
+def test_a_scan_gives_what_the_command_gives():
+    base = ROOT / "tests" / "diagnostics" / "base"
+    words = (str(base / "network.yaml"), "--scan", str(base / "scan.json"))
+    command = fsn("check", *words, "--format", "json")
+    found = fsoe_net.load(base / "network.yaml").check(scan=base / "scan.json")
+    assert found.to_json() == json.loads(command.stdout)
+    part = fsoe_net.load(base / "devices" / "ek1914.yaml")
+    with pytest.raises(fsoe_net.InputError, match="compared with a whole network"):
+        part.check(scan=base / "scan.json")

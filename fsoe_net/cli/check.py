@@ -102,11 +102,6 @@ def command(
 
     def once() -> Checked:
         checked = check_files(files, loading, runtime=present, scan=scan, compared=True)
-        if scan is not None and (checked.network is None or checked.network.partial):
-            raise InputError(
-                "a bus is compared with a whole network: name the network file, or the URDF",
-                checked.diagnostics,
-            )
         shown = _shown(checked, quiet=quiet)
         print_diagnostics(shown, fmt, runtime=present)
         if fmt == "text" and not quiet:

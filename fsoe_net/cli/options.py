@@ -79,7 +79,7 @@ class _Path(click.ParamType[str]):
 
 
 class _Folder(_Path):
-    """A folder; ``-`` is none, as it is standard output everywhere."""
+    """A folder; ``-`` is refused, as it is standard output everywhere."""
 
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None

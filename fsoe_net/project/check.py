@@ -24,7 +24,32 @@ from fsoe_net.rules.scan import check_scan
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import make_budget
 
-__all__ = ["Checked", "check_files", "library_of", "whole_network"]
+__all__ = [
+    "Checked",
+    "LoadedFiles",
+    "check_files",
+    "check_loaded",
+    "library_of",
+    "load_files",
+    "whole_network",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedFiles:
+    """Files as they were read.
+
+    Attributes:
+        diagnostics: What the readers found.
+        resolution: The network; ``None`` when nothing was read.
+        references: The other files, to compare it with; ``None``: it is not compared.
+        has_others: Whether other files were named.
+    """
+
+    diagnostics: Sequence[Diagnostic]
+    resolution: Resolution | None
+    references: References | None
+    has_others: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +99,76 @@ def library_of(network: NetworkConfig) -> Library:
     )
 
 
+def load_files(
+    files: Sequence[str], loading: LoadOptions | None = None, *, compared: bool = False
+) -> LoadedFiles:
+    """Read the files a user named.
+
+    Args:
+        files: Files of the network.
+        loading: How references in them are followed.
+        compared: There may be other files among ``files``, and the device library counts too.
+    """
+    own, others = split_files(files) if compared else (files, [])
+    loaded = load_network(own, loading)
+    resolution = resolve(loaded.network) if loaded.network is not None else None
+    references = None
+    if compared and resolution is not None:
+        references = read_references(others, resolution.network)
+    return LoadedFiles(
+        diagnostics=loaded.diagnostics,
+        resolution=resolution,
+        references=references,
+        has_others=bool(others),
+    )
+
+
+def check_loaded(
+    loaded: LoadedFiles,
+    *,
+    runtime: Runtime = Runtime.FSN,
+    scan: Scan | None = None,
+    timed: bool = True,
+) -> Checked:
+    """Check files that were read, and compare them with what is on a bus.
+
+    Args:
+        loaded: The files.
+        runtime: Also what this runtime does differently.
+        scan: What is on the bus.
+        timed: Check the safety functions too; a caller with a budget of its own does that itself.
+
+    Raises:
+        InputError: There is a scan, and no whole network to compare it with.
+    """
+    found = list(loaded.diagnostics)
+    resolution, references = loaded.resolution, loaded.references
+    if resolution is not None:
+        found += check(resolution, runtime=runtime)
+        if timed and resolution.network.safety_functions:
+            budget = make_budget(resolution, library_of(resolution.network))
+            found += check_timing(resolution.network, budget, found=found)
+        if scan is not None:
+            found += check_scan(resolution, scan)
+        if references is not None:
+            library = library_of(resolution.network)
+            found += references.diagnostics
+            found += check_references(
+                resolution, references.descriptions, library=library, found=found
+            )
+            found += check_library(resolution, library, found=found, notes=loaded.has_others)
+    found = sort_diagnostics(found)
+    if scan is not None and (resolution is None or resolution.network.partial):
+        raise InputError(
+            "a bus is compared with a whole network: name the network file, or the URDF", found
+        )
+    return Checked(
+        resolution=resolution,
+        diagnostics=found,
+        references=() if references is None else tuple(references.sources),
+    )
+
+
 def check_files(
     files: Sequence[str],
     loading: LoadOptions | None = None,
@@ -83,38 +178,6 @@ def check_files(
     compared: bool = False,
     timed: bool = True,
 ) -> Checked:
-    """Load, resolve and check the files a user named, and compare them with what is on a bus.
-
-    Args:
-        files: Files of the network.
-        loading: How references in them are followed.
-        runtime: Also what this runtime minds.
-        scan: What is on the bus.
-        compared: There may be other files among ``files``, and the device library is asked too.
-        timed: Check the safety functions too; a caller with a budget of its own does that itself.
-    """
-    own, others = split_files(files) if compared else (files, [])
-    loaded = load_network(own, loading)
-    found = list(loaded.diagnostics)
-    resolution = resolve(loaded.network) if loaded.network is not None else None
-    references = References()
-    if resolution is not None:
-        found += check(resolution, runtime=runtime)
-        if timed and resolution.network.safety_functions:
-            budget = make_budget(resolution, library_of(resolution.network))
-            found += check_timing(resolution.network, budget, found=found)
-        if scan is not None:
-            found += check_scan(resolution, scan)
-        if compared:
-            library = library_of(resolution.network)
-            references = read_references(others, resolution.network)
-            found += references.diagnostics
-            found += check_references(
-                resolution, references.descriptions, library=library, found=found
-            )
-            found += check_library(resolution, library, found=found, notes=bool(others))
-    return Checked(
-        resolution=resolution,
-        diagnostics=sort_diagnostics(found),
-        references=tuple(references.sources),
-    )
+    """Read and check files; see `load_files` and `check_loaded`."""
+    loaded = load_files(files, loading, compared=compared)
+    return check_loaded(loaded, runtime=runtime, scan=scan, timed=timed)

@@ -17,11 +17,10 @@ from fsoe_net.model.answers import Answers
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
-from fsoe_net.project.check import check_files, library_of, whole_network
+from fsoe_net.project.check import check_loaded, library_of, load_files, whole_network
 from fsoe_net.project.draft import Draft, Inputs, make_draft
 from fsoe_net.project.findings import Findings
 from fsoe_net.project.gather import gather
-from fsoe_net.rules.scan import check_scan
 from fsoe_net.timing.budget import Budget, make_budget
 
 if TYPE_CHECKING:
@@ -84,7 +83,8 @@ class Network:
     def __init__(self, paths: Sequence[str], options: LoadOptions) -> None:
         self.paths = tuple(paths)
         self._options = options
-        self._checked = check_files(self.paths, options, compared=True)
+        self._loaded = load_files(self.paths, options, compared=True)
+        self._checked = check_loaded(self._loaded)
         config = self._checked.network
         self.name = Path(paths[0]).stem if config is None else config.name
 
@@ -103,19 +103,12 @@ class Network:
         Raises:
             InputError: The scan cannot be used, or there is no whole network to compare it with.
         """
-        found = list(self._checked.diagnostics)
-        if scan is not None:
-            seen, damage = load_scan(os.fspath(scan))
-            if seen is None:
-                raise InputError(f"{os.fspath(scan)} is no whole scan document", damage)
-            config = self._checked.network
-            if config is None or config.partial or self._checked.resolution is None:
-                raise InputError(
-                    "a bus is compared with a whole network: name the network file, or the URDF",
-                    found,
-                )
-            found += check_scan(self._checked.resolution, seen)
-        return Findings(found)
+        if scan is None:
+            return Findings(self._checked.diagnostics)
+        seen, damage = load_scan(os.fspath(scan))
+        if seen is None:
+            raise InputError(f"{os.fspath(scan)} is no whole scan document", damage)
+        return Findings(check_loaded(self._loaded, scan=seen).diagnostics)
 
     def compile(self) -> Plan:
         """Return the copy plan.

@@ -182,7 +182,7 @@ def _network(checked: Checked) -> Resolution:
     """Return the network, also one with errors.
 
     Raises:
-        InputError: There is none to report on.
+        InputError: There is no network to report on.
     """
     resolution = checked.resolution
     if resolution is None or not any(d.level is Severity.ERROR for d in checked.diagnostics):
@@ -249,7 +249,7 @@ def read_protocol(
         Its file, the protocol, and what keeps its results from being taken.
 
     Raises:
-        InputError: It is none.
+        InputError: It is not a test protocol.
     """
     source, _ = _source(path)
     out = Collector()

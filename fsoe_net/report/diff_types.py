@@ -56,5 +56,10 @@ class Change:
             return "" if both == (None, None) else str(stated)
         if self.kind == "moved" and self.before is None:
             return str(self.after)
-        words = ["not stated" if v is None else "empty" if v == "" else str(v) for v in both]
-        return " -> ".join(words)
+        return " -> ".join(_fact_text(fact) for fact in both)
+
+
+def _fact_text(fact: Fact) -> str:
+    if fact is None:
+        return "not stated"
+    return "empty" if fact == "" else str(fact)
