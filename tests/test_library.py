@@ -137,12 +137,16 @@ def test_programs_of_users_are_typed_strictly(tmp_path):
     assert done.stdout == "Success: no issues found in 1 source file\n"
 
 
-def test_a_scan_gives_what_the_command_gives():
+def test_a_scan_gives_what_the_command_gives(tmp_path):
     base = ROOT / "tests" / "diagnostics" / "base"
-    words = (str(base / "network.yaml"), "--scan", str(base / "scan.json"))
-    command = fsn("check", *words, "--format", "json")
-    found = fsoe_net.load(base / "network.yaml").check(scan=base / "scan.json")
+    bus = json.loads((base / "scan.json").read_text("utf-8"))
+    gone = bus["subdevices"].pop()
+    scan = tmp_path / "scan.json"
+    scan.write_text(json.dumps(bus), "utf-8")
+    command = fsn("check", str(base / "network.yaml"), "--scan", str(scan), "--format", "json")
+    found = fsoe_net.load(base / "network.yaml").check(scan=scan)
     assert found.to_json() == json.loads(command.stdout)
+    assert [f.code for f in found.errors] == ["FSN501"], gone
     part = fsoe_net.load(base / "devices" / "ek1914.yaml")
     with pytest.raises(fsoe_net.InputError, match="compared with a whole network"):
-        part.check(scan=base / "scan.json")
+        part.check(scan=scan)
