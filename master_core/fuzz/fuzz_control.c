@@ -178,7 +178,7 @@ static void ask(struct fsn_client *client, const uint8_t *bytes, size_t len) {
     do_job();
     free(line);
     fsn_streams_serve(rig.control); /* cycles are lines too */
-    CHECK(client->doom == NULL && client->out.len_bytes > 0);
+    CHECK(client->drop_reason == NULL && client->out.len_bytes > 0);
     unsigned replies = 0;
     for (size_t at = 0; at < client->out.len_bytes;) {
         const char *from = client->out.bytes + at;

@@ -578,20 +578,21 @@ static FILE *open_replies(void) {
 static void is_answered(const char *line) {
     struct fsn_client *client = on.client;
     const struct fsn_json *out = &client->out;
-    const bool refused =
-        out->len_bytes > 11 && memcmp(out->bytes, "{\"ok\":false", 11) == 0 && client->doom == NULL;
+    const bool refused = out->len_bytes > 11 && memcmp(out->bytes, "{\"ok\":false", 11) == 0 &&
+                         client->drop_reason == NULL;
     const bool fits = out->len_bytes > 0 && out->bytes[out->len_bytes - 1] == '\n' &&
                       memchr(out->bytes, '\n', out->len_bytes - 1) == NULL;
-    if (client->doom != NULL ? strcmp(client->doom, "no memory for it") != 0 || out->len_bytes > 0
-                             : !fits || (!refused && memcmp(out->bytes, "{\"ok\":true", 10) != 0)) {
+    if (client->drop_reason != NULL
+            ? strcmp(client->drop_reason, "no memory for it") != 0 || out->len_bytes > 0
+            : !fits || (!refused && memcmp(out->bytes, "{\"ok\":true", 10) != 0)) {
         fprintf(stderr, "%s\nwithout memory: %s, %.*s\n", line,
-                client->doom != NULL ? client->doom : "", (int)out->len_bytes,
+                client->drop_reason != NULL ? client->drop_reason : "", (int)out->len_bytes,
                 out->bytes != NULL ? out->bytes : "");
         exit(1);
     }
-    on.dropped += client->doom != NULL;
+    on.dropped += client->drop_reason != NULL;
     on.refused += refused;
-    client->doom = NULL;
+    client->drop_reason = NULL;
     fsn_json_free(&client->out);
 }
 

@@ -300,16 +300,16 @@ static void there_is_a_limit_to_what_is_unread(void) {
     memset(block, 'x', sizeof block);
     struct fsn_client *client = rig.control->client;
     fsn_client_put(&client[0], block, sizeof block);
-    CHECK(client[0].doom == NULL);
+    CHECK(client[0].drop_reason == NULL);
     fsn_client_put(&client[0], "x", 1);
-    CHECK(strcmp(client[0].doom, "does not read") == 0);
+    CHECK(strcmp(client[0].drop_reason, "does not read") == 0);
     fsn_client_put(&client[0], "x", 1);
     CHECK(client[0].out.len_bytes == sizeof block);
     fsn_client_put_long(&client[1], block, sizeof block);
     fsn_client_put(&client[1], block, sizeof block);
-    CHECK(client[1].doom == NULL && client[1].out.len_bytes == 2 * sizeof block);
+    CHECK(client[1].drop_reason == NULL && client[1].out.len_bytes == 2 * sizeof block);
     fsn_client_put(&client[1], "x", 1);
-    CHECK(client[1].doom != NULL);
+    CHECK(client[1].drop_reason != NULL);
     client[2].events = true;
     turn();
     CHECK(client[0].fd == -1 && client[1].fd == -1 && client[2].fd >= 0);
@@ -324,9 +324,10 @@ static void long_answers_have_their_limit_one_by_one(void) {
     memset(block, 'x', sizeof block);
     struct fsn_client *client = rig.control->client;
     fsn_client_put_long(client, block, sizeof block);
-    CHECK(client->doom == NULL && client->out.len_bytes == sizeof block);
+    CHECK(client->drop_reason == NULL && client->out.len_bytes == sizeof block);
     fsn_client_put_long(client, block, 10);
-    CHECK(strcmp(client->doom, "does not read") == 0 && client->out.len_bytes == sizeof block);
+    CHECK(strcmp(client->drop_reason, "does not read") == 0 &&
+          client->out.len_bytes == sizeof block);
     tear_down(1);
 }
 

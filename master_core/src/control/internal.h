@@ -45,13 +45,13 @@ struct fsn_client {
     uid_t uid;
     bool events; /**< subscribed */
     struct fsn_stream stream;
-    bool skipping;     /**< inside a line that was too long */
-    const char *doom;  /**< why it is to be dropped, or NULL */
-    bool more;         /**< whole lines are waiting in `in` */
-    uint32_t lease_ms; /**< 0: until it disconnects */
-    uint64_t heard_ns; /**< end of its last request, or of its last lease */
-    uint64_t asked_ns; /**< end of its last request, or its beginning */
-    uint64_t moved_ns; /**< when it last took bytes, or had none to take */
+    bool skipping;           /**< inside a line that was too long */
+    const char *drop_reason; /**< why it is to be dropped, or NULL */
+    bool more;               /**< whole lines are waiting in `in` */
+    uint32_t lease_ms;       /**< 0: until it disconnects */
+    uint64_t heard_ns;       /**< end of its last request, or of its last lease */
+    uint64_t asked_ns;       /**< end of its last request, or its beginning */
+    uint64_t moved_ns;       /**< when it last took bytes, or had none to take */
     size_t in_bytes;
     char in[FSN_LINE_BYTES + 2];
     struct fsn_job *job; /**< its request that is under way; lines behind it wait */

@@ -161,7 +161,7 @@ static void finish(struct fsn_client *client, struct fsn_json *json) {
     fsn_json_close(json, '}');
     fsn_json_end(json);
     if (json->failed) {
-        client->doom = "no memory for it";
+        client->drop_reason = "no memory for it";
         return;
     }
     fsn_client_put(client, json->bytes, json->len_bytes);

@@ -63,7 +63,7 @@ static void send_some(struct fsn_control *control, struct fsn_client *client, ui
 
 void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes) {
     struct fsn_json *out = &client->out;
-    if (client->doom != NULL) {
+    if (client->drop_reason != NULL) {
         return;
     }
     if (client->sent > 0) { /* what is gone needs no room */
@@ -74,14 +74,14 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
     char *room = out->bytes;
     const size_t limit = FSN_CONTROL_OUT_BYTES + client->long_bytes;
     if (out->len_bytes > limit || len_bytes > limit - out->len_bytes) {
-        client->doom = "does not read";
+        client->drop_reason = "does not read";
         return;
     }
     if (len_bytes > out->room_bytes - out->len_bytes) {
         const size_t wanted = 2 * (out->len_bytes + len_bytes);
         room = realloc(out->bytes, wanted);
         if (room == NULL) {
-            client->doom = "no memory for it";
+            client->drop_reason = "no memory for it";
             return;
         }
         out->bytes = room;
@@ -100,7 +100,7 @@ void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t le
 static void answer_lines(struct fsn_control *control, struct fsn_client *client) {
     size_t at = 0;
     client->more = false;
-    for (int lines = 0; client->doom == NULL && client->job == NULL; lines++) {
+    for (int lines = 0; client->drop_reason == NULL && client->job == NULL; lines++) {
         char *line = client->in + at;
         const char *end = memchr(line, '\n', client->in_bytes - at);
         if (end == NULL) {
@@ -354,8 +354,8 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         struct fsn_client *client = &control->client[i];
         const uint64_t now = fsn_now_ns();
-        if (client->fd >= 0 && client->doom != NULL) {
-            fsn_client_drop(control, client, client->doom);
+        if (client->fd >= 0 && client->drop_reason != NULL) {
+            fsn_client_drop(control, client, client->drop_reason);
         }
         if (client->fd >= 0) {
             send_some(control, client, now);

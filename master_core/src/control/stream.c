@@ -122,7 +122,7 @@ void fsn_streams_serve(struct fsn_control *control) {
     const uint64_t last = fsn_core_last_cycle(control->core);
     for (size_t i = 0; control->core != NULL && i < FSN_CONTROL_CLIENTS; i++) {
         struct fsn_client *client = &control->client[i];
-        if (client->fd >= 0 && client->doom == NULL && client->stream.every > 0) {
+        if (client->fd >= 0 && client->drop_reason == NULL && client->stream.every > 0) {
             serve(control, client, last);
         }
     }
