@@ -3,35 +3,25 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
-from collections.abc import Iterable
+from typing import Any
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import FILE, output_option
+from fsoe_net.cli.options import FILE, output_option, read_by
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag.words import counted
-from fsoe_net.errors import InputError
-from fsoe_net.formats.acceptance import parse_acceptance
-from fsoe_net.formats.files import Collector, read_bytes
 from fsoe_net.formats.options import LoadOptions
-from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_something
-from fsoe_net.model.network import SourceFile
-from fsoe_net.plan.compile import compile_plan
+from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.plan.fingerprint import short_code
-from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.project.known import Record, read_record
-from fsoe_net.project.report import read_protocol, since
-from fsoe_net.report.sign_off import Grounds, Reason, Refusal, read_signed_report, sign_off
-from fsoe_net.save.acceptance import write_acceptance
+from fsoe_net.project.accept import accept, intervention_rows, reason_rows, record_bytes
+from fsoe_net.project.known import Record
+from fsoe_net.report.sign_off import Refusal
 from fsoe_net.save.files import write_whole
 
 __all__ = ["command"]
 
-_MOST_BYTES = 256 * 1024 * 1024
 _EPILOG = """\b
 Example:
   fsoe-net test-protocol network.yaml --virtual -o protocol.yaml    # then do it at the machine
@@ -49,6 +39,15 @@ Exit codes: 0 written, 1 refused with every reason, or a file cannot be read, 2 
 
 A record is evidence. It is no certificate, and nobody is who the record says but by the signature
 on the report."""
+
+
+def _day(value: str | None) -> str:
+    if value is None:
+        return datetime.date.today().isoformat()
+    try:
+        return datetime.date.fromisoformat(value).isoformat()
+    except ValueError as exc:
+        raise ValueError(f"{value!r} is not a date; write YYYY-MM-DD") from exc
 
 
 @click.command("accept", epilog=_EPILOG)
@@ -71,17 +70,26 @@ on the report."""
 )
 @click.option("--author", required=True, metavar="NAME", help="Who made the configuration.")
 @click.option("--verifier", required=True, metavar="NAME", help="Who checked it: not the author.")
-@click.option("--date", metavar="YYYY-MM-DD", help="Day of the signatures; today without it.")
+@click.option(
+    "--date",
+    "day",
+    callback=read_by(_day),
+    metavar="YYYY-MM-DD",
+    help="Day of the signatures; today without it.",
+)
 @click.option(
     "--justify",
     multiple=True,
+    callback=read_by(reason_rows),
     metavar="WHAT=REASON by NAME",
     help="Let a warning (CODE@file:line) or a step that was not done (its id, `loss *`) "
     "pass; may be given again. @FILE: one per line.",
 )
 @click.option(
     "--intervention",
+    "interventions",
     multiple=True,
+    callback=read_by(intervention_rows),
     metavar="WHAT by NAME",
     help="What was changed since the record before, and why; may be given again.",
 )
@@ -90,18 +98,12 @@ on the report."""
 @click.pass_context
 def command(
     ctx: click.Context,
+    /,
     files: tuple[str, ...],
     loading: LoadOptions,
-    reports: tuple[str, ...],
-    protocol: str,
-    author: str,
-    verifier: str,
-    date: str | None,
-    justify: tuple[str, ...],
-    intervention: tuple[str, ...],
-    replaces: str | None,
     output: str,
     overwrite: bool,
+    **given: Any,
 ) -> None:
     """Write the acceptance record of a network, or say everything that stands against it.
 
@@ -110,109 +112,12 @@ def command(
     author. FILES as for `fsoe-net check`.
     """
     check_target(output, overwrite=overwrite)
-    day = _day(date)
-    rows = _rows(justify)
-    for row in rows:
-        _reason(row)  # what is no reason is told before files are read
-    changes = [_intervention(row, day) for row in intervention]
-    before = None if replaces is None else read_record(replaces)
-    report = read_signed_report([_read(path) for path in reports])
-    checked = check_files(files, loading, compared=True)
-    resolution = whole_network(checked, "no record written")
-    plan = compile_plan(resolution)
-    source, filled, wrong = read_protocol(protocol, resolution, plan)
-    changed = None if before is None else since(before, resolution, plan)
-    record, refusals = sign_off(
-        Grounds(
-            version=__version__,
-            resolution=resolution,
-            plan=plan,
-            report=report,
-            diagnostics=checked.diagnostics,
-            protocol=filled,
-            protocol_source=source,
-            protocol_findings=wrong,
-            author=SignedBy(name=author.strip(), date=day),
-            verifier=SignedBy(name=verifier.strip(), date=day),
-            reasons=[_reason(row, [step.id for step in filled.steps]) for row in rows],
-            interventions=changes,
-            before=None if before is None else before.record,
-            before_source=None if before is None else before.source,
-            again=() if changed is None else changed.again,
-        )
-    )
+    record, refusals, before = accept(files, loading, **given)
     if record is None:
         _refuse(refusals)
         ctx.exit(1)
-    write_whole(output, _readable(record), overwrite=overwrite)
+    write_whole(output, record_bytes(record), overwrite=overwrite)
     _say(output, record, before)
-
-
-def _day(date: str | None) -> str:
-    if date is None:
-        return datetime.date.today().isoformat()
-    try:
-        return datetime.date.fromisoformat(date).isoformat()
-    except ValueError as exc:
-        raise click.BadParameter(f"{date!r} is no date; write YYYY-MM-DD") from exc
-
-
-def _rows(values: tuple[str, ...]) -> list[str]:
-    rows = []
-    for value in values:
-        if not value.startswith("@"):
-            rows.append(value)
-            continue
-        _, data = _read(value[1:])
-        try:
-            lines = data.decode("utf-8-sig").splitlines()
-        except UnicodeDecodeError as exc:
-            raise InputError(f"{value[1:]} is no text in UTF-8") from exc
-        rows += [line for line in map(str.strip, lines) if line and not line.startswith("#")]
-    return rows
-
-
-def _reason(row: str, steps: Iterable[str] = ()) -> Reason:
-    """Return a reason; names in steps may have an equals sign of their own."""
-    subject, _, rest = row.partition("=")
-    for step in steps:
-        if row.startswith(f"{step}=") and len(step) > len(subject):
-            subject, rest = step, row[len(step) + 1 :]
-    reason, by = _by(rest)
-    if not (subject.strip() and reason and by):
-        raise click.BadParameter(f"{row!r} is not WHAT=REASON by NAME", param_hint="--justify")
-    return Reason(subject=subject.strip(), reason=reason, by=by)
-
-
-def _intervention(row: str, day: str) -> Intervention:
-    what, by = _by(row)
-    if not (what and by):
-        raise click.BadParameter(f"{row!r} is not WHAT by NAME", param_hint="--intervention")
-    return Intervention(what=what, by=by, date=day)
-
-
-def _by(text: str) -> tuple[str, str]:
-    words, found, name = text.strip().rpartition(" by ")
-    said = found and says_something(words) and says_something(name)
-    return (words.strip(), name.strip()) if said else ("", "")
-
-
-def _read(path: str) -> tuple[SourceFile, bytes]:
-    out = Collector()
-    data = read_bytes(path, out, most=_MOST_BYTES)
-    if data is None:
-        raise InputError(f"{path} cannot be read", out.diagnostics)
-    return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data
-
-
-def _readable(record: Acceptance) -> bytes:
-    """Return the bytes of the file; bytes of the command line may be no text that can be kept."""
-    data = write_acceptance(record).encode("utf-8")
-    if parse_acceptance(data, "", Collector()) is None:
-        raise InputError(
-            "no record written: a name, reason or file name is no text in UTF-8; write it otherwise"
-        )
-    return data
 
 
 def _refuse(refusals: tuple[Refusal, ...]) -> None:

@@ -23,6 +23,7 @@ __all__ = [
     "master_socket",
     "output_option",
     "overwrite_option",
+    "read_by",
 ]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -160,3 +161,15 @@ def output_option(
         "-o", "--output", type=type, metavar=metavar, required=required, help=help
     )
     return lambda function: option(overwrite_option(function))
+
+
+def read_by(read: Callable[[Any], object]) -> Callable[..., object]:
+    """Return a click callback that reads a value; its ``ValueError`` is wrong use of the option."""
+
+    def callback(_ctx: click.Context, _param: click.Parameter, value: object) -> object:
+        try:
+            return read(value)
+        except ValueError as exc:
+            raise click.BadParameter(str(exc)) from exc
+
+    return callback

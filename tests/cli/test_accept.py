@@ -219,7 +219,9 @@ def test_what_no_file_can_keep_is_not_written(folder: Path) -> None:
     odd = b"loss *=odd \xff by B. Kaya".decode("utf-8", "surrogateescape")
     done = fsn("accept", *given, *PEOPLE, "--justify", odd, "-o", "a.yaml")
     assert done.returncode == 1
-    assert "no text in UTF-8" in done.stderr
+    assert done.stderr == (
+        "error: no record written: a name, reason or file name is not UTF-8; write it otherwise\n"
+    )
     assert not (folder / "a.yaml").exists()
 
 

@@ -25,7 +25,6 @@ from fsoe_net.cli import (
     run,
     scan,
     test_protocol,
-    verify,
 )
 from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.errors import EnvironmentFault
@@ -33,6 +32,7 @@ from fsoe_net.model.protocol import Outcome, Seen
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.project.known import Known
+from fsoe_net.project.verify import compare_running
 from fsoe_net.run import live_bus
 
 NETWORK = str(PLAIN / "estop" / "network.yaml")
@@ -198,9 +198,9 @@ def test_a_step_that_shows_nothing_is_not_told(capsys: pytest.CaptureFixture[str
 def test_an_fsn_master_that_tells_no_fingerprint():
     wanted = Known(path="a", fingerprint=fingerprint_of(compile_plan(example("estop"))))
     with fake_master() as fake, pytest.raises(EnvironmentFault) as refused:
-        verify._live(wanted, str(fake.path))
+        compare_running(wanted, str(fake.path))
     assert str(refused.value) == (
-        f"{fake.path}: this fsn-master tells no fingerprint; install a newer one"
+        f"{fake.path}: this fsn-master reports no fingerprint; install a newer one"
     )
 
 
