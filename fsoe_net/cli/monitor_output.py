@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.cli.run_output import cycle_text, not_in_op, number_text, state_markup
 from fsoe_net.diag.words import counted
-from fsoe_net.report.timing import timing_bars, timing_text
+from fsoe_net.report.cycle_times import timing_bars, timing_text
 from fsoe_net.run.attachment import BusView, WatchedConnection
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 

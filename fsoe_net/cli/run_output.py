@@ -11,7 +11,7 @@ from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.diag.words import counted
-from fsoe_net.report.timing import timing_csv, timing_picture, timing_text
+from fsoe_net.report.cycle_times import timing_csv, timing_picture, timing_text
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 from fsoe_net.run.result import ConnectionResult, Run, RunEvent, state_text
 from fsoe_net.save.files import write_whole

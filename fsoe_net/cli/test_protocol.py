@@ -24,7 +24,7 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.report.protocol import protocol_page
+from fsoe_net.report.protocol_page import protocol_page
 from fsoe_net.run.client import Client
 from fsoe_net.run.protocol import keep_machine, make_protocol
 from fsoe_net.run.protocol_live import run_protocol_live

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 from fsoe_net import __version__
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.words import summary
+from fsoe_net.document.model import Document
+from fsoe_net.document.write_pdf import report_pdf
 from fsoe_net.errors import InputError
 from fsoe_net.formats.files import Collector, open_file
 from fsoe_net.formats.options import LoadOptions
@@ -28,17 +30,15 @@ from fsoe_net.project.check import Checked, library_of, whole_network
 from fsoe_net.project.compare import read_side
 from fsoe_net.project.known import Record
 from fsoe_net.project.simulate import prepare
-from fsoe_net.report.again import steps_again
+from fsoe_net.report.compose import compose_report
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan
 from fsoe_net.report.diff_side import Side
-from fsoe_net.report.document import Document
 from fsoe_net.report.evidence import Evidence, LiveEvidence, longest_round_trips
 from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, ReportInputs, Tried
-from fsoe_net.report.make import make_document
 from fsoe_net.report.protocol_steps import tried_of
+from fsoe_net.report.steps_to_repeat import steps_to_repeat
 from fsoe_net.report.write import FORMATS
-from fsoe_net.report.write_pdf import report_pdf
 from fsoe_net.rules.scan import check_scan
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.save.files import write_whole
@@ -170,7 +170,7 @@ def make_report(
         accepted=None if accepted is None else _accepted(accepted, fingerprint),
     )
     return Report(
-        document=make_document(inputs),
+        document=compose_report(inputs),
         findings=found,
         run=run,
         protocol_findings=protocol_findings,
@@ -308,7 +308,7 @@ def _compared(
     return Against(
         source=source,
         difference=difference,
-        again=steps_again(
+        again=steps_to_repeat(
             difference.changes,
             resolution,
             steps,

@@ -13,12 +13,12 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import Scenario
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.model import Plan
+from fsoe_net.run.scenario_run import ScenarioRun
 from fsoe_net.run.session import Session, counted_session_ids, random_session_ids
-from fsoe_net.run.stage import Stage
 
 __all__ = ["plan_bytes", "prepare", "with_scenario"]
 
-_Stage = TypeVar("_Stage", bound=Stage)
+_Run = TypeVar("_Run", bound=ScenarioRun)
 
 
 def prepare(
@@ -57,7 +57,7 @@ def _plan_of(plan_file: str, fresh: bytes) -> bytes:
     return fresh
 
 
-def with_scenario(make: Callable[[Scenario | None], _Stage], path: str | None) -> _Stage:
+def with_scenario(make: Callable[[Scenario | None], _Run], path: str | None) -> _Run:
     """Return a stage with the scenario of a file; without a file the stage alone.
 
     Raises:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from fsoe_net.diag.words import counted
-from fsoe_net.report.document import outward
-from fsoe_net.report.html import escape
+from fsoe_net.document.markup import escape, svg_text
+from fsoe_net.document.model import outward
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.formulas import PartTimes
@@ -289,9 +289,9 @@ def _svg(panels: Sequence[str], title: str, head: int = 34) -> str:
     body = "".join(
         f'<g transform="translate(0 {head + n * _HEIGHT})">{p}</g>' for n, p in enumerate(panels)
     )
-    told = _text(20, 22, title, "start") if head else ""
+    told = svg_text(20, 22, title, "start") if head else ""
     if not panels:
-        body = _text(20, 80, "no safety function has a reaction time", "start")
+        body = svg_text(20, 80, "no safety function has a reaction time", "start")
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="budget" viewBox="0 0 {_WIDTH} {height}" '
         f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
@@ -340,10 +340,6 @@ def _required(row: FunctionBudget, spots: Sequence[float]) -> list[_Curve]:
     return [] if required is None else [_Curve("required", tuple((s, required) for s in spots))]
 
 
-def _text(x: float, y: float, text: str, anchor: str, cls: str = "") -> str:
-    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{cls}">{escape(text)}</text>'
-
-
 def _ticks(most: float) -> Iterable[float]:
     step = 1.0
     while most / step > 6:
@@ -362,20 +358,20 @@ def _panel(title: str, curves: Sequence[_Curve], *, here: float) -> str:
     def at(x: float, y: float) -> tuple[float, float]:
         return _LEFT + wide * x / right, _TOP + tall * (1 - y / top)
 
-    parts = [_text(_LEFT, 16, title, "start")]
+    parts = [svg_text(_LEFT, 16, title, "start")]
     for y in _ticks(top):
         _, place = at(0, y)
         parts.append(
             f'<line class="grid" x1="{_LEFT}" y1="{place:.1f}" x2="{_LEFT + wide}" '
-            f'y2="{place:.1f}"/>{_text(_LEFT - 6, place + 4, f"{y:g} ms", "end", "small")}'
+            f'y2="{place:.1f}"/>{svg_text(_LEFT - 6, place + 4, f"{y:g} ms", "end", "small")}'
         )
     for x in _ticks(right):
         place, _ = at(x, 0)
-        parts.append(_text(place, _TOP + tall + 16, f"{x:g}", "middle", "small"))
+        parts.append(svg_text(place, _TOP + tall + 16, f"{x:g}", "middle", "small"))
     place, _ = at(min(here, right), 0)
     parts.append(
         f'<line class="here" x1="{place:.1f}" y1="{_TOP}" x2="{place:.1f}" y2="{_TOP + tall}"/>'
-        + _text(place, _TOP + tall + 32, f"now {here:g}", "middle", "small")
+        + svg_text(place, _TOP + tall + 32, f"now {here:g}", "middle", "small")
     )
     parts.append(
         f'<line class="axis" x1="{_LEFT}" y1="{_TOP + tall}" x2="{_LEFT + wide}" '

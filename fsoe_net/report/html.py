@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterable
 
-from fsoe_net.diag.printable import printable
+from fsoe_net.document.markup import escape
 
-__all__ = ["escape", "html_page", "table"]
+__all__ = ["html_page", "table"]
 
 _STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;color:#1f2328;max-width:1060px;margin:2em auto;
@@ -36,11 +35,6 @@ body{max-width:none;margin:0;padding:0;font-size:9.3pt;-webkit-print-color-adjus
 print-color-adjust:exact}
 h2,h3{break-after:avoid}tr,figure,.note{break-inside:avoid}a{color:inherit}}
 """
-
-
-def escape(text: str) -> str:
-    """Return a text for a page: no character of it is markup, or turns the reading direction."""
-    return html.escape(printable(text, keep="\n\t"))
 
 
 def html_page(title: str, body: Iterable[str], *, style: str = "") -> str:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 
+from fsoe_net.document.markup import escape
 from fsoe_net.observe.candidate import Candidate
-from fsoe_net.report.html import escape, html_page, table
-from fsoe_net.report.incident_story import NO_STATEMENT, WORST_COLUMNS, FrameRow, Story
-from fsoe_net.report.incident_strip import Strip, Wrong, strip_of
-from fsoe_net.report.timing import histogram_picture
+from fsoe_net.report.cycle_times import histogram_picture
+from fsoe_net.report.html import html_page, table
+from fsoe_net.report.incident_facts import NO_STATEMENT, WORST_COLUMNS, FrameRow, Story
+from fsoe_net.report.incident_window import Strip, Wrong, strip_of
 
 __all__ = ["incident_page"]
 

@@ -6,9 +6,9 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from fsoe_net.observe.candidate import Candidate
-from fsoe_net.report.incident_story import NO_STATEMENT, WORST_COLUMNS, FrameRow, Story
-from fsoe_net.report.incident_strip import Strip, strip_of
-from fsoe_net.report.timing import histogram_name
+from fsoe_net.report.cycle_times import histogram_name
+from fsoe_net.report.incident_facts import NO_STATEMENT, WORST_COLUMNS, FrameRow, Story
+from fsoe_net.report.incident_window import Strip, strip_of
 
 __all__ = ["incident_text"]
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Level
 from fsoe_net.errors import InputError
 from fsoe_net.model.acceptance import (
     Acceptance,
@@ -33,7 +34,6 @@ from fsoe_net.model.protocol import Outcome, Protocol, ProtocolStep, StepKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.model import Plan
-from fsoe_net.report.document import Level
 
 __all__ = ["Grounds", "Reason", "Refusal", "SignedReport", "read_signed_report", "sign_off"]
 

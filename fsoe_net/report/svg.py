@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from fsoe_net.diag.words import counted
+from fsoe_net.document.markup import escape, svg_text
 from fsoe_net.plan.model import NONE, Plan
 from fsoe_net.plan.show import entry_at
-from fsoe_net.report.html import escape
 
 __all__ = ["MAX_PER_ROW", "copy_picture", "topology_picture"]
 
@@ -19,10 +19,6 @@ def _colour(number: int) -> str:
     """Return a colour; the page has variables for it that follow its scheme."""
     place = number % len(_COLOURS)
     return f"var(--c{place},{_COLOURS[place]})"
-
-
-def _text(x: float, y: float, text: str, cls: str = "", anchor: str = "middle") -> str:
-    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{cls}">{escape(text)}</text>'
 
 
 def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
@@ -64,7 +60,7 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
     hidden = len(plan.subdevices) - len(shown)
     if hidden:
         text = f"{hidden} SubDevices without a copy"
-        parts.append(_text(20, height - 6, text, "small", "start"))
+        parts.append(svg_text(20, height - 6, text, "start", "small"))
     return "".join([*parts, "</svg>"])
 
 
@@ -108,10 +104,12 @@ def _box(
         f"0x{sub.product_code:08x}</title>"
         f'<rect x="{x:g}" y="{y:g}" width="{_BOX_WIDTH}" height="{_BOX_HEIGHT}" rx="6" '
         f'class="box {cls}"/>'
-        + _text(middle, y + (19 if line else 24), name, "name")
-        + _text(middle, y + (37 if line else 46), f"{role} · {address}", "small")
+        + svg_text(middle, y + (19 if line else 24), name, "middle", "name")
+        + svg_text(middle, y + (37 if line else 46), f"{role} · {address}", "middle", "small")
         + (
-            _text(middle, y + 53, line if len(line) <= 28 else line[:27] + "…", "small")
+            svg_text(
+                middle, y + 53, line if len(line) <= 28 else line[:27] + "…", "middle", "small"
+            )
             if line
             else ""
         )
@@ -181,19 +179,19 @@ def _byte_row(
     return (
         f"<g><title>{escape(name)} SM{sm.index}: bytes {first} … {last} of {total}"
         f"{', ' + entry if entry else ''}</title>"
-        + _text(4, y + 22, f"{word} {shown} SM{sm.index}", "small", "start")
+        + svg_text(4, y + 22, f"{word} {shown} SM{sm.index}", "start", "small")
         + f'<rect x="{left}" y="{y + 10:g}" width="{room}" height="16" class="sm"/>'
         + f'<rect x="{left + unit * first:g}" y="{y + 10:g}" width="{unit * size:g}" height="16" '
         f'style="fill:{colour}"/>'
         + cells
-        + _text(middle, y + 38, told, "tiny")
+        + svg_text(middle, y + 38, told, "middle", "tiny")
         + (
-            _text(left, y + 38, "0", "tiny", "start")
+            svg_text(left, y + 38, "0", "start", "tiny")
             if first and middle - wide / 2 > left + 14
             else ""
         )
         + (
-            _text(left + room, y + 38, str(total - 1), "tiny", "end")
+            svg_text(left + room, y + 38, str(total - 1), "end", "tiny")
             if last + 1 < total and middle + wide / 2 < left + room - end
             else ""
         )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from fsoe_net.report.document import Document
+from fsoe_net.document.model import Document
+from fsoe_net.document.write_html import report_html
+from fsoe_net.document.write_markdown import report_markdown
+from fsoe_net.report.compose import compose_report
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.make import make_document
-from fsoe_net.report.write_html import report_html
-from fsoe_net.report.write_json import report_json
-from fsoe_net.report.write_markdown import report_markdown
+from fsoe_net.report.report_json import report_json
 
 __all__ = ["FORMATS", "render_report"]
 
@@ -27,4 +27,4 @@ def render_report(inputs: ReportInputs, form: str = "html") -> str:
     Raises:
         KeyError: There is no such form.
     """
-    return FORMATS[form](make_document(inputs))
+    return FORMATS[form](compose_report(inputs))

@@ -10,11 +10,11 @@ from pathlib import Path
 from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.fsoe.pdu import reset_code_text
+from fsoe_net.run.bus_events import ENDS, BusEvents, ConnectionFacts, connection_result
 from fsoe_net.run.client import Client
 from fsoe_net.run.control_values import BusState, Status
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.result import ConnectionResult, RunEvent, is_data
-from fsoe_net.run.story import ENDS, ConnectionFacts, Story, connection_result
 
 __all__ = ["Attachment", "BusView", "WatchedConnection"]
 
@@ -92,7 +92,7 @@ class Attachment:
 
     def __init__(self, path: str | Path) -> None:
         self._path = str(path)
-        self._story = Story(start_ns=time.monotonic_ns())
+        self._events = BusEvents(start_ns=time.monotonic_ns())
         self._facts: tuple[ConnectionFacts, ...] = ()
         self._snapshot: LiveSnapshot | None = None
         self._status: Status | None = None
@@ -137,7 +137,7 @@ class Attachment:
             client.close()
             raise
         if self._away:
-            self._story.log("monitor", f"fsn-master answers again; {self._away}")
+            self._events.log("monitor", f"fsn-master answers again; {self._away}")
             self._away = ""
         self._client = client
         self._facts = ()
@@ -150,14 +150,14 @@ class Attachment:
             self._client = None
         if not self._away:
             self._away = str(fault)
-            self._story.log("monitor", f"fsn-master is gone, waiting for it: {fault}")
-            self._story.events_lost += 1  # its last words were perhaps not read
+            self._events.log("monitor", f"fsn-master is gone, waiting for it: {fault}")
+            self._events.events_lost += 1  # its last words were perhaps not read
 
     def _ask(self, client: Client, wait_s: float, stop: threading.Event | None) -> bool:
         until = time.monotonic() + wait_s
         while True:
             for event in client.events(min(0.1, max(0.0, until - time.monotonic()))):
-                self._story.take(event)
+                self._events.take(event)
             if time.monotonic() >= until or (stop is not None and stop.is_set()):
                 break
         self._status = client.status()
@@ -185,9 +185,9 @@ class Attachment:
             connections=tuple(rows),
             snapshot=self._snapshot,
             current=current,
-            now_s=(time.monotonic_ns() - self._story.start_ns) / 1e9,
-            events=tuple(self._story.events),
-            events_lost=self._story.events_lost + self._missed + lost,
+            now_s=(time.monotonic_ns() - self._events.start_ns) / 1e9,
+            events=tuple(self._events.events),
+            events_lost=self._events.events_lost + self._missed + lost,
         )
 
     def _connection(
@@ -205,10 +205,10 @@ class Attachment:
             for d in (wire.to_sub, wire.to_main)
         ]
         return WatchedConnection(
-            result=connection_result(facts, wire, self._story),
+            result=connection_result(facts, wire, self._events),
             resets_to_sub=wire.to_sub.resets,
             resets_to_main=wire.to_main.resets,
-            cause=_cause(facts.name, wire, self._story),
+            cause=_cause(facts.name, wire, self._events),
             watchdog_share=longest_ms / facts.watchdog_ms if facts.watchdog_ms else None,
             held_main=ends[0].stale_cycles if ends[0] else 0,
             held_sub=ends[1].stale_cycles if ends[1] else 0,
@@ -241,11 +241,11 @@ def _facts(client: Client) -> tuple[ConnectionFacts, ...]:
     return tuple(rows)
 
 
-def _cause(name: str, wire: ConnectionSnapshot, story: Story) -> str:
+def _cause(name: str, wire: ConnectionSnapshot, events: BusEvents) -> str:
     """Return why it was reset last; what the counters tell when no event has."""
-    if name in story.last_reset:
-        text = reset_code_text(story.last_reset[name])
-        return f"{story.last_reset_by.get(name, 'one end')}: {text}"
+    if name in events.last_reset:
+        text = reset_code_text(events.last_reset[name])
+        return f"{events.last_reset_by.get(name, 'one end')}: {text}"
     rows = ((ENDS["main"], wire.to_sub), (ENDS["sub"], wire.to_main))
     sent = [(end, d.reset_code) for end, d in rows if d.resets]
     told = [row for row in sent if row[1]] or sent

@@ -30,7 +30,7 @@ from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.run.device import divert_stdout
-from fsoe_net.run.stage import DEFAULT_CYCLE_NS
+from fsoe_net.run.scenario_run import DEFAULT_CYCLE_NS
 
 __all__ = ["CampaignResult", "campaign_links", "run_campaign", "save_failures"]
 

@@ -14,10 +14,10 @@ from fsoe_net.model.scenario import Step
 from fsoe_net.run.commands import CommandError, parse_command
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.faults import apply_step
-from fsoe_net.run.fit import check_step
 from fsoe_net.run.live_objects import LiveObjects
 from fsoe_net.run.result import RunEvent, Verdict, is_data
-from fsoe_net.run.stage import DeviceSide, Stage
+from fsoe_net.run.scenario_check import check_step
+from fsoe_net.run.scenario_run import DeviceSide, ScenarioRun
 
 __all__ = ["EmulateResult", "SegmentSession", "serve"]
 
@@ -39,8 +39,8 @@ class EmulateResult:
     passed: bool
 
 
-class SegmentSession(Stage):
-    """A network on an emulated segment, ready to be served; see `Stage` for the arguments."""
+class SegmentSession(ScenarioRun):
+    """A network on an emulated segment, ready to be served; see `ScenarioRun` for the arguments."""
 
     has_segment = True
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
 from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.run.bus_events import BusEvents, ConnectionFacts, connection_result
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master
 from fsoe_net.run.result import BusResult, ConnectionResult, Run, is_data
-from fsoe_net.run.story import ConnectionFacts, Story, connection_result
 
 __all__ = ["BusOptions", "LiveUpdate", "run_on_bus"]
 
@@ -79,7 +79,7 @@ class _LiveRun:
         self._options = options
         self._master = master
         self._facts = tuple(_facts(c) for c in resolution.connections)
-        self._story = Story(start_ns=time.monotonic_ns())
+        self._events = BusEvents(start_ns=time.monotonic_ns())
         self._client: Client | None = None
         self._last: LiveSnapshot | None = None
         self._begin_ns: int | None = None
@@ -98,7 +98,7 @@ class _LiveRun:
             if on_update is not None and self._last is not None:
                 on_update(self._update(self._last))
         if stop.is_set():
-            self._story.log("run", "interrupted by the user")
+            self._events.log("run", "interrupted by the user")
         self._end_ns = time.monotonic_ns()
         current = self._look(0.0)
         if self._last is None:
@@ -139,8 +139,8 @@ class _LiveRun:
             if self._master.ended(2.0):
                 self._master.explain()
             # It lives: it drops a client that did not read for a while.
-            self._story.log("run", f"{fault}; connected again, events may be missing")
-            self._story.events_lost += 1
+            self._events.log("run", f"{fault}; connected again, events may be missing")
+            self._events.events_lost += 1
             self._connect()
             return False
 
@@ -149,7 +149,7 @@ class _LiveRun:
         until = time.monotonic() + wait_s
         while True:
             for event in client.events(max(0.0, until - time.monotonic())):
-                self._story.take(event)
+                self._events.take(event)
             if time.monotonic() >= until:
                 break
         try:
@@ -166,17 +166,17 @@ class _LiveRun:
         return LiveUpdate(
             connections=self._connections(snapshot),
             snapshot=snapshot,
-            now_s=(time.monotonic_ns() - self._story.start_ns) / 1e9,
+            now_s=(time.monotonic_ns() - self._events.start_ns) / 1e9,
         )
 
     def _connections(self, snapshot: LiveSnapshot) -> tuple[ConnectionResult, ...]:
         rows = zip(self._facts, snapshot.cycle.connections, strict=True)
-        return tuple(connection_result(facts, wire, self._story) for facts, wire in rows)
+        return tuple(connection_result(facts, wire, self._events) for facts, wire in rows)
 
     def _result(self, snapshot: LiveSnapshot, current: bool) -> Run:
-        story, end_ns = self._story, self._end_ns or time.monotonic_ns()
+        events, end_ns = self._events, self._end_ns or time.monotonic_ns()
         if not current:
-            story.log("run", "the bus was not running at the end; what is shown was seen last")
+            events.log("run", "the bus was not running at the end; what is shown was seen last")
         connections = self._connections(snapshot)
         lost = self._client.events_lost if self._client is not None else 0
         return Run(
@@ -186,8 +186,8 @@ class _LiveRun:
             duration_ms=(end_ns - (self._begin_ns or end_ns)) / 1e6,
             connections=connections,
             statistics=snapshot.cycle.statistics,
-            events=tuple(sorted(story.events, key=lambda e: e.time_ms)),
-            events_lost=story.events_lost + lost,
+            events=tuple(sorted(events.events, key=lambda e: e.time_ms)),
+            events_lost=events.events_lost + lost,
             verdicts=(),
             passed=current and _all_in_data(connections, snapshot.subdevices),
             bus=BusResult(backend=self._options.backend, interface=self._options.interface),

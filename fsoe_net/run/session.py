@@ -20,7 +20,7 @@ from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.result import ConnectionResult, Run, is_data
-from fsoe_net.run.stage import DEFAULT_CYCLE_NS, DeviceSide, Stage
+from fsoe_net.run.scenario_run import DEFAULT_CYCLE_NS, DeviceSide, ScenarioRun
 
 __all__ = ["Session", "run_live", "run_virtual"]
 
@@ -28,8 +28,8 @@ DEFAULT_DURATION_NS = 3_000_000_000
 _INTERRUPTED = "interrupted by the user"
 
 
-class Session(Stage):
-    """A network on the emulated bus, ready to run; see `Stage` for the arguments."""
+class Session(ScenarioRun):
+    """A network on the emulated bus, ready to run; see `ScenarioRun` for the arguments."""
 
     def _open(self) -> DeviceSide:
         self.absent: set[str] = set()

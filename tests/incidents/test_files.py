@@ -15,8 +15,8 @@ from fsoe_net.observe.causes import judge
 from fsoe_net.observe.incident import CycleRecord
 from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.observe.incident_write import incident_name, write_incident
+from fsoe_net.report.incident_facts import story_json, story_of
 from fsoe_net.report.incident_page import incident_page
-from fsoe_net.report.incident_story import story_json, story_of
 from fsoe_net.report.incident_text import incident_text
 
 TRIGGER = {"kind": "request", "connection": None, "cycle": 3, "now_ns": 3000, "text": "x"}

@@ -7,7 +7,7 @@ from types import SimpleNamespace as Facts
 import pytest
 
 from fsoe_net.observe.evidence import TriggerKind
-from fsoe_net.report.incident_story import _sentence
+from fsoe_net.report.incident_facts import _sentence
 
 
 def evidence(kind: TriggerKind, *, link: object = None, **more: object) -> Facts:

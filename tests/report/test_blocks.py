@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from report.made import BASE, TIMED, inputs_of
 
+from fsoe_net.document.model import Heading, Item, Level, Paragraph, PointKind, Table, Verdict
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import Plan
-from fsoe_net.report.block_copies import _copy_table
-from fsoe_net.report.document import Heading, Item, Level, Paragraph, PointKind, Table, Verdict
-from fsoe_net.report.make import _lead, make_document
+from fsoe_net.report.compose import _lead, compose_report
+from fsoe_net.report.section_copies import _copy_table
 
 SPARSE = (
     ("    required_reaction_ms: 230\n", ""),
@@ -69,13 +69,13 @@ def said(items: tuple[Item, ...]) -> str:
 
 
 def test_what_is_not_stated_is_an_open_point(sparse: Path):
-    points = make_document(inputs_of(sparse)).points
+    points = compose_report(inputs_of(sparse)).points
     told = [(title, p.text) for title, p in points if p.kind is PointKind.OPEN]
     assert "".join(f"{t}: {text}\n" for t, text in told if t != "Findings") == OPEN
 
 
 def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
-    blocks = {b.key: b.parts for b in make_document(inputs_of(sparse)).blocks}
+    blocks = {b.key: b.parts for b in compose_report(inputs_of(sparse)).blocks}
     rows = {p.name: p.rows for parts in blocks.values() for p in parts if isinstance(p, Table)}
     assert [said(row[0]) for row in rows["subdevices"]] == ["0", "1 alias 7", "2"]
     assert next(said(row[2]) for row in rows["PFH_D of estop"]) == "not stated"

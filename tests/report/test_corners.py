@@ -18,6 +18,9 @@ from run.watched_master import WatchedMaster
 from scans import scan_of
 
 from fsoe_net.core.snapshot import Histogram
+from fsoe_net.document.model import Block, Picture, Table
+from fsoe_net.document.write_html import _block
+from fsoe_net.document.write_markdown import _table
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE
 from fsoe_net.model.protocol import Outcome
@@ -26,20 +29,17 @@ from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.observe.lua import lua_dissector
 from fsoe_net.observe.names import Naming
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.report import campaign, timing
-from fsoe_net.report.again import _functions_over
-from fsoe_net.report.block_evidence import bus_evidence
-from fsoe_net.report.document import Block, Picture, Table
+from fsoe_net.report import campaign, cycle_times
+from fsoe_net.report.changed_subdevices import changed_subdevices
+from fsoe_net.report.compose import compose_report
 from fsoe_net.report.evidence import ask_live, longest_round_trips, read_evidence
+from fsoe_net.report.incident_facts import story_of
 from fsoe_net.report.incident_page import incident_page
-from fsoe_net.report.incident_story import story_of
-from fsoe_net.report.incident_strip import Wrong, _wrong
 from fsoe_net.report.incident_text import incident_text
-from fsoe_net.report.make import make_document
-from fsoe_net.report.protocol import _words, protocol_page
-from fsoe_net.report.touched import touched_subdevices
-from fsoe_net.report.write_html import _block
-from fsoe_net.report.write_markdown import _table
+from fsoe_net.report.incident_window import Wrong, _wrong
+from fsoe_net.report.protocol_page import _words, protocol_page
+from fsoe_net.report.section_evidence import bus_evidence
+from fsoe_net.report.steps_to_repeat import _functions_over
 
 # -- incidents -------------------------------------------------------------------------------------
 
@@ -116,10 +116,10 @@ def test_times_that_were_not_measured(monkeypatch: pytest.MonkeyPatch):
     empty = Histogram(
         count=0, min_ns=0, mean_ns=0, p50_ns=0, p99_ns=0, p999_ns=0, max_ns=0, buckets=()
     )
-    monkeypatch.setattr(timing, "_histograms", lambda _: [("work", empty)])
+    monkeypatch.setattr(cycle_times, "_histograms", lambda _: [("work", empty)])
     nothing: Any = None
-    assert timing.timing_text(nothing) == "no times were measured"
-    assert timing.timing_bars(empty) == []
+    assert cycle_times.timing_text(nothing) == "no times were measured"
+    assert cycle_times.timing_bars(empty) == []
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_times_that_were_not_measured(monkeypatch: pytest.MonkeyPatch):
     [(999, "999 ns"), (1_500, "1.5 us"), (2_000_000, "2 ms"), (3_000_000_000, "3 s")],
 )
 def test_a_time_for_people(ns: int, text: str):
-    assert timing._time_text(ns) == text
+    assert cycle_times._time_text(ns) == text
 
 
 # -- pages -----------------------------------------------------------------------------------------
@@ -160,8 +160,8 @@ def test_a_protocol_with_failed_and_disputed_steps():
 
 def test_another_cycle_touches_all():
     plan = compile_plan(example("estop"))
-    assert touched_subdevices(plan, plan) == frozenset()
-    assert touched_subdevices(plan, replace(plan, cycle_ns=plan.cycle_ns + 1)) is None
+    assert changed_subdevices(plan, plan) == frozenset()
+    assert changed_subdevices(plan, replace(plan, cycle_ns=plan.cycle_ns + 1)) is None
 
 
 def test_a_function_that_names_no_subdevice_is_always_touched():
@@ -260,8 +260,8 @@ def test_frames_that_have_no_place_in_a_plan():
 def test_subdevices_without_a_copy_are_left_out_of_a_large_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("fsoe_net.report.block_network._MOST_PLAIN", 20)
-    document = make_document(inputs_of(write_big_network(tmp_path, 33, 20)))
+    monkeypatch.setattr("fsoe_net.report.section_network._MOST_PLAIN", 20)
+    document = compose_report(inputs_of(write_big_network(tmp_path, 33, 20)))
     parts = next(b.parts for b in document.blocks if b.key == "architecture")
     (picture,) = [p for p in parts if isinstance(p, Picture)]
     assert ">22 SubDevices without a copy</text>" in picture.svg

@@ -12,12 +12,12 @@ import pytest
 from report.made import TIMED, inputs_of
 
 from fsoe_net.core.snapshot import Histogram, bucket_end
+from fsoe_net.document.model import Number, Table
 from fsoe_net.errors import InputError
 from fsoe_net.model.network import SourceFile
-from fsoe_net.report.block_measured import measured_cycle
-from fsoe_net.report.document import Number, Table
+from fsoe_net.report.compose import compose_report
 from fsoe_net.report.evidence import Evidence, RunEvidence, read_evidence
-from fsoe_net.report.make import make_document
+from fsoe_net.report.measured_cycle import measured_cycle
 
 # Buckets of an octave are a quarter of it wide: 917 504 … 1 048 575 ns holds 1 ms, the next one
 # ends at 1 310 719 ns; 4 194 304 … 5 242 879 ns holds 5 ms.
@@ -100,7 +100,7 @@ def test_the_block_on_timing_has_it_or_says_that_nothing_was_measured() -> None:
         (run(histogram(100_000, 0, 0)), "upper end of the histogram bucket"),
         (run(None), "Not measured: no run in real time"),
     ):
-        document = make_document(inputs_of(TIMED, evidence=(evidence,)))
+        document = compose_report(inputs_of(TIMED, evidence=(evidence,)))
         (block,) = [b for b in document.blocks if b.key == "timing"]
         assert words in repr(block)
 

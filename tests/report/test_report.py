@@ -16,15 +16,15 @@ from networks import example, write_big_network
 from report.made import CODES, TIMED, inputs_of, with_mistakes
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
+from fsoe_net.document.model import Number, PointKind, Table
 from fsoe_net.formats.schema import read_schema
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.protocol import StepKind
 from fsoe_net.plan.compile import compile_plan
+from fsoe_net.report.compose import compose_report
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan
-from fsoe_net.report.document import Number, PointKind, Table
 from fsoe_net.report.inputs import Against, GivenPlan, TestStep, Tried
-from fsoe_net.report.make import make_document
 from fsoe_net.report.protocol_steps import tried_of
 from fsoe_net.report.write import render_report
 
@@ -115,7 +115,7 @@ def test_every_number_of_the_page_stands_in_the_json(name: str):
 
 
 def test_every_number_has_a_source_and_what_is_no_name_a_unit():
-    document = make_document(inputs_of(TIMED))
+    document = compose_report(inputs_of(TIMED))
     numbers = [
         (part.name, column.title, item)
         for b in document.blocks
@@ -162,7 +162,7 @@ def test_the_page_is_whole_in_itself_and_every_printed_page_has_a_head():
     for outside in ("<script", "http:", "https:", " src=", "@import", "url("):
         assert outside not in page.replace("http://www.w3.org/2000/svg", "")
     head = page.partition('<div class="pagehead">')[2].partition("</div>")[0]
-    assert make_document(inputs_of(TIMED)).short in head
+    assert compose_report(inputs_of(TIMED)).short in head
     assert "counter(page)" in page
     assert "prefers-color-scheme:dark" in page
 
@@ -214,7 +214,7 @@ def test_many_findings_still_fit_the_first_page_one_row_per_code():
         for code in ("FSN202", "FSN301", "FSN304")
         for n in range(1, 40)
     ]
-    document = make_document(inputs_of(TIMED, diagnostics=found))
+    document = compose_report(inputs_of(TIMED, diagnostics=found))
     rows = next(p for p in document.lead if isinstance(p, Table)).rows
     assert len(rows) == 3
     assert [i.value for row in rows for c in row for i in c if isinstance(i, Number)] == [38] * 3
@@ -237,7 +237,7 @@ def test_what_is_open_stands_in_front_and_in_the_last_block():
 
 def test_warnings_are_open_points():
     warned = [Diagnostic(code="FSN303", span=Span("n.yaml", 3, 1), message="odd address")]
-    document = make_document(inputs_of(TIMED, diagnostics=warned))
+    document = compose_report(inputs_of(TIMED, diagnostics=warned))
     assert any("FSN303" in p.text for _, p in document.points if p.kind is PointKind.OPEN)
     assert "justification" in document.verdict.word
 

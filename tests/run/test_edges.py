@@ -24,18 +24,18 @@ from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.scenario import Action, Step
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run import build_master, sockets
+from fsoe_net.run.bus_events import BusEvents
 from fsoe_net.run.device import stdout_to_stderr
 from fsoe_net.run.emulate import serve
 from fsoe_net.run.faults import apply_step
-from fsoe_net.run.fit import Names, check_step
 from fsoe_net.run.incident_head import fsoe_json
 from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_objects import _parameters_at
 from fsoe_net.run.packet_socket import _SO_TIMESTAMPNS, _TIME, PacketSocket, _time_ns
 from fsoe_net.run.protocol import _merged
+from fsoe_net.run.scenario_check import Names, check_step
 from fsoe_net.run.session import Session, counted_session_ids
-from fsoe_net.run.story import Story
 
 HERE = Span("x", 1, 1)
 
@@ -44,16 +44,16 @@ HERE = Span("x", 1, 1)
 
 
 def test_events_of_a_story_are_bounded_and_counted(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("fsoe_net.run.story._MAX_EVENTS", 2)
-    story = Story(start_ns=0)
-    story.take({"event": "lost", "text": "3 events were lost", "now_ns": 5})
-    story.take({"event": "wkc", "text": "incomplete", "now_ns": 6})
-    story.take({"event": "state", "text": "stopped", "now_ns": 7})
-    assert [(e.source, e.text) for e in story.events] == [
+    monkeypatch.setattr("fsoe_net.run.bus_events._MAX_EVENTS", 2)
+    events = BusEvents(start_ns=0)
+    events.take({"event": "lost", "text": "3 events were lost", "now_ns": 5})
+    events.take({"event": "wkc", "text": "incomplete", "now_ns": 6})
+    events.take({"event": "state", "text": "stopped", "now_ns": 7})
+    assert [(e.source, e.text) for e in events.events] == [
         ("fsn-master", "3 events were lost"),
         ("bus", "incomplete"),
     ]
-    assert story.events_lost == 2  # what was told as lost, and the third one
+    assert events.events_lost == 2  # what was told as lost, and the third one
 
 
 @needs_core

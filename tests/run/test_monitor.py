@@ -21,7 +21,7 @@ from tied import tied
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.packets import read_capture
 from fsoe_net.observe.wire import RebuiltFrames
-from fsoe_net.report.timing import timing_bars
+from fsoe_net.report.cycle_times import timing_bars
 from fsoe_net.run.attachment import Attachment
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.packet_socket import PacketSocket

@@ -19,7 +19,7 @@ from fsoe_net.formats.schema import read_schema
 from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, Seen
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.report.protocol import protocol_page
+from fsoe_net.report.protocol_page import protocol_page
 from fsoe_net.run.protocol import compare_protocol, keep_machine, make_protocol
 from fsoe_net.save.protocol import write_protocol
 

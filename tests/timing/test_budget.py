@@ -10,12 +10,12 @@ import pytest
 from networks import PLAIN
 from said import Said
 
+from fsoe_net.document.model import outward
 from fsoe_net.formats.library import builtin_library
 from fsoe_net.formats.network import load_network
 from fsoe_net.model.library import Library
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.report.budget import budget_text
-from fsoe_net.report.document import outward
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import Budget, make_budget
 from fsoe_net.timing.elements import Apart

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     Cell,
     Column,
     Heading,

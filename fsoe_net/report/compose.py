@@ -9,13 +9,7 @@ from itertools import chain
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.words import counted
-from fsoe_net.report.block_copies import copies
-from fsoe_net.report.block_evidence import bus_evidence, tests
-from fsoe_net.report.block_head import identity, role
-from fsoe_net.report.block_network import architecture, connections
-from fsoe_net.report.block_record import change_log, fingerprint, open_points, sign_off
-from fsoe_net.report.block_timing import quantities, timing
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     Block,
     Bullets,
     Column,
@@ -37,8 +31,14 @@ from fsoe_net.report.document import (
     strong,
 )
 from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.section_copies import copies
+from fsoe_net.report.section_evidence import bus_evidence, tests
+from fsoe_net.report.section_identity import identity, role
+from fsoe_net.report.section_network import architecture, connections
+from fsoe_net.report.section_record import change_log, fingerprint, open_points, sign_off
+from fsoe_net.report.section_timing import quantities, timing
 
-__all__ = ["make_document"]
+__all__ = ["compose_report"]
 
 _ROWS_ON_FIRST_PAGE = 14
 _LEVELS = {
@@ -48,7 +48,7 @@ _LEVELS = {
 }
 
 
-def make_document(inputs: ReportInputs) -> Document:
+def compose_report(inputs: ReportInputs) -> Document:
     """Make the report of a network; a pure function, so equal inputs give equal documents."""
     first = [
         identity(inputs),

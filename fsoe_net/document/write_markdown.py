@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     Bullets,
     Document,
     Heading,
@@ -17,7 +17,7 @@ from fsoe_net.report.document import (
     Table,
     Verdict,
 )
-from fsoe_net.report.sources import Sources
+from fsoe_net.document.number_sources import Sources
 
 __all__ = ["report_markdown"]
 

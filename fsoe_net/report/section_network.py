@@ -6,14 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 
 from fsoe_net.diag.words import counted
-from fsoe_net.formats.library import builtin_library
-from fsoe_net.fsoe.crc import sra_crc
-from fsoe_net.fsoe.pdu import safe_data_length
-from fsoe_net.model.bus import Device, SubDevice
-from fsoe_net.model.library import Library
-from fsoe_net.model.network import NetworkConfig
-from fsoe_net.model.resolve import Connection
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     BLANK,
     Block,
     Cell,
@@ -36,6 +29,13 @@ from fsoe_net.report.document import (
     stated,
     strong,
 )
+from fsoe_net.formats.library import builtin_library
+from fsoe_net.fsoe.crc import sra_crc
+from fsoe_net.fsoe.pdu import safe_data_length
+from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.library import Library
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.resolve import Connection
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.svg import topology_picture
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.report.document import (
+from fsoe_net.document.markup import escape
+from fsoe_net.document.model import (
     Block,
     Bullets,
     Cell,
@@ -20,9 +21,8 @@ from fsoe_net.report.document import (
     Table,
     Verdict,
 )
-from fsoe_net.report.html import escape
-from fsoe_net.report.sources import Sources
-from fsoe_net.report.style import STYLE
+from fsoe_net.document.number_sources import Sources
+from fsoe_net.document.style import STYLE
 
 __all__ = ["report_html"]
 

@@ -12,10 +12,10 @@ from report.made import BASE, TIMED, inputs_of
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.report.again import steps_again
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan
 from fsoe_net.report.diff_types import Change
+from fsoe_net.report.steps_to_repeat import steps_to_repeat
 from fsoe_net.run.protocol import make_protocol
 
 
@@ -34,12 +34,12 @@ def _again(tmp_path: Path, edit: Callable[[str], str]) -> tuple[list[str], int]:
     changes = compare(side_of_network(before, "a"), side_of_network(now, "b")).changes
     assert changes
     steps = make_protocol(now, b"").steps
-    return list(steps_again(changes, now, steps)), len(steps)
+    return list(steps_to_repeat(changes, now, steps)), len(steps)
 
 
 def test_nothing_changed_nothing_again() -> None:
     resolution = _resolution()
-    assert steps_again((), resolution, make_protocol(resolution, b"").steps) == ()
+    assert steps_to_repeat((), resolution, make_protocol(resolution, b"").steps) == ()
 
 
 def test_a_connection_touches_its_ends_and_what_uses_them(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_what_all_share_or_lost_its_name_touches_all(tmp_path: Path, find: str, 
 def test_what_cannot_be_placed_touches_all(change: Change) -> None:
     resolution = _resolution()
     steps = make_protocol(resolution, b"").steps
-    assert len(steps_again([change], resolution, steps)) == len(steps)
+    assert len(steps_to_repeat([change], resolution, steps)) == len(steps)
 
 
 LOGIC = ["start-up logic-io", "start-up logic-io2", "trigger estop", "loss logic"]
@@ -112,7 +112,7 @@ def _since(before: Resolution, now: Resolution) -> tuple[list[str], list[str]]:
     old = side_of_plan(plans[0], "a", functions)
     changes = compare(old, side_of_network(now, "b")).changes
     steps = make_protocol(now, b"").steps
-    again = steps_again(changes, now, steps, plans=plans, functions=functions)
+    again = steps_to_repeat(changes, now, steps, plans=plans, functions=functions)
     return list(again), [step.id for step in steps]
 
 
@@ -185,5 +185,5 @@ def test_the_new_end_of_a_copy_is_touched_too() -> None:
         before="io 0x6010:01",
         after="io2 0x6010:01",
     )
-    again = steps_again([change], resolution, steps)
+    again = steps_to_repeat([change], resolution, steps)
     assert {"loss io", "loss io2", "loss logic"} <= set(again)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.model.network import SourceFile
-from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     BLANK,
     Block,
     Bullets,
@@ -26,6 +24,8 @@ from fsoe_net.report.document import (
     code,
     stated,
 )
+from fsoe_net.model.network import SourceFile
+from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.inputs import GivenPlan, ReportInputs
 
 __all__ = ["files_table", "identity", "role"]

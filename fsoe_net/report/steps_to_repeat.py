@@ -11,15 +11,15 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.plan.fingerprint import safety_text
 from fsoe_net.plan.model import Plan
+from fsoe_net.report.changed_subdevices import changed_subdevices
 from fsoe_net.report.diff_types import Change
-from fsoe_net.report.touched import touched_subdevices
 
-__all__ = ["steps_again"]
+__all__ = ["steps_to_repeat"]
 
 _ENDS = {"copy": 2, "connection": 2}
 
 
-def steps_again(
+def steps_to_repeat(
     changes: Iterable[Change],
     resolution: Resolution,
     steps: Iterable[ProtocolStep],
@@ -44,7 +44,7 @@ def steps_again(
     """
     steps = tuple(steps)
     named = _named(tuple(changes), resolution)
-    more = frozenset() if plans is None else touched_subdevices(*plans)
+    more = frozenset() if plans is None else changed_subdevices(*plans)
     if named is None or more is None:
         return tuple(step.id for step in steps)
     subdevices, touched_functions = named[0] | more, named[1]

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     Block,
     Bullets,
     Document,

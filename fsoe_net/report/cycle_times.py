@@ -7,7 +7,7 @@ import io
 import math
 
 from fsoe_net.core.snapshot import Histogram, Statistics, bucket_end
-from fsoe_net.report.html import escape
+from fsoe_net.document.markup import escape, svg_text
 
 __all__ = [
     "histogram_name",
@@ -114,10 +114,10 @@ def timing_picture(statistics: Statistics, title: str) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {height}" role="img" '
         f'aria-label="{escape(title)}"><title>{escape(title)}</title><style>{_STYLE}</style>'
         f'<rect class="back" width="{_WIDTH}" height="{height}"/>',
-        _text(_LEFT, 24, title, "start"),
+        svg_text(_LEFT, 24, title, "start"),
     ]
     if not shown:
-        parts.append(_text(_LEFT, 80, "no times were measured", "start"))
+        parts.append(svg_text(_LEFT, 80, "no times were measured", "start"))
     for number, (name, histogram) in enumerate(shown):
         parts.append(_panel(_NAMES[name], histogram, 40 + number * _PANEL))
     return "".join([*parts, "</svg>\n"])
@@ -135,10 +135,6 @@ def histogram_picture(key: str, histogram: Histogram) -> str:
         f'<svg viewBox="0 0 {_WIDTH} {height}" role="img" class="timing"><style>{_STYLE}</style>'
         f"{_panel(histogram_name(key), histogram, 4)}</svg>"
     )
-
-
-def _text(x: float, y: float, text: str, anchor: str, cls: str = "") -> str:
-    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{cls}">{escape(text)}</text>'
 
 
 class _Axis:
@@ -161,8 +157,8 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
     most = max(count for _, count in histogram.buckets)
     base = top + 24 + _PLOT
     parts = [
-        _text(_LEFT, top + 14, name, "start"),
-        _text(
+        svg_text(_LEFT, top + 14, name, "start"),
+        svg_text(
             _WIDTH - _RIGHT,
             top + 14,
             f"50 % {_time(histogram.p50_ns)} · 99 % {_time(histogram.p99_ns)} · 99.9 % "
@@ -187,7 +183,7 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
     for decade in range(axis.first, axis.last + 1):
         x = axis.x(10.0**decade)
         anchor = "start" if decade == axis.first else "end" if decade == axis.last else "middle"
-        parts.append(_text(x, base + 14, _time(10**decade), anchor, "small"))
+        parts.append(svg_text(x, base + 14, _time(10**decade), anchor, "small"))
     return "<g>" + "".join(parts) + "</g>"
 
 

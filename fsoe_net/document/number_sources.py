@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.report.document import Number, Table
+from fsoe_net.document.model import Number, Table
 
 __all__ = ["Sources"]
 

@@ -6,9 +6,7 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from fsoe_net.diag.words import counted
-from fsoe_net.model.scan import Scan, ScannedSubDevice
-from fsoe_net.report.block_head import files_table
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     BLANK,
     Block,
     Cell,
@@ -29,8 +27,10 @@ from fsoe_net.report.document import (
     stated,
     strong,
 )
+from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
 from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
+from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
     from fsoe_net.observe.incident import IncidentHead

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from fsoe_net.diag.words import counted
+from fsoe_net.document.markup import escape
 from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Seen
-from fsoe_net.report.html import escape, html_page, table
+from fsoe_net.report.html import html_page, table
 
 __all__ = ["protocol_page"]
 

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.plan.image import IghDomain, igh_image
-from fsoe_net.plan.model import NONE, Plan, PlanCopy
-from fsoe_net.plan.show import copy_end
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     Block,
     Cell,
     Column,
@@ -28,6 +25,9 @@ from fsoe_net.report.document import (
     muted,
     strong,
 )
+from fsoe_net.plan.image import IghDomain, igh_image
+from fsoe_net.plan.model import NONE, Plan, PlanCopy
+from fsoe_net.plan.show import copy_end
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.svg import copy_picture
 

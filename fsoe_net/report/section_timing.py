@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fsoe_net.diag.words import counted
-from fsoe_net.report.block_measured import measured_cycle
-from fsoe_net.report.budget import reaction_pictures
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     Block,
     Bullets,
     Cell,
@@ -31,7 +29,9 @@ from fsoe_net.report.document import (
     stated,
     strong,
 )
+from fsoe_net.report.budget import reaction_pictures
 from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.measured_cycle import measured_cycle
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement

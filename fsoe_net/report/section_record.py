@@ -6,10 +6,7 @@ from collections.abc import Sequence
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
-from fsoe_net.model.acceptance import Acceptance, SignedBy
-from fsoe_net.plan.fingerprint import short_code
-from fsoe_net.report.diff_types import Change
-from fsoe_net.report.document import (
+from fsoe_net.document.model import (
     BLANK,
     Block,
     Bullets,
@@ -32,6 +29,9 @@ from fsoe_net.report.document import (
     stated,
     strong,
 )
+from fsoe_net.model.acceptance import Acceptance, SignedBy
+from fsoe_net.plan.fingerprint import short_code
+from fsoe_net.report.diff_types import Change
 from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs
 
 __all__ = ["change_log", "fingerprint", "open_points", "sign_off"]

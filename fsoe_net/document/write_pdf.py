@@ -6,10 +6,10 @@ import logging
 import re
 from typing import Any, NoReturn
 
+from fsoe_net.document.model import Document
+from fsoe_net.document.style import PICTURES, STYLE
+from fsoe_net.document.write_html import report_html
 from fsoe_net.errors import InputError
-from fsoe_net.report.document import Document
-from fsoe_net.report.style import PICTURES, STYLE
-from fsoe_net.report.write_html import report_html
 
 __all__ = ["pdf_library", "report_pdf"]
 

@@ -14,9 +14,9 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import LogicChoice, Scenario, Step
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.run.engine import Engine
-from fsoe_net.run.fit import Names, check_scenario
+from fsoe_net.run.scenario_check import Names, check_scenario
 
-__all__ = ["DEFAULT_CYCLE_NS", "DeviceSide", "Stage"]
+__all__ = ["DEFAULT_CYCLE_NS", "DeviceSide", "ScenarioRun"]
 
 DEFAULT_CYCLE_NS = 1_000_000  # when no file states a bus cycle
 
@@ -45,7 +45,7 @@ class _Port:
         self._bus.write_inputs(self._numbers[sm], data)
 
 
-class Stage(abc.ABC):
+class ScenarioRun(abc.ABC):
     """The devices of a network, and a scenario that acts on them.
 
     Args:

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from fsoe_net.plan.fingerprint import canonical_section
 from fsoe_net.plan.model import NONE, Plan
 
-__all__ = ["touched_subdevices"]
+__all__ = ["changed_subdevices"]
 
 _Row = tuple[object, ...]
 
 
-def touched_subdevices(before: Plan, now: Plan) -> frozenset[str] | None:
+def changed_subdevices(before: Plan, now: Plan) -> frozenset[str] | None:
     """Return the SubDevices whose own tables, copies or connections differ, by their names of now.
 
     Args:

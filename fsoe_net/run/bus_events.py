@@ -11,7 +11,7 @@ from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot
 from fsoe_net.fsoe.pdu import Command, reset_code_text
 from fsoe_net.run.result import ConnectionResult, RunEvent, state_text
 
-__all__ = ["ENDS", "ConnectionFacts", "Story", "connection_result"]
+__all__ = ["ENDS", "BusEvents", "ConnectionFacts", "connection_result"]
 
 ENDS = {"main": "MainInstance", "sub": "SubInstance"}
 _MAX_EVENTS = 20_000
@@ -32,7 +32,7 @@ class ConnectionFacts:
 
 
 @dataclass(slots=True)
-class Story:
+class BusEvents:
     """What the events have told so far, by connection. Times from the start in nanoseconds."""
 
     start_ns: int
@@ -96,13 +96,13 @@ def _subdevice_text(event: Mapping[str, Any]) -> str:
 
 
 def connection_result(
-    facts: ConnectionFacts, wire: ConnectionSnapshot, story: Story
+    facts: ConnectionFacts, wire: ConnectionSnapshot, events: BusEvents
 ) -> ConnectionResult:
     """Return a connection as the wire shows it now."""
     name = facts.name
     down, up = wire.to_sub, wire.to_main
-    code = story.last_reset.get(name)
-    to_data = story.to_data_ns.get(name)
+    code = events.last_reset.get(name)
+    to_data = events.to_data_ns.get(name)
     word = wire.state.word
     in_data = wire.state.in_data
     return ConnectionResult(

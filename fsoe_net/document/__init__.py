@@ -1,0 +1,1 @@
+"""Documents as data, and the writers that make pages, text and JSON of them."""
