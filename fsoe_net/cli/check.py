@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import functools
 import os
+import sys
+from typing import TYPE_CHECKING
 
 import click
 
+from fsoe_net.cli.bus import scan_to_compare
 from fsoe_net.cli.inputs import input_options, runtime_option
 from fsoe_net.cli.options import FILE, INTERFACE
-from fsoe_net.cli.output import FORMATS, exit_code, print_diagnostics
+from fsoe_net.cli.output import FORMATS, exit_code, print_diagnostics, verdict_line
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.pause import without_collector
-from fsoe_net.diag.words import counted, summary
-from fsoe_net.errors import InputError
+from fsoe_net.diag.words import counted
 from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.scan import load_scan
-from fsoe_net.model.scan import Scan
 from fsoe_net.project.check import Checked, check_files
 from fsoe_net.rules.runtime import Runtime
+
+if TYPE_CHECKING:
+    from fsoe_net.project.fix import Fixes
 
 __all__ = ["command"]
 
@@ -96,7 +99,7 @@ def command(
     content. With a bus or its scan, also what differs between the two.
     """
     present = Runtime(runtime)
-    scan = _scan(interface, socket, scan_file, yes=yes)
+    scan = scan_to_compare(interface, socket, scan_file, yes=yes)
     if fix and fmt != "text":
         raise click.UsageError("--fix shows changes for people: leave out --format")
 
@@ -105,68 +108,36 @@ def command(
         shown = _shown(checked, quiet=quiet)
         print_diagnostics(shown, fmt, runtime=present)
         if fmt == "text" and not quiet:
-            echo(_verdict(checked, scan))
+            echo(verdict_line(checked, scan))
         return checked
 
     checked = once()
     if fix and checked.network is not None:
-        from fsoe_net.cli.fix import apply_fixes
+        from fsoe_net.project.fix import Fixes
 
-        if apply_fixes(checked.diagnostics, checked.network.sources, yes=yes):
+        fixes = Fixes.of(checked.diagnostics, checked.network.sources)
+        if _is_wanted(fixes, len(checked.diagnostics), yes=yes):
+            fixes.write()
+            echo(f"written: {', '.join(fixes.after)}")
             checked = once()
     ctx.exit(exit_code(_shown(checked, quiet=quiet)))
+
+
+def _is_wanted(fixes: Fixes, findings: int, *, yes: bool) -> bool:
+    """Show what would change, and return whether it is to be written."""
+    if not fixes.after:
+        echo("nothing to fix: no hint has exactly one way to follow it")
+        return False
+    echo(fixes.diff(), nl=False)
+    echo(f"{counted(fixes.fixed, 'finding')} of {findings} would be fixed")
+    if yes:
+        return True
+    if sys.stdin is None or not sys.stdin.isatty():
+        echo("not written; --yes writes it")
+        return False
+    return click.confirm("Write this?", default=False)
 
 
 def _shown(checked: Checked, *, quiet: bool) -> list[Diagnostic]:
     found = checked.diagnostics
     return [d for d in found if d.level is not Severity.INFO] if quiet else found
-
-
-def _scan(
-    interface: str | None, socket: str | None, scan_file: str | None, *, yes: bool
-) -> Scan | None:
-    """Return what is on the bus, when it is to be compared.
-
-    Raises:
-        click.UsageError: It is given twice.
-        InputError: The document is damaged.
-    """
-    if scan_file is not None:
-        if interface is not None or socket is not None:
-            raise click.UsageError(
-                "--scan compares with a file; leave out --interface and --socket"
-            )
-        scan, found = load_scan(scan_file)
-        if scan is None:
-            raise InputError(f"{scan_file} is no whole scan document", found)
-        return scan
-    if interface is None and socket is None:
-        return None
-    from fsoe_net.cli.scan import take_scan
-
-    return take_scan(interface, bus=None, socket=socket, yes=yes).scan
-
-
-def _verdict(checked: Checked, scan: Scan | None) -> str:
-    counts = summary(checked.diagnostics)
-    network = checked.network
-    codes = sorted({d.code for d in checked.diagnostics if d.level is not Severity.INFO})
-    more = f"; `fsoe-net explain {codes[0]}` says more" if codes else ""
-    if network is None or checked.resolution is None:
-        return f"nothing checked: {counts}{more}"
-    there = counted(len(scan.subdevices), "SubDevice") if scan else ""
-    held = f", compared with {there} on the bus" if scan else ""
-    if checked.references:
-        held += f"{' and' if held else ', compared with'} "
-        held += counted(len(checked.references), "other file")
-    if network.partial:
-        return f"{network.name}: checked as far as this file goes{held}" + (
-            f"; {counts}{more}" if counts else ", no findings"
-        )
-    size = (
-        f"{counted(len(network.subdevices), 'SubDevice')}, "
-        f"{counted(len(checked.resolution.connections), 'FSoE connection')}"
-    )
-    return f"{network.name}: {'' if counts else 'no findings, '}{size}{held}" + (
-        f"; {counts}{more}" if counts else ""
-    )

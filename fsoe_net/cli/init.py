@@ -98,7 +98,7 @@ def command(
     found = gather(files, loading, leave_out=() if answers_file is None else (answers_file,))
     found.out.diagnostics += out.diagnostics
     if interface is not None or socket is not None:
-        from fsoe_net.cli.scan import take_scan
+        from fsoe_net.cli.bus import take_scan
 
         scan = take_scan(interface, bus=None, socket=socket, yes=yes).scan
         found.buses.append(describe_scan(scan, f"the bus at {interface or socket}"))

@@ -11,10 +11,13 @@ import click
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.words import counted, summary
+from fsoe_net.model.scan import Scan
+from fsoe_net.project.check import Checked
 from fsoe_net.project.findings import finding_text, github_line, json_document, sarif_document
 from fsoe_net.rules.runtime import Runtime
 
-__all__ = ["FORMATS", "exit_code", "print_diagnostics"]
+__all__ = ["FORMATS", "exit_code", "print_diagnostics", "verdict_line"]
 
 _MOST_OF_A_CODE = 100  # shown as text; one mistake made everywhere is read once
 
@@ -66,3 +69,29 @@ def _print_text(diagnostics: Sequence[Diagnostic], runtime: Runtime, *, err: boo
         if count > _MOST_OF_A_CODE:
             more = f"{code}: {count - _MOST_OF_A_CODE} more ({CATALOGUE[code].title})"
             echo(f"{more}; `fsoe-net check --format json` lists all", err=err)
+
+
+def verdict_line(checked: Checked, scan: Scan | None) -> str:
+    """Return the last line of a check: what was checked, compared with what, and how it ended."""
+    counts = summary(checked.diagnostics)
+    network = checked.network
+    codes = sorted({d.code for d in checked.diagnostics if d.level is not Severity.INFO})
+    more = f"; `fsoe-net explain {codes[0]}` says more" if codes else ""
+    if network is None or checked.resolution is None:
+        return f"nothing checked: {counts}{more}"
+    there = counted(len(scan.subdevices), "SubDevice") if scan else ""
+    held = f", compared with {there} on the bus" if scan else ""
+    if checked.references:
+        held += f"{' and' if held else ', compared with'} "
+        held += counted(len(checked.references), "other file")
+    if network.partial:
+        return f"{network.name}: checked as far as this file goes{held}" + (
+            f"; {counts}{more}" if counts else ", no findings"
+        )
+    size = (
+        f"{counted(len(network.subdevices), 'SubDevice')}, "
+        f"{counted(len(checked.resolution.connections), 'FSoE connection')}"
+    )
+    return f"{network.name}: {'' if counts else 'no findings, '}{size}{held}" + (
+        f"; {counts}{more}" if counts else ""
+    )

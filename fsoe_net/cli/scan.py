@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
 
+from fsoe_net.cli.bus import take_scan
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.scan_output import scan_table
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
-from fsoe_net.run.scan import ScanSource, TakenScan, scan_source
 from fsoe_net.run.scan_files import compact_json, scan_files
 from fsoe_net.save.files import write_all
 
-__all__ = ["command", "take_scan"]
+__all__ = ["command"]
 
 _EPILOG = """\b
 Examples:
@@ -70,28 +68,3 @@ def command(
         echo(f"{counted(len(files.texts), 'file')} in {output}: {names}", err=True)
         for text in files.left_out:
             echo(f"left out: {text}", err=True)
-
-
-def take_scan(
-    interface: str | None, *, bus: str | None, socket: str | None, yes: bool
-) -> TakenScan:
-    """Scan a bus, after saying what that does to it and, where states change, asking.
-
-    Raises:
-        click.UsageError: Nobody is there to be asked.
-    """
-    if interface is None and socket is None:
-        raise click.UsageError("name the bus: --interface IF, or --socket PATH of an fsn-master")
-    source = scan_source(interface, socket=socket, bus=bus)
-    echo(source.announcement, err=True)
-    if not source.attached and not yes:
-        _ask(source)
-    return source.take()
-
-
-def _ask(source: ScanSource) -> None:
-    if not sys.stdin.isatty():
-        raise click.UsageError(
-            "this changes states on the bus, and nobody is here to be asked: --yes"
-        )
-    click.confirm("Go on?", abort=True, err=True)

@@ -15,7 +15,8 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.known import Record, read_record
-from fsoe_net.project.report import read_protocol, since
+from fsoe_net.project.protocol import read_protocol
+from fsoe_net.project.report import since
 from fsoe_net.report.sign_off import Grounds, Reason, Refusal, read_signed_report, sign_off
 from fsoe_net.save.acceptance import write_acceptance
 

@@ -12,15 +12,12 @@ from typing import TYPE_CHECKING
 
 from fsoe_net import __version__
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
-from fsoe_net.diag.words import summary
 from fsoe_net.document.model import Document
 from fsoe_net.document.write_pdf import report_pdf
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector, open_file
+from fsoe_net.formats.files import open_file
 from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.protocol import load_protocol
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import Protocol
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.codec import MAGIC, decode_plan
 from fsoe_net.plan.compile import compile_plan
@@ -47,7 +44,7 @@ from fsoe_net.timing.budget import Budget, make_budget
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run
 
-__all__ = ["REPORT_FORMATS", "Report", "make_report", "read_protocol", "since"]
+__all__ = ["REPORT_FORMATS", "Report", "make_report", "since"]
 
 REPORT_FORMATS = (*FORMATS, "pdf")
 
@@ -240,33 +237,9 @@ def _given(path: str) -> GivenPlan:
     return GivenPlan(source=source, plan=decode_plan(data))
 
 
-def read_protocol(
-    path: str, resolution: Resolution, plan: Plan | None
-) -> tuple[SourceFile, Protocol, list[Diagnostic]]:
-    """Read a test protocol, and compare it with the network where it has a plan.
-
-    Returns:
-        Its file, the protocol, and what keeps its results from being taken.
-
-    Raises:
-        InputError: It is not a test protocol.
-    """
-    source, _ = _source(path)
-    out = Collector()
-    protocol = load_protocol(path, out)
-    if protocol is None:
-        found = summary(out.diagnostics)
-        raise InputError(f"{path} cannot be taken as a test protocol: {found}", out.diagnostics)
-    if plan is not None:
-        from fsoe_net.run.protocol import compare_protocol, make_protocol
-
-        whole = fingerprint_of(plan).whole
-        fresh = make_protocol(resolution, plan.to_bytes(), fingerprint=whole)
-        compare_protocol(protocol, fresh, out)
-    return source, protocol, out.diagnostics
-
-
 def _tried(path: str, resolution: Resolution, plan: Plan | None) -> tuple[Tried, list[Diagnostic]]:
+    from fsoe_net.project.protocol import read_protocol  # slow to load
+
     source, protocol, found = read_protocol(path, resolution, plan)
     notes = tuple(f"{d.span.line}: {d.message}" for d in found)
     bad = any(d.level is Severity.ERROR for d in found)
@@ -301,7 +274,7 @@ def _compared(
     plan: Plan | None,
     now: Plan | None,
 ) -> Against:
-    from fsoe_net.run.protocol import make_protocol  # slow to load, as in read_protocol
+    from fsoe_net.run.protocol import make_protocol  # slow to load
 
     difference = compare(before, side_of_network(resolution, resolution.network.name))
     steps = make_protocol(resolution, b"").steps

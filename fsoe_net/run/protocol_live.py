@@ -24,7 +24,7 @@ from fsoe_net.run.protocol import connections_of
 from fsoe_net.run.protocol_times import LossTimes
 from fsoe_net.run.result import is_data
 
-__all__ = ["Asked", "Observer", "run_protocol_live"]
+__all__ = ["Observer", "Person", "run_protocol_live"]
 
 _PERSON_S = 300.0  # for what a person does at the machine
 _SETTLE_S = 20.0  # for what connections do by themselves
@@ -50,7 +50,7 @@ class Observer(Interface):
         """Return what was told, after waiting at most ``wait_s`` for the first of it."""
 
 
-class Asked(Interface):
+class Person(Interface):
     """The person at the machine."""
 
     def guarded(self, step: ProtocolStep) -> bool:
@@ -64,7 +64,7 @@ def run_protocol_live(
     protocol: Protocol,
     resolution: Resolution,
     observer: Observer,
-    person: Asked,
+    person: Person,
     *,
     fingerprint: Fingerprint | None = None,
     person_s: float = _PERSON_S,
@@ -126,7 +126,7 @@ class _Watch:
         self,
         resolution: Resolution,
         observer: Observer,
-        person: Asked,
+        person: Person,
         status: Status,
         person_s: float,
         settle_s: float,

@@ -25,12 +25,14 @@ from fsoe_net.cli import (
     run,
     scan,
     test_protocol,
+    test_protocol_output,
 )
 from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.model.protocol import Outcome, Seen
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.project import protocol
 from fsoe_net.project.known import Known
 from fsoe_net.project.verify import compare_running
 from fsoe_net.run import live_bus
@@ -153,8 +155,8 @@ def test_steps_that_went_wrong_are_named_at_the_end(capsys: pytest.CaptureFixtur
         Facts(id="loss io", emulated=bad, live=bad),
         Facts(id="loss io2", emulated=None, live=Seen(outcome=Outcome.AS_EXPECTED)),
     )
-    protocol: Any = Facts(steps=steps, open_steps=(), machine_steps=steps)
-    assert test_protocol._say(protocol, "x.yaml") == 1
+    tried: Any = Facts(steps=steps, open_steps=(), machine_steps=steps)
+    assert test_protocol_output.print_outcome(tried, "x.yaml") == 1
     assert capsys.readouterr().out == (
         "x.yaml: 2 steps, 0 of 2 open at the machine\n"
         "1 tried on the emulated bus, 0 not: EMULATED, not evidence for this machine\n"
@@ -163,12 +165,15 @@ def test_steps_that_went_wrong_are_named_at_the_end(capsys: pytest.CaptureFixtur
 
 
 def test_a_protocol_that_breaks_off_before_its_first_step(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(test_protocol, "Client", fake_client)
-    monkeypatch.setattr(test_protocol, "run_protocol_live", broken)
-    monkeypatch.setattr(test_protocol, "_write", lambda *_, **__: pytest.fail("nothing was seen"))
+    monkeypatch.setattr(protocol, "Client", fake_client)
+    monkeypatch.setattr(protocol, "run_protocol_live", broken)
+    monkeypatch.setattr(protocol, "write_whole", lambda *_, **__: pytest.fail("nothing was seen"))
     nothing: Any = None
+    trial = protocol.ProtocolTrial(
+        resolution=nothing, plan=b"", fingerprint=nothing, protocol=nothing
+    )
     with pytest.raises(EnvironmentFault, match="it broke"):
-        test_protocol._live(nothing, nothing, "s", nothing, "x.yaml", overwrite=False)
+        test_protocol._live(trial, "s", "x.yaml", overwrite=False)
 
 
 class fake_client:  # noqa: N801 - stands for a class
@@ -188,7 +193,7 @@ def broken(*_: object, **more: Any) -> Any:
 
 def test_a_step_that_shows_nothing_is_not_told(capsys: pytest.CaptureFixture[str]):
     step: Any = Facts(id="fault loss", live=None)
-    test_protocol._tell_step(step)
+    test_protocol_output.print_step(step)
     assert capsys.readouterr() == ("", "")
 
 

@@ -10,7 +10,7 @@ import pytest
 from cli.tool import fsn
 from networks import EXAMPLES
 
-from fsoe_net.cli import check, fix
+from fsoe_net.cli import check
 from fsoe_net.cli.main import main
 from fsoe_net.diag.diagnostic import Edit, Span
 from fsoe_net.errors import InputError
@@ -94,11 +94,11 @@ def test_a_file_that_changed_since_it_was_read_is_refused(
     path = folder / "04_size.yaml"
     monkeypatch.chdir(folder)
 
-    def question(_yes: bool) -> bool:
+    def question(*_: object, **_more: object) -> bool:
         path.write_text(path.read_text("utf-8") + "# mine\n", "utf-8")
         return True
 
-    monkeypatch.setattr(fix, "_is_wanted", question)
+    monkeypatch.setattr(check, "_is_wanted", question)
     monkeypatch.setattr("sys.argv", ["fsoe-net", "check", path.name, "--fix"])
     with pytest.raises(SystemExit) as ended:
         main()

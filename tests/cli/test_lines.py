@@ -10,13 +10,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from fsoe_net.cli import decode_output, explain, fix, monitor, monitor_output, verify, write
+from fsoe_net.cli import decode_output, explain, monitor, monitor_output, write
 from fsoe_net.cli.terminal import terminal
 from fsoe_net.core.scan import FoundConnection, Place, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.diag.diagnostic import Diagnostic, Edit, Span
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.project import fix, verify
 from fsoe_net.report.diff_types import Change
 from fsoe_net.run.attachment import BusView
 

@@ -73,7 +73,7 @@ def test_what_was_measured_is_kept_when_it_breaks_off(network, tmp_path):
     seen = try_protocol("broken_off", network, tmp=tmp_path, good=good)
     interrupt, left_out, gone = (seen[name] for name in ("interrupt", "left_out", "gone"))
     assert interrupt["code"] == 130
-    assert "broken off: protocol.yaml has the 3 steps looked at so far" in interrupt["told"]
+    assert "broken off: protocol.yaml has the 3 steps tried so far" in interrupt["told"]
     assert list(live_of(interrupt)) == ["start-up logic-io", "start-up logic-io2", "loss io"]
     assert TAKE not in left_out["told"]
     assert live_of(left_out)["loss io"] == live_of(interrupt)["loss io"]

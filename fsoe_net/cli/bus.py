@@ -1,0 +1,68 @@
+"""A bus that commands compare with or start from."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from fsoe_net.cli.terminal import echo
+from fsoe_net.errors import InputError
+from fsoe_net.formats.scan import load_scan
+from fsoe_net.model.scan import Scan
+
+if TYPE_CHECKING:
+    from fsoe_net.run.scan import ScanSource, TakenScan
+
+__all__ = ["scan_to_compare", "take_scan"]
+
+
+def scan_to_compare(
+    interface: str | None, socket: str | None, scan_file: str | None, *, yes: bool
+) -> Scan | None:
+    """Return what is on the bus, when it is to be compared.
+
+    Raises:
+        click.UsageError: It is given twice.
+        InputError: The document is damaged.
+    """
+    if scan_file is not None:
+        if interface is not None or socket is not None:
+            raise click.UsageError(
+                "--scan compares with a file; leave out --interface and --socket"
+            )
+        scan, found = load_scan(scan_file)
+        if scan is None:
+            raise InputError(f"{scan_file} is no whole scan document", found)
+        return scan
+    if interface is None and socket is None:
+        return None
+    return take_scan(interface, bus=None, socket=socket, yes=yes).scan
+
+
+def take_scan(
+    interface: str | None, *, bus: str | None, socket: str | None, yes: bool
+) -> TakenScan:
+    """Scan a bus, after saying what that does to it and, where states change, asking.
+
+    Raises:
+        click.UsageError: Nobody is there to be asked.
+    """
+    if interface is None and socket is None:
+        raise click.UsageError("name the bus: --interface IF, or --socket PATH of an fsn-master")
+    from fsoe_net.run.scan import scan_source
+
+    source = scan_source(interface, socket=socket, bus=bus)
+    echo(source.announcement, err=True)
+    if not source.attached and not yes:
+        _ask(source)
+    return source.take()
+
+
+def _ask(source: ScanSource) -> None:
+    if not sys.stdin.isatty():
+        raise click.UsageError(
+            "this changes states on the bus, and nobody is here to be asked: --yes"
+        )
+    click.confirm("Go on?", abort=True, err=True)

@@ -1,0 +1,60 @@
+"""What ``fsoe-net test-protocol`` prints, and asks the person at the machine."""
+
+from __future__ import annotations
+
+import click
+
+from fsoe_net.cli.terminal import echo
+from fsoe_net.diag.printable import printable
+from fsoe_net.diag.words import counted
+from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep
+
+__all__ = ["PersonAtTerminal", "print_outcome", "print_step"]
+
+
+def print_step(step: ProtocolStep) -> None:
+    """Print what a step on the live bus has shown."""
+    seen = step.live
+    if seen is not None:
+        time = "" if seen.measured_ms is None else f", {seen.measured_ms:g} ms {seen.time_is}"
+        echo(f"  {step.id}: {seen.outcome.value}{time}; {seen.remark}", err=True)
+
+
+class PersonAtTerminal:
+    """The person at the terminal."""
+
+    def guarded(self, step: ProtocolStep) -> bool:
+        """Ask whether the area is guarded; the answer is the name of the SubDevice."""
+        echo(f"\n{step.id}: {step.what}", err=True)
+        echo("Machines may move or stop. Is the area guarded and nobody in it?", err=True)
+        answer = click.prompt(
+            printable(f"write {step.subject} to go on, Enter to leave this step out"),
+            default="",
+            show_default=False,
+            err=True,
+        )
+        return str(answer).strip() == step.subject
+
+    def tell(self, text: str) -> None:
+        """Print what to do now."""
+        echo(text, err=True)
+
+
+def print_outcome(protocol: Protocol, output: str) -> int:
+    """Print what was tried, and return the exit code."""
+    steps = protocol.steps
+    wrong = [
+        step.id
+        for step in steps
+        for seen in (step.emulated, step.live)
+        if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED
+    ]
+    machine = f"{len(protocol.open_steps)} of {len(protocol.machine_steps)} open at the machine"
+    echo(f"{output}: {counted(len(steps), 'step')}, {machine}")
+    tried = [s.emulated for s in steps if s.emulated is not None]
+    if tried:
+        left = sum(seen.outcome is Outcome.NOT_RUN for seen in tried)
+        echo(f"{len(tried) - left} tried on the emulated bus, {left} not: {EMULATED_NOTE}")
+    for name in dict.fromkeys(wrong):
+        echo(f"not as expected: {name}")
+    return 1 if wrong else 0

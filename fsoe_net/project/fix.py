@@ -1,0 +1,97 @@
+"""Hints with exactly one way to follow them, put into the files."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from fsoe_net.diag.diagnostic import Diagnostic, Edit
+from fsoe_net.errors import InputError
+from fsoe_net.formats.files import STDIN, Collector, read_bytes
+from fsoe_net.formats.patch import patch_yaml
+from fsoe_net.model.network import SourceFile
+from fsoe_net.save.files import write_all
+
+__all__ = ["Fixes"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fixes:
+    """What hints would change.
+
+    Attributes:
+        before: The files as they were read, by path.
+        after: Those that change, as they would be.
+        fixed: How many findings that fixes.
+    """
+
+    before: Mapping[str, bytes]
+    after: Mapping[str, bytes]
+    fixed: int
+
+    @classmethod
+    def of(cls, found: Sequence[Diagnostic], sources: Sequence[SourceFile]) -> Fixes:
+        """Return what the hints of findings would change in the files they were found in.
+
+        Raises:
+            InputError: A file has changed since it was read.
+        """
+        hashes = {source.path: source.sha256 for source in sources}
+        before = {
+            path: _unchanged(path, hashes[path])
+            for path in dict.fromkeys(e.span.file for d in found for e in d.edits)
+            if path in hashes and path != STDIN
+        }
+        after: dict[str, bytes] = {}
+        made: set[Edit] = set()
+        for path, data in before.items():
+            fitting = [d for d in found if d.edits and all(e.span.file == path for e in d.edits)]
+            after[path], edits = _patched(data, path, fitting)
+            made |= edits
+        return cls(
+            before=before,
+            after={path: data for path, data in after.items() if data != before[path]},
+            fixed=sum(bool(d.edits) and set(d.edits) <= made for d in found),
+        )
+
+    def diff(self) -> str:
+        """Return the change as a unified diff; empty when there is none."""
+        lines: list[str] = []
+        for path, data in self.after.items():
+            old, new = (text.decode("utf-8").splitlines() for text in (self.before[path], data))
+            lines += difflib.unified_diff(old, new, path, f"{path}, fixed", lineterm="")
+        return "".join(f"{line}\n" for line in lines)
+
+    def write(self) -> None:
+        """Write the files, all or none.
+
+        Raises:
+            InputError: Somebody has edited one since it was read.
+            EnvironmentFault: One cannot be written.
+        """
+        for path in self.after:
+            _unchanged(path, hashlib.sha256(self.before[path]).hexdigest())
+        write_all("", self.after, overwrite=True)
+
+
+def _patched(data: bytes, path: str, found: Iterable[Diagnostic]) -> tuple[bytes, frozenset[Edit]]:
+    """Return the file with every finding fixed of which all edits can be made."""
+    rows = list(found)
+    while True:
+        patched, made = patch_yaml(data, path, [e for d in rows for e in d.edits])
+        whole = [d for d in rows if set(d.edits) <= made]
+        if len(whole) == len(rows):
+            return patched, made
+        rows = whole
+
+
+def _unchanged(path: str, sha256: str) -> bytes:
+    out = Collector()
+    data = read_bytes(path, out)
+    if data is None:
+        raise InputError(f"nothing written: {path} cannot be read again", out.diagnostics)
+    if hashlib.sha256(data).hexdigest() != sha256:
+        raise InputError(f"nothing written: {path} has changed since it was read; check it again")
+    return data
