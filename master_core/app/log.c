@@ -14,8 +14,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "control/internal.h"
-#include "control/words.h"
+#include "control/base/clock.h"
+#include "control/base/json.h"
+#include "control/base/words.h"
 
 static bool as_json; /* set once, before there are threads */
 

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "control/control.h"
+#include "control/server/control.h"
 
 /** Chooses between text and JSON lines. */
 void log_as_json(bool json);

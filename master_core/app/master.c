@@ -9,7 +9,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "control/internal.h"
+#include "control/base/clock.h"
 #include "explain.h"
 #include "log.h"
 #include "notify.h"

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "backends.h"
-#include "control/words.h"
+#include "control/base/words.h"
 
 static const char usage_text[] =
     "usage: fsn-master PLAN --interface IF [options]\n"

@@ -12,7 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "control/internal.h"
+#include "control/base/clock.h"
 #include "log.h"
 #include "schedule.h"
 

@@ -4,7 +4,7 @@
 #define FSN_APP_RUNNER_H
 
 #include "backends.h"
-#include "control/job.h"
+#include "control/jobs/job.h"
 #include "fsn/core.h"
 #include "options.h"
 

@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <stdio.h>
 
-#include "control/survey.h"
+#include "control/survey/survey.h"
 #include "explain.h"
 #include "log.h"
 

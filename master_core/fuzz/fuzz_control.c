@@ -4,7 +4,9 @@
 
 #include <string.h>
 
-#include "control/internal.h"
+#include "control/requests/requests.h"
+#include "control/requests/stream.h"
+#include "control/server/server.h"
 
 uint64_t fuzz_reached;
 
@@ -174,10 +176,10 @@ static void ask(struct fsn_client *client, const uint8_t *bytes, size_t len) {
     char *line = malloc(len + 1); /* exactly the room it may use */
     CHECK(line != NULL);
     memcpy(line, bytes, len);
-    fsn_request(rig.control, client, line, len);
+    fsn_request_answer(&rig.control->services, client, line, len);
     do_job();
     free(line);
-    fsn_streams_serve(rig.control); /* cycles are lines too */
+    fsn_streams_serve(&rig.control->services); /* cycles are lines too */
     CHECK(client->drop_reason == NULL && client->out.len_bytes > 0);
     unsigned replies = 0;
     for (size_t at = 0; at < client->out.len_bytes;) {
@@ -199,7 +201,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     *client = (struct fsn_client){.fd = 1 << 20, /* no descriptor: nothing is sent here */
                                   .number = 1,
                                   .lease_ms = FSN_LEASE_MS,
-                                  .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+                                  .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     uint64_t now = 0;
     while (size > 0) {
         const uint8_t *end = memchr(data, '\n', size);

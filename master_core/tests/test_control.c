@@ -1,10 +1,10 @@
 /** Requests, values, JSON and leases of the control socket, without a socket. */
 #include <string.h>
 
-#include "control/json.h"
-#include "control/outputs.h"
-#include "control/value.h"
-#include "control/words.h"
+#include "control/base/json.h"
+#include "control/base/value.h"
+#include "control/base/words.h"
+#include "control/outputs/outputs.h"
 #include "emulated_rig.h"
 #include "plan_internal.h"
 

@@ -10,8 +10,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "control/incident.h"
-#include "control/incident_kept.h"
+#include "control/base/clock.h"
+#include "control/incidents/incidents.h"
+#include "control/incidents/kept.h"
 #include "control_host.h"
 #include "emulated_rig.h"
 #include "heap.h"
@@ -106,20 +107,20 @@ static struct rig set_up(void) {
 /** One cycle at a time of our choice, and what the control thread makes of it. */
 static void cycle_at(struct rig *rig, uint64_t now_ns) {
     CHECK(fsn_core_cycle(rig->on.core, now_ns) == FSN_OK);
-    fsn_watch(rig->control, now_ns);
+    fsn_changes_poll(&rig->control->changes, rig->control->services.incidents, now_ns);
 }
 
 static bool is_kept_still(struct rig *rig, uint64_t now_ns) {
-    fsn_incident_turn(rig->control, now_ns);
-    return rig->control->incidents->pending.active;
+    fsn_incident_turn(rig->control->services.incidents, now_ns);
+    return rig->control->services.incidents->pending.active;
 }
 
 static void begin_at(struct rig *rig, uint64_t now_ns) {
     const struct fsn_trigger trigger = {.kind = "request", .now_ns = now_ns, .text = "a test"};
-    CHECK(fsn_incident_begin(rig->control, &trigger));
+    CHECK(fsn_incident_begin(rig->control->services.incidents, &trigger));
     submitted->status = FSN_E_ABSENT; /* this bus has no objects */
     fsn_control_job_done(rig->control, submitted);
-    CHECK(rig->control->incidents->job == NULL);
+    CHECK(rig->control->services.incidents->job == NULL);
 }
 
 /** Returns how many files there were. */
@@ -167,7 +168,7 @@ static void a_cycle_that_stands_still_is_not(void) {
 
 static bool left_data_at(struct rig *rig, uint64_t now_ns) {
     const struct fsn_trigger trigger = {.kind = "left_data", .now_ns = now_ns, .text = "a test"};
-    const bool begun = fsn_incident_begin(rig->control, &trigger);
+    const bool begun = fsn_incident_begin(rig->control->services.incidents, &trigger);
     if (begun) {
         submitted->status = FSN_E_ABSENT;
         fsn_control_job_done(rig->control, submitted);
@@ -202,15 +203,15 @@ static void a_second_failure_has_its_own(void) {
  */
 static void a_subdevice_that_refuses_is_one(void) {
     struct rig rig = set_up();
-    struct fsn_incidents *in = rig.control->incidents;
+    struct fsn_incidents *in = rig.control->services.incidents;
     struct fsn_bus_subdevice seen = {.found = FSN_FOUND_STATE, .al_status = FSN_AL_PREOP};
     snprintf(seen.detail, sizeof seen.detail, "SAFEOP refused");
     const uint64_t second = UINT64_C(1000) * MS;
     cycle_at(&rig, second);
     for (int i = 0; i < 3; i++) {
-        fsn_incident_subdevice(rig.control, 1, &seen, second);
+        fsn_incident_subdevice(rig.control->services.incidents, 1, &seen, second);
         seen.found = FSN_FOUND_RIGHT; /* it is asked again */
-        fsn_incident_subdevice(rig.control, 1, &seen, second);
+        fsn_incident_subdevice(rig.control->services.incidents, 1, &seen, second);
         seen.found = FSN_FOUND_STATE;
     }
     CHECK(in->pending.active && in->files == 1);
@@ -224,11 +225,11 @@ static void a_subdevice_that_refuses_is_one(void) {
     fsn_control_job_done(rig.control, submitted);
     cycle_at(&rig, 2 * second);
     CHECK(!is_kept_still(&rig, 2 * second));
-    fsn_incident_subdevice(rig.control, 1, &seen, 3 * second);
+    fsn_incident_subdevice(rig.control->services.incidents, 1, &seen, 3 * second);
     CHECK(!in->pending.active);
     const struct fsn_bus_subdevice in_op = {.found = FSN_FOUND_RIGHT, .al_status = FSN_AL_OP};
-    fsn_incident_subdevice(rig.control, 1, &in_op, 4 * second);
-    fsn_incident_subdevice(rig.control, 1, &seen, 5 * second);
+    fsn_incident_subdevice(rig.control->services.incidents, 1, &in_op, 4 * second);
+    fsn_incident_subdevice(rig.control->services.incidents, 1, &seen, 5 * second);
     CHECK(in->pending.active && in->files == 2);
     submitted->status = FSN_E_ABSENT;
     fsn_control_job_done(rig.control, submitted);
@@ -238,11 +239,11 @@ static void a_subdevice_that_refuses_is_one(void) {
 /** Who was in Data has left it, and not never come. */
 static void who_was_in_data_did_come(void) {
     struct rig rig = set_up();
-    fsn_incident_connection(rig.control, 0, FSN_OUTSIDE_RESET);
-    CHECK(rig.control->incidents->told[0] == 0);
-    fsn_incident_connection(rig.control, 0, FSN_OUTSIDE_DATA_PROCESS);
-    fsn_incident_connection(rig.control, 0, FSN_OUTSIDE_RESET);
-    CHECK(rig.control->incidents->told[0] == 1);
+    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OUTSIDE_RESET);
+    CHECK(rig.control->services.incidents->reported[0] == 0);
+    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OUTSIDE_DATA_PROCESS);
+    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OUTSIDE_RESET);
+    CHECK(rig.control->services.incidents->reported[0] == 1);
     CHECK(tear_down(&rig) == 0);
 }
 
@@ -263,9 +264,9 @@ static const char *one_incident(struct rig *rig, uint64_t now_ns) {
     told[0] = 0;
     begin_at(rig, now_ns);
     cycle_at(rig, now_ns + UINT64_C(1000) * MS);
-    struct fsn_incidents *in = rig->control->incidents;
+    struct fsn_incidents *in = rig->control->services.incidents;
     while (in->pending.active || in->file != NULL) {
-        fsn_incident_turn(rig->control, now_ns + UINT64_C(1000) * MS);
+        fsn_incident_turn(rig->control->services.incidents, now_ns + UINT64_C(1000) * MS);
         usleep(100);
     }
     size_t used = 0;
@@ -432,11 +433,11 @@ static void a_hundred_are_enough(void) {
     const uint64_t second = UINT64_C(1000) * MS;
     const struct fsn_trigger trigger = {.kind = "request", .now_ns = second, .text = "a test"};
     cycle_at(&rig, second);
-    rig.control->incidents->files = 99;
+    rig.control->services.incidents->files = 99;
     CHECK(strstr(one_incident(&rig, second), "w incident: a test; fsoe-net") != NULL);
     told[0] = 0;
     for (int i = 0; i < 3; i++) {
-        CHECK(!fsn_incident_begin(rig.control, &trigger));
+        CHECK(!fsn_incident_begin(rig.control->services.incidents, &trigger));
         is_told(told, "w 100 incidents were kept since the start; no more will be\n");
     }
     CHECK(tear_down(&rig) == 1);
@@ -448,18 +449,23 @@ static void folders_are_checked(void) {
     char text[200];
     struct fsn_refusal refusal;
     struct fsn_incidents *none = NULL;
+    struct fsn_services *with = &rig.control->services;
     snprintf(path, sizeof path, "%s/file", rig.folder);
     const int fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
     CHECK(fd >= 0 && close(fd) == 0);
     errno = ENOSPC; /* of something else */
-    CHECK(fsn_incidents_create(path, rig.on.plan, &none, &refusal) == FSN_E_SYS && none == NULL);
+    CHECK(fsn_incidents_create(path, &with->view, &with->events, &with->jobs, &none, &refusal) ==
+              FSN_E_SYS &&
+          none == NULL);
     snprintf(text, sizeof text, "incidents: %s is no folder to write to: Not a directory", path);
     CHECK(strcmp(refusal.text, text) == 0);
-    CHECK(fsn_incidents_create("/nonexistent", rig.on.plan, &none, &refusal) == FSN_E_SYS);
+    CHECK(fsn_incidents_create("/nonexistent", &with->view, &with->events, &with->jobs, &none,
+                               &refusal) == FSN_E_SYS);
     CHECK(strcmp(refusal.text, "incidents: /nonexistent is no folder to write to: No such file or "
                                "directory") == 0);
     fails.access = EACCES;
-    CHECK(fsn_incidents_create(rig.folder, rig.on.plan, &none, &refusal) == FSN_E_SYS);
+    CHECK(fsn_incidents_create(rig.folder, &with->view, &with->events, &with->jobs, &none,
+                               &refusal) == FSN_E_SYS);
     fails.access = 0;
     snprintf(text, sizeof text, "incidents: %s is no folder to write to: Permission denied",
              rig.folder);
@@ -477,15 +483,15 @@ static void a_stop_is_no_incident(void) {
     cycle_at(&rig, second);
     for (int i = 0; i < 3; i++) {
         state = states[i];
-        CHECK(fsn_incident_begin(rig.control, &left) == (i == 2));
+        CHECK(fsn_incident_begin(rig.control->services.incidents, &left) == (i == 2));
     }
-    CHECK(!fsn_incident_begin(rig.control, &left)); /* one at a time */
-    fsn_control_attach(rig.control, NULL);          /* and it is written when the bus stops */
-    CHECK(!rig.control->incidents->pending.active);
+    CHECK(!fsn_incident_begin(rig.control->services.incidents, &left)); /* one at a time */
+    fsn_control_attach(rig.control, NULL); /* and it is written when the bus stops */
+    CHECK(!rig.control->services.incidents->pending.active);
     submitted->status = FSN_E_ABSENT;
     fsn_control_job_done(rig.control, submitted);
     fsn_control_limit_incidents(rig.control, 0);
-    CHECK(rig.control->incidents->most_bytes == 0);
+    CHECK(rig.control->services.incidents->most_bytes == 0);
     CHECK(tear_down(&rig) == 1);
 }
 
@@ -496,11 +502,11 @@ static void without_a_folder_nothing_is_kept(void) {
     struct fsn_control *control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(control != NULL);
     fsn_control_limit_incidents(control, 5);
-    fsn_incident_turn(control, 1);
-    fsn_incident_detach(control);
-    fsn_incident_event(control, "{}", 2);
-    fsn_incident_connection(control, 0, FSN_OUTSIDE_DATA_PROCESS);
-    CHECK(!fsn_incident_begin(control, &trigger));
+    fsn_incident_turn(control->services.incidents, 1);
+    fsn_incident_detach(control->services.incidents);
+    fsn_incident_event(control->services.incidents, "{}", 2);
+    fsn_incident_connection(control->services.incidents, 0, FSN_OUTSIDE_DATA_PROCESS);
+    CHECK(!fsn_incident_begin(control->services.incidents, &trigger));
     fsn_control_free(control);
     CHECK(tear_down(&rig) == 0);
 }
@@ -518,14 +524,14 @@ static void memory_runs_out(void) {
         told[0] = 0;
         begin_at(&rig, now_ns);
         cycle_at(&rig, now_ns + second);
-        struct fsn_incidents *in = rig.control->incidents;
+        struct fsn_incidents *in = rig.control->services.incidents;
         heap.fails_in = n;
         while (in->pending.active) {
-            fsn_incident_turn(rig.control, now_ns + second);
+            fsn_incident_turn(rig.control->services.incidents, now_ns + second);
         }
         heap.fails_in = 0;
         while (in->file != NULL) {
-            fsn_incident_turn(rig.control, now_ns + second);
+            fsn_incident_turn(rig.control->services.incidents, now_ns + second);
             usleep(100);
         }
         kept += strstr(told, "w incident: a test; fsoe-net incident ") != NULL;

@@ -3,8 +3,10 @@
 #include <string.h>
 
 #include "builder.h"
-#include "control/job.h"
-#include "control/survey.h"
+#include "control/jobs/guard.h"
+#include "control/jobs/history.h"
+#include "control/jobs/job.h"
+#include "control/survey/member.h"
 #include "fsn/fsn.h"
 
 static void values_have_types(void) {

@@ -34,7 +34,7 @@ static void look(struct rig *rig, uint64_t late_ns) {
 
 static bool holds_its_output(struct rig *rig) {
     fsn_control_serve(rig->control, rig->fds, FSN_CONTROL_FDS);
-    return fsn_outputs_state(rig->control->outputs, 0).owner == rig->client->number;
+    return fsn_outputs_state(rig->control->services.view.outputs, 0).owner == rig->client->number;
 }
 
 static struct fsn_control_host host;
@@ -55,7 +55,7 @@ static struct rig *set_up(void) {
     rig.peer = ends[1];
     rig.client = &rig.control->client[0];
     *rig.client = (struct fsn_client){
-        .fd = ends[0], .number = 1, .lease_ms = LEASE_MS, .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+        .fd = ends[0], .number = 1, .lease_ms = LEASE_MS, .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     say(&rig, "set t=7\n");
     look(&rig, 0);
     CHECK(holds_its_output(&rig));

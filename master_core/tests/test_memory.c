@@ -102,7 +102,7 @@ static fsn_status attach(void) {
     struct fsn_control *made = fsn_control_create(on.plan, &host, &nobody);
     heap.fails_in = after;
     fsn_control_attach(made, on.core);
-    const bool attached = made->core != NULL;
+    const bool attached = made->services.view.core != NULL;
     fsn_control_free(made);
     return attached ? FSN_OK : FSN_E_NOMEM;
 }

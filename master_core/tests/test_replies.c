@@ -457,7 +457,7 @@ static void set_up(void) {
                                      .pid = 4321,
                                      .uid = 12,
                                      .lease_ms = FSN_LEASE_MS,
-                                     .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+                                     .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     fsn_control_attach(on.control, on.core);
     cycle();
 }
@@ -470,7 +470,8 @@ static void tear_down(void) {
 
 /** What an incident asks of the planned SubDevices; shown as an answer. */
 static void ask_for_fsoe(void) {
-    struct fsn_job *job = fsn_job_fsoe(on.control);
+    struct fsn_job *job =
+        fsn_job_submit_fsoe(&on.control->services.jobs, on.control->services.view.core);
     CHECK((job == NULL) == (waiting == NULL));
     if (job == NULL) {
         fsn_client_put(on.client, "{\"none\":true}\n", 14);
@@ -496,7 +497,7 @@ static void change(const char *word) {
         fsn_control_attach(on.control, on.core);
     } else if (strcmp(word, "cycle") == 0) {
         cycle();
-        fsn_streams_serve(on.control);
+        fsn_streams_serve(&on.control->services);
     } else if (strcmp(word, "record") == 0) {
         CHECK(fsn_core_keep(on.core, 9000000, 1 << 20) == FSN_OK);
     } else if (strcmp(word, "trouble") == 0) {
@@ -539,7 +540,7 @@ static void request(const char *line) {
     char room[512];
     CHECK(strlen(line) < sizeof room);
     memcpy(room, line, strlen(line) + 1);
-    fsn_request(on.control, on.client, room, strlen(room));
+    fsn_request_answer(&on.control->services, on.client, room, strlen(room));
     do_job();
 }
 

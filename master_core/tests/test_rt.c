@@ -30,7 +30,7 @@ enum {
 static struct {
     uint64_t now_ns, tick_ns;
     uint64_t late_ns[MOST]; /**< how late each sleep ends */
-    uint64_t asked_ns[MOST];
+    uint64_t request_ns[MOST];
     uint32_t sleeps, interrupts;
 } wall;
 
@@ -45,13 +45,13 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
 int clock_nanosleep(clockid_t clock, int flags, const struct timespec *at, struct timespec *left) {
     CHECK(clock == CLOCK_MONOTONIC && flags == TIMER_ABSTIME && left == NULL);
     CHECK(at->tv_nsec >= 0 && at->tv_nsec < 1000000000 && wall.sleeps < MOST);
-    wall.asked_ns[wall.sleeps] = (uint64_t)at->tv_sec * 1000000000u + (uint64_t)at->tv_nsec;
+    wall.request_ns[wall.sleeps] = (uint64_t)at->tv_sec * 1000000000u + (uint64_t)at->tv_nsec;
     if (wall.interrupts > 0) {
         wall.interrupts--;
         return EINTR; /* a signal: the rest of the time is still to be slept */
     }
-    if (wall.asked_ns[wall.sleeps] > wall.now_ns) {
-        wall.now_ns = wall.asked_ns[wall.sleeps];
+    if (wall.request_ns[wall.sleeps] > wall.now_ns) {
+        wall.now_ns = wall.request_ns[wall.sleeps];
     }
     wall.now_ns += wall.late_ns[wall.sleeps++];
     return 0;
@@ -147,7 +147,7 @@ static void wakes_once_per_cycle(void) {
     const struct fsn_statistics *s = &on.rt.statistics;
     CHECK(wall.sleeps == 5 && s->cycles == 5 && on.sent == 5 && wall.interrupts == 0);
     for (uint32_t i = 0; i < 5; i++) {
-        CHECK(wall.asked_ns[i] == START_NS + (i + 1) * CYCLE_NS);
+        CHECK(wall.request_ns[i] == START_NS + (i + 1) * CYCLE_NS);
     }
     CHECK(counted(&s->latency, 5, 0, 5000, 6200));
     CHECK(counted(&s->period, 4, CYCLE_NS - 4800, CYCLE_NS + 5000, 4 * CYCLE_NS + 200));
@@ -176,7 +176,7 @@ static void what_was_missed_is_left_out(void) {
     fsn_rt_loop(&on.rt);
     uint64_t planned = START_NS + CYCLE_NS;
     for (uint32_t i = 0; i < 5; i++) {
-        CHECK(wall.asked_ns[i] == planned);
+        CHECK(wall.request_ns[i] == planned);
         planned += (1 + left_out[i]) * CYCLE_NS;
     }
     CHECK(on.rt.statistics.overruns == 3 && on.rt.left_out == 0);
@@ -228,7 +228,7 @@ static void follows(const int64_t *off_ns, const int64_t *step_ns, uint32_t cycl
     uint64_t sum = 0;
     uint64_t max = 0;
     for (uint32_t i = 0; i < cycles; i++) {
-        CHECK(wall.asked_ns[i] == expected[i]);
+        CHECK(wall.request_ns[i] == expected[i]);
         /* Half a cycle at most to either side. */
         int64_t apart = off_ns[i] % (int64_t)CYCLE_NS;
         apart -= apart > (int64_t)CYCLE_NS / 2 ? (int64_t)CYCLE_NS : 0;
@@ -263,7 +263,7 @@ static void a_cycle_without_reading_steers_nothing(void) {
     on.script[0].dc_time_ns = 1000;
     fsn_rt_loop(&on.rt);
     CHECK(on.rt.statistics.dc_offset.count == 1 && on.rt.statistics.dc_time_ns == 1000);
-    CHECK(wall.asked_ns[2] == START_NS + 3 * CYCLE_NS);
+    CHECK(wall.request_ns[2] == START_NS + 3 * CYCLE_NS);
 }
 
 /* -- what it counts ------------------------------------------------------------------------- */

@@ -103,7 +103,7 @@ static void set_up(unsigned count) {
                                                      .lease_ms = 0,
                                                      .heard_ns = now_ns,
                                                      .moved_ns = now_ns,
-                                                     .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+                                                     .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     }
 }
 
@@ -295,7 +295,7 @@ static void who_does_not_read_is_dropped(void) {
 
 /** More than a mebibyte unread is too much; one long answer does not count. */
 static void there_is_a_limit_to_what_is_unread(void) {
-    static char block[FSN_CONTROL_OUT_BYTES];
+    static char block[FSN_CLIENT_OUT_BYTES];
     set_up(3);
     memset(block, 'x', sizeof block);
     struct fsn_client *client = rig.control->client;
@@ -319,7 +319,7 @@ static void there_is_a_limit_to_what_is_unread(void) {
 
 /** A long answer behind a longer one that nobody took is one too many. */
 static void long_answers_have_their_limit_one_by_one(void) {
-    static char block[2 * FSN_CONTROL_OUT_BYTES];
+    static char block[2 * FSN_CLIENT_OUT_BYTES];
     set_up(1);
     memset(block, 'x', sizeof block);
     struct fsn_client *client = rig.control->client;

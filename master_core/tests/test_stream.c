@@ -35,7 +35,7 @@ static struct rig set_up(void) {
     rig.client = &rig.control->client[3];
     *rig.client = (struct fsn_client){.fd = 1 << 20, /* no descriptor: nothing is sent here */
                                       .number = 1,
-                                      .out.limit_bytes = FSN_CONTROL_OUT_BYTES};
+                                      .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     return rig;
 }
 
@@ -59,7 +59,7 @@ static bool answer(struct rig *rig, const char *request, const char *expected) {
     char line[64];
     const size_t len = strlen(request);
     memcpy(line, request, len);
-    fsn_request(rig->control, rig->client, line, len);
+    fsn_request_answer(&rig->control->services, rig->client, line, len);
     const struct fsn_json *out = &rig->client->out;
     const bool found = out->len_bytes > strlen(expected) &&
                        memmem(out->bytes, out->len_bytes, expected, strlen(expected)) != NULL;
@@ -114,7 +114,7 @@ static void requests_are_understood(void) {
     CHECK(answer(&rig, "watch 1", "--record"));
     fsn_control_attach(rig.control, NULL);
     CHECK(answer(&rig, "watch 1", "FSN_E_STATE") && answer(&rig, "layout", "FSN_E_STATE"));
-    fsn_streams_serve(rig.control);
+    fsn_streams_serve(&rig.control->services);
     tear_down(&rig);
 }
 
@@ -127,7 +127,7 @@ static void every_cycle_comes_once(void) {
         CHECK(answer(&rig, request, "\"ok\":true"));
         for (int turns = 0; turns < 40; turns++) {
             run(&rig, 7);
-            fsn_streams_serve(rig.control);
+            fsn_streams_serve(&rig.control->services);
             read_lines(&rig, every[i], "\"t\":");
         }
         CHECK(rig.lines == (280 + every[i] - 1) / every[i] && rig.skipped == 0);
@@ -140,7 +140,7 @@ static void what_is_overwritten_is_counted(void) {
     CHECK(answer(&rig, "watch 2", "\"ok\":true"));
     for (int turns = 0; turns < 10; turns++) {
         run(&rig, 3 * KEPT + 1); /* the control thread was away for so long */
-        fsn_streams_serve(rig.control);
+        fsn_streams_serve(&rig.control->services);
         read_lines(&rig, 2, "\"t\":");
     }
     CHECK(rig.lines > 0 && rig.skipped > 0);
@@ -154,7 +154,7 @@ static void what_is_left_out_is_no_more_than_needed(void) {
         struct rig rig = set_up();
         CHECK(answer(&rig, "watch 3 t", "\"ok\":true"));
         run(&rig, (unsigned)(200 + more));
-        fsn_streams_serve(rig.control);
+        fsn_streams_serve(&rig.control->services);
         const uint64_t until = 200 + more - KEPT + KEPT / 8 + 2;
         const uint64_t count = (until - 1 + 2) / 3;
         const char *line = rig.client->out.bytes;
@@ -170,14 +170,14 @@ static void a_slow_reader_is_not_waited_for(void) {
     CHECK(answer(&rig, "watch 1 --image", "\"ok\":true"));
     for (int turns = 0; turns < 500; turns++) {
         run(&rig, 1);
-        fsn_streams_serve(rig.control); /* it reads nothing */
+        fsn_streams_serve(&rig.control->services); /* it reads nothing */
         CHECK(rig.client->drop_reason == NULL);
         CHECK(rig.client->out.len_bytes < 300000);
     }
     read_lines(&rig, 1, NULL);
     CHECK(rig.lines > 20 && rig.lines < 100 && rig.skipped == 0);
     run(&rig, 1);
-    fsn_streams_serve(rig.control);
+    fsn_streams_serve(&rig.control->services);
     read_lines(&rig, 1, NULL);
     CHECK(rig.skipped > 400 && rig.lines + rig.skipped == 501 && rig.next == 502);
     tear_down(&rig);
@@ -189,7 +189,7 @@ static void watching_goes_on_with_another_core(void) {
     run(&rig, 5);
     CHECK(answer(&rig, "watch 1 t", "\"ok\":true"));
     fsn_control_attach(rig.control, NULL);
-    fsn_streams_serve(rig.control);
+    fsn_streams_serve(&rig.control->services);
     CHECK(rig.client->out.len_bytes == 0);
     fsn_core_free(rig.on.core);
     CHECK(fsn_core_create(rig.on.plan, fsn_emulated_ops(), rig.on.bus, &rig.on.core, NULL) ==
@@ -198,7 +198,7 @@ static void watching_goes_on_with_another_core(void) {
     fsn_control_attach(rig.control, rig.on.core);
     rig.cycle = 0;
     run(&rig, 3);
-    fsn_streams_serve(rig.control);
+    fsn_streams_serve(&rig.control->services);
     read_lines(&rig, 1, "\"t\":");
     CHECK(rig.lines == 3 && rig.next == 4);
     tear_down(&rig);

@@ -149,7 +149,7 @@ static void tear_down(void) {
 static void look_after(uint64_t later_ns) {
     on.now_ns += later_ns;
     CHECK(fsn_core_cycle(on.core, on.now_ns) == FSN_OK);
-    fsn_watch(on.control, on.now_ns);
+    fsn_changes_poll(&on.control->changes, on.control->services.incidents, on.now_ns);
 }
 
 static void same_text(const char *told, const char *expected, int line) {
@@ -279,7 +279,7 @@ static void the_start_is_no_loss(void) {
     TOLD("w SubDevice t: none, does not answer\n"
          "d SubDevice t: its AL state is not read yet\n");
     fsn_control_attach(on.control, NULL);
-    fsn_watch(on.control, on.now_ns + 100 * MS);
+    fsn_changes_poll(&on.control->changes, on.control->services.incidents, on.now_ns + 100 * MS);
     TOLD("");
     fsn_control_attach(on.control, on.core);
     on.seen[0].al_status = on.seen[1].al_status = FSN_AL_OP;
@@ -354,7 +354,8 @@ static void a_lost_bus_is_told_once(void) {
     look_after(5000 * MS);
     TOLD("w working counter 6 of 6; since the last line 0 incomplete cycles, 0 frames not back in "
          "time\n");
-    fsn_watch(on.control, on.now_ns + 50 * MS); /* no new cycle: nothing to look at */
+    fsn_changes_poll(&on.control->changes, on.control->services.incidents,
+                     on.now_ns + 50 * MS); /* no new cycle: nothing to look at */
     TOLD("");
     tear_down();
 }

@@ -23,7 +23,7 @@ def sources(part: str, root: Path) -> list[str]:
         found = [p for p in folder.glob("*.c") if p.stem not in _LOADER]
         found.append(folder / "backends/emulated.c")
     else:
-        found = list((folder / part).glob("*.c"))
+        found = list((folder / part).rglob("*.c"))
     return sorted(str(path.relative_to(root)) for path in found)
 
 

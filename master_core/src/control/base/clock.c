@@ -1,0 +1,27 @@
+#define _POSIX_C_SOURCE 200809L
+
+#include "control/base/clock.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+uint64_t fsn_now_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+void fsn_utc_text(uint64_t at_ns, char room[32]) {
+    struct timespec wall;
+    struct tm parts;
+    clock_gettime(CLOCK_REALTIME, &wall);
+    const int64_t ago = (int64_t)(fsn_now_ns() - at_ns);
+    const int64_t utc_ns = (int64_t)wall.tv_sec * 1000000000 + wall.tv_nsec - ago;
+    const time_t seconds = (time_t)(utc_ns / 1000000000);
+    memset(&parts, 0, sizeof parts);
+    gmtime_r(&seconds, &parts);
+    char day[24];
+    strftime(day, sizeof day, "%Y-%m-%dT%H:%M:%S", &parts);
+    snprintf(room, 32, "%s.%06uZ", day, (unsigned)(utc_ns % 1000000000 / 1000) % 1000000u);
+}

@@ -1,0 +1,45 @@
+/** The program around the control socket. */
+#ifndef FSN_CONTROL_HOST_H
+#define FSN_CONTROL_HOST_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "control/base/refusal.h"
+
+struct fsn_job;
+
+/** What a client asks of the program around the socket. */
+enum fsn_wish { FSN_WISH_START, FSN_WISH_STOP, FSN_WISH_RESTART, FSN_WISH_SHUTDOWN };
+
+/** FSN_LOG_DETAIL: for subscribers and a log of records; too much for lines that people read. */
+enum fsn_log_level { FSN_LOG_DETAIL, FSN_LOG_INFO, FSN_LOG_WARNING, FSN_LOG_ERROR };
+
+/** What the program says about itself. Strings live until the next call. */
+struct fsn_control_status {
+    const char *state; /**< stopped, opening, starting, running, stopping or failed */
+    const char *fault; /**< why it is stopped, or NULL */
+    const char *backend, *interface, *redundant, *plan_file, *accepted;
+    const char *policy;  /**< fifo, deadline or other, as it came to be */
+    uint64_t started_ns; /**< start of the process, monotonic */
+    uint64_t cycle_ns;   /**< bus cycle */
+    int cpu;             /**< CPU number + 1; 0: not pinned */
+    int priority;        /**< of the cyclic thread; 0: none */
+    bool free_run;
+};
+
+/** The program around the socket. Called in the control thread only. */
+struct fsn_control_host {
+    void *self;
+    void (*status)(void *self, struct fsn_control_status *status);
+    fsn_status (*wish)(void *self, enum fsn_wish wish, struct fsn_refusal *refusal);
+    /** `text` for people; `json` the event as subscribers get it, without its newline. */
+    void (*log)(void *self, enum fsn_log_level level, const char *text, const char *json,
+                size_t json_bytes);
+    /** Takes a job, to be done in the acyclic thread of the bus and given back by
+     *  fsn_control_job_done(); NULL: none are taken. */
+    void (*submit)(void *self, struct fsn_job *job);
+};
+
+#endif

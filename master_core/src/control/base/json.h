@@ -1,0 +1,58 @@
+/** Writes one JSON document into a buffer that grows up to a limit. */
+#ifndef FSN_CONTROL_JSON_H
+#define FSN_CONTROL_JSON_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/** Zero with a limit set is an empty one. After the first failure nothing more is written. */
+struct fsn_json {
+    char *bytes; /**< owned; not zero-terminated */
+    size_t len_bytes, room_bytes;
+    size_t limit_bytes; /**< it never gets longer */
+    bool failed;        /**< the limit was reached, or there is no memory */
+    bool comma;         /**< the next value or key needs a comma before it */
+};
+
+/** Frees the buffer; the limit stays. */
+void fsn_json_free(struct fsn_json *json);
+
+/** Begins anew in the same buffer. */
+void fsn_json_clear(struct fsn_json *json);
+
+/** Opens and closes objects and arrays: '{' '}' '[' ']'. */
+void fsn_json_open(struct fsn_json *json, char bracket);
+void fsn_json_close(struct fsn_json *json, char bracket);
+
+/** Writes a key; a value follows. `key` needs no escapes. */
+void fsn_json_key(struct fsn_json *json, const char *key);
+
+/** Values. Text that is not UTF-8 gets a replacement character for each wrong byte; a number that
+ *  JSON does not have becomes null. */
+void fsn_json_text(struct fsn_json *json, const char *text);
+void fsn_json_chars(struct fsn_json *json, const char *text, size_t len_bytes);
+void fsn_json_u64(struct fsn_json *json, uint64_t value);
+void fsn_json_i64(struct fsn_json *json, int64_t value);
+void fsn_json_real(struct fsn_json *json, double value);
+void fsn_json_bool(struct fsn_json *json, bool value);
+void fsn_json_null(struct fsn_json *json);
+
+/** A value that is JSON already. */
+void fsn_json_raw(struct fsn_json *json, const char *bytes, size_t len_bytes);
+/** Bytes as a text of two hexadecimal digits each. */
+void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes);
+
+/** Key and value. */
+void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text);
+/** NULL: null. */
+void fsn_json_put_text_or_null(struct fsn_json *json, const char *key, const char *text);
+void fsn_json_put_u64(struct fsn_json *json, const char *key, uint64_t value);
+void fsn_json_put_bool(struct fsn_json *json, const char *key, bool value);
+void fsn_json_put_hex(struct fsn_json *json, const char *key, const uint8_t *bytes,
+                      size_t len_bytes);
+
+/** Ends the line. */
+void fsn_json_end(struct fsn_json *json);
+
+#endif

@@ -1,0 +1,29 @@
+/** Bytes of objects by the type that a request names. */
+#ifndef FSN_CONTROL_OBJECT_VALUE_H
+#define FSN_CONTROL_OBJECT_VALUE_H
+
+#include "control/base/json.h"
+#include "fsn/plan.h"
+
+/** How the bytes of an object are read. */
+enum fsn_data_kind { FSN_DATA_HEX, FSN_DATA_NUMBER, FSN_DATA_STRING };
+struct fsn_data_type {
+    enum fsn_data_kind kind;
+    struct fsn_symbol_info number; /**< bits and kind; of a number */
+};
+
+/** Reads the name of a type: bool int8 … uint64 real32 real64 string hex. */
+bool fsn_data_type_read(const char *text, struct fsn_data_type *type);
+
+/** Bytes of a value, low byte first.
+ *  @param[out] bytes  room for the text's length.
+ *  @return NULL, or what is wrong with it. */
+const char *fsn_data_parse(const struct fsn_data_type *type, const char *text, uint8_t *bytes,
+                           uint32_t *size_bytes);
+
+/** Writes "data", "bytes" and, where the type is no plain hex, "value". Null for bytes of another
+ *  length than the type has. */
+void fsn_data_write(const struct fsn_data_type *type, const uint8_t *bytes, uint32_t size_bytes,
+                    struct fsn_json *json);
+
+#endif

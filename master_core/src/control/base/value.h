@@ -1,0 +1,26 @@
+/** Values of symbols as text, by the type the plan gives them. */
+#ifndef FSN_CONTROL_VALUE_H
+#define FSN_CONTROL_VALUE_H
+
+#include "control/base/json.h"
+#include "fsn/plan.h"
+
+/** Reads a value: true false on off for one bit, whole numbers decimal, 0x, 0o or 0b, floating
+ *  point where the symbol is. `raw` gets the bits for fsn_core_set_output().
+ *  @return NULL, or what is wrong, in words.   Context: any thread. */
+const char *fsn_value_parse(const struct fsn_symbol_info *symbol, const char *text, uint64_t *raw);
+
+/** Writes the value that these bits have. Context: any thread. */
+void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct fsn_json *json);
+
+/** The same in the units of the symbol: its factor and offset apply, and what is no floating point
+ *  is rounded to the nearest whole number. A bool has none. */
+const char *fsn_value_parse_typed(const struct fsn_symbol_info *symbol, const char *text,
+                                  uint64_t *raw);
+void fsn_value_write_typed(const struct fsn_symbol_info *symbol, uint64_t raw,
+                           struct fsn_json *json);
+
+/** Returns "bool", "signed", "unsigned", "real" or "bits". Context: any thread. */
+const char *fsn_value_type(const struct fsn_symbol_info *symbol);
+
+#endif

@@ -1,0 +1,326 @@
+#include "control/incidents/changes.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "control/base/names.h"
+#include "plan_internal.h"
+
+enum {
+    POLL_MS = 20,    /**< between two polls of the SubDevices */
+    WKC_MS = 1000,   /**< between two reports of single incomplete cycles */
+    AGAIN_MS = 5000, /**< between two lines on a connection that resets again and again */
+    DRAIN = 256,     /**< events of the core taken at once */
+};
+
+/** Into Data and out of it, and the first reset of several: that is what people look for. */
+static enum fsn_log_level connection_level(struct fsn_changes *changes,
+                                           const struct fsn_event *event, bool left, bool data) {
+    uint64_t *reported_ns = &changes->reset_reported_ns[event->connection];
+    if (left && !data) {
+        *reported_ns = event->now_ns;
+        return FSN_LOG_WARNING;
+    }
+    if (data) {
+        *reported_ns = 0;
+        return FSN_LOG_INFO;
+    }
+    if (event->after != FSN_OUTSIDE_RESET ||
+        (*reported_ns != 0 && event->now_ns - *reported_ns < AGAIN_MS * UINT64_C(1000000))) {
+        return FSN_LOG_DETAIL;
+    }
+    const bool again = *reported_ns != 0;
+    *reported_ns = event->now_ns;
+    return again ? FSN_LOG_WARNING : FSN_LOG_INFO;
+}
+
+static void left_data(struct fsn_incidents *incidents, const struct fsn_event *event,
+                      const char *name, const char *reset_by, const char *cause) {
+    char text[300];
+    snprintf(text, sizeof text, "connection %.120s left Data: %s%s", name,
+             fsn_outside_text(event->after), cause);
+    const struct fsn_trigger trigger = {
+        .kind = "left_data",
+        .connection = name,
+        .before = fsn_outside_text(event->before),
+        .after = fsn_outside_text(event->after),
+        .reset_by = reset_by,
+        .reset_text = reset_by != NULL ? fsn_reset_text(event->reset_code) : NULL,
+        .reset_code = reset_by != NULL ? event->reset_code : 0,
+        .now_ns = event->now_ns,
+        .text = text};
+    (void)fsn_incident_begin(incidents, &trigger);
+}
+
+static void connection_event(struct fsn_changes *changes, struct fsn_incidents *incidents,
+                             const struct fsn_event *event) {
+    const struct fsn_connection_info info =
+        fsn_known_connection(changes->view->plan, event->connection);
+    const bool reset = event->after == FSN_OUTSIDE_RESET && event->by != 0;
+    const char *by = !reset ? NULL : event->by == FSN_TO_SUB + 1 ? "main" : "sub";
+    char cause[120] = "";
+    struct fsn_json *json = fsn_event_begin(changes->events, "connection", event->now_ns);
+    fsn_json_put_text(json, "connection", info.name);
+    fsn_json_put_text(json, "before", fsn_outside_text(event->before));
+    fsn_json_put_text(json, "after", fsn_outside_text(event->after));
+    if (reset) {
+        fsn_json_put_text(json, "reset_by", by);
+        fsn_json_put_u64(json, "reset_code", event->reset_code);
+        fsn_json_put_text(json, "reset_text", fsn_reset_text(event->reset_code));
+        snprintf(cause, sizeof cause, ", by the %s: %s", by, fsn_reset_text(event->reset_code));
+    }
+    const bool left = fsn_outside_is_data(event->before);
+    const bool data = fsn_outside_is_data(event->after);
+    fsn_event_send(changes->events, connection_level(changes, event, left, data),
+                   "connection %.120s: %s -> %s%s", info.name, fsn_outside_text(event->before),
+                   fsn_outside_text(event->after), cause);
+    fsn_incident_connection(incidents, event->connection, event->after);
+    if (left && !data) {
+        left_data(incidents, event, info.name, by, cause);
+    }
+}
+
+static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_bus_subdevice *b) {
+    return a->al_status == b->al_status && a->found == b->found && a->al_code == b->al_code &&
+           a->returns == b->returns && strcmp(a->detail, b->detail) == 0 &&
+           memcmp(a->link, b->link, sizeof a->link) == 0;
+}
+
+/** Lost, refused, wrong or in error; back in OP. What lies between, and links that are read one
+ *  after the other, are details. */
+static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before,
+                                          const struct fsn_bus_subdevice *after) {
+    const bool wrong = after->found != FSN_FOUND_RIGHT && after->found != FSN_FOUND_UNKNOWN;
+    if (before->found == FSN_FOUND_UNKNOWN && !wrong && after->al_status == FSN_AL_NONE) {
+        return FSN_LOG_DETAIL; /* at the start nobody has been asked for his state yet */
+    }
+    const bool told = after->detail[0] != 0 && strcmp(before->detail, after->detail) != 0;
+    if ((after->al_status & FSN_AL_ERROR) != 0 || after->al_status == FSN_AL_NONE || wrong ||
+        told) {
+        return FSN_LOG_WARNING;
+    }
+    return after->al_status == FSN_AL_OP && before->al_status != FSN_AL_OP ? FSN_LOG_INFO
+                                                                           : FSN_LOG_DETAIL;
+}
+
+static void put_links(const struct fsn_bus_subdevice *seen, char *text, size_t room_bytes) {
+    size_t used = 0;
+    for (unsigned port = 0; port < FSN_PORTS; port++) {
+        if (seen->link[port] != 0) {
+            used += (size_t)snprintf(text + used, room_bytes - used, "%s%u",
+                                     used == 0 ? ", links at ports " : " ", port);
+        }
+    }
+    if (used == 0) {
+        snprintf(text, room_bytes, ", no link at any port");
+    }
+}
+
+static void subdevice_event(struct fsn_changes *changes, uint32_t number,
+                            const struct fsn_bus_subdevice *before,
+                            const struct fsn_bus_subdevice *after, bool told, uint64_t now_ns) {
+    const struct fsn_subdevice_info info = fsn_known_subdevice(changes->view->plan, number);
+    char from[24];
+    char to[24];
+    struct fsn_json *json = fsn_event_begin(changes->events, "subdevice", now_ns);
+    fsn_json_put_text(json, "subdevice", info.name);
+    fsn_json_put_text(json, "before", fsn_al_text(before->al_status, from));
+    fsn_json_put_text(json, "after", fsn_al_text(after->al_status, to));
+    fsn_json_put_u64(json, "al_code", after->al_code);
+    fsn_json_put_text(json, "found", fsn_found_text(after->found));
+    fsn_json_put_text(json, "detail", after->detail);
+    fsn_json_put_u64(json, "returns", after->returns);
+    fsn_json_key(json, "link");
+    fsn_json_open(json, '[');
+    for (size_t i = 0; i < FSN_PORTS; i++) {
+        fsn_json_u64(json, after->link[i]);
+    }
+    fsn_json_close(json, ']');
+    char code[120] = "";
+    if ((after->al_status & FSN_AL_ERROR) != 0) {
+        snprintf(code, sizeof code, ", AL status code 0x%04x %s", (unsigned)after->al_code,
+                 fsn_al_code_text(after->al_code));
+    }
+    char links[32] = "";
+    if (memcmp(before->link, after->link, sizeof after->link) != 0) {
+        put_links(after, links, sizeof links);
+    }
+    const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN;
+    const bool unread = fine && (before->al_status | after->al_status) == FSN_AL_NONE;
+    const bool moved = before->al_status != after->al_status;
+    fsn_event_send(changes->events, told ? FSN_LOG_DETAIL : subdevice_level(before, after),
+                   "SubDevice %.120s: %s%s%s%s%s%s%s%s%.150s", info.name,
+                   unread ? "its AL state is not read yet" : from, moved ? " -> " : "",
+                   moved ? to : "", code, links, fine ? "" : ", ",
+                   fine ? "" : fsn_found_text(after->found), after->detail[0] != 0 ? ": " : "",
+                   after->detail);
+}
+
+/** One line for a bus that is lost or back as a whole. Returns whether it is. */
+static bool whole_bus(struct fsn_changes *changes, uint32_t count, uint32_t lost, uint32_t back,
+                      const char *detail, uint64_t now_ns) {
+    if (count < 2 || (lost != count && back != count)) {
+        return false;
+    }
+    struct fsn_json *json = fsn_event_begin(changes->events, "bus", now_ns);
+    fsn_json_put_bool(json, "lost", lost == count);
+    if (lost == count) {
+        fsn_event_send(changes->events, FSN_LOG_WARNING,
+                       "the bus is lost: none of %" PRIu32 " SubDevices answers%s%.150s", count,
+                       detail[0] != 0 ? ": " : "", detail);
+    } else {
+        fsn_event_send(changes->events, FSN_LOG_INFO,
+                       "the bus is back: all %" PRIu32 " SubDevices answer", count);
+    }
+    return true;
+}
+
+static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *incidents,
+                            uint64_t now_ns) {
+    if (now_ns - changes->polled_ns < POLL_MS * UINT64_C(1000000)) {
+        return;
+    }
+    changes->polled_ns = now_ns;
+    const uint32_t count = fsn_plan_subdevice_count(changes->view->plan);
+    uint32_t lost = 0;
+    uint32_t back = 0;
+    struct fsn_bus_subdevice after = {0};
+    for (uint32_t i = 0; i < count; i++) {
+        if (fsn_core_subdevice(changes->view->core, i, &after) != FSN_OK) {
+            return; /* a bus without states */
+        }
+        const bool was = changes->view->subdevice[i].al_status != FSN_AL_NONE;
+        lost += changes->view->subdevices_known && was && after.al_status == FSN_AL_NONE;
+        back += changes->view->subdevices_known && !was && after.al_status != FSN_AL_NONE;
+    }
+    after.detail[FSN_DETAIL_BYTES - 1] = 0;
+    const bool told = whole_bus(changes, count, lost, back, after.detail, now_ns);
+    for (uint32_t i = 0; i < count && fsn_core_subdevice(changes->view->core, i, &after) == FSN_OK;
+         i++) {
+        after.detail[FSN_DETAIL_BYTES - 1] = 0;
+        const struct fsn_bus_subdevice before = changes->view->subdevice[i];
+        changes->view->subdevice[i] = after;
+        if (!changes->view->subdevices_known || !same_subdevice(&before, &after)) {
+            subdevice_event(changes, i, &before, &after, told, now_ns);
+            fsn_incident_subdevice(incidents, i, &after, now_ns);
+        }
+    }
+    changes->view->subdevices_known = true;
+}
+
+static const char *plural(uint64_t number) {
+    return number == 1 ? "" : "s";
+}
+
+/** What the cycle lost since the last line, in words; the overruns and late replies name the cause.
+ */
+static void wkc_text(const struct fsn_changes *changes, const struct fsn_statistics *s, char *text,
+                     size_t room_bytes) {
+    const uint64_t late = s->old_replies - changes->old_replies;
+    const uint64_t unsent = s->unsent_frames - changes->unsent_frames;
+    const uint64_t left_out = s->overruns - changes->overruns;
+    int len = snprintf(
+        text, room_bytes,
+        "working counter %u of %u; since the last line %" PRIu64 " incomplete cycle%s, %" PRIu64
+        " frame%s not back in time",
+        (unsigned)s->actual_wkc, (unsigned)s->expected_wkc, s->wkc_errors - changes->wkc_errors,
+        plural(s->wkc_errors - changes->wkc_errors), s->lost_frames - changes->lost_frames,
+        plural(s->lost_frames - changes->lost_frames));
+    if (late > 0) {
+        len += snprintf(text + len, room_bytes - (size_t)len,
+                        ", %" PRIu64 " repl%s late: the cycle is short for this bus", late,
+                        late == 1 ? "y" : "ies");
+    }
+    if (left_out > 0) {
+        len += snprintf(text + len, room_bytes - (size_t)len,
+                        ", %" PRIu64 " cycle%s left out: this machine came too late", left_out,
+                        plural(left_out));
+    }
+    if (unsent > 0) {
+        snprintf(text + len, room_bytes - (size_t)len, ", %" PRIu64 " frame%s not sent: %s", unsent,
+                 plural(unsent), strerror((int)s->send_errno));
+    }
+}
+
+static void poll_wkc(struct fsn_changes *changes, uint64_t now_ns) {
+    const struct fsn_statistics *s = &changes->view->statistics;
+    const bool incomplete = s->cycles > 0 && s->expected_wkc != s->actual_wkc;
+    const bool turned = incomplete != changes->incomplete;
+    const bool more = s->wkc_errors != changes->wkc_errors ||
+                      s->lost_frames != changes->lost_frames || s->overruns != changes->overruns;
+    /* A bus that is lost stays lost until the working counter says otherwise. */
+    const bool known = incomplete && s->actual_wkc == 0 && changes->wkc_lost;
+    const bool due = !known && now_ns - changes->wkc_reported_ns >= WKC_MS * UINT64_C(1000000);
+    if (!turned && (!more || !due)) {
+        return;
+    }
+    char text[320];
+    wkc_text(changes, s, text, sizeof text);
+    struct fsn_json *json = fsn_event_begin(changes->events, "wkc", s->now_ns);
+    fsn_json_put_bool(json, "complete", !incomplete);
+    fsn_json_put_u64(json, "expected", s->expected_wkc);
+    fsn_json_put_u64(json, "actual", s->actual_wkc);
+    fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
+    fsn_json_put_u64(json, "lost_frames", s->lost_frames);
+    fsn_event_send(changes->events, due ? FSN_LOG_WARNING : FSN_LOG_DETAIL, "%s", text);
+    changes->incomplete = incomplete;
+    if (due) {
+        changes->wkc_errors = s->wkc_errors;
+        changes->lost_frames = s->lost_frames;
+        changes->old_replies = s->old_replies;
+        changes->unsent_frames = s->unsent_frames;
+        changes->overruns = s->overruns;
+        changes->wkc_reported_ns = now_ns;
+        changes->wkc_lost = incomplete && s->actual_wkc == 0;
+    }
+}
+
+bool fsn_changes_init(struct fsn_changes *changes, struct fsn_bus_view *view,
+                      struct fsn_events *events) {
+    uint64_t *reset_reported_ns =
+        calloc((size_t)fsn_plan_connection_count(view->plan) + 1, sizeof *reset_reported_ns);
+    *changes = (struct fsn_changes){
+        .view = view, .events = events, .reset_reported_ns = reset_reported_ns};
+    return reset_reported_ns != NULL;
+}
+
+void fsn_changes_free(struct fsn_changes *changes) {
+    free(changes->reset_reported_ns);
+}
+
+void fsn_changes_reset(struct fsn_changes *changes) {
+    uint64_t *reset_reported_ns = changes->reset_reported_ns;
+    memset(reset_reported_ns, 0,
+           fsn_plan_connection_count(changes->view->plan) * sizeof *reset_reported_ns);
+    *changes = (struct fsn_changes){
+        .view = changes->view, .events = changes->events, .reset_reported_ns = reset_reported_ns};
+}
+
+void fsn_changes_poll(struct fsn_changes *changes, struct fsn_incidents *incidents,
+                      uint64_t now_ns) {
+    if (changes->view->core == NULL) {
+        return;
+    }
+    poll_subdevices(changes, incidents, now_ns);
+    struct fsn_event event;
+    for (int i = 0; i < DRAIN && fsn_core_event(changes->view->core, &event); i++) {
+        connection_event(changes, incidents, &event);
+    }
+    const uint64_t cycle = fsn_core_last_cycle(changes->view->core);
+    if (cycle == changes->cycle ||
+        fsn_core_snapshot(changes->view->core, &changes->view->statistics, NULL, NULL) != FSN_OK) {
+        return;
+    }
+    changes->cycle = cycle;
+    if (changes->view->statistics.events_lost != changes->events_lost) {
+        struct fsn_json *json =
+            fsn_event_begin(changes->events, "lost", changes->view->statistics.now_ns);
+        fsn_json_put_u64(json, "events", changes->view->statistics.events_lost);
+        fsn_event_send(changes->events, FSN_LOG_WARNING, "events lost so far: %" PRIu64,
+                       changes->view->statistics.events_lost);
+        changes->events_lost = changes->view->statistics.events_lost;
+    }
+    poll_wkc(changes, now_ns);
+}

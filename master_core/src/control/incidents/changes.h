@@ -1,0 +1,32 @@
+/** Turns what changes on the bus into events. */
+#ifndef FSN_CONTROL_CHANGES_H
+#define FSN_CONTROL_CHANGES_H
+
+#include "control/incidents/incidents.h"
+
+/** What the bus looked like at the last poll, beside the SubDevices in the view. */
+struct fsn_changes {
+    struct fsn_bus_view *view;
+    struct fsn_events *events;
+    uint64_t *reset_reported_ns; /**< per connection: last line on a reset; 0: none */
+    bool incomplete;             /**< working counter of the last poll */
+    bool wkc_lost;               /**< a line has said that nobody answers */
+    uint64_t wkc_errors, lost_frames, old_replies, unsent_frames, overruns; /**< last reported */
+    uint64_t events_lost;                                                   /**< last reported */
+    uint64_t wkc_reported_ns, polled_ns;
+    uint64_t cycle; /**< the last one that was polled */
+};
+
+/** @return false  out of memory. */
+bool fsn_changes_init(struct fsn_changes *changes, struct fsn_bus_view *view,
+                      struct fsn_events *events);
+void fsn_changes_free(struct fsn_changes *changes);
+
+/** There is another core, or none: forgets what the bus looked like. */
+void fsn_changes_reset(struct fsn_changes *changes);
+
+/** Polls the bus; sends an event for every change. Some of them begin an incident. */
+void fsn_changes_poll(struct fsn_changes *changes, struct fsn_incidents *incidents,
+                      uint64_t now_ns);
+
+#endif

@@ -1,0 +1,51 @@
+/** The file of one incident, written by a thread of its own. */
+#ifndef FSN_CONTROL_INCIDENT_FILE_H
+#define FSN_CONTROL_INCIDENT_FILE_H
+
+#include "control/base/json.h"
+#include "fsn/core.h"
+
+enum { FSN_INCIDENT_PATH = 512 };
+
+#define FSN_INCIDENT_SUFFIX ".fsnincident"
+
+/** Cycles copied out of the recorder, one behind the other. */
+struct fsn_window {
+    uint64_t count;
+    uint32_t image_bytes;
+    struct fsn_cycle *cycles; /**< owned; NULL: none */
+    uint8_t *images;          /**< owned; count times image_bytes */
+};
+
+/** Copies the cycles since `from_ns` out of the recorder; older ones are left out where they would
+ *  need more than 32 MiB. Without a recorder or memory it is empty. */
+struct fsn_window fsn_window_take(const struct fsn_core *core, uint64_t from_ns);
+void fsn_window_free(struct fsn_window *window);
+
+struct fsn_incident_file;
+
+/** Begins to write; takes over head and window, also when it fails.
+ *  @param[in] folder, stem  the file is `folder/stem.fsnincident`, or with a number behind the
+ * stem.
+ *  @param[in] most_bytes    once the incident files of the folder have so many, whoever wrote them,
+ *                           no further one is written.
+ *  @return NULL  no thread, or no memory. */
+struct fsn_incident_file *fsn_incident_file_begin(const char *folder, const char *stem,
+                                                  uint64_t most_bytes, struct fsn_json *head,
+                                                  struct fsn_window *window);
+
+/** What became of it. */
+struct fsn_incident_result {
+    char path[FSN_INCIDENT_PATH];
+    uint64_t cycles; /**< written */
+    int error;       /**< 0, or errno: it ends early */
+    bool full;       /**< it was not begun: the files in the folder have their most bytes */
+};
+
+/** Whether the thread is done; if so, it is freed. */
+bool fsn_incident_file_done(struct fsn_incident_file *file, struct fsn_incident_result *result);
+
+/** Waits for the thread and frees it. */
+void fsn_incident_file_wait(struct fsn_incident_file *file, struct fsn_incident_result *result);
+
+#endif

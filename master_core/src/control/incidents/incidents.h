@@ -1,0 +1,66 @@
+/** Incidents: what was on the bus before and after a connection left Data, written to a file each.
+ *
+ *  The control thread notices and copies a window out of the recorder; a thread of its own writes
+ *  the file, since a disk may be slow or full. Format: docs/reference/incident-file.md. */
+#ifndef FSN_CONTROL_INCIDENT_H
+#define FSN_CONTROL_INCIDENT_H
+
+#include "control/jobs/queue.h"
+#include "control/reports/bus_view.h"
+#include "control/reports/events.h"
+
+struct fsn_incidents;
+
+enum { FSN_INCIDENTS_BYTES = 1 << 30 /**< of incident files in a folder */ };
+
+/** Writes incidents from now on.
+ *  @param[in] folder  where to; must exist.
+ *  @param[in] view, events, jobs  must outlive it.
+ *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
+fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
+                                struct fsn_events *events, struct fsn_job_queue *jobs,
+                                struct fsn_incidents **incidents, struct fsn_refusal *refusal);
+
+/** Writes no further file once those in the folder, of all runs, have so many bytes. */
+void fsn_incidents_limit(struct fsn_incidents *incidents, uint64_t most_bytes);
+
+/** Waits until a file that is being written is whole. NULL is allowed. */
+void fsn_incidents_free(struct fsn_incidents *incidents);
+
+/** Something happened that is worth a file. While one is being kept the next is only an event in
+ *  it. Fields that do not apply are NULL or 0. */
+struct fsn_trigger {
+    const char *kind; /**< left_data, not_connected, refused, bus_failed or request */
+    const char *connection, *subdevice, *before, *after, *reset_by, *reset_text;
+    uint8_t reset_code;
+    uint64_t now_ns;
+    const char *text; /**< for people */
+};
+
+/** Begins an incident. Does nothing without incidents (NULL), while another one is kept, and,
+ *  unless somebody requests it, during a stop and when too many come one behind the other.
+ *  @retval false  no file will be written. */
+bool fsn_incident_begin(struct fsn_incidents *incidents, const struct fsn_trigger *trigger);
+
+/** A connection is in this state now: one that was in Data has come to it. */
+void fsn_incident_connection(struct fsn_incidents *incidents, uint32_t number, uint32_t outside);
+
+/** A SubDevice has changed: one that is not as planned, or refuses a state or an object, is an
+ *  incident; once until it is in OP. */
+void fsn_incident_subdevice(struct fsn_incidents *incidents, uint32_t number,
+                            const struct fsn_bus_subdevice *seen, uint64_t now_ns);
+
+/** Keeps an event line for the next file. */
+void fsn_incident_event(struct fsn_incidents *incidents, const char *json, size_t len_bytes);
+
+/** To be called in every turn: ends windows, sees connections that do not come to Data, tells what
+ *  has been written. */
+void fsn_incident_turn(struct fsn_incidents *incidents, uint64_t now_ns);
+
+/** A job is done; it may be the one that asked the SubDevices for their FSoE values. */
+void fsn_incident_job_done(struct fsn_incidents *incidents, struct fsn_job *job);
+
+/** The core is about to go: what is being kept is written with what is there. */
+void fsn_incident_detach(struct fsn_incidents *incidents);
+
+#endif

@@ -1,0 +1,45 @@
+/** What incidents.c keeps, and the head of its files. */
+#ifndef FSN_CONTROL_INCIDENT_KEPT_H
+#define FSN_CONTROL_INCIDENT_KEPT_H
+
+#include "control/incidents/file.h"
+#include "control/incidents/incidents.h"
+
+enum { FSN_INCIDENT_EVENTS = 200, FSN_INCIDENT_HEAD_BYTES = 16 << 20 };
+
+/** What is being kept. */
+struct fsn_pending {
+    bool active;
+    char kind[16], connection[128], subdevice[128], before[24], after[24], reset_by[8],
+        reset_text[80], text[600];
+    uint8_t reset_code;
+    uint64_t now_ns, cycle, until_ns;
+    uint64_t late_ns; /**< when the time was over and the last cycle was not; 0: not yet */
+};
+
+struct fsn_incidents {
+    struct fsn_bus_view *view;
+    struct fsn_events *events;
+    struct fsn_job_queue *jobs;
+    char folder[FSN_INCIDENT_PATH / 2];
+    uint64_t most_bytes; /**< of all incident files in it, before a further one */
+    struct fsn_pending pending;
+    struct fsn_job *job;            /**< asks the SubDevices for their FSoE values; or NULL */
+    struct fsn_json fsoe;           /**< their answer; empty without an answer */
+    struct fsn_incident_file *file; /**< being written */
+    char text[640];                 /**< of the one being written */
+    uint64_t due_ns;                /**< when the next one is due; see is_too_soon() */
+    uint64_t in_op_ns, polled_ns;   /**< 0: not all are in OP */
+    uint8_t *reported;              /**< per connection: it was in Data, or reported as missing */
+    uint8_t *refused;               /**< per SubDevice: it was not as planned, and reported */
+    uint32_t connections;
+    unsigned files;
+    bool full_reported;
+    char *event[FSN_INCIDENT_EVENTS]; /**< the last ones, a ring */
+    unsigned next_event;
+};
+
+/** Writes the first line: everything that is known beside the cycles. */
+void fsn_incident_head(struct fsn_incidents *incidents, struct fsn_json *json);
+
+#endif

@@ -1,0 +1,116 @@
+#include "control/jobs/guard.h"
+
+#include "live/fsoe_objects.h"
+#include "plan_internal.h"
+
+struct range {
+    uint16_t from, to; /**< both included */
+    const char *why;
+};
+
+/** On every SubDevice. */
+static const struct range always[] = {
+    {0xE000, 0xEFFF, "it belongs to a safety module: its project and its own tool write it"},
+    {0xF980, 0xF98F, "it is an FSoE address: set it at the device or with its maker's tool"},
+};
+
+/** While the bus runs, on every SubDevice. */
+static const struct range running[] = {
+    {0x1600, 0x1BFF, "it maps process data, which the plan fixes while the bus runs"},
+    {0x1C00, 0x1C3F, "it sets up a sync manager, which the plan fixes while the bus runs"},
+};
+
+/** On SubDevices that carry FSoE frames. */
+static const struct range safety[] = {
+    {0x1011, 0x1011, "it would restore parameters of a SubDevice with a safety connection"},
+    {0x1600, 0x1BFF, "it maps process data of a SubDevice with a safety connection"},
+    {0x1C00, 0x1C3F, "it assigns process data of a SubDevice with a safety connection"},
+    {0x6600, 0x67FF, "it is a safety object of a drive"},
+};
+
+static const char *find(const struct range *ranges, size_t count, uint16_t index) {
+    for (size_t i = 0; i < count; i++) {
+        if (index >= ranges[i].from && index <= ranges[i].to) {
+            return ranges[i].why;
+        }
+    }
+    return NULL;
+}
+
+/** Whether it is an end of a connection, or an FSoE frame lies in its process data. */
+static bool carries_safety(const struct fsn_plan *plan, uint32_t subdevice) {
+    struct fsn_connection_info c;
+    for (uint32_t i = 0; fsn_plan_connection(plan, i, &c) == FSN_OK; i++) {
+        if (c.main_subdevice == subdevice || c.sub_subdevice == subdevice) {
+            return true;
+        }
+    }
+    struct fsn_block_info block;
+    for (uint32_t i = 0; fsn_plan_block(plan, i, &block) == FSN_OK; i++) {
+        if (fsn_known_sm(plan, block.sm).subdevice == subdevice) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/** Whether an entry with this index lies between two bits of a sync manager. */
+static bool is_between(const struct fsn_plan *plan, uint32_t sm, uint16_t index, uint32_t from,
+                       uint32_t to) {
+    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
+    for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
+        const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
+        for (uint32_t e = 0; e < fsn_get32(pdo + 8); e++) {
+            const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
+            const uint32_t bit = fsn_get32(entry + 8);
+            if (fsn_get16(entry) == index && bit >= from && bit < to) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+/** Whether an object holds parameters, information or diagnosis (0x8nnx to 0xAnnx) of the module
+ *  whose frame at a byte of a sync manager is mapped from 0x6nnx or 0x7nnx. */
+static bool is_of_module(const struct fsn_plan *plan, const struct fsn_block_info *frame,
+                         uint16_t index) {
+    const uint16_t parameters =
+        fsn_parameter_object(fsn_object_at(plan, frame->sm, 8 * frame->byte_offset));
+    return parameters >> 12 == 9 && index >> 12 >= 8 && index >> 12 <= 0xA &&
+           (index & 0xFF0) == (parameters & 0xFF0);
+}
+
+/** What an object has to do with the FSoE frames of a SubDevice; NULL: nothing. */
+static const char *find_in_frames(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index) {
+    struct fsn_block_info frame;
+    for (uint32_t i = 0; fsn_plan_block(plan, i, &frame) == FSN_OK; i++) {
+        if (fsn_known_sm(plan, frame.sm).subdevice != subdevice) {
+            continue;
+        }
+        if (is_between(plan, frame.sm, index, 8 * frame.byte_offset,
+                       8 * (frame.byte_offset + frame.frame_bytes))) {
+            return "it is mapped into an FSoE frame";
+        }
+        if (is_of_module(plan, &frame, index)) {
+            return "it belongs to the module of an FSoE frame: its project and its own tool write "
+                   "it";
+        }
+    }
+    return NULL;
+}
+
+const char *fsn_guard_write(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index,
+                            bool bus_runs) {
+    const char *why = find(always, sizeof always / sizeof always[0], index);
+    if (why == NULL && carries_safety(plan, subdevice)) {
+        why = find(safety, sizeof safety / sizeof safety[0], index);
+    }
+    if (why == NULL && index != 0) {
+        why = find_in_frames(plan, subdevice, index);
+    }
+    if (why == NULL && bus_runs) {
+        why = find(running, sizeof running / sizeof running[0], index);
+    }
+    return why;
+}

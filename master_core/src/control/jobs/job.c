@@ -1,0 +1,239 @@
+#include "control/jobs/job.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "control/base/clock.h"
+#include "control/jobs/history.h"
+#include "control/survey/survey.h"
+
+enum {
+    MOST_S = 60, /**< for anything but a scan */
+    HISTORY = 0x10F3,
+    FIRST_MESSAGE = 6,
+    MESSAGE_ROOM = 4096,
+};
+
+/** A job being done. */
+struct doing {
+    struct fsn_job *job;
+    const struct fsn_job_means *means;
+};
+
+static bool is_late(const struct fsn_job *job) {
+    return job->until_ns != 0 && fsn_now_ns() >= job->until_ns;
+}
+
+static bool goes_on(void *self) {
+    const struct doing *d = self;
+    return !atomic_load(&d->job->cancelled) && !is_late(d->job) &&
+           (d->means->between == NULL || d->means->between(d->means->self));
+}
+
+static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, fsn_status status,
+                             uint32_t abort_code) {
+    struct fsn_subdevice_info info;
+    const char *name =
+        fsn_plan_subdevice(plan, job->subdevice, &info) == FSN_OK ? info.name : "the bus";
+    struct fsn_refusal *r = &job->refusal;
+    const unsigned sub = job->sub;
+    switch (status) {
+    case FSN_E_BUS_SDO:
+        return fsn_refusal_set(r, status, "compare with the manual of the device",
+                               "%.80s, 0x%04x:%02x: abort code 0x%08x%s%s", name, job->index, sub,
+                               (unsigned)abort_code, abort_code != 0 ? ": " : "",
+                               fsn_abort_text(abort_code));
+    case FSN_E_BUS_MISSING:
+        return fsn_refusal_set(r, status, "subdevices says who is there", "%.80s: no answer", name);
+    case FSN_E_ABSENT:
+        return fsn_refusal_set(r, status, NULL, "%.80s: %s", name,
+                               job->kind == FSN_JOB_SII || job->kind == FSN_JOB_ALIAS
+                                   ? "this bus does not reach its SII; the tools of its stack do"
+                               : job->kind == FSN_JOB_SCAN ? "this one cannot be scanned"
+                                                           : "it has no objects (no CoE)");
+    case FSN_E_BUS_STATE:
+        return fsn_refusal_set(r, status, "subdevices says its AL state",
+                               "%.80s: its answer makes no sense, or its mailbox is closed", name);
+    case FSN_E_STATE:
+        return is_late(job)
+                   ? fsn_refusal_set(r, status, NULL, "%.80s: not done within %d s", name, MOST_S)
+                   : fsn_refusal_set(r, status, "send start first",
+                                     "the bus is stopped, or about to be");
+    case FSN_E_SPACE:
+        return fsn_refusal_set(r, status, NULL, "%.80s: longer than %d bytes", name,
+                               job->kind == FSN_JOB_SCAN ? FSN_SURVEY_BYTES : FSN_SDO_BYTES);
+    default:
+        return fsn_refusal_set(r, status, NULL, "%.80s: %s", name, fsn_status_text(status));
+    }
+}
+
+static struct fsn_transfer transfer_of(struct doing *d, uint8_t *data, uint32_t size_bytes) {
+    return (struct fsn_transfer){.index = d->job->index,
+                                 .sub = d->job->sub,
+                                 .data = data,
+                                 .size_bytes = size_bytes,
+                                 .between = goes_on,
+                                 .self = d};
+}
+
+static fsn_status read_object(struct doing *d, uint32_t *abort_code) {
+    struct fsn_job *job = d->job;
+    const bool sii = job->kind == FSN_JOB_SII;
+    uint8_t *room = malloc(FSN_SDO_BYTES);
+    if (room == NULL) {
+        return FSN_E_NOMEM;
+    }
+    struct fsn_transfer transfer = transfer_of(d, room, FSN_SDO_BYTES);
+    const fsn_status status = sii ? fsn_core_sii_read(d->means->core, job->subdevice, &transfer)
+                                  : fsn_core_upload(d->means->core, job->subdevice, &transfer);
+    if (status == FSN_OK && sii) {
+        fsn_json_put_hex(&job->json, "data", room, transfer.size_bytes);
+        fsn_json_put_u64(&job->json, "bytes", transfer.size_bytes);
+    } else if (status == FSN_OK) {
+        fsn_data_write(&job->type, room, transfer.size_bytes, &job->json);
+    }
+    *abort_code = transfer.abort_code;
+    free(room);
+    return status;
+}
+
+static fsn_status write_object(struct doing *d, uint32_t *abort_code) {
+    struct fsn_job *job = d->job;
+    struct fsn_transfer transfer = transfer_of(d, job->data, job->data_bytes);
+    const fsn_status status = fsn_core_download(d->means->core, job->subdevice, &transfer);
+    *abort_code = transfer.abort_code;
+    fsn_json_put_u64(&job->json, "bytes", job->data_bytes);
+    return status;
+}
+
+static fsn_status write_alias(struct doing *d) {
+    fsn_json_put_u64(&d->job->json, "alias", d->job->alias);
+    fsn_json_put_text(&d->job->json, "used", "after the next power-on of the SubDevice");
+    return fsn_core_alias_write(d->means->core, d->job->subdevice, d->job->alias);
+}
+
+/** A byte of 0x10F3. */
+static fsn_status read_byte(struct doing *d, uint8_t sub, uint8_t *byte, uint32_t *abort_code) {
+    uint8_t bytes[8] = {0};
+    d->job->sub = sub;
+    struct fsn_transfer transfer = transfer_of(d, bytes, sizeof bytes);
+    const fsn_status status = fsn_core_upload(d->means->core, d->job->subdevice, &transfer);
+    *abort_code = transfer.abort_code;
+    *byte = bytes[0];
+    return status;
+}
+
+/** All messages, the oldest first: they lie in a ring of subindices, whose newest is known. */
+static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
+    struct fsn_job *job = d->job;
+    uint8_t most, newest;
+    job->index = HISTORY;
+    fsn_status status = read_byte(d, 1, &most, abort_code);
+    status = status != FSN_OK ? status : read_byte(d, 2, &newest, abort_code);
+    if (status != FSN_OK) {
+        return status;
+    }
+    const unsigned ring = most > 255 - FIRST_MESSAGE + 1 ? 255 - FIRST_MESSAGE + 1 : most;
+    const unsigned first = newest >= FIRST_MESSAGE ? newest - FIRST_MESSAGE + 1u : 0;
+    fsn_json_key(&job->json, "messages");
+    fsn_json_open(&job->json, '[');
+    for (unsigned i = 0; i < ring && newest != 0; i++) {
+        uint8_t message[MESSAGE_ROOM];
+        job->sub = (uint8_t)(FIRST_MESSAGE + (first + i) % ring);
+        struct fsn_transfer transfer = transfer_of(d, message, sizeof message);
+        status = fsn_core_upload(d->means->core, job->subdevice, &transfer);
+        if (status == FSN_OK) {
+            (void)fsn_history_message(message, transfer.size_bytes, job->sub, &job->json);
+        } else if (status != FSN_E_BUS_SDO) { /* an empty place may be refused */
+            return status;
+        }
+        if (!goes_on(d)) {
+            return FSN_E_STATE;
+        }
+    }
+    fsn_json_close(&job->json, ']');
+    return FSN_OK;
+}
+
+static struct fsn_survey survey_of(struct doing *d) {
+    return (struct fsn_survey){.ops = d->means->ops,
+                               .bus = d->means->bus,
+                               .plan = d->means->plan,
+                               .interface = d->means->interface,
+                               .between = goes_on,
+                               .self = d};
+}
+
+static fsn_status scan(struct doing *d) {
+    const struct fsn_survey survey = survey_of(d);
+    return fsn_survey_write(&survey, &d->job->json);
+}
+
+static fsn_status read_fsoe(struct doing *d) {
+    const struct fsn_survey survey = survey_of(d);
+    return fsn_survey_planned_fsoe(&survey, &d->job->json);
+}
+
+static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
+    *abort_code = 0;
+    switch (d->job->kind) {
+    case FSN_JOB_WRITE:
+        return write_object(d, abort_code);
+    case FSN_JOB_ALIAS:
+        return write_alias(d);
+    case FSN_JOB_HISTORY:
+        return read_history(d, abort_code);
+    case FSN_JOB_SCAN:
+        return scan(d);
+    case FSN_JOB_FSOE:
+        return read_fsoe(d);
+    default:
+        return read_object(d, abort_code);
+    }
+}
+
+/** Into the line of the answer for a client; the FSoE values of an incident go without one. */
+static fsn_status write_answer(struct doing *d, uint32_t *abort_code) {
+    struct fsn_json *json = &d->job->json;
+    if (d->job->kind == FSN_JOB_FSOE) {
+        return do_it(d, abort_code);
+    }
+    fsn_json_open(json, '{');
+    fsn_json_put_bool(json, "ok", true);
+    if (d->job->tag != NULL) {
+        fsn_json_put_text(json, "tag", d->job->tag);
+    }
+    const fsn_status status = do_it(d, abort_code);
+    fsn_json_close(json, '}');
+    fsn_json_end(json);
+    return status;
+}
+
+void fsn_job_run(struct fsn_job *job, const struct fsn_job_means *means) {
+    struct doing d = {job, means};
+    uint32_t abort_code = 0;
+    job->status = FSN_E_STATE;
+    job->until_ns = job->kind == FSN_JOB_SCAN ? 0 : fsn_now_ns() + MOST_S * UINT64_C(1000000000);
+    if (atomic_load(&job->cancelled)) {
+        return;
+    }
+    if (means->core != NULL) {
+        job->status = write_answer(&d, &abort_code);
+    }
+    if (job->status == FSN_OK && job->json.failed) {
+        job->status = FSN_E_SPACE;
+    }
+    if (job->status != FSN_OK) {
+        fault_text(job, means->plan, job->status, abort_code);
+    }
+}
+
+void fsn_job_free(struct fsn_job *job) {
+    if (job == NULL) {
+        return;
+    }
+    fsn_json_free(&job->json);
+    free(job->data);
+    free(job->tag);
+    free(job);
+}

@@ -1,0 +1,302 @@
+#include "control/outputs/outputs.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "plan_internal.h"
+
+struct output {
+    struct fsn_symbol_info info;
+    bool copied;          /**< a copy writes one of its bytes */
+    uint32_t owner;       /**< client, or FSN_NOBODY */
+    uint64_t value;       /**< as last written */
+    uint32_t armed;       /**< client, or FSN_NOBODY */
+    uint64_t armed_until; /**< monotonic, nanoseconds */
+};
+
+struct fsn_outputs {
+    struct output *output;
+    uint32_t *by_name; /**< symbol numbers, sorted by name */
+    uint32_t count;
+    struct fsn_core *core; /**< NULL: none */
+    bool closed;           /**< a stop is under way */
+    /* To be written together. */
+    uint32_t *noted;
+    uint64_t *noted_raw;
+    size_t noted_count;
+};
+
+static bool is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
+    const uint32_t first = symbol->bit_offset / 8;
+    const uint32_t last = (symbol->bit_offset + symbol->bits - 1u) / 8;
+    struct fsn_copy_info copy;
+    for (uint32_t i = 0; fsn_plan_copy(plan, i, &copy) == FSN_OK; i++) {
+        if (copy.destination_sm == symbol->sm && copy.destination_byte <= last &&
+            first < copy.destination_byte + copy.size_bytes) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/** Sorts symbol numbers by name: a heap sort, for qsort has no place for the context. */
+static void sift(const struct fsn_outputs *o, uint32_t *at, uint32_t root, uint32_t count) {
+    for (uint32_t child; (child = 2 * root + 1) < count; root = child) {
+        const char *left = o->output[at[child]].info.name;
+        if (child + 1 < count && strcmp(left, o->output[at[child + 1]].info.name) < 0) {
+            child++;
+        }
+        if (strcmp(o->output[at[root]].info.name, o->output[at[child]].info.name) >= 0) {
+            return;
+        }
+        const uint32_t swap = at[root];
+        at[root] = at[child];
+        at[child] = swap;
+    }
+}
+
+static void sort_names(struct fsn_outputs *o) {
+    for (uint32_t i = 0; i < o->count; i++) {
+        o->by_name[i] = i;
+    }
+    for (uint32_t i = o->count / 2; i > 0; i--) {
+        sift(o, o->by_name, i - 1, o->count);
+    }
+    for (uint32_t end = o->count; end > 1; end--) {
+        const uint32_t swap = o->by_name[0];
+        o->by_name[0] = o->by_name[end - 1];
+        o->by_name[end - 1] = swap;
+        sift(o, o->by_name, 0, end - 1);
+    }
+}
+
+struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan) {
+    struct fsn_outputs *o = calloc(1, sizeof *o);
+    if (o == NULL) {
+        return NULL;
+    }
+    o->count = fsn_plan_symbol_count(plan);
+    o->output = calloc((size_t)o->count + 1, sizeof *o->output);
+    o->by_name = calloc((size_t)o->count + 1, sizeof *o->by_name);
+    o->noted = calloc((size_t)o->count + 1, sizeof *o->noted);
+    o->noted_raw = calloc((size_t)o->count + 1, sizeof *o->noted_raw);
+    if (o->output == NULL || o->by_name == NULL || o->noted == NULL || o->noted_raw == NULL) {
+        fsn_outputs_free(o);
+        return NULL;
+    }
+    for (uint32_t i = 0; i < o->count; i++) {
+        o->output[i].info = fsn_known_symbol(plan, i);
+        o->output[i].copied = is_copied(plan, &o->output[i].info);
+    }
+    sort_names(o);
+    return o;
+}
+
+void fsn_outputs_free(struct fsn_outputs *outputs) {
+    if (outputs != NULL) {
+        free(outputs->output);
+        free(outputs->by_name);
+        free(outputs->noted);
+        free(outputs->noted_raw);
+        free(outputs);
+    }
+}
+
+static bool has_place(const struct fsn_outputs *o, uint32_t symbol) {
+    return o->core != NULL && fsn_core_sm_base(o->core, o->output[symbol].info.sm) != FSN_NONE;
+}
+
+/** Notes a value for the next write_noted(); what is not open keeps what it has. */
+static void note(struct fsn_outputs *o, uint32_t symbol, uint64_t raw) {
+    if (fsn_core_is_open(o->core, symbol)) {
+        o->noted[o->noted_count] = symbol;
+        o->noted_raw[o->noted_count++] = raw;
+    }
+}
+
+/** Writes what was noted, all in one cycle. The core refuses only what is not open. */
+static void write_noted(struct fsn_outputs *o) {
+    if (o->noted_count > 0 &&
+        fsn_core_set_outputs(o->core, o->noted_count, o->noted, o->noted_raw) == FSN_OK) {
+        for (size_t i = 0; i < o->noted_count; i++) {
+            o->output[o->noted[i]].value = o->noted_raw[i];
+        }
+    }
+    o->noted_count = 0;
+}
+
+void fsn_outputs_attach(struct fsn_outputs *outputs, struct fsn_core *core) {
+    outputs->core = core;
+    outputs->closed = false;
+    for (uint32_t i = 0; i < outputs->count; i++) {
+        struct output *output = &outputs->output[i];
+        output->owner = FSN_NOBODY;
+        output->armed = FSN_NOBODY;
+        output->value = 0; /* as the core begins */
+        if (output->info.stop_value != 0) {
+            note(outputs, i, output->info.stop_value);
+        }
+    }
+    write_noted(outputs);
+}
+
+static bool fall_back(struct fsn_outputs *o, uint32_t symbol, fsn_fallback_fn fallback,
+                      void *self) {
+    struct output *output = &o->output[symbol];
+    if (output->owner == FSN_NOBODY) {
+        return false;
+    }
+    output->owner = FSN_NOBODY;
+    note(o, symbol, output->info.stop_value);
+    if (fallback != NULL) {
+        fallback(self, symbol);
+    }
+    return true;
+}
+
+void fsn_outputs_close(struct fsn_outputs *outputs, fsn_fallback_fn fallback, void *self) {
+    outputs->closed = true;
+    for (uint32_t i = 0; i < outputs->count; i++) {
+        outputs->output[i].armed = FSN_NOBODY;
+        fall_back(outputs, i, fallback, self);
+    }
+    write_noted(outputs);
+}
+
+uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name) {
+    uint32_t low = 0;
+    uint32_t high = outputs->count;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        const uint32_t symbol = outputs->by_name[middle];
+        const int order = strcmp(name, outputs->output[symbol].info.name);
+        if (order == 0) {
+            return symbol;
+        }
+        if (order < 0) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    return FSN_NONE;
+}
+
+struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uint32_t symbol) {
+    const struct output *output = &outputs->output[symbol];
+    return (struct fsn_output_state){output->owner, output->armed,
+                                     fsn_core_is_open(outputs->core, symbol)};
+}
+
+/** What holds for writing and for arming. */
+static fsn_status check_open(const struct fsn_outputs *o, uint32_t symbol, uint32_t client,
+                             struct fsn_refusal *refusal) {
+    const struct output *output = &o->output[symbol];
+    const char *name = output->info.name;
+    if (o->core == NULL) {
+        return fsn_refusal_set(refusal, FSN_E_STATE, "send start first", "the bus is stopped");
+    }
+    if (o->closed) {
+        return fsn_refusal_set(refusal, FSN_E_STATE, NULL, "the bus is being stopped");
+    }
+    if (output->info.output == 0) {
+        return fsn_refusal_set(refusal, FSN_E_CLOSED, "get reads it", "%.120s is an input", name);
+    }
+    if (output->copied) {
+        return fsn_refusal_set(refusal, FSN_E_CLOSED, "the transfers of the network write it",
+                               "%.120s belongs to a copy", name);
+    }
+    if (!has_place(o, symbol)) {
+        return fsn_refusal_set(refusal, FSN_E_CLOSED, NULL,
+                               "%.120s has no place in the process image", name);
+    }
+    if (!fsn_core_is_open(o->core, symbol)) { /* GCOVR_EXCL_START: no plan that is loaded has such
+                                               * a symbol; a second lock before safety frames */
+        return fsn_refusal_set(refusal, FSN_E_CLOSED, "only the ends of a connection write it",
+                               "%.120s belongs to an FSoE frame", name);
+    } /* GCOVR_EXCL_STOP */
+    if (output->owner != FSN_NOBODY && output->owner != client) {
+        return fsn_refusal_set(
+            refusal, FSN_E_CLOSED,
+            "one client at a time; it is free when that client goes or is silent",
+            "%.120s is written by client %u", name, (unsigned)output->owner);
+    }
+    return FSN_OK;
+}
+
+fsn_status fsn_outputs_check(const struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
+                             uint64_t raw, uint64_t now_ns, struct fsn_refusal *refusal) {
+    const struct output *output = &outputs->output[symbol];
+    const fsn_status status = check_open(outputs, symbol, client, refusal);
+    if (status != FSN_OK) {
+        return status;
+    }
+    const bool edge = raw != output->value && raw != output->info.stop_value;
+    const bool armed = output->armed == client && now_ns < output->armed_until;
+    if (output->info.restart_relevant != 0 && edge && !armed) {
+        return fsn_refusal_set(refusal, FSN_E_CLOSED, "arm it first; that allows one edge",
+                               "%.120s can restart a machine and is not armed", output->info.name);
+    }
+    return FSN_OK;
+}
+
+void fsn_outputs_write(struct fsn_outputs *outputs, uint32_t client, struct fsn_wanted *wanted,
+                       size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        struct fsn_wanted *w = &wanted[i];
+        struct output *output = &outputs->output[w->symbol];
+        w->edge = output->info.restart_relevant != 0 && w->raw != output->value;
+        if (w->edge && w->raw != output->info.stop_value) {
+            output->armed = FSN_NOBODY;
+        }
+        output->owner = client;
+        note(outputs, w->symbol, w->raw);
+    }
+    write_noted(outputs);
+}
+
+fsn_status fsn_outputs_arm(struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
+                           uint64_t now_ns, struct fsn_refusal *refusal) {
+    struct output *output = &outputs->output[symbol];
+    const fsn_status status = check_open(outputs, symbol, client, refusal);
+    if (status != FSN_OK) {
+        return status;
+    }
+    if (output->info.restart_relevant == 0) {
+        return fsn_refusal_set(refusal, FSN_E_ARG, "set writes it",
+                               "%.120s is not restart relevant and needs no arming",
+                               output->info.name);
+    }
+    if (output->armed != FSN_NOBODY && output->armed != client && now_ns < output->armed_until) {
+        return fsn_refusal_set(refusal, FSN_E_CLOSED, NULL, "%.120s is armed by client %u",
+                               output->info.name, (unsigned)output->armed);
+    }
+    output->armed = client;
+    output->armed_until = now_ns + FSN_ARM_MS * UINT64_C(1000000);
+    return FSN_OK;
+}
+
+bool fsn_outputs_has(const struct fsn_outputs *outputs, uint32_t client) {
+    for (uint32_t i = 0; i < outputs->count; i++) {
+        if (outputs->output[i].owner == client || outputs->output[i].armed == client) {
+            return true;
+        }
+    }
+    return false;
+}
+
+size_t fsn_outputs_take_back(struct fsn_outputs *outputs, uint32_t client, fsn_fallback_fn fallback,
+                             void *self) {
+    size_t taken = 0;
+    for (uint32_t i = 0; i < outputs->count; i++) {
+        struct output *output = &outputs->output[i];
+        if (output->armed == client) {
+            output->armed = FSN_NOBODY;
+        }
+        if (output->owner == client) {
+            taken += fall_back(outputs, i, fallback, self);
+        }
+    }
+    write_noted(outputs);
+    return taken;
+}

@@ -1,0 +1,64 @@
+#include "control/reports/bus_view.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct fsn_control_status fsn_program_status(const struct fsn_control_host *host) {
+    struct fsn_control_status status = {0};
+    host->status(host->self, &status);
+    return status;
+}
+
+bool fsn_bus_view_init(struct fsn_bus_view *view, const struct fsn_plan *plan,
+                       const struct fsn_control_host *host) {
+    view->plan = plan;
+    view->host = host;
+    uint8_t digest[FSN_SHA256_BYTES];
+    fsn_plan_sha256(plan, digest);
+    for (size_t i = 0; i < FSN_SHA256_BYTES; i++) {
+        snprintf(view->sha256 + 2 * i, 3, "%02x", (unsigned)digest[i]);
+    }
+    const fsn_status made = fsn_plan_fingerprint(plan, &view->fingerprint);
+    view->outputs = fsn_outputs_create(plan);
+    view->connections =
+        calloc((size_t)fsn_plan_connection_count(plan) + 1, sizeof *view->connections);
+    view->subdevice = calloc((size_t)fsn_plan_subdevice_count(plan) + 1, sizeof *view->subdevice);
+    return made == FSN_OK && view->outputs != NULL && view->connections != NULL &&
+           view->subdevice != NULL;
+}
+
+static void free_images(struct fsn_bus_view *view) {
+    free(view->image);
+    free(view->taken.image);
+    free(view->taken.wkc);
+    view->image = NULL;
+    view->taken = (struct fsn_taken){0};
+}
+
+void fsn_bus_view_free(struct fsn_bus_view *view) {
+    fsn_outputs_free(view->outputs);
+    free(view->connections);
+    free(view->subdevice);
+    free_images(view);
+}
+
+/** Room for images of a core. */
+static bool make_images(struct fsn_bus_view *view, const struct fsn_core *core) {
+    const size_t bytes = (size_t)fsn_core_image_bytes(core) + 1;
+    view->image = malloc(bytes);
+    view->taken.image = malloc(bytes);
+    view->taken.wkc = calloc(fsn_core_datagram_count(core), sizeof *view->taken.wkc);
+    return view->image != NULL && view->taken.image != NULL && view->taken.wkc != NULL;
+}
+
+void fsn_bus_view_attach(struct fsn_bus_view *view, struct fsn_core *core) {
+    free_images(view);
+    view->core = core;
+    if (core != NULL && !make_images(view, core)) {
+        view->core = NULL; /* as good as stopped for those who ask */
+    }
+    fsn_outputs_attach(view->outputs, view->core);
+    memset(view->subdevice, 0, fsn_plan_subdevice_count(view->plan) * sizeof *view->subdevice);
+    view->subdevices_known = false;
+}

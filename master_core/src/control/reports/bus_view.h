@@ -1,0 +1,43 @@
+/** What the control thread knows of plan, program and bus: the source of every document. */
+#ifndef FSN_CONTROL_BUS_VIEW_H
+#define FSN_CONTROL_BUS_VIEW_H
+
+#include "control/base/host.h"
+#include "control/outputs/outputs.h"
+#include "fsn/core.h"
+
+/** One cycle taken out of the recorder. */
+struct fsn_taken {
+    uint64_t cycle; /**< 0: none */
+    struct fsn_cycle record;
+    struct fsn_wkc *wkc; /**< room for one per datagram */
+    uint8_t *image;
+};
+
+struct fsn_bus_view {
+    const struct fsn_plan *plan;
+    const struct fsn_control_host *host;
+    struct fsn_outputs *outputs;
+    struct fsn_core *core; /**< NULL: none */
+    char sha256[2 * FSN_SHA256_BYTES + 1];
+    struct fsn_fingerprint fingerprint; /**< of the plan as it was loaded */
+    struct fsn_statistics statistics;   /**< room for snapshots; with the next two */
+    struct fsn_connection_status *connections;
+    uint8_t *image;
+    struct fsn_taken taken;
+    struct fsn_bus_subdevice *subdevice; /**< last state of each SubDevice of the plan */
+    bool subdevices_known;               /**< they were read once */
+};
+
+/** @return false  out of memory; to be freed in any case. `plan` and `host` must outlive it. */
+bool fsn_bus_view_init(struct fsn_bus_view *view, const struct fsn_plan *plan,
+                       const struct fsn_control_host *host);
+void fsn_bus_view_free(struct fsn_bus_view *view);
+
+/** There is another core, or none (NULL). */
+void fsn_bus_view_attach(struct fsn_bus_view *view, struct fsn_core *core);
+
+/** What the program says about itself now. */
+struct fsn_control_status fsn_program_status(const struct fsn_control_host *host);
+
+#endif

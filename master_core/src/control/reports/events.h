@@ -1,0 +1,23 @@
+/** Events: one line of JSON each, for subscribers, the log and incidents. */
+#ifndef FSN_CONTROL_EVENTS_H
+#define FSN_CONTROL_EVENTS_H
+
+#include "control/base/host.h"
+#include "control/base/json.h"
+
+struct fsn_events {
+    const struct fsn_control_host *host; /**< its log gets each event */
+    struct fsn_json json;                /**< the event being written */
+    /** Gets each event without its newline; it may add one and hand it on. */
+    void (*deliver)(void *self, struct fsn_json *json);
+    void *self;
+};
+
+/** Begins an event; `at_ns` monotonic. Keys may be added until it is sent. */
+struct fsn_json *fsn_event_begin(struct fsn_events *events, const char *name, uint64_t at_ns);
+
+/** Ends it and sends it. */
+__attribute__((format(printf, 3, 4))) void
+fsn_event_send(struct fsn_events *events, enum fsn_log_level level, const char *format, ...);
+
+#endif

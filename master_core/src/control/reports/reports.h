@@ -1,0 +1,28 @@
+/** The documents of the control socket and of incident files. */
+#ifndef FSN_CONTROL_REPORTS_H
+#define FSN_CONTROL_REPORTS_H
+
+#include "control/base/json.h"
+#include "control/reports/bus_view.h"
+
+/** State of program and bus, short. `clients`: how many are connected. */
+void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json);
+void fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_json *json);
+void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json);
+
+/** Fingerprint of the loaded plan, with the version of the engine and the cycle that is used. */
+void fsn_report_fingerprint(struct fsn_bus_view *view, struct fsn_json *json);
+
+/** Statistics and connections of one cycle, and the SubDevices. FSN_E_STATE without a core. */
+fsn_status fsn_report_snapshot(struct fsn_bus_view *view, struct fsn_json *json);
+/** The same for a file that is written in any case: without a core null and no connections. */
+void fsn_report_last_cycle(struct fsn_bus_view *view, struct fsn_json *json);
+
+/** Where everything lies in the image. FSN_E_STATE without a core. */
+fsn_status fsn_report_layout(struct fsn_bus_view *view, struct fsn_json *json);
+
+/** Name of a SubDevice under a key. */
+void fsn_report_name(struct fsn_bus_view *view, struct fsn_json *json, const char *key,
+                     uint32_t subdevice);
+
+#endif

@@ -1,0 +1,182 @@
+/** State of program and bus, SubDevices, symbols. */
+#include "control/base/clock.h"
+#include "control/base/names.h"
+#include "control/base/value.h"
+#include "control/reports/reports.h"
+#include "fsn/version.h"
+#include "plan_internal.h"
+
+void fsn_report_fingerprint(struct fsn_bus_view *view, struct fsn_json *json) {
+    const struct fsn_fingerprint *made = &view->fingerprint;
+    char code[FSN_FINGERPRINT_CODE_BYTES];
+    const struct fsn_control_status status = fsn_program_status(view->host);
+    fsn_fingerprint_code(made, code);
+    fsn_json_key(json, "fingerprint");
+    fsn_json_open(json, '{');
+    fsn_json_put_text(json, "form", FSN_FINGERPRINT_FORM);
+    fsn_json_put_text(json, "short", code);
+    fsn_json_key(json, "whole");
+    fsn_json_hex(json, made->whole, sizeof made->whole);
+    fsn_json_key(json, "sections");
+    fsn_json_open(json, '{');
+    for (uint32_t i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
+        fsn_json_key(json, fsn_fingerprint_section(i));
+        fsn_json_hex(json, made->section[i], sizeof made->section[i]);
+    }
+    fsn_json_close(json, '}');
+    fsn_json_put_text(json, "version", fsn_version());
+    fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
+    fsn_json_close(json, '}');
+}
+
+static void short_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
+    uint32_t in_op = 0;
+    uint32_t missing = 0;
+    const uint32_t count = fsn_plan_subdevice_count(view->plan);
+    for (uint32_t i = 0; view->core != NULL && i < count; i++) {
+        struct fsn_bus_subdevice seen = {0};
+        if (fsn_core_subdevice(view->core, i, &seen) != FSN_OK) {
+            continue;
+        }
+        in_op += seen.al_status == FSN_AL_OP;
+        missing += seen.al_status == FSN_AL_NONE;
+    }
+    fsn_json_key(json, "subdevices");
+    fsn_json_open(json, '{');
+    fsn_json_put_u64(json, "planned", count);
+    fsn_json_put_u64(json, "in_op", in_op);
+    fsn_json_put_u64(json, "missing", missing);
+    fsn_json_close(json, '}');
+}
+
+static void put_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
+    struct fsn_statistics *s = &view->statistics;
+    *s = (struct fsn_statistics){0};
+    if (view->core != NULL && fsn_core_snapshot(view->core, s, NULL, NULL) != FSN_OK) {
+        *s = (struct fsn_statistics){0};
+    }
+    fsn_json_put_u64(json, "cycles", s->cycles);
+    fsn_json_put_u64(json, "overruns", s->overruns);
+    fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
+    fsn_json_put_u64(json, "expected_wkc", s->expected_wkc);
+    fsn_json_put_u64(json, "actual_wkc", s->actual_wkc);
+    fsn_json_put_bool(json, "realtime", s->realtime != 0);
+    fsn_json_put_bool(json, "locked", s->locked != 0);
+}
+
+void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json) {
+    const struct fsn_control_status status = fsn_program_status(view->host);
+    fsn_json_put_text(json, "state", status.state);
+    fsn_json_put_text_or_null(json, "fault", status.fault);
+    fsn_json_put_text(json, "backend", status.backend);
+    fsn_json_put_text_or_null(json, "interface", status.interface);
+    fsn_json_put_text_or_null(json, "redundant", status.redundant);
+    fsn_json_put_text(json, "plan", status.plan_file);
+    fsn_json_put_text(json, "plan_sha256", view->sha256);
+    fsn_report_fingerprint(view, json);
+    fsn_json_put_bool(json, "accepted", status.accepted != NULL);
+    fsn_json_put_u64(json, "uptime_ns", fsn_now_ns() - status.started_ns);
+    fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
+    fsn_json_put_bool(json, "free_run", status.free_run);
+    fsn_json_put_text(json, "policy", status.policy);
+    fsn_json_put_u64(json, "priority", (uint64_t)status.priority);
+    fsn_json_key(json, "cpu");
+    if (status.cpu > 0) {
+        fsn_json_u64(json, (uint64_t)status.cpu - 1);
+    } else {
+        fsn_json_null(json);
+    }
+    put_cycle(view, json);
+    short_subdevices(view, json);
+    fsn_json_put_u64(json, "clients", clients);
+}
+
+static void numbers(struct fsn_json *json, const char *key, const uint8_t *number, size_t count) {
+    fsn_json_key(json, key);
+    fsn_json_open(json, '[');
+    for (size_t i = 0; i < count; i++) {
+        fsn_json_u64(json, number[i]);
+    }
+    fsn_json_close(json, ']');
+}
+
+static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn_json *json) {
+    const struct fsn_subdevice_info info = fsn_known_subdevice(view->plan, number);
+    struct fsn_bus_subdevice seen = {0};
+    char al[24];
+    fsn_json_open(json, '{');
+    fsn_json_put_u64(json, "number", number);
+    fsn_json_put_text(json, "name", info.name);
+    fsn_json_put_u64(json, "alias", info.alias);
+    fsn_json_put_u64(json, "position", info.position);
+    bool known = view->subdevices_known;
+    if (view->core != NULL) {
+        known = fsn_core_subdevice(view->core, number, &seen) == FSN_OK;
+    } else if (known) {
+        seen = view->subdevice[number]; /* the bus did not open: as it was found */
+    }
+    fsn_json_put_bool(json, "known", known);
+    if (known) {
+        seen.detail[FSN_DETAIL_BYTES - 1] = 0;
+        fsn_json_put_text(json, "al", fsn_al_text(seen.al_status, al));
+        fsn_json_put_u64(json, "al_status", seen.al_status);
+        fsn_json_put_u64(json, "al_code", seen.al_code);
+        fsn_json_put_u64(json, "found", seen.found);
+        fsn_json_put_text(json, "found_text", fsn_found_text(seen.found));
+        fsn_json_put_text(json, "detail", seen.detail);
+        fsn_json_put_u64(json, "vendor_id", seen.vendor_id);
+        fsn_json_put_u64(json, "product_code", seen.product_code);
+        fsn_json_put_u64(json, "revision", seen.revision);
+        fsn_json_put_u64(json, "returns", seen.returns);
+        numbers(json, "link", seen.link, FSN_PORTS);
+        numbers(json, "link_lost", seen.link_lost, FSN_PORTS);
+        numbers(json, "rx_errors", seen.rx_errors, FSN_PORTS);
+    }
+    uint64_t stale = 0;
+    for (uint32_t sm = 0; view->core != NULL && sm < info.sm_count; sm++) {
+        stale += fsn_core_stale_cycles(view->core, info.first_sm + sm);
+    }
+    fsn_json_put_u64(json, "stale_cycles", stale);
+    fsn_json_close(json, '}');
+}
+
+void fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
+    fsn_json_key(json, "subdevices");
+    fsn_json_open(json, '[');
+    for (uint32_t i = 0; i < fsn_plan_subdevice_count(view->plan); i++) {
+        one_subdevice(view, i, json);
+    }
+    fsn_json_close(json, ']');
+}
+
+void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json) {
+    fsn_json_key(json, "symbols");
+    fsn_json_open(json, '[');
+    for (uint32_t i = 0; i < fsn_plan_symbol_count(view->plan); i++) {
+        const struct fsn_symbol_info info = fsn_known_symbol(view->plan, i);
+        const struct fsn_output_state state = fsn_outputs_state(view->outputs, i);
+        fsn_json_open(json, '{');
+        fsn_json_put_text(json, "name", info.name);
+        fsn_json_put_text(json, "direction", info.output != 0 ? "output" : "input");
+        fsn_json_put_text(json, "type", fsn_value_type(&info));
+        fsn_json_put_u64(json, "bits", info.bits);
+        fsn_json_key(json, "factor");
+        fsn_json_real(json, info.factor);
+        fsn_json_key(json, "offset");
+        fsn_json_real(json, info.offset);
+        fsn_json_put_bool(json, "open", state.open);
+        if (info.output != 0) {
+            fsn_json_put_bool(json, "restart_relevant", info.restart_relevant != 0);
+            fsn_json_key(json, "stop_value");
+            fsn_value_write(&info, info.stop_value, json);
+            fsn_json_key(json, "client");
+            if (state.owner == FSN_NOBODY) {
+                fsn_json_null(json);
+            } else {
+                fsn_json_u64(json, state.owner);
+            }
+        }
+        fsn_json_close(json, '}');
+    }
+    fsn_json_close(json, ']');
+}

@@ -1,0 +1,130 @@
+#define _GNU_SOURCE
+
+#include "control/requests/client.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "control/base/clock.h"
+#include "control/requests/stream.h"
+#include "plan_internal.h"
+
+void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes) {
+    struct fsn_json *out = &client->out;
+    if (client->drop_reason != NULL) {
+        return;
+    }
+    if (client->sent > 0) { /* what is gone needs no room */
+        memmove(out->bytes, out->bytes + client->sent, out->len_bytes - client->sent);
+        out->len_bytes -= client->sent;
+        client->sent = 0;
+    }
+    char *room = out->bytes;
+    const size_t limit = FSN_CLIENT_OUT_BYTES + client->long_bytes;
+    if (out->len_bytes > limit || len_bytes > limit - out->len_bytes) {
+        client->drop_reason = "does not read";
+        return;
+    }
+    if (len_bytes > out->room_bytes - out->len_bytes) {
+        const size_t wanted = 2 * (out->len_bytes + len_bytes);
+        room = realloc(out->bytes, wanted);
+        if (room == NULL) {
+            client->drop_reason = "no memory for it";
+            return;
+        }
+        out->bytes = room;
+        out->room_bytes = wanted;
+    }
+    memcpy(out->bytes + out->len_bytes, bytes, len_bytes);
+    out->len_bytes += len_bytes;
+}
+
+void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t len_bytes) {
+    client->long_bytes = len_bytes;
+    fsn_client_put(client, bytes, len_bytes);
+}
+
+bool fsn_client_send(struct fsn_client *client, uint64_t now_ns) {
+    while (client->sent < client->out.len_bytes) {
+        const ssize_t sent =
+            send(client->fd, client->out.bytes + client->sent, client->out.len_bytes - client->sent,
+                 MSG_NOSIGNAL | MSG_DONTWAIT);
+        if (sent < 0 && errno == EINTR) {
+            continue;
+        }
+        if (sent < 0 && errno == EAGAIN) {
+            return true;
+        }
+        if (sent < 0) {
+            return false;
+        }
+        client->sent += (size_t)sent;
+        client->moved_ns = now_ns;
+    }
+    fsn_json_free(&client->out);
+    client->sent = 0;
+    client->long_bytes = 0;
+    client->moved_ns = now_ns;
+    return true;
+}
+
+/** Adds the name of an output that fell back to the event being written. */
+static void add_output(void *self, uint32_t symbol) {
+    struct fsn_services *services = self;
+    fsn_json_text(&services->events.json, fsn_known_symbol(services->view.plan, symbol).name);
+}
+
+void fsn_client_take_back(struct fsn_services *services, const struct fsn_client *client,
+                          const char *why) {
+    struct fsn_json *json = fsn_event_begin(&services->events, "fallback", fsn_now_ns());
+    fsn_json_put_u64(json, "client", client->number);
+    fsn_json_put_u64(json, "pid", (uint64_t)client->pid);
+    fsn_json_put_text(json, "why", why);
+    fsn_json_key(json, "outputs");
+    fsn_json_open(json, '[');
+    const size_t taken =
+        fsn_outputs_take_back(services->view.outputs, client->number, add_output, services);
+    fsn_json_close(json, ']');
+    if (taken > 0) {
+        fsn_event_send(&services->events, FSN_LOG_WARNING,
+                       "client %u (pid %ld) %s: %zu output%s stop value%s",
+                       (unsigned)client->number, (long)client->pid, why, taken,
+                       taken == 1 ? " takes its" : "s take their", taken == 1 ? "" : "s");
+    }
+}
+
+void fsn_services_close_outputs(struct fsn_services *services) {
+    struct fsn_json *json = fsn_event_begin(&services->events, "fallback", fsn_now_ns());
+    fsn_json_put_text(json, "why", "stop");
+    fsn_json_key(json, "outputs");
+    fsn_json_open(json, '[');
+    fsn_outputs_close(services->view.outputs, add_output, services);
+    fsn_json_close(json, ']');
+    fsn_event_send(&services->events, FSN_LOG_INFO, "outputs have their stop values");
+}
+
+void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why) {
+    close(client->fd);
+    client->fd = -1;
+    client->events = false;
+    if (client->job != NULL) { /* nobody waits for its answer */
+        atomic_store(&client->job->cancelled, true);
+        client->job = NULL;
+    }
+    fsn_json_free(&client->out);
+    fsn_stream_end(client);
+    client->sent = 0;
+    /* After it is gone, so that it cannot be informed about its own end. */
+    if (strcmp(why, "disconnected") != 0) {
+        struct fsn_json *json = fsn_event_begin(&services->events, "dropped", fsn_now_ns());
+        fsn_json_put_u64(json, "client", client->number);
+        fsn_json_put_u64(json, "pid", (uint64_t)client->pid);
+        fsn_json_put_text(json, "why", why);
+        fsn_event_send(&services->events, FSN_LOG_WARNING, "client %u (pid %ld) dropped: %s",
+                       (unsigned)client->number, (long)client->pid, why);
+    }
+    fsn_client_take_back(services, client, why);
+}

@@ -1,0 +1,64 @@
+/** One client of the control socket: what came in, what goes out, what it holds. */
+#ifndef FSN_CONTROL_CLIENT_H
+#define FSN_CONTROL_CLIENT_H
+
+#include <sys/types.h>
+
+#include "control/base/words.h"
+#include "control/requests/services.h"
+
+enum { FSN_CLIENT_OUT_BYTES = 1 << 20 /**< what it may leave unread before it is dropped */ };
+
+/** Cycles that a client wants to see. */
+struct fsn_stream {
+    uint32_t every;    /**< 0: none */
+    bool image;        /**< whole images, else the values of `symbols` */
+    bool typed;        /**< values in the units of their symbols */
+    uint64_t next;     /**< cycle of the next line */
+    uint64_t skipped;  /**< lines left out since the last one */
+    uint32_t *symbols; /**< owned */
+    size_t count;
+};
+
+struct fsn_client {
+    int fd;          /**< -1: the slot is free */
+    uint32_t number; /**< rising, never used twice, never FSN_NOBODY */
+    pid_t pid;
+    uid_t uid;
+    bool events; /**< subscribed */
+    struct fsn_stream stream;
+    bool skipping;           /**< inside a line that was too long */
+    const char *drop_reason; /**< why it is to be dropped, or NULL */
+    bool more;               /**< whole lines are waiting in `in` */
+    uint32_t lease_ms;       /**< 0: until it disconnects */
+    uint64_t heard_ns;       /**< end of its last request, or of its last lease */
+    uint64_t request_ns;     /**< end of its last request, or its beginning */
+    uint64_t moved_ns;       /**< when it last took bytes, or had none to take */
+    size_t in_bytes;
+    char in[FSN_LINE_BYTES + 2];
+    struct fsn_job *job; /**< its request that is under way; lines behind it wait */
+    size_t long_bytes;   /**< of a long answer in `out`, which may be that much longer */
+    struct fsn_json out; /**< replies and events not yet written, `sent` bytes of it gone */
+    size_t sent;
+};
+
+/** Appends bytes for a client; it is to be dropped when it has left too much unread. */
+void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes);
+
+/** The same for one long answer, which does not count as left unread. */
+void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t len_bytes);
+
+/** Writes what a client that is there takes without waiting. false: it has disconnected. */
+bool fsn_client_send(struct fsn_client *client, uint64_t now_ns);
+
+/** Drops a client: its outputs fall back. */
+void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why);
+
+/** Takes back what a client holds and reports it. */
+void fsn_client_take_back(struct fsn_services *services, const struct fsn_client *client,
+                          const char *why);
+
+/** Every output takes its stop value and is closed, until there is another core. */
+void fsn_services_close_outputs(struct fsn_services *services);
+
+#endif

@@ -1,0 +1,41 @@
+/** One request being answered: one function each, one table in requests.c. */
+#ifndef FSN_CONTROL_REQUEST_H
+#define FSN_CONTROL_REQUEST_H
+
+#include "control/requests/client.h"
+
+struct fsn_request {
+    struct fsn_services *services;
+    struct fsn_client *client;
+    const char *const *argument; /**< words behind the name of the request */
+    size_t count;
+    struct fsn_json *json; /**< the reply, open, "ok" written */
+    struct fsn_refusal refusal;
+    const char *tag; /**< NULL: none */
+    bool later;      /**< a job answers */
+};
+
+/** Answers a request: writes into its `json`, or returns what fsn_request_refuse() did. */
+typedef fsn_status (*fsn_answer_fn)(struct fsn_request *request);
+
+/** Refuses a request; returns `status`. */
+fsn_status fsn_request_refuse(struct fsn_request *request, fsn_status status, const char *hint,
+                              const char *text);
+
+/** Finds a symbol by its name, or refuses. */
+fsn_status fsn_request_symbol(struct fsn_request *request, const char *name, uint32_t *symbol,
+                              struct fsn_symbol_info *info);
+
+/** Takes "--typed" off the arguments: values are in the units of their symbols then. */
+bool fsn_request_typed(struct fsn_request *request);
+
+/* values.c */
+fsn_status fsn_answer_get(struct fsn_request *request);
+fsn_status fsn_answer_set(struct fsn_request *request);
+fsn_status fsn_answer_arm(struct fsn_request *request);
+/* stream.c */
+fsn_status fsn_answer_watch(struct fsn_request *request);
+/* transfers.c: begins a job that is named as the request; the client's next lines wait for it. */
+fsn_status fsn_answer_later(struct fsn_request *request, const char *name);
+
+#endif

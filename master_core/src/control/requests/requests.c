@@ -1,0 +1,282 @@
+#include "control/requests/requests.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "control/base/clock.h"
+#include "control/base/value.h"
+#include "control/reports/reports.h"
+#include "control/requests/request.h"
+#include "fsn/version.h"
+
+/** One request of the protocol. */
+struct entry {
+    const char *name;
+    size_t least, most;   /**< number of arguments */
+    fsn_answer_fn answer; /**< NULL: a job answers later */
+    const char *usage;
+};
+
+fsn_status fsn_request_refuse(struct fsn_request *request, fsn_status status, const char *hint,
+                              const char *text) {
+    return fsn_refusal_set(&request->refusal, status, hint, "%.300s", text);
+}
+
+static fsn_status hello(struct fsn_request *request) {
+    struct fsn_json *json = request->json;
+    fsn_json_put_text(json, "program", "fsn-master");
+    fsn_json_put_u64(json, "protocol", FSN_CONTROL_PROTOCOL);
+    fsn_json_put_text(json, "version", fsn_version());
+    fsn_json_put_u64(json, "client", request->client->number);
+    fsn_json_put_u64(json, "lease_ms", request->client->lease_ms);
+    fsn_json_put_text(json, "role",
+                      "part of the black channel: moves FSoE frames whole and unchanged; no safety "
+                      "function, not certified; stop is no emergency stop");
+    return FSN_OK;
+}
+
+static fsn_status status(struct fsn_request *request) {
+    struct fsn_services *services = request->services;
+    uint32_t clients = 0;
+    for (size_t i = 0; i < services->clients; i++) {
+        clients += services->client[i].fd >= 0;
+    }
+    fsn_report_status(&services->view, clients, request->json);
+    return FSN_OK;
+}
+
+static fsn_status snapshot(struct fsn_request *request) {
+    const fsn_status found = fsn_report_snapshot(&request->services->view, request->json);
+    if (found == FSN_E_STATE) {
+        return fsn_request_refuse(request, found, "send start first", "the bus is stopped");
+    }
+    return found == FSN_OK
+               ? FSN_OK
+               : fsn_request_refuse(request, found, "ask again", "no stable picture of a cycle");
+}
+
+static fsn_status layout(struct fsn_request *request) {
+    return fsn_report_layout(&request->services->view, request->json) == FSN_OK
+               ? FSN_OK
+               : fsn_request_refuse(request, FSN_E_STATE, "send start first", "the bus is stopped");
+}
+
+static fsn_status subdevices(struct fsn_request *request) {
+    fsn_report_subdevices(&request->services->view, request->json);
+    return FSN_OK;
+}
+
+static fsn_status symbols(struct fsn_request *request) {
+    fsn_report_symbols(&request->services->view, request->json);
+    return FSN_OK;
+}
+
+static fsn_status lease(struct fsn_request *request) {
+    const char *text = request->argument[0];
+    uint64_t ms;
+    const struct fsn_symbol_info number = {.bits = 32, .kind = FSN_KIND_UNSIGNED};
+    if (fsn_value_parse(&number, text, &ms) != NULL || ms > FSN_LEASE_MAX_MS) {
+        return fsn_request_refuse(request, FSN_E_ARG, "0 lets it end with the connection only",
+                                  "a lease has 0 to 600000 ms");
+    }
+    request->client->lease_ms = (uint32_t)ms;
+    fsn_json_put_u64(request->json, "lease_ms", ms);
+    return FSN_OK;
+}
+
+static fsn_status events(struct fsn_request *request) {
+    const bool on = strcmp(request->argument[0], "on") == 0;
+    if (!on && strcmp(request->argument[0], "off") != 0) {
+        return fsn_request_refuse(request, FSN_E_ARG, NULL, "events on or events off");
+    }
+    request->client->events = on;
+    fsn_json_put_bool(request->json, "events", on);
+    return FSN_OK;
+}
+
+static fsn_status wish(struct fsn_request *request, enum fsn_wish wished) {
+    const struct fsn_control_host *host = request->services->view.host;
+    const fsn_status found = host->wish(host->self, wished, &request->refusal);
+    if (found == FSN_OK) {
+        fsn_json_put_text(request->json, "state",
+                          fsn_program_status(host).state); /* events tell how it goes on */
+    }
+    return found;
+}
+
+static fsn_status start(struct fsn_request *request) {
+    return wish(request, FSN_WISH_START);
+}
+
+static fsn_status stop(struct fsn_request *request) {
+    return wish(request, FSN_WISH_STOP);
+}
+
+static fsn_status restart(struct fsn_request *request) {
+    return wish(request, FSN_WISH_RESTART);
+}
+
+static fsn_status shut_down(struct fsn_request *request) {
+    return wish(request, FSN_WISH_SHUTDOWN);
+}
+
+static fsn_status incident(struct fsn_request *request) {
+    const char *text = request->count > 0 ? request->argument[0] : "a client asked for it";
+    const struct fsn_trigger trigger = {.kind = "request", .now_ns = fsn_now_ns(), .text = text};
+    if (request->services->incidents == NULL) {
+        return fsn_request_refuse(request, FSN_E_STATE, "start fsn-master with --incidents FOLDER",
+                                  "no incidents are kept");
+    }
+    if (!fsn_incident_begin(request->services->incidents, &trigger)) {
+        return fsn_request_refuse(request, FSN_E_BUSY,
+                                  "ask again in a few seconds; its event names the file",
+                                  "an incident is being kept, or a hundred were");
+    }
+    fsn_json_put_bool(request->json, "begun", true);
+    return FSN_OK;
+}
+
+static fsn_status help(struct fsn_request *request);
+
+static const struct entry requests[] = {
+    {"hello", 0, 0, hello, "hello: version of protocol and program, your client number"},
+    {"status", 0, 0, status, "status: state of the program and of the bus, short"},
+    {"snapshot", 0, 0, snapshot, "snapshot: statistics, connections and SubDevices in full"},
+    {"subdevices", 0, 0, subdevices, "subdevices: what is known about each SubDevice"},
+    {"symbols", 0, 0, symbols, "symbols: named inputs and outputs, and who writes them"},
+    {"get", 1, FSN_WORDS, fsn_answer_get, "get [--typed] NAME…: values of one cycle"},
+    {"layout", 0, 0, layout, "layout: where everything lies in the process image"},
+    {"set", 1, FSN_WORDS, fsn_answer_set,
+     "set [--typed] NAME=VALUE…: all or none; yours until your lease ends"},
+    {"lease", 1, 1, lease, "lease MS: silence after which your outputs fall back; 0: never"},
+    {"arm", 1, 1, fsn_answer_arm,
+     "arm NAME: allows one edge of an output that can restart a machine"},
+    {"events", 1, 1, events, "events on|off: every change as a line of JSON"},
+    {"incident", 0, 1, incident, "incident [TEXT]: keeps the last seconds in a file"},
+    {"watch", 1, FSN_WORDS, fsn_answer_watch,
+     "watch N|off [--image|--typed] [NAME…]: every N-th cycle as a line of JSON; NAME may end in "
+     "*"},
+    {"start", 0, 0, start, "start: opens the bus and brings it to OP"},
+    {"stop", 0, 0, stop, "stop: stop values, SAFEOP, bus closed; no emergency stop"},
+    {"restart", 0, 0, restart, "restart: stop, then start"},
+    {"shutdown", 0, 0, shut_down, "shutdown: stop, then the end of the program"},
+    {"sdo-read", 3, 4, NULL, "sdo-read SUBDEVICE INDEX SUB [TYPE]: an object of a SubDevice"},
+    {"sdo-write", 5, 5, NULL, "sdo-write SUBDEVICE INDEX SUB TYPE VALUE: no safety objects"},
+    {"sii-read", 1, 1, NULL, "sii-read SUBDEVICE: its SII, in hex"},
+    {"alias-write", 2, 2, NULL, "alias-write SUBDEVICE ALIAS: used after its next power-on"},
+    {"history", 1, 1, NULL, "history SUBDEVICE: its diagnosis messages"},
+    {"scan", 0, 0, NULL, "scan: all that stands on the bus, planned or not"},
+    {"help", 0, 0, help, "help: this list"},
+};
+enum { REQUESTS = sizeof requests / sizeof requests[0] };
+
+static fsn_status help(struct fsn_request *request) {
+    fsn_json_key(request->json, "requests");
+    fsn_json_open(request->json, '[');
+    for (size_t i = 0; i < REQUESTS; i++) {
+        fsn_json_text(request->json, requests[i].usage);
+    }
+    fsn_json_close(request->json, ']');
+    return FSN_OK;
+}
+
+static void begin(struct fsn_json *json, const char *tag, bool ok) {
+    fsn_json_open(json, '{');
+    fsn_json_put_bool(json, "ok", ok);
+    if (tag != NULL) {
+        fsn_json_put_text(json, "tag", tag);
+    }
+}
+
+/** Ends a reply. A client would wait in vain for one that there is no memory for. */
+static void finish(struct fsn_client *client, struct fsn_json *json) {
+    fsn_json_close(json, '}');
+    fsn_json_end(json);
+    if (json->failed) {
+        client->drop_reason = "no memory for it";
+        return;
+    }
+    fsn_client_put(client, json->bytes, json->len_bytes);
+}
+
+void fsn_reply_refusal(struct fsn_client *client, const char *tag,
+                       const struct fsn_refusal *refusal) {
+    struct fsn_json json = {.limit_bytes = FSN_CLIENT_OUT_BYTES};
+    begin(&json, tag, false);
+    fsn_json_put_text(&json, "error", fsn_status_name(refusal->status));
+    fsn_json_put_text(&json, "text", refusal->text);
+    if (refusal->hint != NULL) {
+        fsn_json_put_text(&json, "hint", refusal->hint);
+    }
+    finish(client, &json);
+    fsn_json_free(&json);
+}
+
+static const struct entry *find_request(const char *name) {
+    for (size_t i = 0; i < REQUESTS; i++) {
+        if (strcmp(requests[i].name, name) == 0) {
+            return &requests[i];
+        }
+    }
+    return NULL;
+}
+
+static fsn_status answer(struct fsn_request *request, const char *name) {
+    const struct entry *entry = find_request(name);
+    if (entry == NULL) {
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "help lists the requests",
+                               "there is no request %.100s", name);
+    }
+    if (request->count < entry->least || request->count > entry->most) {
+        return fsn_request_refuse(request, FSN_E_ARG, entry->usage, "wrong number of words");
+    }
+    if (entry->answer == NULL) {
+        request->later = true;
+        return fsn_answer_later(request, name);
+    }
+    return entry->answer(request);
+}
+
+void fsn_request_answer(struct fsn_services *services, struct fsn_client *client, char *line,
+                        size_t len_bytes) {
+    static struct fsn_words words; /* one thread */
+    struct fsn_json json = {.limit_bytes = FSN_CLIENT_OUT_BYTES / 2};
+    struct fsn_request request = {.services = services, .client = client, .json = &json};
+    const char *wrong = fsn_words_split(line, len_bytes, &words);
+    const bool tagged = wrong == NULL && words.word[0][0] == '#';
+    const char *tag = tagged ? words.word[0] + 1 : NULL;
+    fsn_status found;
+    if (wrong != NULL) {
+        found = fsn_request_refuse(&request, FSN_E_ARG, "help lists the requests", wrong);
+    } else if (words.count == (size_t)tagged) {
+        found = fsn_request_refuse(&request, FSN_E_ARG, "help lists the requests",
+                                   "a tag without a request");
+    } else {
+        request.argument = words.word + 1 + tagged;
+        request.count = words.count - 1 - tagged;
+        request.tag = tag;
+        begin(&json, tag, true);
+        found = answer(&request, words.word[tagged]);
+    }
+    const bool later = found == FSN_OK && request.later; /* its job answers, and nobody else */
+    if (found == FSN_OK && !later && json.failed) {
+        found = fsn_request_refuse(&request, FSN_E_SPACE, "ask for less", "the reply is too long");
+    }
+    if (found != FSN_OK) {
+        fsn_reply_refusal(client, tag, &request.refusal);
+    } else if (!later) {
+        finish(client, &json);
+    }
+    fsn_json_free(&json);
+}
+
+void fsn_reply_job(struct fsn_client *client, const struct fsn_job *job) {
+    client->job = NULL;
+    client->heard_ns = fsn_now_ns(); /* it was our turn until now */
+    if (job->status == FSN_OK) {
+        fsn_client_put_long(client, job->json.bytes, job->json.len_bytes);
+    } else {
+        fsn_reply_refusal(client, job->tag, &job->refusal);
+    }
+}

@@ -1,0 +1,22 @@
+/** What requests are answered from: the rooms below, put together once. */
+#ifndef FSN_CONTROL_SERVICES_H
+#define FSN_CONTROL_SERVICES_H
+
+#include "control/incidents/incidents.h"
+#include "control/jobs/queue.h"
+#include "control/reports/bus_view.h"
+#include "control/reports/events.h"
+
+struct fsn_client;
+
+struct fsn_services {
+    struct fsn_bus_view view;
+    struct fsn_events events;
+    struct fsn_job_queue jobs;
+    struct fsn_incidents *incidents; /**< NULL: none are kept */
+    struct fsn_client *client;       /**< the places of all clients, taken and free */
+    size_t clients;                  /**< how many places */
+    struct fsn_json line;            /**< the cycle being written for a client */
+};
+
+#endif

@@ -1,0 +1,13 @@
+/** Cycles as lines, for the clients that watch them. */
+#ifndef FSN_CONTROL_STREAM_H
+#define FSN_CONTROL_STREAM_H
+
+#include "control/requests/client.h"
+
+/** Sends clients the cycles they watch, as far as they are over. */
+void fsn_streams_serve(struct fsn_services *services);
+
+/** Ends what a client watches. */
+void fsn_stream_end(struct fsn_client *client);
+
+#endif

@@ -1,0 +1,143 @@
+/** Requests for values: reading, writing, arming. */
+#include <inttypes.h>
+#include <string.h>
+
+#include "control/base/clock.h"
+#include "control/base/value.h"
+#include "control/requests/request.h"
+#include "plan_internal.h"
+
+fsn_status fsn_request_symbol(struct fsn_request *request, const char *name, uint32_t *symbol,
+                              struct fsn_symbol_info *info) {
+    *symbol = fsn_outputs_find(request->services->view.outputs, name);
+    if (*symbol == FSN_NONE) {
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols lists the names",
+                               "no input or output is called %.150s", name);
+    }
+    *info = fsn_known_symbol(request->services->view.plan, *symbol);
+    return FSN_OK;
+}
+
+bool fsn_request_typed(struct fsn_request *request) {
+    const bool typed = request->count > 1 && strcmp(request->argument[0], "--typed") == 0;
+    request->argument += typed;
+    request->count -= typed;
+    return typed;
+}
+
+fsn_status fsn_answer_get(struct fsn_request *request) {
+    struct fsn_bus_view *view = &request->services->view;
+    const bool typed = fsn_request_typed(request);
+    if (view->core == NULL) {
+        return fsn_request_refuse(request, FSN_E_STATE, "send start first", "the bus is stopped");
+    }
+    if (fsn_core_snapshot(view->core, &view->statistics, NULL, view->image) != FSN_OK) {
+        return fsn_request_refuse(request, FSN_E_BUSY, "ask again", "no stable picture of a cycle");
+    }
+    fsn_json_put_u64(request->json, "cycle", view->statistics.cycles);
+    fsn_json_key(request->json, "values");
+    fsn_json_open(request->json, '{');
+    for (size_t i = 0; i < request->count; i++) {
+        uint32_t symbol;
+        struct fsn_symbol_info info = {0};
+        uint64_t raw;
+        if (fsn_request_symbol(request, request->argument[i], &symbol, &info) != FSN_OK) {
+            return FSN_E_ARG;
+        }
+        if (fsn_core_read_symbol(view->core, view->image, symbol, &raw) != FSN_OK) {
+            return fsn_refusal_set(&request->refusal, FSN_E_ARG, NULL,
+                                   "%.150s has no place in the process image", info.name);
+        }
+        fsn_json_key(request->json, info.name);
+        (typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, request->json);
+    }
+    fsn_json_close(request->json, '}');
+    return FSN_OK;
+}
+
+static fsn_status read_wanted(struct fsn_request *request, const char *word, bool typed,
+                              uint64_t now_ns, struct fsn_wanted *wanted) {
+    char name[FSN_LINE_BYTES + 1];
+    struct fsn_symbol_info info = {0};
+    const char *equals = strrchr(word, '=');
+    if (equals == NULL || equals == word) {
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "set NAME=VALUE …",
+                               "%.150s is no NAME=VALUE", word);
+    }
+    memcpy(name, word, (size_t)(equals - word));
+    name[equals - word] = 0;
+    fsn_status found = fsn_request_symbol(request, name, &wanted->symbol, &info);
+    if (found != FSN_OK) {
+        return found;
+    }
+    const char *wrong =
+        (typed ? fsn_value_parse_typed : fsn_value_parse)(&info, equals + 1, &wanted->raw);
+    if (wrong != NULL) {
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols says type and bits of each",
+                               "%.120s is %u bits %s: %.60s is %s", info.name, (unsigned)info.bits,
+                               fsn_value_type(&info), equals + 1, wrong);
+    }
+    return fsn_outputs_check(request->services->view.outputs, wanted->symbol,
+                             request->client->number, wanted->raw, now_ns, &request->refusal);
+}
+
+static void report_edge(struct fsn_request *request, const char *event, uint32_t symbol,
+                        uint64_t raw) {
+    const struct fsn_symbol_info info = fsn_known_symbol(request->services->view.plan, symbol);
+    struct fsn_json *json = fsn_event_begin(&request->services->events, event, fsn_now_ns());
+    fsn_json_put_u64(json, "client", request->client->number);
+    fsn_json_put_u64(json, "pid", (uint64_t)request->client->pid);
+    fsn_json_put_u64(json, "uid", request->client->uid);
+    fsn_json_put_text(json, "output", info.name);
+    fsn_json_put_u64(json, "raw", raw);
+    fsn_event_send(&request->services->events, FSN_LOG_WARNING,
+                   "client %u (pid %ld, uid %ld) %s %.120s, raw "
+                   "%" PRIu64,
+                   (unsigned)request->client->number, (long)request->client->pid,
+                   (long)request->client->uid, event, info.name, raw);
+}
+
+/** All or none: every value is read and allowed before the first is written. */
+fsn_status fsn_answer_set(struct fsn_request *request) {
+    static struct fsn_wanted wanted[FSN_WORDS]; /* one thread, and too large for its stack */
+    const uint64_t now_ns = fsn_now_ns();
+    const bool typed = fsn_request_typed(request);
+    for (size_t i = 0; i < request->count; i++) {
+        const fsn_status found =
+            read_wanted(request, request->argument[i], typed, now_ns, &wanted[i]);
+        if (found != FSN_OK) {
+            return found;
+        }
+        for (size_t before = 0; before < i; before++) {
+            if (wanted[before].symbol == wanted[i].symbol) {
+                return fsn_request_refuse(request, FSN_E_ARG, "one value for each",
+                                          "an output is named twice");
+            }
+        }
+    }
+    fsn_outputs_write(request->services->view.outputs, request->client->number, wanted,
+                      request->count);
+    for (size_t i = 0; i < request->count; i++) {
+        if (wanted[i].edge) {
+            report_edge(request, "edge", wanted[i].symbol, wanted[i].raw);
+        }
+    }
+    fsn_json_put_u64(request->json, "set", request->count);
+    return FSN_OK;
+}
+
+fsn_status fsn_answer_arm(struct fsn_request *request) {
+    uint32_t symbol;
+    struct fsn_symbol_info info = {0};
+    fsn_status found = fsn_request_symbol(request, request->argument[0], &symbol, &info);
+    if (found == FSN_OK) {
+        found = fsn_outputs_arm(request->services->view.outputs, symbol, request->client->number,
+                                fsn_now_ns(), &request->refusal);
+    }
+    if (found == FSN_OK) {
+        report_edge(request, "arm", symbol, 0);
+        fsn_json_put_text(request->json, "armed", info.name);
+        fsn_json_put_u64(request->json, "for_ms", FSN_ARM_MS);
+    }
+    return found;
+}

@@ -1,0 +1,133 @@
+/** What the program around the socket calls beside its turns. */
+#include "control/server/control.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "control/base/clock.h"
+#include "control/requests/requests.h"
+#include "control/requests/stream.h"
+#include "control/server/server.h"
+
+/** Sends an event to incidents and subscribers. */
+static void deliver(void *self, struct fsn_json *json) {
+    struct fsn_control *control = self;
+    fsn_incident_event(control->services.incidents, json->bytes, json->len_bytes);
+    fsn_json_end(json);
+    for (size_t i = 0; !json->failed && i < FSN_CONTROL_CLIENTS; i++) {
+        if (control->client[i].events) {
+            fsn_client_put(&control->client[i], json->bytes, json->len_bytes);
+        }
+    }
+}
+
+struct fsn_control *fsn_control_create(const struct fsn_plan *plan,
+                                       const struct fsn_control_host *host,
+                                       const struct fsn_control_access *access) {
+    struct fsn_control *control = calloc(1, sizeof *control);
+    if (control == NULL) {
+        return NULL;
+    }
+    struct fsn_services *services = &control->services;
+    control->access = access;
+    control->listener = -1;
+    services->jobs.host = host;
+    services->client = control->client;
+    services->clients = FSN_CONTROL_CLIENTS;
+    services->line.limit_bytes = FSN_CLIENT_OUT_BYTES / 4;
+    services->events = (struct fsn_events){.host = host,
+                                           .json.limit_bytes = FSN_CLIENT_OUT_BYTES,
+                                           .deliver = deliver,
+                                           .self = control};
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        control->client[i].fd = -1;
+    }
+    if (!fsn_bus_view_init(&services->view, plan, host) ||
+        !fsn_changes_init(&control->changes, &services->view, &services->events)) {
+        fsn_control_free(control);
+        return NULL;
+    }
+    return control;
+}
+
+void fsn_control_free(struct fsn_control *control) {
+    if (control == NULL) {
+        return;
+    }
+    struct fsn_services *services = &control->services;
+    fsn_control_close_socket(control);
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        if (control->client[i].fd >= 0) {
+            close(control->client[i].fd);
+        }
+        fsn_json_free(&control->client[i].out);
+        fsn_stream_end(&control->client[i]);
+    }
+    fsn_incidents_free(services->incidents);
+    for (size_t i = 0; i < FSN_JOBS; i++) {
+        fsn_job_free(services->jobs.job[i]);
+    }
+    fsn_json_free(&services->events.json);
+    fsn_json_free(&services->line);
+    fsn_changes_free(&control->changes);
+    fsn_bus_view_free(&services->view);
+    free(control);
+}
+
+void fsn_control_attach(struct fsn_control *control, struct fsn_core *core) {
+    struct fsn_services *services = &control->services;
+    if (core == NULL && services->view.core != NULL) {
+        fsn_incident_detach(services->incidents);
+    }
+    fsn_bus_view_attach(&services->view, core);
+    fsn_changes_reset(&control->changes);
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) { /* cycles count anew */
+        control->client[i].stream.next = fsn_core_last_cycle(services->view.core) + 1;
+    }
+}
+
+fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
+                                      struct fsn_refusal *refusal) {
+    struct fsn_services *services = &control->services;
+    return fsn_incidents_create(folder, &services->view, &services->events, &services->jobs,
+                                &services->incidents, refusal);
+}
+
+void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_bytes) {
+    fsn_incidents_limit(control->services.incidents, most_bytes);
+}
+
+void fsn_control_bus_failed(struct fsn_control *control, const char *text,
+                            const struct fsn_bus_subdevice *seen) {
+    struct fsn_bus_view *view = &control->services.view;
+    if (seen != NULL) {
+        memcpy(view->subdevice, seen, fsn_plan_subdevice_count(view->plan) * sizeof *seen);
+        view->subdevices_known = true;
+    }
+    const struct fsn_trigger trigger = {.kind = "bus_failed", .now_ns = fsn_now_ns(), .text = text};
+    (void)fsn_incident_begin(control->services.incidents, &trigger);
+}
+
+void fsn_control_close_outputs(struct fsn_control *control) {
+    fsn_services_close_outputs(&control->services);
+}
+
+void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job) {
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        struct fsn_client *client = &control->client[i];
+        if (client->fd >= 0 && client->job == job) {
+            fsn_reply_job(client, job);
+        }
+    }
+    fsn_incident_job_done(control->services.incidents, job);
+    fsn_job_remove(&control->services.jobs, job);
+}
+
+void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,
+                               const char *text) {
+    struct fsn_events *events = &control->services.events;
+    struct fsn_json *json = fsn_event_begin(events, "state", fsn_now_ns());
+    fsn_json_put_text(json, "state", fsn_program_status(events->host).state);
+    fsn_event_send(events, level, "%.500s", text);
+}

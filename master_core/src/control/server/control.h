@@ -1,0 +1,88 @@
+/** The control socket of fsn-master: requests of one line, replies of one JSON line.
+ *
+ *  Runs in one thread that is not the cyclic one, bounded in everything, and reaches the cycle
+ *  only through snapshot, output area and event ring of the core. Protocol:
+ *  docs/reference/control-protocol.md. */
+#ifndef FSN_CONTROL_H
+#define FSN_CONTROL_H
+
+#include <poll.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/types.h>
+
+#include "control/base/host.h"
+#include "fsn/core.h"
+
+struct fsn_control;
+
+enum {
+    FSN_CONTROL_SHARED = 32,  /**< clients at once */
+    FSN_CONTROL_RESERVED = 4, /**< more of them for root and the user of the program */
+    FSN_CONTROL_CLIENTS = FSN_CONTROL_SHARED + FSN_CONTROL_RESERVED,
+    FSN_CONTROL_FDS = FSN_CONTROL_CLIENTS + 1,
+    FSN_CONTROL_ALLOWED = 16, /**< users and groups that may be allowed */
+};
+
+/** Who may connect beside root and the user this runs as. */
+struct fsn_control_access {
+    uid_t user[FSN_CONTROL_ALLOWED];
+    gid_t group[FSN_CONTROL_ALLOWED];
+    size_t users, groups;
+};
+
+/** Prepares it; nothing is opened. NULL when out of memory. All pointers must outlive it. */
+struct fsn_control *fsn_control_create(const struct fsn_plan *plan,
+                                       const struct fsn_control_host *host,
+                                       const struct fsn_control_access *access);
+
+/** Drops every client, removes the socket, frees. NULL is allowed. */
+void fsn_control_free(struct fsn_control *control);
+
+/** Opens the socket. One that a dead process left is replaced.
+ *  @retval FSN_E_STATE  another process answers there.   @retval FSN_E_ARG  no path for a socket.
+ *  @retval FSN_E_SYS    the system refused. */
+fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
+                              struct fsn_refusal *refusal);
+
+/** Keeps what happened around each connection that leaves Data, in files in this folder.
+ *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
+fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
+                                      struct fsn_refusal *refusal);
+
+/** Writes no further file once those in the folder, of all runs, have so many bytes; nothing is
+ * ever deleted. FSN_INCIDENTS_BYTES until this is called, after fsn_control_keep_incidents(). */
+void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_bytes);
+
+/** The bus did not open: that is an incident as well.
+ *  @param[in] seen  what was found of each SubDevice of the plan; NULL: nothing. */
+void fsn_control_bus_failed(struct fsn_control *control, const char *text,
+                            const struct fsn_bus_subdevice *seen);
+
+/** There is a core now (NULL: none any more). Until the next call with NULL it is looked at. */
+void fsn_control_attach(struct fsn_control *control, struct fsn_core *core);
+
+/** Every output takes its stop value and is closed, until the next attach. */
+void fsn_control_close_outputs(struct fsn_control *control);
+
+/** Says what to wait for: at most FSN_CONTROL_FDS descriptors, and for how long. */
+size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint64_t *wait_ns);
+
+/** Serves what poll() found, looks at the bus, takes back what silent clients hold. */
+void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count);
+
+/** A job is done: answers, and frees it. */
+void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job);
+
+/** Tells subscribers and the log that the state of the program has changed. */
+void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,
+                               const char *text);
+
+/** Writes what is still to be written to the clients, for at most `wait_ms`. */
+void fsn_control_flush(struct fsn_control *control, int wait_ms);
+
+/** Whether a user with these ids may connect. */
+bool fsn_control_may(const struct fsn_control_access *access, uid_t user, gid_t group);
+
+#endif

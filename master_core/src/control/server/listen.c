@@ -1,0 +1,133 @@
+/** The file of the socket, and who may connect. */
+#define _GNU_SOURCE
+
+#include <errno.h>
+#include <grp.h>
+#include <pwd.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "control/server/server.h"
+
+static fsn_status system_refuses(struct fsn_refusal *refusal, const char *what, const char *path) {
+    return fsn_refusal_set(refusal, FSN_E_SYS, "--socket PATH names another place", "%s %.108s: %s",
+                           what, path, strerror(errno));
+}
+
+/** Makes way for a new socket at `path`: nothing there, or what a dead process left. */
+static fsn_status make_way(const struct sockaddr_un *address, struct fsn_refusal *refusal) {
+    struct stat found;
+    if (lstat(address->sun_path, &found) != 0) {
+        return errno == ENOENT ? FSN_OK
+                               : system_refuses(refusal, "the control socket", address->sun_path);
+    }
+    if (!S_ISSOCK(found.st_mode)) {
+        return fsn_refusal_set(refusal, FSN_E_ARG, "--socket PATH names another place",
+                               "%.108s is there and is no socket", address->sun_path);
+    }
+    const int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (probe < 0) {
+        return system_refuses(refusal, "socket", address->sun_path);
+    }
+    const int error =
+        connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 ? 0 : errno;
+    close(probe);
+    if (error != ECONNREFUSED) {
+        return fsn_refusal_set(refusal, FSN_E_STATE,
+                               "stop that fsn-master, or give this one another --socket",
+                               "another process answers on %.108s", address->sun_path);
+    }
+    return unlink(address->sun_path) == 0 || errno == ENOENT
+               ? FSN_OK
+               : system_refuses(refusal, "the socket that a dead process left", address->sun_path);
+}
+
+fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
+                              struct fsn_refusal *refusal) {
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    if (path[0] == 0 || strlen(path) >= sizeof address.sun_path) {
+        return fsn_refusal_set(refusal, FSN_E_ARG, "--socket PATH names another place",
+                               "the path of a socket has 1 to %d bytes",
+                               (int)sizeof address.sun_path - 1);
+    }
+    memcpy(address.sun_path, path, strlen(path) + 1);
+    const fsn_status status = make_way(&address, refusal);
+    if (status != FSN_OK) {
+        return status;
+    }
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (fd < 0) {
+        return system_refuses(refusal, "socket", path);
+    }
+    /* Others need the mode to reach the check of who they are. */
+    const bool shared = control->access->users + control->access->groups > 0;
+    const mode_t before = umask(shared ? 0111 : 0177);
+    const int bound = bind(fd, (const struct sockaddr *)&address, sizeof address);
+    const int error = errno;
+    umask(before);
+    errno = error;
+    struct stat found;
+    if (bound != 0 || listen(fd, SOMAXCONN) != 0 || lstat(path, &found) != 0) {
+        system_refuses(refusal, "the control socket", path);
+        close(fd);
+        if (bound == 0) {
+            unlink(path);
+        }
+        return FSN_E_SYS;
+    }
+    memcpy(control->path, address.sun_path, sizeof control->path);
+    control->device = found.st_dev;
+    control->inode = found.st_ino;
+    control->listener = fd;
+    return FSN_OK;
+}
+
+void fsn_control_close_socket(struct fsn_control *control) {
+    struct stat found;
+    if (control->listener < 0) {
+        return;
+    }
+    close(control->listener);
+    if (control->path[0] != 0 && lstat(control->path, &found) == 0 &&
+        found.st_dev == control->device && found.st_ino == control->inode) {
+        unlink(control->path);
+    }
+}
+
+static bool has_group(const struct fsn_control_access *access, gid_t group) {
+    for (size_t i = 0; i < access->groups; i++) {
+        if (access->group[i] == group) {
+            return true;
+        }
+    }
+    return false;
+}
+
+bool fsn_control_may(const struct fsn_control_access *access, uid_t user, gid_t group) {
+    if (user == 0 || user == geteuid() || has_group(access, group)) {
+        return true;
+    }
+    for (size_t i = 0; i < access->users; i++) {
+        if (access->user[i] == user) {
+            return true;
+        }
+    }
+    if (access->groups == 0) {
+        return false;
+    }
+    enum { GROUPS = 256 };
+    gid_t groups[GROUPS];
+    int count = GROUPS;
+    const struct passwd *entry = getpwuid(user);
+    if (entry == NULL || getgrouplist(entry->pw_name, entry->pw_gid, groups, &count) < 0) {
+        return false;
+    }
+    for (int i = 0; i < count; i++) {
+        if (has_group(access, groups[i])) {
+            return true;
+        }
+    }
+    return false;
+}

@@ -1,0 +1,318 @@
+/** Turns of the server: new clients, their lines, what goes out. */
+#define _GNU_SOURCE
+
+#include <errno.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "control/base/clock.h"
+#include "control/requests/requests.h"
+#include "control/requests/stream.h"
+#include "control/server/server.h"
+
+enum {
+    TURN_LINES = 16, /**< requests of one client before the others have their turn */
+    STALL_MS = 5000, /**< a client that reads nothing for so long is dropped */
+    IDLE_MS = 5000,  /**< one that does nothing for so long makes room for another */
+};
+
+/** Answers the whole lines in the buffer, a few at a time. */
+static void answer_lines(struct fsn_control *control, struct fsn_client *client) {
+    size_t at = 0;
+    client->more = false;
+    for (int lines = 0; client->drop_reason == NULL && client->job == NULL; lines++) {
+        char *line = client->in + at;
+        const char *end = memchr(line, '\n', client->in_bytes - at);
+        if (end == NULL) {
+            break;
+        }
+        if (lines == TURN_LINES) {
+            client->more = true;
+            break;
+        }
+        size_t len = (size_t)(end - line);
+        at += len + 1;
+        len -= len > 0 && line[len - 1] == '\r';
+        if (client->skipping) {
+            client->skipping = false;
+            continue;
+        }
+        client->heard_ns = client->request_ns = fsn_now_ns();
+        fsn_request_answer(&control->services, client, line, len);
+    }
+    client->in_bytes -= at;
+    memmove(client->in, client->in + at, client->in_bytes);
+    if (client->in_bytes > FSN_LINE_BYTES && !client->more && client->job == NULL) {
+        if (!client->skipping) {
+            struct fsn_refusal refusal;
+            fsn_refusal_set(&refusal, FSN_E_SPACE, "split it into several requests",
+                            "a request has at most %d bytes", FSN_LINE_BYTES);
+            fsn_reply_refusal(client, NULL, &refusal);
+        }
+        client->skipping = true;
+        client->in_bytes = 0;
+    }
+}
+
+static void read_some(struct fsn_control *control, struct fsn_client *client) {
+    const size_t room = FSN_LINE_BYTES + 1 - client->in_bytes;
+    if (room == 0) {
+        return;
+    }
+    const ssize_t got = recv(client->fd, client->in + client->in_bytes, room, MSG_DONTWAIT);
+    if (got < 0 && (errno == EAGAIN || errno == EINTR)) {
+        return;
+    }
+    if (got <= 0) {
+        fsn_client_drop(&control->services, client, "disconnected");
+        return;
+    }
+    client->in_bytes += (size_t)got;
+}
+
+/** Best effort: it is one short line into a socket that is empty or that nobody reads. */
+static void say_last(int fd, const char *text) {
+    const ssize_t sent = send(fd, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT);
+    (void)sent;
+}
+
+static void turn_away(int fd, const char *text) {
+    say_last(fd, text);
+    close(fd);
+}
+
+/** What lies at a client and was not read yet: requests, its end. */
+static short unread(const struct fsn_client *client) {
+    struct pollfd there = {.fd = client->fd, .events = POLLIN};
+    return client->fd >= 0 && poll(&there, 1, 0) > 0 ? there.revents : 0;
+}
+
+/** Whether all places are taken, one of them by a client that has gone: the next turn reads what it
+ *  has left, and frees it. */
+static bool is_place_coming(const struct fsn_control *control) {
+    bool gone = false;
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        if (control->client[i].fd < 0) {
+            return false;
+        }
+        gone = gone || (unread(&control->client[i]) & POLLHUP) != 0;
+    }
+    return gone;
+}
+
+/** Whether nobody would miss a client: it listens to nothing, waits for nothing, writes nothing. */
+static bool is_idle(const struct fsn_control *control, const struct fsn_client *client) {
+    return client->fd >= 0 && !client->events && client->stream.every == 0 && client->job == NULL &&
+           client->in_bytes == 0 && client->sent == client->out.len_bytes &&
+           !fsn_outputs_has(control->services.view.outputs, client->number) && unread(client) == 0;
+}
+
+/** The client that has been idle longest, at least for so long; NULL: none. */
+static struct fsn_client *idlest(struct fsn_control *control, uint64_t now_ns, uint64_t least_ns) {
+    struct fsn_client *found = NULL;
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        struct fsn_client *client = &control->client[i];
+        if (is_idle(control, client) && now_ns - client->request_ns >= least_ns &&
+            (found == NULL || client->request_ns < found->request_ns)) {
+            found = client;
+        }
+    }
+    return found;
+}
+
+/** A place for a new client, NULL: none. Root and the user of this program have places of their own
+ *  and need not wait until somebody counts as idle. */
+static struct fsn_client *make_room(struct fsn_control *control, uid_t user, uint64_t now_ns) {
+    const bool first = user == 0 || user == geteuid();
+    const size_t places = first ? FSN_CONTROL_CLIENTS : FSN_CONTROL_SHARED;
+    for (size_t i = 0; i < places; i++) {
+        if (control->client[i].fd < 0) {
+            return &control->client[i];
+        }
+    }
+    struct fsn_client *client = idlest(control, now_ns, first ? 0 : IDLE_MS * UINT64_C(1000000));
+    if (client != NULL) {
+        say_last(client->fd,
+                 "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: silent, and "
+                 "another client needed the place\",\"hint\":\"connect again when there "
+                 "is something to ask\"}\n");
+        fsn_client_drop(&control->services, client, "makes room");
+    }
+    return client;
+}
+
+/** Takes in one of those who wait; false when nobody does. */
+static bool accept_one(struct fsn_control *control) {
+    const int fd = accept4(control->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    if (fd < 0) {
+        return false;
+    }
+    struct ucred peer;
+    socklen_t size = sizeof peer;
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 ||
+        !fsn_control_may(control->access, peer.uid, peer.gid)) {
+        turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_CLOSED\",\"text\":\"this user may not "
+                      "connect\",\"hint\":\"start fsn-master with --allow-user or "
+                      "--allow-group\"}\n");
+        return true;
+    }
+    const uint64_t now = fsn_now_ns();
+    struct fsn_client *client = make_room(control, peer.uid, now);
+    if (client == NULL) {
+        turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"too many clients\","
+                      "\"hint\":\"close one of them\"}\n");
+        return true;
+    }
+    *client = (struct fsn_client){.fd = fd,
+                                  .number = ++control->last_number,
+                                  .pid = peer.pid,
+                                  .uid = peer.uid,
+                                  .lease_ms = FSN_LEASE_MS,
+                                  .heard_ns = now,
+                                  .request_ns = now,
+                                  .moved_ns = now,
+                                  .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
+    return true;
+}
+
+/** Events and cycles of the core are polled for: it has no way to wake this thread. While somebody
+ *  waits for them, in every cycle. */
+static uint64_t next_poll_ns(const struct fsn_control *control) {
+    enum { STOPPED_NS = 100000000, POLL_NS = 5000000, LEAST_NS = 100000 };
+    if (control->services.view.core == NULL) {
+        return STOPPED_NS;
+    }
+    uint64_t cycles = UINT64_MAX;
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        const struct fsn_client *client = &control->client[i];
+        if (client->fd >= 0 && client->events) {
+            cycles = 1;
+        } else if (client->fd >= 0 && client->stream.every > 0 && client->stream.every < cycles) {
+            cycles = client->stream.every;
+        }
+    }
+    if (cycles == UINT64_MAX) {
+        return POLL_NS;
+    }
+    const uint64_t wanted_ns = cycles * fsn_program_status(control->services.view.host).cycle_ns;
+    if (wanted_ns < LEAST_NS) {
+        return LEAST_NS;
+    }
+    return wanted_ns < POLL_NS ? wanted_ns : POLL_NS;
+}
+
+size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint64_t *wait_ns) {
+    *wait_ns = next_poll_ns(control);
+    control->polled_ns = fsn_now_ns();
+    fds[0] = (struct pollfd){.fd = control->listener, .events = POLLIN};
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        const struct fsn_client *client = &control->client[i];
+        /* While a job is under way nothing is read, so that its answer comes before the next. */
+        short wanted = client->job == NULL && client->in_bytes <= FSN_LINE_BYTES ? POLLIN : 0;
+        if (client->sent < client->out.len_bytes) {
+            wanted = (short)(wanted | POLLOUT);
+        }
+        fds[i + 1] = (struct pollfd){.fd = client->fd, .events = wanted};
+        *wait_ns = client->fd >= 0 && client->more ? 0 : *wait_ns;
+    }
+    return FSN_CONTROL_FDS;
+}
+
+static void serve_client(struct fsn_control *control, struct fsn_client *client, short found) {
+    if ((found & (POLLERR | POLLNVAL)) != 0 || (client->job != NULL && (found & POLLHUP) != 0)) {
+        fsn_client_drop(&control->services, client, "disconnected");
+        return;
+    }
+    if ((found & (POLLIN | POLLHUP)) != 0) {
+        read_some(control, client);
+    }
+    if (client->fd >= 0) {
+        answer_lines(control, client);
+    }
+}
+
+/** A client was silent when nothing of it lay there at the last poll: however long this thread was
+ *  held up since, what came meanwhile is not read yet. */
+static bool is_silent(const struct fsn_control *control, const struct fsn_client *client) {
+    const uint64_t lease_ns = client->lease_ms * UINT64_C(1000000);
+    return client->lease_ms != 0 && !client->more && client->job == NULL &&
+           control->polled_ns > client->heard_ns &&
+           control->polled_ns - client->heard_ns > lease_ns;
+}
+
+/** Writes what a client takes without waiting. */
+static void send_some(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
+    if (!fsn_client_send(client, now_ns)) {
+        fsn_client_drop(&control->services, client, "disconnected");
+    }
+}
+
+static void check_silence(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
+    if (is_silent(control, client)) {
+        client->heard_ns = now_ns;
+        fsn_client_take_back(&control->services, client, "silent");
+    }
+    if (client->sent < client->out.len_bytes &&
+        now_ns - client->moved_ns > STALL_MS * UINT64_C(1000000)) {
+        fsn_client_drop(&control->services, client, "does not read");
+    }
+}
+
+void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count) {
+    int fd[FSN_CONTROL_CLIENTS]; /* a slot may change hands while this runs */
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        fd[i] = control->client[i].fd;
+    }
+    for (size_t i = 1; i < count; i++) {
+        struct fsn_client *client = &control->client[i - 1];
+        if (fds[i].fd >= 0 && fds[i].fd == fd[i - 1] && client->fd == fd[i - 1]) {
+            serve_client(control, client, fds[i].revents);
+        }
+    }
+    /* Several at once, so that a flood does not fill the queue for others; not all, for the rest.
+     */
+    bool waits = count > 0 && (fds[0].revents & POLLIN) != 0;
+    for (int i = 0; waits && i < FSN_CONTROL_CLIENTS; i++) {
+        waits = !is_place_coming(control) && accept_one(control);
+    }
+    struct fsn_services *services = &control->services;
+    fsn_changes_poll(&control->changes, services->incidents, fsn_now_ns());
+    fsn_incident_turn(services->incidents, fsn_now_ns());
+    fsn_streams_serve(services);
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        struct fsn_client *client = &control->client[i];
+        const uint64_t now = fsn_now_ns();
+        if (client->fd >= 0 && client->drop_reason != NULL) {
+            fsn_client_drop(&control->services, client, client->drop_reason);
+        }
+        if (client->fd >= 0) {
+            send_some(control, client, now);
+        }
+        if (client->fd >= 0) {
+            check_silence(control, client, now);
+        }
+    }
+}
+
+void fsn_control_flush(struct fsn_control *control, int wait_ms) {
+    const uint64_t until = fsn_now_ns() + (uint64_t)wait_ms * 1000000u;
+    for (;;) {
+        struct pollfd fds[FSN_CONTROL_CLIENTS];
+        nfds_t count = 0;
+        for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+            struct fsn_client *client = &control->client[i];
+            if (client->fd >= 0) {
+                send_some(control, client, fsn_now_ns());
+            }
+            if (client->fd >= 0 && client->sent < client->out.len_bytes) {
+                fds[count++] = (struct pollfd){.fd = client->fd, .events = POLLOUT};
+            }
+        }
+        const uint64_t now = fsn_now_ns();
+        if (count == 0 || now >= until ||
+            poll(fds, count, (int)((until - now) / 1000000) + 1) < 0) {
+            return;
+        }
+    }
+}

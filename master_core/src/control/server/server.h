@@ -1,0 +1,27 @@
+/** The server behind the socket. One thread. */
+#ifndef FSN_CONTROL_SERVER_H
+#define FSN_CONTROL_SERVER_H
+
+#include <sys/stat.h>
+
+#include "control/incidents/changes.h"
+#include "control/requests/client.h"
+#include "control/server/control.h"
+
+struct fsn_control {
+    struct fsn_services services;
+    struct fsn_changes changes;
+    const struct fsn_control_access *access;
+    struct fsn_client client[FSN_CONTROL_CLIENTS];
+    uint64_t polled_ns; /**< what was sent before then has been read, when clients are served */
+    uint32_t last_number;
+    int listener;   /**< -1: none */
+    char path[108]; /**< as long as the system allows */
+    dev_t device;   /**< of the socket's file, to remove none but our own */
+    ino_t inode;
+};
+
+/** Closes the socket and removes its file, if it is still ours. */
+void fsn_control_close_socket(struct fsn_control *control);
+
+#endif
