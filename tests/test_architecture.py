@@ -65,6 +65,32 @@ def test_the_settings_for_an_editor_name_files_that_are_there():
             assert pattern.startswith("**/") or any(ROOT.glob(pattern)), pattern
 
 
+ARROWS = {
+    "rt/cycle.c": ('#include "core/core_internal.h"', "rt must not use core: core/core_internal.h"),
+    "plan/plan.c": (
+        "int f(void) { return fsn_core_free(); }",
+        "plan must not use core: fsn_core_free",
+    ),
+    "control/base/json.c": (
+        '#include "control/requests/client.h"',
+        "control/base must not use control/requests: control/requests/client.h",
+    ),
+    "new.c": ("int f(void);", "in no room"),
+}
+
+
+@pytest.mark.parametrize("path", ARROWS)
+def test_an_arrow_upward_in_the_c_core_is_refused(path, tmp_path):
+    line, refusal = ARROWS[path]
+    files = {"core/core.c": "void fsn_core_free(struct fsn_core *core) {\n}", path: line}
+    for name, text in files.items():
+        (tmp_path / "src" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "src" / name).write_text(text)
+    command = [sys.executable, str(ROOT / "scripts" / "arrows"), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, f"{path}: {refusal}\n")
+
+
 @pytest.mark.parametrize("kind", ["BOOL", "CHAR", "SHORT", "INT", "LLONG"])
 def test_the_cyclic_path_is_not_compiled_where_an_atomic_takes_a_lock(kind, tmp_path):
     core = ROOT / "master_core" / "src"

@@ -55,8 +55,7 @@ def test_percent_are_never_rounded_up(script):
     assert script.Share().percent() == {"branches": 100.0, "lines": 100.0}
 
 
-def test_the_plan_loader_counts_for_itself(script):
-    assert script._folder("master_core/src/plan_prove_copies.c", 3) == "master_core/src/plan*"
-    assert script._folder("master_core/src/core.c", 3) == "master_core/src"
+def test_a_file_counts_for_its_folder(script):
+    assert script._folder("master_core/src/plan/prove_copies.c", 3) == "master_core/src/plan"
     assert script._folder("master_core/src/backends/soem/find.c", 3) == "master_core/src/backends"
     assert script._folder("fsoe_net/run/console/console.py", 2) == "fsoe_net/run"

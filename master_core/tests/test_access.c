@@ -6,7 +6,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
-#include "core_internal.h"
+#include "core/core_internal.h"
 #include "emulated_rig.h"
 
 static struct emulated_rig set_up_full(void) {

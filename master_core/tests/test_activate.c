@@ -2,7 +2,7 @@
  *  plan can hold is written into its bytes behind the loader's back. */
 #include <string.h>
 
-#include "core_internal.h"
+#include "core/core_internal.h"
 #include "emulated_rig.h"
 
 /** The bus of the e-stop plan: 9 + 8 and 8 + 8 bytes. */

@@ -2,7 +2,7 @@
  *  before a bus is asked. */
 #include <string.h>
 
-#include "core_internal.h"
+#include "core/core_internal.h"
 #include "emulated_rig.h"
 #include "fsn/acyclic.h"
 

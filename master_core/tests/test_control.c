@@ -6,7 +6,7 @@
 #include "control/base/words.h"
 #include "control/outputs/outputs.h"
 #include "emulated_rig.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 /** The line gets exactly the room it may use, so that ASan sees a reach beyond it. */
 static const char *split(const char *text, size_t len, struct fsn_words *words, char **room) {

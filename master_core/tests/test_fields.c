@@ -6,7 +6,7 @@
 
 #include "builder.h"
 #include "fsn/fsn.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 static struct fsn_plan *load(uint8_t *bytes, size_t len) {
     struct fsn_plan *plan;

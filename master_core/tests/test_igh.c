@@ -12,7 +12,7 @@
 #include "fsn/fsn.h"
 #include "fsn/live.h"
 #include "heap.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum { MS = 1000000, ADDRESS = 14, KNOWN_ADDRESS = 2 };
 

@@ -6,8 +6,8 @@
 #include "emulated_rig.h"
 #include "fsn/segment.h"
 #include "heap.h"
-#include "image.h"
 #include "live/frames.h"
+#include "live/image.h"
 
 static struct emulated_rig on;
 static uint8_t *plan_bytes;

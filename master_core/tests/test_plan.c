@@ -4,7 +4,7 @@
 
 #include "builder.h"
 #include "fsn/fsn.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 static size_t section_at(const uint8_t *bytes, uint32_t section) {
     return fsn_get32(bytes + 32 + 16 * (section - 1) + 4);

@@ -20,7 +20,7 @@
 
 #include "builder.h"
 #include "live/port.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum { FD = 1000, NUMBER = 7, TAG = 0xBEEF };
 

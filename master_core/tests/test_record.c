@@ -8,7 +8,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "core_internal.h"
+#include "core/core_internal.h"
 #include "emulated_rig.h"
 
 enum {

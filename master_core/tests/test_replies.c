@@ -13,7 +13,7 @@
 #include "emulated_rig.h"
 #include "fsn/version.h"
 #include "heap.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum { SUBS = 3, IMAGE = 84, MEMBERS = 5, SII_BYTES = 512 };
 

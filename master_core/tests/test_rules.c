@@ -7,7 +7,7 @@
 
 #include "builder.h"
 #include "fsn/fsn.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 #include "rules_of_fields.h"
 
 /** One broken rule: where, what is written there, what must be answered, and which record named. */

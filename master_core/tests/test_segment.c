@@ -2,7 +2,7 @@
  *  Real MainDevices on it are tests/segment/test_peers.py. */
 #include <string.h>
 
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 #include "segment_rig.h"
 
 static void working_counters(void) {

@@ -3,7 +3,7 @@
 
 #include "fsn/acyclic.h"
 #include "heap.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 #include "soem_rig.h"
 
 enum { SKIPPED = 77 };

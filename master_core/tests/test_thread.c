@@ -13,7 +13,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "core_internal.h"
+#include "core/core_internal.h"
 #include "emulated_rig.h"
 
 static struct {

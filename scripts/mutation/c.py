@@ -10,7 +10,6 @@ from .c_syntax import changes
 from .common import INVALID, KILLED, SURVIVED, Mutant, changed_lines
 
 CORE = "master_core/src"
-_LOADER = ["plan", "plan_prove_copies", "plan_prove_layout", "fingerprint", "sha256", "activate"]
 PARTS = dict.fromkeys(("rt", "plan-loader", "core", "control", "live", "segment", "scan"), CORE)
 
 
@@ -18,9 +17,9 @@ def sources(part: str, root: Path) -> list[str]:
     """Return the C files of a part, relative to the root of the project."""
     folder = root / CORE
     if part == "plan-loader":
-        found = [folder / f"{name}.c" for name in _LOADER]
+        found = [*(folder / "plan").glob("*.c"), folder / "core/activate.c"]
     elif part == "core":
-        found = [p for p in folder.glob("*.c") if p.stem not in _LOADER]
+        found = [p for p in (folder / "core").glob("*.c") if p.stem != "activate"]
         found.append(folder / "backends/emulated.c")
     else:
         found = list((folder / part).rglob("*.c"))

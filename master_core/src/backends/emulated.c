@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "image.h"
-#include "touched.h"
+#include "live/image.h"
+#include "rt/touched.h"
 
 /** Three buffers of one sync manager: one with the writer, one with the reader, one in between.
  *  `middle` holds the number of the buffer in between, and FRESH while nobody has read it. */

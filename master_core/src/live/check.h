@@ -3,7 +3,7 @@
 #define FSN_LIVE_CHECK_H
 
 #include "fsn/acyclic.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 /** How the objects of one SubDevice are reached: as in fsn_bus_acyclic. Values are little-endian.
  */

@@ -1,10 +1,10 @@
-#include "frames.h"
+#include "live/frames.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "live/port.h"
-#include "touched.h"
+#include "rt/touched.h"
 
 enum {
     CMD_LRW = 12,

@@ -2,7 +2,7 @@
 #ifndef FSN_FRAMES_H
 #define FSN_FRAMES_H
 
-#include "image.h"
+#include "live/image.h"
 #include "rt/wire.h"
 
 /** Everything the wire points into. */

@@ -1,6 +1,6 @@
 #include "live/fsoe_objects.h"
 
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     MODULE = 0x0FF0, /**< bits of an index that number the module */

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "port.h"
+#include "live/port.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -18,7 +18,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 #include "rt/wire.h"
 
 #ifndef PACKET_IGNORE_OUTGOING

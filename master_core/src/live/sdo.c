@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     HEADER_BYTES = 6,

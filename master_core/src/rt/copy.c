@@ -1,4 +1,4 @@
-#include "rt.h"
+#include "rt/rt.h"
 
 #include <string.h>
 

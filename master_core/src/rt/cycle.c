@@ -1,6 +1,6 @@
 #define _POSIX_C_SOURCE 200809L
 
-#include "rt.h"
+#include "rt/rt.h"
 
 #include <errno.h>
 #include <string.h>

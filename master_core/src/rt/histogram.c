@@ -1,4 +1,4 @@
-#include "rt.h"
+#include "rt/rt.h"
 
 /** Bucket of a time: see struct fsn_histogram. */
 static uint32_t bucket_of(uint64_t time_ns) {

@@ -1,5 +1,5 @@
 /** Looks at the image for the monitors of all connections, and reports changes of state. */
-#include "rt.h"
+#include "rt/rt.h"
 
 #include <string.h>
 

@@ -1,5 +1,5 @@
-#include "rt.h"
-#include "words.h"
+#include "rt/rt.h"
+#include "rt/words.h"
 
 static uint32_t saturated(uint64_t value) {
     return value > UINT32_MAX ? UINT32_MAX : (uint32_t)value;

@@ -6,8 +6,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "atomics.h"
 #include "fsn/core.h"
+#include "rt/atomics.h"
 
 enum {
     FSN_RT_EVENTS = 256, /**< slots of the event ring, a power of two */

@@ -1,5 +1,5 @@
-#include "rt.h"
-#include "words.h"
+#include "rt/rt.h"
+#include "rt/words.h"
 
 /* Only the cycle writes `whole`. A reader that meets a word of a newer picture also sees, after its
  * fence, that this picture was begun. */

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "wire.h"
+#include "rt/wire.h"
 
 #include <errno.h>
 #include <poll.h>

@@ -15,8 +15,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "atomics.h"
 #include "fsn/bus.h"
+#include "rt/atomics.h"
 
 enum {
     FSN_WIRE_PORTS = 2,

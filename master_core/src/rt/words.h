@@ -7,7 +7,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "atomics.h"
+#include "rt/atomics.h"
 
 /** Words that hold so many bytes. */
 static inline size_t fsn_words_of(size_t len_bytes) {

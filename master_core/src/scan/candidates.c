@@ -1,6 +1,6 @@
 /** Places in the process data that may hold FSoE frames. Random data show no second command in a
  * row at the same place, so nearly all places fall out at once. */
-#include "scan.h"
+#include "scan/scan.h"
 
 #include <stdlib.h>
 #include <string.h>

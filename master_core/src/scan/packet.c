@@ -1,6 +1,6 @@
 /** Captured Ethernet frames taken apart down to process data. Every length is the capture's, so
  * none is believed. */
-#include "scan.h"
+#include "scan/scan.h"
 
 #include <stdlib.h>
 

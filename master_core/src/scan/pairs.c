@@ -1,5 +1,5 @@
 /** Two places become a connection when their frames form one chain. */
-#include "scan.h"
+#include "scan/scan.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 /** AL state machine of an emulated SubDevice. */
-#include "esc.h"
+#include "segment/esc.h"
 
 #include <string.h>
 

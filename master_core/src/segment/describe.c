@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "segment_internal.h"
+#include "segment/segment_internal.h"
 
 enum {
     MAILBOX_BYTES = 128,

@@ -1,5 +1,5 @@
 /** Registers and datagrams of an emulated SubDevice controller. */
-#include "esc.h"
+#include "segment/esc.h"
 
 #include <string.h>
 

@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "objects.h"
+#include "segment/objects.h"
 
 enum {
     ESC_MEMORY_BYTES = 0x3000, /**< registers below 0x1000, then 8 KiB of process data memory */

@@ -1,7 +1,7 @@
 /** What a test asks a segment to do wrong, until it takes that back. */
 #include <string.h>
 
-#include "segment_internal.h"
+#include "segment/segment_internal.h"
 
 enum { MAX_OBJECT_BYTES = 1024 };
 static const uint64_t MAX_DELAY_NS = 3600000000000u;

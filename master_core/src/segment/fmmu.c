@@ -1,5 +1,5 @@
 /** FMMUs: logical addresses to memory, bit by bit. */
-#include "esc.h"
+#include "segment/esc.h"
 
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /** SubDevices in a row: frames pass through all that are reached, and come back. */
-#include "segment_internal.h"
+#include "segment/segment_internal.h"
 
 enum {
     MAC_BYTES = 12,

@@ -18,7 +18,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "segment_internal.h"
+#include "segment/segment_internal.h"
 
 enum {
     ETHERTYPE = 0x88A4,

@@ -1,5 +1,5 @@
 /** Mailbox of an emulated SubDevice: CoE, and an error for what it does not speak. */
-#include "esc.h"
+#include "segment/esc.h"
 
 #include <string.h>
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "segment_internal.h"
+#include "segment/segment_internal.h"
 
 enum { MAX_POSITIONS = 4096 };
 

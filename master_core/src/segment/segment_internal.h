@@ -5,9 +5,9 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-#include "../plan_internal.h"
-#include "esc.h"
 #include "fsn/segment.h"
+#include "plan/plan_internal.h"
+#include "segment/esc.h"
 
 /** Where a sync manager of the plan lies. */
 struct place {

@@ -1,5 +1,5 @@
 /** The SII interface: commands at 0x0502 read and write the EEPROM of an emulated SubDevice. */
-#include "esc.h"
+#include "segment/esc.h"
 
 #include <string.h>
 

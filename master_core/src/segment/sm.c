@@ -1,5 +1,5 @@
 /** Sync managers: mailboxes that are full or empty, process data that is never half new. */
-#include "esc.h"
+#include "segment/esc.h"
 
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /** Cables and ports: which SubDevices a frame reaches, and what they tell of their neighbours. */
-#include "segment_internal.h"
+#include "segment/segment_internal.h"
 
 enum {
     PORTS_USED = 2, /**< every SubDevice here has an entry, port 0, and an exit, port 1 */

@@ -1,7 +1,7 @@
 /** The wire between MainDevice and segment: frames that are late, held up, or come twice. */
 #include <string.h>
 
-#include "segment_internal.h"
+#include "segment/segment_internal.h"
 
 static void begin_stall(struct wire *w, uint64_t now_ns) {
     if (w->stall_ns > 0) {

@@ -2,7 +2,7 @@
  *  registers of a SubDevice without a configuration: the command `ethercat` does. */
 #define _POSIX_C_SOURCE 200809L
 
-#include "igh.h"
+#include "backends/igh/igh.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
 /** What is checked before IgH takes over, and what it is told to do. */
-#include "igh.h"
+#include "backends/igh/igh.h"
 
 #include "live/pdo.h"
 

@@ -5,7 +5,7 @@
  *  does better to block signals in it, as fsn-master does. */
 #define _POSIX_C_SOURCE 200809L
 
-#include "igh.h"
+#include "backends/igh/igh.h"
 
 #include <errno.h>
 #include <string.h>

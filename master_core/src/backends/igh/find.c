@@ -1,7 +1,7 @@
 /** Who stands where, by the last scan of IgH. */
 #define _POSIX_C_SOURCE 200809L
 
-#include "igh.h"
+#include "backends/igh/igh.h"
 
 #include <errno.h>
 #include <stdio.h>

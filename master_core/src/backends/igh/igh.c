@@ -1,7 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 
-#include "igh.h"
-#include "touched.h"
+#include "backends/igh/igh.h"
+#include "rt/touched.h"
 
 #include <errno.h>
 #include <stdarg.h>

@@ -15,8 +15,8 @@
 #include <stdatomic.h>
 
 #include "fsn/live.h"
-#include "image.h"
 #include "live/check.h"
+#include "live/image.h"
 
 #include <ecrt.h>
 

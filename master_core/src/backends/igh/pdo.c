@@ -1,7 +1,7 @@
 /** Process data of a SubDevice against the plan: its objects where it has CoE, else what IgH has
  * read from its SII. It is judged here, since IgH itself only warns in the kernel log and goes on.
  */
-#include "igh.h"
+#include "backends/igh/igh.h"
 
 #include "live/pdo.h"
 

@@ -5,7 +5,7 @@
  *  process data, in either direction, until revision and FSoE address are seen to be those of the
  *  plan. What we cannot prevent: IgH writes start-up SDOs, mapping, sync managers and FMMUs into
  *  any device of that vendor and product, and asks it for OP. */
-#include "igh.h"
+#include "backends/igh/igh.h"
 
 #include <string.h>
 

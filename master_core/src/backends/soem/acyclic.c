@@ -1,5 +1,5 @@
 /** Objects, SII and registers of anything on the ring, beside the cycle. */
-#include "soem.h"
+#include "backends/soem/soem.h"
 
 #include <stdio.h>
 #include <stdlib.h>

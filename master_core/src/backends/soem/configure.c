@@ -1,5 +1,5 @@
 /** From PREOP to where SAFEOP can be asked for. */
-#include "soem.h"
+#include "backends/soem/soem.h"
 
 #include <string.h>
 

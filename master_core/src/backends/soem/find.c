@@ -1,5 +1,5 @@
 /** Who stands where. */
-#include "soem.h"
+#include "backends/soem/soem.h"
 
 #include <stdio.h>
 #include <string.h>

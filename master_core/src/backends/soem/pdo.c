@@ -1,5 +1,5 @@
 /** Process data of a SubDevice against the plan: its objects where it has CoE, else its SII. */
-#include "soem.h"
+#include "backends/soem/soem.h"
 
 #include <string.h>
 

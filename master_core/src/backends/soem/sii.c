@@ -1,5 +1,5 @@
 /** What an SII says about sync managers, and where its categories begin. */
-#include "soem.h"
+#include "backends/soem/soem.h"
 
 #ifdef FSN_SOEM_FROM_SOURCE
 

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "soem.h"
+#include "backends/soem/soem.h"
 
 #include <stdarg.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
 /** States, losses and returns, beside the running cycle. */
-#include "soem.h"
+#include "backends/soem/soem.h"
 
 #include <string.h>
 

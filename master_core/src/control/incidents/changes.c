@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "control/base/names.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     POLL_MS = 20,    /**< between two polls of the SubDevices */

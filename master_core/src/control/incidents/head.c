@@ -6,7 +6,7 @@
 #include "control/incidents/kept.h"
 #include "control/reports/reports.h"
 #include "fsn/version.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 static void put_base64(struct fsn_json *json, const char *key, const uint8_t *bytes,
                        size_t len_bytes) {

@@ -14,7 +14,7 @@
 #include "control/base/clock.h"
 #include "control/base/names.h"
 #include "control/incidents/kept.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     BEFORE_MS = 5000,   /**< kept before the moment */

@@ -1,7 +1,7 @@
 #include "control/jobs/guard.h"
 
 #include "live/fsoe_objects.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 struct range {
     uint16_t from, to; /**< both included */

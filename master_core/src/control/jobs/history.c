@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     MESSAGE_BYTES = 16, /**< without parameters */

@@ -1,6 +1,6 @@
 /** Where everything lies in the process image, for those who read whole images. */
 #include "control/reports/reports.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 void fsn_report_name(struct fsn_bus_view *view, struct fsn_json *json, const char *key,
                      uint32_t subdevice) {

@@ -1,7 +1,7 @@
 /** The document of one cycle: every counter, histogram and connection. */
 #include "control/base/names.h"
 #include "control/reports/reports.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 static void percentiles(struct fsn_json *json, const struct fsn_histogram *histogram) {
     static const struct {

@@ -4,7 +4,7 @@
 #include "control/base/value.h"
 #include "control/reports/reports.h"
 #include "fsn/version.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 void fsn_report_fingerprint(struct fsn_bus_view *view, struct fsn_json *json) {
     const struct fsn_fingerprint *made = &view->fingerprint;

@@ -7,7 +7,7 @@
 
 #include "control/base/value.h"
 #include "control/requests/request.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     MOST_EVERY = 1000000,      /**< cycles between two lines */

@@ -5,7 +5,7 @@
 #include "control/base/clock.h"
 #include "control/base/value.h"
 #include "control/requests/request.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 fsn_status fsn_request_symbol(struct fsn_request *request, const char *name, uint32_t *symbol,
                               struct fsn_symbol_info *info) {

@@ -1,7 +1,7 @@
 /** What a SubDevice tells of its FSoE addresses and connections. */
 #include "control/survey/member.h"
 #include "live/fsoe_objects.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     CONNECTION_STEP = 0x10,

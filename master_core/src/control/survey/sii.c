@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "control/survey/member.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum { CATEGORIES = 0x80, END = 0xFFFF, STRINGS = 10, GENERAL = 30, INPUTS = 50, OUTPUTS = 51 };
 

@@ -7,7 +7,7 @@
 
 #include "control/base/clock.h"
 #include "control/base/names.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum { VENDOR = 0x10, SERIAL = 0x1C, DEVICE_NAME = 0x1008, STATE_BITS = 0x0F };
 

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "control/survey/member.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     SM_CATEGORY = 41,

@@ -3,7 +3,7 @@
 #define FSN_IMAGE_H
 
 #include "fsn/bus.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 /** Arrays are as long as the plan has sync managers, and one. */
 struct fsn_image {

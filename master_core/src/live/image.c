@@ -1,4 +1,4 @@
-#include "image.h"
+#include "live/image.h"
 
 #include <stdlib.h>
 

@@ -5,7 +5,7 @@
 #include <pthread.h>
 
 #include "fsn/core.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 #include "rt/rt.h"
 
 struct fsn_core {

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core_internal.h"
+#include "core/core_internal.h"
 #include "rt/words.h"
 
 static size_t slot_words(const struct fsn_rt *rt) {

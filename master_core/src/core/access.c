@@ -5,7 +5,7 @@
 #include <sched.h>
 #include <string.h>
 
-#include "core_internal.h"
+#include "core/core_internal.h"
 #include "rt/words.h"
 
 /** Reads the last whole picture; false when the writer has begun to overwrite it meanwhile. */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 static const char *const section_name[FSN_FINGERPRINT_SECTIONS] = {
     "devices", "process_data", "copies", "connections", "cycle", "safety_functions"};

@@ -1,6 +1,6 @@
 /** The proofs of docs/reference/plan-format.md, “What a reader proves again”, first half: what the
  *  SubDevices look like. Section by section; a later one relies on what the earlier have shown. */
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 fsn_status fsn_no(const struct fsn_at *at, fsn_status status, uint32_t field, const char *rule) {
     const uint8_t *r = fsn_record(at->plan, at->section, at->number);

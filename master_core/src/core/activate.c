@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core_internal.h"
+#include "core/core_internal.h"
+#include "rt/touched.h"
 #include "rt/words.h"
-#include "touched.h"
 
 /** A copy with absolute bytes while neighbours are merged and sizes grouped. */
 struct span {

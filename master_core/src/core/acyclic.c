@@ -2,8 +2,8 @@
 
 #include <string.h>
 
-#include "core_internal.h"
-#include "plan_internal.h"
+#include "core/core_internal.h"
+#include "plan/plan_internal.h"
 
 enum {
     SII_STEP = 64, /**< bytes read between two steps of others */
@@ -104,17 +104,6 @@ fsn_status fsn_core_sii_read(struct fsn_core *core, uint32_t subdevice,
     }
     const fsn_status status = reach(core, subdevice, &acyclic, &transfer->position);
     return status != FSN_OK ? status : fsn_acyclic_read_sii(acyclic, core->rt.bus, transfer);
-}
-
-uint8_t fsn_eeprom_checksum(const uint8_t bytes[SII_CHECKSUM]) {
-    unsigned crc = 0xFF;
-    for (int i = 0; i < SII_CHECKSUM; i++) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; bit++) {
-            crc = (crc & 0x80) != 0 ? (crc << 1 ^ 0x07) & 0xFF : crc << 1 & 0xFF;
-        }
-    }
-    return (uint8_t)crc;
 }
 
 fsn_status fsn_core_alias_write(struct fsn_core *core, uint32_t subdevice, uint16_t alias) {

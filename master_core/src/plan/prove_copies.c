@@ -2,7 +2,7 @@
  * moves between the SubDevices. Blocks and copies are sorted, so every overlap shows at a neighbour
  * or by bisection: O(n log n) whatever the file says. */
 #include "fsn/fsoe.h"
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 static uint32_t safe_bytes_of(uint32_t frame_bytes) {
     return frame_bytes == 6 ? 1 : (frame_bytes - 3) / 2;

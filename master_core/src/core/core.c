@@ -8,8 +8,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "core_internal.h"
-#include "touched.h"
+#include "core/core_internal.h"
+#include "rt/touched.h"
 
 fsn_status fsn_core_create(const struct fsn_plan *plan, const struct fsn_bus_ops *ops, void *bus,
                            struct fsn_core **out, struct fsn_fault *fault) {

@@ -1,7 +1,7 @@
-/** SHA-256 (FIPS 180-4), for the fingerprint of a plan. */
+/** SHA-256 (FIPS 180-4), for the fingerprint of a plan; the checksum of an SII. */
 #include <string.h>
 
-#include "plan_internal.h"
+#include "plan/plan_internal.h"
 
 static const uint32_t round_constant[64] = {
     0x428a2f98, 0x71374491, 0xb5c0fbcf, 0xe9b5dba5, 0x3956c25b, 0x59f111f1, 0x923f82a4, 0xab1c5ed5,
@@ -104,4 +104,15 @@ void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_B
 
 void fsn_plan_sha256(const struct fsn_plan *plan, uint8_t digest[FSN_SHA256_BYTES]) {
     fsn_sha256(plan->bytes, plan->len_bytes, digest);
+}
+
+uint8_t fsn_eeprom_checksum(const uint8_t bytes[14]) {
+    unsigned crc = 0xFF;
+    for (int i = 0; i < 14; i++) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; bit++) {
+            crc = (crc & 0x80) != 0 ? (crc << 1 ^ 0x07) & 0xFF : crc << 1 & 0xFF;
+        }
+    }
+    return (uint8_t)crc;
 }
