@@ -16,7 +16,7 @@ def count_confined_children() -> None:
     config = os.environ.get("COVERAGE_PROCESS_START")
     if config is None:
         return
-    import fsoe_net.formats.xacro_expand as expand
+    import fsoe_net.formats.ros2.xacro_expand as expand
 
     folder = Path(os.environ["FSN_COVERAGE_DATA"]).parent
     here = str(Path(__file__).parent)
@@ -30,7 +30,7 @@ def counted(config: str, folder: str) -> None:
     """Run the child; what it counted goes into a file of the folder."""
     import coverage
 
-    from fsoe_net.formats.xacro_child import main
+    from fsoe_net.formats.ros2.xacro_child import main
 
     if coverage.Coverage.current() is not None:  # trusted: it has the environment, and counts
         main()

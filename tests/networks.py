@@ -8,7 +8,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import Resolution, resolve
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -12,13 +12,13 @@ from fsoe_net.cli.options import FILE, output_option, read_by
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag.words import counted
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.project.accept import accept, intervention_rows, reason_rows, record_bytes
 from fsoe_net.project.known import Record
 from fsoe_net.report.sign_off import Refusal
-from fsoe_net.save.files import write_whole
 
 __all__ = ["command"]
 

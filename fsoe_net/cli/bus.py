@@ -9,7 +9,7 @@ import click
 
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError
-from fsoe_net.formats.scan import load_scan
+from fsoe_net.formats.own.scan import load_scan
 from fsoe_net.model.scan import Scan
 
 if TYPE_CHECKING:

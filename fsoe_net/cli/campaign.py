@@ -19,7 +19,8 @@ from fsoe_net.cli.options import FOLDER, output_option
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.write_files import STDOUT, write_whole
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, trial_count
 from fsoe_net.project.check import check_files, whole_network
@@ -32,7 +33,6 @@ from fsoe_net.run.campaign import (
     save_failures,
 )
 from fsoe_net.run.device import device_factory, stdout_to_stderr
-from fsoe_net.save.files import STDOUT, write_whole
 
 __all__ = ["command"]
 

@@ -17,7 +17,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.diag.words import counted
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.check import Checked, check_files
 from fsoe_net.rules.runtime import Runtime
 

@@ -12,9 +12,9 @@ from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
-from fsoe_net.formats.foreign_file import InputKind
+from fsoe_net.formats.registry import InputKind
+from fsoe_net.formats.shared.write_files import STDOUT, write_all, write_whole
 from fsoe_net.project.convert import TARGETS, convert_files
-from fsoe_net.save.files import STDOUT, write_all, write_whole
 
 __all__ = ["command"]
 

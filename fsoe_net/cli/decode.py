@@ -16,8 +16,9 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.core.scan import Sighting
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import open_file
-from fsoe_net.formats.packets import buffered, is_capture
+from fsoe_net.formats.capture.packets import buffered, is_capture
+from fsoe_net.formats.shared.files import open_file
+from fsoe_net.formats.shared.write_files import STDOUT, write_whole
 from fsoe_net.fsoe.monitor import Verdict
 from fsoe_net.fsoe.pdu import safe_data_of
 from fsoe_net.observe.hexframes import follow_frames, parse_frames
@@ -26,7 +27,6 @@ from fsoe_net.observe.names import Naming
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.decode import CaptureDecoder, DecodedFrame, naming_of
-from fsoe_net.save.files import STDOUT, write_whole
 
 __all__ = ["command"]
 

@@ -13,7 +13,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.formats.library import load_library
+from fsoe_net.formats.own.library import load_library
 from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.library import Library, LibraryDevice, LibraryMapping
 

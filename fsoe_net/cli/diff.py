@@ -12,7 +12,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.compare import read_side
 from fsoe_net.report.diff import Difference, compare
 from fsoe_net.report.diff_side import Side

@@ -18,7 +18,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.core.segment import SegmentLink, is_test_rig
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import with_scenario

@@ -9,7 +9,7 @@ import click
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.plan.fingerprint import SECTIONS
 from fsoe_net.project.known import Known, read_known
 

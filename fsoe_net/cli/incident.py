@@ -10,13 +10,13 @@ from fsoe_net import __version__
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.formats.files import open_file
+from fsoe_net.formats.shared.files import open_file
+from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.observe.evidence import gather
 from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.report.incident_facts import story_json, story_of
 from fsoe_net.report.incident_page import incident_page
 from fsoe_net.report.incident_text import incident_text
-from fsoe_net.save.files import write_whole
 
 __all__ = ["command"]
 

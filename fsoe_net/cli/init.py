@@ -16,10 +16,10 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.words import counted, summary
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.formats.answers import load_answers
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.scan_bus import describe_scan
+from fsoe_net.formats.own.answers import load_answers
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.scan_bus import describe_scan
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
 from fsoe_net.project.check import check_files
 from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 import click
 
 from fsoe_net.cli.options import FILE
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.rules.runtime import Runtime
 
 __all__ = ["input_options", "reference_options", "runtime_option"]

@@ -14,14 +14,14 @@ from fsoe_net.cli.write import check_target
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.diag.words import counted
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.write_files import STDOUT, write_whole
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.image import igh_text
 from fsoe_net.plan.model import Plan
 from fsoe_net.plan.show import plan_json, plan_text
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.save.files import STDOUT, write_whole
 
 __all__ = ["command"]
 

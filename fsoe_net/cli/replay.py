@@ -12,7 +12,7 @@ from fsoe_net.cli.options import FILE
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError, RecordingError
-from fsoe_net.formats.files import open_file
+from fsoe_net.formats.shared.files import open_file
 from fsoe_net.fsoe.recording.difference import Difference, differing_bytes, explain
 from fsoe_net.fsoe.recording.model import Answer
 from fsoe_net.fsoe.recording.replay import ReplayResult, replay

@@ -12,12 +12,12 @@ from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.document.write_pdf import pdf_library
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.project.check import check_files
 from fsoe_net.project.known import read_record
 from fsoe_net.project.report import REPORT_FORMATS, make_report
 from fsoe_net.report.evidence import ask_live, read_evidence
-from fsoe_net.save.files import write_whole
 
 __all__ = ["command"]
 

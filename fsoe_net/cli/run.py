@@ -22,7 +22,8 @@ from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.cli.write import check_target
 from fsoe_net.core.snapshot import Snapshot
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.write_files import make_folder
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.project.check import check_files, whole_network
@@ -32,7 +33,6 @@ from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
 from fsoe_net.run.master import Master
 from fsoe_net.run.result import ConnectionResult, Run
 from fsoe_net.run.session import Session, run_live, run_virtual
-from fsoe_net.save.files import make_folder
 
 __all__ = ["command"]
 

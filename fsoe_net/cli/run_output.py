@@ -11,10 +11,10 @@ from fsoe_net.cli.fitted_table import Column, FittedTable
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.diag.words import counted
+from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.report.cycle_times import timing_csv, timing_picture, timing_text
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 from fsoe_net.run.result import ConnectionResult, Run, RunEvent, state_text
-from fsoe_net.save.files import write_whole
 
 if TYPE_CHECKING:
     from rich.console import Group

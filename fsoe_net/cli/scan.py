@@ -9,8 +9,8 @@ from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.scan_output import scan_table
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
+from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.run.scan_files import compact_json, scan_files
-from fsoe_net.save.files import write_all
 
 __all__ = ["command"]
 

@@ -15,7 +15,7 @@ from fsoe_net.cli.test_protocol_output import PersonAtTerminal, print_outcome, p
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.model.protocol import ProtocolStep
 from fsoe_net.project.protocol import ProtocolTrial, read_protocol
 

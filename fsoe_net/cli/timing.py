@@ -13,13 +13,13 @@ from fsoe_net.cli.output import exit_code, print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import open_file
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.files import open_file
+from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.report.budget import budget_document, budget_picture, budget_text
 from fsoe_net.report.evidence import measured_ms
 from fsoe_net.rules.timing import check_timing
-from fsoe_net.save.files import write_whole
 from fsoe_net.timing.budget import make_budget
 
 __all__ = ["command"]

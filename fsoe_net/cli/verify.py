@@ -9,7 +9,7 @@ import click
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, master_options, master_socket
 from fsoe_net.cli.terminal import echo
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.known import Known, read_known
 from fsoe_net.project.verify import Compared, compare_known, compare_running
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.save.files import STDOUT, refuse_present
+from fsoe_net.formats.shared.write_files import STDOUT, refuse_present
 
 __all__ = ["check_target"]
 

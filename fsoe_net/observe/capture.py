@@ -1,4 +1,4 @@
-"""Capture files written: pcapng. `fsoe_net.formats.packets` reads them.
+"""Capture files written: pcapng. `fsoe_net.formats.capture.packets` reads them.
 
 Format: draft-ietf-opsawg-pcapng.
 """

@@ -209,7 +209,7 @@ class Plan:
             InputError: The file exists, and is not to be replaced.
             EnvironmentFault: It cannot be written; what was there is unchanged.
         """
-        from fsoe_net.save.files import write_whole
+        from fsoe_net.formats.shared.write_files import write_whole
 
         write_whole(path, self.to_bytes(), overwrite=overwrite)
 
@@ -221,7 +221,7 @@ class Plan:
             InputError: It cannot be read.
             PlanFormatError: It is no valid plan.
         """
-        from fsoe_net.formats.files import Collector, read_bytes
+        from fsoe_net.formats.shared.files import Collector, read_bytes
         from fsoe_net.plan.codec import decode_plan
 
         name, out = os.fspath(path), Collector()

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Sequence
 
 from fsoe_net import __version__
 from fsoe_net.errors import InputError
-from fsoe_net.formats.acceptance import parse_acceptance
-from fsoe_net.formats.files import Collector, read_bytes
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.acceptance import parse_acceptance
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.write_acceptance import write_acceptance
+from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_something
 from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.compile import compile_plan
@@ -18,7 +19,6 @@ from fsoe_net.project.known import Record, read_record
 from fsoe_net.project.protocol import read_protocol
 from fsoe_net.project.report import since
 from fsoe_net.report.sign_off import Grounds, Reason, Refusal, read_signed_report, sign_off
-from fsoe_net.save.acceptance import write_acceptance
 
 __all__ = ["accept", "intervention_rows", "reason_rows", "record_bytes"]
 

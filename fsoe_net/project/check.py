@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.words import summary
 from fsoe_net.errors import InputError
-from fsoe_net.formats.library import builtin_library
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.library import builtin_library
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig, SourceFile
 from fsoe_net.model.resolve import Resolution, resolve

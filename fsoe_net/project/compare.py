@@ -6,12 +6,12 @@ import os
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats.acceptance import is_acceptance, parse_acceptance
-from fsoe_net.formats.files import Collector, read_bytes
-from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.scan import parse_scan
+from fsoe_net.formats.own.acceptance import is_acceptance, parse_acceptance
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.scan import parse_scan
+from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.accepted import accepted_plan
 from fsoe_net.plan.codec import MAGIC, decode_plan

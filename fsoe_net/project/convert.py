@@ -9,20 +9,20 @@ from pathlib import Path
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign_file import InputKind, find_kind, load_devices, load_foreign
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.eni.write import eni_notes, write_eni
+from fsoe_net.formats.igh.write import write_c_header
+from fsoe_net.formats.lcec.write import write_lcec
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.write import DriverVersion, write_driver, write_network
+from fsoe_net.formats.registry import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.write_files import write_all
+from fsoe_net.formats.shared.writers import Written, own_words_lost
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
 from fsoe_net.model.join import fill_devices, has_layout, join_buses
 from fsoe_net.project.renew_eni import renewed_eni
-from fsoe_net.save.c_header import write_c_header
-from fsoe_net.save.describe import describe
-from fsoe_net.save.driver import DriverVersion, write_driver, write_network
-from fsoe_net.save.eni import eni_notes, write_eni
-from fsoe_net.save.files import write_all
-from fsoe_net.save.lcec import write_lcec
-from fsoe_net.save.written import Written, own_words_lost
 
 __all__ = ["TARGETS", "Conversion", "convert_files"]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
 from fsoe_net.core.scan import FoundConnection, ScanCounts, Scanner, Sighting
-from fsoe_net.formats.packets import CaptureReader
+from fsoe_net.formats.capture.packets import CaptureReader
 from fsoe_net.fsoe.monitor import OutsideState, Verdict
 from fsoe_net.fsoe.pdu import Command
 from fsoe_net.model.resolve import Resolution

@@ -9,12 +9,14 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign_file import load_devices
-from fsoe_net.formats.library import load_library
-from fsoe_net.formats.ring import DeviceType, list_types, ring_of
+from fsoe_net.formats.own.library import load_library
+from fsoe_net.formats.registry import load_devices
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.write_files import write_all
+from fsoe_net.formats.shared.writers import Written
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.join import fill_devices, has_layout, join_buses
 from fsoe_net.model.library import Library
@@ -22,9 +24,7 @@ from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.project import match_project
 from fsoe_net.model.proposal import Proposal, propose
 from fsoe_net.project.gather import Gathered
-from fsoe_net.save.describe import describe
-from fsoe_net.save.files import write_all
-from fsoe_net.save.written import Written
+from fsoe_net.project.ring import DeviceType, list_types, ring_of
 
 __all__ = ["Draft", "Inputs", "make_draft", "question_findings"]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from fsoe_net.errors import InputError
+from fsoe_net.formats.own.comments import Remarks
+from fsoe_net.formats.own.write import write_network
+from fsoe_net.formats.shared.writers import Written
 from fsoe_net.model.answers import Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.proposal import Proposal
 from fsoe_net.project.draft import Draft
-from fsoe_net.save.driver import write_network
-from fsoe_net.save.remarks import Remarks
-from fsoe_net.save.written import Written
 
 __all__ = ["answers_template", "draft_files"]
 

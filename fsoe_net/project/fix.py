@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Diagnostic, Edit
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import STDIN, Collector, read_bytes
-from fsoe_net.formats.patch import patch_yaml
+from fsoe_net.formats.own.patch import patch_yaml
+from fsoe_net.formats.shared.files import STDIN, Collector, read_bytes
+from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.model.network import SourceFile
-from fsoe_net.save.files import write_all
 
 __all__ = ["Fixes"]
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.scan import load_scan
-from fsoe_net.formats.scan_bus import describe_scan
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.scan import load_scan
+from fsoe_net.formats.own.scan_bus import describe_scan
+from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
 from fsoe_net.model.network import NetworkConfig
-from fsoe_net.save.describe import describe
 
 __all__ = ["Gathered", "gather"]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
-from fsoe_net.formats.acceptance import is_acceptance, load_acceptance
-from fsoe_net.formats.files import Collector, read_bytes
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.acceptance import is_acceptance, load_acceptance
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import SafetyFunction

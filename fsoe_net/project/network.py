@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats.answers import load_answers
-from fsoe_net.formats.files import Collector, open_file
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.scan import load_scan
+from fsoe_net.formats.own.answers import load_answers
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.scan import load_scan
+from fsoe_net.formats.shared.files import Collector, open_file
 from fsoe_net.model.answers import Answers
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint
@@ -171,11 +171,11 @@ class Network:
             CoreMissing: The compiled part is not there.
             EnvironmentFault: A file cannot be written.
         """
+        from fsoe_net.formats.shared.write_files import make_folder
         from fsoe_net.observe.capture import CaptureWriter
         from fsoe_net.project.simulate import prepare
         from fsoe_net.run.incidents import IncidentRecorder
         from fsoe_net.run.session import run_live, run_virtual
-        from fsoe_net.save.files import make_folder
 
         if capture is not None and not virtual:
             raise ValueError("capture needs virtual=True: a run in real time carries no frames")

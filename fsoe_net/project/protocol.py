@@ -10,9 +10,11 @@ from fsoe_net import __version__
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.diag.words import summary
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.protocol import load_protocol
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.protocol import load_protocol
+from fsoe_net.formats.own.write_protocol import write_protocol
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.protocol import Protocol, ProtocolStep
 from fsoe_net.model.resolve import Resolution
@@ -25,8 +27,6 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.protocol import compare_protocol, keep_machine, make_protocol
 from fsoe_net.run.protocol_live import Person, run_protocol_live
 from fsoe_net.run.protocol_virtual import run_protocol_virtual
-from fsoe_net.save.files import write_whole
-from fsoe_net.save.protocol import write_protocol
 
 __all__ = ["ProtocolTrial", "read_protocol"]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.formats.files import Collector, read_bytes
-from fsoe_net.formats.foreign_file import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.formats.registry import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.network import NetworkConfig, SourceFile
 

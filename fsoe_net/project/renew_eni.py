@@ -5,11 +5,11 @@ from __future__ import annotations
 from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.formats.eni import load_eni_images
-from fsoe_net.formats.files import Collector, read_bytes
+from fsoe_net.formats.eni.read import load_eni_images
+from fsoe_net.formats.eni.write_copies import replace_copies
+from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.model.description import Description
 from fsoe_net.model.renumber import renumbered_copies
-from fsoe_net.save.eni_copies import replace_copies
 
 __all__ = ["renewed_eni"]
 

@@ -15,8 +15,9 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.document.model import Document
 from fsoe_net.document.write_pdf import report_pdf
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import open_file
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.files import open_file
+from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.codec import MAGIC, decode_plan
@@ -38,7 +39,6 @@ from fsoe_net.report.steps_to_repeat import steps_to_repeat
 from fsoe_net.report.write import FORMATS
 from fsoe_net.rules.scan import check_scan
 from fsoe_net.rules.timing import check_timing
-from fsoe_net.save.files import write_whole
 from fsoe_net.timing.budget import Budget, make_budget
 
 if TYPE_CHECKING:

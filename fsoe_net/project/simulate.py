@@ -8,7 +8,7 @@ from typing import TypeVar
 from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
 from fsoe_net.diag.words import summary
 from fsoe_net.errors import InputError
-from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import Scenario
 from fsoe_net.plan.compile import compile_plan

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from fsoe_net.core.snapshot import Histogram
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import open_file
-from fsoe_net.formats.scan import parse_scan
+from fsoe_net.formats.own.scan import parse_scan
+from fsoe_net.formats.shared.files import open_file
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.scan import Scan
 

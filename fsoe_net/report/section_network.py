@@ -29,7 +29,7 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
-from fsoe_net.formats.library import builtin_library
+from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.fsoe.crc import sra_crc
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, SubDevice

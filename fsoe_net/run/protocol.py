@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind
 from fsoe_net.model.resolve import Connection, Resolution

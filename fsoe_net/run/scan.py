@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.formats.scan import parse_scan
+from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.model.scan import Scan
 from fsoe_net.run.client import Client
 from fsoe_net.run.master import REFUSED, USAGE, find_master, last_error

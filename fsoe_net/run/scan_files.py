@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.scan import ScannedEntry, ScannedPdo, ScannedSm, ScannedSubDevice
 from fsoe_net.rules.scan import check_scan

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from fsoe_net.errors import FsnError
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run.client import Client

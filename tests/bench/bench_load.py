@@ -19,8 +19,8 @@ LIMIT_S = 3.0
 LIMIT_MIB = 150.0
 READ = """
 import resource, sys, time
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.esi import EsiChoice, load_esi
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.esi.read import EsiChoice, load_esi
 out, begin = Collector(), time.process_time()
 found = load_esi(sys.argv[1], out, choice=EsiChoice(product=int(sys.argv[2])))
 assert found is not None and not out.diagnostics, out.diagnostics

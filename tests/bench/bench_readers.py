@@ -12,10 +12,10 @@ from data_files import DATA
 from described import bus
 from load.texts import PDOS
 
-from fsoe_net.formats.eni import load_eni
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.igh_text import load_igh_text
-from fsoe_net.save.eni import write_eni
+from fsoe_net.formats.eni.read import load_eni
+from fsoe_net.formats.eni.write import write_eni
+from fsoe_net.formats.igh.read import load_igh_text
+from fsoe_net.formats.shared.files import Collector
 
 
 def best(reader, data: bytes, times: int = 5) -> float:

@@ -32,7 +32,7 @@ STAGES = ("start", "load", "resolve", "rules", "plan", "encode")
 @without_collector
 def stages(path: str) -> None:
     """Check and plan one network as `plan` does; print seconds per stage and MiB at most."""
-    from fsoe_net.formats.network import load_network
+    from fsoe_net.formats.own.network import load_network
     from fsoe_net.model.resolve import resolve
     from fsoe_net.plan.compile import compile_plan
     from fsoe_net.rules.check import check

@@ -14,7 +14,7 @@ from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.core.core import CorePlan
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import CoreMissing, EnvironmentFault, PlanFormatError
-from fsoe_net.save.files import write_whole
+from fsoe_net.formats.shared.write_files import write_whole
 
 ESTOP = str(PLAIN / "estop" / "network.yaml")
 

@@ -13,7 +13,7 @@ from described import bus
 from networks import EXAMPLES, example
 from scans import scan_of
 
-from fsoe_net.save.eni import write_eni
+from fsoe_net.formats.eni.write import write_eni
 
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
 

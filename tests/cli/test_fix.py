@@ -14,7 +14,7 @@ from fsoe_net.cli import check
 from fsoe_net.cli.main import main
 from fsoe_net.diag.diagnostic import Edit, Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats.patch import patch_yaml
+from fsoe_net.formats.own.patch import patch_yaml
 
 BROKEN = EXAMPLES / "broken"
 GOOD = {

@@ -11,7 +11,7 @@ import pytest
 from fsoe_net.cli.init_prompt import _with, parse_ring
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats.foreign_file import InputKind
+from fsoe_net.formats.registry import InputKind
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.project import gather

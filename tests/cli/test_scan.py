@@ -21,7 +21,7 @@ from cli.tool import fsn
 from networks import PLAIN
 from scans import scan_of
 
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
 
 ROOT = Path(__file__).parents[2]

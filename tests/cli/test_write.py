@@ -10,7 +10,7 @@ import pytest
 from patience import PATIENCE_S
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.save.files import write_whole
+from fsoe_net.formats.shared.write_files import write_whole
 
 
 def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path):

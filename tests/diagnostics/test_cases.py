@@ -11,11 +11,11 @@ import yaml
 
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
-from fsoe_net.formats.answers import load_answers
-from fsoe_net.formats.esi import EsiChoice
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.scan import load_scan
+from fsoe_net.formats.esi.read import EsiChoice
+from fsoe_net.formats.own.answers import load_answers
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.scan import load_scan
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
 from fsoe_net.project.check import check_files
 from fsoe_net.project.draft import Inputs, make_draft, question_findings

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fsoe_net.emul.bus import EmulatedNetwork, build_network
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.fsoe.event import Event, EventKind
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.scenario import LogicChoice

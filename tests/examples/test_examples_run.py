@@ -6,7 +6,7 @@ import pytest
 from run.support import EXAMPLES, needs_core, run, session_of
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files

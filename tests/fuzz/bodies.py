@@ -29,21 +29,23 @@ from fsoe_net.core.core import CorePlan
 from fsoe_net.core.scan import Scanner
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError, PlanFormatError, RecordingError
-from fsoe_net.formats import urdf
-from fsoe_net.formats.capture import load_capture_content
-from fsoe_net.formats.eni import load_eni, load_eni_images
-from fsoe_net.formats.esi import EsiChoice, load_esi
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign import Source
-from fsoe_net.formats.igh_text import load_igh_text
-from fsoe_net.formats.lcec import load_lcec
-from fsoe_net.formats.packets import read_capture
-from fsoe_net.formats.ros_slaves import load_ros_slaves
-from fsoe_net.formats.scenario import load_scenario
-from fsoe_net.formats.sii import load_sii
-from fsoe_net.formats.soem_text import load_soem_text
-from fsoe_net.formats.twincat import load_twincat
-from fsoe_net.formats.twinsafe import load_twinsafe
+from fsoe_net.formats.capture.packets import read_capture
+from fsoe_net.formats.capture.read import load_capture_content
+from fsoe_net.formats.eni.read import load_eni, load_eni_images
+from fsoe_net.formats.eni.write import write_eni
+from fsoe_net.formats.eni.write_copies import replace_copies
+from fsoe_net.formats.esi.read import EsiChoice, load_esi
+from fsoe_net.formats.igh.read import load_igh_text
+from fsoe_net.formats.lcec.read import load_lcec
+from fsoe_net.formats.own.scenario import load_scenario
+from fsoe_net.formats.ros2 import urdf
+from fsoe_net.formats.ros_slaves.read import load_ros_slaves
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.source import Source
+from fsoe_net.formats.sii.read import load_sii
+from fsoe_net.formats.soem.read import load_soem_text
+from fsoe_net.formats.twincat.read import load_twincat
+from fsoe_net.formats.twinsafe.read import load_twinsafe
 from fsoe_net.fsoe.recording import reader as recording_reader
 from fsoe_net.fsoe.recording.replay import replay
 from fsoe_net.fsoe.recording.rows import file_lines
@@ -56,8 +58,6 @@ from fsoe_net.plan.codec import decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.show import plan_json, plan_text
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.save.eni import write_eni
-from fsoe_net.save.eni_copies import replace_copies
 
 __all__ = ["TARGETS", "Target", "mutated"]
 

@@ -12,7 +12,7 @@ from typing import Any
 from networks import EXAMPLES, resolved
 
 from fsoe_net.emul.device import EmulatedDevice
-from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.observe.causes import Verdicts, judge
 from fsoe_net.observe.evidence import Evidence, gather

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from fsoe_net.formats.sii import sii_checksum
+from fsoe_net.formats.sii.read import sii_checksum
 from fsoe_net.model.bus import Direction, Pdo
 from fsoe_net.model.description import DescribedSubDevice
 

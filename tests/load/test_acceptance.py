@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report.signed import record_of
 
-from fsoe_net.formats.acceptance import is_acceptance, parse_acceptance
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.own.acceptance import is_acceptance, parse_acceptance
+from fsoe_net.formats.own.write_acceptance import write_acceptance
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.acceptance import Acceptance, JustifiedFinding
 from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
 from fsoe_net.plan.accepted import accepted_plan
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.fingerprint import fingerprint_of, safety_text
-from fsoe_net.save.acceptance import write_acceptance
 
 RECORD = record_of()
 TEXT = write_acceptance(RECORD)

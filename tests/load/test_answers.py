@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from fsoe_net.formats.answers import parse_answers
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.own.answers import parse_answers
+from fsoe_net.formats.shared.files import Collector
 
 GOOD = b"""\
 name: cell

@@ -22,10 +22,10 @@ from load.startup import (
 from observe.traffic import Bus, datagram, packet
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats import capture
-from fsoe_net.formats.capture import load_capture, load_capture_content
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign_file import InputKind, find_kind
+from fsoe_net.formats.capture import read as capture
+from fsoe_net.formats.capture.read import load_capture, load_capture_content
+from fsoe_net.formats.registry import InputKind, find_kind
+from fsoe_net.formats.shared.files import Collector
 
 WAYS = {(1, 3, 0, 2), (0, 3, 1, 2)}  # source and destination: SubDevice, sync manager
 

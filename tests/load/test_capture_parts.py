@@ -12,12 +12,13 @@ from load.startup import BRD, FPRD, FPWR, LOGIC, TERMINAL, Startup, sii
 from load.test_capture_input import described, expected, layout, read
 from observe.traffic import datagram, packet
 
-from fsoe_net.formats import capture, capture_ring
-from fsoe_net.formats.capture import load_capture
-from fsoe_net.formats.capture_datagrams import datagrams
-from fsoe_net.formats.capture_sdo import SdoAbort, SdoFollower, SdoValue
-from fsoe_net.formats.capture_sii import SiiReads
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.capture import read as capture
+from fsoe_net.formats.capture import ring as capture_ring
+from fsoe_net.formats.capture.datagrams import datagrams
+from fsoe_net.formats.capture.read import load_capture
+from fsoe_net.formats.capture.sdo import SdoAbort, SdoFollower, SdoValue
+from fsoe_net.formats.capture.sii import SiiReads
+from fsoe_net.formats.shared.files import Collector
 
 
 def mailbox(service: int, body: bytes, *, kind: int = 3, length: int | None = None) -> bytes:

@@ -14,9 +14,9 @@ from observe.tshark import tshark
 from wires import missing, run_program
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.capture import load_capture
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.capture.read import load_capture
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.layout import layout_of
 from fsoe_net.model.resolve import resolve
 

@@ -19,17 +19,17 @@ from load.esi_text import esi_text, module_text
 from load.texts import CONFIG, LCEC, PDOS, ROS_SLAVES, SLAVES, SOEM, TWINSAFE, XML, cstruct
 from load.twincat_text import alias, box, machine
 
-from fsoe_net.formats.eni import load_eni
-from fsoe_net.formats.esi import load_esi
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.igh_text import load_igh_text
-from fsoe_net.formats.lcec import load_lcec
-from fsoe_net.formats.ros_slaves import load_ros_slaves
-from fsoe_net.formats.soem_text import load_soem_text
-from fsoe_net.formats.twincat import load_twincat
-from fsoe_net.formats.twinsafe import load_twinsafe
+from fsoe_net.formats.eni.read import load_eni
+from fsoe_net.formats.eni.write import write_eni
+from fsoe_net.formats.esi.read import load_esi
+from fsoe_net.formats.igh.read import load_igh_text
+from fsoe_net.formats.lcec.read import load_lcec
+from fsoe_net.formats.ros_slaves.read import load_ros_slaves
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.soem.read import load_soem_text
+from fsoe_net.formats.twincat.read import load_twincat
+from fsoe_net.formats.twinsafe.read import load_twinsafe
 from fsoe_net.model.description import Description
-from fsoe_net.save.eni import write_eni
 
 HERE = Path(__file__).parent
 CASES: dict[str, dict[str, dict]] = yaml.safe_load((HERE / "cases.yaml").read_text("utf-8"))

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.formats.device import load_device
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.own.slave_yaml import load_device
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import EntryView
 
 SLAVE = """vendor_id: 2

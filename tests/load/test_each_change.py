@@ -14,16 +14,16 @@ from load.test_cases import KINDS
 from load.texts import DOMAINS, SLAVES_V
 from said import Said
 
-from fsoe_net.formats.acceptance import load_acceptance
-from fsoe_net.formats.answers import load_answers
-from fsoe_net.formats.capture import load_capture
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.igh_text import load_igh_text
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.protocol import load_protocol
-from fsoe_net.formats.scan import load_scan
-from fsoe_net.formats.scenario import load_scenario
-from fsoe_net.formats.sii import load_sii
+from fsoe_net.formats.capture.read import load_capture
+from fsoe_net.formats.igh.read import load_igh_text
+from fsoe_net.formats.own.acceptance import load_acceptance
+from fsoe_net.formats.own.answers import load_answers
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.protocol import load_protocol
+from fsoe_net.formats.own.scan import load_scan
+from fsoe_net.formats.own.scenario import load_scenario
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.sii.read import load_sii
 
 BASE = HERE / "base"
 SCENARIO = """\

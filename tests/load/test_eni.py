@@ -9,12 +9,12 @@ import pytest
 from data_files import need
 from described import bus, copy
 
-from fsoe_net.formats.eni import load_eni, load_eni_images
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.eni.read import load_eni, load_eni_images
+from fsoe_net.formats.eni.write import write_eni
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.layout import layout_of
-from fsoe_net.save.eni import write_eni
 
 
 def read(text: str | bytes, *, expect: tuple[str, ...] = ()):

@@ -10,8 +10,8 @@ from described import described_devices
 from hypothesis import given, settings
 from load.esi_text import device_text, esi_text, module_text
 
-from fsoe_net.formats.esi import EsiChoice, list_esi, load_esi
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction, Entry, Pdo
 from fsoe_net.model.layout import layout_of
 

@@ -10,10 +10,10 @@ import pytest
 from bench.big_esi import write_big_esi
 from load.esi_text import esi_text, module_text
 
-from fsoe_net.formats import esi as esi_module
-from fsoe_net.formats.esi import EsiChoice, list_esi, load_esi
-from fsoe_net.formats.esi_cache import cache_folder
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.esi import read as esi_module
+from fsoe_net.formats.esi.cache import cache_folder
+from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
+from fsoe_net.formats.shared.files import Collector
 
 DEVICE = '<Device><Type ProductCode="#x10" RevisionNo="1">D</Type><Name>{0}</Name>{1}</Device>\n'
 
@@ -281,7 +281,7 @@ def _no_home():
 
 
 def test_old_catalogues_go(big, monkeypatch):
-    monkeypatch.setattr("fsoe_net.formats.esi_cache._MAX_FILES", 1)
+    monkeypatch.setattr("fsoe_net.formats.esi.cache._MAX_FILES", 1)
     read_big(big)
     big.write_bytes(big.read_bytes() + b"\n")
     read_big(big)
@@ -327,7 +327,7 @@ def test_findings_do_not_multiply_without_bound():
 
 
 def test_rows_and_references_have_an_end(monkeypatch):
-    monkeypatch.setattr("fsoe_net.formats.esi_catalogue.MAX_ROWS", 3)
+    monkeypatch.setattr("fsoe_net.formats.esi.catalogue.MAX_ROWS", 3)
     no_identity = "<Device><Type>X</Type></Device>\n"
     _, out = load(esi_text(4 * no_identity))
     assert [d.code for d in out.diagnostics] == ["FSN110", "FSN110", "FSN110", "FSN103"]

@@ -9,8 +9,8 @@ import pytest
 from load.sii_image import category, image
 from load.texts import PDOS, SLAVES
 
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
+from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedSubDevice
 

@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats import yaml_tree
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.yaml_tree import parse_yaml
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.shared import yaml_tree
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.yaml_tree import parse_yaml
 from fsoe_net.project.check import check_files
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"

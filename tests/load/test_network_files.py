@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.options import LoadOptions
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.numbers import Reader, driver_endpoint_number, read_float, read_int
-from fsoe_net.formats.yaml_tree import ScalarNode
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.numbers import Reader, driver_endpoint_number, read_float, read_int
+from fsoe_net.formats.shared.yaml_tree import ScalarNode
 
 
 def read(text: str, reader: Reader, high: int = 0xFFFF) -> tuple[int | None, list[str]]:

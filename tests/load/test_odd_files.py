@@ -11,10 +11,10 @@ import pytest
 from load.sii_image import category, image
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
-from fsoe_net.formats.hex_text import binary_of
-from fsoe_net.formats.not_read import NEXT_STEPS
+from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.unreadable import NEXT_STEPS
+from fsoe_net.formats.sii.hex_text import binary_of
 
 ENI = """<EtherCATConfig Version="1.3"><Config><Master><Info><Name>m</Name></Info></Master>
 <Slave><Info><Name><![CDATA[Box \u00b0]]></Name>

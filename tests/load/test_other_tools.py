@@ -6,10 +6,10 @@ import pytest
 from data_files import need
 from load.texts import LCEC, ROS_SLAVES, TWINSAFE
 
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.lcec import load_lcec
-from fsoe_net.formats.ros_slaves import load_ros_slaves
-from fsoe_net.formats.twinsafe import load_twinsafe
+from fsoe_net.formats.lcec.read import load_lcec
+from fsoe_net.formats.ros_slaves.read import load_ros_slaves
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.twinsafe.read import load_twinsafe
 from fsoe_net.model.layout import layout_of
 
 

@@ -17,9 +17,9 @@ from load.texts import (
     cstruct,
 )
 
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.igh_text import load_igh_text
-from fsoe_net.formats.soem_text import load_soem_text
+from fsoe_net.formats.igh.read import load_igh_text
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.soem.read import load_soem_text
 from fsoe_net.model.bus import Watchdog
 from fsoe_net.model.description import Description
 from fsoe_net.model.layout import layout_of

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.safety import ElementKind, SafetyFunction
 
 HEAD = "version: 1\nproject: Cell 7\nsubdevices: []\nnets: []\nsafety_functions:\n"

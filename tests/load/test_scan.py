@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scans import scan_of, subdevice
 
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.scan import load_scan, parse_scan
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.scan import load_scan, parse_scan
 from fsoe_net.model.resolve import resolve
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml"

@@ -14,13 +14,13 @@ from jsonschema import Draft202012Validator
 from load.inventions import documents
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
-from fsoe_net.formats.answers import load_answers
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.protocol import load_protocol
-from fsoe_net.formats.scenario import load_scenario
-from fsoe_net.formats.schema import _validator, read_schema
+from fsoe_net.formats.own.answers import load_answers
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.protocol import load_protocol
+from fsoe_net.formats.own.scenario import load_scenario
+from fsoe_net.formats.own.schema import _validator, read_schema
+from fsoe_net.formats.shared.files import Collector
 
 # Other keys or files say the rest: a path, two names of one thing, the order of two times, a day
 # that its month has, a step that is not done at the machine, the bits of another entry.

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from load.sii_image import category, image, image_of, strings
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.sii import load_sii, read_sii, sii_checksum
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.sii.read import load_sii, read_sii, sii_checksum
 from fsoe_net.model.bus import Direction
 
 

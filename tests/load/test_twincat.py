@@ -11,10 +11,10 @@ from cli.tool import fsn
 from load import twincat_text as tc
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
-from fsoe_net.formats.twincat import load_twincat
-from fsoe_net.formats.twinsafe import load_twinsafe
+from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.twincat.read import load_twincat
+from fsoe_net.formats.twinsafe.read import load_twinsafe
 from fsoe_net.model.bus import Watchdog
 from fsoe_net.model.description import Description
 from fsoe_net.model.layout import layout_of

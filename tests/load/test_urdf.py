@@ -10,7 +10,7 @@ import pytest
 from data_files import need
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.urdf import UrdfResult, load_urdf
+from fsoe_net.formats.ros2.urdf import UrdfResult, load_urdf
 
 HERE = Path(__file__).parent / "urdf"
 

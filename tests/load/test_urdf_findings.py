@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
-from fsoe_net.formats.urdf import load_urdf
+from fsoe_net.formats.ros2.urdf import load_urdf
 
 BASE = (Path(__file__).parent / "urdf" / "robot.urdf").read_text("utf-8")
 PLUGIN = "ethercat_driver/EthercatDriver"

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.formats import urdf
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.urdf import load_urdf
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.ros2 import urdf
+from fsoe_net.formats.ros2.urdf import load_urdf
 
 BASE = (Path(__file__).parent / "urdf" / "robot.urdf").read_bytes()
 LAUGHS = (

@@ -12,10 +12,10 @@ from xml.etree import ElementTree
 import pytest
 
 from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.formats import xacro_expand
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.urdf import UrdfResult, load_urdf
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.ros2 import xacro_expand
+from fsoe_net.formats.ros2.urdf import UrdfResult, load_urdf
+from fsoe_net.formats.shared.files import Collector
 
 HERE = Path(__file__).parent / "urdf"
 CELL = HERE / "cell.urdf.xacro"

@@ -8,15 +8,15 @@ import pytest
 
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats.esi import load_esi
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.foreign_file import InputKind, find_kind, load_foreign
-from fsoe_net.formats.igh_text import load_igh_text
+from fsoe_net.formats.eni.write import write_eni
+from fsoe_net.formats.esi.read import load_esi
+from fsoe_net.formats.igh.read import load_igh_text
+from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_description
-from fsoe_net.save.eni import write_eni
 
 BY_HAND = b"""\
 // terminals of the test rig

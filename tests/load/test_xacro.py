@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.urdf import load_urdf
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.ros2.urdf import load_urdf
 
 MACRO = """<?xml version="1.0"?>
 <robot xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -102,7 +102,7 @@ def test_packages_are_found(tmp_path: Path):
 
 
 def test_a_urdf_without_transfers_is_remarked(tmp_path: Path):
-    from fsoe_net.formats.network import load_network
+    from fsoe_net.formats.own.network import load_network
 
     result = load_network([write(tmp_path)])
     assert "FSN125" in [d.code for d in result.diagnostics]

@@ -24,9 +24,9 @@ import pytest
 from patience import PATIENCE_S
 
 from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.formats import confine, xacro_expand
-from fsoe_net.formats.options import LoadOptions
-from fsoe_net.formats.urdf import load_urdf
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.ros2 import confine, xacro_expand
+from fsoe_net.formats.ros2.urdf import load_urdf
 
 _T = TypeVar("_T")
 SECRET = "kept-to-itself"
@@ -77,8 +77,8 @@ class World:
     def run(self, *, trusted: bool) -> None:
         program = (
             "import sys\n"
-            "from fsoe_net.formats.options import LoadOptions\n"
-            "from fsoe_net.formats.network import load_network\n"
+            "from fsoe_net.formats.own.options import LoadOptions\n"
+            "from fsoe_net.formats.own.network import load_network\n"
             "options = LoadOptions(trust_xacro=sys.argv[2] == 'True')\n"
             "for d in load_network([sys.argv[1]], options).diagnostics: print(d.message)\n"
         )
@@ -455,7 +455,7 @@ def test_bubblewrap_hides_what_landlock_would(
 
 def test_the_child_ends_with_the_tool(tmp_path: Path):
     path = _robot(tmp_path, "<a>${python.sum(x for x in range(10 ** 12))}</a>")
-    program = "import sys; from fsoe_net.formats.urdf import load_urdf; load_urdf(sys.argv[1])"
+    program = "import sys; from fsoe_net.formats.ros2.urdf import load_urdf; load_urdf(sys.argv[1])"
     tool = subprocess.Popen([sys.executable, "-c", program, str(path)])
     children = Path(f"/proc/{tool.pid}/task/{tool.pid}/children")
     child = _wait_for(lambda: children.read_text().split())[0]

@@ -8,9 +8,9 @@ import pytest
 import yaml
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.formats import yaml_tree
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
+from fsoe_net.formats.shared import yaml_tree
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted(

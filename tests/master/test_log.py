@@ -14,7 +14,7 @@ from pathlib import Path
 from master.rig import ROOT, Client, JsonObject, killed_at_the_end, program, when_it_listens
 from tied import tied
 
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.compile import compile_plan
 

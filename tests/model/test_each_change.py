@@ -12,10 +12,10 @@ from diagnostics.test_cases import HERE
 from networks import PLAIN
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.answers import load_answers
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.options import LoadOptions
+from fsoe_net.formats.own.answers import load_answers
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
 from fsoe_net.model.resolve import resolve
 from fsoe_net.project.draft import Inputs, make_draft

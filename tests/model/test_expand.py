@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from networks import example, resolved
 
 from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats.own.write import write_network
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SubDevice, SyncManager
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.expand import Hitch
 from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, NetworkConfig, Transfer
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.slots import frame_pairs
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files
-from fsoe_net.save.describe import describe
-from fsoe_net.save.driver import write_network
 
 pytestmark = pytest.mark.usefixtures("said")
 

@@ -8,9 +8,9 @@ import pytest
 from load.test_other_tools import TWINSAFE
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.library import builtin_library
-from fsoe_net.formats.twinsafe import load_twinsafe
+from fsoe_net.formats.own.library import builtin_library
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.twinsafe.read import load_twinsafe
 from fsoe_net.model.answers import AnsweredConnection, AnsweredWord, Answers, Ask
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.packets import CaptureReader, read_capture
+from fsoe_net.formats.capture.packets import CaptureReader, read_capture
 from fsoe_net.observe.capture import CaptureWriter
 
 T_S = 1_763_719_200

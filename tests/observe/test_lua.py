@@ -12,7 +12,7 @@ from observe.tshark import items, run, tshark
 from run.support import ESTOP, ROBOT, needs_core, resolution_of, session_of
 
 from fsoe_net.core.scan import Scanner
-from fsoe_net.formats.packets import read_capture
+from fsoe_net.formats.capture.packets import read_capture
 from fsoe_net.fsoe.monitor import Monitor, Verdict
 from fsoe_net.fsoe.pdu import Command, safe_data_of
 from fsoe_net.observe.capture import CaptureWriter

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from observe.traffic import FPRD, LRD, LRW, LWR, MAC, Bus, datagram, packet
 
 from fsoe_net.core.scan import Scanner
-from fsoe_net.formats.packets import read_capture
+from fsoe_net.formats.capture.packets import read_capture
 from fsoe_net.fsoe.monitor import OutsideState, Verdict
 from fsoe_net.fsoe.pdu import Command, frame_length
 

@@ -13,7 +13,7 @@ from networks import PLAIN, example, write_big_network
 
 from fsoe_net.core.core import Core, CorePlan, EmulatedBus
 from fsoe_net.errors import CoreMissing, PlanFormatError
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.bus import EntryView
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.codec import decode_plan

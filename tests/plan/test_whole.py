@@ -15,7 +15,7 @@ from said import Said
 
 from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.errors import InputError, PlanFormatError
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.resolve import resolve

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fsoe_net.formats.library import builtin_library
+from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.project.check import check_files

@@ -12,9 +12,10 @@ from described import bus
 from networks import PLAIN, example, resolved
 from scans import scan_of
 
-from fsoe_net.formats.eni import load_eni
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.scan import parse_scan
+from fsoe_net.formats.eni.read import load_eni
+from fsoe_net.formats.eni.write import write_eni
+from fsoe_net.formats.own.scan import parse_scan
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.description import Description
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.diff import Difference, compare
@@ -25,7 +26,6 @@ from fsoe_net.report.diff_read import (
     side_of_scan,
 )
 from fsoe_net.report.diff_side import Side
-from fsoe_net.save.eni import write_eni
 
 MIRROR = {"added": "removed", "removed": "added"}
 

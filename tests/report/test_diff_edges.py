@@ -10,7 +10,7 @@ from networks import example, resolved
 from report.made import BASE, TIMED
 from scans import scan_of
 
-from fsoe_net.formats.scan import parse_scan
+from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan, side_of_scan

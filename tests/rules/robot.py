@@ -9,11 +9,11 @@ from pathlib import Path
 from networks import EXAMPLES, example, resolved
 
 from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.formats.library import builtin_library
+from fsoe_net.formats.own.library import builtin_library
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.rules.references import check_references
-from fsoe_net.save.describe import describe
 
 ROBOT = example("el6910")  # 1 el6910, 2 el1904, 3 el2904, 4 drive_1, 5 drive_2; 0 is a coupler
 LIBRARY = builtin_library()

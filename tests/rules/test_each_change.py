@@ -12,7 +12,7 @@ from diagnostics.test_cases import HERE
 from networks import PLAIN
 from said import Said
 
-from fsoe_net.formats.scan import load_scan
+from fsoe_net.formats.own.scan import load_scan
 from fsoe_net.project.check import check_files
 from fsoe_net.rules.runtime import Runtime
 

@@ -9,8 +9,8 @@ import pytest
 from rules.robot import ROBOT, codes, crossed, found
 
 from fsoe_net.model.bus import Device
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
-from fsoe_net.save.describe import describe
 
 pytestmark = pytest.mark.usefixtures("said")
 

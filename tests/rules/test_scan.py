@@ -14,8 +14,8 @@ from networks import PLAIN
 from scans import COUPLER, scan_of, subdevice
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.scan import parse_scan
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.rules.scan import check_scan
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.protocol import AtMachine, Outcome, Protocol, ProtocolStep, StepKind
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.plan.compile import compile_plan

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.project.simulate import prepare
 from fsoe_net.run.result import Run

@@ -19,7 +19,7 @@ from run.support import needs_core
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.emul.bus import build_network
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.scenario import Action, Step
 from fsoe_net.plan.compile import compile_plan

@@ -19,7 +19,7 @@ from run.watched_master import MS, WatchedMaster, direction, subdevice
 from tied import tied
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats.packets import read_capture
+from fsoe_net.formats.capture.packets import read_capture
 from fsoe_net.observe.wire import RebuiltFrames
 from fsoe_net.report.cycle_times import timing_bars
 from fsoe_net.run.attachment import Attachment

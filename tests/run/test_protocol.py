@@ -10,7 +10,7 @@ import pytest
 from run.protocols import TIMED, by_id, only, protocol_of, timed
 from run.support import ESTOP, needs_core, resolution_of
 
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig
 from fsoe_net.model.protocol import Outcome, Seen, StepKind

@@ -13,15 +13,15 @@ import yaml
 from run.protocols import DONE, by_id, protocol_of, timed
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.protocol import load_protocol
-from fsoe_net.formats.schema import read_schema
+from fsoe_net.formats.own.protocol import load_protocol
+from fsoe_net.formats.own.schema import read_schema
+from fsoe_net.formats.own.write_protocol import write_protocol
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, Seen
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.protocol_page import protocol_page
 from fsoe_net.run.protocol import compare_protocol, keep_machine, make_protocol
-from fsoe_net.save.protocol import write_protocol
 
 
 def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:

@@ -14,14 +14,14 @@ from scans import scan_of, subdevice
 from fsoe_net.cli.scan_output import scan_table
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.errors import InputError
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.scan import load_scan, parse_scan
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.scan import load_scan, parse_scan
+from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.model.resolve import resolve
 from fsoe_net.rules.check import check
 from fsoe_net.rules.scan import check_scan
 from fsoe_net.run.scan import TakenScan
 from fsoe_net.run.scan_files import ScanFiles, compact_json, scan_files
-from fsoe_net.save.files import write_all
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from networks import example
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.igh_text import load_igh_text
+from fsoe_net.formats.igh.read import load_igh_text
+from fsoe_net.formats.igh.write import write_c_header
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.layout import layout_of
-from fsoe_net.save.c_header import write_c_header
-from fsoe_net.save.describe import describe
 
 FAKE = Path(__file__).parent / "fake"
 COMPILERS = [c for c in ("gcc", "clang") if shutil.which(c)]

@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from networks import EXAMPLES, example
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.device import device_from_yaml
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.yaml_tree import parse_yaml
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.slave_yaml import device_from_yaml
+from fsoe_net.formats.own.write import DriverVersion, write_driver, write_network
+from fsoe_net.formats.own.write_slave_yaml import write_slave_yaml
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.writers import Written
+from fsoe_net.formats.shared.yaml_tree import parse_yaml
 from fsoe_net.model.bus import Device, Direction, Pdo, Sdo, SyncManager
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
-from fsoe_net.save.describe import describe
-from fsoe_net.save.driver import DriverVersion, write_driver, write_network
-from fsoe_net.save.slave_yaml import write_slave_yaml
-from fsoe_net.save.written import Written
 
 
 def put(written: Written, folder: Path) -> None:

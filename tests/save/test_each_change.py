@@ -13,21 +13,21 @@ from diagnostics.test_cases import HERE
 from load.texts import LCEC
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.acceptance import load_acceptance
-from fsoe_net.formats.eni import load_eni
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.lcec import load_lcec
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.protocol import load_protocol
+from fsoe_net.formats.eni.read import load_eni
+from fsoe_net.formats.eni.write import eni_notes, write_eni
+from fsoe_net.formats.igh.write import write_c_header
+from fsoe_net.formats.lcec.read import load_lcec
+from fsoe_net.formats.lcec.write import write_lcec
+from fsoe_net.formats.own.acceptance import load_acceptance
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.protocol import load_protocol
+from fsoe_net.formats.own.write import DriverVersion, write_driver, write_network
+from fsoe_net.formats.own.write_acceptance import write_acceptance
+from fsoe_net.formats.own.write_protocol import write_protocol
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.writers import own_words_lost
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
-from fsoe_net.save.acceptance import write_acceptance
-from fsoe_net.save.c_header import write_c_header
-from fsoe_net.save.describe import describe
-from fsoe_net.save.driver import DriverVersion, write_driver, write_network
-from fsoe_net.save.eni import eni_notes, write_eni
-from fsoe_net.save.lcec import write_lcec
-from fsoe_net.save.protocol import write_protocol
-from fsoe_net.save.written import own_words_lost
 
 BASE = HERE / "base"
 WRITERS: list[Callable[[Description], object]] = [

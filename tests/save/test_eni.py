@@ -13,14 +13,14 @@ from networks import example
 
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import InputError
-from fsoe_net.formats.eni import EniImages, load_eni, load_eni_images
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.eni.read import EniImages, load_eni, load_eni_images
+from fsoe_net.formats.eni.write import write_eni
+from fsoe_net.formats.eni.write_copies import replace_copies
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Device, Direction, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.layout import layout_of
-from fsoe_net.save.describe import describe
-from fsoe_net.save.eni import write_eni
-from fsoe_net.save.eni_copies import replace_copies
 
 
 def back(text: str | bytes) -> EniImages:

@@ -13,12 +13,12 @@ import pytest
 from data_files import ROOT, need
 from described import bus
 
-from fsoe_net.formats.eni import load_eni
-from fsoe_net.formats.esi import load_esi
-from fsoe_net.formats.files import Collector
+from fsoe_net.formats.eni.read import load_eni
+from fsoe_net.formats.eni.write import eni_notes, write_eni
+from fsoe_net.formats.esi.read import load_esi
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.description import Description, StartFacts
 from fsoe_net.model.join import fill_devices
-from fsoe_net.save.eni import eni_notes, write_eni
 
 ESI = """<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices>
 <Device Physics="KK"><Type ProductCode="#x1af63052" RevisionNo="#x00130000">LOGIC</Type>

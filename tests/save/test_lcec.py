@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from networks import example
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.lcec import load_lcec
+from fsoe_net.formats.lcec.read import load_lcec
+from fsoe_net.formats.lcec.write import write_lcec
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.writers import Written
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
-from fsoe_net.save.describe import describe
-from fsoe_net.save.lcec import write_lcec
-from fsoe_net.save.written import Written
 
 
 def back(written: Written) -> Description:

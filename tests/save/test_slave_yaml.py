@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.network import load_network
-from fsoe_net.formats.types import type_bits
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.type_words import type_bits
+from fsoe_net.formats.own.write_slave_yaml import type_word, write_slave_yaml
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
-from fsoe_net.save.slave_yaml import type_word, write_slave_yaml
 
 NAMES = sorted({*TYPE_BITS, *DRIVER_WORD})
 

@@ -17,7 +17,7 @@ from patience import PATIENCE_S
 
 from fsoe_net.core.segment import Segment, SegmentLink
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.compile import compile_plan

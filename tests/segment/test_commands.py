@@ -10,7 +10,7 @@ from segment.test_emulate import EMULATE, ESTOP
 from segment.wire import read_frame
 from wires import command_inside, missing
 
-from fsoe_net.formats.scenario import load_scenario
+from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.fsoe.event import State
 from fsoe_net.model.scenario import Action, Step
 from fsoe_net.plan.compile import compile_plan

@@ -16,8 +16,8 @@ from wires import ROOT, command_inside, missing, run_inside, run_program
 
 from fsoe_net.core.segment import Segment
 from fsoe_net.errors import CoreError, EnvironmentFault
-from fsoe_net.formats.files import Collector
-from fsoe_net.formats.sii import load_sii, sii_checksum
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.sii.read import load_sii, sii_checksum
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run.emulate import SegmentSession
 from fsoe_net.run.session import counted_session_ids

@@ -11,8 +11,8 @@ from networks import PLAIN
 from said import Said
 
 from fsoe_net.document.model import outward
-from fsoe_net.formats.library import builtin_library
-from fsoe_net.formats.network import load_network
+from fsoe_net.formats.own.library import builtin_library
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.library import Library
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.report.budget import budget_text

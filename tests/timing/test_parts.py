@@ -16,7 +16,7 @@ from timing.test_budget import (
 )
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.library import builtin_library
+from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.model.library import Library, LibraryFigure
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import make_budget

@@ -1,0 +1,215 @@
+"""Cyclic process data of a capture: which windows pass by, and which FSoE frames are copied.
+
+A copy is believed when three things come together: the process data of both ends have the shape of
+an FSoE frame, every new frame at the destination stood at exactly one source a few cycles before,
+and both directions together form a conversation whose CRCs fit the chain (`fsoe.Monitor`). What
+lies in memory for that is a few frames of each place, however long the capture is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from fsoe_net.formats.capture.datagrams import Command, Datagram
+from fsoe_net.fsoe.monitor import Monitor
+from fsoe_net.fsoe.pdu import Command as FsoeCommand
+from fsoe_net.fsoe.pdu import safe_data_length
+
+__all__ = ["ENOUGH_FRAMES", "Cycles", "CyclicWindow", "FramePlace"]
+
+ENOUGH_FRAMES = 20
+_LIKELY_FRAMES = 4  # from then on the CRCs are followed
+_REMEMBERED = 6  # frames a copy may lie behind its source, and a lost packet between
+_MOST_WINDOWS = 4096
+_MOST_MONITORS = 256
+_SHARE = 0.9  # of new frames at the destination that have to come from the source
+_INPUTS, _OUTPUTS = (Command.LRD, Command.LRW), (Command.LWR, Command.LRW)
+_COMMANDS = frozenset(int(c) for c in FsoeCommand)
+
+
+class FramePlace(NamedTuple):
+    """A place with the shape of an FSoE frame; ``owner`` is the number of its `Station`."""
+
+    owner: int
+    manager: int
+    byte: int
+    size: int
+    is_output: bool
+    logical: int
+
+
+@dataclass(slots=True)
+class CyclicWindow:
+    """A datagram that comes again and again."""
+
+    command: int
+    logical: int
+    length: int
+    packet: int
+    seen: int = 0
+    returned: int = 0
+    best_counter: int = 0
+
+
+@dataclass(slots=True)
+class _Source:
+    recent: deque[bytes] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
+
+
+@dataclass(slots=True)
+class _Destination:
+    last: bytes = b""
+    changes: int = 0
+    from_source: dict[FramePlace, int] = field(default_factory=dict)
+
+    def sources(self, least: int) -> list[FramePlace]:
+        """Return where nearly all of its frames come from, once there were enough of them."""
+        need = max(least, _SHARE * self.changes)
+        return [place for place, count in self.from_source.items() if count >= need]
+
+
+_Copy = tuple[FramePlace, FramePlace]
+
+
+class Cycles:
+    """Takes the logical datagrams.
+
+    Attributes:
+        windows: What passed by, by command, logical address and length.
+        overflow: More different datagrams than are kept.
+    """
+
+    def __init__(self) -> None:
+        self.windows: dict[tuple[int, int, int], CyclicWindow] = {}
+        self.overflow = False
+        self._sources: dict[FramePlace, _Source] = {}
+        self._destinations: dict[FramePlace, _Destination] = {}
+        self._inside: dict[tuple[int, int, int], tuple[FramePlace, ...]] = {}
+        self._twice: set[FramePlace] = set()
+        self._monitors: dict[tuple[_Copy, _Copy], Monitor] = {}
+        self._sure: set[_Copy] = set()
+        self._sure_sources: set[FramePlace] = set()
+
+    def watch(self, places: tuple[FramePlace, ...]) -> None:
+        """Say where frames are to be expected; what was found out of places that stay is kept."""
+        sources = {p: self._sources.get(p) or _Source() for p in places if not p.is_output}
+        self._sources = sources
+        self._destinations = {
+            p: self._destinations.get(p) or _Destination() for p in places if p.is_output
+        }
+        self._inside = {}
+        inputs = [p for p in places if not p.is_output]
+        self._twice = {
+            o
+            for o in self._destinations
+            if any(
+                i.logical < o.logical + o.size and o.logical < i.logical + i.size for i in inputs
+            )
+        }
+
+    def take(self, datagram: Datagram, packet: int) -> None:
+        """Take one logical datagram."""
+        key = (datagram.command, datagram.logical, len(datagram.data))
+        window = self.windows.get(key)
+        if window is None:
+            if len(self.windows) >= _MOST_WINDOWS:
+                self.overflow = True
+                return
+            window = self.windows[key] = CyclicWindow(*key, packet)
+        window.seen += 1
+        if datagram.counter:
+            window.returned += 1
+            window.best_counter = max(window.best_counter, datagram.counter)
+        inside = self._inside.get(key)
+        if inside is None:
+            inside = self._inside[key] = self._found_in(*key)
+        for place in inside:
+            self._look(place, datagram)
+
+    def _found_in(self, command: int, logical: int, length: int) -> tuple[FramePlace, ...]:
+        ways = [p for p in self._destinations if command in _OUTPUTS]
+        ways += [
+            p for p in self._sources if command in _INPUTS
+        ]  # destinations first: they are older
+        end = logical + length
+        return tuple(p for p in ways if logical <= p.logical and p.logical + p.size <= end)
+
+    def _look(self, place: FramePlace, datagram: Datagram) -> None:
+        at = place.logical - datagram.logical
+        frame = datagram.data[at : at + place.size]
+        if not place.is_output:
+            recent = self._sources[place].recent
+            if datagram.counter and (not recent or recent[-1] != frame):
+                recent.append(frame)
+                self._follow(place, frame)
+            return
+        if place in self._twice and datagram.counter:
+            return  # what comes back at this address are inputs
+        row = self._destinations[place]
+        if frame == row.last:
+            return
+        row.last = frame
+        if frame[0] not in _COMMANDS or frame[0] == FsoeCommand.RESET:
+            return  # Resets of all connections look alike
+        row.changes += 1
+        for source, seen in self._sources.items():
+            if source.size == place.size and source.owner != place.owner and frame in seen.recent:
+                row.from_source[source] = row.from_source.get(source, 0) + 1
+
+    # -- CRCs -------------------------------------------------------------------------------------
+
+    def _follow(self, source: FramePlace, frame: bytes) -> None:
+        """Hold a new frame against every conversation that its source may be a part of."""
+        if source in self._sure_sources:
+            return
+        for pair, monitor in list(self._monitors.items()):
+            for direction, copy in enumerate(pair):
+                if copy[0] == source:
+                    monitor.frame(direction, frame, 0)
+            if _is_conversation(monitor):
+                self._sure |= set(pair)
+                self._sure_sources |= {copy[0] for copy in pair}
+                done = [p for p in self._monitors if self._sure & set(p)]
+                for key in done:
+                    del self._monitors[key]
+                return
+        self._begin(source)
+
+    def _begin(self, source: FramePlace) -> None:
+        copies = [
+            (found, destination)
+            for destination, row in self._destinations.items()
+            for found in row.sources(_LIKELY_FRAMES)
+            if (found, destination) not in self._sure
+        ]
+        for there in copies:
+            for back in copies:
+                ends = (back[1].owner, back[0].owner)
+                if there[0] != source or ends != (there[0].owner, there[1].owner):
+                    continue
+                for pair in ((there, back), (back, there)):
+                    if pair not in self._monitors and len(self._monitors) < _MOST_MONITORS:
+                        sizes = [safe_data_length(c[0].size) for c in pair]
+                        self._monitors[pair] = Monitor(*sizes)
+
+    def _by_values(self) -> list[_Copy]:
+        found = []
+        for destination, row in self._destinations.items():
+            sources = row.sources(ENOUGH_FRAMES)
+            if len(sources) == 1:
+                found.append((sources[0], destination))
+        return found
+
+    def copies(self) -> tuple[list[_Copy], list[_Copy]]:
+        """Return the copies that are proven, and those where only the bytes speak for it."""
+        by_values = self._by_values()
+        return [c for c in by_values if c in self._sure], [
+            c for c in by_values if c not in self._sure
+        ]
+
+
+def _is_conversation(monitor: Monitor) -> bool:
+    counts = [monitor.counts(direction) for direction in (0, 1)]
+    return all(c.right >= ENOUGH_FRAMES and c.wrong * 10 <= c.right for c in counts)

@@ -1,0 +1,291 @@
+"""What a capture shows of a SubDevice, into the model. What it does not show is said."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.capture.station import MAPPINGS, Manager, Station
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.sii.read import SiiImage, describe_sii, read_sii_categories
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice
+
+__all__ = ["describe_station"]
+
+_PROCESS_DATA = range(2, 16)  # sync managers that the assignment objects can mean
+_WATCHDOG = 0x40
+_IDENTITY = {"vendor": (0x8, 1), "product": (0xA, 2), "revision": (0xC, 3), "serial": (0xE, 4)}
+_FORMATS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
+
+
+@dataclass(slots=True)
+class _Read:
+    """A SubDevice while it is described."""
+
+    station: Station
+    path: str
+    span: Span
+    notes: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+
+
+def describe_station(station: Station, path: str, out: Collector) -> DescribedSubDevice:
+    """Return what is known of a SubDevice.
+
+    Args:
+        station: What was seen.
+        path: The capture.
+        out: Takes FSN153 for what the capture does not tell, FSN154 where PDOs do not fill the
+            room that the MainDevice has given them.
+    """
+    read = _Read(station, path, Span(path, station.packet, 1))
+    told, damage = Collector(), Collector()
+    data, whole = station.sii.image()
+    image = read_sii_categories(data, read.span, damage)
+    from_sii = describe_sii(image, path, read.span, damage)
+    read.notes += [f"its EEPROM: {d.message}" for d in damage.diagnostics]
+    managers = _managers(read, from_sii if whole else None, told)
+    layout = _settled(read, managers)
+    vendor, product, revision, serial = (_identity(read, name) for name in _IDENTITY)
+    general = image.general
+    name = image.text(general.name) if general is not None else ""
+    order = image.text(general.order) if general is not None else ""
+    _judge(read, told, vendor is None or product is None)
+    out.diagnostics += told.diagnostics
+    assigned = {p.index for sm in layout for p in sm.pdos or ()}
+    return DescribedSubDevice(
+        name=name or station.name(),
+        order=order or station.name(),
+        position=station.position,
+        alias=station.alias,
+        device=Device(
+            path=path,
+            vendor_id=vendor or 0,
+            product_code=product or 0,
+            assign_activate=station.dc_activation,
+            sync_managers=layout,
+            sdos=_sdos(read),
+            span=read.span,
+        ),
+        available=tuple(p for p in _offered(read, from_sii, image) if p.index not in assigned),
+        revision=revision,
+        serial=serial,
+        module_ident=station.modules(),
+        notes=tuple(read.notes),
+        span=read.span,
+    )
+
+
+def _identity(read: _Read, name: str) -> int | None:
+    """Return a number of the identity: of the EEPROM, else of object 0x1018."""
+    word, subindex = _IDENTITY[name]
+    stored = read.station.sii.number(word)
+    told = read.station.object_number(0x1018, subindex)
+    if stored is not None and told is not None and stored != told:
+        read.notes.append(f"{name} is 0x{stored:08x} in the EEPROM and 0x{told:08x} in 0x1018")
+    return told if stored is None else stored
+
+
+def _judge(read: _Read, told: Collector, nameless: bool) -> None:
+    """Say what is missing, in one finding for the SubDevice."""
+    station = read.station
+    lacking = list(read.unknown)
+    if nameless:
+        lacking.insert(0, "its identity")
+    if station.position is None:
+        lacking.insert(0, "its place in the ring")
+    if station.sii.conflicts:
+        words = ", ".join(f"0x{w:02x}" for w in sorted(station.sii.conflicts)[:4])
+        read.notes.append(f"the EEPROM was read with two values (word {words}); the last is taken")
+    if station.late:
+        read.notes.append(f"{station.late} SDO downloads outside of the start-up are left out")
+    if station.odd:
+        read.notes.append(f"{station.odd} SDO downloads are no plain 1, 2, 4 or 8 bytes; left out")
+    for abort, packet in station.aborts:
+        read.notes.append(
+            f"packet {packet}: it refused a write to 0x{abort.index:04x}:{abort.subindex:02x} "
+            f"(abort 0x{abort.code:08x})"
+        )
+    if lacking:
+        read.notes += [f"not in the capture: {what}" for what in lacking]
+        told.add(
+            "FSN153",
+            read.span,
+            f"{_who(station)}: the capture does not show {', '.join(lacking)}",
+            hint="capture from before the MainDevice starts, or give the ESI of the device too",
+        )
+
+
+def _who(station: Station) -> str:
+    if station.position is not None:
+        return f"the SubDevice at position {station.position}"
+    return f"the SubDevice with station address 0x{station.address or 0:04x}"
+
+
+# -- process data ---------------------------------------------------------------------------------
+
+
+def _managers(
+    read: _Read, from_sii: DescribedSubDevice | None, told: Collector
+) -> list[tuple[SyncManager, Manager | None]]:
+    station = read.station
+    registers = station.managers()
+    stored = {} if from_sii is None else {m.index: m for m in from_sii.device.sync_managers}
+    has_mailbox = any(m.is_mailbox for m in registers.values())
+    found = []
+    for number in range(16):
+        row = registers.get(number)
+        listed = station.assigned(number) if number in _PROCESS_DATA else None
+        if row is not None and row.is_mailbox:
+            continue
+        if row is not None and not row.enabled:
+            row = None  # written to be switched off
+        sii = stored.get(number)
+        if row is None and not listed and (sii is None or not sii.pdos or registers):
+            continue
+        pdos = _pdos(read, number, listed, sii, row, told)
+        direction = _direction(row, sii, pdos, listed)
+        if direction is None or (pdos is None and row is None and not has_mailbox):
+            continue
+        control = None if row is None else row.control
+        watchdog = Watchdog.DEFAULT
+        if control is not None and direction is Direction.OUTPUT:
+            watchdog = Watchdog.ENABLE if control & _WATCHDOG else Watchdog.DISABLE
+        start = row.start if row is not None else None if sii is None else sii.start_byte
+        manager = SyncManager(
+            index=number,
+            direction=direction,
+            carries=None,
+            watchdog=watchdog,
+            pdos=pdos,
+            start_byte=start,
+            span=_place(read, 0x1C10 + number),
+        )
+        found.append((manager, row))
+    return found
+
+
+def _place(read: _Read, index: int) -> Span:
+    """Return the packet that said what an object holds, else where the SubDevice was seen first."""
+    packet = read.station.places.get(index)
+    return read.span if packet is None else Span(read.path, packet, 1)
+
+
+def _direction(
+    row: Manager | None,
+    sii: SyncManager | None,
+    pdos: tuple[Pdo, ...] | None,
+    listed: Iterable[int] | None,
+) -> Direction | None:
+    if row is not None:
+        return row.direction
+    if sii is not None:
+        return sii.direction
+    indices = [p.index for p in pdos or ()] or list(listed or ())
+    if not indices:
+        return None
+    return Direction.OUTPUT if indices[0] in MAPPINGS[0] else Direction.INPUT
+
+
+def _pdos(
+    read: _Read,
+    number: int,
+    listed: tuple[int, ...] | None,
+    sii: SyncManager | None,
+    row: Manager | None,
+    told: Collector,
+) -> tuple[Pdo, ...] | None:
+    """Return the PDOs of a sync manager: of the object dictionary, else of the EEPROM."""
+    if listed is None:
+        stored_pdos = None if sii is None else sii.pdos
+        if stored_pdos and row is not None and _bytes(stored_pdos) != row.length:
+            read.notes.append(
+                f"SM{number} has {row.length} bytes, the PDOs of the EEPROM {_bytes(stored_pdos)}: "
+                "they are not what is used"
+            )
+            return None
+        return stored_pdos or None
+    stored = {} if sii is None else {p.index: p for p in sii.pdos or ()}
+    pdos: list[Pdo] = []
+    missing: list[str] = []
+    for index in listed:
+        mapping = read.station.mapping(index)
+        if mapping is not None:
+            pdos.append(_mapped(read, index, mapping))
+        elif index in stored:
+            pdos.append(stored[index])
+        else:
+            missing.append(f"0x{index:04x}")
+    if missing:
+        read.unknown.append(f"the entries of PDO {', '.join(missing)}")
+        return None
+    if row is not None and _bytes(pdos) != row.length:
+        told.add(
+            "FSN154",
+            _place(read, 0x1C10 + number),
+            f"{_who(read.station)}: SM{number} has {row.length} bytes, its PDOs have "
+            f"{_bytes(pdos)}",
+            hint="the mapping was changed unseen: capture a whole start-up, or use the ESI alone",
+        )
+    return tuple(pdos)
+
+
+def _bytes(pdos: Iterable[Pdo]) -> int:
+    return (sum(p.bits for p in pdos) + 7) // 8
+
+
+def _mapped(read: _Read, index: int, mapping: tuple[int, ...]) -> Pdo:
+    span = _place(read, index)
+    entries = tuple(
+        Entry(index=row >> 16, subindex=row >> 8 & 0xFF, bits=row & 0xFF, span=span)
+        for row in mapping
+        if row & 0xFF
+    )
+    return Pdo(index=index, entries=entries, span=span)
+
+
+def _settled(
+    read: _Read, rows: list[tuple[SyncManager, Manager | None]]
+) -> tuple[SyncManager, ...]:
+    """Give a layout only where all of it is known: half of one would shift what stands behind."""
+    blank = [sm for sm, row in rows if sm.pdos is None and (row is None or row.length)]
+    if not blank:
+        return tuple(sm for sm, _ in rows)
+    for sm, row in rows:
+        if sm.pdos is None and row is not None:
+            read.unknown.append(f"what the {row.length} bytes of SM{sm.index} are")
+    kept = [sm for sm, _ in rows if sm.pdos]
+    if kept:
+        names = ", ".join(f"SM{sm.index}" for sm in kept)
+        read.notes.append(f"the PDOs of {names} are known, but not those of all sync managers")
+    return ()
+
+
+def _offered(read: _Read, from_sii: DescribedSubDevice, image: SiiImage) -> tuple[Pdo, ...]:
+    """Return all PDOs that were seen; those of the object dictionary first."""
+    found: dict[int, Pdo] = {}
+    for index in sorted(i for i, sub in read.station.objects if sub == 0):
+        if any(index in group for group in MAPPINGS):
+            mapping = read.station.mapping(index)
+            if mapping:
+                found[index] = _mapped(read, index, mapping)
+    stored = [p.model(image.text, read.span) for p in image.pdos]
+    for pdo in (*stored, *from_sii.available):
+        found.setdefault(pdo.index, pdo)
+    return tuple(found.values())
+
+
+def _sdos(read: _Read) -> tuple[Sdo, ...]:
+    return tuple(
+        Sdo(
+            index=index,
+            subindex=subindex,
+            size_bytes=len(data),
+            value=int(struct.unpack(_FORMATS[len(data)], data)[0]),
+            span=Span(read.path, packet, 1),
+        )
+        for (index, subindex), (data, packet) in read.station.downloads.items()
+    )

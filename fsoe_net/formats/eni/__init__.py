@@ -1,0 +1,1 @@
+"""ENI, EtherCAT network information: read, written, and its copies replaced."""

@@ -1,0 +1,1 @@
+"""ESI, EtherCAT SubDevice information: the device description of a vendor."""

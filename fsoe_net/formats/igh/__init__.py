@@ -1,0 +1,1 @@
+"""What the `ethercat` tool of IgH prints, and C headers for its library or any other."""

@@ -1,0 +1,239 @@
+"""``ethercat cstruct``: C tables with the PDOs of one or more SubDevices.
+
+The comment before the second and later SubDevices gives its number in hexadecimal, though nothing
+says so; the identifiers have it in decimal. Users rename identifiers, so a table is found by the
+name that refers to it and by its ``+ offset``, never by how it should be called.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.shared.terminal_text import Pasted
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, Description
+
+__all__ = ["read_cstruct"]
+
+_HEAD = re.compile(r'/\* *Master (\d+), Slave ([0-9a-f]+)(?:, "(.*)")?')
+_IDENTITY = re.compile(r"(Vendor ID|Product code|Revision number): +0x([0-9a-f]{1,8})$")
+_TABLE = re.compile(
+    r"(?:static +)?(?:const +)?(?:ec|fsn)_(pdo_entry|pdo|sync)_info_t +(\w+)\[\d*\] *= *\{"
+)
+# People write such tables by hand, too: decimal sub-indexes, // comments, &table[2], short rows.
+_HEX = r"(0[xX][0-9a-fA-F]{1,4}|\d{1,5})"
+_NOTE = r" *(?:/\*(.*?)\*/|//(.*))?$"
+_REFERENCE = r"&?(\w+) *(?:(?:\+|\[) *(\d{1,6}) *\]?)?"
+_ENTRY = re.compile(rf"\{{ *{_HEX} *, *{_HEX} *, *(\d{{1,5}}) *,? *\}} *,?{_NOTE}")
+_PDO = re.compile(rf"\{{ *{_HEX} *, *(\d{{1,5}}) *, *{_REFERENCE} *,? *\}} *,?{_NOTE}")
+_SYNC = re.compile(
+    r"\{ *(\d{1,2}) *, *(?:EC|FSN)_DIR_(OUTPUT|INPUT) *(?:, *(\d{1,5}) *,"
+    rf" *{_REFERENCE} *(?:, *(?:EC|FSN)_WD_(ENABLE|DISABLE|DEFAULT) *)?)?,? *\}} *,?{_NOTE}"
+)
+_COMMENT = re.compile(r"//|/\*.*\*/$|\*(?: |/?$)")
+_END = re.compile(r"\};$")
+_MOST_ROWS = 255  # of one PDO, and of one sync manager
+_MOST_ENTRIES = 500_000
+_LAST = re.compile(r"\{ *(0xff|0xFF) *(?:, *(?:EC|FSN)_DIR_INVALID[^}]*)?\}")
+_NUMBER_OF = re.compile(r"slave_(\d{1,5})_")
+_STARTS = ("ec_pdo", "ec_sync", "static ec_", "{", "};", "/* Master", "* Vendor", "* Product")
+_DIRECTIONS = {"OUTPUT": Direction.OUTPUT, "INPUT": Direction.INPUT}
+_WATCHDOGS = {
+    "ENABLE": Watchdog.ENABLE,
+    "DISABLE": Watchdog.DISABLE,
+    "DEFAULT": Watchdog.DEFAULT,
+}
+
+
+@dataclass(slots=True)
+class _Head:
+    order: str = ""
+    seen: bool = False
+    numbers: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class _Table:
+    kind: str
+    name: str
+    span: Span
+    head: _Head
+    rows: list[tuple[re.Match[str], Span]] = field(default_factory=list)
+    ended: bool = False
+
+
+def read_cstruct(text: Pasted) -> Description:
+    """Read all tables, then follow ``syncs`` to ``pdos`` to ``entries``."""
+    tables = _tables(text)
+    if tables and not tables[-1].ended:
+        text.cut(text.lines[-1], f"table {tables[-1].name} has no end")
+    elif tables and tables[-1].kind != "sync":
+        text.cut(text.lines[-1], f"no sync manager table follows {tables[-1].name}")
+    rows = _subdevices(tables, text)
+    if text.taken > _MOST_ENTRIES:
+        what = f"its tables refer to more than {_MOST_ENTRIES} rows"
+        text.out.add("FSN103", Span(text.shown, 1, 1), what, hint="is this really a device?")
+        rows = []
+    return Description(
+        span=Span(text.shown, 1, 1),
+        format="ethercat-cstruct",
+        path=text.shown,
+        subdevices=tuple(rows),
+        truncated=text.truncated,
+    )
+
+
+_ROWS = {"pdo_entry": _ENTRY, "pdo": _PDO, "sync": _SYNC}
+
+
+def _tables(text: Pasted) -> list[_Table]:
+    tables: list[_Table] = []
+    head = _Head()
+    for line in text:
+        shown = line.stripped
+        table = tables[-1] if tables and not tables[-1].ended else None
+        if match := _HEAD.search(shown):
+            head = _Head(order=match[3] or "", seen=True)
+        elif match := _IDENTITY.search(shown):
+            head.numbers[match[1]] = int(match[2], 16)
+        elif match := _TABLE.search(shown):
+            if table is not None:
+                text.cut(line, f"table {table.name} has no end")
+                table.ended = True
+            tables.append(_Table(match[1], match[2], line.span, head))
+        elif table is not None and _END.match(shown):
+            table.ended = True
+        elif table is not None and (match := _ROWS[table.kind].match(shown)):
+            table.rows.append((match, line.span))
+        elif table is None and shown in ("{", "}", "};"):
+            continue  # the end of something else in a header
+        elif table is not None and shown.startswith("{") and not _is_plain(shown, table):
+            text.cut(line, f"{shown[:60]!r} is no row of table {table.name}")
+            continue
+        elif not _is_plain(shown, table):
+            text.strange(line, "`ethercat cstruct`", _STARTS)
+            continue
+        text.good(line)
+    started = head.seen or bool(head.numbers)
+    if started and (not tables or tables[-1].head is not head):
+        text.cut(text.lines[-1], "nothing follows the comment of its last SubDevice")
+    return tables
+
+
+def _is_plain(shown: str, table: _Table | None) -> bool:
+    return bool(_COMMENT.match(shown)) or (
+        table is not None and table.kind == "sync" and bool(_LAST.match(shown))
+    )
+
+
+def _number(text: str) -> int:
+    return int(text, 16) if text[:2] in ("0x", "0X") else int(text)
+
+
+def _subdevices(tables: list[_Table], text: Pasted) -> list[DescribedSubDevice]:
+    rows = []
+    entries: dict[str, _Table] = {}
+    pdos: dict[str, _Table] = {}
+    last: _Table | None = None
+    for table in tables:
+        if table.kind == "pdo_entry":
+            entries[table.name], last = table, table
+        elif table.kind == "pdo":
+            pdos[table.name], last = table, table
+        else:
+            rows.append(_described(table, pdos, entries, text))
+            last = None
+    if last is not None:
+        # Only the tables before the cut: the PDOs are known, not their sync managers.
+        found = [_pdo(m, s, entries, text) for m, s in last.rows] if last.kind == "pdo" else []
+        rows.append(_row(last, (), text, truncated=True, available=tuple(found)))
+    return rows
+
+
+def _described(
+    table: _Table, pdos: dict[str, _Table], entries: dict[str, _Table], text: Pasted
+) -> DescribedSubDevice:
+    managers = []
+    for match, span in table.rows:
+        count, start = int(match[3] or 0), int(match[5] or 0)
+        mailbox = match[4] == "NULL" and int(match[1]) < 2
+        if mailbox:
+            continue
+        rows = _slice(pdos.get(match[4] or ""), start, count, match[4] or "NULL", span, text)
+        managers.append(
+            SyncManager(
+                span=span,
+                index=int(match[1]),
+                direction=_DIRECTIONS[match[2]],
+                carries=None,
+                watchdog=_WATCHDOGS[match[6] or "DEFAULT"],
+                pdos=tuple(_pdo(m, s, entries, text) for m, s in rows),
+            )
+        )
+    return _row(table, tuple(managers), text, truncated=text.truncated and not table.ended)
+
+
+def _slice(
+    table: _Table | None, start: int, count: int, name: str, span: Span, text: Pasted
+) -> list[tuple[re.Match[str], Span]]:
+    if not count or name == "NULL":
+        return []
+    rows = [] if table is None else table.rows[start : start + count][:_MOST_ROWS]
+    text.taken += len(rows)
+    if text.taken > _MOST_ENTRIES:
+        return []
+    if len(rows) < count:
+        text.out.add(
+            "FSN147",
+            span,
+            f"{count} rows from {start} on are wanted of {name}; it has "
+            f"{0 if table is None else len(table.rows)}",
+            hint="paste the whole output; a table or a part of one is missing",
+        )
+    return rows
+
+
+def _pdo(match: re.Match[str], span: Span, entries: dict[str, _Table], text: Pasted) -> Pdo:
+    name = match[3] or "NULL"
+    rows = _slice(entries.get(name), int(match[4] or 0), int(match[2]), name, span, text)
+    found = [
+        Entry(
+            span=place,
+            index=_number(row[1]),
+            subindex=_number(row[2]),
+            bits=int(row[3]),
+            name=(row[4] or row[5] or "").strip() if _number(row[1]) else "",
+        )
+        for row, place in rows
+    ]
+    return Pdo(span=span, index=_number(match[1]), entries=tuple(found))
+
+
+def _row(
+    table: _Table,
+    managers: tuple[SyncManager, ...],
+    text: Pasted,
+    *,
+    truncated: bool,
+    available: tuple[Pdo, ...] = (),
+) -> DescribedSubDevice:
+    numbers = table.head.numbers
+    named = _NUMBER_OF.search(table.name)
+    device = Device(
+        path=text.shown,
+        vendor_id=numbers.get("Vendor ID", 0),
+        product_code=numbers.get("Product code", 0),
+        sync_managers=managers,
+    )
+    return DescribedSubDevice(
+        span=table.span,
+        order=table.head.order,
+        position=int(named[1]) if named else None,
+        device=device,
+        available=available,
+        revision=numbers.get("Revision number"),
+        truncated=truncated,
+        notes=() if numbers else ("this text has no identity",),
+    )

@@ -1,0 +1,1 @@
+"""XML of linuxcnc-ethercat, read and written."""

@@ -1,0 +1,220 @@
+"""Acceptance records: what ``fsoe-net accept`` writes."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import os
+import re
+import zlib
+from datetime import date
+from typing import cast
+
+from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
+from fsoe_net.formats.own.schema import check_structure
+from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.numbers import Reader, read_int
+from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
+from fsoe_net.model.acceptance import (
+    Acceptance,
+    Intervention,
+    JustifiedFinding,
+    JustifiedStep,
+    Replaced,
+    SignedBy,
+    same_person,
+    says_something,
+)
+from fsoe_net.model.network import SourceFile
+
+__all__ = ["is_acceptance", "load_acceptance", "parse_acceptance"]
+
+_FIRST_KEY = re.compile(rb"^acceptance_record\s*:", re.MULTILINE)
+_LOOKED_AT = 4096
+_HASH = re.compile(r"[0-9a-f]{64}")
+_MOST_BYTES = 128 * 1024 * 1024
+_MOST_PLAN_BYTES = 64 * 1024 * 1024  # as fsn-master takes plans
+_MANY = 2**31 - 1
+
+
+def is_acceptance(data: bytes) -> bool:
+    """Whether a file is meant to be an acceptance record."""
+    return _FIRST_KEY.search(data[:_LOOKED_AT]) is not None
+
+
+def load_acceptance(path: str | os.PathLike[str], out: Collector) -> Acceptance | None:
+    """Read an acceptance record.
+
+    Args:
+        path: The file.
+        out: Takes FSN101 … FSN116, FSN162 and FSN163 with line and column.
+
+    Returns:
+        The record, or ``None`` when it could not be understood. Whether its fingerprint is that of
+        the plan in it is not looked at here, see `fsoe_net.plan.accepted.accepted_plan`.
+    """
+    data = read_bytes(path, out, most=_MOST_BYTES)
+    return None if data is None else parse_acceptance(data, os.fspath(path), out)
+
+
+def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | None:
+    """Read an acceptance record from the bytes of a file; see `load_acceptance`."""
+    root = parse_yaml(data, file, out)
+    if root is None:
+        return None
+    before = len(out.diagnostics)
+    check_structure(root, "acceptance", out)
+    if len(out.diagnostics) > before:
+        return None
+    record = _record(root, out)
+    if same_person(record.author.name, record.verifier.name):
+        out.add(
+            "FSN163",
+            root.at("verifier"),
+            f"author and verifier are one person: {record.verifier.name}",
+            hint="somebody who is not the author verifies; make the record anew",
+        )
+    return None if len(out.diagnostics) > before else record
+
+
+def _record(root: MapNode, out: Collector) -> Acceptance:
+    replaced = root.get("replaces")
+    sections = _map(root, "sections")
+    protocol = _map(root, "protocol")
+    return Acceptance(
+        span=root.span,
+        fields=root.places(),
+        network=_text(root, "network"),
+        project=_text(root, "project"),
+        made_with=_text(root, "made_with"),
+        whole=_hash(root, "fingerprint", out),
+        sections={name: _hash(sections, name, out) for name in sections.pairs},
+        plan=_plan(root, out),
+        safety_functions=safety_functions_from_yaml(root, out),
+        inputs=tuple(_file(n, out) for n in root.maps("inputs")),
+        reports=tuple(_file(n, out) for n in root.maps("reports")),
+        open_points=_count(root, "open_points", out),
+        assumptions=_count(root, "assumptions", out),
+        protocol=_file(protocol, out),
+        steps=_count(protocol, "steps", out),
+        author=_person(_map(root, "author"), out),
+        verifier=_person(_map(root, "verifier"), out),
+        findings=tuple(_finding(n, out) for n in root.maps("justified_findings")),
+        steps_left_out=tuple(_step(n, out) for n in root.maps("steps_left_out")),
+        interventions=tuple(_intervention(n, out) for n in root.maps("interventions")),
+        replaces=_replaced(replaced, out) if isinstance(replaced, MapNode) else None,
+    )
+
+
+def _text(node: MapNode, key: str) -> str:
+    return node.text(key) or ""
+
+
+def _stated(node: MapNode, key: str, out: Collector) -> str:
+    text = _text(node, key).strip()
+    if not says_something(text):
+        out.add("FSN162", node.at(key), f"{key} is empty", hint="make the record anew")
+    return text
+
+
+def _map(node: MapNode, key: str) -> MapNode:
+    return cast(MapNode, node.pairs[key])  # the schema has seen to it
+
+
+def _count(node: MapNode, key: str, out: Collector) -> int:
+    return read_int(node.get(key), out, what=key, low=0, high=_MANY, reader=Reader.OWN) or 0
+
+
+def _hash(node: MapNode, key: str, out: Collector) -> str:
+    text = _text(node, key).lower()
+    if not _HASH.fullmatch(text):
+        out.add(
+            "FSN162",
+            node.at(key),
+            f"{key} is no SHA-256 of 64 hexadecimal digits",
+            hint="take the record from version control, or make it anew",
+        )
+    return text
+
+
+def _file(node: MapNode, out: Collector) -> SourceFile:
+    return SourceFile(path=_text(node, "file"), sha256=_hash(node, "sha256", out))
+
+
+def _date(node: MapNode, out: Collector) -> str:
+    text = _text(node, "date")
+    try:
+        date.fromisoformat(text)
+    except ValueError:
+        out.add("FSN162", node.at("date"), f"{text!r} is no date", hint="write YYYY-MM-DD")
+    return text
+
+
+def _person(node: MapNode, out: Collector) -> SignedBy:
+    return SignedBy(
+        span=node.span,
+        fields=node.places(),
+        name=_stated(node, "name", out),
+        date=_date(node, out),
+    )
+
+
+def _finding(node: MapNode, out: Collector) -> JustifiedFinding:
+    return JustifiedFinding(
+        span=node.span,
+        fields=node.places(),
+        code=_text(node, "code"),
+        place=_text(node, "place"),
+        message=_text(node, "message"),
+        reason=_stated(node, "reason", out),
+        by=_stated(node, "by", out),
+    )
+
+
+def _step(node: MapNode, out: Collector) -> JustifiedStep:
+    return JustifiedStep(
+        span=node.span,
+        fields=node.places(),
+        step=_text(node, "step"),
+        reason=_stated(node, "reason", out),
+        by=_stated(node, "by", out),
+    )
+
+
+def _intervention(node: MapNode, out: Collector) -> Intervention:
+    return Intervention(
+        span=node.span,
+        fields=node.places(),
+        what=_stated(node, "what", out),
+        by=_stated(node, "by", out),
+        date=_date(node, out),
+    )
+
+
+def _replaced(node: MapNode, out: Collector) -> Replaced:
+    return Replaced(
+        span=node.span,
+        fields=node.places(),
+        source=_file(node, out),
+        whole=_hash(node, "fingerprint", out),
+    )
+
+
+def _plan(root: MapNode, out: Collector) -> bytes:
+    """Return the plan that is packed in the record (zlib, base64)."""
+    unpack = zlib.decompressobj()
+    try:
+        packed = base64.b64decode("".join(_text(root, "plan").split()), validate=True)
+        data = unpack.decompress(packed, _MOST_PLAN_BYTES)
+        if unpack.eof and not unpack.unused_data:
+            return data
+        trouble = "is cut short" if not unpack.unconsumed_tail else "unpacks to more than 64 MiB"
+    except (binascii.Error, ValueError, zlib.error) as exc:
+        trouble = f"cannot be unpacked: {exc}"
+    out.add(
+        "FSN162",
+        root.at("plan"),
+        f"the plan in this record {trouble}",
+        hint="take the record from version control, or make it anew",
+    )
+    return b""

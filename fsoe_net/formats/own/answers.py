@@ -1,0 +1,104 @@
+"""The answers file of ``fsoe-net init``: what a user knows and the other files do not tell."""
+
+from __future__ import annotations
+
+import os
+
+from fsoe_net.formats.own.schema import check_structure
+from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.numbers import Reader, read_int
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, parse_yaml
+from fsoe_net.model.answers import AnsweredConnection, AnsweredDevice, AnsweredWord, Answers
+
+__all__ = ["load_answers", "parse_answers"]
+
+_U16, _U32 = 0xFFFF, 0xFFFFFFFF
+_MOST = 1000
+_NO = ("false", "no", "off", "n")
+
+
+def load_answers(path: str | os.PathLike[str], out: Collector) -> Answers | None:
+    """Read an answers file.
+
+    Args:
+        path: The file.
+        out: Takes FSN101 … FSN116 with line and column.
+
+    Returns:
+        The answers, or ``None`` when there is no such file or it is no YAML.
+    """
+    data = read_bytes(path, out)
+    return None if data is None else parse_answers(data, os.fspath(path), out)
+
+
+def parse_answers(data: bytes, file: str, out: Collector) -> Answers | None:
+    """Read answers from the bytes of a file; see `load_answers`."""
+    root = parse_yaml(data, file, out)
+    if root is None:
+        return None
+    before = len(out.diagnostics)
+    check_structure(root, "answers", out)
+    if len(out.diagnostics) > before:
+        return None
+    main = root.get("main")
+    return Answers(
+        span=root.span,
+        fields=root.places(),
+        name=root.text("name") or "",
+        cycle_us=_int(root, "cycle_us", 4_000_000, out, low=1),
+        subdevices=tuple(_device(n, out) for n in root.maps("subdevices")),
+        main=None if main is None else tuple(_words(main)),
+        process_data=_by_name(root, "process_data"),
+        frames=_by_name(root, "frames"),
+        connections=tuple(_connection(n, out) for n in root.maps("connections")),
+    )
+
+
+def _device(node: MapNode, out: Collector) -> AnsweredDevice:
+    return AnsweredDevice(
+        span=node.span,
+        fields=node.places(),
+        type=(node.text("type") or "").strip(),
+        name=(node.text("name") or "").strip(),
+        count=_int(node, "count", _MOST, out, low=1) or 1,
+        position=_int(node, "position", _U16, out),
+        revision=_int(node, "revision", _U32, out),
+    )
+
+
+def _connection(node: MapNode, out: Collector) -> AnsweredConnection:
+    return AnsweredConnection(
+        span=node.span,
+        fields=node.places(),
+        sub=node.text("sub") or "",
+        main=node.text("main"),
+        slot=_int(node, "slot", 255, out),
+        sub_slot=_int(node, "sub_slot", 255, out),
+        address=_int(node, "address", _U16, out),
+        connection_id=_int(node, "connection_id", _U16, out),
+        watchdog_ms=_int(node, "watchdog_ms", _U16, out),
+    )
+
+
+def _words(node: Node) -> list[AnsweredWord]:
+    items = node.items if isinstance(node, SeqNode) else [node]
+    return [AnsweredWord(span=i.span, text=i.text) for i in items if isinstance(i, ScalarNode)]
+
+
+def _by_name(root: MapNode, key: str) -> dict[str, AnsweredWord]:
+    node = root.get(key)
+    if not isinstance(node, MapNode):
+        return {}
+    return {
+        name: AnsweredWord(
+            span=node.keys[name],
+            fields={"value": value.span},
+            text="no" if value.text.lower() in _NO and value.plain else value.text,
+        )
+        for name, value in node.pairs.items()
+        if isinstance(value, ScalarNode)
+    }
+
+
+def _int(node: MapNode, key: str, high: int, out: Collector, *, low: int = 0) -> int | None:
+    return read_int(node.get(key), out, what=key, low=low, high=high, reader=Reader.OWN)

@@ -1,0 +1,266 @@
+"""The device library: one YAML file for each device in ``fsoe_net/devices``, and the user's own."""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+from collections.abc import Sequence
+from importlib import resources
+
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.formats.own.schema import check_structure
+from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
+from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
+from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.library import (
+    Library,
+    LibraryDevice,
+    LibraryFigure,
+    LibraryFrame,
+    LibraryIdentity,
+    LibraryMapping,
+    contradictions,
+)
+
+__all__ = ["builtin_library", "load_library", "parse_library_device"]
+
+_U8, _U16, _U32 = 0xFF, 0xFFFF, 0xFFFFFFFF
+_MAX_ENTRIES = 4096
+_WORD = re.compile(
+    r"(?:-|([0-9a-fA-F]{4}):([0-9a-fA-F]{2})(?:-([0-9a-fA-F]{2}))?)/([0-9]{1,3})(?:x([0-9]{1,3}))?\Z"
+)
+_ADDRESS = re.compile(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{2})\Z")
+
+
+def load_library(
+    own: Sequence[str | os.PathLike[str]] = (),
+) -> tuple[Library, list[Diagnostic]]:
+    """Return the library of the package with the user's own files in front.
+
+    Args:
+        own: Files of the same form; one with the identity of a known device stands for it.
+
+    Returns:
+        The devices that could be read, and everything that is wrong with the user's files.
+    """
+    out = Collector()
+    mine: list[LibraryDevice] = []
+    for path in own:
+        data = read_bytes(path, out)
+        device = None if data is None else parse_library_device(data, os.fspath(path), out)
+        if device is not None:
+            mine.append(device)
+    taken = {(i.vendor_id, i.product_code) for d in mine for i in d.identities}
+    rest = [
+        d
+        for d in builtin_library().devices
+        if taken.isdisjoint((i.vendor_id, i.product_code) for i in d.identities)
+    ]
+    return Library(devices=(*mine, *rest)), sort_diagnostics(out.diagnostics)
+
+
+@functools.cache
+def builtin_library(products: frozenset[int] | None = None) -> Library:
+    """Return the library of the package.
+
+    Args:
+        products: Product codes that matter: files without any of them are not looked into, which
+            leaves nearly nothing to do for most networks. ``None`` for all devices.
+
+    Raises:
+        EnvironmentFault: A file of the package is damaged.
+    """
+    out = Collector()
+    folder = resources.files("fsoe_net") / "devices"
+    devices: list[LibraryDevice] = []
+    for item in sorted(folder.iterdir(), key=lambda i: i.name):
+        if not item.name.endswith(".yaml"):
+            continue
+        data = item.read_bytes()
+        if products is not None and not any(b"0x%08x" % p in data for p in products):
+            continue
+        device = parse_library_device(data, f"devices/{item.name}", out)
+        if device is not None:
+            devices.append(device)
+    if _damaged(out):
+        first = out.diagnostics[0]
+        raise EnvironmentFault(f"the device library is damaged: {first.span}: {first.message}")
+    return Library(devices=tuple(devices))
+
+
+def parse_library_device(data: bytes, file: str, out: Collector) -> LibraryDevice | None:
+    """Read one device.
+
+    Args:
+        data: The YAML document.
+        file: Name shown in findings.
+        out: Takes FSN102 … FSN116 for the structure, FSN141 for entries that cannot be read,
+            FSN139 where the facts contradict each other.
+
+    Returns:
+        The device, or ``None`` when something is wrong with it.
+    """
+    mine = Collector()
+    device = None
+    root = parse_yaml(data, file, mine)
+    if root is not None:
+        check_structure(root, "device", mine)
+        if not _damaged(mine):
+            device = _device(root, mine)
+    if device is not None and not _damaged(mine):
+        for place, text in contradictions(device):
+            mine.add(
+                "FSN139",
+                place.span,
+                f"{device.name}: {text}",
+                severity=Severity.ERROR,
+                hint="correct the entries or what is stated about them",
+            )
+    out.diagnostics += mine.diagnostics
+    return None if _damaged(mine) else device
+
+
+def _damaged(out: Collector) -> bool:
+    return any(d.level is Severity.ERROR for d in out.diagnostics)
+
+
+def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
+    identities = tuple(
+        LibraryIdentity(
+            span=row.span,
+            fields=row.places(),
+            order=row.text("order") or "",
+            vendor_id=_int(row, "vendor_id", _U32, out) or 0,
+            product_code=_int(row, "product_code", _U32, out) or 0,
+        )
+        for row in root.maps("identities")
+    )
+    if not identities:
+        out.add("FSN141", root.at("identities"), "no identity", hint="add vendor and product code")
+        return None
+    sources = root.get("sources")
+    pairs = sources.pairs if isinstance(sources, MapNode) else {}
+    return LibraryDevice(
+        span=root.span,
+        fields=root.places(),
+        name=root.text("name") or "",
+        about=root.text("about") or "",
+        role=root.text("role") or "",
+        identities=identities,
+        sources={k: n.text.strip() for k, n in pairs.items() if isinstance(n, ScalarNode)},
+        mappings=tuple(_mapping(row, out) for row in root.maps("mappings")),
+        figures=tuple(_figure(row, out) for row in root.maps("figures")),
+        notes=_texts(root, "notes"),
+    )
+
+
+def _mapping(node: MapNode, out: Collector) -> LibraryMapping:
+    return LibraryMapping(
+        span=node.span,
+        fields=node.places(),
+        name=node.text("name") or "",
+        role=node.text("role") or "",
+        source=node.text("source") or "",
+        sync_managers=tuple(_manager(row, out) for row in node.maps("sync_managers")),
+        frames=tuple(
+            LibraryFrame(
+                span=row.span,
+                fields=row.places(),
+                sm_index=_int(row, "sm", 15, out) or 0,
+                byte_offset=_int(row, "byte", _U16, out) or 0,
+                frame_bytes=_int(row, "frame_bytes", _U8, out) or 0,
+                safe_bytes=_int(row, "safe_bytes", _U8, out) or 0,
+            )
+            for row in node.maps("frames")
+        ),
+        restart_relevant=_addresses(node, out),
+        revision_from=_int(node, "revision_from", _U32, out),
+        revision_to=_int(node, "revision_to", _U32, out),
+        module_ident=_int(node, "module_ident", _U32, out),
+        notes=_texts(node, "notes"),
+    )
+
+
+def _manager(node: MapNode, out: Collector) -> SyncManager:
+    front = _int(node, "first_byte", _U16, out) or 0
+    padding = Entry(span=node.at("first_byte"), index=0, subindex=0, bits=8)
+    unknown = (Pdo(span=node.at("first_byte"), index=0, entries=(padding,) * front),)
+    return SyncManager(
+        span=node.span,
+        fields=node.places(),
+        index=_int(node, "sm", 15, out) or 0,
+        direction=Direction(node.text("direction") or "output"),
+        carries=None,
+        pdos=(unknown if front else ())
+        + tuple(
+            Pdo(
+                span=row.span,
+                fields=row.places(),
+                index=_int(row, "index", _U16, out) or 0,
+                entries=_entries(row, out),
+            )
+            for row in node.maps("pdos")
+        ),
+    )
+
+
+def _entries(node: MapNode, out: Collector) -> tuple[Entry, ...]:
+    found: list[Entry] = []
+    span = node.at("entries")
+    for word in (node.text("entries") or "").split():
+        match = _WORD.match(word)
+        if match is None:
+            hint = "write 6000:01/8, a run 6001:01-04/1, padding -/4 or -/1x8"
+            out.add("FSN141", span, f"entry {word[:40]!r} cannot be read", hint=hint)
+            return ()
+        index, low, high, bits, times = match.groups()
+        first = int(low or "0", 16)
+        for sub in range(first, int(high or low or "0", 16) + 1):
+            entry = Entry(span=span, index=int(index or "0", 16), subindex=sub, bits=int(bits))
+            found += [entry] * int(times or 1)
+        if len(found) > _MAX_ENTRIES:
+            out.add("FSN141", span, f"more than {_MAX_ENTRIES} entries", hint="split the PDO")
+            return ()
+    return tuple(found)
+
+
+def _addresses(node: MapNode, out: Collector) -> tuple[tuple[int, int], ...]:
+    found: list[tuple[int, int]] = []
+    items = node.get("restart_relevant")
+    for item in items.items if isinstance(items, SeqNode) else ():
+        match = _ADDRESS.match(item.text) if isinstance(item, ScalarNode) else None
+        if match is None:
+            out.add("FSN141", item.span, "no address of an entry", hint='write "F788:00"')
+        else:
+            found.append((int(match[1], 16), int(match[2], 16)))
+    return tuple(found)
+
+
+def _figure(node: MapNode, out: Collector) -> LibraryFigure:
+    if not node.truth("unverified"):
+        out.add(
+            "FSN116",
+            node.at("unverified"),
+            "a figure of the library is never verified here",
+            hint="write unverified: true",
+        )
+    return LibraryFigure(
+        span=node.span,
+        fields=node.places(),
+        name=node.text("name") or "",
+        value=read_float(node.get("value"), out, what="value") or 0.0,
+        source=node.text("source") or "",
+    )
+
+
+def _int(node: MapNode, key: str, high: int, out: Collector) -> int | None:
+    return read_int(node.get(key), out, what=key, low=0, high=high, reader=Reader.OWN)
+
+
+def _texts(node: MapNode, key: str) -> tuple[str, ...]:
+    items = node.get(key)
+    nodes = items.items if isinstance(items, SeqNode) else ()
+    return tuple(n.text.strip() for n in nodes if isinstance(n, ScalarNode))

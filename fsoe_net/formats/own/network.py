@@ -1,0 +1,461 @@
+"""From the files a user names to one `NetworkConfig`: recognises kinds, follows references."""
+
+from __future__ import annotations
+
+import difflib
+import enum
+import itertools
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.pause import without_collector
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
+from fsoe_net.formats.own.schema import (
+    MOST_UNKNOWN,
+    check_structure,
+    kind_by_keys,
+    refuse_kind,
+    schema_keys,
+)
+from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
+from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
+from fsoe_net.formats.ros2.urdf import DriverSystem, ModuleDecl, known_plugin_findings, load_urdf
+from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
+from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
+from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.layout import layout_of
+from fsoe_net.model.network import Net, NetworkConfig
+from fsoe_net.model.safety import SafetyFunction
+
+_SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
+
+__all__ = ["FileKind", "LoadResult", "load_network"]
+
+
+class FileKind(enum.Enum):
+    """What a file is, found by its content, never by its name."""
+
+    NETWORK = "network YAML"
+    TRANSFERS = "transfer YAML"
+    SLAVE = "slave YAML"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadResult:
+    """What was read. ``network`` is ``None`` when nothing could be understood."""
+
+    network: NetworkConfig | None
+    diagnostics: tuple[Diagnostic, ...]
+
+
+@without_collector
+def load_network(
+    paths: Sequence[str | os.PathLike[str]], options: LoadOptions | None = None
+) -> LoadResult:
+    """Read a network from the files a user names.
+
+    Args:
+        paths: One network YAML; or one URDF or xacro, optionally with the transfer YAML it needs;
+            or a transfer YAML or slave YAML on its own, which is checked as far as it goes.
+        options: How references are followed.
+
+    Never raises for what is in the files or the file system: every problem is a diagnostic.
+    """
+    assembly = _Assembly(options or LoadOptions())
+    for path in dict.fromkeys(os.fspath(p) for p in paths):
+        assembly.add(path)
+    network = assembly.finish()
+    return LoadResult(
+        network=network, diagnostics=tuple(sort_diagnostics(assembly.out.diagnostics))
+    )
+
+
+@dataclass(slots=True)
+class _Yaml:
+    path: str
+    root: MapNode
+
+
+class _Assembly:
+    """Collects files by kind, then builds the network once."""
+
+    def __init__(self, options: LoadOptions) -> None:
+        self.out = Collector()
+        self._options = options
+        self._devices: dict[str, Device | None] = {}
+        self._located: dict[tuple[str, str], str] = {}
+        self._network_file: _Yaml | None = None
+        self._transfer_files: list[_Yaml] = []
+        self._slaves: list[tuple[str, Device | None]] = []
+        self._urdf: str | None = None
+        self._systems: tuple[DriverSystem, ...] = ()
+        self._relative_named: set[str] = set()
+
+    def add(self, path: str) -> None:
+        """Read one file and put it where its kind belongs."""
+        data = read_bytes(path, self.out)
+        if data is None:
+            return
+        if _looks_like_xml(data):
+            self._add_urdf(path)
+            return
+        root = parse_yaml(data, path, self.out)
+        if root is None:
+            return
+        kind = self._kind_of(root)
+        if kind is FileKind.NETWORK:
+            if self._network_file is not None:
+                self._refuse_second(path, self._network_file.path)
+                return
+            if check_structure(root, "network", self.out):
+                self._network_file = _Yaml(path, root)
+        elif kind is FileKind.TRANSFERS:
+            if check_structure(root, "transfers", self.out):
+                self._transfer_files.append(_Yaml(path, root))
+        elif kind is FileKind.SLAVE:
+            self._slaves.append((path, device_from_yaml(root, path, self.out)))
+
+    def _add_urdf(self, path: str) -> None:
+        if self._urdf is not None:
+            self._refuse_second(path, self._urdf)
+            return
+        self._urdf = path
+        result = load_urdf(path, self._options)
+        self.out.diagnostics.extend(result.diagnostics)
+        for row in result.sources:
+            if row not in self.out.sources:
+                self.out.sources.append(row)
+        self._systems = result.systems
+
+    def _refuse_second(self, path: str, first: str) -> None:
+        self.out.add(
+            "FSN117",
+            Span(path, 1, 1),
+            f"a second network; {first} already describes one",
+            hint="check networks one at a time",
+        )
+
+    def _kind_of(self, root: MapNode) -> FileKind | None:
+        scores = {
+            kind: len(schema_keys(name) & set(root.pairs))
+            for kind, name in (
+                (FileKind.NETWORK, "network"),
+                (FileKind.TRANSFERS, "transfers"),
+                (FileKind.SLAVE, "slave"),
+            )
+        }
+        other = kind_by_keys(root)
+        if other in ("acceptance", "answers", "protocol", "scenario"):
+            refuse_kind(root, other, "network", "FSN117", self.out)
+            return None
+        if "subdevices" in root.pairs:
+            return FileKind.NETWORK
+        best = max(scores, key=lambda k: (scores[k], k is FileKind.TRANSFERS))
+        if scores[best]:
+            return best
+        words = {"nets": FileKind.TRANSFERS, "subdevices": FileKind.NETWORK}
+        words |= dict.fromkeys(("safety_modules", "transfer_modules"), FileKind.TRANSFERS)
+        words |= dict.fromkeys(("vendor_id", "product_id", "rpdo", "tpdo"), FileKind.SLAVE)
+        for key in itertools.islice(root.pairs, MOST_UNKNOWN):
+            close = difflib.get_close_matches(key.lower(), words, n=1, cutoff=0.75)
+            if close:
+                return words[close[0]]
+        keys = ", ".join(list(root.pairs)[:5]) or "none"
+        self.out.add(
+            "FSN117",
+            root.span,
+            f"neither a network, a transfer nor a slave YAML; its keys are: {keys}",
+            hint="a network file has `version`, `subdevices`, `nets`; a transfer YAML has `nets`;"
+            " a slave YAML has `vendor_id`, `rpdo`, `tpdo`",
+        )
+        return None
+
+    def finish(self) -> NetworkConfig | None:
+        """Build the network from what was read."""
+        if self._network_file is not None:
+            return self._from_network_file(self._network_file)
+        if self._urdf is not None:
+            return self._from_urdf(self._urdf)
+        if self._transfer_files:
+            return self._from_transfers_alone()
+        if self._slaves:
+            return self._from_slaves()
+        return None
+
+    # -- network YAML -----------------------------------------------------------------------------
+
+    def _from_network_file(self, file: _Yaml) -> NetworkConfig:
+        root = file.root
+        subs = [s for s in map(self._subdevice, root.maps("subdevices")) if s is not None]
+        frames = any(s.device is not None and layout_of(s.device).blocks for s in subs)
+        needed = frames or not isinstance(root.get("nets"), SeqNode)
+        nets = nets_from_yaml(root, self.out, needed=needed)
+        for extra in self._transfer_files:
+            nets += nets_from_yaml(extra.root, self.out)
+        network = self._network(
+            name=root.text("name") or Path(file.path).stem,
+            span=root.span,
+            fields=root.places(),
+            cycle_ns=self._cycle_ns(root),
+            subdevices=subs,
+            partial="subdevices" not in root.pairs,  # said once, not of each name again
+            nets=nets,
+            safety_functions=safety_functions_from_yaml(root, self.out),
+            project=root.text("project") or "",
+        )
+        return replace(network, fields=root.places())
+
+    def _cycle_ns(self, root: MapNode) -> int | None:
+        cycle_us = read_float(root.get("cycle_us"), self.out, what="cycle_us")
+        if cycle_us is None:
+            return None
+        if not _SHORTEST_CYCLE_US <= cycle_us <= 4_000_000:
+            self.out.add(
+                "FSN130",
+                root.at("cycle_us"),
+                f"cycle_us {root.text('cycle_us')} is no possible bus cycle",
+                hint="write the cycle in microseconds: 1 ms is cycle_us: 1000",
+            )
+            return None
+        return max(1, round(cycle_us * 1000))
+
+    def _subdevice(self, node: MapNode) -> SubDevice | None:
+        name = node.text("name")
+        config = node.text("config")
+        own = Reader.OWN
+        alias = read_int(node.get("alias"), self.out, what="alias", low=0, high=0xFFFF, reader=own)
+        position = read_int(
+            node.get("position"), self.out, what="position", low=0, high=0xFFFF, reader=own
+        )
+        if "position" not in node.pairs and "alias" not in node.pairs:
+            self.out.add(
+                "FSN110",
+                node.span,
+                f"subdevice {name or '?'} has neither position nor alias",
+                hint="add position: with its place in the ring, counted from 0",
+            )
+            return None
+        if name is None or config is None:
+            return None
+        return SubDevice(
+            span=node.span,
+            fields=node.places(),
+            name=name,
+            alias=alias or 0,
+            position=position or 0,
+            device=self._device(config, node.span.file, node.at("config")),
+            revision=read_int(
+                node.get("revision"), self.out, what="revision", low=0, high=2**32 - 1, reader=own
+            ),
+        )
+
+    def _device(self, config: str, named_in: str, named_at: Span) -> Device | None:
+        """Read a slave YAML once, however many SubDevices share it."""
+        path = self._located.get((config, named_in))
+        if path is None:
+            path = self._located[config, named_in] = self._locate(config, named_in)
+        if path not in self._devices:
+            self._devices[path] = load_device(path, self.out, named_at=named_at)
+        return self._devices[path]
+
+    def _locate(self, text: str, named_in: str) -> str:
+        """Return the path a reference means: relative ones start at the file that names them."""
+        if text.startswith("package://"):
+            package, _, rest = text.removeprefix("package://").partition("/")
+            folder = self._options.packages.get(package)
+            return os.path.join(folder, rest) if folder else text
+        text = text.removeprefix("file://")
+        folder = os.path.dirname(named_in)
+        beside = os.path.normpath(os.path.join(folder, text)) if folder else text
+        if not os.path.exists(beside) and os.path.exists(text):
+            return text  # as the driver would find it from here
+        return beside
+
+    # -- URDF -------------------------------------------------------------------------------------
+
+    def _from_urdf(self, path: str) -> NetworkConfig | None:
+        subs: list[SubDevice] = []
+        nets: tuple[Net, ...] = ()
+        cycle_ns: int | None = None
+        for system in self._systems:
+            subs.extend(self._from_declaration(decl, system) for decl in system.modules)
+            file = self._transfer_file_of(system)
+            if system.control_frequency > 0:
+                cycle_ns = round(1e9 / system.control_frequency)
+            if file is not None:
+                nets += nets_from_yaml(file.root, self.out)
+                subs.extend(self._from_rows(file, system.master_id))
+        for file in self._transfer_files:
+            nets += nets_from_yaml(file.root, self.out)
+            subs.extend(self._from_rows(file, 0))
+        if not self._systems:
+            return None
+        if not nets and all(s.transfer_file is None for s in self._systems):
+            self.out.add(
+                "FSN125",
+                self._systems[0].span,
+                "no transfer_config is given, so no safety frame would be copied",
+                severity=Severity.INFO,
+                hint="fine for a robot without FSoE; else name the transfer YAML",
+            )
+        return self._network(
+            name=self._systems[0].name or Path(path).stem,
+            span=self._systems[0].span,
+            fields={key: at for s in reversed(self._systems) for key, at in s.fields.items()},
+            cycle_ns=cycle_ns,
+            subdevices=subs,
+            nets=nets,
+        )
+
+    def _transfer_file_of(self, system: DriverSystem) -> _Yaml | None:
+        if system.transfer_file is None or self._transfer_files:
+            return None
+        named_at = system.at(system.transfer_key or "transfer_config")
+        self._relative(system.transfer_file, named_at)
+        path = self._locate(system.transfer_file, named_at.file)
+        data = read_bytes(path, self.out, named_at=named_at)
+        root = parse_yaml(data, path, self.out) if data is not None else None
+        if root is None or not check_structure(root, "transfers", self.out):
+            return None
+        return _Yaml(path, root)
+
+    def _relative(self, text: str, span: Span) -> None:
+        """FSN126, once per naming file."""
+        if span.file in self._relative_named:
+            return
+        if not os.path.isabs(text) and "://" not in text:
+            self._relative_named.add(span.file)
+            self.out.add(
+                "FSN126",
+                span,
+                f"{text!r} is relative: the driver looks where it is started, fsoe-net beside "
+                "this file",
+                hint="write an absolute path, or $(find your_package)/config/… in a xacro",
+            )
+
+    def _from_declaration(self, decl: ModuleDecl, system: DriverSystem) -> SubDevice:
+        device: Device | None = None
+        if decl.slave_config:
+            named_at = decl.at("slave_config")
+            self._relative(decl.slave_config, named_at)
+            device = self._device(decl.slave_config, named_at.file, named_at)
+        return SubDevice(
+            span=decl.span,
+            fields=decl.fields,
+            name=decl.name,
+            alias=decl.alias,
+            position=decl.position,
+            device=device,
+            plugin=decl.plugin,
+            required=decl.required,
+            origin=decl.origin,
+            system=system.name,
+            master_id=system.master_id,
+        )
+
+    def _from_rows(self, file: _Yaml, master_id: int) -> list[SubDevice]:
+        return [
+            self._from_row(row, file, master_id) for row in modules_from_yaml(file.root, self.out)
+        ]
+
+    def _from_row(self, row: ModuleRow, file: _Yaml, master_id: int) -> SubDevice:
+        if row.plugin is not None:
+            self.out.diagnostics.extend(known_plugin_findings(row.plugin, row.node.at("plugin")))
+        self._relative(row.slave_config, row.config_span)
+        return SubDevice(
+            span=row.node.span,
+            fields=row.node.places(),
+            name=row.name,
+            alias=row.alias,
+            position=row.position,
+            device=self._device(row.slave_config, file.path, row.config_span),
+            plugin=row.plugin,
+            origin=row.origin,
+            master_id=master_id,
+        )
+
+    # -- files on their own -----------------------------------------------------------------------
+
+    def _from_transfers_alone(self) -> NetworkConfig:
+        nets: tuple[Net, ...] = ()
+        subs: list[SubDevice] = []
+        for file in self._transfer_files:
+            nets += nets_from_yaml(file.root, self.out)
+            subs.extend(self._from_rows(file, 0))
+        first = self._transfer_files[0]
+        known = {s.name for s in subs}
+        used = {
+            end.module
+            for net in nets
+            for transfer in net.transfers
+            for end in (transfer.destination, transfer.source)
+        }
+        used |= {name for net in nets for c in net.connections for name in (c.main, c.sub)}
+        missing = sorted(used - known)
+        if missing:
+            self.out.add(
+                "FSN201",
+                first.root.at("nets"),
+                f"declared elsewhere, so not checked here: {', '.join(missing)}",
+                severity=Severity.INFO,
+                hint="name the URDF or network file too, to check the copies to the bit",
+            )
+        return self._network(
+            name=Path(first.path).stem,
+            span=first.root.span,
+            cycle_ns=None,
+            subdevices=subs,
+            nets=nets,
+            partial=bool(missing),
+        )
+
+    def _from_slaves(self) -> NetworkConfig:
+        subs = [
+            SubDevice(
+                span=device.span if device else Span(path, 1, 1),
+                name=Path(path).stem,
+                position=n,
+                device=device,
+            )
+            for n, (path, device) in enumerate(self._slaves)
+        ]
+        name = Path(self._slaves[0][0]).stem
+        return self._network(
+            name=name, span=subs[0].span, cycle_ns=None, subdevices=subs, nets=(), partial=True
+        )
+
+    def _network(
+        self,
+        *,
+        name: str,
+        span: Span,
+        cycle_ns: int | None,
+        subdevices: Sequence[SubDevice],
+        nets: tuple[Net, ...],
+        safety_functions: tuple[SafetyFunction, ...] = (),
+        project: str = "",
+        fields: Mapping[str, Span] | None = None,
+        partial: bool = False,
+    ) -> NetworkConfig:
+        return NetworkConfig(
+            span=span,
+            fields=fields or {},
+            name=name,
+            cycle_ns=cycle_ns,
+            subdevices=tuple(subdevices),
+            nets=nets,
+            safety_functions=safety_functions,
+            project=project,
+            sources=tuple(sorted(self.out.sources, key=lambda s: s.path)),
+            partial=partial,
+        )
+
+
+def _looks_like_xml(data: bytes) -> bool:
+    start = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
+    return start.startswith(b"<") or (data[:2] in (b"\xff\xfe", b"\xfe\xff") and b"<" in data[:40])

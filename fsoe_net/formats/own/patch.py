@@ -1,0 +1,82 @@
+"""Changes scalars of a YAML file where they stand; all else stays byte for byte."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+from fsoe_net.diag.diagnostic import Edit, Span
+from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
+
+__all__ = ["patch_yaml"]
+
+# FSoE addresses, connection IDs and watchdogs belong to the safety project: never changed here.
+_KEYS = frozenset({"size", "in", "out", "index", "subindex"})
+_LINE = re.compile("[^\\r\\n\\x85\\u2028\\u2029]*(?:\\r\\n|[\\r\\n\\x85\\u2028\\u2029]|\\Z)")
+
+
+def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, frozenset[Edit]]:
+    """Return the bytes with the edits in them, and which edits were made.
+
+    An edit is left out when another one wants something else at the same place, when its place
+    does not hold a plain scalar of its key, or when its key is none of a transfer.
+
+    Args:
+        data: The file, as it was when its findings were made.
+        file: Its name, as in the places of the edits.
+        edits: What is to be changed.
+
+    Raises:
+        InputError: The file is no YAML.
+    """
+    out = Collector()
+    root = parse_yaml(data, file, out)
+    if root is None:
+        raise InputError(f"{file} cannot be read", out.diagnostics)
+    text = data.decode("utf-8")
+    mark = int(text.startswith("\ufeff"))
+    starts = [match.start() for match in _LINE.finditer(text[mark:])]
+
+    def offset(span: Span) -> int:
+        return mark + starts[span.line - 1] + span.column - 1
+
+    places = {(key, node.span): (place, node) for key, place, node in _values(root)}
+    wanted: dict[tuple[int, int], set[str]] = {}
+    made: dict[Edit, tuple[int, int]] = {}
+    for edit in edits:
+        found = places.get((edit.key, edit.span))
+        if found is None or edit.key not in _KEYS or (edit.renames and edit.text not in _KEYS):
+            continue
+        key_at, node = found
+        if edit.renames:
+            begin, old = offset(key_at), edit.key
+        elif isinstance(node, ScalarNode) and node.plain:
+            begin, old = offset(node.span), node.text
+        else:
+            continue
+        if text[begin : begin + len(old)] == old:
+            made[edit] = (begin, begin + len(old))
+            wanted.setdefault(made[edit], set()).add(edit.text)
+    for begin, end in sorted(wanted, reverse=True):
+        if len(wanted[begin, end]) == 1:
+            text = text[:begin] + next(iter(wanted[begin, end])) + text[end:]
+    return text.encode("utf-8"), frozenset(e for e, at in made.items() if len(wanted[at]) == 1)
+
+
+def _values(root: MapNode) -> Iterator[tuple[str, Span, Node]]:
+    """Yield every value of every map with its key and the place of that; without recursion."""
+    left: list[Node] = [root]
+    seen: set[int] = set()
+    while left:
+        node = left.pop()
+        if isinstance(node, ScalarNode) or id(node) in seen:
+            continue
+        seen.add(id(node))
+        if isinstance(node, MapNode):
+            keys = node.keys
+            yield from ((key, keys[key], value) for key, value in node.pairs.items())
+            left += node.pairs.values()
+        else:
+            left += node.items

@@ -1,0 +1,118 @@
+"""Test protocols: what ``fsoe-net test-protocol`` writes and people fill in."""
+
+from __future__ import annotations
+
+import os
+import re
+
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats.own.protocol_entry import check_entry
+from fsoe_net.formats.own.schema import check_structure
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, load_yaml
+from fsoe_net.model.protocol import AtMachine, Outcome, Protocol, ProtocolStep, Seen, StepKind
+
+__all__ = ["load_protocol"]
+
+_NUMBER = re.compile(r"-?\d+(\.\d*)?([eE][+-]?\d{1,3})?")
+_MAX_MS = 7 * 24 * 3600 * 1000.0
+
+
+def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | None:
+    """Read a test protocol.
+
+    Args:
+        path: The file.
+        out: Takes FSN101 … FSN116, FSN160 and FSN161 with line and column.
+
+    Returns:
+        The protocol, or ``None`` when it could not be understood.
+    """
+    root = load_yaml(path, out)
+    if root is None:
+        return None
+    before = len(out.diagnostics)
+    check_structure(root, "protocol", out)
+    if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
+        return None
+    steps = tuple(_step(node, out) for node in root.maps("steps"))
+    seen: set[str] = set()
+    for step in steps:
+        if step.id in seen:
+            out.add("FSN161", step.span, f"step {step.id} is there twice", hint="keep one of them")
+        seen.add(step.id)
+        check_entry(step, out)
+    if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
+        return None
+    return Protocol(
+        span=root.span,
+        fields=root.places(),
+        network=_text(root, "network"),
+        project=_text(root, "project"),
+        plan_sha256=_text(root, "plan_sha256"),
+        fingerprint=_text(root, "fingerprint"),
+        steps=steps,
+    )
+
+
+def _text(node: MapNode, key: str) -> str:
+    return node.text(key) or ""
+
+
+def _step(node: MapNode, out: Collector) -> ProtocolStep:
+    machine = node.get("machine")
+    return ProtocolStep(
+        span=node.span,
+        fields=node.places(),
+        id=_text(node, "id"),
+        kind=StepKind(_text(node, "kind")),
+        subject=_text(node, "subject"),
+        what=_text(node, "do"),
+        expected=_text(node, "expect"),
+        limit_ms=_ms(node, "limit_ms", out),
+        limit_source=_text(node, "limit_source"),
+        emulated=_seen(node.get("emulated"), out),
+        live=_seen(node.get("live"), out),
+        machine=_machine(machine, out) if isinstance(machine, MapNode) else AtMachine(),
+    )
+
+
+def _seen(node: Node | None, out: Collector) -> Seen | None:
+    if not isinstance(node, MapNode):
+        return None
+    return Seen(
+        span=node.span,
+        fields=node.places(),
+        outcome=Outcome(_text(node, "result")),
+        measured_ms=_ms(node, "measured_ms", out),
+        time_is=_text(node, "time_is"),
+        remark=_text(node, "remark"),
+    )
+
+
+def _machine(node: MapNode, out: Collector) -> AtMachine:
+    result = _text(node, "result")
+    return AtMachine(
+        span=node.span,
+        fields=node.places(),
+        outcome=Outcome(result) if result else None,
+        measured_ms=_ms(node, "measured_ms", out),
+        remark=_text(node, "remark"),
+        by=_text(node, "by"),
+        date=_text(node, "date"),
+    )
+
+
+def _ms(node: MapNode, key: str, out: Collector) -> float | None:
+    text = (node.text(key) or "").strip()
+    if not text:
+        return None
+    hint = "write a time in ms, 0 or more, such as 61.5"
+    if not _NUMBER.fullmatch(text):
+        out.add("FSN111", node.at(key), f"{key} {text!r} is no number", hint=hint)
+        return None
+    value = float(text)
+    if not 0 <= value <= _MAX_MS:
+        out.add("FSN113", node.at(key), f"{key} is {value:g}", hint=hint)
+        return None
+    return value

@@ -1,0 +1,98 @@
+"""``safety_functions`` of a network YAML."""
+
+from __future__ import annotations
+
+import math
+
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
+from fsoe_net.formats.shared.yaml_tree import MapNode
+from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
+
+__all__ = ["safety_functions_from_yaml"]
+
+_KINDS = {kind.value: kind for kind in ElementKind}
+_LEVELS = ("a", "b", "c", "d", "e")
+_MOST_MS = 3_600_000.0
+_MOST_SIL = 3
+
+
+def safety_functions_from_yaml(root: MapNode, out: Collector) -> tuple[SafetyFunction, ...]:
+    """Return the safety functions of a network file, in its order.
+
+    Args:
+        root: The network file; its structure has been checked.
+        out: Takes FSN111 for what is no number, FSN113 for what is outside its range.
+    """
+    found = (_function(node, out) for node in root.maps("safety_functions"))
+    return tuple(f for f in found if f is not None)
+
+
+def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
+    name = node.text("name")
+    elements = tuple(
+        e for e in (_element(item, out) for item in node.maps("elements")) if e is not None
+    )
+    required = node.get("required")
+    level, sil = _required(required, out) if isinstance(required, MapNode) else ("", None)
+    reaction_ms = _positive(node, "required_reaction_ms", _MOST_MS, "ms", out)
+    if name is None:
+        return None
+    return SafetyFunction(
+        span=node.span,
+        fields=node.places(),
+        name=name,
+        trigger=node.text("trigger") or "",
+        reaction=node.text("reaction") or "",
+        elements=elements,
+        required_reaction_ms=reaction_ms or None,
+        pl=level,
+        sil=sil,
+    )
+
+
+def _required(node: MapNode, out: Collector) -> tuple[str, int | None]:
+    level = (node.text("pl") or "").lower()
+    if level and level not in _LEVELS:
+        out.add(
+            "FSN113",
+            node.at("pl"),
+            f"performance level {level!r} is none of a … e",
+            hint="write pl: d, or sil: 2",
+        )
+        level = ""
+    sil = read_int(node.get("sil"), out, what="sil", low=1, high=_MOST_SIL, reader=Reader.OWN)
+    return level, sil
+
+
+def _element(node: MapNode, out: Collector) -> Element | None:
+    kind = _KINDS.get(node.text("kind") or "")
+    time_ms = _positive(node, "time_ms", _MOST_MS, "ms", out)
+    pfh = _positive(node, "pfh_per_hour", 1.0, "per hour", out)
+    sub = node.text("sub") or ""
+    if kind is None:
+        return None  # the schema has said so
+    return Element(
+        span=node.span,
+        fields=node.places(),
+        kind=kind,
+        sub=sub,
+        name=node.text("name") or sub or kind.value,
+        time_ms=time_ms,
+        pfh_per_hour=pfh,
+        source=node.text("source") or "",
+        manual=node.text("manual") or "",
+    )
+
+
+def _positive(node: MapNode, key: str, most: float, unit: str, out: Collector) -> float | None:
+    value = read_float(node.get(key), out, what=key)
+    if value is None or (math.isfinite(value) and 0 <= value <= most):
+        return value
+    out.add(
+        "FSN113",
+        node.at(key),
+        f"{key} {node.text(key)} is outside 0 … {most:g} {unit}",
+        hint="write it as its manual states it",
+    )
+    return None

@@ -1,0 +1,268 @@
+"""Scan document of ``fsn-master`` (JSON) into the model, every value with its place."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from typing import NoReturn, TypeVar
+
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.printable import printable
+from fsoe_net.formats.own.schema import check_structure
+from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.numbers import Reader, read_int
+from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
+from fsoe_net.model.scan import (
+    Scan,
+    ScannedConnection,
+    ScannedEntry,
+    ScannedFsoe,
+    ScannedPdo,
+    ScannedPort,
+    ScannedSm,
+    ScannedSubDevice,
+)
+
+__all__ = ["load_scan", "parse_scan"]
+
+_U8, _U16, _U32 = 0xFF, 0xFFFF, 0xFFFFFFFF
+_MAX_DEPTH = 64
+_T = TypeVar("_T")
+_ESCAPE = re.compile(r"\\(?:u([dD][89abAB]\w\w)\\u([dD][c-fC-F]\w\w)|u([dD][89a-fA-F]\w\w)|.)")
+_BREAKS = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff]")
+_AGAIN = "scan the bus again: fsoe-net scan --interface IF -o DIR"
+
+
+def load_scan(path: str | os.PathLike[str]) -> tuple[Scan | None, list[Diagnostic]]:
+    """Read a scan document from a file.
+
+    Returns:
+        The scan, or ``None`` when it is damaged, and everything that is wrong.
+    """
+    out = Collector()
+    data = read_bytes(path, out)
+    if data is None:
+        return None, sort_diagnostics(out.diagnostics)
+    return parse_scan(data, os.fspath(path))
+
+
+def parse_scan(data: bytes, file: str) -> tuple[Scan | None, list[Diagnostic]]:
+    """Read a scan document.
+
+    Args:
+        data: The document, UTF-8.
+        file: Name shown in findings.
+
+    Returns:
+        The scan, or ``None`` when it is damaged, and everything that is wrong. Keys that are not
+        known are left alone: later versions add some.
+    """
+    out = Collector()
+    root = _parse(data, file, out)
+    if root is None:
+        return None, sort_diagnostics(out.diagnostics)
+    check_structure(root, "scan", out)
+    scan = None if _damaged(out) else _scan(root, out)
+    if scan is not None:
+        _check_positions(scan, out)
+    found = sort_diagnostics(out.diagnostics)
+    return (None if _damaged(out) else scan), found
+
+
+def _damaged(out: Collector) -> bool:
+    return any(d.level is Severity.ERROR for d in out.diagnostics)
+
+
+def _no_number(text: str) -> NoReturn:
+    raise ValueError(f"{text} is no number of JSON")
+
+
+def _parse(data: bytes, file: str, out: Collector) -> MapNode | None:
+    """Return the document with places. What JSON forbids and YAML takes is refused first."""
+    try:
+        text = data.decode("utf-8")
+        found = json.loads(text, parse_constant=_no_number)
+    except json.JSONDecodeError as exc:
+        span = Span(file, exc.lineno, exc.colno)
+        out.add("FSN102", span, f"no scan document, not valid JSON: {exc.msg}", hint=_AGAIN)
+        return None
+    except RecursionError:
+        out.add("FSN103", Span(file, 1, 1), f"nested deeper than {_MAX_DEPTH} levels", hint=_AGAIN)
+        return None
+    except ValueError as exc:
+        out.add("FSN102", Span(file, 1, 1), f"no scan document: {exc}", hint=_AGAIN)
+        return None
+    if not isinstance(found, dict):
+        out.add("FSN104", Span(file, 1, 1), "no scan document: it is no JSON object", hint=_AGAIN)
+        return None
+    return parse_yaml(_as_yaml(text).encode(), file, out, of_devices=True)
+
+
+def _as_yaml(text: str) -> str:
+    """Return JSON as YAML: no tabs, no surrogates, and no character that YAML takes for a break.
+
+    Lines stay as they are, so that places do. In JSON these characters are nowhere but in strings;
+    raw tabs are nowhere but between values.
+    """
+    text = _ESCAPE.sub(_character, text.replace("\t", " "))
+    return _BREAKS.sub(lambda m: f"\\u{ord(m.group()):04x}", text)
+
+
+def _character(match: re.Match[str]) -> str:
+    high, low, lone = match.groups()
+    if high is not None:
+        return chr(0x10000 + ((int(high, 16) & 0x3FF) << 10) + (int(low, 16) & 0x3FF))
+    return "\\ufffd" if lone is not None else match.group()
+
+
+def _scan(root: MapNode, out: Collector) -> Scan:
+    return Scan(
+        span=root.span,
+        fields=root.places(),
+        interface=_text(root, "interface"),
+        backend=_text(root, "backend"),
+        utc=_text(root, "utc"),
+        states_changed=root.truth("states_changed"),
+        subdevices=tuple(_subdevice(node, out) for node in root.maps("subdevices")),
+    )
+
+
+def _check_positions(scan: Scan, out: Collector) -> None:
+    """Positions count from 0 without a gap: they are places in the ring."""
+    for number, sub in enumerate(scan.subdevices):
+        if sub.position != number:
+            out.add(
+                "FSN113",
+                sub.at("position"),
+                f"position {sub.position} stands where position {number} belongs; a scan has every "
+                "SubDevice in ring order",
+                hint=_AGAIN,
+            )
+            return
+
+
+def _subdevice(node: MapNode, out: Collector) -> ScannedSubDevice:
+    fsoe = node.get("fsoe")
+    return ScannedSubDevice(
+        span=node.span,
+        fields=node.places(),
+        position=_int(node, "position", _U16, out) or 0,
+        alias=_int(node, "alias", _U16, out) or 0,
+        vendor_id=_int(node, "vendor_id", _U32, out),
+        product_code=_int(node, "product_code", _U32, out),
+        revision=_int(node, "revision", _U32, out),
+        serial=_int(node, "serial", _U32, out),
+        name=_text(node, "name"),
+        al_status=_int(node, "al_status", _U16, out),
+        al=_text(node, "al"),
+        al_code=_int(node, "al_code", _U16, out),
+        mailbox=_texts(node, "mailbox"),
+        dc=_truth(node, "dc"),
+        ports=tuple(_port(p, out) for p in node.maps("ports")),
+        sms=_list(node, "sms", tuple(_sm(s, out) for s in node.maps("sms"))),
+        fsoe=_fsoe(fsoe, out) if isinstance(fsoe, MapNode) else None,
+        planned=_text(node, "planned") or None,
+        problems=_texts(node, "problems"),
+    )
+
+
+def _port(node: MapNode, out: Collector) -> ScannedPort:
+    return ScannedPort(
+        span=node.span,
+        fields=node.places(),
+        port=_int(node, "port", 3, out) or 0,
+        link=_truth(node, "link"),
+        link_lost=_int(node, "link_lost", _U32, out) or 0,
+        rx_errors=_int(node, "rx_errors", _U32, out) or 0,
+    )
+
+
+def _sm(node: MapNode, out: Collector) -> ScannedSm:
+    return ScannedSm(
+        span=node.span,
+        fields=node.places(),
+        index=_int(node, "sm", _U8, out) or 0,
+        kind=_text(node, "kind"),
+        start_byte=_int(node, "start", _U16, out),
+        size_bytes=_int(node, "bytes", _U16, out),
+        source=_text(node, "source"),
+        pdos=_list(node, "pdos", tuple(_pdo(p, out) for p in node.maps("pdos"))),
+    )
+
+
+def _pdo(node: MapNode, out: Collector) -> ScannedPdo:
+    entries = tuple(
+        ScannedEntry(
+            span=item.span,
+            fields=item.places(),
+            index=_int(item, "index", _U16, out) or 0,
+            subindex=_int(item, "subindex", _U8, out) or 0,
+            bits=_int(item, "bits", _U16, out) or 0,
+        )
+        for item in node.maps("entries")
+    )
+    return ScannedPdo(
+        span=node.span,
+        fields=node.places(),
+        index=_int(node, "index", _U16, out) or 0,
+        name=_text(node, "name"),
+        entries=_list(node, "entries", entries),
+    )
+
+
+def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:
+    address = _int(node, "address", _U16, out)
+    items = node.get("addresses")
+    told = [
+        read_int(i, out, what="addresses", low=0, high=_U16, reader=Reader.OWN)
+        for i in (items.items if isinstance(items, SeqNode) else ())
+    ]
+    addresses = dict.fromkeys(a for a in (address, *told) if a is not None)
+    return ScannedFsoe(
+        span=node.span,
+        fields=node.places(),
+        address=address,
+        addresses=tuple(addresses),
+        connections=_connections(node, "connections", out),
+        given=_connections(node, "given", out),
+    )
+
+
+def _connections(node: MapNode, key: str, out: Collector) -> tuple[ScannedConnection, ...]:
+    return tuple(
+        ScannedConnection(
+            span=row.span,
+            fields=row.places(),
+            object_index=_int(row, "object", _U16, out) or 0,
+            address=_int(row, "address", _U16, out),
+            connection_id=_int(row, "connection_id", _U16, out),
+            watchdog_ms=_int(row, "watchdog_ms", _U16, out),
+            state=_int(row, "state", _U16, out),
+        )
+        for row in node.maps(key)
+    )
+
+
+def _list(node: MapNode, key: str, rows: tuple[_T, ...]) -> tuple[_T, ...] | None:
+    """Return the rows, or ``None`` when the document has no such list."""
+    return rows if isinstance(node.get(key), SeqNode) else None
+
+
+def _int(node: MapNode, key: str, high: int, out: Collector) -> int | None:
+    return read_int(node.get(key), out, what=key, low=0, high=high, reader=Reader.OWN)
+
+
+def _truth(node: MapNode, key: str) -> bool | None:
+    return node.truth(key) if key in node.pairs else None
+
+
+def _text(node: MapNode, key: str) -> str:
+    return printable(node.text(key) or "")
+
+
+def _texts(node: MapNode, key: str) -> tuple[str, ...]:
+    items = node.get(key)
+    if not isinstance(items, SeqNode):
+        return ()
+    return tuple(printable(i.text) for i in items.items if isinstance(i, ScalarNode))

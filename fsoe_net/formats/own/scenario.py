@@ -1,0 +1,211 @@
+"""Scenario YAML: steps and expectations of a run, every one with its place."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+
+from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span, sort_diagnostics
+from fsoe_net.formats.own.scenario_steps import step_arguments
+from fsoe_net.formats.own.schema import check_structure
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, load_yaml
+from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
+
+__all__ = ["load_scenario"]
+
+_MAX_MS = 7 * 24 * 3600 * 1000.0
+_INTEGER = re.compile(r"[+-]?[0-9]+\Z|0[xX][0-9a-fA-F]+\Z")
+_ASKED = ("state", "safe_outputs", "outputs", "min_resets", "max_resets")
+
+
+def load_scenario(
+    path: str | os.PathLike[str],
+) -> tuple[Scenario | None, list[Diagnostic]]:
+    """Read a scenario file.
+
+    Returns:
+        The scenario, or ``None`` when it could not be understood, and everything that is wrong.
+    """
+    out = Collector()
+    root = load_yaml(path, out)
+    if root is None:
+        return None, sort_diagnostics(out.diagnostics)
+    _check_structure(root, out)
+    logic = root.get("logic")
+    duration_ms = _ms(root, "duration_s", out, 1000)
+    if duration_ms == 0:
+        out.add("FSN113", root.at("duration_s"), "duration_s is 0", hint="write 3, or leave it out")
+    scenario = Scenario(
+        span=root.span,
+        fields=_deep_places(root, "initial"),
+        path=os.fspath(path),
+        duration_ns=None if duration_ms is None else round(duration_ms * 1e6),
+        initial=_values(root, "initial", out),
+        logic=LogicChoice(inputs=_names(logic, "inputs"), outputs=_names(logic, "outputs")),
+        steps=tuple(
+            sorted(
+                (step for node in root.maps("steps") for step in _steps(node, out)),
+                key=lambda s: s.at_ns,
+            )
+        ),
+        expectations=tuple(e for n in root.maps("expect") if (e := _expectation(n, out))),
+    )
+    return scenario, sort_diagnostics(out.diagnostics)
+
+
+def _check_structure(root: MapNode, out: Collector) -> None:
+    """Check keys and types. An unknown key is always an error here.
+
+    In a driver's file it may be a remark; here it would be an expectation nobody looks at.
+    """
+    found = Collector()
+    check_structure(root, "scenario", found)
+    for item in found.diagnostics:
+        if item.code == "FSN109":
+            what = item.message.partition(";")[0]
+            message = f"{what}; nothing would come of it"
+            item = replace(item, severity=Severity.ERROR, message=message)
+        out.diagnostics.append(item)
+
+
+def _ms(node: MapNode, key: str, out: Collector, factor: float = 1) -> float | None:
+    return _time(node.get(key), out, what=key, factor=factor)
+
+
+def _time(item: Node | None, out: Collector, *, what: str, factor: float = 1) -> float | None:
+    """Return a time in milliseconds, or ``None`` with a finding; ``nan`` is no time either."""
+    value = read_float(item, out, what=what)
+    if value is None or item is None:
+        return None
+    if not 0 <= value * factor <= _MAX_MS:
+        out.add("FSN113", item.span, f"{what} {value:g} is no possible time", hint="0 … one week")
+        return None
+    return value * factor
+
+
+def _values(node: MapNode, key: str, out: Collector) -> dict[str, int]:
+    inner = node.get(key)
+    if not isinstance(inner, MapNode):
+        return {}
+    values: dict[str, int] = {}
+    for name, item in inner.pairs.items():
+        if not isinstance(item, ScalarNode):
+            continue  # the schema has spoken, here and below
+        if item.text.lower() in ("true", "on", "false", "off"):
+            values[name] = int(item.text.lower() in ("true", "on"))
+            continue
+        if not _INTEGER.match(item.text):
+            continue
+        number = read_int(item, out, what=name, low=-(2**63), high=2**64 - 1, reader=Reader.OWN)
+        if number is not None:
+            values[name] = number
+    return values
+
+
+def _names(node: object, key: str) -> tuple[str, ...] | None:
+    if not isinstance(node, MapNode):
+        return None
+    items = node.get(key)
+    if not isinstance(items, SeqNode):
+        return None
+    return tuple(i.text for i in items.items if isinstance(i, ScalarNode))
+
+
+def _steps(node: MapNode, out: Collector) -> list[Step]:
+    at_ms = _ms(node, "at_ms", out)
+    if at_ms is None:
+        return []
+    actions = [a for a in Action if a.value in node.pairs]
+    if not actions:
+        out.add(
+            "FSN110",
+            node.span,
+            "this step does nothing",
+            hint=f"add one of: {', '.join(a.value for a in Action)}",
+        )
+    rows = [(a, step_arguments(node, a, _values(node, a.value, out), out)) for a in actions]
+    return [
+        Step(
+            span=node.span,
+            fields=_deep_places(node, action.value),
+            at_ns=round(at_ms * 1e6),
+            action=action,
+            target=given.target,
+            other=given.other,
+            number=given.number,
+            values=given.values,
+        )
+        for action, given in rows
+    ]
+
+
+def _deep_places(node: MapNode, key: str) -> dict[str, Span]:
+    """Places of the keys, and of the names inside a map of values."""
+    inner = node.get(key)
+    return node.places() | (inner.keys if isinstance(inner, MapNode) else {})
+
+
+def _expectation(node: MapNode, out: Collector) -> Expectation | None:
+    window = _window(node, out)
+    if window is None:
+        return None
+    outputs = (node.text("outputs") or "").lower()
+    expectation = Expectation(
+        span=node.span,
+        fields=_deep_places(node, "safe_outputs"),
+        from_ns=window[0],
+        to_ns=window[1],
+        connection=node.text("connection") or "",
+        state=node.text("state") or "",
+        safe_outputs=_values(node, "safe_outputs", out),
+        outputs_on=outputs in ("on", "true") if outputs else None,
+        min_resets=_count(node, "min_resets", out),
+        max_resets=_count(node, "max_resets", out),
+    )
+    if not any(key in node.pairs for key in _ASKED):
+        out.add(
+            "FSN110",
+            node.span,
+            "this expectation asks for nothing",
+            hint=f"add one of: {', '.join(_ASKED)}",
+        )
+    return expectation
+
+
+def _count(node: MapNode, key: str, out: Collector) -> int | None:
+    return read_int(node.get(key), out, what=key, low=0, high=10**9, reader=Reader.OWN)
+
+
+def _window(node: MapNode, out: Collector) -> tuple[int, int] | None:
+    """Return first and last moment, equal for ``at_ms``."""
+    if "at_ms" in node.pairs and "during_ms" in node.pairs:
+        out.add(
+            "FSN106",
+            node.keys["during_ms"],
+            "the time of this expectation is given twice",
+            hint="delete at_ms or during_ms",
+            related=(Related(span=node.keys["at_ms"], message="at_ms stands here"),),
+        )
+        return None
+    if "during_ms" in node.pairs:
+        return _during(node.get("during_ms"), out)
+    if "at_ms" not in node.pairs:
+        hint = "add at_ms: 500"
+        out.add("FSN110", node.span, "an expectation needs at_ms or during_ms", hint=hint)
+    at_ms = _ms(node, "at_ms", out)
+    return None if at_ms is None else (round(at_ms * 1e6), round(at_ms * 1e6))
+
+
+def _during(during: Node | None, out: Collector) -> tuple[int, int] | None:
+    if not isinstance(during, SeqNode) or len(during.items) != 2:
+        return None  # the schema has spoken
+    first, last = (_time(item, out, what="during_ms") for item in during.items)
+    if first is None or last is None:
+        return None
+    if first > last:
+        out.add("FSN113", during.span, "during_ms must rise", hint="write [first, last]")
+        return None
+    return round(first * 1e6), round(last * 1e6)

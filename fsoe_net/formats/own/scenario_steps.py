@@ -1,0 +1,75 @@
+"""Steps of a scenario: what each action takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.numbers import Reader, read_int
+from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode
+from fsoe_net.model.scenario import Action
+
+__all__ = ["StepArguments", "step_arguments"]
+
+_WORD = 0xFFFFFFFF
+_HOUR_MS = 3_600_000
+_COUNTS = {
+    Action.LOSE: 1_000_000,
+    Action.LOSE_EVERY: 1_000_000,
+    Action.REPEAT: 1_000_000,
+    Action.DELAY: _HOUR_MS * 1000,
+    Action.STALL: _HOUR_MS,
+}
+_FIELDS = {
+    Action.WRONG: {"vendor": _WORD, "product": _WORD, "revision": _WORD},
+    Action.SDO_ABORT: {"index": 0xFFFF, "sub": 0xFF, "code": _WORD},
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepArguments:
+    """What an action acts on; see `fsoe_net.model.scenario.Step`."""
+
+    target: str = ""
+    other: str = ""
+    number: int = 0
+    values: dict[str, int] = field(default_factory=dict)
+
+
+def step_arguments(
+    node: MapNode, action: Action, values: dict[str, int], out: Collector
+) -> StepArguments:
+    """Read what an action is given.
+
+    Args:
+        node: The step.
+        action: One that stands in it.
+        values: Its value as a map of names to numbers, empty when it is none.
+        out: Takes FSN111 … FSN114 and FSN106.
+    """
+    key = action.value
+    inner = node.get(key)
+    if action in _COUNTS:
+        number = read_int(inner, out, what=key, low=0, high=_COUNTS[action], reader=Reader.OWN)
+        return StepArguments(number=number or 0)
+    if action in _FIELDS:
+        if not isinstance(inner, MapNode):
+            return StepArguments()  # the schema has spoken, here and below
+        numbers = {
+            name: number
+            for name, high in _FIELDS[action].items()
+            if (number := _field(inner, name, high, out)) is not None
+        }
+        return StepArguments(target=inner.text("subdevice") or "", values=numbers)
+    if action is Action.SWAP:
+        items = inner.items if isinstance(inner, SeqNode) else ()
+        names = [item.text for item in items if isinstance(item, ScalarNode)]
+        if len(names) == 2 and names[0] == names[1] and inner is not None:
+            out.add("FSN113", inner.span, f"{names[0]} is swapped with itself", hint="name two")
+        first, second = [*names, "", ""][:2]
+        return StepArguments(target=first, other=second)
+    return StepArguments(target=node.text(key) or "", values=values)
+
+
+def _field(node: MapNode, name: str, high: int, out: Collector) -> int | None:
+    return read_int(node.get(name), out, what=name, low=0, high=high, reader=Reader.OWN)

@@ -1,0 +1,429 @@
+"""Structure of YAML files, checked with the same JSON Schemas an editor uses.
+
+The schemas say which keys exist, which are needed and what kind of value they hold. How a number
+is spelled and whether it is in range is left to `fsoe_net.formats.shared.numbers`, which knows what
+each reader makes of a spelling; those keywords of the schemas are for editors. What a schema
+allows, the readers refuse only for what other keys or files say.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import itertools
+import json
+import re
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from fsoe_net.diag.diagnostic import Span
+    from fsoe_net.formats.shared.files import Collector
+
+__all__ = [
+    "MOST_UNKNOWN",
+    "check_structure",
+    "kind_by_keys",
+    "nearest_key",
+    "read_schema",
+    "refuse_kind",
+    "schema_keys",
+]
+
+MOST_UNKNOWN = 100
+"""Unknown keys of a document that are reported one by one, and guessed at."""
+# What they say, the readers of numbers and of each file say with more words.
+_SKIPPED = {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength"}
+_SKIPPED |= {"anyOf", "oneOf", "not", "uniqueItems"}
+
+_CONFUSED = {
+    "sub_index": "subindex",
+    "subIndex": "subindex",
+    "SubIndex": "subindex",
+    "module": "ec_module",
+    "rpdos": "rpdo",
+    "tpdos": "tpdo",
+    "product_code": "product_id",
+    "sync_manager": "sm",
+    "length": "size",
+    "bytes": "size",
+    "entries": "channels",
+    "conn_id": "connection_id",
+    "watchdog": "watchdog_ms",
+    "slaves": "subdevices",
+    "devices": "subdevices",
+    "fsoe_address": "address",
+}
+
+
+_ASKED_FOR = frozenset({"acceptance", "protocol", "scenario"})  # an option says what it should be
+_NAMED = {  # told apart by keys; what it is, and what takes it
+    "protocol": ("a test protocol", "`fsoe-net report NETWORK --protocol FILE` takes it"),
+    "acceptance": ("an acceptance record", "`fsoe-net verify NETWORK --accepted FILE` takes it"),
+    "network": ("a network", "`fsoe-net check FILE` takes it"),
+    "slave": ("a slave YAML", "a network names it: `config: FILE`"),
+    "answers": ("a file of answers", "`fsoe-net init --answers FILE` takes it"),
+    "scenario": ("a scenario", "`fsoe-net run NETWORK --scenario FILE` takes it"),
+}
+_TELLTALES = (
+    ("protocol", {"plan_sha256"}),
+    ("acceptance", {"acceptance_record"}),
+    ("network", {"subdevices"}),
+    ("slave", {"vendor_id", "rpdo", "tpdo"}),
+    ("scenario", {"duration_s", "expect", "steps"}),
+)
+
+
+def kind_by_keys(root: MapNode) -> str | None:
+    """Return the schema of the file of this project that has keys of no other, else ``None``."""
+    keys = set(root.pairs)
+    rows = root.maps("subdevices")
+    if any("type" in row.pairs for row in rows) and not any("config" in row.pairs for row in rows):
+        return "answers"
+    return next((name for name, telling in _TELLTALES if telling & keys), None)
+
+
+def refuse_kind(root: MapNode, kind: str, wanted: str, code: str, out: Collector) -> None:
+    """Say which file this is, and where it belongs."""
+    what, hint = _NAMED[kind]
+    hint = hint.replace("FILE", root.span.file)
+    out.add(code, root.span, f"this is {what}, not {_NAMED[wanted][0]}", hint=hint)
+
+
+def read_schema(name: str) -> dict[str, Any]:
+    """Return one schema, e.g. ``transfers``, from the installed package or the source tree.
+
+    Raises:
+        FileNotFoundError: No such schema; the installation is damaged.
+    """
+    file = f"{name}.schema.json"
+    in_source = Path(__file__).parents[3] / "schemas" / file
+    if in_source.is_file():  # a source tree, also when installed editable
+        text = in_source.read_text("utf-8")
+    else:
+        text = (resources.files("fsoe_net") / "schemas" / file).read_text("utf-8")
+    loaded: dict[str, Any] = json.loads(text)
+    return loaded
+
+
+@functools.cache
+def _validator(name: str) -> Any:
+    from jsonschema import Draft202012Validator
+    from referencing import Registry, Resource
+
+    registry: Any = Registry().with_resources(
+        (schema["$id"], Resource.from_contents(schema)) for schema in _schemas_of(name)
+    )
+    return Draft202012Validator(read_schema(name), registry=registry)
+
+
+@functools.cache
+def _schemas_of(name: str) -> tuple[dict[str, Any], ...]:
+    """Return a schema and those that it names, each once."""
+    found: dict[str, dict[str, Any]] = {}
+    pending = [name]
+    while pending:
+        name = pending.pop()
+        if name not in found:
+            found[name] = read_schema(name)
+            pending += re.findall(r'"([a-z]+)\.schema\.json#', json.dumps(found[name]))
+    return tuple(found.values())
+
+
+def schema_keys(name: str) -> frozenset[str]:
+    """Return the top-level keys a schema allows."""
+    return frozenset(read_schema(name)["properties"])
+
+
+def check_structure(root: MapNode, name: str, out: Collector) -> bool:
+    """Add a finding for each unknown, missing or wrongly typed key of a document.
+
+    Of very many unknown keys the first are told, each compared with those that are known; then the
+    file is refused, for every further guess costs time and helps nobody.
+
+    Args:
+        root: The document.
+        name: Schema, e.g. ``transfers``.
+        out: Takes FSN109, FSN110, FSN111, FSN116; only FSN140 where the keys are those of another
+            file of this project.
+
+    Returns:
+        Whether it makes sense to read on.
+    """
+    other = kind_by_keys(root) if name in _ASKED_FOR else None
+    if other is not None and other != name:
+        refuse_kind(root, other, name, "FSN140", out)
+        return False
+    validator = _validator(name)
+    if validator.is_valid(_Shapes(_worded_keys(name)).sample(root)):
+        return True  # the usual case: thousands of transfers of one shape, checked once
+    unknown = _Unknown(out)
+    for error in validator.iter_errors(_plain(root)):
+        if error.validator not in _SKIPPED:
+            _translate(error, root, out, unknown)
+        if unknown.too_many:
+            break
+    return not unknown.too_many
+
+
+@functools.cache
+def _worded_keys(name: str) -> frozenset[str]:
+    """Return the keys whose values, not only their types, the schema looks at."""
+    found: set[str] = set()
+    pending: list[Any] = list(_schemas_of(name))
+    while pending:
+        part = pending.pop()
+        if isinstance(part, dict):
+            for key, value in part.items():
+                if isinstance(value, dict) and {"enum", "const"} & set(value):
+                    found.add(key)
+                pending.append(value)
+        elif isinstance(part, list):
+            pending.extend(part)
+    return frozenset(found)
+
+
+class _Shapes:
+    """Numbers the shapes of values: two of one shape have the same keys and types throughout."""
+
+    def __init__(self, worded: frozenset[str]) -> None:
+        self._worded = worded
+        self._numbers: dict[object, int] = {}
+        self._kinds: dict[tuple[str, bool], int] = {}
+
+    def sample(self, node: Node) -> Any:
+        """Return the document as plain values, its lists with one item of each shape."""
+        if isinstance(node, MapNode):
+            return {key: self.sample(value) for key, value in node.pairs.items()}
+        if isinstance(node, SeqNode):
+            kept = {self._of(item): item for item in node.items}
+            return [self.sample(item) for item in kept.values()]
+        return _plain(node)
+
+    def _of(self, node: Node, key: str = "") -> int:
+        shape: object
+        if isinstance(node, ScalarNode):
+            if key not in self._worded:
+                return self._kind(node)
+            shape = _plain(node)
+            shape = (type(shape), shape)
+        elif isinstance(node, MapNode):
+            pairs = node.pairs
+            shape = (*pairs, *[self._of(value, name) for name, value in pairs.items()])
+        else:
+            shape = frozenset([self._of(item) for item in node.items])
+        return self._numbers.setdefault(shape, len(self._numbers))
+
+    def _kind(self, node: ScalarNode) -> int:
+        known = self._kinds.get((node.text, node.plain))
+        if known is None:
+            kind = type(_plain(node))
+            known = self._numbers.setdefault(kind, len(self._numbers))
+            self._kinds[node.text, node.plain] = known
+        return known
+
+
+def _plain(node: Node) -> Any:
+    """Return dicts, lists and values as a YAML 1.2 reader would."""
+    if isinstance(node, MapNode):
+        return {key: _plain(value) for key, value in node.pairs.items()}
+    if isinstance(node, SeqNode):
+        return [_plain(item) for item in node.items]
+    if node.is_null:
+        return None
+    if not node.plain:
+        return node.text
+    return _plain_scalar(node.text)
+
+
+_BOOLEANS = {"true": True, "false": False, "yes": True, "no": False, "on": True, "off": False}
+
+
+def _plain_scalar(text: str) -> object:
+    first = text[0]
+    if first.isdigit() or first in "+-.":
+        if re.fullmatch(r"[+-]?[0-9]+|0[xX][0-9a-fA-F]+", text):
+            try:
+                return int(text, 16 if text[1:2] in ("x", "X") else 10)
+            except ValueError:  # more digits than Python converts
+                return text
+        if re.fullmatch(
+            r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?\.(inf|nan)", text
+        ):
+            return float(text.replace(".inf", "inf").replace(".nan", "nan"))
+    return _BOOLEANS.get(text.lower(), text)
+
+
+def _node_at(root: Node, path: Iterable[str | int]) -> Node:
+    node = root
+    for step in path:
+        if isinstance(node, MapNode) and isinstance(step, str):
+            node = node.pairs[step]
+        elif isinstance(node, SeqNode) and isinstance(step, int):
+            node = node.items[step]
+    return node
+
+
+def _where(path: Sequence[str | int]) -> str:
+    text = ""
+    for step in path:
+        text += f" {step + 1}" if isinstance(step, int) else f"{', ' if text else ''}{step}"
+    return text or "the document"
+
+
+def _translate(error: Any, root: MapNode, out: Collector, unknown: _Unknown) -> None:
+    node = _node_at(root, error.absolute_path)
+    path = list(error.absolute_path)
+    if error.validator == "additionalProperties" and isinstance(node, MapNode):
+        unknown.keys_of(node, error.schema.get("properties", {}), path)
+    elif error.validator == "required" and isinstance(node, MapNode):
+        _missing_keys(node, error, path, out)
+    elif error.validator in ("enum", "const"):
+        _not_allowed(node, error, path, out)
+    elif error.validator == "type":
+        _wrong_type(node, error, path, out)
+    else:
+        out.add("FSN111", node.span, f"{_where(path)}: {error.message}", hint="see the schema")
+
+
+def nearest_key(key: str, allowed: Iterable[str]) -> str | None:
+    """Return the key that was probably meant, or ``None``."""
+    known = list(allowed)
+    if _CONFUSED.get(key) in known:
+        return _CONFUSED[key]
+    swapped = {v: k for k, v in _CONFUSED.items()}.get(key)
+    if swapped in known:
+        return swapped
+    folded = {k.lower().replace("_", ""): k for k in known}
+    plain = re.sub(r"[^a-z0-9]", "", key.lower())
+    if plain in folded:
+        return folded[plain]
+    close = difflib.get_close_matches(plain, folded, n=1, cutoff=0.72)
+    return folded[close[0]] if close else None
+
+
+class _Unknown:
+    """The unknown keys of a document, until there are too many."""
+
+    def __init__(self, out: Collector) -> None:
+        self._out = out
+        self._count = 0
+        self.too_many = False
+
+    def keys_of(self, node: MapNode, properties: dict[str, Any], path: list[str | int]) -> None:
+        """Tell those of one map."""
+        free = [k for k in properties if k not in node.pairs]
+        for key in node.pairs:
+            if key in properties:
+                continue
+            self._count += 1
+            if self._count > MOST_UNKNOWN:
+                self._refuse(node.keys[key])
+                return
+            meant = nearest_key(key, free)
+            where = f"in {_where(path)}" if path else "at the top level"
+            known = ", ".join(sorted(properties))
+            self._out.add(
+                "FSN109",
+                node.keys[key],
+                f"unknown key {key!r} {where}",
+                # A word that resembles no key is a remark of the user's, not a mistake.
+                severity=None if meant else Severity.INFO,
+                hint=f"write {meant!r}" if meant else f"known here: {known}",
+            )
+
+    def _refuse(self, span: Span) -> None:
+        self.too_many = True
+        self._out.add(
+            "FSN109",
+            span,
+            f"more than {MOST_UNKNOWN} unknown keys; the file is not read on",
+            hint="give the file that was meant, or take out what does not belong there",
+        )
+
+
+def _missing_keys(node: MapNode, error: Any, path: list[str | int], out: Collector) -> None:
+    missing = [k for k in error.validator_value if k not in node.pairs]
+    # jsonschema reports each missing key on its own and names it in the message.
+    for key in missing:
+        if f"'{key}'" != error.message.split(" is a required", 1)[0]:
+            continue
+        properties = error.schema.get("properties", {})
+        others = (k for k in node.pairs if k not in properties)
+        typo = any(
+            nearest_key(k, [m for m in properties if m not in node.pairs]) == key
+            for k in itertools.islice(others, MOST_UNKNOWN)
+        )
+        if not typo:
+            inside_pdo = "channels" in path
+            out.add(
+                "FSN404" if inside_pdo else "FSN110",
+                node.span,
+                f"{_where(path)} has no {key!r}"
+                + ("; the driver goes on with a random value" if inside_pdo else ""),
+                hint=f"add {key}: {_what_to_write(properties.get(key, {}))}".rstrip(": "),
+            )
+
+
+def _what_to_write(schema: dict[str, Any]) -> str:
+    """Return the only value there is, else what the value means."""
+    return str(schema["const"] if "const" in schema else schema.get("description", ""))
+
+
+def _not_allowed(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
+    allowed = error.validator_value if error.validator == "enum" else [error.validator_value]
+    words = [str(w) for w in allowed if w not in (None, "")]
+    text = node.text if isinstance(node, ScalarNode) else "a list or map"
+    close = difflib.get_close_matches(text.lower(), words, n=1, cutoff=0.6)
+    out.add(
+        "FSN116",
+        node.span,
+        f"{_where(path)} is {text!r}; allowed: {', '.join(words)}",
+        hint=f"write {close[0]}" if close else f"write one of: {', '.join(words)}",
+    )
+
+
+def _is_read_later(schema: dict[str, Any], node: ScalarNode) -> bool:
+    """Whether a reader says more about a scalar of the wrong type: numbers, patterns."""
+    if "pattern" in schema:
+        return True
+    is_word = node.plain and isinstance(_plain_scalar(node.text), str)
+    return is_word and schema["type"] in ("integer", "number") and "minimum" in schema
+
+
+def _spells_number(text: str) -> bool:
+    return bool(text) and isinstance(_plain_scalar(text), (int, float))
+
+
+_KINDS = {"object": "a map", "array": "a list", "string": "a text", "null": "nothing"}
+
+
+def _wrong_type(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
+    wanted = error.validator_value
+    names = [wanted] if isinstance(wanted, str) else list(wanted)
+    if isinstance(node, ScalarNode) and not node.is_null and _is_read_later(error.schema, node):
+        return
+    if "boolean" in names and "string" in names:
+        expected = "a text"
+    elif any(n in ("integer", "number") for n in names):
+        expected = "a number"
+    else:
+        expected = " or ".join(_KINDS.get(n, f"a {n}") for n in names if n != "null")
+    if isinstance(node, ScalarNode):
+        found = "empty" if node.is_null else f"{node.text[:60]!r}"
+    else:
+        found = "a list" if isinstance(node, SeqNode) else "a map"
+    hint = f"write {expected}"
+    if expected == "a number" and isinstance(node, ScalarNode) and _spells_number(node.text):
+        hint = f"write {node.text}, without quotes"
+    elif names[0] == "array":
+        hint = "start each item with `- `"
+    elif names[0] == "object" and isinstance(node, SeqNode):
+        hint = "delete the `- ` in front of the keys"
+    out.add("FSN111", node.span, f"{_where(path)} must be {expected}, it is {found}", hint=hint)

@@ -1,0 +1,328 @@
+"""Slave YAML of ethercat_driver_ros2: one SubDevice type with its PDOs, sync managers and SDOs."""
+
+from __future__ import annotations
+
+import math
+import os
+
+from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.formats.own.schema import check_structure, schema_keys
+from fsoe_net.formats.own.type_words import type_bits
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.numbers import Reader, read_float, read_int, warn_decimal_index
+from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, load_yaml
+from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
+
+__all__ = ["device_from_yaml", "load_device"]
+
+# What the driver configures when a file lists no sync manager, or none it understands.
+_DEFAULT_SYNC_MANAGERS = (
+    (0, Direction.OUTPUT, None, Watchdog.DISABLE),
+    (1, Direction.INPUT, None, Watchdog.DISABLE),
+    (2, Direction.OUTPUT, "rpdo", Watchdog.ENABLE),
+    (3, Direction.INPUT, "tpdo", Watchdog.DISABLE),
+)
+
+_LARGEST_SCALE = 1e300  # a plan has finite numbers only, also after a shift
+
+_SDO_BYTES = {"8": 1, "16": 2, "32": 4, "64": 8}
+
+
+def load_device(
+    path: str | os.PathLike[str], out: Collector, *, named_at: Span | None = None
+) -> Device | None:
+    """Read one slave YAML.
+
+    Args:
+        path: The file.
+        out: Takes the findings; see FSN1xx and FSN4xx.
+        named_at: Place of the reference when another file names this one.
+
+    Returns:
+        The device, or ``None`` when nothing sure can be said about its layout.
+    """
+    root = load_yaml(path, out, named_at=named_at)
+    if root is None:
+        return None
+    if named_at is not None and not schema_keys("slave") & set(root.pairs):
+        keys = ", ".join(list(root.pairs)[:5])
+        out.add(
+            "FSN140",
+            named_at,
+            f"{os.fspath(path)!r} is no slave YAML; its keys are: {keys}",
+            hint="name the file with vendor_id, rpdo and tpdo of this device",
+        )
+        return None
+    return device_from_yaml(root, os.fspath(path), out)
+
+
+def device_from_yaml(root: MapNode, path: str, out: Collector) -> Device | None:
+    """Turn a parsed slave YAML into a device; see `load_device`."""
+    if not check_structure(root, "slave", out):
+        return None
+    vendor = _u32(root, "vendor_id", out)
+    product = _u32(root, "product_id", out)
+    rpdos = _pdos(root, "rpdo", out)
+    tpdos = _pdos(root, "tpdo", out)
+    if rpdos is None or tpdos is None:
+        return None
+    return Device(
+        span=root.span,
+        fields=root.places(),
+        path=path,
+        vendor_id=vendor or 0,
+        product_code=product or 0,
+        assign_activate=_u32(root, "assign_activate", out) or 0,
+        sync_managers=_sync_managers(root, out),
+        rpdos=rpdos,
+        tpdos=tpdos,
+        sdos=_sdos(root, out),
+    )
+
+
+def _u32(root: MapNode, key: str, out: Collector) -> int | None:
+    return read_int(root.get(key), out, what=key, low=0, high=0xFFFFFFFF, reader=Reader.SLAVE)
+
+
+def _int(node: MapNode, key: str, high: int, out: Collector, low: int = 0) -> int | None:
+    return read_int(node.get(key), out, what=key, low=low, high=high, reader=Reader.SLAVE)
+
+
+def _pdos(root: MapNode, key: str, out: Collector) -> tuple[Pdo, ...] | None:
+    """Return the PDOs of a group, or ``None`` when an entry's length is unknown."""
+    pdos: list[Pdo] = []
+    sure = True
+    for node in root.maps(key):
+        index = _int(node, "index", 0xFFFF, out)
+        warn_decimal_index(node.get("index"), out, index)
+        channels = node.get("channels")
+        entries = [_entry(item, out) for item in node.maps("channels")]
+        if isinstance(channels, SeqNode) and len(entries) != len(channels.items):
+            sure = False
+        good = [e for e in entries if e is not None]
+        sure = sure and len(good) == len(entries) and index is not None
+        pdos.append(
+            Pdo(span=node.span, fields=node.places(), index=index or 0, entries=tuple(good))
+        )
+    return tuple(pdos) if sure else None
+
+
+def _entry(node: MapNode, out: Collector) -> Entry | None:
+    index = _int(node, "index", 0xFFFF, out)
+    warn_decimal_index(node.get("index"), out, index)
+    subindex = _int(node, "sub_index", 0xFF, out)
+    word = node.text("type")
+    bits = type_bits(word, node.at("type"), out) if word is not None else None
+    default = read_float(node.get("default"), out, what="default")
+    mask = _int(node, "mask", 0xFF, out)
+    if index is None or subindex is None or bits is None:
+        return None
+    groups = node.maps("data_mapping")
+    return Entry(
+        span=node.span,
+        fields=node.places(),
+        index=index,
+        subindex=subindex,
+        bits=bits,
+        type_name=word or "",
+        skip=node.truth("skip"),
+        name=node.text("name") or "",
+        command_interface=_interface(node, groups, "command_interface", out),
+        state_interface=_interface(node, groups, "state_interface", out),
+        default=_first_default(default, groups, out),
+        mask=mask,
+        factor=_scale(node, "factor", 1.0, out),
+        offset=_scale(node, "offset", 0.0, out),
+        views=tuple(v for v in (_view(g, bits, out) for g in groups) if v is not None),
+        restart_relevant=node.truth("restart_relevant"),
+    )
+
+
+def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
+    """Return ``factor`` or ``offset``; a factor of 0, or what no plan can hold, scales nothing."""
+    value = read_float(node.get(key), out, what=key)
+    if value is None or not abs(value) <= _LARGEST_SCALE or (key == "factor" and value == 0):
+        return without
+    return value
+
+
+def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
+    """Read an item of ``data_mapping``; ``None`` when it is no run of bits in the entry."""
+    word = node.text("type") or ""
+    bits = type_bits(word, node.at("type"), out) if word else None
+    first = _int(node, "addr_offset", 0xFFFF, out) or 0
+    mask = _int(node, "mask", 0xFF, out)
+    if bits is None:
+        return None
+    run = _run_of_bits(node, word, bits, mask, out)
+    if run is None:
+        return None
+    shift, bits = run
+    end = 8 * first + shift + bits
+    if end > entry_bits:
+        out.add(
+            "FSN422",
+            node.at("addr_offset" if first else "mask" if shift else "type"),
+            f"this item takes bits {8 * first + shift} … {end - 1} of a channel of {entry_bits} "
+            "bits; the driver would use what lies behind it",
+            hint=f"addr_offset counts bytes inside the channel, from 0 to {-(-entry_bits // 8) - 1}"
+            if first
+            else "write a shorter type or mask, or correct the type of the channel",
+        )
+        return None
+    return EntryView(
+        span=node.span,
+        fields=node.places(),
+        bit=8 * first + shift,
+        bits=bits,
+        shift=0 if word == "bool" else shift,
+        type_name=word,
+        command_interface=node.text("command_interface"),
+        state_interface=node.text("state_interface"),
+        default=read_float(node.get("default_value"), out, what="default_value"),
+        factor=_scale(node, "factor", 1.0, out),
+        offset=_scale(node, "offset", 0.0, out),
+    )
+
+
+def _run_of_bits(
+    node: MapNode, word: str, bits: int, mask: int | None, out: Collector
+) -> tuple[int, int] | None:
+    """Return first bit and number of bits that an item takes in its byte, ``None`` with FSN422."""
+    if word.startswith("bit") and bits > 8:
+        out.add(
+            "FSN427",
+            node.at("type"),
+            f"the driver reads and writes only one byte of {word}",
+            hint="use uint16 … uint64, or two items",
+        )
+    if word == "bool" and (mask or 0).bit_count() != 1:
+        said = "no mask" if mask is None else f"mask {mask}"
+        out.add(
+            "FSN405",
+            node.at("mask"),
+            f"a bool of data_mapping has {said}, which is not one bit; the driver would use others",
+            hint="write the mask of its bit: 1, 2, 4, 8, 16, 32, 64 or 128",
+        )
+        return 0, 1
+    if bits > 8 or mask is None:
+        return 0, bits
+    shift = (mask & -mask).bit_length() - 1 if mask else 0
+    run = mask >> shift
+    if run == 0 or run & (run + 1):
+        what = "bits that do not lie side by side" if run else "no bit"
+        out.add(
+            "FSN422",
+            node.at("mask"),
+            f"mask 0x{mask:02x} selects {what}; no value is made of it",
+            hint="give each run of bits an item of its own",
+        )
+        return None
+    return shift, run.bit_length()
+
+
+def _interface(node: MapNode, groups: list[MapNode], key: str, out: Collector) -> str | None:
+    own = node.text(key)
+    inner = [(g.text(key), g) for g in groups if g.text(key) is not None]
+    if own is not None and groups:
+        out.add(
+            "FSN423",
+            node.at(key),
+            f"{key} of a channel that has data_mapping; the driver stops with an exception",
+            hint=f"move {key} into one item of data_mapping",
+        )
+    return own if own is not None else (inner[0][0] if inner else None)
+
+
+def _first_default(own: float | None, groups: list[MapNode], out: Collector) -> float | None:
+    """Return the value the driver would write, or ``None`` for never (`.nan` means never)."""
+    values = [own, *(read_float(g.get("default_value"), out, what="default_value") for g in groups)]
+    return next((v for v in values if v is not None and not math.isnan(v)), None)
+
+
+def _sync_managers(root: MapNode, out: Collector) -> tuple[SyncManager, ...]:
+    found: list[SyncManager] = []
+    for node in root.maps("sm"):
+        index = _int(node, "index", 255, out)
+        direction = node.text("type")
+        if index is None or direction not in ("input", "output"):
+            continue
+        carries = (node.text("pdo") or "").lower()  # the schema has spoken about the spelling
+        watchdog = node.text("watchdog")
+        found.append(
+            SyncManager(
+                span=node.span,
+                fields=node.places(),
+                index=index,
+                direction=Direction(direction),
+                carries=carries if carries in ("rpdo", "tpdo") else None,
+                watchdog=Watchdog(watchdog)
+                if watchdog in ("enable", "disable")
+                else Watchdog.DEFAULT,
+            )
+        )
+    if found:
+        return tuple(found)
+    return tuple(
+        SyncManager(
+            span=root.span,
+            index=index,
+            direction=direction,
+            carries=carries,
+            watchdog=watchdog,
+            declared=False,
+        )
+        for index, direction, carries, watchdog in _DEFAULT_SYNC_MANAGERS
+    )
+
+
+def _sdos(root: MapNode, out: Collector) -> tuple[Sdo, ...]:
+    found: list[Sdo] = []
+    for node in root.maps("sdo"):
+        index = _int(node, "index", 0xFFFF, out)
+        subindex = _int(node, "sub_index", 0xFF, out)
+        word = node.text("type") or ""
+        value = read_int(
+            node.get("value"), out, what="value", low=-(2**63), high=2**64 - 1, reader=Reader.SLAVE
+        )
+        size = _SDO_BYTES.get(word.removeprefix("u").removeprefix("int"))
+        if index is None or subindex is None or value is None or size is None:
+            continue
+        _check_sdo_value(node, word, size, value, out)
+        found.append(
+            Sdo(
+                span=node.span,
+                fields=node.places(),
+                index=index,
+                subindex=subindex,
+                size_bytes=size,
+                value=value,
+            )
+        )
+    return tuple(found)
+
+
+def _check_sdo_value(node: MapNode, word: str, size: int, value: int, out: Collector) -> None:
+    low, high = (
+        (0, 2 ** (8 * size) - 1)
+        if word.startswith("u")
+        else (-(2 ** (8 * size - 1)), 2 ** (8 * size - 1) - 1)
+    )
+    if not low <= value <= high:
+        out.add(
+            "FSN418",
+            node.at("value"),
+            f"value {value} does not fit into {word} ({low} … {high})",
+            hint="correct the value or the type",
+        )
+    elif not -(2**31) <= value < 2**31:
+        signed = value - 2 ** (8 * size)
+        mend = f"write {signed}, the same bytes" if word in ("uint32", "int32") else ""
+        out.add(
+            "FSN418",
+            node.at("value"),
+            f"value {value} is above 0x7fffffff: the driver reads a signed 32-bit number and "
+            "stops with an exception",
+            severity=Severity.WARNING,
+            hint=mend,
+        )

@@ -1,0 +1,1 @@
+"""URDF and xacro of ethercat_driver_ros2."""

@@ -1,0 +1,270 @@
+"""Plugins and ``param`` tags of a URDF, read the way the driver reads them.
+
+The driver takes texts as they stand, blanks included, and of a param given twice the last one. It
+throws an exception on an empty param. Numbers go through `stod` in drivers of 2024 and through
+`stoul` later; we accept only spellings that both take for the same number.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.xml_tree import Element
+
+__all__ = [
+    "DRIVER_PLUGIN",
+    "Params",
+    "driver_plugin_findings",
+    "known_plugin_findings",
+    "read_address",
+    "read_flag",
+    "read_frequency",
+    "read_params",
+]
+
+DRIVER_PLUGIN = "ethercat_driver/EthercatDriver"
+_PROTOTYPE_PLUGIN = "ethercat_driver/EthercatSafetyDriver"
+_PACKAGES = ("ethercat_generic_plugins/", "ethercat_plugins/")
+_VENDOR_PLUGINS = """
+ATI_FTSensor Advantech_AMAX5051 Advantech_AMAX5056 Beckhoff_EK1100 Beckhoff_EL1008 Beckhoff_EL1018
+Beckhoff_EL2008 Beckhoff_EL2088 Beckhoff_EL2124 Beckhoff_EL3102 Beckhoff_EL3104 Beckhoff_EL4132
+Beckhoff_EL4134 Beckhoff_EL5101 Maxon_EPOS3 Omron_NX_ECC201_NX_ID5442 Omron_NX_ECC201_NX_OD5256
+Omron_NX_ECC202_NX_ID5142_1 Omron_NX_ECC202_NX_OD5256 Schneider_ATV320
+"""
+_KNOWN_PLUGINS = (
+    "ethercat_generic_plugins/GenericEcSlave",
+    "ethercat_generic_plugins/EcCiA402Drive",
+    *(f"ethercat_plugins/{name}" for name in _VENDOR_PLUGINS.split()),
+)
+_MAX_ADDRESS = 0xFFFF
+_SLOWEST_HZ = 0.25  # a cycle of 4 s, as in network YAML
+_FASTEST_HZ = 1e9  # a cycle of 1 ns
+
+
+def known_plugin_findings(plugin: str, span: Span) -> list[Diagnostic]:
+    """Return FSN121 when a module's plugin is not known: a warning when it looks misspelt."""
+    if plugin in _KNOWN_PLUGINS:
+        return []
+    close = _nearest(plugin, _KNOWN_PLUGINS)
+    package = next((p for p in _PACKAGES if plugin.startswith(p)), None)
+    suspicious = close is not None or package is not None or "/" not in plugin
+    hint = "fine if it is your own plugin"
+    if "/" not in plugin:
+        close = next((k for k in _KNOWN_PLUGINS if k.endswith("/" + plugin)), close)
+        hint = "write package/class"
+    if close is not None:
+        hint = f"write {close}"
+    elif package is not None:
+        hint = f"{package.rstrip('/')} has no such class; the generic one is {_KNOWN_PLUGINS[0]}"
+    return [
+        Diagnostic(
+            code="FSN121",
+            span=span,
+            message=f"plugin {plugin!r} is not known here"
+            + ("; a driver that cannot load it shifts every later module" if suspicious else ""),
+            severity=Severity.WARNING if suspicious else Severity.INFO,
+            hint=hint,
+        )
+    ]
+
+
+def driver_plugin_findings(plugin: str, span: Span, out: Collector) -> None:
+    """Add FSN122 or FSN121 when the plugin of a ``ros2_control`` block is not today's driver."""
+    if plugin == DRIVER_PLUGIN:
+        return
+    if plugin == _PROTOTYPE_PLUGIN:
+        out.add(
+            "FSN122",
+            span,
+            f"{_PROTOTYPE_PLUGIN} exists only in the prototype of 2024",
+            hint=f"write {DRIVER_PLUGIN}, which copies transfers itself",
+        )
+        return
+    close = _nearest(plugin, (DRIVER_PLUGIN, _PROTOTYPE_PLUGIN)) is not None
+    close = close or plugin.startswith("ethercat_driver/")
+    out.add(
+        "FSN121",
+        span,
+        f"plugin {plugin!r} is not the EtherCAT driver, yet its block has ec_module tags",
+        severity=Severity.WARNING if close else Severity.INFO,
+        hint=f"write {DRIVER_PLUGIN}" if close else "fine if it is a driver of your own",
+    )
+
+
+def _nearest(word: str, known: Collection[str], cutoff: float = 0.8) -> str | None:
+    """Return the known word this may be meant for; long texts are no misspelling."""
+    if len(word) > 200:
+        return None
+    close = difflib.get_close_matches(word.strip(), known, n=1, cutoff=cutoff)
+    return close[0] if close else None
+
+
+@dataclass(slots=True)
+class Params:
+    """The ``param`` children of an element by name, without the empty ones."""
+
+    owner: Element
+    rows: dict[str, Element] = field(default_factory=dict)
+    empty: set[str] = field(default_factory=set)
+
+    def text(self, name: str) -> str | None:
+        """Return the text as written, or ``None`` when there is no such param."""
+        row = self.rows.get(name)
+        return row.text if row is not None else None
+
+    def span(self, name: str) -> Span:
+        """Return the place of a param's text."""
+        row = self.rows.get(name)
+        return row.value_span if row is not None else self.owner.span
+
+    def places(self) -> dict[str, Span]:
+        """Return the place of each param's text."""
+        return {name: row.value_span for name, row in self.rows.items()}
+
+
+def read_params(owner: Element, known: Collection[str], out: Collector) -> Params:
+    """Read the params of an element; FSN106, FSN109 and FSN110 for what is wrong with them."""
+    params = Params(owner)
+    given: dict[str, Element] = {}
+    rows = owner.all("param")
+    names = {row.attributes.get("name", "") for row in rows}
+    for row in rows:
+        name = row.attributes.get("name", "")
+        if not name:
+            message = "param without a name; the driver stops on it"
+            out.add("FSN110", row.span, message, hint='write <param name="…">')
+            continue
+        first = given.setdefault(name, row)
+        if first is not row:
+            related = (Related(span=first.span, message="first given here"),)
+            message = f"param {name!r} is given twice; the driver takes the last one"
+            out.add("FSN106", row.span, message, hint="delete one of them", related=related)
+        elif name not in known:
+            _misspelt(name, row, [k for k in known if k not in names], out)
+        if row.text.strip():
+            params.rows[name] = row
+            continue
+        params.empty.add(name)
+        message = f"param {name!r} is empty; the driver stops on it"
+        out.add("FSN110", row.span, message, hint="write its value, or delete the param")
+    return params
+
+
+def _misspelt(name: str, row: Element, free: list[str], out: Collector) -> None:
+    close = _nearest(name, free)
+    if close is not None:
+        out.add(
+            "FSN109",
+            row.span,
+            f"unknown param {name!r}; the driver ignores it silently",
+            severity=Severity.WARNING,
+            hint=f"write {close!r}",
+        )
+
+
+def read_address(params: Params, name: str, out: Collector) -> int | None:
+    """Return a ring position, alias or master number; ``None`` when absent or unreadable.
+
+    Args:
+        params: Where the number is given.
+        name: Name of the param.
+        out: Takes FSN131 for an ambiguous spelling, FSN113 beyond 0 … 65535.
+    """
+    text = params.text(name)
+    if text is None:
+        return None
+    span = params.span(name)
+    if re.fullmatch(r"0|[1-9][0-9]*", text):
+        if len(text) <= 5 and int(text) <= _MAX_ADDRESS:
+            return int(text)
+        message = f"{name} {_short(text)} is outside 0 … {_MAX_ADDRESS}"
+        hint = f"`ethercat slaves` lists {name} …" if name != "master_id" else ""
+        out.add("FSN113", span, message, hint=hint or "`ethercat master` lists the masters")
+        return None
+    meant, old, new = _meant(text), _stod(text), _stoul(text)
+    agree = old == new == f"read {meant}"
+    reads = f"drivers of 2024 {old}, later ones {new}"
+    if agree:
+        reads = f"every driver happens to {old}"
+    out.add(
+        "FSN131",
+        span,
+        f"{name} {_short(text)!r} is no plain decimal number: {reads}",
+        severity=Severity.WARNING if agree else Severity.ERROR,
+        hint=f"write {meant}" if meant is not None else "write a whole number from 0 up",
+    )
+    return meant
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else text[:40] + "…"
+
+
+def _meant(text: str) -> int | None:
+    """Guess the number behind an ambiguous spelling."""
+    bare = text.strip().removeprefix("+")
+    if re.fullmatch(r"0[xX][0-9a-fA-F]{1,8}", bare):
+        value = int(bare, 16)
+    elif re.fullmatch(r"[0-9]{1,10}(\.0*)?", bare):
+        value = int(bare.partition(".")[0])
+    else:
+        return None
+    return value if value <= _MAX_ADDRESS else None
+
+
+def _stod(text: str) -> str:
+    match = re.match(r"\s*([+-]?)(?:0[xX]([0-9a-fA-F]{1,12})|([0-9]{1,12}))", text, re.ASCII)
+    if match is None:
+        return "throw an exception"
+    sign, hexadecimal, decimal = match.groups()
+    value = int(hexadecimal, 16) if hexadecimal else int(decimal)
+    return f"read {'-' if sign == '-' and value else ''}{value}"
+
+
+def _stoul(text: str) -> str:
+    match = re.match(r"\s*([+-]?)([0-9]{1,12})", text, re.ASCII)
+    if match is None:
+        return "throw an exception"
+    value = int(match.group(2))
+    return f"read {-value & _MAX_ADDRESS if match.group(1) == '-' else value}"
+
+
+def read_frequency(params: Params, out: Collector) -> float:
+    """Return ``control_frequency`` in Hz: 100 when absent, 0 with FSN130 when it is none."""
+    text = params.text("control_frequency")
+    if text is None:
+        return 100.0
+    bare = text.strip()
+    number = re.match(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?", bare)
+    value = float(number.group()) if number and len(bare) < 50 else 0.0
+    possible = _SLOWEST_HZ <= value <= _FASTEST_HZ
+    if possible and number is not None and number.end() == len(bare):
+        return value
+    out.add(
+        "FSN130",
+        params.span("control_frequency"),
+        f"control_frequency {_short(text)!r} is no possible frequency above zero",
+        hint=f"write {number.group()}" if possible and number else "write it in Hz, such as 1000",
+    )
+    return 0.0
+
+
+def read_flag(params: Params, name: str, out: Collector) -> bool:
+    """Return a flag that is true when absent; FSN116 for other words than true and false."""
+    text = params.text(name)
+    if text is None or text in ("true", "false"):
+        return text != "false"
+    false = text.strip().lower() in ("false", "no", "off", "0")
+    true = text.strip().lower() in ("true", "yes", "on", "1")
+    out.add(
+        "FSN116",
+        params.span(name),
+        f"{name} is {_short(text)!r}; allowed are true and false",
+        hint="write false" if false else "write true" if true else "write true or false",
+    )
+    return not false

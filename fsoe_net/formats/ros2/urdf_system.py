@@ -1,0 +1,242 @@
+"""One ``ros2_control`` block of a URDF: its driver parameters and its ``ec_module`` tags."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from fsoe_net.diag.diagnostic import Related
+from fsoe_net.formats.ros2.urdf_params import (
+    DRIVER_PLUGIN,
+    Params,
+    driver_plugin_findings,
+    known_plugin_findings,
+    read_address,
+    read_flag,
+    read_frequency,
+    read_params,
+)
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.xml_tree import Element
+from fsoe_net.model.bus import Located
+
+__all__ = ["COMPONENTS", "DriverSystem", "ModuleDecl", "plugin_of", "read_system"]
+
+COMPONENTS = ("joint", "gpio", "sensor")  # the order in which the driver adds modules
+_SYSTEM_PARAMS = (
+    "master_id",
+    "control_frequency",
+    "fsoe_config",
+    "transfer_config",
+    "master_plugin",
+    "readiness_timeout_s",
+)
+_MODULE_PARAMS = ("alias", "position", "slave_config", "mode_of_operation", "required", "plugin")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModuleDecl(Located):
+    """One ``ec_module``.
+
+    Args:
+        name: Name by which transfers call it.
+        plugin: As written, or ``None``.
+        alias: 0 when absent or unreadable.
+        position: Ring position, or place behind ``alias``. A module whose position is missing or
+            unreadable gets a high unused one, so that nothing else is said about it.
+        slave_config: As written (after expansion); empty when absent.
+        required: False when the driver may leave the module out.
+        origin: ``joint``, ``gpio`` or ``sensor``.
+        component: Name of that joint, gpio or sensor.
+        params: Every ``param``, as written.
+    """
+
+    name: str
+    plugin: str | None
+    alias: int
+    position: int
+    slave_config: str
+    required: bool
+    origin: str
+    component: str = ""
+    params: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriverSystem(Located):
+    """One ``ros2_control`` block; modules stand in the order in which the driver adds them.
+
+    Args:
+        name: Name of the block.
+        plugin: As written, or ``None``.
+        master_id: Number of the EtherCAT master.
+        control_frequency: In Hz; 100 when absent, 0 when it is no possible frequency.
+        transfer_file: Text of ``transfer_config``, else of ``fsoe_config``, else ``None``.
+        transfer_key: Which of the two it was.
+        modules: All joints, then gpios, then sensors, each in document order.
+    """
+
+    name: str
+    plugin: str | None
+    master_id: int
+    control_frequency: float
+    transfer_file: str | None
+    transfer_key: str | None
+    modules: tuple[ModuleDecl, ...]
+
+
+def plugin_of(block: Element) -> Element | None:
+    """Return the plugin tag of a block, unless it is missing or empty."""
+    hardware = block.first("hardware")
+    plugin = hardware.first("plugin") if hardware is not None else None
+    return plugin if plugin is not None and plugin.text.strip() else None
+
+
+def read_system(block: Element, out: Collector) -> DriverSystem:
+    """Read a block that belongs to the EtherCAT driver; what is wrong goes to ``out``."""
+    return _System(block, out).read()
+
+
+class _System:
+    """Reads one ``ros2_control`` block."""
+
+    def __init__(self, block: Element, out: Collector) -> None:
+        self._block = block
+        self._out = out
+
+    def read(self) -> DriverSystem:
+        block, out = self._block, self._out
+        hardware = block.first("hardware")
+        params = read_params(hardware if hardware is not None else block, _SYSTEM_PARAMS, out)
+        fields = params.places() | {"name": block.span}
+        plugin = self._driver_plugin(hardware)
+        if plugin is not None:
+            fields["plugin"] = plugin.value_span
+        transfer_key = self._transfer_key(params)
+        self._safety_block(transfer_key)
+        modules = [
+            self._module(component, element)
+            for kind in COMPONENTS
+            for component in block.all(kind)
+            for element in component.all("ec_module")
+        ]
+        return DriverSystem(
+            span=block.span,
+            fields=fields,
+            name=block.attributes.get("name", ""),
+            plugin=plugin.text if plugin is not None else None,
+            master_id=read_address(params, "master_id", out) or 0,
+            control_frequency=read_frequency(params, out),
+            transfer_file=params.text(transfer_key) if transfer_key else None,
+            transfer_key=transfer_key,
+            modules=tuple(self._with_positions(modules)),
+        )
+
+    def _driver_plugin(self, hardware: Element | None) -> Element | None:
+        plugin = plugin_of(self._block)
+        if plugin is None:
+            self._out.add(
+                "FSN110",
+                hardware.span if hardware is not None else self._block.span,
+                "ros2_control block with ec_module but without <hardware><plugin>",
+                hint=f"add <plugin>{DRIVER_PLUGIN}</plugin> to <hardware>",
+            )
+            return None
+        driver_plugin_findings(plugin.text, plugin.value_span, self._out)
+        return plugin
+
+    def _transfer_key(self, params: Params) -> str | None:
+        old, new = params.rows.get("fsoe_config"), params.rows.get("transfer_config")
+        if old is not None and new is not None:
+            first, second = sorted((old, new), key=lambda row: row.span)
+            self._out.add(
+                "FSN123",
+                second.span,
+                "both fsoe_config and transfer_config are given; no driver takes both",
+                hint="keep transfer_config",
+                related=(Related(span=first.span, message="the other one"),),
+            )
+        elif old is not None:
+            self._out.add(
+                "FSN132",
+                old.span,
+                "fsoe_config is the old name; versions from 2026-06 warn about it",
+                hint="write transfer_config when your driver knows it",
+            )
+        return "transfer_config" if new is not None else "fsoe_config" if old is not None else None
+
+    def _safety_block(self, transfer_key: str | None) -> None:
+        block = self._block.first("safety")
+        if block is not None:
+            more = "" if transfer_key else ", so nothing would be copied"
+            self._out.add(
+                "FSN124",
+                block.span,
+                f"transfers in an XML <safety> block are read by no current driver{more}",
+                hint='write them as YAML and name the file in <param name="transfer_config">',
+            )
+
+    def _module(self, component: Element, element: Element) -> ModuleDecl:
+        out = self._out
+        params = read_params(element, _MODULE_PARAMS, out)
+        name = element.attributes.get("name", "")
+        if not name:
+            message = "ec_module without a name; transfers cannot name it, the driver may stop"
+            out.add("FSN110", element.span, message, hint='add name="…"')
+        fields = params.places() | {"name": element.span}
+        plugin = self._module_plugin(element, params)
+        if plugin is not None:
+            fields["plugin"] = plugin.value_span
+        _nested_interfaces(element, component, out)
+        for key in ("position", "slave_config"):
+            if key not in params.rows and key not in params.empty:
+                message = f"ec_module {name!r} has no {key}"
+                out.add("FSN110", element.span, message, hint=f'add <param name="{key}">…</param>')
+        alias = read_address(params, "alias", out)
+        position = read_address(params, "position", out)
+        return ModuleDecl(
+            span=element.span,
+            fields=fields,
+            name=name,
+            plugin=plugin.text if plugin is not None else None,
+            alias=alias or 0,
+            position=-1 if position is None else position,
+            slave_config=params.text("slave_config") or "",
+            required=read_flag(params, "required", out),
+            origin=component.name,
+            component=component.attributes.get("name", ""),
+            params={key: row.text for key, row in params.rows.items()},
+        )
+
+    def _module_plugin(self, element: Element, params: Params) -> Element | None:
+        """Return the tag that names the plugin; the driver lets a param of that name win."""
+        plugin = params.rows.get("plugin", element.first("plugin"))
+        if plugin is not None and plugin.text.strip():
+            self._out.diagnostics += known_plugin_findings(plugin.text, plugin.value_span)
+            return plugin
+        self._out.add(
+            "FSN120",
+            plugin.span if plugin is not None else element.span,
+            f"ec_module {element.attributes.get('name', '')!r} has no <plugin>; the driver stops "
+            "with an exception",
+            hint="add <plugin>ethercat_generic_plugins/GenericEcSlave</plugin>",
+        )
+        return None
+
+    @staticmethod
+    def _with_positions(modules: list[ModuleDecl]) -> list[ModuleDecl]:
+        used = {m.position for m in modules}
+        free = (n for n in range(0xFFFF, -1, -1) if n not in used)
+        return [replace(m, position=next(free, 0)) if m.position < 0 else m for m in modules]
+
+
+def _nested_interfaces(element: Element, component: Element, out: Collector) -> None:
+    for nested in element.children:
+        if nested.name in ("command_interface", "state_interface"):
+            out.add(
+                "FSN127",
+                nested.span,
+                f"{nested.name} {nested.attributes.get('name', '')!r} inside ec_module is never "
+                "exported; the value stays 0",
+                hint=f"move it up into <{component.name}>, beside the ec_module",
+            )

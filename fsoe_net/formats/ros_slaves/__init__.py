@@ -1,0 +1,1 @@
+"""The older ``ethercat_slaves.yaml`` of IgH nodes for ROS."""

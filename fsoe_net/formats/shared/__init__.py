@@ -1,0 +1,1 @@
+"""What several formats use: files, text, XML, YAML, numbers, names."""

@@ -1,0 +1,265 @@
+"""Numbers as the user spelled them, and what each reader makes of the spelling.
+
+Two readers matter. Slave YAML goes through yaml-cpp (leading 0 is octal). The endpoints of the
+transfer YAML go through a function of the driver that knows only a lower-case ``0x`` and otherwise
+reads decimal digits up to the first other character (`stoul`), then cuts to 16 bits. We accept only
+spellings every reader takes for the same number, and name what would be read otherwise.
+"""
+
+from __future__ import annotations
+
+import enum
+import functools
+import math
+import re
+
+from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.yaml_tree import Node, ScalarNode
+
+__all__ = ["Reader", "driver_endpoint_number", "read_float", "read_int", "warn_decimal_index"]
+
+
+class Reader(enum.Enum):
+    """Which grammar a number is under."""
+
+    SLAVE = "slave YAML"
+    ENDPOINT = "transfer YAML"
+    OWN = "network YAML"
+
+
+_MOST_TO_SAY = 0xFFFF  # no user has a limit above it in mind
+_MAX_DIGITS = 40  # Python refuses to convert thousands of them; 64 bits need 20
+
+_HEX = re.compile(r"0[xX][0-9a-fA-F]+\Z")
+_DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)\Z")
+_LEADING_ZERO = re.compile(r"-?0[0-9]+\Z")
+
+
+def driver_endpoint_number(text: str) -> int | None:
+    """Return what the driver's endpoint parser makes of a spelling, cut to 16 bits.
+
+    Returns:
+        The number, or ``None`` where the driver throws an exception.
+    """
+    trimmed = text.strip(" \t")
+    if trimmed.startswith("0x"):
+        match = re.match(r"\s*[+-]?(?:0[xX](?=[0-9a-fA-F]))?([0-9a-fA-F]+)", trimmed)
+        base = 16
+    else:
+        match = re.match(r"\s*[+-]?([0-9]+)", trimmed)
+        base = 10
+    if match is None:
+        return None
+    value = int(match.group(1), base)
+    if match.group().lstrip().startswith("-"):
+        value = -value
+    return value & 0xFFFF
+
+
+def read_int(
+    node: Node | None,
+    out: Collector,
+    *,
+    what: str,
+    low: int,
+    high: int,
+    reader: Reader,
+) -> int | None:
+    """Return the number a scalar spells, or ``None`` with a finding.
+
+    Args:
+        node: The value; ``None`` (key missing) gives ``None`` silently, the schema has spoken.
+        out: Takes FSN111 … FSN114.
+        what: Name of the value for messages, e.g. ``"index"``.
+        low: Smallest allowed value.
+        high: Largest allowed value.
+        reader: Grammar the file is under.
+    """
+    if not isinstance(node, ScalarNode) or node.is_null:
+        return None
+    value = _agreed(node.text, reader)
+    if value is None:
+        value = _disputed(node, out, what=what, low=low, high=high, reader=reader)
+    if value is not None and not low <= value <= high:
+        _out_of_range(
+            value, node.text, node.span, out, what=what, low=low, high=high, reader=reader
+        )
+        return None
+    return value
+
+
+def _disputed(
+    node: ScalarNode, out: Collector, *, what: str, low: int, high: int, reader: Reader
+) -> int | None:
+    """Name what is wrong with a spelling; return the number where one is sure all the same."""
+    text = node.text
+    if len(text) > _MAX_DIGITS:
+        out.add("FSN113", node.span, f"{what} has {len(text)} digits", hint="correct the number")
+    elif _LEADING_ZERO.match(text):
+        return _leading_zero(text, node.span, out, what=what, reader=reader)
+    elif _HEX.match(text):  # with 0X: all others are agreed on
+        _misread(text, node.span, out, what=what, mend="0x" + text[2:])
+    elif reader is Reader.ENDPOINT:
+        _misread(text, node.span, out, what=what, mend=_mend_of(text))
+    elif any(d.code == "FSN111" and d.span == node.span for d in out.diagnostics):
+        return None  # the schema has said so
+    else:
+        out.add(
+            "FSN112" if re.search(r"[0-9]", text) else "FSN111",
+            node.span,
+            f"{what} {text!r} is no integer",
+            hint=_hint_of(text, what, low, high),
+        )
+    return None
+
+
+@functools.lru_cache(maxsize=8192)
+def _agreed(text: str, reader: Reader) -> int | None:
+    """Return the number of a spelling that needs no remark, the usual case; else ``None``."""
+    if len(text) > _MAX_DIGITS:
+        return None
+    if _DECIMAL.match(text):
+        return int(text)
+    if _HEX.match(text) and not (reader is Reader.ENDPOINT and text.startswith("0X")):
+        return int(text, 16)
+    return None
+
+
+def _leading_zero(
+    text: str, span: Span, out: Collector, *, what: str, reader: Reader
+) -> int | None:
+    decimal = int(text)
+    try:
+        octal = int(text.replace("-", "-0o", 1) if text[0] == "-" else "0o" + text, 8)
+    except ValueError:
+        octal = None
+    if octal == decimal:
+        return decimal
+    other = "refuses it" if octal is None else f"reads {octal}"
+    slave = f"slave YAML {other}" + (" (octal)" if octal is not None else "")
+    out.add(
+        "FSN114",
+        span,
+        f"{what} {text!r} has a leading zero: {slave}, the endpoint reader of the transfer YAML "
+        f"reads {decimal}",
+        hint=f"write {decimal}"
+        + (f" or {octal}" if octal is not None else "")
+        + ", whichever is meant",
+    )
+    return octal if reader is Reader.SLAVE else decimal
+
+
+def _misread(text: str, span: Span, out: Collector, *, what: str, mend: str) -> None:
+    value = driver_endpoint_number(text)
+    read = "throws an exception" if value is None else f"takes it for 0x{value:04x} ({value})"
+    out.add(
+        "FSN112",
+        span,
+        f"{what} {text!r} is misread by the driver, which {read}",
+        hint=f"write {mend}" if mend else "write it as 0x6000",
+    )
+
+
+def _hint_of(text: str, what: str, low: int, high: int) -> str:
+    """Say how to write a number that is none: the one that was meant, or what is allowed."""
+    if mend := _mend_of(text):
+        return f"write {mend}"
+    if re.match(r"\s*0[xX]", text):
+        return "hexadecimal digits are 0 … 9 and a … f"
+    if what == "index":
+        return "write it as 0x6000"
+    span = f", {low} … {high}" if 0 <= low < high <= _MOST_TO_SAY else ""
+    return f"write a whole number{span}"
+
+
+def _mend_of(text: str) -> str:
+    """Guess the number that was meant."""
+    text = re.sub(r"(?<=[0-9a-fA-F])_(?=[0-9a-fA-F])", "", text)
+    for pattern, base in (
+        (r"\s*0[xX]\s*([0-9a-fA-F]+)(?![0-9a-zA-Z])", 16),
+        (r"\s*#[xX]([0-9a-fA-F]+)", 16),
+        (r"\s*([0-9a-fA-F]+)[hH]\Z", 16),
+        (r"\s*0b([01]+)\Z", 2),
+        (r"\s*0o([0-7]+)\Z", 8),
+        (r"\s*\+?([0-9]{1,3}(?:[_,'][0-9]{3})+)\Z", 10),
+        (r"\s*\+?([0-9]+)(?:\.0*)?\s*\Z", 10),
+        (r"\s*([0-9]+)\s*[a-zA-Z]*\Z", 10),
+    ):
+        match = re.match(pattern, text)
+        if match:
+            value = int(re.sub("[_,']", "", match.group(1)), base)
+            return f"0x{value:04x}" if base == 16 else str(value)
+    return ""
+
+
+def _out_of_range(
+    value: int,
+    text: str,
+    span: Span,
+    out: Collector,
+    *,
+    what: str,
+    low: int,
+    high: int,
+    reader: Reader,
+) -> None:
+    note = ""
+    if reader is Reader.ENDPOINT:
+        note = f"; the driver would cut it to 0x{value & 0xFFFF:04x}"
+        if what == "subindex":
+            note = "; the driver would never find it"
+    limits = f"0x{low:x} … 0x{high:x}" if text.lower().startswith("0x") else f"{low} … {high}"
+    out.add("FSN113", span, f"{what} {text} is outside {limits}{note}", hint="correct the number")
+
+
+def read_float(node: Node | None, out: Collector, *, what: str) -> float | None:
+    """Return a floating point number as yaml-cpp reads it, ``nan`` included, or ``None``."""
+    if not isinstance(node, ScalarNode) or node.is_null:
+        return None
+    text = node.text
+    if text in _SPECIAL:
+        return _SPECIAL[text]
+    if re.match(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\Z", text):
+        return float(text)
+    hint = "write a number, such as 1000 or 1.5"
+    if text.lower() in ("nan", "inf", "-inf"):
+        hint = f"write .{text.lower().lstrip('-')}"
+    elif re.match(r"[0-9.]+\s*[µa-zA-Z]+\Z", text) and re.search(r"_(us|ms|s)\Z", what):
+        hint = f"write the number alone; {what} says its unit"
+    out.add(
+        "FSN111",
+        node.span,
+        f"{what} {text!r} is no number",
+        hint=hint,
+    )
+    return None
+
+
+_SPECIAL = {
+    ".nan": math.nan,
+    ".NaN": math.nan,
+    ".NAN": math.nan,
+    ".inf": math.inf,
+    ".Inf": math.inf,
+    ".INF": math.inf,
+    **{f"+{word}": math.inf for word in (".inf", ".Inf", ".INF")},
+    **{f"-{word}": -math.inf for word in (".inf", ".Inf", ".INF")},
+}
+
+
+def warn_decimal_index(node: Node | None, out: Collector, value: int | None) -> None:
+    """FSN115 for an object index written in decimal: nearly always a forgotten 0x."""
+    if value is None or not isinstance(node, ScalarNode) or node.text[:2].lower() == "0x":
+        return
+    likely = len(node.text) == 4
+    if value == 0 or (node.file in out.decimal_files and not likely):
+        return  # one remark per file is enough
+    out.decimal_files.add(node.file)
+    out.add(
+        "FSN115",
+        node.span,
+        f"index {node.text} is decimal and means 0x{value:04x}",
+        severity=Severity.WARNING if likely else Severity.INFO,
+        hint=f"write 0x{node.text}" if likely else f"write 0x{value:04x}",
+    )

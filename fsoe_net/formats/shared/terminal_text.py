@@ -1,0 +1,139 @@
+"""Text pasted from a terminal: prompts, indentation and noise around it, and sudden ends.
+
+A paste that is cut off must never look like a complete, shorter map. Two things show a cut: a last
+line that is the beginning of a known line and no more, and a structure that announces more than
+follows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.source import text_of
+
+__all__ = ["Line", "Pasted", "pasted"]
+
+_MAX_BYTES = 8 * 1024 * 1024
+_MAX_LINE = 600  # a name has at most 255 characters
+_ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[@-_]|\r")
+_QUOTES = re.compile(r"^(?:[ \t]*>)+[ \t]?")
+_PROMPT = re.compile(
+    r"(?:\[?[\w.-]{1,60}@[\w.-]{1,60}[^$#%]{0,200}[$#%](?:\s.*)?$|[$#%](?:\s+.*)?$"
+    r"|\S{0,60}>? ?(?:sudo )?(?:\S{0,60}/)?(?:ethercat|slaveinfo)\s)"
+)
+_LEFT_OUT = re.compile(r"^\s*[\[(<]?\s*(?:\.\.\.+|\u2026|--More--|truncated|snip)", re.IGNORECASE)
+_FENCE = re.compile(r"^\s*(```|~~~)")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line without what a terminal or a mail put around it."""
+
+    text: str
+    span: Span
+    last: bool = False
+
+    @property
+    def stripped(self) -> str:
+        """The text without blanks at its ends."""
+        return self.text.strip()
+
+
+@dataclass(slots=True)
+class Pasted:
+    """The lines of a paste, and what was found to be wrong with them."""
+
+    lines: tuple[Line, ...]
+    shown: str
+    out: Collector
+    truncated: bool = False
+    last_good: Line | None = None
+    taken: int = 0  # rows that tables of it referred to
+    _strange: int = 0
+
+    def good(self, line: Line) -> None:
+        """Remember the last line that was understood."""
+        self.last_good = line
+
+    def __iter__(self) -> Iterator[Line]:
+        return iter(self.lines)
+
+    def strange(self, line: Line, what: str, starts: tuple[str, ...]) -> None:
+        """Name a line that is not understood: as a cut, or as FSN147.
+
+        Lines before the first known one are noise of the shell and no finding; so are lines that
+        are not like any known one.
+
+        Args:
+            line: The line.
+            what: The command whose output it should be.
+            starts: How lines of that output begin.
+        """
+        text = line.stripped
+        known = any(text.startswith(s) or s.startswith(text) for s in starts)
+        if _LEFT_OUT.match(text):
+            self.cut(line, f"{text[:20]!r} stands for lines that were left out")
+        elif known and line.last:
+            self.cut(line, f"{text[:60]!r} is no whole line")
+        elif known and self.last_good is not None and self._strange == 0:
+            self._strange += 1
+            shown = text if len(text) <= 60 else text[:57] + "..."
+            self.out.add(
+                "FSN147",
+                line.span,
+                f"{shown!r} is no line of {what}",
+                hint="paste the output again, unchanged; this line was left out",
+            )
+
+    def cut(self, line: Line | None, why: str) -> None:
+        """Say once that the text ends too early, and where its last good line is."""
+        if self.truncated:
+            return
+        self.truncated = True
+        good = self.last_good
+        where = (
+            "no line of it is complete"
+            if good is None
+            else f"line {good.span.line} is the last good one"
+        )
+        self.out.add(
+            "FSN146",
+            line.span if line is not None else Span(self.shown, 1, 1),
+            f"the text is cut off: {why}; {where}",
+            hint="paste the whole output; what is missing cannot be guessed",
+        )
+
+
+def pasted(data: bytes, shown: str, out: Collector) -> Pasted:
+    """Return the lines of a paste.
+
+    Quote marks of mails, colour codes, carriage returns, code fences and prompts with the command
+    itself are taken away; indentation that all lines share is, too.
+    """
+    if len(data) > _MAX_BYTES:
+        out.add(
+            "FSN103",
+            Span(shown, 1, 1),
+            f"a text of {len(data)} bytes, more than the {_MAX_BYTES} allowed",
+            hint="is this really the output of one command?",
+        )
+        data = b""
+    rows: list[tuple[int, str]] = []
+    for number, raw in enumerate(text_of(data).split("\n"), 1):
+        raw = _ESCAPES.sub("", raw[:_MAX_LINE])
+        text = _QUOTES.sub("", raw).expandtabs(8).rstrip()
+        if text and not _FENCE.match(text) and not _PROMPT.match(text.lstrip()):
+            rows.append((number, text))
+    end = len(rows) - 1
+    return Pasted(
+        tuple(
+            Line(text, Span(shown, number, len(text) - len(text.lstrip()) + 1), n == end)
+            for n, (number, text) in enumerate(rows)
+        ),
+        shown,
+        out,
+    )

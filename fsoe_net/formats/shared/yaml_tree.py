@@ -1,0 +1,495 @@
+"""YAML into a tree whose every node knows its file, line and column.
+
+Built from libyaml's events with an own stack, so that nesting and alias expansion are bounded and
+nothing recurses. What the driver's parser (yaml-cpp) would read differently or silently drop
+(duplicate keys, merge keys, further documents) is a finding here.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Any, NoReturn
+
+import yaml
+
+from fsoe_net.diag.diagnostic import Related, Severity, Span
+from fsoe_net.diag.printable import first_control
+from fsoe_net.formats.shared.files import Collector, read_bytes
+
+__all__ = ["MapNode", "Node", "Places", "ScalarNode", "SeqNode", "load_yaml", "parse_yaml"]
+
+MAX_DEPTH = 64
+MAX_PARTS = 4_000_000  # of about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
+MAX_ALIASED = 1_000_000
+
+_COLUMN_BITS = 26  # a line is no longer than the file
+_COLUMN_MASK = (1 << _COLUMN_BITS) - 1
+_NULLS = frozenset(("", "~", "null", "Null", "NULL"))
+
+_LOADER = getattr(yaml, "CLoader", yaml.Loader)
+
+
+def _place(line: int, column: int) -> int:
+    """Return line and column, both from 0, as one number: millions of them are kept."""
+    return line << _COLUMN_BITS | column
+
+
+def _span(file: str, place: int) -> Span:
+    return Span(file, (place >> _COLUMN_BITS) + 1, (place & _COLUMN_MASK) + 1)
+
+
+@dataclass(slots=True, eq=False)
+class ScalarNode:
+    """A scalar as written. ``plain`` is false for quoted and block scalars."""
+
+    file: str
+    place: int
+    text: str
+    plain: bool
+
+    @property
+    def span(self) -> Span:
+        """Where it stands."""
+        return _span(self.file, self.place)
+
+    @property
+    def is_null(self) -> bool:
+        """Whether YAML reads this as nothing (empty, ``~``, ``null``)."""
+        return self.text in _NULLS and self.plain
+
+
+@dataclass(slots=True, eq=False)
+class SeqNode:
+    """A list."""
+
+    file: str
+    place: int
+    items: list[Node] = field(default_factory=list)
+
+    @property
+    def span(self) -> Span:
+        """Where it starts."""
+        return _span(self.file, self.place)
+
+
+@dataclass(slots=True, eq=False)
+class MapNode:
+    """A map. Keys are scalars; of a key given twice the first counts, as in yaml-cpp."""
+
+    file: str
+    place: int
+    pairs: dict[str, Node] = field(default_factory=dict)
+    key_places: list[int] = field(default_factory=list)  # in the order of ``pairs``
+    _spans: dict[str, Span] | None = None  # of the keys, once somebody has asked
+
+    @property
+    def span(self) -> Span:
+        """Where it starts."""
+        return _span(self.file, self.place)
+
+    @property
+    def keys(self) -> dict[str, Span]:
+        """The place of every key; keys that were added since the last call are added to it."""
+        known = self._spans = {} if self._spans is None else self._spans
+        count = len(self.pairs) - len(known)
+        if count:
+            newest = zip(reversed(self.pairs), reversed(self.key_places), strict=True)
+            for key, place in reversed(list(islice(newest, count))):
+                known[key] = _span(self.file, place)
+        return known
+
+    def get(self, key: str) -> Node | None:
+        """Return a value, or ``None``."""
+        return self.pairs.get(key)
+
+    def at(self, key: str) -> Span:
+        """Return the place of a key's value, else of the map."""
+        node = self.pairs.get(key)
+        return node.span if node is not None else self.span
+
+    def places(self) -> Places:
+        """Return the place of every value, for `fsoe_net.model.Located.fields`."""
+        return Places(self.pairs)
+
+    def maps(self, key: str) -> list[MapNode]:
+        """Return the maps in the list under a key; nothing when it is no list."""
+        node = self.pairs.get(key)
+        if not isinstance(node, SeqNode):
+            return []
+        return [item for item in node.items if isinstance(item, MapNode)]
+
+    def text(self, key: str) -> str | None:
+        """Return the text of the scalar under a key, or ``None`` when there is none."""
+        node = self.pairs.get(key)
+        return node.text if isinstance(node, ScalarNode) and not node.is_null else None
+
+    def truth(self, key: str) -> bool:
+        """Return whether the scalar under a key says yes."""
+        return (self.text(key) or "").lower() in ("true", "yes", "on", "y")
+
+
+Node = ScalarNode | SeqNode | MapNode
+
+
+class Places(Mapping[str, Span]):
+    """The place of each value of a map, made when it is asked for: most never are."""
+
+    __slots__ = ("_pairs",)
+
+    def __init__(self, pairs: dict[str, Node]) -> None:
+        self._pairs = pairs
+
+    def __getitem__(self, key: str) -> Span:
+        return self._pairs[key].span
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._pairs)
+
+    def __len__(self) -> int:
+        return len(self._pairs)
+
+    def __or__(self, other: Mapping[str, Span]) -> dict[str, Span]:
+        return {**self, **other}
+
+
+class _Refused(Exception):
+    """The document was refused as a whole; the finding is already recorded."""
+
+
+def load_yaml(
+    path: str | os.PathLike[str], out: Collector, *, named_at: Span | None = None
+) -> MapNode | None:
+    """Read a YAML file whose root is a map. ``None`` when refused; the reason is in ``out``."""
+    data = read_bytes(path, out, named_at=named_at)
+    return None if data is None else parse_yaml(data, os.fspath(path), out)
+
+
+def parse_yaml(
+    data: bytes, file: str, out: Collector, *, of_devices: bool = False
+) -> MapNode | None:
+    """Parse one YAML document whose root is a map.
+
+    Args:
+        data: Bytes of the file, UTF-8 with or without byte order mark.
+        file: Name shown in findings.
+        out: Takes FSN102 … FSN108.
+        of_devices: Its names come from devices, as they are: the caller makes them fit to be shown.
+    """
+    text = _decode(data, file, out)
+    if text is None:
+        return None
+    try:
+        root = _Builder(file, out, of_devices=of_devices).build(text)
+    except yaml.YAMLError as exc:
+        _syntax_error(exc, file, text, out)
+        return None
+    except _Refused:
+        return None
+    if root is None or (isinstance(root, ScalarNode) and root.is_null):
+        out.add("FSN104", Span(file, 1, 1), "the document is empty", hint="nothing would be done")
+        return None
+    if not isinstance(root, MapNode):
+        what = "a list" if isinstance(root, SeqNode) else "a single value"
+        out.add(
+            "FSN104",
+            root.span,
+            f"the document is {what}, not a map: the driver would find no key in it",
+            hint="start the file with a key such as `nets:`, without `- ` in front",
+        )
+        return None
+    return root
+
+
+def _decode(data: bytes, file: str, out: Collector) -> str | None:
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        out.add("FSN102", Span(file, 1, 1), "the file is UTF-16", hint="save it as UTF-8")
+        return None
+    if data.startswith(b"\xef\xbb\xbf"):
+        out.add(
+            "FSN108",
+            Span(file, 1, 1),
+            "the file starts with a byte order mark",
+            severity=Severity.INFO,
+            hint="save it as UTF-8 without BOM; other readers may take it for a part of the key",
+        )
+        data = data[3:]
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as exc:
+        if data.startswith(b"FSNPLAN"):
+            hint = "name the network it was made from; `fsoe-net plan --show FILE` shows a plan"
+            out.add("FSN102", Span(file), "this is a compiled plan, not YAML", hint=hint)
+            return None
+        good = data[: exc.start].decode("utf-8", "replace")
+        out.add(
+            "FSN102",
+            _place_in(file, good, len(good)),
+            f"byte 0x{data[exc.start]:02x} is not UTF-8",
+            hint="save the file as UTF-8",
+        )
+        return None
+    bad = re.search(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]", text)
+    if bad:
+        out.add(
+            "FSN102",
+            _place_in(file, text, bad.start()),
+            f"control character U+{ord(bad.group()):04X}",
+            hint="delete it; the file may be binary or damaged",
+        )
+        return None
+    return text
+
+
+def _place_in(file: str, text: str, offset: int) -> Span:
+    line_start = text.rfind("\n", 0, offset) + 1
+    return Span(file, text.count("\n", 0, offset) + 1, offset - line_start + 1)
+
+
+def _syntax_error(exc: yaml.YAMLError, file: str, text: str, out: Collector) -> None:
+    mark = getattr(exc, "problem_mark", None) or getattr(exc, "context_mark", None)
+    span = Span(file, mark.line + 1, mark.column + 1) if mark else Span(file, 1, 1)
+    problem = getattr(exc, "problem", None) or str(exc).splitlines()[0]
+    context = getattr(exc, "context", None)
+    start = getattr(exc, "context_mark", None)
+    related: tuple[Related, ...] = ()
+    if context and start is not None and mark is not None and start.line != mark.line:
+        related = (Related(span=Span(file, start.line + 1, start.column + 1), message=context),)
+    lines = text.splitlines()
+    line = lines[mark.line] if mark and mark.line < len(lines) else ""
+    hint = "check indentation and brackets above this place"
+    if "\t" in line[: len(line) - len(line.lstrip())]:
+        hint = "replace the tab by spaces; YAML forbids tabs in indentation"
+    out.add("FSN102", span, f"not valid YAML: {problem}", hint=hint, related=related)
+
+
+class _Open:
+    """A collection that is still being read, and where counting stood when it began."""
+
+    __slots__ = ("aliased", "anchor", "count", "key", "key_place", "key_plain", "node", "pairs")
+
+    def __init__(self, node: SeqNode | MapNode, anchor: str | None, count: int, aliased: int):
+        self.node = node
+        self.pairs = node.pairs if isinstance(node, MapNode) else None
+        self.anchor = anchor
+        self.count = count
+        self.aliased = aliased
+        self.key: str | None = None
+        self.key_place = 0
+        self.key_plain = True
+
+
+class _Builder:
+    """Turns libyaml events into nodes.
+
+    What is written cannot be more than the bytes of the file; what aliases repeat is counted on its
+    own, as if it were written there, since a few lines can stand for billions of values.
+    """
+
+    def __init__(self, file: str, out: Collector, *, of_devices: bool) -> None:
+        self._file = file
+        self._out = out
+        self._of_devices = of_devices
+        self._stack: list[_Open] = []
+        self._top: _Open | None = None
+        self._anchors: dict[str, tuple[Node, int]] = {}  # with the number of its parts
+        self._count = 0
+        self._aliased = 0
+        self._root: Node | None = None
+        self._documents = 0
+        self._texts: dict[str, str] = {}
+        self._good_keys: set[str] = set()
+
+    def build(self, text: str) -> Node | None:
+        parser: Any = _LOADER(text)
+        events: Iterator[Any] = iter(parser.get_event, None)
+        scalar = self._scalar
+        try:
+            for self._count, event in enumerate(islice(events, MAX_PARTS)):
+                kind = type(event)
+                if kind is yaml.ScalarEvent:
+                    scalar(event)
+                elif kind is yaml.MappingStartEvent or kind is yaml.SequenceStartEvent:
+                    self._open(event, is_map=kind is yaml.MappingStartEvent)
+                elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
+                    self._close()
+                elif kind is yaml.AliasEvent:
+                    self._alias(event)
+                elif kind is yaml.DocumentStartEvent:
+                    self._document(event)
+            rest = next(events, None)
+        finally:
+            parser.dispose()
+        if rest is not None:
+            self._refuse(
+                "FSN103",
+                _span(self._file, self._place_of(rest)),
+                f"more than {MAX_PARTS} keys, values and ends of lists and maps",
+                "the largest bus has 2.5 million, with 65535 SubDevices and all their transfers",
+            )
+        return self._root
+
+    def _place_of(self, event: Any) -> int:
+        mark = event.start_mark
+        return _place(mark.line, mark.column)
+
+    def _refuse(self, code: str, span: Span, message: str, hint: str) -> NoReturn:
+        self._out.add(code, span, message, hint=hint)
+        raise _Refused
+
+    def _document(self, event: Any) -> None:
+        self._documents += 1
+        if self._documents > 1:
+            self._refuse(
+                "FSN105",
+                _span(self._file, self._place_of(event)),
+                "a second document starts here; the driver reads only the first",
+                "merge the documents and delete the `---` line",
+            )
+
+    def _scalar(self, event: Any) -> None:
+        mark = event.start_mark
+        place = mark.line << _COLUMN_BITS | mark.column
+        # One object per spelling: the same keys, names and numbers come thousands of times.
+        text = self._texts.get(event.value)
+        if text is None:
+            text = self._texts[event.value] = event.value
+            self._check_characters(event)
+        top = self._top
+        if top is not None and top.key is None and top.pairs is not None and event.anchor is None:
+            top.key, top.key_place, top.key_plain = text, place, not event.style
+            return
+        node = ScalarNode(self._file, place, text, not event.style)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = (node, 1)
+        if top is not None and top.pairs is None:
+            top.node.items.append(node)  # type: ignore[union-attr]
+        else:
+            self._attach(node)
+
+    def _check_characters(self, event: Any) -> None:
+        """FSN102: a text that would act on a terminal, or look like two lines."""
+        text = event.value
+        if self._of_devices or text.isprintable():
+            return
+        bad = first_control(text)
+        if not bad and "\n" in text and event.start_mark.line == event.end_mark.line:
+            bad = "\n"  # written as an escape
+        if bad:
+            self._refuse(
+                "FSN102",
+                _span(self._file, self._place_of(event)),
+                f"control character U+{ord(bad):04X} in a text",
+                "delete it, or what stands for it",
+            )
+
+    def _open(self, event: Any, *, is_map: bool) -> None:
+        place = self._place_of(event)
+        if len(self._stack) >= MAX_DEPTH:
+            self._refuse(
+                "FSN103",
+                _span(self._file, place),
+                f"nested deeper than {MAX_DEPTH} levels",
+                "no file of this kind needs more than a dozen levels",
+            )
+        node = MapNode(self._file, place) if is_map else SeqNode(self._file, place)
+        self._top = _Open(node, event.anchor, self._count, self._aliased)
+        self._stack.append(self._top)
+
+    def _close(self) -> None:
+        done = self._stack.pop()
+        self._top = self._stack[-1] if self._stack else None
+        if done.anchor is not None:
+            parts = self._count - done.count + self._aliased - done.aliased
+            self._anchors[done.anchor] = (done.node, parts)
+        self._attach(done.node)
+
+    def _alias(self, event: Any) -> None:
+        place = self._place_of(event)
+        node, parts = self._anchors.get(event.anchor, (None, 0))
+        if node is None:
+            inside = any(o.anchor == event.anchor for o in self._stack)
+            why = "refers to the node it stands in" if inside else "has no anchor before it"
+            self._refuse(
+                "FSN103" if inside else "FSN102",
+                _span(self._file, place),
+                f"alias *{event.anchor} {why}",
+                "write the value out",
+            )
+        self._aliased += parts
+        if self._aliased > MAX_ALIASED:
+            self._refuse(
+                "FSN103",
+                node.span,
+                f"the document holds more than {MAX_ALIASED} values that only aliases repeat",
+                "no file of this kind needs that many; aliases multiply what they refer to",
+            )
+        self._attach(node)
+
+    def _attach(self, node: Node) -> None:
+        top = self._top
+        if top is None:
+            self._root = node
+        elif top.pairs is None:
+            top.node.items.append(node)  # type: ignore[union-attr]
+        elif top.key is None:
+            self._key(top, node)
+        else:
+            self._pair(top, top.key, node)
+            top.key = None
+
+    def _key(self, top: _Open, node: Node) -> None:
+        if not isinstance(node, ScalarNode):
+            self._refuse("FSN111", node.span, "a key must be a word", "quote it or check brackets")
+        top.key, top.key_place, top.key_plain = node.text, node.place, node.plain
+
+    def _pair(self, top: _Open, text: str, node: Node) -> None:
+        into = top.node
+        assert isinstance(into, MapNode)  # noqa: S101  (only maps have keys)
+        if text not in self._good_keys:
+            mended = self._look_at_key(top, text)
+            if mended is None:
+                return
+            text = mended
+        is_name = text == "name" and not self._of_devices
+        if is_name and isinstance(node, ScalarNode) and "\n" in node.text:
+            self._refuse("FSN102", node.span, "a name of several lines", "write it on one line")
+        if text in into.pairs:
+            self._out.add(
+                "FSN106",
+                _span(self._file, top.key_place),
+                f"key {text!r} is given twice; the driver takes the first",
+                hint="delete one of them",
+                related=(Related(span=into.keys[text], message="first given here"),),
+            )
+            return
+        into.pairs[text] = node
+        into.key_places.append(top.key_place)
+
+    def _look_at_key(self, top: _Open, text: str) -> str | None:
+        """Return the key to use; ``None`` when the pair is left out."""
+        span = _span(self._file, top.key_place)
+        if text == "<<" and top.key_plain:
+            self._out.add(
+                "FSN107",
+                span,
+                "merge key `<<`: the driver's YAML parser does not merge, keys would be missing",
+                hint="write the keys out here",
+            )
+            return None
+        strange = re.search(r"[^\x20-\x7e]", text)
+        if strange is None:
+            if text != "<<":
+                self._good_keys.add(text)
+            return text
+        mended = re.sub(r"[^\x21-\x7e]", "", text)
+        self._out.add(
+            "FSN108",
+            span,
+            f"key {text!r} holds the character U+{ord(strange.group()):04X}",
+            hint=f"type the key anew: {mended}",
+        )
+        return mended

@@ -1,0 +1,1 @@
+"""SII, the EEPROM image of a SubDevice."""

@@ -1,0 +1,393 @@
+"""SII images: what the EEPROM of a SubDevice says about its identity, sync managers and PDOs.
+
+Words are little-endian. A header of 0x40 words is followed by categories, each a type, a length in
+words and a body; type 0xFFFF ends them:
+
+    +-------------+------------+-------------+---------+------+--------+------+-----+--------+
+    | 0 config, 4 | 7 checksum | 8 vendor, A | ... 3F  | type | length | body | ... | 0xFFFF |
+    |   alias     |            |   product … | version |      |        |      |     |        |
+    +-------------+------------+-------------+---------+------+--------+------+-----+--------+
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+
+from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.source import Source, next_step, source_bytes
+from fsoe_net.formats.shared.unreadable import unreadable_kind
+from fsoe_net.formats.sii.hex_text import binary_of, is_hex_text
+from fsoe_net.formats.sii.parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
+from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
+from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
+
+__all__ = [
+    "MAX_SII_BYTES",
+    "SiiImage",
+    "describe_sii",
+    "load_sii",
+    "read_sii",
+    "read_sii_categories",
+    "sii_checksum",
+]
+
+MAX_SII_BYTES = 4 * 1024 * 1024
+_HEADER_BYTES = 0x80
+_IDENTITY_BYTES = 0x20
+_END = 0xFFFF
+_VIRTUAL_SM = 0x04  # in the enable byte of a sync manager
+_STRINGS, _GENERAL, _FMMU, _SM, _TX, _RX, _DC = 10, 30, 40, 41, 50, 51, 60
+_REPEATED = frozenset({_STRINGS, _GENERAL, _FMMU, _SM, _DC})
+_COE = 0x04
+_READ_AGAIN = "read it again, e.g. ethercat sii_read -p 0 > image.bin"
+_SM_OUTPUTS, _SM_INPUTS = 3, 4
+
+
+def _crc_of_byte(value: int) -> int:
+    for _ in range(8):
+        value = (value << 1) ^ 0x107 if value & 0x80 else value << 1
+    return value
+
+
+_CRC_TABLE = bytes(_crc_of_byte(value) for value in range(256))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiiManager:
+    """A sync manager as the SII sets it up. ``use``: 1, 2 mailbox, 3 outputs, 4 inputs, 0 none."""
+
+    start: int
+    length: int
+    control: int
+    enable: int
+    use: int
+
+    @property
+    def direction(self) -> Direction:
+        """Who writes; from the control byte where ``use`` is silent."""
+        if self.use in (1, _SM_OUTPUTS):
+            return Direction.OUTPUT
+        if self.use in (2, _SM_INPUTS):
+            return Direction.INPUT
+        return Direction.OUTPUT if self.control & 0x0C == 0x04 else Direction.INPUT
+
+
+@dataclass(slots=True, kw_only=True)
+class SiiImage:
+    """What an image holds. Not frozen: filled category by category."""
+
+    vendor: int
+    product: int
+    revision: int
+    serial: int
+    alias: int
+    protocols: int = 0
+    strings: list[str] = field(default_factory=list)
+    general: SiiGeneral | None = None
+    fmmus: tuple[int, ...] = ()
+    managers: tuple[SiiManager, ...] = ()
+    pdos: list[SiiPdo] = field(default_factory=list)
+    assign_activate: tuple[int, ...] = ()
+    categories: list[int] = field(default_factory=list)
+    ended: bool = False
+    broken: bool = False
+
+    def text(self, number: int) -> str:
+        """Return a string by its number from 1, or nothing."""
+        return self.strings[number - 1] if 0 < number <= len(self.strings) else ""
+
+
+def sii_checksum(data: bytes) -> int:
+    """Return the checksum of the first 14 bytes: CRC-8, polynomial 0x07, begun with 0xFF."""
+    crc = 0xFF
+    for byte in data[:14]:
+        crc = _CRC_TABLE[crc ^ byte]
+    return crc
+
+
+def load_sii(source: Source, out: Collector, *, name: str = "<sii>") -> Description | None:
+    """Read an SII image.
+
+    Args:
+        source: The file or its bytes: binary, Intel HEX or a dump, whatever its suffix.
+        out: Takes FSN138 for an image that is empty, cut off or damaged, FSN139 for PDOs on sync
+            managers that are not there, FSN140 for text.
+        name: Name shown when ``source`` is bytes.
+
+    Returns:
+        One device without a place in the ring, or ``None`` with a finding. What was cut off behind
+        the identity is reported and the rest returned as truncated.
+    """
+    data, path = source_bytes(source, out, name, most=MAX_SII_BYTES)
+    data = None if data is None else _binary(data, path, out)
+    if data is None:
+        return None
+    span = Span(path)
+    image = read_sii(data, span, out)
+    if image is None:
+        return None
+    device = describe_sii(image, path, span, out)
+    return Description(
+        format="sii",
+        path=path,
+        subdevices=(device,),
+        truncated=device.truncated,
+        span=span,
+    )
+
+
+def read_sii(data: bytes, span: Span, out: Collector) -> SiiImage | None:
+    """Read an image into its categories; see `load_sii`."""
+    if not _is_image(data, span, out):
+        return None
+    alias, checksum = struct.unpack_from("<H4xH", data, 8)
+    vendor, product, revision, serial = struct.unpack_from("<4I", data, 0x10)
+    right = sii_checksum(data) == checksum & 0xFF
+    image = SiiImage(
+        vendor=vendor,
+        product=product,
+        revision=revision,
+        serial=serial,
+        alias=alias,
+        protocols=int.from_bytes(data[0x38:0x3A], "little"),
+    )
+    if not right:
+        message = (
+            f"the checksum in word 7 is 0x{checksum & 0xFF:02x}, the configuration gives "
+            f"0x{sii_checksum(data):02x}"
+        )
+        hint = _shift_hint(data) or "the SubDevice would ignore it; " + _READ_AGAIN
+        out.add("FSN138", span, message, hint=hint, severity=Severity.WARNING)
+    _categories(data, image, span, out)
+    return image
+
+
+def read_sii_categories(data: bytes, span: Span, out: Collector) -> SiiImage:
+    """Read an image of which only the categories are to be trusted, such as one pieced together.
+
+    Args:
+        data: The image, with a header.
+        span: Its place.
+        out: Takes FSN138 for damaged categories.
+    """
+    image = SiiImage(vendor=0, product=0, revision=0, serial=0, alias=0)
+    _categories(data, image, span, out)
+    return image
+
+
+def _binary(data: bytes, path: str, out: Collector) -> bytes | None:
+    """Return the image when the file holds it as text; refuse what is something else."""
+    if is_hex_text(data[:256]):
+        try:
+            return binary_of(data)
+        except InputError as exc:
+            hint = "paste or save the whole dump, unchanged; or give the binary image"
+            out.add("FSN138", Span(path, 1, 1), f"a damaged dump of an image: {exc}", hint=hint)
+            return None
+    words = unreadable_kind(data[:1024])
+    if words:
+        hint = next_step(words) or _READ_AGAIN
+        out.add("FSN140", Span(path, 1, 1), f"this is {words}, not an SII image", hint=hint)
+        return None
+    return data
+
+
+def _is_image(data: bytes, span: Span, out: Collector) -> bool:
+    if len(data) < _IDENTITY_BYTES:
+        message = f"{len(data)} bytes are too short for an SII image"
+        out.add("FSN138", span, message, hint=_READ_AGAIN)
+    elif not data.strip(b"\0") or not data.strip(b"\xff"):
+        message = f"the image holds nothing but 0x{data[0]:02x}"
+        hint = "the EEPROM is not programmed, or could not be read; " + _READ_AGAIN
+        out.add("FSN138", span, message, hint=hint)
+    elif data[:64].isascii() and data[:64].decode().isprintable():
+        hint = "give the image, or what `hexdump -C` or `xxd` prints of it, alone in a file"
+        out.add("FSN140", Span(span.file, 1, 1), "this is text, not an SII image", hint=hint)
+    elif data[0x10:0x18] == bytes(8):
+        message = "vendor ID and product code are both 0"
+        hint = _shift_hint(data) or "the EEPROM is not programmed; " + _READ_AGAIN
+        out.add("FSN138", span, message, hint=hint)
+    else:
+        return True
+    return False
+
+
+def _shift_hint(data: bytes) -> str:
+    """Name the byte where a whole image begins, if there is one."""
+    for at in range(1, min(len(data) - _IDENTITY_BYTES, 256)):
+        piece = data[at : at + _IDENTITY_BYTES]
+        likely = piece[15] == 0 and any(piece[:8]) and any(piece[0x10:0x14])
+        if likely and any(piece[0x14:0x18]) and sii_checksum(piece) == piece[14]:
+            return f"an image begins at byte {at}; leave out what is before"
+    return ""
+
+
+def _categories(data: bytes, image: SiiImage, span: Span, out: Collector) -> None:
+    at = _HEADER_BYTES
+    while True:
+        if at + 2 > len(data):
+            return _cut(image, span, out, f"it ends at byte {len(data)} without an end mark")
+        kind = int.from_bytes(data[at : at + 2], "little")
+        if kind == _END:
+            image.ended = True
+            return None
+        words = int.from_bytes(data[at + 2 : at + 4], "little")
+        if kind == 0 and words == 0:
+            if any(data[at:]):
+                _cut(image, span, out, f"the categories end in zeros at byte 0x{at:x}")
+            image.ended = True  # zeros to the end: nothing more was programmed
+            return None
+        begin, end = at + 4, at + 4 + 2 * words
+        if end > len(data):
+            message = (
+                f"category {kind} at byte 0x{at:x} has {words} words, "
+                f"{max(len(data) - begin, 0)} bytes are left"
+            )
+            return _cut(image, span, out, message)
+        image.categories.append(kind)
+        _category(kind, data[begin:end], begin, image, span, out)
+        at = end
+
+
+def _cut(image: SiiImage, span: Span, out: Collector, message: str) -> None:
+    image.broken = True
+    hint = _READ_AGAIN
+    out.add("FSN138", span, f"the image is cut off or damaged: {message}", hint=hint)
+
+
+def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out: Collector) -> None:
+    if kind in _REPEATED and image.categories.count(kind) > 1:
+        message = f"category {kind} at byte 0x{at - 4:x} is there twice"
+        hint = "the first one is used"
+        out.add("FSN138", span, message, hint=hint, severity=Severity.WARNING)
+        return
+    fault = ""
+    if kind == _STRINGS:
+        image.strings, fault = sii_strings(body)
+    elif kind == _GENERAL:
+        image.general = sii_general(body)
+        fault = "" if image.general is not None or not body else "it is too short"
+    elif kind == _FMMU:
+        image.fmmus = tuple(body)
+    elif kind == _SM:
+        image.managers = tuple(
+            SiiManager(start=start, length=length, control=control, enable=enable, use=use)
+            for start, length, control, _, enable, use in struct.iter_unpack(
+                "<HHBBBB", body[: len(body) & ~7]
+            )
+        )
+        fault = "its length is no multiple of 8 bytes" if len(body) % 8 else ""
+    elif kind == _DC:
+        rows = range(0, len(body) - 23, 24)
+        image.assign_activate = tuple(int.from_bytes(body[n + 14 : n + 16], "little") for n in rows)
+    elif kind in (_TX, _RX):
+        direction = Direction.INPUT if kind == _TX else Direction.OUTPUT
+        read, fault = sii_pdos(body, direction)
+        image.pdos += read
+    if fault:
+        image.broken = True
+        message = f"category {kind} at byte 0x{at - 4:x} is damaged: {fault}"
+        hint = "what could be read is used; " + _READ_AGAIN
+        out.add("FSN138", span, message, hint=hint)
+
+
+# -- into the model -------------------------------------------------------------------------------
+
+
+def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> DescribedSubDevice:
+    """Return what an image says about its device.
+
+    Args:
+        image: The image.
+        path: Where it came from.
+        span: Its place.
+        out: Takes FSN139 for PDOs on sync managers that are not there.
+    """
+    notes: list[str] = []
+    assigned: dict[int, list[Pdo]] = {}
+    available: list[Pdo] = []
+    for pdo in image.pdos:
+        model = pdo.model(image.text, span)
+        # Virtual PDOs have their place on a virtual sync manager, such as a register of the clock.
+        elsewhere = pdo.virtual and not _is_virtual(pdo.sm, image)
+        if pdo.sm == 0xFF or elsewhere:
+            available.append(model)
+            if elsewhere:
+                notes.append(f"PDO 0x{pdo.index:04x} is virtual: no place in the process data")
+            continue
+        _check_place(pdo, image, span, out)
+        assigned.setdefault(pdo.sm, []).append(model)
+    if not image.pdos and image.protocols & _COE and not image.broken:
+        notes.append("the SII holds no PDOs; they are in the object dictionary or the ESI only")
+    if len(image.assign_activate) > 1:
+        notes.append(f"of {len(image.assign_activate)} clock modes the first is taken")
+    managers = tuple(
+        _manager(index, image, tuple(assigned.get(index, ())), span)
+        for index in sorted({*range(len(image.managers)), *assigned})
+    )
+    general = image.general
+    device = Device(
+        path=path,
+        vendor_id=image.vendor,
+        product_code=image.product,
+        assign_activate=image.assign_activate[0] if image.assign_activate else 0,
+        sync_managers=managers,
+        span=span,
+    )
+    return DescribedSubDevice(
+        name=image.text(general.name) if general is not None else "",
+        order=image.text(general.order) if general is not None else "",
+        alias=image.alias,
+        device=device,
+        available=tuple(available),
+        revision=image.revision,
+        serial=image.serial,
+        truncated=image.broken,
+        notes=tuple(notes),
+        facts=TypeFacts(
+            default_bytes={
+                n: m.length
+                for n, m in enumerate(image.managers)
+                if m.length and m.use not in (1, 2)
+            }
+        ),
+        span=span,
+    )
+
+
+def _is_virtual(index: int, image: SiiImage) -> bool:
+    return index < len(image.managers) and bool(image.managers[index].enable & _VIRTUAL_SM)
+
+
+def _check_place(pdo: SiiPdo, image: SiiImage, span: Span, out: Collector) -> None:
+    what = f"PDO 0x{pdo.index:04x} goes to SM{pdo.sm}"
+    if pdo.sm >= len(image.managers):
+        message = f"{what}, which the image does not set up"
+    elif image.managers[pdo.sm].use in (1, 2):
+        message = f"{what}, which is a mailbox"
+    elif image.managers[pdo.sm].use and image.managers[pdo.sm].direction is not pdo.direction:
+        message = f"{what}, which has the other direction"
+    else:
+        return
+    out.add("FSN139", span, message, hint="compare with the ESI, or read the PDOs online")
+
+
+def _manager(index: int, image: SiiImage, pdos: tuple[Pdo, ...], span: Span) -> SyncManager:
+    row = image.managers[index] if index < len(image.managers) else None
+    if row is not None:
+        direction = row.direction
+    else:
+        output = any(p.sm == index and p.direction is Direction.OUTPUT for p in image.pdos)
+        direction = Direction.OUTPUT if output else Direction.INPUT
+    return SyncManager(
+        index=index,
+        direction=direction,
+        carries=None,
+        declared=row is not None,
+        pdos=pdos,
+        start_byte=row.start if row is not None else None,
+        span=span,
+    )

@@ -1,0 +1,1 @@
+"""What `slaveinfo -map` of SOEM prints."""

@@ -1,0 +1,251 @@
+"""Output of SOEM's ``slaveinfo IFACE -map`` into a description.
+
+The size of each direction in bits stands before the map, so a cut is found to the bit. Lengths in
+the map are hexadecimal. PDO numbers are only in maps that came from the SII.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.source import Source, is_kind, source_bytes
+from fsoe_net.formats.shared.terminal_text import Line, Pasted, pasted
+from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, Description
+
+__all__ = ["load_soem_text"]
+
+_SLAVE = re.compile(r"Slave:(\d{1,5})$")
+_NAME = re.compile(r"Name:(.*)$")
+_SIZE = re.compile(r"(Output|Input) size: (\d{1,7})bits$")
+_IDENTITY = re.compile(r"Man: ([0-9a-f]{8}) ID: ([0-9a-f]{8}) Rev: ([0-9a-f]{8})")
+_SM = re.compile(r"SM(\d{1,2}) A:([0-9a-f]{4}) L: *(\d{1,5}) F:([0-9a-f]{8}) Type:(\d)$")
+_MAP_SM = re.compile(r"SM(\d{1,2}) (outputs|inputs)$")
+_MAP_PDO = re.compile(r"SM(\d{1,3}) ([RT])XPDO 0x([0-9A-Fa-f]{4})(?: (.*))?$")
+_ENTRY = re.compile(
+    r"(?:\[ *\d{1,5} *\] *)?\[0x([0-9A-Fa-f]{4,8})\.(\d)\] 0x([0-9A-Fa-f]{4}):0x([0-9A-Fa-f]{2}) "
+    r"0x([0-9A-Fa-f]{2,4})(?: +(\S+(?: \(\d+\))?)(?: +(.*))?)?$"
+)
+_OTHER = re.compile(
+    r"(State:|Delay:|Has DC:|DCParentport:|Activeports:|Configured address:|FMMU|MBX length|"
+    r"CoE details:|Ebus current:|only LRD|PDO mapping according|addr b|End |Calculated|\d+ slaves|"
+    r"SOEM |Slaveinfo|Starting|ec_init|Not all)"
+)
+_STARTS = ("Slave:", "Name:", "Output size:", "Input size:", "Man:", "SM", "[0x")
+_UNKNOWN_SM = 255
+
+
+@dataclass(slots=True)
+class _Manager:
+    number: int
+    direction: Direction
+    span: Span
+    pdos: list[tuple[int, list[Entry]]] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Slave:
+    number: int
+    span: Span
+    name: str = ""
+    sizes: dict[str, int] = field(default_factory=dict)
+    identity: tuple[int, int, int] | None = None
+    starts: dict[int, tuple[int, int]] = field(default_factory=dict)
+    managers: list[_Manager] = field(default_factory=list)
+
+    def bits(self, direction: Direction) -> int:
+        """Bits of the map in one direction."""
+        managers = [m for m in self.managers if m.direction is direction]
+        return sum(e.bits for m in managers for _, entries in m.pdos for e in entries)
+
+
+def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> Description | None:
+    """Read what ``slaveinfo -map`` printed.
+
+    Args:
+        source: Path, or the bytes.
+        out: Takes what is wrong; a text that is cut off is FSN146.
+        name: Name shown when ``source`` is bytes.
+    """
+    data, shown = source_bytes(source, out, name)
+    if data is None or not is_kind(data, "the output of SOEM `slaveinfo -map`", shown, out):
+        return None
+    text = pasted(data, shown, out)
+    slaves: list[_Slave] = []
+    mapped = False
+    for line in text:
+        mapped = (
+            mapped or line.stripped.startswith("PDO mapping") or bool(_ENTRY.match(line.stripped))
+        )
+        if _take(slaves, line):
+            text.good(line)
+        elif not _OTHER.match(line.stripped):
+            text.strange(line, "`slaveinfo -map`", _STARTS)
+    if not slaves:
+        out.add(
+            "FSN140",
+            Span(shown, 1, 1),
+            "this is not the output of SOEM `slaveinfo -map`",
+            hint="paste all that `slaveinfo IFACE -map` prints",
+        )
+        return None
+    _complete(slaves, text, mapped=mapped)
+    return Description(
+        span=Span(shown, 1, 1),
+        format="soem-slaveinfo",
+        path=shown,
+        subdevices=tuple(
+            _described(s, shown, truncated=text.truncated and s is slaves[-1]) for s in slaves
+        ),
+        truncated=text.truncated,
+    )
+
+
+def _take(slaves: list[_Slave], line: Line) -> bool:
+    """Take one line; false when it is not known."""
+    shown = line.stripped
+    if match := _SLAVE.match(shown):
+        slaves.append(_Slave(int(match[1]), line.span))
+        return True
+    if not slaves:
+        if not (_MAP_SM.match(shown) or _MAP_PDO.match(shown)):
+            return False
+        slaves.append(_Slave(0, line.span))  # only the map was pasted
+    slave = slaves[-1]
+    if match := _ENTRY.match(shown):
+        return _take_entry(slave, match, line)
+    if match := _MAP_SM.match(shown):
+        direction = Direction.OUTPUT if match[2] == "outputs" else Direction.INPUT
+        slave.managers.append(_Manager(int(match[1]), direction, line.span, [(0, [])]))
+    elif match := _MAP_PDO.match(shown):
+        _take_pdo(slave, match, line)
+    else:
+        return _take_fact(slave, shown)
+    return True
+
+
+def _take_entry(slave: _Slave, match: re.Match[str], line: Line) -> bool:
+    if not slave.managers or not slave.managers[-1].pdos:
+        return False
+    index = int(match[3], 16)
+    entry = Entry(
+        span=line.span,
+        index=index,
+        subindex=int(match[4], 16),
+        bits=int(match[5], 16),
+        type_name=match[6] or "",
+        name=(match[7] or "").strip() if index else "",
+    )
+    slave.managers[-1].pdos[-1][1].append(entry)
+    return True
+
+
+def _take_pdo(slave: _Slave, match: re.Match[str], line: Line) -> None:
+    number = int(match[1])
+    manager = next((m for m in slave.managers if m.number == number), None)
+    if manager is None:
+        direction = Direction.OUTPUT if match[2] == "R" else Direction.INPUT
+        manager = _Manager(number, direction, line.span)
+    else:
+        slave.managers.remove(manager)
+    slave.managers.append(manager)
+    manager.pdos.append((int(match[3], 16), []))
+
+
+def _take_fact(slave: _Slave, shown: str) -> bool:
+    if match := _SM.match(shown):
+        slave.starts[int(match[1])] = (int(match[2], 16), int(match[4], 16))
+    elif match := _SIZE.match(shown):
+        slave.sizes[match[1]] = int(match[2])
+    elif match := _IDENTITY.match(shown):
+        slave.identity = (int(match[1], 16), int(match[2], 16), int(match[3], 16))
+    elif match := _NAME.match(shown):
+        slave.name = match[1].strip()
+    else:
+        return False
+    return True
+
+
+def _complete(slaves: list[_Slave], text: Pasted, *, mapped: bool) -> None:
+    """Compare the bits of each map with the sizes that stand before it."""
+    if not mapped and not any(line.stripped.startswith("End slaveinfo") for line in text):
+        text.cut(text.lines[-1], "it ends before the map")
+        return
+    if not mapped:
+        text.out.add(
+            "FSN147",
+            slaves[0].span,
+            "this is the output of `slaveinfo` without a map",
+            hint="call it with -map: slaveinfo IFACE -map",
+        )
+        return
+    for slave in slaves:
+        for word, direction in (("Output", Direction.OUTPUT), ("Input", Direction.INPUT)):
+            want, got = slave.sizes.get(word), slave.bits(direction)
+            if want is None or want == got:
+                continue
+            if slave is slaves[-1] and got < want:
+                text.cut(text.lines[-1], f"{got} of {want} bits of {word.lower()}s are there")
+            else:
+                text.out.add(
+                    "FSN147",
+                    slave.span,
+                    f"the map of SubDevice {slave.number} has {got} bits of {word.lower()}s, its "
+                    f"size is {want}",
+                    hint="paste the output again, unchanged",
+                )
+    last = slaves[-1]
+    if last.managers and not last.sizes and not last.managers[-1].pdos[-1][1]:
+        text.cut(text.lines[-1], f"nothing follows SM{last.managers[-1].number}")
+    elif not last.managers and len(slaves) > 1 and not last.sizes:
+        text.cut(text.lines[-1], "nothing follows its last SubDevice")
+
+
+def _described(slave: _Slave, shown: str, *, truncated: bool) -> DescribedSubDevice:
+    managers: list[SyncManager] = []
+    available: list[Pdo] = []
+    notes = []
+    for manager in slave.managers:
+        pdos = tuple(
+            Pdo(span=manager.span, index=index, entries=tuple(entries))
+            for index, entries in manager.pdos
+        )
+        if manager.number == _UNKNOWN_SM:
+            available += pdos
+            continue
+        start, flags = slave.starts.get(manager.number, (None, None))
+        watchdog = Watchdog.DEFAULT
+        if flags is not None:
+            watchdog = Watchdog.ENABLE if flags & 0x40 else Watchdog.DISABLE
+        managers.append(
+            SyncManager(
+                span=manager.span,
+                index=manager.number,
+                direction=manager.direction,
+                carries=None,
+                watchdog=watchdog,
+                pdos=tuple(p for p in pdos if p.entries),
+                start_byte=start,
+            )
+        )
+    if any(p.index == 0 for m in managers for p in m.pdos or ()):
+        notes.append("this text has no PDO numbers: each sync manager is one PDO here")
+    vendor, product, revision = slave.identity or (0, 0, None)
+    if slave.identity is None:
+        notes.append("this text has no identity")
+    device = Device(
+        path=shown, vendor_id=vendor, product_code=product, sync_managers=tuple(managers)
+    )
+    return DescribedSubDevice(
+        span=slave.span,
+        name=slave.name,
+        position=slave.number - 1 if slave.number else None,
+        device=device,
+        available=tuple(available),
+        revision=revision,
+        truncated=truncated,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,195 @@
+"""A ring out of answers: device types of ESI, SII, slave YAML and the device library in an order.
+
+Without a file that says what is on the bus only a person can tell.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.model.answers import AnsweredDevice
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.join import has_layout
+from fsoe_net.model.library import Library
+
+__all__ = ["DeviceType", "list_types", "ring_of"]
+
+_MOST_NAMES = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceType:
+    """One device type that can be on the ring.
+
+    ``sub`` is ``None`` for a device of an ESI, which is read when somebody has it.
+    """
+
+    order: str
+    name: str
+    vendor: int
+    product: int
+    revision: int | None
+    path: str
+    sub: DescribedSubDevice | None = None
+
+
+def list_types(
+    esis: Sequence[str], types: Sequence[Description], library: Library, out: Collector
+) -> list[DeviceType]:
+    """Return the device types that files and the library know, files first.
+
+    Args:
+        esis: ESI files, of any size.
+        types: Descriptions of device types.
+        library: Devices that no file has to describe.
+        out: Takes what is wrong with the ESI files.
+    """
+    rows = [
+        DeviceType(
+            order=s.order or _known(s, library) or s.name or Path(t.path).stem,
+            name=s.name,
+            vendor=s.device.vendor_id,
+            product=s.device.product_code,
+            revision=s.revision,
+            path=t.path,
+            sub=s,
+        )
+        for t in types
+        for s in t.subdevices
+    ]
+    for path in esis:
+        catalogue = list_esi(path, out)
+        rows += [
+            DeviceType(
+                order=r.type,
+                name=r.name,
+                vendor=r.vendor,
+                product=r.product,
+                revision=r.revision,
+                path=path,
+            )
+            for r in (() if catalogue is None else catalogue.rows)
+            if r.kind == "device"
+        ]
+    for device in library.devices:
+        rows += [
+            DeviceType(
+                order=i.order,
+                name=device.name,
+                vendor=i.vendor_id,
+                product=i.product_code,
+                revision=None,
+                path="device library",
+                sub=DescribedSubDevice(
+                    order=i.order,
+                    device=Device(path="", vendor_id=i.vendor_id, product_code=i.product_code),
+                ),
+            )
+            for i in device.identities
+        ]
+    return rows
+
+
+def _known(sub: DescribedSubDevice, library: Library) -> str:
+    """Return the order number of an identity, where the library knows it."""
+    own = (sub.device.vendor_id, sub.device.product_code)
+    device = library.find(*own)
+    rows = () if device is None else device.identities
+    words = (i.order for i in rows if (i.vendor_id, i.product_code) == own)
+    return next((w for w in words if w[:1].isalpha()), "")
+
+
+def ring_of(
+    answers: Sequence[AnsweredDevice], types: Sequence[DeviceType], out: Collector
+) -> Description | None:
+    """Return the ring that answers describe.
+
+    Args:
+        answers: Types in ring order.
+        types: What there is.
+        out: Takes FSN155 for a type or revision that is not there, FSN156 for a place that is
+            taken, and what reading the ESI finds.
+
+    Returns:
+        SubDevices with positions, ``None`` when a type is not known.
+    """
+    subs: list[DescribedSubDevice] = []
+    good, position = True, 0
+    for row in answers:
+        if row.position is not None and row.position < position:
+            out.add(
+                "FSN156",
+                row.at("position"),
+                f"position {row.position} stands behind position {position - 1}",
+                hint="list the SubDevices in ring order",
+            )
+            good = False
+        position = max(position, row.position or 0)
+        found = _type_of(row, types, out)
+        if found is None:
+            good = False
+            continue
+        for number in range(row.count):
+            name = row.name or found.order
+            if row.name and row.count > 1:
+                name = f"{row.name}_{number + 1}"
+            subs.append(replace(found, name=name, position=position, span=row.span))
+            position += 1
+    if not good or not answers:
+        return None
+    path = answers[0].span.file
+    return Description(span=answers[0].span, format="answers", path=path, subdevices=tuple(subs))
+
+
+def _type_of(
+    row: AnsweredDevice, types: Sequence[DeviceType], out: Collector
+) -> DescribedSubDevice | None:
+    wanted = row.type.casefold()
+    same = [t for t in types if wanted in (t.order.casefold(), t.name.casefold())]
+    if not same:
+        names = list(dict.fromkeys(t.order for t in types))[:_MOST_NAMES]
+        close = difflib.get_close_matches(row.type.upper(), names, n=1, cutoff=0.5)
+        hint = "give its ESI; leave out what has no process data: position: says where it goes on"
+        hint = f"did you mean {close[0]!r}? else {hint}" if close else hint
+        out.add(
+            "FSN155", row.at("type"), f"no file and no device library knows {row.type!r}", hint=hint
+        )
+        return None
+    files = [t for t in same if t.path != "device library"]
+    rows = files or same
+    if row.revision is not None and files:
+        rows = [t for t in files if t.revision == row.revision]
+        if not rows:
+            there = sorted({f"0x{t.revision:08x}" for t in files if t.revision is not None})
+            out.add(
+                "FSN155",
+                row.at("revision"),
+                f"no {row.type} of revision 0x{row.revision:08x} is in these files",
+                hint=f"there are: {', '.join(there) or 'none with a revision'}",
+            )
+            return None
+    newest = max(
+        rows, key=lambda t: (t.sub is not None and has_layout(t.sub.device), t.revision or 0)
+    )
+    notes: tuple[str, ...] = ()
+    if len({t.revision for t in rows}) > 1:
+        told = f"0x{newest.revision or 0:08x}"
+        notes = (f"TODO revision {told}: the newest of {len(rows)} in {newest.path}",)
+    sub = newest.sub if newest.sub is not None else _read(newest, out)
+    if sub is None:
+        return None
+    return replace(
+        sub, order=newest.order, revision=row.revision or sub.revision, notes=(*notes, *sub.notes)
+    )
+
+
+def _read(row: DeviceType, out: Collector) -> DescribedSubDevice | None:
+    choice = EsiChoice(vendor=row.vendor, product=row.product, revision=row.revision)
+    read = load_esi(row.path, out, choice=choice)
+    return None if read is None or not read.subdevices else read.subdevices[0]

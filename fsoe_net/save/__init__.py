@@ -1,1 +1,0 @@
-"""Descriptions into files of other tools; whatever is written can be read back."""
