@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
 
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import FOLDER, output_option
-from fsoe_net.cli.terminal import echo, terminal
+from fsoe_net.cli.options import FOLDER, output_option, read_by
+from fsoe_net.cli.progress import progress_bar
+from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import STDOUT, write_whole
-from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
-from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, trial_count
+from fsoe_net.fsoe.campaign.trials import CampaignConfig, class_names, trial_count
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
 from fsoe_net.run.campaign import (
     CampaignResult,
-    Progress,
     campaign_links,
     run_campaign,
     save_failures,
@@ -53,32 +50,6 @@ and tolerated faults are as many as the catalogue allows; 1 not so, or a file ha
 use; 130 interrupted, with the result until then."""
 
 
-def _classes(_ctx: click.Context, _param: click.Parameter, value: str) -> tuple[str, ...]:
-    if value == "all":
-        return tuple(CATALOGUE)
-    names = [name.strip() for name in value.split(",")]
-    seen: set[tuple[str, ...]] = set()
-    for name in names:
-        parts = name.split("+")
-        for part in parts:
-            if part not in CATALOGUE:
-                raise click.BadParameter(_unknown(part))
-        if len(parts) > 1 and EXHAUSTIVE in parts:
-            raise click.BadParameter(f"{EXHAUSTIVE} are counted through and go with nothing else")
-        if len(set(parts)) < len(parts):
-            raise click.BadParameter(f"{name!r} names a class twice; it goes with others only")
-        if tuple(sorted(parts)) in seen:
-            raise click.BadParameter(f"{name!r} is named twice; say it once")
-        seen.add(tuple(sorted(parts)))
-    return tuple(names)
-
-
-def _unknown(name: str) -> str:
-    close = difflib.get_close_matches(name, CATALOGUE, n=1, cutoff=0.4)
-    hint = f"Did you mean {close[0]!r}? " if close else ""
-    return f"no class {name!r}. {hint}There are all, {', '.join(CATALOGUE)}."
-
-
 @click.command("campaign", epilog=_EPILOG)
 @input_options
 @click.option(
@@ -87,7 +58,7 @@ def _unknown(name: str) -> str:
     default="all",
     show_default=True,
     metavar="all|CLASS,…",
-    callback=_classes,
+    callback=read_by(class_names),
     help="Classes of faults.",
 )
 @click.option(
@@ -161,11 +132,14 @@ def command(
         )
         total = sum(trial_count(config, name, cycles) for name in names)
         start_s = time.monotonic()
-        with _progress(total, names[0]) as on_progress:
+        with progress_bar(total, names[0]) as on_progress:
             result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
         elapsed_s = time.monotonic() - start_s
         saved, broken = _save(result, save_dir)
-    text = {"json": _json, "markdown": to_markdown, "text": to_text}[fmt](result, saved)
+    if fmt == "json":
+        text = json.dumps(to_json(result, saved), indent=2, ensure_ascii=False)
+    else:
+        text = (to_markdown if fmt == "markdown" else to_text)(result, saved)
     _write(text, output, overwrite=overwrite)
     _say(result, elapsed_s, output)
     if broken is not None:
@@ -193,10 +167,6 @@ def _write(text: str, output: str | None, *, overwrite: bool) -> None:
         raise
 
 
-def _json(result: CampaignResult, saved: Saved) -> str:
-    return json.dumps(to_json(result, saved), indent=2, ensure_ascii=False)
-
-
 def _save(result: CampaignResult, folder: str | None) -> tuple[Saved, Exception | None]:
     """Return the recordings, and what went wrong: the report is printed all the same."""
     saved: dict[tuple[str, int], str] = {}
@@ -212,31 +182,6 @@ def _save(result: CampaignResult, folder: str | None) -> tuple[Saved, Exception 
         else:
             saved[case] = str(path)
     return saved, None
-
-
-@contextmanager
-def _progress(total: int, first: str) -> Iterator[Progress | None]:
-    """Show a bar on a terminal, on the error channel, so that it never mixes with the report."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    # The time goes on by itself, also while a slow device starts up.
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Bar(*columns, console=terminal(err=True), transient=True, redirect_stdout=False) as bar:
-        task = bar.add_task(first, total=total)
-
-        def show(done: int, _total: int, name: str) -> None:
-            bar.update(task, completed=done, description=name)
-
-        yield show
 
 
 def _say(result: CampaignResult, elapsed_s: float, output: str | None) -> None:

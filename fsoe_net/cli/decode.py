@@ -11,7 +11,7 @@ from typing import BinaryIO
 import click
 
 from fsoe_net.cli.decode_output import JsonOutput, Output, TextOutput
-from fsoe_net.cli.options import FILE, output_option
+from fsoe_net.cli.options import FILE, format_option, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.core.scan import Sighting
@@ -61,9 +61,7 @@ be checked, or an input cannot be read; 2 wrong use."""
 @output_option("File for --lua; default: standard output.")
 @click.option("--changes", is_flag=True, help="Only frames that say something new.")
 @click.option("--summary", is_flag=True, help="Only the connections found.")
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.pass_context
 def command(
     ctx: click.Context,

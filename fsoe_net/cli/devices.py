@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import click
 
-from fsoe_net.cli.options import FILE
+from fsoe_net.cli.options import FILE, format_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Severity
@@ -40,9 +40,7 @@ the revision in use counts."""
     metavar="FILE",
     help="A device file of your own; it stands before the library. Several times.",
 )
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 def command(name: str | None, own: tuple[str, ...], fmt: str) -> None:
     """Show what is known about FSoE devices; with NAME one device in full.
 

@@ -7,7 +7,7 @@ import json
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.options import FILE
+from fsoe_net.cli.options import FILE, format_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
@@ -39,9 +39,7 @@ Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use."""
 @click.argument("b", type=FILE)
 @reference_options
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing; only the exit code tells.")
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -8,7 +8,7 @@ import textwrap
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.options import INTERFACE
+from fsoe_net.cli.options import INTERFACE, format_option
 from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
@@ -41,9 +41,7 @@ _WIDTH = 100
 @click.option(
     "--interface", type=INTERFACE, metavar="IF", help="Network interface of the bus: check it too."
 )
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.pass_context
 def command(ctx: click.Context, interface: str | None, fmt: str) -> None:
     """Check this machine for real-time EtherCAT.

@@ -11,7 +11,7 @@ import click
 from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import FILE, INTERFACE, RUN_TIME
+from fsoe_net.cli.options import INTERFACE, RUN_TIME, format_option, scenario_option
 from fsoe_net.cli.run_output import print_events
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo
@@ -67,13 +67,7 @@ so, or a file has an error; 2 wrong use; 3 no such interface, or no permission."
     "--priority", type=click.IntRange(0, 99), default=0, help="SCHED_FIFO priority of the answers."
 )
 @click.option("--cpu", type=click.IntRange(0, 1023), help="CPU that answers.")
-@click.option(
-    "--scenario",
-    "scenario_file",
-    type=FILE,
-    metavar="FILE",
-    help="YAML with steps and expectations.",
-)
+@scenario_option
 @click.option(
     "--no-machine-on-this-wire",
     "vouched",
@@ -88,9 +82,7 @@ so, or a file has an error; 2 wrong use; 3 no such interface, or no permission."
     metavar="TIME",
     help="End after so long; default: scenario, else until interrupted.",
 )
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -7,6 +7,7 @@ import json
 import click
 
 from fsoe_net.cli.inputs import input_options
+from fsoe_net.cli.options import format_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
@@ -27,9 +28,7 @@ It is no approval: it says that two configurations are the same, not that one is
 
 @click.command("fingerprint", epilog=_EPILOG)
 @input_options
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.option(
     "--text",
     "section",

@@ -13,7 +13,14 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.monitor_output import bus_view
-from fsoe_net.cli.options import FILE, RUN_TIME, master_options, master_socket, overwrite_option
+from fsoe_net.cli.options import (
+    FILE,
+    RUN_TIME,
+    format_option,
+    master_options,
+    master_socket,
+    overwrite_option,
+)
 from fsoe_net.cli.run_output import event_line, interesting, joined_events
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo, terminal
@@ -57,9 +64,7 @@ _WIDTH = 160
 @click.option("--capture", type=FILE, metavar="FILE", help="Write the EtherCAT frames (pcapng).")
 @overwrite_option
 @click.option("--rebuild", is_flag=True, help="Capture from the process image, not from the wire.")
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -19,11 +19,13 @@ __all__ = [
     "INTERFACE",
     "RUN_TIME",
     "Time",
+    "format_option",
     "master_options",
     "master_socket",
     "output_option",
     "overwrite_option",
     "read_by",
+    "scenario_option",
 ]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -173,3 +175,21 @@ def read_by(read: Callable[[Any], object]) -> Callable[..., object]:
             raise click.BadParameter(str(exc)) from exc
 
     return callback
+
+
+def format_option(function: _F) -> _F:
+    """Add ``--format text|json``, as ``fmt``."""
+    return click.option(
+        "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+    )(function)
+
+
+def scenario_option(function: _F) -> _F:
+    """Add ``--scenario``, as ``scenario_file``."""
+    return click.option(
+        "--scenario",
+        "scenario_file",
+        type=FILE,
+        metavar="FILE",
+        help="YAML with steps and expectations.",
+    )(function)

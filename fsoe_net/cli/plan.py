@@ -7,7 +7,7 @@ import json
 import click
 
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import output_option
+from fsoe_net.cli.options import format_option, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
@@ -42,9 +42,7 @@ Examples:
     type=click.Choice(["igh"]),
     help="Show where each byte stands in the whole image of this MainDevice.",
 )
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @without_collector
 def command(
     files: tuple[str, ...],

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.options import FILE
+from fsoe_net.cli.options import FILE, format_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError, RecordingError
@@ -44,9 +44,7 @@ class _Outcome:
 
 @click.command("replay", epilog=_EPILOG)
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="TRACE...")
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.pass_context
 def command(ctx: click.Context, files: tuple[str, ...], fmt: str) -> None:
     """Hold recorded runs of other FSoE implementations against this engine.

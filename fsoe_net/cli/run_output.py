@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from fsoe_net.cli.fitted_table import Column, FittedTable
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, terminal
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.diag.words import counted
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.report.cycle_times import timing_csv, timing_picture, timing_text
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
-from fsoe_net.run.result import ConnectionResult, Run, RunEvent, state_text
+from fsoe_net.run.result import Run, RunEvent, RunUpdate, state_text
 
 if TYPE_CHECKING:
     from rich.console import Group
 
 __all__ = [
+    "Show",
     "cycle_text",
+    "display",
     "event_line",
     "interesting",
     "joined_events",
-    "live_view",
     "not_in_op",
     "number_text",
     "print_events",
@@ -44,13 +46,19 @@ _COLUMNS = (
 _STATE_STYLE = {"data_process": "bold green", "data_failsafe": "yellow"}
 
 
-def live_view(
-    name: str,
-    rows: Sequence[ConnectionResult],
-    statistics: Statistics,
-    now_s: float,
-    subdevices: Sequence[SubDeviceSnapshot] = (),
-) -> Group:
+Show = Callable[[RunUpdate], None]
+
+
+@contextmanager
+def display(name: str) -> Iterator[Show]:
+    """Show a run on the terminal while it goes on; gives what takes the updates."""
+    from rich.live import Live
+
+    with Live(refresh_per_second=10, transient=True, console=terminal()) as live:
+        yield lambda update: live.update(_live_view(name, update))
+
+
+def _live_view(name: str, update: RunUpdate) -> Group:
     """Return what a terminal shows during a run: connections, and SubDevices not in OP."""
     from rich.console import Group
     from rich.markup import escape
@@ -65,11 +73,11 @@ def live_view(
             str(c.resets),
             escape(c.last_reset_text),
         )
-        for c in rows
+        for c in update.connections
     ]
-    title = f"{escape(name)} · {now_s:.1f} s · {cycle_text(statistics)}"
+    title = f"{escape(name)} · {update.now_s:.1f} s · {cycle_text(update.statistics)}"
     table = FittedTable(_COLUMNS, cells, title=title)
-    return Group(table, *(Text(line, style="red") for line in not_in_op(subdevices)))
+    return Group(table, *(Text(line, style="red") for line in not_in_op(update.subdevices)))
 
 
 def cycle_text(statistics: Statistics) -> str:

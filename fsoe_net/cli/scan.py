@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from fsoe_net.cli.bus import take_scan
-from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
+from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, format_option, output_option
 from fsoe_net.cli.scan_output import scan_table
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
@@ -34,9 +34,7 @@ Exit codes: 0 read, 1 the bus or a document was refused, 2 wrong use, also when 
 )
 @click.option("--bus", type=click.Choice(["soem"]), help="How to reach it; default soem.")
 @click.option("--socket", type=FILE, metavar="PATH", help="Control socket of a running fsn-master.")
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @output_option("Folder for network.yaml and its files.", metavar="DIR", type=FOLDER)
 @click.option("-y", "--yes", is_flag=True, help="Do not ask before states change.")
 def command(

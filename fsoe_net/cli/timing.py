@@ -8,7 +8,7 @@ import re
 import click
 
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import FILE, Time, overwrite_option
+from fsoe_net.cli.options import FILE, Time, format_option, overwrite_option
 from fsoe_net.cli.output import exit_code, print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
@@ -81,9 +81,7 @@ class _Share(click.ParamType[float]):
 )
 @click.option("--plot", type=FILE, metavar="FILE", help="Picture to write (SVG).")
 @overwrite_option
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -7,7 +7,7 @@ import json
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.options import FILE, master_options, master_socket
+from fsoe_net.cli.options import FILE, format_option, master_options, master_socket
 from fsoe_net.cli.terminal import echo
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.known import Known, read_known
@@ -37,9 +37,7 @@ The same fingerprint says that the configuration is the accepted one, not that i
     help="What was accepted: acceptance record, fingerprint (JSON), plan or network.",
 )
 @master_options
-@click.option(
-    "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
-)
+@format_option
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -172,27 +172,20 @@ class Network:
             EnvironmentFault: A file cannot be written.
         """
         from fsoe_net.formats.shared.write_files import make_folder
-        from fsoe_net.observe.capture import CaptureWriter
-        from fsoe_net.project.simulate import prepare
-        from fsoe_net.run.incidents import IncidentRecorder
-        from fsoe_net.run.session import run_live, run_virtual
+        from fsoe_net.project.simulate import simulate
 
         if capture is not None and not virtual:
             raise ValueError("capture needs virtual=True: a run in real time carries no frames")
         resolution = self._whole("nothing started")
-        name = None if scenario is None else os.fspath(scenario)
-        session = prepare(resolution, None, name, virtual=virtual)
-        duration_ns = session.duration_ns if duration_s is None else round(duration_s * 1e9)
-        recorder = None
-        if incidents is not None:
-            make_folder(os.fspath(incidents), "incidents")
-            recorder = IncidentRecorder(session, Path(incidents), background=not virtual)
-        if not virtual:
-            return run_live(session, duration_ns, incidents=recorder)
-        if capture is None:
-            return run_virtual(session, duration_ns, incidents=recorder)
-        with CaptureWriter(os.fspath(capture)) as writer:
-            return run_virtual(session, duration_ns, capture=writer, incidents=recorder)
+        make_folder(_text(incidents), "incidents")
+        return simulate(
+            resolution,
+            scenario_file=_text(scenario),
+            duration_ns=None if duration_s is None else round(duration_s * 1e9),
+            virtual=virtual,
+            capture=_text(capture),
+            incidents=_text(incidents),
+        )
 
     def diff(self, other: Network | Plan | AnyPath) -> Difference:
         """Return what differs by meaning: comments, order and names of files do not.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
 from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
@@ -11,14 +12,72 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import Scenario
+from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.model import Plan
+from fsoe_net.run.incidents import IncidentRecorder
+from fsoe_net.run.result import Run, RunUpdate
 from fsoe_net.run.scenario_run import ScenarioRun
-from fsoe_net.run.session import Session, counted_session_ids, random_session_ids
+from fsoe_net.run.session import (
+    Session,
+    counted_session_ids,
+    random_session_ids,
+    run_live,
+    run_virtual,
+)
 
-__all__ = ["plan_bytes", "prepare", "with_scenario"]
+__all__ = ["plan_bytes", "prepare", "simulate", "with_scenario"]
 
 _Run = TypeVar("_Run", bound=ScenarioRun)
+
+
+def simulate(
+    resolution: Resolution,
+    *,
+    plan_file: str | None = None,
+    scenario_file: str | None = None,
+    duration_ns: int | None = None,
+    virtual: bool = True,
+    capture: str | None = None,
+    incidents: str | None = None,
+    device_period_ns: int | None = None,
+    on_update: Callable[[RunUpdate], None] | None = None,
+) -> Run:
+    """Run a checked network on the emulated bus.
+
+    Args:
+        resolution: The network.
+        plan_file: A plan that shall be that of the network.
+        scenario_file: Steps and expectations.
+        duration_ns: How long; otherwise what the scenario states, or 3 s.
+        virtual: Simulated time; otherwise the C core cycles in real time.
+        capture: File for the frames of a virtual run (pcapng).
+        incidents: Folder for a file when a connection fails.
+        device_period_ns: Pace of the emulated devices in real time; otherwise 1 ms.
+        on_update: Called about ten times a second of a run in real time.
+
+    Raises:
+        InputError: As `prepare`.
+        CoreMissing: The compiled part is not there.
+        EnvironmentFault: A file cannot be written.
+    """
+    session = prepare(resolution, plan_file, scenario_file, virtual=virtual)
+    duration_ns = duration_ns or session.duration_ns
+    recorder = None
+    if incidents is not None:
+        recorder = IncidentRecorder(session, Path(incidents), background=not virtual)
+    if not virtual:
+        return run_live(
+            session,
+            duration_ns,
+            device_period_ns=device_period_ns or 1_000_000,
+            on_update=on_update,
+            incidents=recorder,
+        )
+    if capture is None:
+        return run_virtual(session, duration_ns, incidents=recorder)
+    with CaptureWriter(capture) as writer:
+        return run_virtual(session, duration_ns, capture=writer, incidents=recorder)
 
 
 def prepare(

@@ -14,9 +14,9 @@ from fsoe_net.run.bus_events import BusEvents, ConnectionFacts, connection_resul
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master
-from fsoe_net.run.result import BusResult, ConnectionResult, Run, is_data
+from fsoe_net.run.result import BusResult, ConnectionResult, Run, RunUpdate, is_data
 
-__all__ = ["BusOptions", "LiveUpdate", "run_on_bus"]
+__all__ = ["BusOptions", "run_on_bus"]
 
 _UPDATE_S = 0.1
 _GRACE_S = 10  # fsn-master outlives the stated duration by this much when nobody stops it
@@ -59,15 +59,6 @@ class BusOptions:
         return words
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LiveUpdate:
-    """What is seen now; ``now_s`` counts from the start of ``fsn-master``."""
-
-    connections: tuple[ConnectionResult, ...]
-    snapshot: LiveSnapshot
-    now_s: float
-
-
 class _LiveRun:
     """One run; see `run_on_bus`."""
 
@@ -88,7 +79,7 @@ class _LiveRun:
     def watch(
         self,
         duration_ns: int | None,
-        on_update: Callable[[LiveUpdate], None] | None,
+        on_update: Callable[[RunUpdate], None] | None,
         stop: threading.Event,
     ) -> Run:
         """Watch until the time is over or the user has had enough; then return what was seen."""
@@ -162,10 +153,11 @@ class _LiveRun:
             self._begin_ns = time.monotonic_ns()
         return True
 
-    def _update(self, snapshot: LiveSnapshot) -> LiveUpdate:
-        return LiveUpdate(
+    def _update(self, snapshot: LiveSnapshot) -> RunUpdate:
+        return RunUpdate(
             connections=self._connections(snapshot),
-            snapshot=snapshot,
+            statistics=snapshot.cycle.statistics,
+            subdevices=snapshot.subdevices,
             now_s=(time.monotonic_ns() - self._events.start_ns) / 1e9,
         )
 
@@ -224,7 +216,7 @@ def run_on_bus(
     duration_ns: int | None,
     *,
     on_start: Callable[[Master], None] | None = None,
-    on_update: Callable[[LiveUpdate], None] | None = None,
+    on_update: Callable[[RunUpdate], None] | None = None,
     stop: threading.Event | None = None,
 ) -> Run:
     """Start ``fsn-master``, watch it, stop it orderly.

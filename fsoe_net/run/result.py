@@ -13,6 +13,7 @@ __all__ = [
     "ConnectionResult",
     "Run",
     "RunEvent",
+    "RunUpdate",
     "Verdict",
     "is_data",
     "state_text",
@@ -143,3 +144,20 @@ class Run:
             "events": [asdict(e) for e in self.events],
             "events_lost": self.events_lost,
         }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunUpdate:
+    """What is observed while a run goes on.
+
+    Attributes:
+        connections: All of them, now.
+        statistics: Of the bus cycle.
+        now_s: Seconds since the start.
+        subdevices: Of a live bus; an emulated one has none.
+    """
+
+    connections: tuple[ConnectionResult, ...]
+    statistics: Statistics
+    now_s: float
+    subdevices: tuple[SubDeviceSnapshot, ...] = ()

@@ -19,7 +19,7 @@ from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.incidents import IncidentRecorder
-from fsoe_net.run.result import ConnectionResult, Run, is_data
+from fsoe_net.run.result import ConnectionResult, Run, RunUpdate, is_data
 from fsoe_net.run.scenario_run import DEFAULT_CYCLE_NS, DeviceSide, ScenarioRun
 
 __all__ = ["Session", "run_live", "run_virtual"]
@@ -192,7 +192,7 @@ def run_live(
     duration_ns: int,
     *,
     device_period_ns: int = 1_000_000,
-    on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None = None,
+    on_update: Callable[[RunUpdate], None] | None = None,
     incidents: IncidentRecorder | None = None,
 ) -> Run:
     """Run in real time: the core cycles in its own C thread, the devices live at their own pace.
@@ -229,7 +229,7 @@ class _Live:
     def run(
         self,
         duration_ns: int,
-        on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None,
+        on_update: Callable[[RunUpdate], None] | None,
     ) -> Run:
         session = self._session
         session.core.start(cycle_ns=session.cycle_ns)
@@ -257,14 +257,20 @@ class _Live:
     def _wait(
         self,
         duration_ns: int,
-        on_update: Callable[[tuple[ConnectionResult, ...], Snapshot, float], None] | None,
+        on_update: Callable[[RunUpdate], None] | None,
     ) -> None:
         while (left := duration_ns - self._now()) > 0 and not self._stop.wait(min(0.1, left / 1e9)):
             if on_update is not None:
                 snapshot = self._session.core.snapshot()
                 with self._lock:
                     rows = self._session.connections(snapshot)
-                on_update(rows, snapshot, self._now() / 1e9)
+                on_update(
+                    RunUpdate(
+                        connections=rows,
+                        statistics=snapshot.statistics,
+                        now_s=self._now() / 1e9,
+                    )
+                )
 
     def _devices(self) -> None:
         """Step all devices at their period; late steps are not caught up."""

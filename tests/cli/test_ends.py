@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Facts
@@ -23,6 +22,7 @@ from fsoe_net.cli import (
     emulate,
     options,
     run,
+    run_output,
     scan,
     test_protocol,
     test_protocol_output,
@@ -262,17 +262,17 @@ def test_a_table_keeps_what_is_needed_however_narrow():
 
 def test_a_live_run_shows_its_connections_as_it_goes(monkeypatch: pytest.MonkeyPatch):
     shown = Console(width=120, record=True, file=io.StringIO(), force_terminal=True)
-    monkeypatch.setattr(run, "terminal", lambda: shown)
-    monkeypatch.setattr(sys, "stdout", Facts(isatty=lambda: True))
+    monkeypatch.setattr(run_output, "terminal", lambda: shown)
     monkeypatch.setattr(live_bus, "_UPDATE_S", 0.01)
-    wanted: Any = Facts(plan=None, fmt="text")
+    wanted = {"plan_file": None, "incidents": None, "duration_ns": 50_000_000}
     with fake_master() as fake:
         process = Process(fake)
         process.pid = process.socket = "?"  # type: ignore[attr-defined]
         monkeypatch.setattr(live_bus, "Master", process)
         told: list[str] = []
         monkeypatch.setattr(run, "echo", lambda text, **_: told.append(text))
-        result = run._on_bus(RESOLUTION, OPTIONS, 50_000_000, wanted)
+        with run_output.display("estop") as show:
+            result = run._on_bus(RESOLUTION, OPTIONS, wanted, show)
     assert result.passed
     assert told == [
         "fsn-master (process ?) starts on eth1; Ctrl-C stops it; control socket ?",

@@ -45,7 +45,7 @@ def test_connections_come_up_and_reset_is_pressed(folder: Path):
         return run_live(
             session_of(folder),
             times * 1500 * MS,
-            on_update=lambda rows, snapshot, now_s: updates.append(now_s),
+            on_update=lambda update: updates.append(update.now_s),
         )
 
     result = long_enough(run, in_data)
@@ -99,7 +99,7 @@ def test_error_in_the_device_thread_comes_out(monkeypatch: pytest.MonkeyPatch):
 def test_error_in_the_display_stops_the_threads():
     session = session_of(ESTOP)
 
-    def broken(rows: object, snapshot: object, now_s: float) -> None:
+    def broken(update: object) -> None:
         raise RuntimeError("no terminal")
 
     with pytest.raises(RuntimeError, match="no terminal"):
@@ -114,7 +114,7 @@ def test_error_in_the_display_stops_the_threads():
 # background ignores the signal from birth on; Python then installs no handler of its own.
 _MAIN = """\
 import os, signal
-import fsoe_net.cli.run as command
+import fsoe_net.project.simulate as command
 from fsoe_net.cli.main import main
 
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -15,8 +15,8 @@ from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run import live_bus
 from fsoe_net.run.client import Client
-from fsoe_net.run.live_bus import BusOptions, LiveUpdate, run_on_bus
-from fsoe_net.run.result import Run
+from fsoe_net.run.live_bus import BusOptions, run_on_bus
+from fsoe_net.run.result import Run, RunUpdate
 
 RESOLUTION = example("estop")
 PLAN = compile_plan(RESOLUTION).to_bytes()
@@ -65,9 +65,9 @@ def process(monkeypatch: pytest.MonkeyPatch) -> Iterator[Process]:
 def run(process: Process, updates: Any = None, **more: Any) -> Run:
     """Run; ``updates`` is called with the number of each update and the event that ends the run."""
     stop = threading.Event()
-    seen: list[LiveUpdate] = []
+    seen: list[RunUpdate] = []
 
-    def update(found: LiveUpdate) -> None:
+    def update(found: RunUpdate) -> None:
         seen.append(found)
         (updates or (lambda _n, stop: stop.set()))(len(seen), stop)
 

@@ -6,6 +6,7 @@ the trials before it, nor on how many processes share the work.
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import random
 from collections import Counter
@@ -31,6 +32,7 @@ __all__ = [
     "Failure",
     "Shown",
     "Trials",
+    "class_names",
     "merge",
     "run_trials",
     "trial_count",
@@ -415,3 +417,34 @@ def run_trials(
             result.shown.append(Shown(trial=trial, link=case.link.name, proof=finding.proof))
     _keep_first(result)
     return result
+
+
+def class_names(text: str) -> tuple[str, ...]:
+    """Return the classes that ``loss,delay+torn_copy`` names; ``all`` names those of the catalogue.
+
+    Raises:
+        ValueError: There is no such class, one is named twice, or two cannot go together.
+    """
+    if text == "all":
+        return tuple(CATALOGUE)
+    names = tuple(name.strip() for name in text.split(","))
+    seen: set[tuple[str, ...]] = set()
+    for name in names:
+        parts = tuple(sorted(name.split("+")))
+        for part in parts:
+            if part not in CATALOGUE:
+                raise ValueError(_unknown(part))
+        if len(parts) > 1 and EXHAUSTIVE in parts:
+            raise ValueError(f"{EXHAUSTIVE} are counted through and go with nothing else")
+        if len(set(parts)) < len(parts):
+            raise ValueError(f"{name!r} names a class twice; it goes with others only")
+        if parts in seen:
+            raise ValueError(f"{name!r} is named twice; say it once")
+        seen.add(parts)
+    return names
+
+
+def _unknown(name: str) -> str:
+    close = difflib.get_close_matches(name, CATALOGUE, n=1, cutoff=0.4)
+    hint = f"Did you mean {close[0]!r}? " if close else ""
+    return f"no class {name!r}. {hint}There are all, {', '.join(CATALOGUE)}."

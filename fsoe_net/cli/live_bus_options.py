@@ -1,0 +1,153 @@
+"""The options of ``fsoe-net run`` for a live bus, and which options go together."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import click
+
+from fsoe_net.cli.options import CYCLE, INTERFACE, RUN_TIME
+from fsoe_net.run.live_bus import BusOptions
+
+__all__ = ["LiveBus", "live_bus_options"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveBus:
+    """The options of a live bus as they were given; ``None`` where one was not."""
+
+    interface: str | None
+    redundant: str | None
+    bus: str | None
+    cycle_ns: int | None
+    priority: int | None
+    cpu: int | None
+    wait_ns: int | None
+
+    def check(self, wanted: Mapping[str, Any], *, histograms: bool) -> None:
+        """Refuse options that do not go together.
+
+        Args:
+            wanted: The options of an emulated run.
+            histograms: Whether files of the timing are wanted.
+
+        Raises:
+            click.UsageError: Some do not.
+        """
+        if self.interface is None:
+            self._check_emulated(wanted, histograms=histograms)
+        else:
+            self._check_live(wanted)
+
+    def _check_emulated(self, wanted: Mapping[str, Any], *, histograms: bool) -> None:
+        for name, value in (
+            ("--redundant", self.redundant),
+            ("--bus", self.bus),
+            ("--cycle", self.cycle_ns),
+            ("--priority", self.priority),
+            ("--cpu", self.cpu),
+            ("--wait", self.wait_ns),
+        ):
+            if value is not None:
+                raise click.UsageError(f"{name} is for a live bus: name its --interface too")
+        if wanted["capture"] is not None and not wanted["virtual_time"]:
+            raise click.UsageError("--capture needs --virtual-time: a live run carries no frames")
+        if wanted["virtual_time"] and histograms:
+            raise click.UsageError("--stats and --plot need real time: leave out --virtual-time")
+
+    def _check_live(self, wanted: Mapping[str, Any]) -> None:
+        if wanted["scenario_file"] is not None:
+            raise click.UsageError(
+                "--scenario acts on emulated devices, and those of a live bus are not ours to "
+                "press; with an emulated segment at the other end give it to that: fsoe-net "
+                "emulate FILES --interface OTHER_END --scenario FILE"
+            )
+        for name, key in (
+            ("--virtual-time", "virtual_time"),
+            ("--device-period", "device_period_ns"),
+        ):
+            if wanted[key]:
+                raise click.UsageError(
+                    f"{name} is for emulated devices: leave it or --interface out"
+                )
+        if wanted["capture"] is not None:
+            raise click.UsageError(
+                f"--capture is for virtual runs; `tcpdump -i {self.interface} -w FILE` records a "
+                "live bus"
+            )
+        if self.bus == "igh" and self.redundant is not None:
+            raise click.UsageError(
+                "--redundant: with igh, the second interface is a setting of IgH"
+            )
+        if self.redundant == self.interface:
+            raise click.UsageError("--redundant: the same interface twice")
+
+    def options(self, interface: str, incidents: str | None) -> BusOptions:
+        """Return them as ``fsn-master`` takes them."""
+        return BusOptions(
+            backend=self.bus or "soem",
+            interface=interface,
+            redundant=self.redundant,
+            cycle_ns=self.cycle_ns,
+            priority=self.priority,
+            cpu=self.cpu,
+            wait_s=(self.wait_ns or 0) / 1e9,
+            incidents=incidents,
+        )
+
+
+def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of a live bus; they come as ``live``."""
+
+    @functools.wraps(function)
+    def with_live(*args: Any, **kwargs: Any) -> None:
+        live = LiveBus(**{field.name: kwargs.pop(field.name) for field in fields(LiveBus)})
+        function(*args, live=live, **kwargs)
+
+    decorated: Callable[..., None] = with_live
+    for decorate in (
+        click.option(
+            "--interface",
+            type=INTERFACE,
+            metavar="IF",
+            help="Live bus: its interface or IgH master.",
+        ),
+        click.option(
+            "--redundant",
+            type=INTERFACE,
+            metavar="IF2",
+            help="Live bus: second interface, the far end of a ring.",
+        ),
+        click.option(
+            "--bus",
+            type=click.Choice(["soem", "igh"]),
+            help="Live bus: what drives it; default soem.",
+        ),
+        click.option(
+            "--cycle",
+            "cycle_ns",
+            type=CYCLE,
+            metavar="TIME",
+            help="Live bus: its cycle; default: the plan's.",
+        ),
+        click.option(
+            "--priority",
+            type=click.IntRange(1, 99),
+            help="Live bus: SCHED_FIFO priority of the cycle.",
+        ),
+        click.option(
+            "--cpu", type=click.IntRange(0, 1023), help="Live bus: the CPU that runs the cycle."
+        ),
+        click.option(
+            "--wait",
+            "wait_ns",
+            type=RUN_TIME,
+            metavar="TIME",
+            help="Live bus: how long to try again while SubDevices are missing.",
+        ),
+    )[::-1]:
+        decorated = decorate(decorated)
+    return decorated

@@ -1,0 +1,37 @@
+"""A bar for what takes long."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from fsoe_net.cli.terminal import terminal
+from fsoe_net.run.campaign import Progress
+
+__all__ = ["progress_bar"]
+
+
+@contextmanager
+def progress_bar(total: int, first: str) -> Iterator[Progress | None]:
+    """Show a bar on a terminal, on the error channel, so that it never mixes with the report."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    # The time goes on by itself, also while a slow device starts up.
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Bar(*columns, console=terminal(err=True), transient=True, redirect_stdout=False) as bar:
+        task = bar.add_task(first, total=total)
+
+        def show(done: int, _total: int, name: str) -> None:
+            bar.update(task, completed=done, description=name)
+
+        yield show
