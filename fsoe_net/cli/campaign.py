@@ -12,22 +12,18 @@ from pathlib import Path
 
 import click
 
+from fsoe_net.cli.campaign_output import print_end, save_recordings, write_report
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FOLDER, output_option, read_by
 from fsoe_net.cli.progress import progress_bar
-from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.shared.write_files import STDOUT, write_whole
-from fsoe_net.fsoe.campaign.trials import CampaignConfig, class_names, trial_count
+from fsoe_net.fsoe.campaign.trials import CampaignConfig, class_names
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.report.campaign import Saved, to_json, to_markdown, to_text
+from fsoe_net.report.campaign import to_json, to_markdown, to_text
 from fsoe_net.run.campaign import (
-    CampaignResult,
     campaign_links,
     run_campaign,
-    save_failures,
 )
 from fsoe_net.run.device import device_factory, stdout_to_stderr
 
@@ -118,30 +114,27 @@ def command(
     resolution = whole_network(checked, "no fault put in")
     check_target(output, overwrite=overwrite, stdout=True)  # hours may lie between
     _try_folder(save_dir)
-    if sub or main:
+    if main or sub:
         sys.path.insert(0, os.getcwd())
-    with stdout_to_stderr() if sub or main else nullcontext():
-        config = CampaignConfig(
-            links=campaign_links(
-                resolution,
-                connection=connection,
-                main_factory=device_factory(main) if main else None,
-                sub_factory=device_factory(sub) if sub else None,
-            ),
-            seed=seed,
+    with stdout_to_stderr() if main or sub else nullcontext():
+        links = campaign_links(
+            resolution,
+            connection=connection,
+            main_factory=device_factory(main) if main else None,
+            sub_factory=device_factory(sub) if sub else None,
         )
-        total = sum(trial_count(config, name, cycles) for name in names)
+        config = CampaignConfig(links=links, seed=seed)
         start_s = time.monotonic()
-        with progress_bar(total, names[0]) as on_progress:
+        with progress_bar(names[0]) as on_progress:
             result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
         elapsed_s = time.monotonic() - start_s
-        saved, broken = _save(result, save_dir)
+        saved, broken = save_recordings(result, save_dir)
     if fmt == "json":
         text = json.dumps(to_json(result, saved), indent=2, ensure_ascii=False)
     else:
         text = (to_markdown if fmt == "markdown" else to_text)(result, saved)
-    _write(text, output, overwrite=overwrite)
-    _say(result, elapsed_s, output)
+    write_report(text, output, overwrite=overwrite)
+    print_end(result, elapsed_s, output)
     if broken is not None:
         raise broken
     if result.interrupted:
@@ -154,41 +147,3 @@ def _try_folder(save_dir: str | None) -> None:
         Path(save_dir).mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=save_dir):
             pass
-
-
-def _write(text: str, output: str | None, *, overwrite: bool) -> None:
-    if output is None:
-        echo(text)
-        return
-    try:
-        write_whole(output, f"{text}\n".encode(), overwrite=overwrite)
-    except (EnvironmentFault, InputError):
-        echo(text)  # not lost for a full disk, or a file made meanwhile
-        raise
-
-
-def _save(result: CampaignResult, folder: str | None) -> tuple[Saved, Exception | None]:
-    """Return the recordings, and what went wrong: the report is printed all the same."""
-    saved: dict[tuple[str, int], str] = {}
-    if not folder:
-        return saved, None
-    try:
-        found = save_failures(result, Path(folder))
-    except (OSError, FsnError) as exc:
-        return saved, exc
-    for case, path in found.items():
-        if path is None:
-            echo(f"{case[0]}, trial {case[1]}: fails only after a long run, no trace", err=True)
-        else:
-            saved[case] = str(path)
-    return saved, None
-
-
-def _say(result: CampaignResult, elapsed_s: float, output: str | None) -> None:
-    done = sum(row.injected for row in result.classes)
-    rate = f"{done / elapsed_s:.0f}" if elapsed_s > 0 else "?"
-    echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)
-    if output is not None and output != STDOUT:
-        echo(f"report written to {output}", err=True)
-    if result.interrupted:
-        echo("interrupted: the report holds what was done until then", err=True)

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import click
 
+from fsoe_net.cli.line_editor import line_editor
 from fsoe_net.cli.options import FILE, Time, master_options, master_socket
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import ConsoleError, FsnError
 from fsoe_net.run.console.commands_flow import ConsoleEnd
-from fsoe_net.run.console.completion import complete
-from fsoe_net.run.console.console import COMMANDS, Console
+from fsoe_net.run.console.console import Console
 from fsoe_net.run.console.keeper import Keeper
 
 __all__ = ["command"]
 
 _PROMPT = "fsn> "
-_HISTORY_LINES = 2_000
 _EPILOG = """\b
 Examples:
   fsoe-net console --interface eth1
@@ -127,7 +124,7 @@ def _prompt(console: Console) -> int:
     status = console.keeper.call(lambda client: client.status())
     where = status.interface or status.backend
     echo(f"fsn-master on {where}: {status.state}. help lists commands, quit leaves.")
-    with _line_editor(console):
+    with line_editor(console):
         while True:
             try:
                 console.tell()
@@ -142,57 +139,3 @@ def _prompt(console: Console) -> int:
                 echo(f"error: {exc}", err=True)
     _say_fallback(console)
     return 0
-
-
-@contextlib.contextmanager
-def _line_editor(console: Console) -> Iterator[None]:
-    """Give `input` completion and a history file, where Python has readline."""
-    try:
-        import readline
-    except ImportError:
-        yield
-        return
-    found: list[str] = []
-
-    def completer(word: str, state: int) -> str | None:
-        nonlocal found
-        if state == 0:
-            before = readline.get_line_buffer()[: readline.get_begidx()]
-            try:
-                names = console.names()
-                found = complete(
-                    before, word, names, commands=list(COMMANDS), macros=console.macros
-                )
-            except FsnError:
-                found = []
-        return f"{found[state]} " if state < len(found) else None
-
-    readline.set_completer(completer)
-    readline.set_completer_delims(" \t\n;=")
-    readline.parse_and_bind("tab: complete")
-    readline.set_history_length(_HISTORY_LINES)
-    path = _history_file()
-    if path is not None:
-        with contextlib.suppress(OSError):
-            readline.read_history_file(path)
-    try:
-        yield
-    finally:
-        if path is not None:
-            with contextlib.suppress(OSError):
-                readline.write_history_file(path)
-                path.chmod(0o600)
-
-
-def _history_file() -> Path | None:
-    """Return the history file, made for this user only; ``None`` where there is no place."""
-    state = os.environ.get("XDG_STATE_HOME", "")
-    base = Path(state) if os.path.isabs(state) else Path("~/.local/state").expanduser()
-    path = base / "fsoe-net" / "console_history"
-    try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        os.close(os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600))
-        path.chmod(0o600)
-    except (OSError, RuntimeError):
-        return None
-    return path

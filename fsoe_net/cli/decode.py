@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import io
-import sys
-from collections.abc import Iterable, Iterator
-from pathlib import Path
-from typing import BinaryIO
-
 import click
 
+from fsoe_net.cli.decode_inputs import (
+    decode_capture,
+    decode_hex,
+    hex_lines,
+    is_file,
+    standard_input,
+)
 from fsoe_net.cli.decode_output import JsonOutput, Output, TextOutput
 from fsoe_net.cli.options import FILE, format_option, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.core.scan import Sighting
-from fsoe_net.errors import InputError
-from fsoe_net.formats.capture.packets import buffered, is_capture
+from fsoe_net.formats.capture.packets import is_capture
 from fsoe_net.formats.shared.files import open_file
 from fsoe_net.formats.shared.write_files import STDOUT, write_whole
-from fsoe_net.fsoe.monitor import Verdict
-from fsoe_net.fsoe.pdu import safe_data_of
-from fsoe_net.observe.hexframes import follow_frames, parse_frames
 from fsoe_net.observe.lua import lua_dissector
 from fsoe_net.observe.names import Naming
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.project.decode import CaptureDecoder, DecodedFrame, naming_of
+from fsoe_net.project.decode import naming_of
 
 __all__ = ["command"]
 
@@ -85,7 +81,7 @@ def command(
         return
     if output is not None:
         raise click.UsageError("-o belongs to --lua; else redirect standard output")
-    captures = [name for name in inputs if name != "-" and _is_file(name)]
+    captures = [name for name in inputs if name != "-" and is_file(name)]
     if captures and len(captures) < len(inputs):
         hexes = [name for name in inputs if name not in captures]
         raise click.UsageError(f"{hexes[0]!r} is no file; captures and hex go into separate calls")
@@ -94,34 +90,17 @@ def command(
     if captures:
         for path in captures:
             with open_file(path, regular=False) as file:
-                _decode_capture(path, file, naming, out, changes=changes, summary=summary)
+                decode_capture(path, file, naming, out, changes=changes, summary=summary)
     elif inputs and inputs != ("-",):
-        _decode_hex([("argument", " ".join(inputs))], naming, out)
+        decode_hex([("argument", " ".join(inputs))], naming, out)
     else:
-        stdin = _standard_input()
+        stdin = standard_input()
         if is_capture(stdin.peek(4)[:4]):
-            _decode_capture("stdin", stdin, naming, out, changes=changes, summary=summary)
+            decode_capture("stdin", stdin, naming, out, changes=changes, summary=summary)
         else:
-            _decode_hex(_lines(stdin), naming, out)
+            decode_hex(hex_lines(stdin), naming, out)
     out.end()
     ctx.exit(int(out.wrong > 0 or out.unchecked))
-
-
-def _is_file(name: str) -> bool:
-    """Whether an argument names a file; long hex is no name a system would take."""
-    try:
-        return bool(name.strip()) and Path(name).exists()
-    except (OSError, ValueError):
-        return False
-
-
-def _standard_input() -> io.BufferedReader:
-    if sys.stdin is None or sys.stdin.closed:
-        raise click.UsageError("no INPUT, and standard input is closed")
-    if sys.stdin.isatty():
-        echo("hex of FSoE frames, end with Ctrl-D:", err=True)
-    stream = sys.stdin.buffer
-    return stream if isinstance(stream, io.BufferedReader) else buffered(stream)
 
 
 def _naming(network: tuple[str, ...]) -> Naming:
@@ -139,72 +118,3 @@ def _write_lua(files: tuple[str, ...], output: str | None, *, overwrite: bool) -
     if output is None or output == STDOUT:
         return
     echo(f"{output}: open a capture with: wireshark -X lua_script:{output} FILE", err=True)
-
-
-def _decode_hex(texts: Iterable[tuple[str, str]], naming: Naming, out: Output) -> None:
-    out.begin("hex")
-    number = 0
-    for number, seen in enumerate(follow_frames(parse_frames(texts)), start=1):  # noqa: B007
-        out.row(
-            DecodedFrame(
-                packet=0,
-                time_ms=None,
-                names=naming.find(seen.pdu.connection_id, seen.lengths),
-                number=0,
-                direction=seen.direction,
-                frame=seen.frame.data,
-                verdict=seen.verdict,
-                state=seen.state,
-                sequence=seen.sequence,
-                note=seen.note,
-            )
-        )
-    if number == 0:
-        out.damaged("no frame was given; a frame is written as 2a0000c42d0000")
-    out.end_of_frames()
-
-
-def _lines(stream: io.BufferedReader) -> Iterator[tuple[str, str]]:
-    for number, line in enumerate(stream, start=1):
-        yield f"stdin:{number}", line.decode("utf-8-sig" if number == 1 else "utf-8", "replace")
-
-
-class _Said:
-    """What every direction has said last, to leave out what is not new."""
-
-    def __init__(self) -> None:
-        self._last: dict[tuple[int, int], tuple[int, bytes, Verdict, int]] = {}
-
-    def is_news(self, s: Sighting) -> bool:
-        news = s.frame[0], safe_data_of(s.frame), s.verdict, s.state
-        key = s.connection, s.direction
-        if self._last.get(key) == news:
-            return False
-        self._last[key] = news
-        return True
-
-
-def _decode_capture(
-    name: str,
-    stream: BinaryIO,
-    naming: Naming,
-    out: Output,
-    *,
-    changes: bool,
-    summary: bool,
-) -> None:
-    decoder = CaptureDecoder(name, stream, naming)
-    said = _Said()
-    out.begin(name)
-    try:
-        for s in decoder.sightings():
-            out.wrong += s.verdict is Verdict.WRONG
-            if not summary and (not changes or said.is_news(s)):
-                out.row(decoder.frame_of(s))
-    except InputError as exc:
-        out.damaged(str(exc))
-    out.end_of_frames()
-    connections = decoder.connections()
-    ways = [(c.to_sub, c.to_main) for c, *_ in connections]
-    out.unchecked |= not ways or any(not sum(d.right + d.wrong for d in way) for way in ways)
-    out.found(connections, decoder.counts(), decoder.facts)

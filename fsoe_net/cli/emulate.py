@@ -3,39 +3,29 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import asdict
 
 import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
+from fsoe_net.cli.emulate_output import check_rig, print_emulation
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import INTERFACE, RUN_TIME, format_option, scenario_option
-from fsoe_net.cli.run_output import print_events
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo
-from fsoe_net.core.segment import SegmentLink, is_test_rig
+from fsoe_net.core.segment import SegmentLink
 from fsoe_net.diag.words import counted
-from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import with_scenario
-from fsoe_net.run.emulate import EmulateResult, SegmentSession, serve
-from fsoe_net.run.result import state_text
+from fsoe_net.run.emulate import SegmentSession, serve
 from fsoe_net.run.session import random_session_ids
 
 __all__ = ["command"]
 
 _STDIN = 0
-_BANNER = """\
-############################################################################
-#  TEST RIG: this build answers on REAL network interfaces.                #
-#  Emulated e-stops, safety logic and drives with valid FSoE addresses.    #
-#  On a machine they would stand in for devices that protect people.       #
-#  Never connect it to one.                                                #
-############################################################################"""
 _EPILOG = """\b
 Examples:
   ip link add veth0 type veth peer name veth1; ip link set veth0 up; ip link set veth1 up
@@ -113,7 +103,7 @@ def command(
     )
     if duration_ns is None and session.scenario is not None:
         duration_ns = session.scenario.duration_ns or None
-    _check_rig(vouched)
+    check_rig(vouched)
     link = SegmentLink(
         interface=interface,
         interface2=redundant,
@@ -136,51 +126,5 @@ def command(
         document = {"tool": "fsoe-net", "version": __version__} | asdict(result)
         echo(json.dumps(document, indent=2, ensure_ascii=False))
     else:
-        _print(result)
+        print_emulation(result)
     ctx.exit(0 if result.passed else 1)
-
-
-def _check_rig(vouched: bool) -> None:
-    """Say loudly what a test rig is; it takes a word of the user, and nothing else takes it.
-
-    Raises:
-        EnvironmentFault: This is no test rig, or one for which nobody has vouched.
-    """
-    if not is_test_rig():
-        if vouched:
-            raise EnvironmentFault(
-                "--no-machine-on-this-wire: this is no test rig and answers on veth and tap only; "
-                "a test rig is built with -DFSN_TEST_RIG=ON"
-            )
-        return
-    echo(_BANNER, err=True)
-    if not vouched:
-        raise EnvironmentFault(
-            "a test rig may answer on a real interface; look at the cable, then repeat with "
-            "--no-machine-on-this-wire"
-        )
-
-
-def _print(result: EmulateResult) -> None:
-    print_events(result.events)
-    echo()
-    for name, status in result.states.items():
-        error = f", error 0x{status.code:04x}" if status.error else ""
-        echo(f"{name:24} {status.state}{error}")
-    for name, word in result.connections.items():
-        echo(f"{name:24} {state_text(word)}")
-    c = result.counts
-    if c.frames:
-        own = f", {c.work_ns / c.frames / 1000:.1f} us each"
-    else:
-        own = ": no MainDevice spoke on this interface"
-    echo(f"\n{counted(c.frames, 'frame')} answered{own}")
-    if c.unsent:
-        echo(f"{counted(c.unsent, 'answer')} could not be sent: {os.strerror(c.send_errno)}")
-    if not result.verdicts and not result.passed and c.frames:
-        in_op = all(status.state == "OP" for status in result.states.values())
-        missing = "copied the FSoE frames between them" if in_op else "brought all of them to OP"
-        echo(f"not every connection is in Data: no MainDevice has {missing}")
-    for verdict in result.verdicts:
-        if not verdict.held:
-            echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
 import click
 
-from fsoe_net.cli.init_prompt import ask
+from fsoe_net.cli.init_prompt import answered, refuse, report_questions
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.write import check_folder
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.words import counted, summary
-from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.errors import InputError
 from fsoe_net.formats.own.answers import load_answers
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan_bus import describe_scan
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
 from fsoe_net.project.check import check_files
-from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings
+from fsoe_net.project.draft import Draft, Inputs, make_draft
 from fsoe_net.project.draft_text import answers_template
 from fsoe_net.project.gather import gather
 
@@ -94,7 +94,7 @@ def command(
             "name files that tell of the bus, or --interface IF; `--help` shows examples"
         )
     if not template:
-        _look_ahead(folder, overwrite=overwrite)
+        check_folder(folder, overwrite=overwrite)
     found = gather(files, loading, leave_out=() if answers_file is None else (answers_file,))
     found.out.diagnostics += out.diagnostics
     if interface is not None or socket is not None:
@@ -106,73 +106,19 @@ def command(
     inputs = Inputs.of(found)
     if template:
         made = make_draft(inputs, answers)
-        _refuse(made)
+        refuse(made)
         echo(answers_template(made, answers_file), nl=False)
         return
     asking = not no_input and sys.stdin.isatty()
-    made = _answered(inputs, answers, asking=asking)
+    made = answered(inputs, answers, asking=asking)
     if not asking:
-        _tell_questions(made, answered=answers_file is not None or no_input)
+        report_questions(made, answered=answers_file is not None or no_input)
     if _finish(made, folder, overwrite=overwrite):
         ctx.exit(1)
 
 
-def _look_ahead(folder: Path, *, overwrite: bool) -> None:
-    """Refuse a folder that cannot take the files, before anybody answers questions.
-
-    Raises:
-        InputError: There is a network already.
-        EnvironmentFault: It cannot be written.
-    """
-    network = folder / "network.yaml"
-    if not overwrite and os.path.lexists(network):
-        raise InputError(
-            f"nothing written: {network} exists; name another folder with -o, or replace it with "
-            "--overwrite"
-        )
-    there = next((p for p in (folder, *folder.parents) if p.exists()), Path("."))
-    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-        why = "permission denied" if there.is_dir() else f"{there} is no folder"
-        raise EnvironmentFault(f"cannot write {folder}: {why}; nothing written")
-
-
 def _sorted(out: Collector) -> list[Diagnostic]:
     return sort_diagnostics(out.diagnostics)
-
-
-def _refuse(made: Draft) -> None:
-    errors = [d for d in made.findings if d.level is Severity.ERROR]
-    if errors:
-        raise InputError("nothing written", sort_diagnostics(errors))
-
-
-def _answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
-    """Propose; with somebody to ask, ask and propose again until nothing is left to ask."""
-    made = make_draft(inputs, answers)
-    _refuse(made)
-    while asking and made.questions:
-        tried = ask(made.questions[0], answers, made)
-        after = make_draft(inputs, tried)
-        wrong = [d for d in after.findings if d.level is Severity.ERROR]
-        if wrong:
-            print_diagnostics(wrong, err=True)
-        else:
-            answers, made = tried, after
-    return made
-
-
-def _tell_questions(made: Draft, *, answered: bool) -> None:
-    """Say what was not answered; without a ring, or when nobody allowed it, refuse.
-
-    Raises:
-        InputError: Answers are needed.
-    """
-    found = question_findings(made, answered=answered)
-    needed = [d for d in found if d.level is Severity.ERROR]
-    if needed:
-        print_diagnostics(sort_diagnostics(made.inputs.found.out.diagnostics), err=True)
-        raise InputError("nothing written: nobody is here to be asked", needed)
-    print_diagnostics(found, err=True)
 
 
 def _finish(made: Draft, folder: Path, *, overwrite: bool) -> bool:

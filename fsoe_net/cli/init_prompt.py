@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import click
 
+from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.diagnostic import Severity, Span, sort_diagnostics
+from fsoe_net.errors import InputError
 from fsoe_net.model.answers import (
     AnsweredConnection,
     AnsweredDevice,
@@ -17,9 +19,9 @@ from fsoe_net.model.answers import (
     Ask,
     Question,
 )
-from fsoe_net.project.draft import Draft
+from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings
 
-__all__ = ["ask", "parse_ring"]
+__all__ = ["answered", "ask", "parse_ring", "refuse", "report_questions"]
 
 _ITEM = re.compile(
     r"(?:(?P<name>[A-Za-z_]\w*)\s*=\s*)?(?:(?P<count>\d{1,3})\s*[x*]\s*)?(?P<type>[\w.-]+)\Z"
@@ -118,3 +120,43 @@ def _choice(question: Question, text: str) -> str | None:
         return question.choices[int(text) - 1][0]
     wanted = " ".join(text.split()).casefold()
     return next((w for w, _ in question.choices if w.casefold() == wanted), None)
+
+
+def refuse(made: Draft) -> None:
+    """Refuse a proposal with wrong answers.
+
+    Raises:
+        InputError: An answer cannot be used.
+    """
+    errors = [d for d in made.findings if d.level is Severity.ERROR]
+    if errors:
+        raise InputError("nothing written", sort_diagnostics(errors))
+
+
+def answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
+    """Propose; with somebody to ask, ask and propose again until nothing is left to ask."""
+    made = make_draft(inputs, answers)
+    refuse(made)
+    while asking and made.questions:
+        tried = ask(made.questions[0], answers, made)
+        after = make_draft(inputs, tried)
+        wrong = [d for d in after.findings if d.level is Severity.ERROR]
+        if wrong:
+            print_diagnostics(wrong, err=True)
+        else:
+            answers, made = tried, after
+    return made
+
+
+def report_questions(made: Draft, *, answered: bool) -> None:
+    """Say what was not answered; without a ring, or when nobody allowed it, refuse.
+
+    Raises:
+        InputError: Answers are needed.
+    """
+    found = question_findings(made, answered=answered)
+    needed = [d for d in found if d.level is Severity.ERROR]
+    if needed:
+        print_diagnostics(sort_diagnostics(made.inputs.found.out.diagnostics), err=True)
+        raise InputError("nothing written: nobody is here to be asked", needed)
+    print_diagnostics(found, err=True)

@@ -14,7 +14,14 @@ from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
 
-__all__ = ["bus_view"]
+from typing import TYPE_CHECKING
+
+from fsoe_net.run.live_capture import LiveCapture
+
+if TYPE_CHECKING:
+    pass
+
+__all__ = ["bus_view", "capture_text"]
 
 _TIGHT = 0.8  # of the watchdog; beyond it one lost frame more can be one too many
 _COLUMNS = (
@@ -132,3 +139,15 @@ def _worn(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[str]:
         if found:
             lines.append(f"{s.name}: {', '.join(found)}")
     return lines
+
+
+def capture_text(recorder: LiveCapture, path: str | None) -> str:
+    """Return what was captured, as a line."""
+    how = f"rebuilt: {recorder.rebuilt}" if recorder.rebuilt else "from the wire"
+    lost = f", {recorder.skipped} missed" if recorder.skipped else ""
+    text = f"{path}: {counted(recorder.packets, 'frame')}, {how}{lost}"
+    if recorder.fault:
+        text += f"; it ended early: {recorder.fault}"
+    elif not recorder.packets and not recorder.rebuilt:
+        text += "; is fsn-master in another network namespace? --rebuild needs none"
+    return text

@@ -13,7 +13,7 @@ __all__ = ["progress_bar"]
 
 
 @contextmanager
-def progress_bar(total: int, first: str) -> Iterator[Progress | None]:
+def progress_bar(first: str) -> Iterator[Progress | None]:
     """Show a bar on a terminal, on the error channel, so that it never mixes with the report."""
     if not sys.stderr.isatty():
         yield None
@@ -29,9 +29,9 @@ def progress_bar(total: int, first: str) -> Iterator[Progress | None]:
         TimeElapsedColumn(),
     )
     with Bar(*columns, console=terminal(err=True), transient=True, redirect_stdout=False) as bar:
-        task = bar.add_task(first, total=total)
+        task = bar.add_task(first, total=None)
 
-        def show(done: int, _total: int, name: str) -> None:
-            bar.update(task, completed=done, description=name)
+        def show(done: int, total: int, name: str) -> None:
+            bar.update(task, completed=done, total=total, description=name)
 
         yield show

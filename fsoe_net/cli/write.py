@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from fsoe_net.errors import EnvironmentFault
+from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.formats.shared.write_files import STDOUT, refuse_present
 
-__all__ = ["check_target"]
+__all__ = ["check_folder", "check_target"]
 
 
 def check_target(path: str | None, *, overwrite: bool, stdout: bool = False) -> None:
@@ -39,3 +39,22 @@ def check_target(path: str | None, *, overwrite: bool, stdout: bool = False) -> 
         refuse_present(target)
     if not os.access(target if target.exists() else target.parent, os.W_OK):
         raise EnvironmentFault(f"cannot write {path}: permission denied")
+
+
+def check_folder(folder: Path, *, overwrite: bool) -> None:
+    """Refuse a folder that cannot take the files, before anybody answers questions.
+
+    Raises:
+        InputError: There is a network already.
+        EnvironmentFault: It cannot be written.
+    """
+    network = folder / "network.yaml"
+    if not overwrite and os.path.lexists(network):
+        raise InputError(
+            f"nothing written: {network} exists; name another folder with -o, or replace it with "
+            "--overwrite"
+        )
+    there = next((p for p in (folder, *folder.parents) if p.exists()), Path("."))
+    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+        why = "permission denied" if there.is_dir() else f"{there} is no folder"
+        raise EnvironmentFault(f"cannot write {folder}: {why}; nothing written")

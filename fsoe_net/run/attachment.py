@@ -79,6 +79,23 @@ class BusView:
         in_data = all(is_data(c.result.state) for c in self.connections)
         return in_data and all(s.in_op for s in self.snapshot.subdevices if s.known)
 
+    def to_json(self) -> dict[str, object]:
+        """Return the view as ``fsoe-net monitor`` writes it (``docs/reference/json-output.md``)."""
+        status, snapshot = self.status, self.snapshot
+        return {
+            "result": "pass" if self.good else "fail",
+            "state": None if status is None or self.away else status.state.value,
+            "away": self.away or None,
+            "status": None if status is None else asdict(status),
+            "current": self.current,
+            "duration_ms": self.now_s * 1000,
+            "connections": [c.to_json() for c in self.connections],
+            "subdevices": [] if snapshot is None else [asdict(s) for s in snapshot.subdevices],
+            "statistics": None if snapshot is None else asdict(snapshot.cycle.statistics),
+            "events": [asdict(e) for e in self.events],
+            "events_lost": self.events_lost,
+        }
+
 
 class Attachment:
     """A monitor's connection to ``fsn-master``; a context manager.

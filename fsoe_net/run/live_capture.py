@@ -148,6 +148,15 @@ class LiveCapture:
         if self._client is not None:
             self._client.close()
 
+    def to_json(self) -> dict[str, object]:
+        """Return how it went (``docs/reference/json-output.md``)."""
+        return {
+            "rebuilt": self.rebuilt or None,
+            "frames": self.packets,
+            "missed": self.skipped,
+            "fault": self.fault or None,
+        }
+
     def stop(self) -> None:
         """End it and finish the file. Idempotent."""
         self._stop.set()

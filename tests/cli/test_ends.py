@@ -18,8 +18,10 @@ from run.test_live_run import OPTIONS, RESOLUTION, Process
 from fsoe_net.cli import (
     accept,
     campaign,
-    console,
+    campaign_output,
     emulate,
+    emulate_output,
+    line_editor,
     options,
     run,
     run_output,
@@ -101,7 +103,7 @@ VERDICT = Facts(held=False, place="s.yaml:4", text="x = 1", seen="was 0")
     ],
 )  # fmt: skip
 def test_emulate(result: Any, lines: list[str], capsys: pytest.CaptureFixture[str]):
-    emulate._print(result)
+    emulate_output.print_emulation(result)
     assert capsys.readouterr().out.splitlines()[1:] == lines
 
 
@@ -136,7 +138,7 @@ def test_an_interrupted_campaign(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
         return replace(whole(*words, **more), interrupted=True)
 
     monkeypatch.setattr(campaign, "run_campaign", stopped)
-    monkeypatch.setattr(campaign, "save_failures", lambda *_: {("loss", 7): None})
+    monkeypatch.setattr(campaign_output, "save_failures", lambda *_: {("loss", 7): None})
     done = call(
         campaign.command, NETWORK, "--faults", "loss", "--cycles", 20, "--save-dir", tmp_path / "x"
     )
@@ -244,9 +246,9 @@ def test_what_a_scan_leaves_out_is_said(monkeypatch: pytest.MonkeyPatch, tmp_pat
 
 
 def test_a_console_without_a_place_for_its_history(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(console, "_history_file", lambda: None)
+    monkeypatch.setattr(line_editor, "_history_file", lambda: None)
     nothing: Any = None
-    with console._line_editor(nothing):
+    with line_editor.line_editor(nothing):
         pass
 
 

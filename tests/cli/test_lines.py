@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from fsoe_net.cli import decode_output, explain, monitor, monitor_output, write
+from fsoe_net.cli import decode_output, explain, monitor_output, write
 from fsoe_net.cli.terminal import terminal
 from fsoe_net.core.scan import FoundConnection, Place, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
@@ -228,4 +228,4 @@ def test_a_monitor_of_which_nothing_is_known():
     ],
 )
 def test_what_was_captured(recorder: Facts, text: str):
-    assert monitor._captured(recorder, "x.pcapng") == text
+    assert monitor_output.capture_text(recorder, "x.pcapng") == text

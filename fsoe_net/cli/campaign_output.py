@@ -1,0 +1,56 @@
+"""What is left of a campaign: its report, its recordings, a line at the end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fsoe_net.cli.terminal import echo
+from fsoe_net.errors import EnvironmentFault, FsnError, InputError
+from fsoe_net.formats.shared.write_files import STDOUT, write_whole
+from fsoe_net.report.campaign import Saved
+from fsoe_net.run.campaign import (
+    CampaignResult,
+    save_failures,
+)
+
+__all__ = ["print_end", "save_recordings", "write_report"]
+
+
+def write_report(text: str, output: str | None, *, overwrite: bool) -> None:
+    """Write a report to a file, or print it where there is none or it cannot be written."""
+    if output is None:
+        echo(text)
+        return
+    try:
+        write_whole(output, f"{text}\n".encode(), overwrite=overwrite)
+    except (EnvironmentFault, InputError):
+        echo(text)  # not lost for a full disk, or a file made meanwhile
+        raise
+
+
+def save_recordings(result: CampaignResult, folder: str | None) -> tuple[Saved, Exception | None]:
+    """Return the recordings, and what went wrong: the report is printed all the same."""
+    saved: dict[tuple[str, int], str] = {}
+    if not folder:
+        return saved, None
+    try:
+        found = save_failures(result, Path(folder))
+    except (OSError, FsnError) as exc:
+        return saved, exc
+    for case, path in found.items():
+        if path is None:
+            echo(f"{case[0]}, trial {case[1]}: fails only after a long run, no trace", err=True)
+        else:
+            saved[case] = str(path)
+    return saved, None
+
+
+def print_end(result: CampaignResult, elapsed_s: float, output: str | None) -> None:
+    """Print how much was done, and where the report is."""
+    done = sum(row.injected for row in result.classes)
+    rate = f"{done / elapsed_s:.0f}" if elapsed_s > 0 else "?"
+    echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)
+    if output is not None and output != STDOUT:
+        echo(f"report written to {output}", err=True)
+    if result.interrupted:
+        echo("interrupted: the report holds what was done until then", err=True)

@@ -1,0 +1,70 @@
+"""A line editor with completion and a history, where Python has readline."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from fsoe_net.errors import FsnError
+from fsoe_net.run.console.completion import complete
+from fsoe_net.run.console.console import COMMANDS, Console
+
+__all__ = ["line_editor"]
+
+_HISTORY_LINES = 2_000
+
+
+@contextlib.contextmanager
+def line_editor(console: Console) -> Iterator[None]:
+    """Give `input` completion and a history file, where Python has readline."""
+    try:
+        import readline
+    except ImportError:
+        yield
+        return
+    found: list[str] = []
+
+    def completer(word: str, state: int) -> str | None:
+        nonlocal found
+        if state == 0:
+            before = readline.get_line_buffer()[: readline.get_begidx()]
+            try:
+                names = console.names()
+                found = complete(
+                    before, word, names, commands=list(COMMANDS), macros=console.macros
+                )
+            except FsnError:
+                found = []
+        return f"{found[state]} " if state < len(found) else None
+
+    readline.set_completer(completer)
+    readline.set_completer_delims(" \t\n;=")
+    readline.parse_and_bind("tab: complete")
+    readline.set_history_length(_HISTORY_LINES)
+    path = _history_file()
+    if path is not None:
+        with contextlib.suppress(OSError):
+            readline.read_history_file(path)
+    try:
+        yield
+    finally:
+        if path is not None:
+            with contextlib.suppress(OSError):
+                readline.write_history_file(path)
+                path.chmod(0o600)
+
+
+def _history_file() -> Path | None:
+    """Return the history file, made for this user only; ``None`` where there is no place."""
+    state = os.environ.get("XDG_STATE_HOME", "")
+    base = Path(state) if os.path.isabs(state) else Path("~/.local/state").expanduser()
+    path = base / "fsoe-net" / "console_history"
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        os.close(os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600))
+        path.chmod(0o600)
+    except (OSError, RuntimeError):
+        return None
+    return path
