@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-import textwrap
 
 import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.options import INTERFACE, format_option
-from fsoe_net.cli.terminal import echo, terminal
+from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Column, Document, Lines, Part, Table, Verdict, cell, words
+from fsoe_net.document.model import Level as Shown
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.host.doctor import Examination, examine
 from fsoe_net.host.finding import Finding, Level
@@ -27,14 +28,13 @@ Examples:
 Nothing is changed. As root it sees more. Exit codes: 0 neither a warning nor worse, 1 there is one,
 2 wrong use, 3 no Linux or no /proc."""
 
-_STYLE = {
-    Level.GOOD: "green",
-    Level.NOTE: "cyan",
-    Level.WARNING: "yellow",
-    Level.BAD: "bold red",
-    Level.UNKNOWN: "dim",
+_LEVELS = {
+    Level.GOOD: Shown.CLEAR,
+    Level.NOTE: Shown.NOTE,
+    Level.WARNING: Shown.WARNING,
+    Level.BAD: Shown.ERROR,
+    Level.UNKNOWN: Shown.OPEN,
 }
-_WIDTH = 100
 
 
 @click.command("doctor", epilog=_EPILOG)
@@ -55,7 +55,7 @@ def command(ctx: click.Context, interface: str | None, fmt: str) -> None:
     if fmt == "json":
         echo(json.dumps(found.to_json(__version__), indent=2, ensure_ascii=False))
     else:
-        _print(found)
+        show(_document(found))
     ctx.exit(0 if found.healthy else 1)
 
 
@@ -68,40 +68,34 @@ def _program() -> str | None:
         return None
 
 
-def _print(found: Examination) -> None:
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    title = f"Linux {found.release} · {counted(found.cpus, 'CPU')}"
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", no_wrap=True)
-    table.add_column("check", no_wrap=True)
-    table.add_column("found", overflow="fold")
-    for f in found.findings:
-        table.add_row(Text(f.level.value, style=_STYLE[f.level]), Text(f.name), Text(f.text))
-    console = terminal(width=_WIDTH)
-    console.print(table)
+def _document(found: Examination) -> Document:
+    rows = tuple(
+        (cell(Verdict(f.level.value, _LEVELS[f.level])), cell(f.name), cell(f.text))
+        for f in found.findings
+    )
+    columns = (Column(""), Column("check"), Column("found", wraps=True))
+    parts: list[Part] = [Table(columns=columns, rows=rows)]
     for level in (Level.BAD, Level.WARNING, Level.NOTE):
         for f in found.findings:
             if f.level is level:
-                console.print(
-                    f"{level.value}[{f.name}]:", style=_STYLE[level], end=" ", markup=False
-                )
-                echo(_advice(f))
-    echo(_verdict(found))
+                parts += _advice(f)
+    parts.append(words(_verdict(found)))
+    title = f"Linux {found.release} · {counted(found.cpus, 'CPU')}"
+    return Document(title=title, lead=tuple(parts))
 
 
-def _advice(finding: Finding) -> str:
+def _advice(finding: Finding) -> list[Part]:
     """Return what a finding means; commands stay on one line, to be copied."""
-    lines = [finding.text]
-    lines += textwrap.wrap(
-        finding.why, _WIDTH, initial_indent="  why:  ", subsequent_indent=" " * 8
-    )
-    for word, commands in (("now", finding.now), ("keep", finding.keep)):
-        for n, text in enumerate(commands):
-            lines.append(f"  {word + ':' if n == 0 else '':5} {text}")
-    return "\n".join([*lines, ""])
+    head = Verdict(f"{finding.level.value}[{finding.name}]", _LEVELS[finding.level])
+    commands = [
+        f"  {f'{word}:' if n == 0 else '':5} {text}"
+        for word, texts in (("now", finding.now), ("keep", finding.keep))
+        for n, text in enumerate(texts)
+    ]
+    parts: list[Part] = [words(head, f": {finding.text}")]
+    if finding.why:
+        parts.append(words(f"why: {finding.why}"))
+    return [*parts, Lines(tuple(commands))] if commands else parts
 
 
 def _verdict(found: Examination) -> str:

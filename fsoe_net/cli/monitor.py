@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
 
 import click
 
 from fsoe_net import __version__
-from fsoe_net.cli.monitor_output import bus_view
+from fsoe_net.cli.monitor_output import bus_document, capture_text
+from fsoe_net.cli.monitor_watch import begin_capture, watch
 from fsoe_net.cli.options import (
     FILE,
     RUN_TIME,
@@ -18,15 +18,9 @@ from fsoe_net.cli.options import (
     overwrite_option,
 )
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
 from fsoe_net.run.attachment import Attachment
-
-if TYPE_CHECKING:
-    pass
-
-from fsoe_net.cli.monitor_output import capture_text
-from fsoe_net.cli.monitor_watch import begin_capture, watch, wide_terminal
 
 __all__ = ["command"]
 
@@ -100,7 +94,7 @@ def command(
         }
         echo(json.dumps(document, indent=2, ensure_ascii=False))
     else:
-        wide_terminal().print(bus_view(view))
+        show(bus_document(view))
         if recorded is not None:
             echo(capture_text(recorded, capture))
     ctx.exit(0 if view.good else 1)

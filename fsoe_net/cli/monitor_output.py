@@ -2,72 +2,74 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from fsoe_net.cli.fitted_table import Column, FittedTable
-from fsoe_net.cli.run_output import cycle_text, not_in_op, number_text, state_markup
+from fsoe_net.cli.run_output import cycle_text, not_in_op, number_text, state_verdict
+from fsoe_net.core.snapshot import Statistics
 from fsoe_net.diag.words import counted
-from fsoe_net.report.cycle_times import timing_bars, timing_text
+from fsoe_net.document.model import (
+    Cell,
+    Column,
+    Document,
+    Heading,
+    Level,
+    Lines,
+    Paragraph,
+    Part,
+    Table,
+    Verdict,
+    cell,
+    words,
+)
+from fsoe_net.report.cycle_times import times_table, timing_bars
 from fsoe_net.run.attachment import BusView, WatchedConnection
+from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 
-if TYPE_CHECKING:
-    from rich.console import Group, RenderableType
-
-from typing import TYPE_CHECKING
-
-from fsoe_net.run.live_capture import LiveCapture
-
-if TYPE_CHECKING:
-    pass
-
-__all__ = ["bus_view", "capture_text"]
+__all__ = ["bus_document", "capture_text"]
 
 _TIGHT = 0.8  # of the watchdog; beyond it one lost frame more can be one too many
 _COLUMNS = (
-    Column(head="connection", rank=0),
-    Column(head="state", rank=0),
-    Column(head="ConnID", rank=6, is_number=True),
-    Column(head="FSoE cycle ms", rank=5, is_number=True),
-    Column(head="longest", rank=8, is_number=True),
-    Column(head="of watchdog", rank=2),
-    Column(head="held", rank=7, is_number=True),
-    Column(head="CRC wrong", rank=4, is_number=True),
-    Column(head="resets", rank=1, is_number=True),
-    Column(head="last cause", rank=3, wraps=True),
+    Column("connection"),
+    Column("state"),
+    Column("ConnID", number=True, rank=6),
+    Column("FSoE cycle ms", number=True, rank=5),
+    Column("longest", number=True, rank=8),
+    Column("of watchdog", rank=2),
+    Column("held", number=True, rank=7),
+    Column("CRC wrong", number=True, rank=4),
+    Column("resets", number=True, rank=1),
+    Column("last cause", rank=3, wraps=True),
 )
 
 
-def bus_view(view: BusView, *, bars: bool = True) -> Group:
+def bus_document(view: BusView) -> Document:
     """Return what is known: connections, SubDevices that lack something, timing."""
-    from rich.console import Group
-    from rich.text import Text
-
-    parts: list[RenderableType] = [Text(_title(view), style="bold")]
+    parts: list[Part] = []
     if view.away:
-        parts.append(Text(f"fsn-master is gone, waiting for it: {view.away}", style="red"))
+        text = f"fsn-master is gone, waiting for it: {view.away}"
+        parts.append(words(Verdict(text, Level.ERROR)))
     elif not view.current:
-        parts.append(Text(_stopped(view), style="red"))
-    snapshot = view.snapshot
-    if snapshot is None:
-        return Group(*parts)
-    if view.connections:
-        parts.append(_connections(view))
-    parts += [Text(line, style="red") for line in not_in_op(snapshot.subdevices)]
-    parts += [Text(line, style="yellow") for line in _worn(snapshot.subdevices)]
-    s = snapshot.cycle.statistics
-    parts.append(Text(f"\n{timing_text(s)}"))
-    if bars and s.latency.count:
-        lines = "\n".join(timing_bars(s.latency))
-        parts.append(Text(f"\nwake-up latency, how often (log scale)\n{lines}"))
-    parts.append(
-        Text(
-            f"\n{counted(s.cycles, 'cycle')}, {s.wkc_errors} with incomplete working "
-            f"counter, {counted(s.overruns, 'overrun')}, "
-            f"{counted(s.lost_frames, 'frame')} lost, {s.old_replies} came too late"
-        )
+        parts.append(words(Verdict(_stopped(view), Level.ERROR)))
+    if view.snapshot is not None:
+        if view.connections:
+            rows = tuple(_row(c) for c in view.connections)
+            parts.append(Table(columns=_COLUMNS, rows=rows))
+        parts += not_in_op(view.snapshot.subdevices)
+        parts += _worn(view.snapshot.subdevices)
+        parts += _timing(view.snapshot.cycle.statistics)
+    return Document(title=_title(view), lead=tuple(parts))
+
+
+def _timing(s: Statistics) -> list[Part]:
+    parts: list[Part] = [times_table(s)]
+    if s.latency.count:
+        title = Heading("wake-up latency, how often (log scale)")
+        parts += [title, Lines(tuple(timing_bars(s.latency)))]
+    totals = (
+        f"{counted(s.cycles, 'cycle')}, {s.wkc_errors} with incomplete working "
+        f"counter, {counted(s.overruns, 'overrun')}, "
+        f"{counted(s.lost_frames, 'frame')} lost, {s.old_replies} came too late"
     )
-    return Group(*parts)
+    return [*parts, words(totals)]
 
 
 def _title(view: BusView) -> str:
@@ -93,37 +95,31 @@ def _stopped(view: BusView) -> str:
     return f"the bus does not run ({status.state.value}){fault}{shown}"
 
 
-def _connections(view: BusView) -> FittedTable:
-    from rich.markup import escape
-
-    rows = [
-        (
-            escape(c.name),
-            state_markup(c.state),
-            number_text(c.connection_id),
-            f"{c.fsoe_cycle_ms['mean']:.2f}",
-            f"{c.fsoe_cycle_ms['max']:.2f}",
-            _watchdog(row),
-            str(row.held_main + row.held_sub),
-            str(c.wrong_to_sub + c.wrong_to_main),
-            str(c.resets),
-            escape(row.cause),
-        )
-        for row in view.connections
-        for c in [row.result]
-    ]
-    return FittedTable(_COLUMNS, rows)
+def _row(row: WatchedConnection) -> tuple[Cell, ...]:
+    c = row.result
+    return (
+        cell(c.name),
+        cell(state_verdict(c.state)),
+        cell(number_text(c.connection_id)),
+        cell(f"{c.fsoe_cycle_ms['mean']:.2f}"),
+        cell(f"{c.fsoe_cycle_ms['max']:.2f}"),
+        _watchdog(row),
+        cell(str(row.held_main + row.held_sub)),
+        cell(str(c.wrong_to_sub + c.wrong_to_main)),
+        cell(str(c.resets)),
+        cell(row.cause),
+    )
 
 
-def _watchdog(row: WatchedConnection) -> str:
+def _watchdog(row: WatchedConnection) -> Cell:
     share, watchdog_ms = row.watchdog_share, row.result.watchdog_ms
     if share is None or watchdog_ms is None:
-        return "not known"
+        return cell("not known")
     text = f"{100 * share:.0f} % of {watchdog_ms} ms"
-    return f"[yellow]{text}[/]" if share > _TIGHT else text
+    return cell(Verdict(text, Level.WARNING) if share > _TIGHT else text)
 
 
-def _worn(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[str]:
+def _worn(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[Paragraph]:
     """Return a line for each SubDevice whose ports have counted faults, or that was away."""
     lines = []
     for s in subdevices:
@@ -137,7 +133,7 @@ def _worn(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[str]:
         if s.in_op and s.detail:
             found.insert(0, s.detail)
         if found:
-            lines.append(f"{s.name}: {', '.join(found)}")
+            lines.append(words(Verdict(f"{s.name}: {', '.join(found)}", Level.WARNING)))
     return lines
 
 

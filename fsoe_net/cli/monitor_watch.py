@@ -7,22 +7,21 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from fsoe_net.cli.monitor_output import bus_view
+from fsoe_net.cli.monitor_output import bus_document
 from fsoe_net.cli.run_output import event_line, interesting, joined_events
 from fsoe_net.cli.terminal import echo, terminal
+from fsoe_net.document.write_terminal import TerminalView
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.result import RunEvent
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.live import Live
 
-__all__ = ["begin_capture", "watch", "wide_terminal"]
+__all__ = ["begin_capture", "watch"]
 
 _LOOK_S = 0.2
-_WIDTH = 160
 
 
 def begin_capture(
@@ -55,7 +54,7 @@ def watch(
     if live and sys.stdout.isatty():
         from rich.live import Live
 
-        with Live(refresh_per_second=10, transient=True, console=wide_terminal()) as display:
+        with Live(refresh_per_second=10, transient=True, console=terminal()) as display:
             return _follow(attached, until, stop, display)
     return _follow(attached, until, stop, None, prints=live)
 
@@ -83,7 +82,7 @@ def _follow(
         if stop.is_set() or (until is not None and time.monotonic() >= until):
             return view
         if display is not None:
-            display.update(bus_view(view))
+            display.update(TerminalView(bus_document(view)))
 
 
 def _print_event(event: RunEvent, display: Live | None) -> None:
@@ -92,8 +91,3 @@ def _print_event(event: RunEvent, display: Live | None) -> None:
         sys.stdout.flush()
     else:
         display.console.print(event_line(event), markup=False, highlight=False)
-
-
-def wide_terminal() -> Console:
-    """Return the terminal, wide enough for the columns of a monitor."""
-    return terminal(width=_WIDTH)

@@ -6,19 +6,26 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from fsoe_net.cli.fitted_table import Column, FittedTable
-from fsoe_net.cli.terminal import echo, terminal
+from fsoe_net.cli.terminal import echo, show, terminal
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.diag.words import counted
+from fsoe_net.document.model import (
+    Cell,
+    Column,
+    Document,
+    Level,
+    Paragraph,
+    Table,
+    Verdict,
+    cell,
+    words,
+)
+from fsoe_net.document.write_terminal import TerminalView
 from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.report.cycle_times import timing_csv, timing_picture, timing_text
+from fsoe_net.report.cycle_times import times_table, timing_csv, timing_picture
 from fsoe_net.run.live_snapshot import SubDeviceSnapshot
-from fsoe_net.run.result import Run, RunEvent, RunUpdate, state_text
-
-if TYPE_CHECKING:
-    from rich.console import Group
+from fsoe_net.run.result import ConnectionResult, Run, RunEvent, RunUpdate, state_text
 
 __all__ = [
     "Show",
@@ -31,19 +38,28 @@ __all__ = [
     "number_text",
     "print_events",
     "print_result",
-    "state_markup",
+    "state_verdict",
     "write_timing",
 ]
 
 _COLUMNS = (
-    Column(head="connection", rank=0),
-    Column(head="state", rank=0),
-    Column(head="ConnID", rank=4, is_number=True),
-    Column(head="FSoE cycle", rank=3, is_number=True),
-    Column(head="resets", rank=1, is_number=True),
-    Column(head="last reason", rank=2, wraps=True),
+    Column("connection"),
+    Column("state"),
+    Column("ConnID", number=True, rank=4),
+    Column("FSoE cycle", number=True, rank=3),
+    Column("resets", number=True, rank=1),
+    Column("last reason", rank=2, wraps=True),
 )
-_STATE_STYLE = {"data_process": "bold green", "data_failsafe": "yellow"}
+_AT_THE_END = (
+    Column("connection"),
+    Column("state"),
+    Column("ConnID", number=True, rank=3),
+    Column("address", number=True, rank=4),
+    Column("FSoE cycle", number=True, rank=2),
+    Column("to Data", number=True, rank=5),
+    Column("resets", rank=1, wraps=True),
+)
+_STATE_LEVELS = {"data_process": Level.CLEAR, "data_failsafe": Level.WARNING}
 
 
 Show = Callable[[RunUpdate], None]
@@ -58,26 +74,22 @@ def display(name: str) -> Iterator[Show]:
         yield lambda update: live.update(_live_view(name, update))
 
 
-def _live_view(name: str, update: RunUpdate) -> Group:
+def _live_view(name: str, update: RunUpdate) -> TerminalView:
     """Return what a terminal shows during a run: connections, and SubDevices not in OP."""
-    from rich.console import Group
-    from rich.markup import escape
-    from rich.text import Text
-
-    cells = [
+    cells = tuple(
         (
-            escape(c.name),
-            state_markup(c.state),
-            number_text(c.connection_id),
-            f"{c.fsoe_cycle_ms['last']:.1f} ms",
-            str(c.resets),
-            escape(c.last_reset_text),
+            cell(c.name),
+            cell(state_verdict(c.state)),
+            cell(number_text(c.connection_id)),
+            cell(f"{c.fsoe_cycle_ms['last']:.1f} ms"),
+            cell(str(c.resets)),
+            cell(c.last_reset_text),
         )
         for c in update.connections
-    ]
-    title = f"{escape(name)} · {update.now_s:.1f} s · {cycle_text(update.statistics)}"
-    table = FittedTable(_COLUMNS, cells, title=title)
-    return Group(table, *(Text(line, style="red") for line in not_in_op(update.subdevices)))
+    )
+    title = f"{name} · {update.now_s:.1f} s · {cycle_text(update.statistics)}"
+    table = Table(columns=_COLUMNS, rows=cells)
+    return TerminalView(Document(title=title, lead=(table, *not_in_op(update.subdevices))))
 
 
 def cycle_text(statistics: Statistics) -> str:
@@ -87,12 +99,12 @@ def cycle_text(statistics: Statistics) -> str:
     return f"cycle {s.cycles}{wkc}"
 
 
-def state_markup(word: str) -> str:
-    """Return a state for people, in its colour."""
-    return f"[{_STATE_STYLE.get(word, 'red')}]{state_text(word)}[/]"
+def state_verdict(word: str) -> Verdict:
+    """Return a state for people."""
+    return Verdict(state_text(word), _STATE_LEVELS.get(word, Level.ERROR))
 
 
-def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[str]:
+def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[Paragraph]:
     """Return a line for every SubDevice that is not in OP, with what is known about it."""
     lines = []
     for s in subdevices:
@@ -100,7 +112,8 @@ def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[str]:
             continue
         code = f", AL status code 0x{s.al_code:04x}" if s.al_code else ""
         text = s.detail or s.found or "nothing is known about it"
-        lines.append(f"{s.name}: {'no answer' if s.al == 'none' else s.al}{code}: {text}")
+        state = "no answer" if s.al == "none" else s.al
+        lines.append(words(Verdict(f"{s.name}: {state}{code}: {text}", Level.ERROR)))
     return lines
 
 
@@ -111,37 +124,45 @@ def number_text(value: int | None) -> str:
 
 def print_result(result: Run) -> None:
     """Print events, connections, SubDevices not in OP, totals and verdicts."""
-    rows = [["connection", "state", "ConnID", "address", "FSoE cycle", "to Data", "resets"]]
-    for c in result.connections:
-        to_data = "-" if c.time_to_data_ms is None else f"{c.time_to_data_ms:.0f} ms"
-        resets = str(c.resets) if not c.resets else f"{c.resets} ({c.last_reset_text})"
-        rows.append(
-            [
-                c.name,
-                state_text(c.state),
-                number_text(c.connection_id) + ("*" if "connection_id" in c.chosen else ""),
-                number_text(c.address) + ("*" if "address" in c.chosen else ""),
-                f"{c.fsoe_cycle_ms['mean']:.2f} ms",
-                to_data,
-                resets,
-            ]
-        )
     print_events(result.events)
-    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
     echo()
-    for row in rows:
-        echo("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip())
-    if any(c.chosen for c in result.connections):
-        echo("* chosen here; no file states it")
-    for line in not_in_op(result.subdevices):
-        echo(line)
+    show(_result(result))
+
+
+def _result(result: Run) -> Document:
+    rows = tuple(_row(c) for c in result.connections)
+    chosen = any(c.chosen for c in result.connections)
     s = result.statistics
-    echo(
-        f"\n{counted(s.cycles, 'bus cycle')} in {result.duration_ms / 1000:.1f} s "
-        f"({_mode(result)}), "
-        f"{s.wkc_errors} with incomplete working counter, {counted(s.overruns, 'overrun')}"
+    totals = (
+        f"{counted(s.cycles, 'bus cycle')} in {result.duration_ms / 1000:.1f} s "
+        f"({_mode(result)}), {s.wkc_errors} with incomplete working counter, "
+        f"{counted(s.overruns, 'overrun')}"
     )
-    _print_verdicts(result)
+    table = Table(
+        columns=_AT_THE_END,
+        rows=rows,
+        remark="* chosen here; no file states it" if chosen else "",
+    )
+    return Document(
+        lead=(table, *not_in_op(result.subdevices), words(totals), *_verdicts(result)),
+    )
+
+
+def _row(c: ConnectionResult) -> tuple[Cell, ...]:
+    reason = f" ({c.last_reset_text})" if c.resets else ""
+    return (
+        cell(c.name),
+        cell(state_verdict(c.state)),
+        cell(number_text(c.connection_id) + _mark(c, "connection_id")),
+        cell(number_text(c.address) + _mark(c, "address")),
+        cell(f"{c.fsoe_cycle_ms['mean']:.2f} ms"),
+        cell("-" if c.time_to_data_ms is None else f"{c.time_to_data_ms:.0f} ms"),
+        cell(f"{c.resets}{reason}"),
+    )
+
+
+def _mark(c: ConnectionResult, what: str) -> str:
+    return "*" if what in c.chosen else ""
 
 
 def _mode(result: Run) -> str:
@@ -196,19 +217,22 @@ def _stall_text(result: Run) -> str:
     )
 
 
-def _print_verdicts(result: Run) -> None:
-    for verdict in result.verdicts:
-        if not verdict.held:
-            echo(f"{verdict.place}: not observed: {verdict.text}; {verdict.seen}")
+def _verdicts(result: Run) -> list[Paragraph]:
+    lines = [
+        words(Verdict(f"{v.place}: not observed: {v.text}; {v.seen}", Level.ERROR))
+        for v in result.verdicts
+        if not v.held
+    ]
     if result.verdicts:
         held = sum(v.held for v in result.verdicts)
-        echo(f"{held} of {counted(len(result.verdicts), 'expectation')} held")
-    if not result.passed and not result.verdicts:
-        missing = not_in_op(result.subdevices)
-        echo(f"not every connection is in Data{' with its SubDevices in OP' if missing else ''}")
-    stall = "" if result.passed else _stall_text(result)
-    if stall:
-        echo(stall)
+        lines.append(words(f"{held} of {counted(len(result.verdicts), 'expectation')} held"))
+    if result.passed:
+        return lines
+    if not result.verdicts:
+        missing = " with its SubDevices in OP" if not_in_op(result.subdevices) else ""
+        lines.append(words(f"not every connection is in Data{missing}"))
+    stall = _stall_text(result)
+    return [*lines, words(stall)] if stall else lines
 
 
 def write_timing(
@@ -228,4 +252,4 @@ def write_timing(
             continue
         write_whole(path, content.encode("utf-8"), overwrite=overwrite)
     if text and (stats is not None or plot is not None):
-        echo(timing_text(result.statistics))
+        show(Document(lead=(times_table(result.statistics),)))

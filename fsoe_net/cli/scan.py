@@ -6,8 +6,8 @@ import click
 
 from fsoe_net.cli.bus import take_scan
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, format_option, output_option
-from fsoe_net.cli.scan_output import scan_table
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.scan_output import scan_document
+from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
 from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.run.scan_files import compact_json, scan_files
@@ -57,7 +57,7 @@ def command(
     if fmt == "json":
         echo(compact_json(taken.document))
     else:
-        echo(scan_table(taken.scan))
+        show(scan_document(taken.scan))
     if output is not None:
         files = scan_files(taken)
         texts = {name: text.encode("utf-8") for name, text in files.texts.items()}

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Cell, Column, Document, Table, cell, words
 from fsoe_net.model.scan import Scan, ScannedConnection, ScannedSubDevice
 
-__all__ = ["scan_table"]
+__all__ = ["scan_document"]
 
-_COLUMNS = ("pos", "name", "vendor", "product", "revision", "state", "out/in", "FSoE", "links")
+_COLUMNS = (
+    Column("pos"),
+    Column("name"),
+    Column("vendor", rank=5),
+    Column("product", rank=3),
+    Column("revision", rank=6),
+    Column("state", rank=1),
+    Column("out/in", rank=4),
+    Column("FSoE", rank=2),
+    Column("links", rank=7),
+)
 
 _STATES = {
     100: "Reset",
@@ -19,27 +30,25 @@ _STATES = {
 }
 
 
-def scan_table(scan: Scan) -> str:
-    """Return one row per SubDevice, its FSoE connections and its problems below it."""
-    rows = [_COLUMNS, *(_row(s) for s in scan.subdevices)]
-    widths = [max(len(row[n]) for row in rows) for n in range(len(_COLUMNS))]
-    lines: list[str] = []
-    for number, row in enumerate(rows):
-        cells = (cell.ljust(w) for cell, w in zip(row, widths, strict=True))
-        lines.append("  ".join(cells).rstrip())
-        if number:
-            lines += [f"     {text}" for text in _details(scan.subdevices[number - 1])]
+def scan_document(scan: Scan) -> Document:
+    """Return one row per SubDevice; its FSoE connections and its problems below the table."""
+    details = [
+        words(f"{s.position} {s.planned or s.name}".rstrip() + f": {text}")
+        for s in scan.subdevices
+        for text in _details(s)
+    ]
     count = counted(len(scan.subdevices), "SubDevice")
     changed = "brought to PREOP" if scan.states_changed else "no state was changed"
-    return "\n".join([*lines, f"{scan.interface}: {count}, {changed}"])
+    table = Table(columns=_COLUMNS, rows=tuple(_row(s) for s in scan.subdevices))
+    return Document(lead=(table, *details, words(f"{scan.interface}: {count}, {changed}")))
 
 
-def _row(s: ScannedSubDevice) -> tuple[str, ...]:
+def _row(s: ScannedSubDevice) -> tuple[Cell, ...]:
     name = f"{s.planned} ({s.name})" if s.planned and s.planned != s.name else s.name
     state = s.al or "-"
     if s.in_error:
         state += f" error 0x{s.al_code or 0:04x}"
-    return (
+    texts = (
         str(s.position),
         name + (f" alias {s.alias}" if s.alias else ""),
         _hex(s.vendor_id),
@@ -48,8 +57,15 @@ def _row(s: ScannedSubDevice) -> tuple[str, ...]:
         state,
         _sizes(s),
         _address(s),
-        "".join("-" if p.link is None else "x" if p.link else "." for p in s.ports) or "-",
+        "".join(_link(p.link) for p in s.ports) or "-",
     )
+    return tuple(cell(t) for t in texts)
+
+
+def _link(link: bool | None) -> str:
+    if link is None:
+        return "-"
+    return "x" if link else "."
 
 
 def _hex(value: int | None) -> str:

@@ -12,7 +12,9 @@ from fsoe_net.diag.printable import printable
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType
 
-__all__ = ["echo", "terminal"]
+    from fsoe_net.document.model import Document
+
+__all__ = ["echo", "show", "terminal"]
 
 
 def echo(
@@ -33,12 +35,22 @@ def echo(
     )
 
 
-def terminal(*, err: bool = False, width: int | None = None) -> Console:
+def show(document: Document, *, err: bool = False) -> None:
+    """Print a document: as wide as a terminal is; elsewhere whole columns and paragraphs."""
+    from fsoe_net.document.write_terminal import TerminalView, document_text
+
+    console = terminal(err=err)
+    if console.is_terminal:
+        console.print(TerminalView(document), crop=False)
+    else:
+        echo(document_text(document, width=None), err=err, nl=False)
+
+
+def terminal(*, err: bool = False) -> Console:
     """Return a console of rich that shows texts as `echo` does.
 
     Args:
         err: For standard error.
-        width: Columns where the output is not a terminal.
     """
     from rich.console import Console
     from rich.segment import Segment
@@ -51,7 +63,4 @@ def terminal(*, err: bool = False, width: int | None = None) -> Console:
                 text = segment.text if segment.control else printable(segment.text, keep="\n")
                 yield Segment(text, segment.style, segment.control)
 
-    console = _Console(stderr=err, highlight=False)
-    if width is not None and not console.is_terminal:
-        return _Console(stderr=err, highlight=False, width=width)
-    return console
+    return _Console(stderr=err, highlight=False)

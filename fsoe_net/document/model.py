@@ -1,8 +1,7 @@
-"""The report as data: blocks of paragraphs, tables and pictures; writers turn it into pages.
+"""A document as data: sections of paragraphs, tables and pictures; writers make pages of it.
 
 Every number is a `Number` with its unit and its source, every judgement a `Verdict` with a word, so
-that no writer needs colours to say anything. What is open or assumed is a `Point` of the block that
-knows it; `Document.points` gathers them, and no writer leaves them out.
+that no writer needs colours to say anything. Texts may be of any origin: each writer escapes them.
 """
 
 from __future__ import annotations
@@ -11,11 +10,8 @@ import enum
 import math
 from dataclasses import dataclass
 
-from fsoe_net.diag.diagnostic import Diagnostic
-
 __all__ = [
     "BLANK",
-    "Block",
     "Bullets",
     "Cell",
     "Column",
@@ -23,12 +19,12 @@ __all__ = [
     "Heading",
     "Item",
     "Level",
+    "Lines",
     "Number",
     "Paragraph",
     "Part",
     "Picture",
-    "Point",
-    "PointKind",
+    "Section",
     "Style",
     "Table",
     "Text",
@@ -37,8 +33,10 @@ __all__ = [
     "code",
     "decimal",
     "muted",
+    "outward",
     "stated",
     "strong",
+    "words",
 ]
 
 
@@ -104,7 +102,7 @@ BLANK: Cell = (Text("", Style.BLANK),)
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """A heading inside a block."""
+    """A heading inside a section."""
 
     text: str
 
@@ -125,11 +123,29 @@ class Bullets:
 
 
 @dataclass(frozen=True, slots=True)
+class Lines:
+    """Lines that stay as they are: commands to copy, recordings, bars of characters."""
+
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Column:
-    """Head of a column; ``number``: its cells are aligned as numbers are."""
+    """Head of a column.
+
+    Attributes:
+        title: What its cells are.
+        number: Its cells are aligned as numbers are.
+        rank: A narrow terminal leaves out the columns of the highest rank first, those of 0 never.
+        wraps: Its cells are sentences, which may take several lines of a terminal.
+        share: Percent of the width of a page; 0 for what it needs.
+    """
 
     title: str
     number: bool = False
+    rank: int = 0
+    wraps: bool = False
+    share: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,13 +153,13 @@ class Table:
     """A table.
 
     Attributes:
-        name: What it is, unique in its block, for readers of the JSON form.
+        name: What it is, unique in its section, for readers of a JSON form.
         columns: As many as each row has cells.
         rows: Cells.
         remark: Words below it.
     """
 
-    name: str
+    name: str = ""
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     remark: str = ""
@@ -151,9 +167,15 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A picture. ``words`` say what it shows for those who do not see it; ``wide``: a whole row.
+    """A picture.
 
-    ``narrow`` takes its place on a narrow screen; empty where it is the same.
+    Attributes:
+        title: What it is.
+        words: What it shows, for those who do not see it.
+        svg: The picture.
+        wide: Whether it takes a whole row.
+        narrow: Takes its place on a narrow screen; empty where it is the same.
+        lines: Takes its place on a terminal.
     """
 
     title: str
@@ -161,66 +183,48 @@ class Picture:
     svg: str
     wide: bool = True
     narrow: str = ""
+    lines: tuple[str, ...] = ()
 
 
-Part = Heading | Paragraph | Bullets | Table | Picture
-
-
-class PointKind(enum.Enum):
-    """What a point asks of the reader."""
-
-    OPEN = "open"
-    ASSUMPTION = "assumption"
-
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """Something that is not settled, or that is taken for granted."""
-
-    kind: PointKind
-    text: str
+Part = Heading | Paragraph | Bullets | Lines | Table | Picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
-    """One of the blocks of a report; ``key`` names it in the JSON form."""
+class Section:
+    """Parts below one title; ``key`` is its anchor on a page and its name in a JSON form."""
 
     key: str
     title: str
     parts: tuple[Part, ...]
-    points: tuple[Point, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document:
-    """A whole report.
+    """A whole document; what is empty is not shown.
 
     Attributes:
-        project: Name of the machine; that of the network when none is stated.
-        network: Name of the network.
+        title: What it is about.
+        subtitle: What it is.
         version: Of fsoe-net.
-        short: Short code of the fingerprint; empty when there is no plan.
-        whole: The fingerprint, hex.
-        verdict: What stands on top.
-        lead: First page: what was found, and how much is open.
-        blocks: In the order of the report.
-        points: What is open or assumed, of all blocks, each with the title of its block.
-        findings: What the blocks and points say about findings, as the data they are.
-        against: What the first page holds against the network beside findings, each with the title
-            of its block; empty where findings are errors.
+        seal: Short code of the configuration, on each printed page.
+        verdict: What is on top.
+        lead: Parts before the first section.
+        sections: In their order.
+        foot: At the foot of each printed page.
+        numbered: Whether sections have numbers, and a list of them is in front.
+        landscape: Whether it is printed on sheets that are wider than high.
     """
 
-    project: str
-    network: str
-    version: str
-    short: str
-    whole: str
-    verdict: Verdict
-    lead: tuple[Part, ...]
-    blocks: tuple[Block, ...]
-    points: tuple[tuple[str, Point], ...]
-    findings: tuple[Diagnostic, ...] = ()
-    against: tuple[tuple[str, Verdict], ...] = ()
+    title: str = ""
+    subtitle: str = ""
+    version: str = ""
+    seal: str = ""
+    verdict: Verdict | None = None
+    lead: tuple[Part, ...] = ()
+    sections: tuple[Section, ...] = ()
+    foot: str = ""
+    numbered: bool = False
+    landscape: bool = False
 
 
 # -- short ways to write cells --------------------------------------------------------------------
@@ -229,6 +233,11 @@ class Document:
 def cell(*items: Item | str) -> Cell:
     """Return a cell; a plain string is plain text."""
     return tuple(Text(i) if isinstance(i, str) else i for i in items)
+
+
+def words(*items: Item | str, note: bool = False) -> Paragraph:
+    """Return a paragraph; a plain string is plain text."""
+    return Paragraph(cell(*items), note=note)
 
 
 def muted(text: str) -> Text:

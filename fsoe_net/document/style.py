@@ -1,4 +1,4 @@
-"""Style of the report page: light and dark, phone width, A4 with a head on each page."""
+"""The style of all pages: light and dark, phone width, A4 with a head on each page."""
 
 __all__ = ["PICTURES", "STYLE"]
 
@@ -35,7 +35,7 @@ h2 .no{display:inline-block;min-width:1.5em;color:var(--soft)}
 p{margin:.5em 0}a{color:var(--blue)}.under,.muted,.unit,.below,figcaption{color:var(--soft)}
 .below{font-size:.85em;margin-top:.2em}
 code,.seal{font-family:ui-monospace,"DejaVu Sans Mono",monospace}
-code{font-size:.88em;overflow-wrap:anywhere}
+code{font-size:.88em;overflow-wrap:anywhere}pre{font-size:.85em;overflow-x:auto}
 .seal{font-weight:700;letter-spacing:.05em;white-space:nowrap}
 .sealbox .seal{font-size:1.35em;margin-left:.3em}
 .note{border:1px solid var(--soft);border-left-width:5px;padding:.5em 1em;background:var(--head)}
@@ -56,7 +56,8 @@ border-bottom:1px solid var(--line);overflow-wrap:break-word}
 .data th{background:var(--head);border-bottom:1.5px solid var(--soft);font-size:.92em}
 .data .num{text-align:right}.n{font-variant-numeric:tabular-nums}.n{white-space:nowrap}
 sup{font-size:.7em;line-height:0;margin-left:.1em}
-.sign td{height:2.1em}.blank{display:block;min-width:5em;min-height:1.3em;
+.sign td{height:2.1em}.sign td:has(.blank){border-left:1px solid var(--soft)}
+.blank{display:block;min-width:5em;min-height:1.3em;
 border-bottom:1px dotted var(--soft)}
 ul{margin:.4em 0;padding-left:1.4em}.toc{columns:2;margin:.3em 0;padding-left:1.8em}
 figure{margin:.8em 0}figcaption{font-size:.85em}.pictures{display:grid;
@@ -65,12 +66,15 @@ grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr));gap:.2em 1.6
 .sheet,.sheet>tbody,.sheet>tbody>tr,.sheet>tbody>tr>td{display:block}
 .sheet>thead,.sheet>tfoot{display:none}
 .narrow{display:none}
+.landscape{max-width:1400px}
+@media print,screen and (min-width:701px){table.fixed{table-layout:fixed}}
 @media screen and (max-width:900px){table.data{font-size:.84em}.data th,.data td{padding:.3em}
 .n{white-space:normal}.data .v{min-width:0}}
 @media screen and (max-width:700px){table.data{font-size:.93em}body{padding:.6em .7em 3em}
 h1{font-size:1.5em}
 .banner{font-size:1.1em}.toc{columns:1}
-.data thead{display:none}.data,.data tbody,.data tr,.data td{display:block;width:100%}
+.data thead,.data colgroup{display:none}
+.data,.data tbody,.data tr,.data td{display:block;width:100%}
 .data tr{border:1px solid var(--line);margin:.5em 0;padding:.2em 0}
 .data td,.data td.num{display:grid;grid-template-columns:8.2em 1fr;gap:0 .6em;text-align:left;
 border:0;padding:.15em .6em;height:auto}.data td::before{content:attr(data-head);
@@ -82,8 +86,9 @@ section>figure:has(.narrow)>svg{display:none}.narrow{display:block}
 @media print{
 @page{size:A4;margin:13mm 13mm 15mm 15mm;@bottom-right{content:"page " counter(page) " of "
 counter(pages);font:8.5pt sans-serif}}
+@page wide{size:A4 landscape;margin:10mm 10mm 13mm}.landscape{page:wide}
+.landscape .sign td{height:13mm}
 body{font-size:9.3pt;max-width:none;margin:0;padding:0;-webkit-print-color-adjust:exact;
-
 print-color-adjust:exact}
 .sheet{display:table;width:100%;border-collapse:collapse;table-layout:fixed}
 .sheet>thead{display:table-header-group}.sheet>tfoot{display:table-footer-group}

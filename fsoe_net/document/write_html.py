@@ -1,4 +1,4 @@
-"""The report as one HTML file: no script, light and dark, prints to A4 with a head on each page."""
+"""A document as one HTML file: no script, light and dark, prints to A4 with a head on each page."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from collections.abc import Sequence
 
 from fsoe_net.document.markup import escape
 from fsoe_net.document.model import (
-    Block,
     Bullets,
     Cell,
     Document,
     Heading,
     Item,
     Level,
+    Lines,
     Number,
     Paragraph,
     Part,
     Picture,
+    Section,
     Style,
     Table,
     Verdict,
@@ -24,7 +25,7 @@ from fsoe_net.document.model import (
 from fsoe_net.document.number_sources import Sources
 from fsoe_net.document.style import STYLE
 
-__all__ = ["report_html"]
+__all__ = ["document_html"]
 
 _MARKS = {
     Level.CLEAR: "○",
@@ -35,54 +36,54 @@ _MARKS = {
 }
 
 
-def report_html(document: Document) -> str:
-    """Return the report as one self-contained page."""
+def document_html(document: Document) -> str:
+    """Return the document as one self-contained page."""
     d = document
-    title = f"{d.project}: FSoE network {d.network}"
-    short = d.short or "NO FINGERPRINT"
-    head = (
-        f"<b>{escape(d.project)}</b> · FSoE network {escape(d.network)} · "
-        f'<span class="seal">{escape(short)}</span>'
-    )
-    body = [
-        _first(d, short),
-        *(_block(n, b) for n, b in enumerate(d.blocks, 1)),
-    ]
-    foot = (
-        f"{escape(d.verdict.word)} · black channel configuration, evidence and no certificate · "
-        f"fsoe-net {escape(d.version)}"
-    )
+    head = [f"<b>{escape(d.title)}</b>", escape(d.subtitle)]
+    if d.seal:
+        head.append(f'<span class="seal">{escape(d.seal)}</span>')
+    foot = " · ".join(w for w in (escape(d.foot), f"fsoe-net {escape(d.version)}") if w)
+    sections = [_section(n if d.numbered else 0, s) for n, s in enumerate(d.sections, 1)]
+    body = "\n".join([_first(d), *sections])
+    kind = ' class="landscape"' if d.landscape else ""
+    title = escape(": ".join(w for w in (d.title, d.subtitle) if w))
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}'
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}'
         '</title><meta name="viewport" content="width=device-width,initial-scale=1">'
-        f'<style>{STYLE}</style></head><body>\n<table class="sheet" role="presentation"><thead>'
-        f'<tr><td><div class="pagehead">{head}</div></td></tr></thead><tfoot><tr><td>'
-        f'<div class="pagefoot">{foot}</div></td></tr></tfoot><tbody><tr><td>\n'
-        f"{chr(10).join(body)}\n</td></tr></tbody></table>\n</body></html>\n"
+        f"<style>{STYLE}</style></head><body{kind}>\n"
+        '<table class="sheet" role="presentation"><thead>'
+        f'<tr><td><div class="pagehead">{" · ".join(h for h in head if h)}</div></td></tr></thead>'
+        f'<tfoot><tr><td><div class="pagefoot">{foot}</div></td></tr></tfoot><tbody><tr><td>\n'
+        f"{body}\n</td></tr></tbody></table>\n</body></html>\n"
     )
 
 
-def _first(d: Document, short: str) -> str:
-    level = d.verdict.level.value
+def _first(d: Document) -> str:
+    made = f"fsoe-net {d.version}" if d.version else ""
     rows = [
-        f"<h1>{escape(d.project)}</h1>",
-        f'<p class="under">FSoE network {escape(d.network)}: configuration report by fsoe-net '
-        f"{escape(d.version)}</p>",
-        f'<p class="banner {level}"><span class="mark">{_MARKS[d.verdict.level]}</span> '
-        f"{escape(d.verdict.word)}</p>",
-        f'<p class="sealbox">Fingerprint <span class="seal">{escape(short)}</span></p>',
-        *(_part(p) for p in d.lead),
-        '<nav><h3>Blocks</h3><ol class="toc">',
-        *(f'<li><a href="#{escape(b.key)}">{escape(b.title)}</a></li>' for b in d.blocks),
-        "</ol></nav>",
+        f"<h1>{escape(d.title)}</h1>",
+        f'<p class="under">{escape(" by ".join(w for w in (d.subtitle, made) if w))}</p>',
     ]
+    if d.verdict is not None:
+        rows.append(
+            f'<p class="banner {d.verdict.level.value}"><span class="mark">'
+            f"{_MARKS[d.verdict.level]}</span> {escape(d.verdict.word)}</p>"
+        )
+    if d.seal:
+        rows.append(
+            f'<p class="sealbox">Fingerprint <span class="seal">{escape(d.seal)}</span></p>'
+        )
+    rows += [_part(p) for p in d.lead]
+    if d.numbered:
+        links = (f'<li><a href="#{escape(s.key)}">{escape(s.title)}</a></li>' for s in d.sections)
+        rows.append(f'<nav><h3>Contents</h3><ol class="toc">{"".join(links)}</ol></nav>')
     return f'<header class="first">{"".join(rows)}</header>'
 
 
-def _block(number: int, b: Block) -> str:
+def _section(number: int, section: Section) -> str:
     parts: list[str] = []
     small: list[str] = []
-    for part in b.parts:
+    for part in section.parts:
         if isinstance(part, Picture) and not part.wide:
             small.append(_part(part))
             continue
@@ -92,8 +93,9 @@ def _block(number: int, b: Block) -> str:
         parts.append(_part(part))
     if small:
         parts.append(f'<div class="pictures">{"".join(small)}</div>')
-    head = f'<h2><span class="no">{number}</span> {escape(b.title)}</h2>'
-    return f'<section id="{escape(b.key)}">{head}{"".join(parts)}</section>'
+    shown = f'<span class="no">{number}</span> ' if number else ""
+    head = f"<h2>{shown}{escape(section.title)}</h2>"
+    return f'<section id="{escape(section.key)}">{head}{"".join(parts)}</section>'
 
 
 def _part(part: Part) -> str:
@@ -105,6 +107,8 @@ def _part(part: Part) -> str:
     if isinstance(part, Bullets):
         rows = "".join(f"<li>{''.join(_item(i) for i in row)}</li>" for row in part.rows)
         return f"<ul>{rows}</ul>"
+    if isinstance(part, Lines):
+        return f"<pre>{escape(chr(10).join(part.lines))}</pre>"
     if isinstance(part, Table):
         return _table(part)
     narrow = f'<div class="narrow">{part.narrow}</div>' if part.narrow else ""
@@ -130,8 +134,12 @@ def _table(table: Table) -> str:
             cells.append(f"<td{_numeric(column.number)}{label}>{_cell(cell, sources, n)}</td>")
         rows.append(f"<tr>{''.join(cells)}</tr>")
     blank = any(i for row in table.rows for c in row for i in c if _is_blank(i))
+    shares = "".join(f'<col style="width:{c.share}%">' for c in table.columns if c.share)
+    shares = f"<colgroup>{shares}</colgroup>" if shares else ""
+    kind = " ".join(w for w, used in (("sign", blank), ("fixed", shares)) if used)
     parts = [
-        f'<table class="data{" sign" if blank else ""}"><thead><tr>{heads}</tr></thead>'
+        f'<table class="{f"data {kind}".strip()}">{shares}'
+        f"<thead><tr>{heads}</tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table>"
     ]
     below = []

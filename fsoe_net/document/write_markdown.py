@@ -1,15 +1,18 @@
-"""The report as Markdown: tables with marks instead of colours, pictures as their words."""
+"""A document as Markdown: tables with marks instead of colours, pictures as their words."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
+from fsoe_net.diag.printable import printable
 from fsoe_net.document.model import (
     Bullets,
     Document,
     Heading,
     Item,
     Level,
+    Lines,
     Number,
     Paragraph,
     Part,
@@ -19,7 +22,7 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.document.number_sources import Sources
 
-__all__ = ["report_markdown"]
+__all__ = ["document_markdown"]
 
 MARKS = {
     Level.CLEAR: "○",
@@ -30,23 +33,21 @@ MARKS = {
 }
 
 
-def report_markdown(document: Document) -> str:
-    """Return the report as Markdown text."""
+def document_markdown(document: Document) -> str:
+    """Return the document as Markdown text."""
     d = document
-    lines = [
-        f"# {_words(d.project)}: FSoE configuration report",
-        "",
-        f"Network {_words(d.network)}, fingerprint `{d.short or 'NO FINGERPRINT'}`, made with "
-        f"fsoe-net {d.version}",
-        "",
-        f"**{_inline(d.verdict)}**",
-        "",
-    ]
+    made = [w for w in (_words(d.subtitle), f"made with fsoe-net {_words(d.version)}") if w]
+    if d.seal:
+        made.insert(1, f"fingerprint {_code(d.seal)}")
+    lines = [f"# {_words(d.title)}", "", ", ".join(made), ""]
+    if d.verdict is not None:
+        lines += [f"**{_inline(d.verdict)}**", ""]
     for part in d.lead:
         lines += _part(part, depth=2)
-    for number, block in enumerate(d.blocks, 1):
-        lines += [f"## {number} {_words(block.title)}", ""]
-        for part in block.parts:
+    for number, section in enumerate(d.sections, 1):
+        shown = f"{number} " if d.numbered else ""
+        lines += [f"## {shown}{_words(section.title)}", ""]
+        for part in section.parts:
             lines += _part(part, depth=3)
     return "\n".join(lines).rstrip("\n") + "\n"
 
@@ -55,13 +56,21 @@ def _part(part: Part, *, depth: int) -> list[str]:
     if isinstance(part, Heading):
         return [f"{'#' * depth} {_words(part.text)}", ""]
     if isinstance(part, Paragraph):
-        text = "".join(_inline(i) for i in part.items)
+        text = _running(part.items)
         return [f"> {text}" if part.note else text, ""]
     if isinstance(part, Bullets):
-        return [*(f"- {''.join(_inline(i) for i in row)}" for row in part.rows), ""]
+        return [*(f"- {_running(row)}" for row in part.rows), ""]
+    if isinstance(part, Lines):
+        return [*(f"    {printable(line)}" for line in part.lines), ""]
     if isinstance(part, Table):
         return _table(part)
     return [f"*Picture: {_words(part.title)}.* {_words(part.words)}", ""]
+
+
+def _running(items: Sequence[Item]) -> str:
+    """Return running text; what begins it does not make a heading, a list or a quotation of it."""
+    text = "".join(_inline(i) for i in items)
+    return re.sub(r"^(\s*)([-+>]|\d+(?=[.)]))", r"\1\\\2", text)
 
 
 def _table(table: Table) -> list[str]:
@@ -104,14 +113,22 @@ def _inline(item: Item) -> str:
     if isinstance(item, Number):
         return f"{item.text} {item.unit}".rstrip()
     if item.style is Style.CODE and item.text:
-        return f"`{item.text}`"
+        return _code(item.text)
     if item.style is Style.STRONG:
         return f"**{_words(item.text)}**"
     return "____" if item.style is Style.BLANK else _words(item.text)
 
 
 def _words(text: str) -> str:
-    """Return text that Markdown takes for text."""
-    for mark in "\\`*_<[#":
-        text = text.replace(mark, f"\\{mark}")
-    return text
+    """Return text that Markdown takes for text, on one line."""
+    text = printable(text.replace("\n", " "))
+    return re.sub(r"[\\`*_<\[#&]", r"\\\g<0>", text)
+
+
+def _code(text: str) -> str:
+    """Return text as code; its fence is longer than any row of backticks in it."""
+    text = printable(text.replace("\n", " "))
+    if "`" not in text:
+        return f"`{text}`"
+    fence = "`" * (1 + max(len(row) for row in re.findall("`+", text)))
+    return f"{fence} {text} {fence}"

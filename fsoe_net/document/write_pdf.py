@@ -1,4 +1,4 @@
-"""The report as PDF: the same page as HTML, printed to A4 by WeasyPrint (the extra ``pdf``)."""
+"""A document as PDF: the same page as HTML, printed to A4 by WeasyPrint (the extra ``pdf``)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any, NoReturn
 
 from fsoe_net.document.model import Document
 from fsoe_net.document.style import PICTURES, STYLE
-from fsoe_net.document.write_html import report_html
+from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import InputError
 
-__all__ = ["pdf_library", "report_pdf"]
+__all__ = ["document_pdf", "pdf_library"]
 
 _OTHERWISE = "or write .html and print it to a PDF file in a browser"
 
@@ -52,8 +52,8 @@ def pdf_library() -> Any:
     return weasyprint
 
 
-def report_pdf(document: Document) -> bytes:
-    """Return the report as PDF. It has no date: same input, library and fonts give the same bytes.
+def document_pdf(document: Document) -> bytes:
+    """Return the document as PDF, without a date: same input, library and fonts, same bytes.
 
     Raises:
         InputError: WeasyPrint is not installed.
@@ -63,14 +63,16 @@ def report_pdf(document: Document) -> bytes:
     level = log.level
     log.setLevel(logging.CRITICAL)  # of rules for screens and other browsers
     try:
-        page = library.HTML(string=_for_print(report_html(document)), url_fetcher=_nothing_outside)
+        page = library.HTML(
+            string=_for_print(document_html(document)), url_fetcher=_nothing_outside
+        )
         return bytes(page.write_pdf())
     finally:
         log.setLevel(level)
 
 
 def _nothing_outside(url: str, *_: object, **__: object) -> NoReturn:
-    raise ValueError(f"a report needs nothing from outside, not even {url}")
+    raise ValueError(f"a document needs nothing from outside, not even {url}")
 
 
 def _for_print(page: str) -> str:

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from fsoe_net import __version__
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
-from fsoe_net.document.model import Document
-from fsoe_net.document.write_pdf import report_pdf
+from fsoe_net.document.write_pdf import document_pdf
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.files import open_file
@@ -33,10 +32,11 @@ from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan
 from fsoe_net.report.diff_side import Side
 from fsoe_net.report.evidence import Evidence, LiveEvidence, longest_round_trips
+from fsoe_net.report.formats import FORMATS
 from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, ReportInputs, Tried
+from fsoe_net.report.model import ReportDocument
 from fsoe_net.report.protocol_steps import tried_of
 from fsoe_net.report.steps_to_repeat import steps_to_repeat
-from fsoe_net.report.write import FORMATS
 from fsoe_net.rules.scan import check_scan
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import Budget, make_budget
@@ -61,7 +61,7 @@ class Report:
         protocol_fits: Whether its results are in the report; also without one.
     """
 
-    document: Document
+    document: ReportDocument
     findings: Sequence[Diagnostic]
     run: Run | None
     protocol_findings: Sequence[Diagnostic]
@@ -85,7 +85,7 @@ class Report:
             KeyError: There is no such format.
         """
         if form == "pdf":
-            return report_pdf(self.document)
+            return document_pdf(self.document)
         return FORMATS[form](self.document).encode("utf-8")
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:

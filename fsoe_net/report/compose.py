@@ -1,27 +1,23 @@
-"""Makes the report: asks every block, and puts what was found and what is open in front."""
+"""Makes the report from its sections, and puts what was found and what is open in front."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
-    Block,
     Bullets,
     Column,
-    Document,
     Heading,
     Item,
     Level,
     Number,
     Paragraph,
     Part,
-    Point,
-    PointKind,
     Table,
     Text,
     Verdict,
@@ -31,6 +27,7 @@ from fsoe_net.document.model import (
     strong,
 )
 from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.model import Point, PointKind, ReportDocument, ReportSection
 from fsoe_net.report.section_copies import copies
 from fsoe_net.report.section_evidence import bus_evidence, tests
 from fsoe_net.report.section_identity import identity, role
@@ -41,6 +38,21 @@ from fsoe_net.report.section_timing import quantities, timing
 __all__ = ["compose_report"]
 
 _ROWS_ON_FIRST_PAGE = 14
+_SECTIONS: tuple[Callable[[ReportInputs], ReportSection], ...] = (
+    identity,
+    role,
+    architecture,
+    connections,
+    copies,
+    timing,
+    quantities,
+    bus_evidence,
+    tests,
+    fingerprint,
+    change_log,
+    sign_off,
+)
+"""In the order of the report; the last section, open points, gathers from all."""
 _LEVELS = {
     Severity.ERROR: Level.ERROR,
     Severity.WARNING: Level.WARNING,
@@ -48,37 +60,28 @@ _LEVELS = {
 }
 
 
-def compose_report(inputs: ReportInputs) -> Document:
+def compose_report(inputs: ReportInputs) -> ReportDocument:
     """Make the report of a network; a pure function, so equal inputs give equal documents."""
-    first = [
-        identity(inputs),
-        role(),
-        architecture(inputs),
-        connections(inputs),
-        copies(inputs),
-        timing(inputs),
-        quantities(inputs),
-        bus_evidence(inputs),
-        tests(inputs),
-        fingerprint(inputs),
-        change_log(inputs),
-        sign_off(inputs),
-    ]
-    points = tuple((b.title, p) for b in first for p in b.points) + tuple(
+    sections = [section(inputs) for section in _SECTIONS]
+    points = tuple((s.title, p) for s in sections for p in s.points) + tuple(
         ("Findings", _point(inputs, d)) for d in inputs.diagnostics if d.level is not Severity.INFO
     )
-    last = open_points(points, inputs)
+    last = len(sections) + 1
     network = None if inputs.resolution is None else inputs.resolution.network
-    against = () if _has_error(inputs) else _against(first)
-    return Document(
-        project=(network.project if network is not None else "") or inputs.name,
+    against = () if _has_error(inputs) else _against(sections)
+    verdict = _verdict(inputs, len(against))
+    return ReportDocument(
+        title=(network.project if network is not None else "") or inputs.name,
+        subtitle=f"FSoE network {inputs.name}: configuration report",
         network=inputs.name,
         version=inputs.version,
-        short="" if inputs.fingerprint is None else inputs.fingerprint.short,
+        seal="NO FINGERPRINT" if inputs.fingerprint is None else inputs.fingerprint.short,
         whole="" if inputs.fingerprint is None else inputs.fingerprint.whole,
-        verdict=_verdict(inputs, len(against)),
-        lead=_lead(inputs, points, against),
-        blocks=(*first, last),
+        verdict=verdict,
+        lead=_lead(inputs, points, against, last),
+        sections=(*sections, open_points(points, inputs)),
+        foot=f"{verdict.word} · black channel configuration, evidence and no certificate",
+        numbered=True,
         points=points,
         findings=tuple(inputs.diagnostics),
         against=against,
@@ -110,13 +113,13 @@ def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
     return Point(PointKind.ASSUMPTION, f"{text} (let pass by {justified.by}: {justified.reason})")
 
 
-def _against(blocks: Sequence[Block]) -> tuple[tuple[str, Verdict], ...]:
-    """Return what stands against the network in the blocks, each with the title of its block."""
+def _against(sections: Sequence[ReportSection]) -> tuple[tuple[str, Verdict], ...]:
+    """Return what is held against the network, each with the title of its section."""
     return tuple(
         dict.fromkeys(
-            (block.title, item)
-            for block in blocks
-            for part in block.parts
+            (section.title, item)
+            for section in sections
+            for part in section.parts
             for item in _items(part)
             if isinstance(item, Verdict) and item.level is Level.ERROR
         )
@@ -198,6 +201,7 @@ def _lead(
     inputs: ReportInputs,
     points: Sequence[tuple[str, Point]],
     against: Sequence[tuple[str, Verdict]],
+    last: int,
 ) -> tuple[Part, ...]:
     parts: list[Part] = []
     if against:
@@ -209,7 +213,7 @@ def _lead(
         parts += [Heading("Against it"), Bullets(tuple(rows))]
     found = sorted(inputs.diagnostics, key=lambda d: d.level.rank)
     if found:
-        parts += [Heading("Findings"), _findings(found, inputs)]
+        parts += [Heading("Findings"), _findings(found, inputs, last)]
     opened = [(title, p) for title, p in points if p.kind is PointKind.OPEN and title != "Findings"]
     assumed = sum(p.kind is PointKind.ASSUMPTION for _, p in points)
     parts.append(Heading("Open points and assumptions"))
@@ -217,18 +221,18 @@ def _lead(
         Number(value=len(opened), text=str(len(opened)), unit="open points", source="all blocks"),
         Text(" and "),
         Number(value=assumed, text=str(assumed), unit="assumptions", source="all blocks"),
-        Text("; block 13 lists all. A judgement rests on them."),
+        Text(f"; block {last} lists all. A judgement rests on them."),
     ]
     parts.append(Paragraph(tuple(numbers)))
     rows = [(strong(f"{title}: "), Text(p.text)) for title, p in opened[:_ROWS_ON_FIRST_PAGE]]
     if len(opened) > _ROWS_ON_FIRST_PAGE:
-        rows.append((Text(f"and {len(opened) - _ROWS_ON_FIRST_PAGE} more in block 13"),))
+        rows.append((Text(f"and {len(opened) - _ROWS_ON_FIRST_PAGE} more in block {last}"),))
     if rows:
         parts.append(Bullets(tuple(rows)))
     return tuple(parts)
 
 
-def _findings(found: Sequence[Diagnostic], inputs: ReportInputs) -> Table:
+def _findings(found: Sequence[Diagnostic], inputs: ReportInputs, last: int) -> Table:
     """Every finding; when there are many, one row per code, so that all stand on one page."""
     per_code = Counter(d.code for d in found)
     shown: list[tuple[Diagnostic, int]] = [(d, 1) for d in found]
@@ -249,7 +253,7 @@ def _findings(found: Sequence[Diagnostic], inputs: ReportInputs) -> Table:
                     value=count - 1,
                     text=f"and {count - 1}",
                     unit=f"more of {d.code}: {CATALOGUE[d.code].title}",
-                    source="findings of fsoe-net, block 13 lists all",
+                    source=f"findings of fsoe-net, block {last} lists all",
                 )
             )
         rows.append(
@@ -263,5 +267,5 @@ def _findings(found: Sequence[Diagnostic], inputs: ReportInputs) -> Table:
         name="findings on the first page",
         columns=(Column("Finding"), Column("What is wrong"), Column("Place")),
         rows=tuple(rows),
-        remark="Block 13 lists every finding with its mend.",
+        remark=f"Block {last} lists every finding with its mend.",
     )

@@ -8,14 +8,15 @@ import math
 
 from fsoe_net.core.snapshot import Histogram, Statistics, bucket_end
 from fsoe_net.document.markup import escape, svg_text
+from fsoe_net.document.model import Column, Table, cell
 
 __all__ = [
     "histogram_name",
     "histogram_picture",
+    "times_table",
     "timing_bars",
     "timing_csv",
     "timing_picture",
-    "timing_text",
 ]
 
 _NAMES = {
@@ -59,22 +60,27 @@ def timing_csv(statistics: Statistics) -> str:
     return out.getvalue()
 
 
-def timing_text(statistics: Statistics) -> str:
-    """Return percentiles in microseconds, a line per histogram that has any time."""
-    rows = [["", "mean", "50 %", "99 %", "99.9 %", "most", "times"]]
+def times_table(statistics: Statistics) -> Table:
+    """Return percentiles, a row per histogram that has any time."""
+    heads = ("mean", "50 %", "99 %", "99.9 %", "most")
+    rows = []
     for name, h in _histograms(statistics):
         if h.count:
             times = (h.mean_ns, h.p50_ns, h.p99_ns, h.p999_ns, h.max_ns)
-            rows.append([_NAMES[name], *(f"{ns / 1000:.1f}" for ns in times), str(h.count)])
-    if len(rows) == 1:
-        return "no times were measured"
-    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
-    lines = [
-        row[0].ljust(widths[0])
-        + "".join(f"  {cell.rjust(w)}" for cell, w in zip(row[1:], widths[1:], strict=True))
-        for row in rows
-    ]
-    return "\n".join(["times in us", *lines])
+            rows.append((cell(_NAMES[name]), *(cell(_us(ns)) for ns in times), cell(str(h.count))))
+    return Table(
+        name="times",
+        columns=(
+            Column("times in us"),
+            *(Column(h, number=True) for h in heads),
+            Column("times", number=True, rank=1),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _us(ns: int) -> str:
+    return f"{ns / 1000:.1f}"
 
 
 def timing_bars(histogram: Histogram, *, width: int = 40) -> list[str]:

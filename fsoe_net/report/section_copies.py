@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fsoe_net.document.model import (
-    Block,
     Cell,
     Column,
     Heading,
@@ -16,8 +15,6 @@ from fsoe_net.document.model import (
     Paragraph,
     Part,
     Picture,
-    Point,
-    PointKind,
     Table,
     Text,
     Verdict,
@@ -29,6 +26,7 @@ from fsoe_net.plan.image import IghDomain, igh_image
 from fsoe_net.plan.model import NONE, Plan, PlanCopy
 from fsoe_net.plan.show import copy_end
 from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.svg import copy_picture
 
 __all__ = ["copies"]
@@ -46,12 +44,12 @@ class _Range:
     datagrams: tuple[int, ...]
 
 
-def copies(inputs: ReportInputs) -> Block:
+def copies(inputs: ReportInputs) -> ReportSection:
     """Every copy with its ends, its places in the image and its datagrams, and the bytes drawn."""
     title = "Copies"
     plan = inputs.plan
     if plan is None:
-        return Block(
+        return ReportSection(
             key="copies",
             title=title,
             parts=(Paragraph((Text("No plan can be made: there is no copy table to judge."),)),),
@@ -97,7 +95,7 @@ def copies(inputs: ReportInputs) -> Block:
             "others lay the image out otherwise, the copied bytes are the same",
         ),
     )
-    return Block(key="copies", title=title, parts=tuple(parts), points=points)
+    return ReportSection(key="copies", title=title, parts=tuple(parts), points=points)
 
 
 def _name(plan: Plan, c: PlanCopy) -> str:

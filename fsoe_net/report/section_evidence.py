@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
     BLANK,
-    Block,
     Cell,
     Column,
     Heading,
@@ -16,8 +15,6 @@ from fsoe_net.document.model import (
     Level,
     Paragraph,
     Part,
-    Point,
-    PointKind,
     Table,
     Text,
     Verdict,
@@ -30,6 +27,7 @@ from fsoe_net.document.model import (
 from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
 from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
+from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
@@ -44,7 +42,7 @@ _EMULATED = Verdict("EMULATED, not evidence for this machine", Level.NOTE)
 # -- 8 bus evidence -------------------------------------------------------------------------------
 
 
-def bus_evidence(inputs: ReportInputs) -> Block:
+def bus_evidence(inputs: ReportInputs) -> ReportSection:
     """Scans, runs, incident files, and a running bus."""
     title, points = "Bus evidence", []
     parts: list[Part] = []
@@ -76,7 +74,7 @@ def bus_evidence(inputs: ReportInputs) -> Block:
     elif not any(e.scan is not None for e in inputs.evidence):
         words = "identities and mappings were not read back: a scan.json tells them"
         points.append(Point(PointKind.OPEN, words))
-    return Block(key="bus_evidence", title=title, parts=tuple(parts), points=tuple(points))
+    return ReportSection(key="bus_evidence", title=title, parts=tuple(parts), points=tuple(points))
 
 
 def _file(e: Evidence, inputs: ReportInputs) -> list[Part]:
@@ -335,7 +333,7 @@ def _seen(ns: int, source: str) -> Item:
 # -- 9 tests --------------------------------------------------------------------------------------
 
 
-def tests(inputs: ReportInputs) -> Block:
+def tests(inputs: ReportInputs) -> ReportSection:
     """The checklist, and what ran on the emulated bus, apart from it."""
     parts: list[Part] = [Heading("Checklist")]
     points: list[Point] = []
@@ -370,7 +368,7 @@ def tests(inputs: ReportInputs) -> Block:
             points.append(Point(PointKind.OPEN, words))
         if not tried.fits:
             word = f"{tried.source.path} cannot be taken for this network"
-            parts.append(Paragraph((Verdict(word, Level.ERROR), Text(": see block 13."))))
+            parts.append(Paragraph((Verdict(word, Level.ERROR), Text(": see the open points."))))
         points += [Point(PointKind.OPEN, f"{tried.source.path}:{note}") for note in tried.notes]
     if inputs.run is not None:
         parts += _emulated_run(inputs.run)
@@ -378,7 +376,7 @@ def tests(inputs: ReportInputs) -> Block:
         words = f"{inputs.scenario} was not run: the network has errors"
         parts += [Heading("Run on the emulated bus"), Paragraph((Text(f"{words}."),))]
         points.append(Point(PointKind.OPEN, words))
-    return Block(key="tests", title="Tests", parts=tuple(parts), points=tuple(points))
+    return ReportSection(key="tests", title="Tests", parts=tuple(parts), points=tuple(points))
 
 
 def _checklist(tried: Tried) -> Table:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from fsoe_net.document.model import (
     BLANK,
-    Block,
     Bullets,
     Cell,
     Column,
@@ -15,8 +14,6 @@ from fsoe_net.document.model import (
     Number,
     Paragraph,
     Part,
-    Point,
-    PointKind,
     Table,
     Text,
     Verdict,
@@ -27,6 +24,7 @@ from fsoe_net.document.model import (
 from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.inputs import GivenPlan, ReportInputs
+from fsoe_net.report.model import Point, PointKind, ReportSection
 
 __all__ = ["files_table", "identity", "role"]
 
@@ -38,7 +36,7 @@ ROLE = (
 )
 
 
-def identity(inputs: ReportInputs) -> Block:
+def identity(inputs: ReportInputs) -> ReportSection:
     """Machine, network, tool, files; the date is left to the hand."""
     resolution = inputs.resolution
     network = None if resolution is None else resolution.network
@@ -89,7 +87,7 @@ def identity(inputs: ReportInputs) -> Block:
         parts += [Heading("Compared with"), files_table("compared with", inputs.references)]
     if inputs.given is not None:
         parts += _given(inputs.given, inputs, points)
-    return Block(key="identity", title="Identity", parts=tuple(parts), points=tuple(points))
+    return ReportSection(key="identity", title="Identity", parts=tuple(parts), points=tuple(points))
 
 
 def _given(given: GivenPlan, inputs: ReportInputs, points: list[Point]) -> list[Part]:
@@ -118,7 +116,7 @@ def files_table(name: str, files: Sequence[SourceFile]) -> Table:
     )
 
 
-def role() -> Block:
+def role(_: ReportInputs) -> ReportSection:
     """Say what the MainDevice and this tool are, and are not."""
     rows = (
         "Shown: which bytes are copied where, that each copy is whole and unmodified in the "
@@ -131,4 +129,4 @@ def role() -> Block:
         Paragraph((Text(ROLE),), note=True),
         Bullets(tuple((Text(r),) for r in rows)),
     )
-    return Block(key="role", title="Role of the MainDevice and of this report", parts=parts)
+    return ReportSection(key="role", title="Role of the MainDevice and of this report", parts=parts)

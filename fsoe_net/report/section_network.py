@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
     BLANK,
-    Block,
     Cell,
     Column,
     Heading,
@@ -18,8 +17,6 @@ from fsoe_net.document.model import (
     Paragraph,
     Part,
     Picture,
-    Point,
-    PointKind,
     Table,
     Text,
     Verdict,
@@ -37,6 +34,7 @@ from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Connection
 from fsoe_net.report.inputs import ReportInputs
+from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.svg import topology_picture
 
 __all__ = ["architecture", "connections"]
@@ -49,11 +47,11 @@ _ADDRESS_MOST = 65534
 _ID_MOST = 65535
 
 
-def architecture(inputs: ReportInputs) -> Block:
+def architecture(inputs: ReportInputs) -> ReportSection:
     """Topology, and every SubDevice with its identity and its part in FSoE."""
     resolution = inputs.resolution
     if resolution is None:
-        return Block(key="architecture", title="Architecture", parts=(_nothing(),))
+        return ReportSection(key="architecture", title="Architecture", parts=(_nothing(),))
     network = resolution.network
     mains = {c.main.name for c in resolution.connections}
     subs = {c.sub.name for c in resolution.connections}
@@ -90,7 +88,9 @@ def architecture(inputs: ReportInputs) -> Block:
         )
         for s in masters
     ]
-    return Block(key="architecture", title="Architecture", parts=tuple(parts), points=tuple(points))
+    return ReportSection(
+        key="architecture", title="Architecture", parts=tuple(parts), points=tuple(points)
+    )
 
 
 def _nothing() -> Paragraph:
@@ -152,12 +152,12 @@ def _identity(value: int) -> Number:
 # -- connections ----------------------------------------------------------------------------------
 
 
-def connections(inputs: ReportInputs) -> Block:
+def connections(inputs: ReportInputs) -> ReportSection:
     """Every connection with its facts and the verdicts on their uniqueness."""
     rows = () if inputs.resolution is None else inputs.resolution.connections
     title = "FSoE connections"
     if not rows:
-        return Block(
+        return ReportSection(
             key="connections",
             title=title,
             parts=(Paragraph((Text("No FSoE connection resolves."),)),),
@@ -207,7 +207,7 @@ def connections(inputs: ReportInputs) -> Block:
             "them; the devices and the safety project have to hold the same",
         )
     )
-    return Block(key="connections", title=title, parts=parts, points=tuple(points))
+    return ReportSection(key="connections", title=title, parts=parts, points=tuple(points))
 
 
 def _owners(

@@ -8,7 +8,6 @@ from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
     BLANK,
-    Block,
     Bullets,
     Cell,
     Column,
@@ -17,8 +16,6 @@ from fsoe_net.document.model import (
     Level,
     Paragraph,
     Part,
-    Point,
-    PointKind,
     Style,
     Table,
     Text,
@@ -33,6 +30,7 @@ from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.report.diff_types import Change
 from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs
+from fsoe_net.report.model import Point, PointKind, ReportSection
 
 __all__ = ["change_log", "fingerprint", "open_points", "sign_off"]
 
@@ -57,11 +55,11 @@ _CALLS_FOR = {
 # -- 10 fingerprint -------------------------------------------------------------------------------
 
 
-def fingerprint(inputs: ReportInputs) -> Block:
+def fingerprint(inputs: ReportInputs) -> ReportSection:
     """The fingerprint with one hash per section."""
     title, found = "Fingerprint", inputs.fingerprint
     if found is None:
-        return Block(
+        return ReportSection(
             key="fingerprint",
             title=title,
             parts=(
@@ -74,14 +72,12 @@ def fingerprint(inputs: ReportInputs) -> Block:
         (cell(strong("whole")), cell(code(found.whole))),
     ]
     rows += [(cell(name.replace("_", " ")), cell(code(h))) for name, h in found.sections.items()]
-    return Block(
+    return ReportSection(
         key="fingerprint",
         title=title,
         parts=(
             Paragraph((Text(_MADE_FROM),)),
-            Table(
-                name="fingerprint", columns=(Column("Section"), Column("Hash")), rows=tuple(rows)
-            ),
+            Table(name="fingerprint", columns=(Column("Block"), Column("Hash")), rows=tuple(rows)),
         ),
         points=(
             Point(
@@ -96,13 +92,13 @@ def fingerprint(inputs: ReportInputs) -> Block:
 # -- 11 change log --------------------------------------------------------------------------------
 
 
-def change_log(inputs: ReportInputs) -> Block:
+def change_log(inputs: ReportInputs) -> ReportSection:
     """What differs from an earlier state, and what has to be tried again for it."""
     title, against = "Change log", inputs.against
     if against is None:
         text = "Not compared with an earlier state; --against FILE names one."
         words = "not compared with the state that was accepted last"
-        return Block(
+        return ReportSection(
             key="change_log",
             title=title,
             parts=(Paragraph((Text(text),)),),
@@ -136,7 +132,7 @@ def change_log(inputs: ReportInputs) -> Block:
     points += [Point(PointKind.OPEN, f"not compared: {w}") for w in found.not_compared]
     if inputs.accepted is not None and inputs.accepted.record.interventions:
         parts += [Heading("Interventions since the first record"), _interventions(inputs.accepted)]
-    return Block(key="change_log", title=title, parts=tuple(parts), points=tuple(points))
+    return ReportSection(key="change_log", title=title, parts=tuple(parts), points=tuple(points))
 
 
 def _compared(against: Against, inputs: ReportInputs) -> Paragraph:
@@ -194,7 +190,7 @@ def _change(c: Change) -> tuple[Cell, ...]:
 # -- 12 sign-off ----------------------------------------------------------------------------------
 
 
-def sign_off(inputs: ReportInputs) -> Block:
+def sign_off(inputs: ReportInputs) -> ReportSection:
     """Fields for the hand, and what an acceptance record says of them."""
     given = inputs.accepted
     short = "no fingerprint" if inputs.fingerprint is None else inputs.fingerprint.short
@@ -252,7 +248,7 @@ def _of(given: GivenRecord) -> str:
     )
 
 
-def _sign_off(parts: list[Part], people: Sequence[SignedBy], *points: Point) -> Block:
+def _sign_off(parts: list[Part], people: Sequence[SignedBy], *points: Point) -> ReportSection:
     roles = ("Author", "Verifier, who is not the author", "Released for the machine by")
     rows = []
     for number, role in enumerate(roles):
@@ -262,7 +258,7 @@ def _sign_off(parts: list[Part], people: Sequence[SignedBy], *points: Point) -> 
         rows.append((cell(role), name, date, BLANK))
     heads = ("Role", "Name", "Date", "Signature")
     table = Table(name="sign-off", columns=tuple(Column(h) for h in heads), rows=tuple(rows))
-    return Block(key="sign_off", title="Sign-off", parts=(*parts, table), points=points)
+    return ReportSection(key="sign_off", title="Sign-off", parts=(*parts, table), points=points)
 
 
 def _interventions(given: GivenRecord) -> Table:
@@ -276,7 +272,7 @@ def _interventions(given: GivenRecord) -> Table:
 # -- 13 assumptions and open points ---------------------------------------------------------------
 
 
-def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> Block:
+def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> ReportSection:
     """Everything that is not settled: findings with their mends, open points, assumptions."""
     parts: list[Part] = [Heading("Findings")]
     if inputs.diagnostics:
@@ -301,7 +297,7 @@ def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> Bl
                 rows=rows,
             )
         )
-    return Block(key="open_points", title="Assumptions and open points", parts=tuple(parts))
+    return ReportSection(key="open_points", title="Assumptions and open points", parts=tuple(parts))
 
 
 def _findings(inputs: ReportInputs) -> Table:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
-    Block,
     Bullets,
     Cell,
     Column,
@@ -17,8 +16,6 @@ from fsoe_net.document.model import (
     Paragraph,
     Part,
     Picture,
-    Point,
-    PointKind,
     Table,
     Text,
     Verdict,
@@ -32,6 +29,7 @@ from fsoe_net.document.model import (
 from fsoe_net.report.budget import reaction_pictures
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.measured_cycle import measured_cycle
+from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
@@ -61,12 +59,12 @@ _WATCHDOGS = dict.fromkeys(WatchdogJudgement, Level.OPEN) | {
 # -- 6 timing -------------------------------------------------------------------------------------
 
 
-def timing(inputs: ReportInputs) -> Block:
+def timing(inputs: ReportInputs) -> ReportSection:
     """Watchdogs with their admissible intervals, reaction times of each function, both methods."""
     title = "Timing"
     budget = inputs.budget
     if budget is None:
-        return Block(
+        return ReportSection(
             key="timing",
             title=title,
             parts=(Paragraph((Text("No network could be read: nothing is judged."),)),),
@@ -102,7 +100,7 @@ def timing(inputs: ReportInputs) -> Block:
         points.append(
             Point(PointKind.OPEN, "no safety_functions in the network file: nothing is judged")
         )
-    return Block(key="timing", title=title, parts=tuple(parts), points=tuple(points))
+    return ReportSection(key="timing", title=title, parts=tuple(parts), points=tuple(points))
 
 
 def _pictures(budget: Budget, row: FunctionBudget) -> list[Picture]:
@@ -305,7 +303,7 @@ def _elements(row: FunctionBudget) -> Table:
 # -- 7 quantities ---------------------------------------------------------------------------------
 
 
-def quantities(inputs: ReportInputs) -> Block:
+def quantities(inputs: ReportInputs) -> ReportSection:
     """PFH_D of every element with the sum, the claim limit, and the rate of safety PDUs."""
     budget = inputs.budget
     points: list[Point] = []
@@ -340,7 +338,9 @@ def quantities(inputs: ReportInputs) -> Block:
                 "above; they are not worked out here",
             )
         )
-    return Block(key="quantities", title="Quantities", parts=tuple(parts), points=tuple(points))
+    return ReportSection(
+        key="quantities", title="Quantities", parts=tuple(parts), points=tuple(points)
+    )
 
 
 def _pfh(row: FunctionBudget) -> Table:

@@ -29,7 +29,7 @@ from fsoe_net.cli import (
     test_protocol,
     test_protocol_output,
 )
-from fsoe_net.cli.fitted_table import Column, FittedTable
+from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.model.protocol import Outcome, Seen
 from fsoe_net.plan.compile import compile_plan
@@ -237,7 +237,7 @@ def test_a_record_that_is_written(
 def test_what_a_scan_leaves_out_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     found = Facts(texts={"network.yaml": "x"}, left_out=("position 3: not read",))
     monkeypatch.setattr(scan, "take_scan", lambda *_, **__: Facts(scan=None, document={}))
-    monkeypatch.setattr(scan, "scan_table", lambda _: "table")
+    monkeypatch.setattr(scan, "scan_document", lambda _: Document(title="table"))
     monkeypatch.setattr(scan, "scan_files", lambda _: found)
     done = call(scan.command, "--interface", "x", "-o", tmp_path / "bus")
     assert done.output == (
@@ -255,11 +255,6 @@ def test_a_console_without_a_place_for_its_history(monkeypatch: pytest.MonkeyPat
 def test_the_socket_of_an_interface_is_looked_for(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("fsoe_net.run.sockets.control_socket", lambda name: f"/run/{name}.sock")
     assert options.master_socket(None, "eth1") == "/run/eth1.sock"
-
-
-def test_a_table_keeps_what_is_needed_however_narrow():
-    columns = (Column(head="connection", rank=0), Column(head="resets", rank=1))
-    assert FittedTable(columns, [("el1918-ek1914", "3")])._fitting(8) == [0]
 
 
 def test_a_live_run_shows_its_connections_as_it_goes(monkeypatch: pytest.MonkeyPatch):

@@ -11,10 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 from fsoe_net.cli import decode_output, explain, monitor_output, write
-from fsoe_net.cli.terminal import terminal
 from fsoe_net.core.scan import FoundConnection, Place, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.diag.diagnostic import Diagnostic, Edit, Span
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.project import fix, verify
@@ -199,16 +199,13 @@ VIEW = BusView(
 
 
 def shown(view: BusView) -> str:
-    console = terminal(width=100)
-    with console.capture() as captured:
-        console.print(monitor_output.bus_view(view))
-    return captured.get()
+    return document_text(monitor_output.bus_document(view))
 
 
 def test_a_monitor_of_which_nothing_is_known():
-    assert shown(VIEW) == "1.5 s\nnothing is known yet\n"
+    assert shown(VIEW) == "1.5 s\n\nnothing is known yet\n"
     assert shown(replace(VIEW, away="gone")) == (
-        "1.5 s\nfsn-master is gone, waiting for it: gone\n"
+        "1.5 s\n\nfsn-master is gone, waiting for it: gone\n"
     )
 
 

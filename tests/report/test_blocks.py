@@ -9,10 +9,18 @@ from pathlib import Path
 import pytest
 from report.made import BASE, TIMED, inputs_of
 
-from fsoe_net.document.model import Heading, Item, Level, Paragraph, PointKind, Table, Verdict
+from fsoe_net.document.model import (
+    Heading,
+    Item,
+    Level,
+    Paragraph,
+    Table,
+    Verdict,
+)
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import Plan
 from fsoe_net.report.compose import _lead, compose_report
+from fsoe_net.report.model import PointKind
 from fsoe_net.report.section_copies import _copy_table
 
 SPARSE = (
@@ -75,7 +83,7 @@ def test_what_is_not_stated_is_an_open_point(sparse: Path):
 
 
 def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
-    blocks = {b.key: b.parts for b in compose_report(inputs_of(sparse)).blocks}
+    blocks = {b.key: b.parts for b in compose_report(inputs_of(sparse)).sections}
     rows = {p.name: p.rows for parts in blocks.values() for p in parts if isinstance(p, Table)}
     assert [said(row[0]) for row in rows["subdevices"]] == ["0", "1 alias 7", "2"]
     assert next(said(row[2]) for row in rows["PFH_D of estop"]) == "not stated"
@@ -86,14 +94,14 @@ def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
 
 
 def test_nothing_open_is_no_list():
-    head, numbers = _lead(inputs_of(TIMED), (), ())
+    head, numbers = _lead(inputs_of(TIMED), (), (), 13)
     assert head == Heading("Open points and assumptions")
     assert isinstance(numbers, Paragraph)
 
 
 def test_of_much_that_stands_against_it_some_stands_on_the_first_page():
     against = [("Tests", Verdict(f"fault {n}", Level.ERROR)) for n in range(40)]
-    rows = [said(row) for row in _lead(inputs_of(TIMED), (), against)[1].rows]
+    rows = [said(row) for row in _lead(inputs_of(TIMED), (), against, 13)[1].rows]
     shown = len(rows) - 1
     assert rows[:2] == ["Tests:  fault 0", "Tests:  fault 1"]
     assert rows[-1] == f"and {40 - shown} more in the blocks"

@@ -18,8 +18,11 @@ from run.watched_master import WatchedMaster
 from scans import scan_of
 
 from fsoe_net.core.snapshot import Histogram
-from fsoe_net.document.model import Block, Picture, Table
-from fsoe_net.document.write_html import _block
+from fsoe_net.document.model import (
+    Picture,
+    Table,
+)
+from fsoe_net.document.write_html import _section
 from fsoe_net.document.write_markdown import _table
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE
@@ -37,6 +40,7 @@ from fsoe_net.report.incident_facts import story_of
 from fsoe_net.report.incident_page import incident_page
 from fsoe_net.report.incident_text import incident_text
 from fsoe_net.report.incident_window import Wrong, _wrong
+from fsoe_net.report.model import ReportSection
 from fsoe_net.report.protocol_page import _words, protocol_page
 from fsoe_net.report.section_evidence import bus_evidence
 from fsoe_net.report.steps_to_repeat import _functions_over
@@ -118,7 +122,7 @@ def test_times_that_were_not_measured(monkeypatch: pytest.MonkeyPatch):
     )
     monkeypatch.setattr(cycle_times, "_histograms", lambda _: [("work", empty)])
     nothing: Any = None
-    assert cycle_times.timing_text(nothing) == "no times were measured"
+    assert cycle_times.times_table(nothing).rows == ()
     assert cycle_times.timing_bars(empty) == []
 
 
@@ -135,7 +139,7 @@ def test_a_time_for_people(ns: int, text: str):
 
 def test_small_pictures_stand_beside_each_other():
     small, wide = (Picture(title=t, words=t, svg=f"<svg>{t}</svg>", wide=t == "w") for t in "sw")
-    shown = _block(1, Block(key="k", title="T", parts=(small, wide, small), points=()))
+    shown = _section(1, ReportSection(key="k", title="T", parts=(small, wide, small), points=()))
     assert shown.count('<div class="pictures">') == 2
     assert shown.index("<svg>s</svg>") < shown.index("<svg>w</svg>")
 
@@ -262,7 +266,7 @@ def test_subdevices_without_a_copy_are_left_out_of_a_large_picture(
 ):
     monkeypatch.setattr("fsoe_net.report.section_network._MOST_PLAIN", 20)
     document = compose_report(inputs_of(write_big_network(tmp_path, 33, 20)))
-    parts = next(b.parts for b in document.blocks if b.key == "architecture")
+    parts = next(b.parts for b in document.sections if b.key == "architecture")
     (picture,) = [p for p in parts if isinstance(p, Picture)]
     assert ">22 SubDevices without a copy</text>" in picture.svg
     table = next(p for p in parts if isinstance(p, Table) and p.name == "subdevices")

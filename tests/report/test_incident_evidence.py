@@ -10,7 +10,7 @@ from report.made import inputs_of
 
 from fsoe_net.errors import InputError
 from fsoe_net.report.evidence import read_evidence
-from fsoe_net.report.write import render_report
+from fsoe_net.report.formats import render_report
 
 
 def test_an_incident_file_is_told(tmp_path):

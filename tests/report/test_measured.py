@@ -12,7 +12,10 @@ import pytest
 from report.made import TIMED, inputs_of
 
 from fsoe_net.core.snapshot import Histogram, bucket_end
-from fsoe_net.document.model import Number, Table
+from fsoe_net.document.model import (
+    Number,
+    Table,
+)
 from fsoe_net.errors import InputError
 from fsoe_net.model.network import SourceFile
 from fsoe_net.report.compose import compose_report
@@ -101,7 +104,7 @@ def test_the_block_on_timing_has_it_or_says_that_nothing_was_measured() -> None:
         (run(None), "Not measured: no run in real time"),
     ):
         document = compose_report(inputs_of(TIMED, evidence=(evidence,)))
-        (block,) = [b for b in document.blocks if b.key == "timing"]
+        (block,) = [b for b in document.sections if b.key == "timing"]
         assert words in repr(block)
 
 

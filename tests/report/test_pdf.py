@@ -12,10 +12,10 @@ import pytest
 from cli.tool import fsn
 from report.made import TIMED, inputs_of
 
-from fsoe_net.document.write_pdf import _for_print, pdf_library, report_pdf
+from fsoe_net.document.write_pdf import _for_print, document_pdf, pdf_library
 from fsoe_net.errors import InputError
 from fsoe_net.report.compose import compose_report
-from fsoe_net.report.write import render_report
+from fsoe_net.report.formats import render_report
 
 try:
     pdf_library()
@@ -68,9 +68,9 @@ def test_for_print_each_picture_has_its_own_rules_and_plain_colours():
 def test_the_same_report_gives_the_same_bytes_with_head_and_number_on_each_page(tmp_path: Path):
     inputs = inputs_of(TIMED)
     level = logging.getLogger("weasyprint").level
-    pdf = report_pdf(compose_report(inputs))
+    pdf = document_pdf(compose_report(inputs))
     assert logging.getLogger("weasyprint").level == level
-    assert pdf == report_pdf(compose_report(inputs))
+    assert pdf == document_pdf(compose_report(inputs))
     assert pdf.startswith(b"%PDF-")
     for word in (b"/CreationDate", b"/ModDate"):
         assert word not in pdf

@@ -16,7 +16,7 @@ from networks import example, write_big_network
 from report.made import CODES, TIMED, inputs_of, with_mistakes
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
-from fsoe_net.document.model import Number, PointKind, Table
+from fsoe_net.document.model import Number, Table
 from fsoe_net.formats.own.schema import read_schema
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.protocol import StepKind
@@ -24,9 +24,10 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan
+from fsoe_net.report.formats import render_report
 from fsoe_net.report.inputs import Against, GivenPlan, TestStep, Tried
+from fsoe_net.report.model import PointKind
 from fsoe_net.report.protocol_steps import tried_of
-from fsoe_net.report.write import render_report
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = read_schema("report")
@@ -118,7 +119,7 @@ def test_every_number_has_a_source_and_what_is_no_name_a_unit():
     document = compose_report(inputs_of(TIMED))
     numbers = [
         (part.name, column.title, item)
-        for b in document.blocks
+        for b in document.sections
         for part in b.parts
         if isinstance(part, Table)
         for row in part.rows
@@ -162,7 +163,7 @@ def test_the_page_is_whole_in_itself_and_every_printed_page_has_a_head():
     for outside in ("<script", "http:", "https:", " src=", "@import", "url("):
         assert outside not in page.replace("http://www.w3.org/2000/svg", "")
     head = page.partition('<div class="pagehead">')[2].partition("</div>")[0]
-    assert compose_report(inputs_of(TIMED)).short in head
+    assert compose_report(inputs_of(TIMED)).seal in head
     assert "counter(page)" in page
     assert "prefers-color-scheme:dark" in page
 
@@ -218,7 +219,7 @@ def test_many_findings_still_fit_the_first_page_one_row_per_code():
     rows = next(p for p in document.lead if isinstance(p, Table)).rows
     assert len(rows) == 3
     assert [i.value for row in rows for c in row for i in c if isinstance(i, Number)] == [38] * 3
-    last = document.blocks[-1]
+    last = document.sections[-1]
     assert any(isinstance(p, Table) and len(p.rows) == len(found) for p in last.parts)
 
 

@@ -44,7 +44,7 @@ def test_text_of_a_short_run(fsn):
      128.0 ms  el1918: outputs on
 
 connection     state               ConnID  address  FSoE cycle  to Data  resets
-el1918-ek1914  Data · ProcessData  1       14       2.00 ms     28 ms    0
+el1918-ek1914  Data · ProcessData       1       14     2.00 ms    28 ms  0
 
 500 bus cycles in 0.5 s (virtual), 0 with incomplete working counter, 0 overruns
 """

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scans import scan_of, subdevice
 
-from fsoe_net.cli.scan_output import scan_table
+from fsoe_net.cli.scan_output import scan_document
 from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.scan import load_scan, parse_scan
@@ -230,8 +231,10 @@ pos  name     vendor      product     revision    state               out/in    
 2    a_2 (B)  0x00000002  0x00000004  0x00000001  PREOP               SM2 1 / 0  -     xx
 3             0x00000000  0x00000000  0x00000001  PREOP error 0x001e  -          -     xx
 4             -           0x00000000  0x00000001  PREOP               SM2 1 / 0  -     xx
-     problem: SII: not read
-eth1: 5 SubDevices, brought to PREOP"""
+
+4: problem: SII: not read
+eth1: 5 SubDevices, brought to PREOP
+"""
 
 
 def test_a_bus_of_which_little_is_known():
@@ -248,7 +251,7 @@ def test_a_bus_of_which_little_is_known():
     del rows[3]["sms"], rows[4]["vendor_id"]
     found = taken(scan_of(example("estop")) | {"subdevices": rows})
     files = scan_files(found)
-    assert scan_table(found.scan) == TABLE
+    assert document_text(scan_document(found.scan)) == TABLE
     assert NETWORK in files.texts["network.yaml"]
     assert files.texts["devices/a.yaml"] == DEVICE
     assert files.left_out == (

@@ -1,0 +1,55 @@
+"""The report as data: a document that also gathers findings and what is not settled."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from fsoe_net.diag.diagnostic import Diagnostic
+from fsoe_net.document.model import Document, Section, Verdict
+
+__all__ = ["Point", "PointKind", "ReportDocument", "ReportSection"]
+
+
+class PointKind(enum.Enum):
+    """What a point asks of the reader."""
+
+    OPEN = "open"
+    ASSUMPTION = "assumption"
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Something that is not settled, or that is taken for granted."""
+
+    kind: PointKind
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportSection(Section):
+    """A section of a report, and what is open or assumed in it."""
+
+    points: tuple[Point, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportDocument(Document):
+    """A whole report; its title is the name of the machine, else of the network.
+
+    Attributes:
+        network: Name of the network.
+        whole: The fingerprint, hex; empty when there is no plan.
+        verdict: What is on top.
+        points: What is open or assumed, of all sections, each with the title of its section.
+        findings: What the sections and points say about findings, as the data they are.
+        against: What the first page holds against the network beside findings, each with the title
+            of its section; empty where findings are errors.
+    """
+
+    network: str
+    whole: str
+    verdict: Verdict
+    points: tuple[tuple[str, Point], ...]
+    findings: tuple[Diagnostic, ...] = ()
+    against: tuple[tuple[str, Verdict], ...] = ()
