@@ -103,7 +103,7 @@ struct fsn_direction {
 };
 struct fsn_connection_status {
     struct fsn_direction direction[2];
-    uint32_t outside, gaps;
+    uint32_t observed, gaps;
     ...;
 };
 
@@ -172,7 +172,7 @@ struct fsn_sighting {
     uint64_t time_ns, packet;
     uint32_t connection;
     uint16_t sequence, size_bytes;
-    uint8_t way, verdict, outside;
+    uint8_t way, verdict, observed;
     uint8_t frame[...];
     ...;
 };

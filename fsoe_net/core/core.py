@@ -453,7 +453,7 @@ def direction_snapshot(d: Any) -> DirectionSnapshot:
 
 def _connection(c: Any) -> ConnectionSnapshot:
     return ConnectionSnapshot(
-        state=_STATES[c.outside],
+        state=_STATES[c.observed],
         to_sub=direction_snapshot(c.direction[0]),
         to_main=direction_snapshot(c.direction[1]),
         gaps=c.gaps,

@@ -32,7 +32,7 @@ class CoreMonitor:
     @property
     def state(self) -> OutsideState:
         """State of the connection as seen from outside."""
-        return OutsideState(self._monitor.status.outside)
+        return OutsideState(self._monitor.status.observed)
 
     @property
     def gaps(self) -> int:

@@ -131,7 +131,7 @@ class Scanner:
                     s.connection,
                     s.way,
                     _VERDICTS[s.verdict],
-                    _STATES[s.outside],
+                    _STATES[s.observed],
                     s.sequence,
                     self._frame[: s.size_bytes],
                 )
@@ -149,7 +149,7 @@ class Scanner:
                     connection_id=c.connection_id,
                     places=tuple(_place(c.places[n]) for n in range(c.place_count)),
                     roles_certain=bool(c.roles),
-                    state=_STATES[c.status.outside],
+                    state=_STATES[c.status.observed],
                     gaps=c.status.gaps,
                     to_sub=direction_snapshot(c.status.direction[0]),
                     to_main=direction_snapshot(c.status.direction[1]),

@@ -133,15 +133,15 @@ static size_t lost_line(char *line, size_t room) {
     return (size_t)len;
 }
 
-/** One line, so that those of two threads do not mix. What is not taken at once is lost and told
- *  later: a reader that stands still must not make leases stand still. */
+/** One line, so that those of two threads do not mix. What is not taken at once is lost and
+ * reported later: a reader that stands still must not make leases stand still. */
 static void put(const char *line, size_t len) {
     pthread_mutex_lock(&out.lock);
     if (!out.known) {
         find_out();
     }
-    char told[256];
-    if (out.lost > 0 && put_whole(told, lost_line(told, sizeof told))) {
+    char lost[256];
+    if (out.lost > 0 && put_whole(lost, lost_line(lost, sizeof lost))) {
         out.lost = 0;
     }
     out.lost += out.lost > 0 || !put_whole(line, len);

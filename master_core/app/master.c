@@ -34,7 +34,7 @@ struct master {
     bool ending;      /**< the program is to end */
     bool opened_once; /**< the cycle has run */
     bool ready;       /**< every SubDevice has reached OP since the bus was opened */
-    bool was_ready;   /**< since the program began: the manager was told */
+    bool was_ready;   /**< since the program began: the manager was notified */
     int code;         /**< exit code */
     char fault[640];
     struct fsn_core *core;
@@ -88,33 +88,34 @@ static void begin_end(struct master *m, const char *why) {
     fsn_control_state_changed(m->control, FSN_LOG_INFO, why);
 }
 
-static fsn_status host_wish(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+static fsn_status host_request(void *self, enum fsn_program_request request,
+                               struct fsn_refusal *refusal) {
     struct master *m = self;
     const bool stopped = m->state == STOPPED || m->state == FAILED;
     if (m->ending) {
         return fsn_refusal_set(refusal, FSN_E_STATE, NULL, "the program is ending");
     }
-    switch (wish) {
-    case FSN_WISH_START:
+    switch (request) {
+    case FSN_PROGRAM_START:
         if (m->wanted) {
             return fsn_refusal_set(refusal, FSN_E_STATE, "restart stops it before", "the bus is %s",
                                    state_name[m->state]);
         }
         m->wanted = true;
         return FSN_OK;
-    case FSN_WISH_STOP:
+    case FSN_PROGRAM_STOP:
         if (stopped && !m->wanted) {
             return fsn_refusal_set(refusal, FSN_E_STATE, NULL, "the bus is stopped");
         }
         m->wanted = false;
         m->again = false;
         return FSN_OK;
-    case FSN_WISH_RESTART:
+    case FSN_PROGRAM_RESTART:
         m->wanted = true;
         m->again = !stopped;
         return FSN_OK;
     default:
-        begin_end(m, "a client asks for the end");
+        begin_end(m, "a client requests the end");
         return FSN_OK;
     }
 }
@@ -163,7 +164,7 @@ static void failed(struct master *m, const struct runner_result *result) {
         fsn_control_bus_failed(m->control, text, result->found);
     }
     if (!m->opened_once && !given_up) {
-        /* At the start nobody is there who could mend it and try again. */
+        /* At the start nobody is there who could repair it and try again. */
         m->code = result->environment || lacks_permission(result) ? EXIT_ENVIRONMENT : EXIT_REFUSED;
         begin_end(m, "ends: the bus does not open");
     }
@@ -233,7 +234,7 @@ static void take_result(struct master *m) {
     if (m->state == RUNNING && !m->ready && runner_in_op(m->runner)) {
         m->ready = true;
         set_state(m, RUNNING, FSN_LOG_INFO,
-                  m->backend->ops->tend != NULL ? "ready: every SubDevice is in OP"
+                  m->backend->ops->poll != NULL ? "ready: every SubDevice is in OP"
                                                 : "ready: this bus has no states");
         if (!m->was_ready) {
             m->was_ready = true;
@@ -337,7 +338,7 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
                        .policy = options->policy};
     const struct fsn_control_host host = {.self = &m,
                                           .status = host_status,
-                                          .wish = host_wish,
+                                          .request = host_request,
                                           .submit = host_submit,
                                           .log = host_log};
     m.control = fsn_control_create(plan, &host, &options->access);

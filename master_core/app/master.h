@@ -5,7 +5,7 @@
 #include "backends.h"
 #include "options.h"
 
-/** Runs until it is told to end.   @return the exit code. Signals must be blocked and in
+/** Runs until a signal or a client ends it.   @return the exit code. Signals must be blocked and in
  *  `signal_fd`. */
 int master_run(const struct options *options, const struct fsn_plan *plan,
                const struct fsn_backend *backend, const char *socket_path, int signal_fd);

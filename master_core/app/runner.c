@@ -36,8 +36,8 @@ struct runner {
     pthread_t thread;
     int wake; /**< eventfd: the control thread has something to take */
     pthread_mutex_t lock;
-    pthread_cond_t asked;
-    enum runner_job job;         /**< asked for, guarded by lock */
+    pthread_cond_t requested;
+    enum runner_job job;         /**< requested, guarded by lock */
     bool ending;                 /**< guarded by lock */
     struct runner_result result; /**< guarded by lock */
     struct queue waiting, done;  /**< guarded by lock */
@@ -88,11 +88,11 @@ static void keep_findings(struct runner *runner) {
     const struct fsn_bus_ops *ops = runner->backend->ops;
     runner->has_found = false;
     for (uint32_t n = 0;
-         runner->bus != NULL && ops->look != NULL && n < fsn_plan_subdevice_count(runner->plan);
+         runner->bus != NULL && ops->state != NULL && n < fsn_plan_subdevice_count(runner->plan);
          n++) {
         struct fsn_bus_subdevice *seen = &runner->found[n];
         *seen = (struct fsn_bus_subdevice){0};
-        if (ops->look(runner->bus, n, seen) == FSN_OK) {
+        if (ops->state(runner->bus, n, seen) == FSN_OK) {
             runner->has_found = runner->has_found || seen->found != FSN_FOUND_UNKNOWN;
         }
     }
@@ -135,7 +135,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
 
 static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
     const uint64_t until = fsn_now_ns() + runner->options->wait_ns;
-    char told[FSN_DETAIL_BYTES] = "";
+    char reported[FSN_DETAIL_BYTES] = "";
     for (int tries = 0;; tries++) {
         *fault = (struct fsn_fault){.copy_index = FSN_FAULT_NO_RECORD};
         const fsn_status status = open_once(runner, fault);
@@ -146,8 +146,8 @@ static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
             }
             return status;
         }
-        if (tries == 0 || strcmp(told, fault->detail) != 0) { /* not the same in each try */
-            snprintf(told, sizeof told, "%s", fault->detail);
+        if (tries == 0 || strcmp(reported, fault->detail) != 0) { /* not the same in each try */
+            snprintf(reported, sizeof reported, "%s", fault->detail);
             log_line(FSN_LOG_INFO, "%s%s%s; tries again", fsn_status_text(status),
                      fault->detail[0] != 0 ? ": " : "", fault->detail);
         }
@@ -185,7 +185,8 @@ static bool first_cycle(struct runner *runner) {
     return statistics.realtime != 0;
 }
 
-/** Starts the cycle as well as the system permits; strictly as asked when it was asked for. */
+/** Starts the cycle as well as the system permits; exactly as requested where that was requested.
+ */
 static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
                               struct runner_result *result) {
     const struct options *o = runner->options;
@@ -278,7 +279,7 @@ static void tell_who_is_in_op(const struct runner *runner) {
     }
 }
 
-/** The stop values were set before this was asked for: they go out in a few more cycles, and
+/** The stop values were set before this was requested: they go out in a few more cycles, and
  *  copying goes on until the SubDevices have left OP. */
 static void job_leave(struct runner *runner) {
     enum { CYCLES = 3 };
@@ -288,7 +289,7 @@ static void job_leave(struct runner *runner) {
     atomic_store(&runner->in_op, false);
     for (;;) {
         const uint64_t now = fsn_now_ns();
-        const bool left = fsn_core_tend(runner->core, FSN_AL_SAFEOP, now);
+        const bool left = fsn_core_poll(runner->core, FSN_AL_SAFEOP, now);
         if (left && cycles_of(runner) >= sent) {
             return;
         }
@@ -318,33 +319,33 @@ static void work(struct runner *runner, enum runner_job job) {
     wake(runner);
 }
 
-static void tend(struct runner *runner) {
-    const bool in_op = fsn_core_tend(runner->core, FSN_AL_OP, fsn_now_ns());
+static void poll_bus(struct runner *runner) {
+    const bool in_op = fsn_core_poll(runner->core, FSN_AL_OP, fsn_now_ns());
     if (in_op != atomic_exchange(&runner->in_op, in_op)) {
         wake(runner);
     }
 }
 
 /** Between two steps of a transfer: supervision goes on, until something else is to be done. */
-static bool tend_between(void *self) {
+static bool poll_between(void *self) {
     struct runner *runner = self;
     pthread_mutex_lock(&runner->lock);
     const bool goes_on = runner->job == RUNNER_IDLE && !runner->ending;
     pthread_mutex_unlock(&runner->lock);
     if (goes_on) {
-        tend(runner);
+        poll_bus(runner);
     }
     return goes_on;
 }
 
 /** Does one transfer, when one waits. */
-static void do_transfer(struct runner *runner, bool tending) {
-    const struct fsn_job_means means = {.core = tending ? runner->core : NULL,
+static void do_transfer(struct runner *runner, bool polling) {
+    const struct fsn_job_means means = {.core = polling ? runner->core : NULL,
                                         .ops = runner->backend->ops,
                                         .bus = runner->bus,
                                         .plan = runner->plan,
                                         .interface = runner->options->interface,
-                                        .between = tend_between,
+                                        .between = poll_between,
                                         .self = runner};
     pthread_mutex_lock(&runner->lock);
     struct fsn_job *job = take(&runner->waiting);
@@ -359,8 +360,8 @@ static void do_transfer(struct runner *runner, bool tending) {
     wake(runner);
 }
 
-/** Waits for a job; while a bus is tended, a little only. */
-static enum runner_job next_job(struct runner *runner, bool tending, bool *ending) {
+/** Waits for a job; while a bus is polled, a little only. */
+static enum runner_job next_job(struct runner *runner, bool polling, bool *ending) {
     pthread_mutex_lock(&runner->lock);
     struct timespec until;
     clock_gettime(CLOCK_MONOTONIC, &until);
@@ -372,8 +373,8 @@ static enum runner_job next_job(struct runner *runner, bool tending, bool *endin
     int waited = 0;
     while (runner->job == RUNNER_IDLE && !runner->ending && waited == 0 &&
            runner->waiting.first == NULL) {
-        waited = tending ? pthread_cond_timedwait(&runner->asked, &runner->lock, &until)
-                         : pthread_cond_wait(&runner->asked, &runner->lock);
+        waited = polling ? pthread_cond_timedwait(&runner->requested, &runner->lock, &until)
+                         : pthread_cond_wait(&runner->requested, &runner->lock);
     }
     const enum runner_job job = runner->job;
     runner->job = RUNNER_IDLE;
@@ -384,18 +385,18 @@ static enum runner_job next_job(struct runner *runner, bool tending, bool *endin
 
 static void *run(void *argument) {
     struct runner *runner = argument;
-    bool tending = false;
+    bool polling = false;
     bool ending = false;
     while (!ending) {
-        const enum runner_job job = next_job(runner, tending, &ending);
+        const enum runner_job job = next_job(runner, polling, &ending);
         if (job != RUNNER_IDLE) {
             work(runner, job);
-            tending = job == RUNNER_OPEN && runner->core != NULL;
+            polling = job == RUNNER_OPEN && runner->core != NULL;
         }
-        if (tending && !ending) {
-            tend(runner);
+        if (polling && !ending) {
+            poll_bus(runner);
         }
-        do_transfer(runner, tending && !ending);
+        do_transfer(runner, polling && !ending);
     }
     return NULL;
 }
@@ -415,7 +416,7 @@ struct runner *runner_create(const struct options *options, const struct fsn_pla
     pthread_mutex_init(&runner->lock, NULL);
     pthread_condattr_init(&attributes);
     pthread_condattr_setclock(&attributes, CLOCK_MONOTONIC);
-    pthread_cond_init(&runner->asked, &attributes);
+    pthread_cond_init(&runner->requested, &attributes);
     pthread_condattr_destroy(&attributes);
     if (runner->wake < 0 || runner->found == NULL ||
         pthread_create(&runner->thread, NULL, run, runner) != 0) {
@@ -432,12 +433,12 @@ void runner_free(struct runner *runner) {
     }
     pthread_mutex_lock(&runner->lock);
     runner->ending = true;
-    pthread_cond_signal(&runner->asked);
+    pthread_cond_signal(&runner->requested);
     pthread_mutex_unlock(&runner->lock);
     pthread_join(runner->thread, NULL);
     close(runner->wake);
     pthread_mutex_destroy(&runner->lock);
-    pthread_cond_destroy(&runner->asked);
+    pthread_cond_destroy(&runner->requested);
     free(runner->found);
     free(runner);
 }
@@ -448,7 +449,7 @@ void runner_ask(struct runner *runner, enum runner_job job) {
         atomic_store(&runner->give_up, false);
     }
     runner->job = job;
-    pthread_cond_signal(&runner->asked);
+    pthread_cond_signal(&runner->requested);
     pthread_mutex_unlock(&runner->lock);
 }
 
@@ -478,7 +479,7 @@ bool runner_in_op(const struct runner *runner) {
 void runner_submit(struct runner *runner, struct fsn_job *job) {
     pthread_mutex_lock(&runner->lock);
     put(&runner->waiting, job);
-    pthread_cond_signal(&runner->asked);
+    pthread_cond_signal(&runner->requested);
     pthread_mutex_unlock(&runner->lock);
 }
 

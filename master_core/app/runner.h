@@ -1,5 +1,5 @@
-/** The thread that opens the bus, tends it beside the cycle and closes it again. All it does may
- *  take seconds; the control thread asks, goes on, and is woken when it is done. */
+/** The thread that opens the bus, polls it beside the cycle and closes it again. All it does may
+ *  take seconds; the control thread requests, goes on, and is woken when it is done. */
 #ifndef FSN_APP_RUNNER_H
 #define FSN_APP_RUNNER_H
 
@@ -12,8 +12,8 @@ struct runner;
 
 enum runner_job {
     RUNNER_IDLE,
-    RUNNER_OPEN,  /**< opens the bus, starts the cycle, leads it towards OP until told otherwise */
-    RUNNER_LEAVE, /**< leads it to SAFEOP while the cycle goes on, at most 2 s */
+    RUNNER_OPEN,  /**< opens the bus, starts the cycle, brings it towards OP until another job */
+    RUNNER_LEAVE, /**< brings it to SAFEOP while the cycle goes on, at most 2 s */
     RUNNER_CLOSE  /**< stops the cycle, closes the bus; the core is gone then */
 };
 
@@ -22,12 +22,12 @@ struct runner_result {
     enum runner_job done;   /**< RUNNER_IDLE: none since the last call */
     fsn_status status;      /**< of RUNNER_OPEN */
     struct fsn_fault fault; /**< why it was refused */
-    struct fsn_core *core;  /**< there until RUNNER_CLOSE is asked for */
+    struct fsn_core *core;  /**< there until RUNNER_CLOSE is requested */
     enum policy policy;     /**< as it came to be */
     bool locked;            /**< the memory is locked */
     bool environment;       /**< it was the system that refused, not plan or bus */
     /** When the bus did not open: what was found of each SubDevice of the plan, until RUNNER_OPEN
-     *  is asked for again; NULL: nothing. */
+     *  is requested again; NULL: nothing. */
     const struct fsn_bus_subdevice *found;
 };
 

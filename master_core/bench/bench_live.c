@@ -226,14 +226,14 @@ static struct figures run_core(const struct fsn_plan *plan, uint64_t cycle_ns, d
                                               .cpu = cpu + 1,
                                               .free_run = cycle_ns == 0};
     CHECK(fsn_core_start(core, &thread, &fault) == FSN_OK);
-    while (!fsn_core_tend(core, FSN_AL_OP, now_ns())) {
+    while (!fsn_core_poll(core, FSN_AL_OP, now_ns())) {
         usleep(1000);
     }
     struct fsn_statistics from, to;
     take_snapshot(core, &from);
     const uint64_t begin = now_ns();
     for (uint64_t end = begin + (uint64_t)(seconds * 1e9); now_ns() < end; usleep(20000)) {
-        fsn_core_tend(core, FSN_AL_OP, now_ns());
+        fsn_core_poll(core, FSN_AL_OP, now_ns());
     }
     take_snapshot(core, &to);
     struct figures f = {.cycles = to.cycles - from.cycles,

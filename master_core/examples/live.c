@@ -72,12 +72,12 @@ int main(int argc, char **argv) {
     const uint64_t end = now_ns() + strtoull(argv[3], NULL, 10) * 1000000000u;
     const struct timespec pause = {.tv_nsec = 2000000};
     while (now_ns() < end) {
-        fsn_core_tend(core, FSN_AL_OP, now_ns());
+        fsn_core_poll(core, FSN_AL_OP, now_ns());
         nanosleep(&pause, NULL);
     }
     print(core, plan);
     /* Copies go on until every SubDevice has left OP. */
-    for (int i = 0; i < 500 && !fsn_core_tend(core, FSN_AL_SAFEOP, now_ns()); i++) {
+    for (int i = 0; i < 500 && !fsn_core_poll(core, FSN_AL_SAFEOP, now_ns()); i++) {
         nanosleep(&pause, NULL);
     }
     fsn_core_free(core);

@@ -46,7 +46,7 @@ static void mutate_byte(uint8_t *bytes, size_t size, uint64_t *seed) {
     bytes[at] = next_random(seed) % 2 ? edge[next_random(seed) % 5] : (uint8_t)next_random(seed);
 }
 
-/** Cuts sometimes, changes a few bytes and fields; the target itself mends length and CRC. */
+/** Cuts sometimes, changes a few bytes and fields; the target itself corrects length and CRC. */
 static void mutate(const uint8_t *good, size_t len, uint64_t *seed) {
     const size_t size = next_random(seed) % 8 == 0 ? next_random(seed) % (len + 1) : len;
     uint8_t *bytes = malloc(size > 0 ? size : 1); /* exact, so that ASan sees a reach beyond it */

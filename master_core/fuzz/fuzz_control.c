@@ -23,9 +23,10 @@ static void tell_status(void *self, struct fsn_control_status *status) {
         .state = "running", .backend = "emulated", .plan_file = "plan", .policy = "other"};
 }
 
-static fsn_status grant(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+static fsn_status grant(void *self, enum fsn_program_request request, struct fsn_refusal *refusal) {
     (void)self;
-    return wish == FSN_WISH_START ? fsn_refusal_set(refusal, FSN_E_STATE, NULL, "it runs") : FSN_OK;
+    return request == FSN_PROGRAM_START ? fsn_refusal_set(refusal, FSN_E_STATE, NULL, "it runs")
+                                        : FSN_OK;
 }
 
 static void swallow(void *self, enum fsn_log_level level, const char *text, const char *json,
@@ -122,7 +123,7 @@ static void do_job(void) {
 }
 
 static const struct fsn_control_host host = {
-    .status = tell_status, .wish = grant, .log = swallow, .submit = submit};
+    .status = tell_status, .request = grant, .log = swallow, .submit = submit};
 static const struct fsn_control_access nobody;
 
 static void set_up(void) {

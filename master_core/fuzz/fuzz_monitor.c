@@ -86,7 +86,7 @@ static enum fsn_verdict show(struct bench *b, unsigned way, const uint8_t *bytes
         check_right(b, &before, way, frame);
     }
     check_direction(d);
-    CHECK(b->monitor.status.outside <= FSN_OUTSIDE_UNKNOWN);
+    CHECK(b->monitor.status.observed <= FSN_OBSERVED_UNKNOWN);
     free(frame);
     return verdict;
 }

@@ -47,15 +47,16 @@ static fsn_status try_plan(const uint8_t *data, size_t size) {
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const fsn_status status = try_plan(data, size);
     if (size >= 32 && (status == FSN_E_PLAN_CRC || status == FSN_E_PLAN_LENGTH)) {
-        uint8_t *mended = malloc(size); /* exactly as long, so that ASan sees a reach beyond it */
-        CHECK(mended != NULL);
-        memcpy(mended, data, size);
+        uint8_t *corrected =
+            malloc(size); /* exactly as long, so that ASan sees a reach beyond it */
+        CHECK(corrected != NULL);
+        memcpy(corrected, data, size);
         for (int i = 0; i < 4; i++) {
-            mended[12 + i] = (uint8_t)(size >> (8 * i));
+            corrected[12 + i] = (uint8_t)(size >> (8 * i));
         }
-        build_fix_crc(mended, size);
-        (void)try_plan(mended, size);
-        free(mended);
+        build_fix_crc(corrected, size);
+        (void)try_plan(corrected, size);
+        free(corrected);
     }
     return 0;
 }

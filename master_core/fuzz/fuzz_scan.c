@@ -59,7 +59,7 @@ static void check_connections(const struct fsn_scan *scan) {
         for (uint32_t i = 0; i < c.place_count; i++) {
             CHECK(fsn_fsoe_is_frame_length(c.places[i].size_bytes) && c.places[i].way < 2);
         }
-        CHECK(c.status.outside <= FSN_OUTSIDE_UNKNOWN);
+        CHECK(c.status.observed <= FSN_OBSERVED_UNKNOWN);
         check_direction(&c.status.direction[0]);
         check_direction(&c.status.direction[1]);
     }
@@ -68,7 +68,7 @@ static void check_connections(const struct fsn_scan *scan) {
 static void check_sighting(const struct wire *w, const struct fsn_sighting *s) {
     CHECK(s->verdict >= FSN_VERDICT_RIGHT && s->verdict <= FSN_VERDICT_UNCHECKED);
     CHECK(s->connection < fsn_scan_connection_count(w->scan) && s->way < 2);
-    CHECK(s->outside <= FSN_OUTSIDE_UNKNOWN && fsn_fsoe_is_frame_length(s->size_bytes));
+    CHECK(s->observed <= FSN_OBSERVED_UNKNOWN && fsn_fsoe_is_frame_length(s->size_bytes));
     CHECK(s->packet >= 1 && s->packet <= w->packets && s->time_ns <= w->now_ns);
     CHECK(s->sequence == 0 || s->verdict == FSN_VERDICT_RIGHT);
     struct fsn_scan_connection c;

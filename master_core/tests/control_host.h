@@ -1,4 +1,5 @@
-/** A host for tests of the control socket: the bus runs, every wish is granted, nothing is logged.
+/** A host for tests of the control socket: the bus runs, every request is granted, nothing is
+ * logged.
  */
 #ifndef FSN_TEST_CONTROL_HOST_H
 #define FSN_TEST_CONTROL_HOST_H
@@ -16,9 +17,10 @@ static inline void host_status(void *self, struct fsn_control_status *status) {
                                           .cycle_ns = 1000000};
 }
 
-static inline fsn_status host_grants(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+static inline fsn_status host_grants(void *self, enum fsn_program_request request,
+                                     struct fsn_refusal *refusal) {
     (void)self;
-    (void)wish;
+    (void)request;
     (void)refusal;
     return FSN_OK;
 }
@@ -37,7 +39,7 @@ static const struct fsn_control_access nobody; /**< nobody else may connect */
 /** @param[in] submit  takes acyclic jobs; NULL: there are none. */
 static inline struct fsn_control_host test_host(void (*submit)(void *, struct fsn_job *)) {
     return (struct fsn_control_host){
-        .status = host_status, .wish = host_grants, .submit = submit, .log = host_is_silent};
+        .status = host_status, .request = host_grants, .submit = submit, .log = host_is_silent};
 }
 
 #endif

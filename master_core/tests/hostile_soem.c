@@ -40,9 +40,9 @@ struct wire {
     int socket;
     uint64_t random; /**< of the thread that answers */
     uint64_t own_random;
-    atomic_uint one_in;       /**< of so many answers one is damaged; 0: none */
-    atomic_uint lie;          /**< enum lie */
-    atomic_bool asked[ASKED]; /**< for PREOP, by station; of the thread that answers */
+    atomic_uint one_in;           /**< of so many answers one is damaged; 0: none */
+    atomic_uint lie;              /**< enum lie */
+    atomic_bool requested[ASKED]; /**< for PREOP, by station; of the thread that answers */
     atomic_bool stop;
 };
 
@@ -117,7 +117,7 @@ static void lie(uint8_t *frame, size_t len, unsigned what) {
 }
 
 /** Whether a frame is lost on its way there: those that set up the mailbox of a SubDevice, until it
- *  was asked for PREOP without one; or those that read the SII of the second one. */
+ *  was requested PREOP without one; or those that read the SII of the second one. */
 static bool is_lost(struct wire *w, const uint8_t *frame) {
     const uint16_t address = (uint16_t)(frame[HEAD + 4] | frame[HEAD + 5] << 8);
     const unsigned which = frame[HEAD + 2] % ASKED;
@@ -128,9 +128,9 @@ static bool is_lost(struct wire *w, const uint8_t *frame) {
         return false;
     }
     if (address == REG_AL_CONTROL && (frame[HEAD + DATAGRAM_HEAD] & 0x0F) == FSN_AL_PREOP) {
-        atomic_store(&w->asked[which], true);
+        atomic_store(&w->requested[which], true);
     }
-    return address == REG_MAILBOX && !atomic_load(&w->asked[which]);
+    return address == REG_MAILBOX && !atomic_load(&w->requested[which]);
 }
 
 static void *answer(void *argument) {
@@ -181,7 +181,7 @@ static bool play(struct wire *w, struct fsn_plan *plan, bool from_the_beginning,
         atomic_store(&w->one_in, one_in);
         const uint64_t end = now_ns() + ROUND_MS * UINT64_C(1000000);
         while (now_ns() < end) {
-            fsn_core_tend(core, FSN_AL_OP, now_ns());
+            fsn_core_poll(core, FSN_AL_OP, now_ns());
             if (pick_own(w, 100) == 0) {
                 fsn_segment_power_cycle(w->segment, pick_own(w, 2));
             }
@@ -203,7 +203,7 @@ static bool opens(struct wire *w, struct fsn_plan *plan, enum lie what, unsigned
     while (!open && now_ns() < end) {
         atomic_store(&w->lie, NO_LIE);
         for (int i = 0; i < ASKED; i++) {
-            atomic_store(&w->asked[i], false);
+            atomic_store(&w->requested[i], false);
         }
         atomic_store(&w->lie, what);
         open = play(w, plan, false, one_in);
@@ -212,14 +212,14 @@ static bool opens(struct wire *w, struct fsn_plan *plan, enum lie what, unsigned
     return open;
 }
 
-/** A SubDevice whose SII does not come is told as one that could not be read, in good time, and not
- *  as another one. */
+/** A SubDevice whose SII does not come is reported as one that could not be read, in good time, and
+ * not as another one. */
 static bool tells_of_an_sii_that_does_not_come(struct wire *w, const struct fsn_plan *plan) {
     const struct fsn_live_options options = {.interface = "near"};
     const uint64_t end = now_ns() + PATIENCE_MS * UINT64_C(1000000);
-    bool told = false;
+    bool logged = false;
     atomic_store(&w->lie, NO_SII);
-    while (!told && now_ns() < end) {
+    while (!logged && now_ns() < end) {
         struct fsn_core *core;
         struct fsn_fault fault;
         void *bus;
@@ -227,11 +227,11 @@ static bool tells_of_an_sii_that_does_not_come(struct wire *w, const struct fsn_
         const fsn_status status =
             fsn_core_create(plan, fsn_backend_soem()->ops, bus, &core, &fault);
         CHECK(status != FSN_OK && status != FSN_E_BUS_IDENTITY);
-        told = status == FSN_E_BUS_STATE && strstr(fault.detail, "SII could not be read") != NULL;
+        logged = status == FSN_E_BUS_STATE && strstr(fault.detail, "SII could not be read") != NULL;
         fsn_backend_soem()->free(bus);
     }
     atomic_store(&w->lie, NO_LIE);
-    return told;
+    return logged;
 }
 
 int main(int argc, char **argv) {

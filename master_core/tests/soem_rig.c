@@ -110,9 +110,9 @@ uint64_t lateness(struct rig *rig) {
     return s.overruns + s.old_replies;
 }
 
-void tend_until(struct rig *rig, uint32_t n, uint8_t al_state) {
+void poll_until(struct rig *rig, uint32_t n, uint8_t al_state) {
     for (int i = 0; i < PATIENCE_MS / 2; i++) {
-        fsn_core_tend(rig->core, FSN_AL_OP, now_ns());
+        fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
         if (look(rig, n).al_status == al_state) {
             return;
         }
@@ -123,9 +123,9 @@ void tend_until(struct rig *rig, uint32_t n, uint8_t al_state) {
     exit(1);
 }
 
-void tend_until_all_in_op(struct rig *rig) {
+void poll_until_all_in_op(struct rig *rig) {
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
-        tend_until(rig, n, FSN_AL_OP);
+        poll_until(rig, n, FSN_AL_OP);
     }
 }
 
@@ -138,7 +138,7 @@ struct rig *bring_up_from(struct rig *rig) {
     }
     const struct fsn_thread_options thread = {.cycle_ns = 1000000};
     CHECK(fsn_core_start(rig->core, &thread, NULL) == FSN_OK);
-    tend_until_all_in_op(rig);
+    poll_until_all_in_op(rig);
     return rig;
 }
 
@@ -155,7 +155,7 @@ static bool flows_within(struct rig *rig, uint32_t k, int looks) {
     CHECK(fsn_segment_write_inputs(rig->segment, 2 * k + 1, inputs, sizes[k]) == FSN_OK);
     CHECK(fsn_segment_write_inputs(rig->segment, 1, inputs, sizes[0]) == FSN_OK);
     for (int i = 0; i < looks; i++) {
-        fsn_core_tend(rig->core, FSN_AL_OP, now_ns());
+        fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
         pause_ms(2);
         bool there = true;
         CHECK(fsn_segment_read_outputs(rig->segment, 0, outputs, out_sizes[0], NULL) == FSN_OK);

@@ -34,7 +34,7 @@ struct rig *set_up(void);
 fsn_status open_bus(struct rig *rig);
 /** Takes back what open_bus() made. */
 void close_bus(struct rig *rig);
-/** Opens the bus, starts the cycle and leads all to OP. */
+/** Opens the bus, starts the cycle and brings all to OP. */
 struct rig *bring_up_from(struct rig *rig);
 struct rig *bring_up(void);
 void tear_down(struct rig *rig);
@@ -45,8 +45,8 @@ struct fsn_statistics statistics(struct rig *rig);
  *  too busy, and whoever was lost meanwhile was lost by that. */
 uint64_t lateness(struct rig *rig);
 /** Tends the bus until a SubDevice has an AL state, or none (0); fails after long. */
-void tend_until(struct rig *rig, uint32_t n, uint8_t al_state);
-void tend_until_all_in_op(struct rig *rig);
+void poll_until(struct rig *rig, uint32_t n, uint8_t al_state);
+void poll_until_all_in_op(struct rig *rig);
 /** Whether a frame goes from sub `k` to its place in the main, and one from there to the sub; waits
  *  long for it. */
 bool flows(struct rig *rig, uint32_t k);

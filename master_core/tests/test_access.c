@@ -82,7 +82,7 @@ static void copied_outputs_are_closed(void) {
     emulated_rig_end(&rig);
 }
 
-static void age_and_news_are_told(void) {
+static void age_and_news_are_reported(void) {
     struct emulated_rig rig = set_up_full();
     uint8_t out[9];
     bool fresh = true;
@@ -176,7 +176,7 @@ static void one_core_per_bus(void) {
 }
 
 /** A writer that stopped in the middle of a picture leaves the one before to its readers; a reader
- *  that is overtaken every time is told. */
+ *  that is overtaken every time is reported. */
 static void writer_in_the_middle_takes_nothing_away(void) {
     struct emulated_rig rig = set_up_full();
     struct fsn_rt_snapshot *shown = &rig.core->rt.snapshot;
@@ -220,7 +220,7 @@ static void arguments_are_looked_at(void) {
     CHECK(fsn_core_datagram_byte(rig.core, 1) == FSN_NONE);
     CHECK(fsn_core_stale_cycles(rig.core, 4) == 0);
     CHECK(!fsn_core_event(rig.core, NULL) && !fsn_core_event(NULL, &event));
-    CHECK(fsn_core_tend(NULL, FSN_AL_OP, 1) && fsn_core_tend(rig.core, FSN_AL_OP, 1));
+    CHECK(fsn_core_poll(NULL, FSN_AL_OP, 1) && fsn_core_poll(rig.core, FSN_AL_OP, 1));
     CHECK(fsn_core_subdevice(NULL, 0, &seen) == FSN_E_ARG);
     CHECK(fsn_core_subdevice(rig.core, 0, NULL) == FSN_E_ARG);
     CHECK(fsn_core_subdevice(rig.core, 2, &seen) == FSN_E_ARG);
@@ -365,7 +365,7 @@ int main(void) {
     percentiles_are_ends_of_buckets();
     outputs_touch_their_bits_only();
     copied_outputs_are_closed();
-    age_and_news_are_told();
+    age_and_news_are_reported();
     datagrams_are_cut_at_sync_managers();
     datagrams_end_at_their_limit();
     resets_are_counted_once();

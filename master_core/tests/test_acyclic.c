@@ -1,5 +1,5 @@
 /** Objects and SII through the core, on a bus in memory: what is passed on, and what is refused
- *  before a bus is asked. */
+ *  before a bus is used. */
 #include <string.h>
 
 #include "core/core_internal.h"
@@ -16,7 +16,7 @@ static struct {
     uint8_t sii[FSN_SII_BYTES];
     fsn_status fails;     /**< what the bus answers */
     uint32_t fails_after; /**< after so many good answers */
-    uint32_t steps[STEPS], asked, between, goes_on_for;
+    uint32_t steps[STEPS], reads, between, goes_on_for;
     uint16_t word[2];
     uint32_t words;
     bool forgets; /**< what is written */
@@ -50,7 +50,7 @@ static fsn_status sii_read(void *bus, uint32_t position, uint32_t offset, uint8_
                            uint32_t size_bytes) {
     CHECK(bus == on.rig.bus && position == POSITION && offset % 8 == 0 && size_bytes % 8 == 0);
     CHECK(offset + size_bytes <= FSN_SII_BYTES);
-    on.steps[on.asked++ % STEPS] = size_bytes;
+    on.steps[on.reads++ % STEPS] = size_bytes;
     memcpy(data, on.sii + offset, size_bytes);
     return answer();
 }
@@ -132,7 +132,7 @@ static void what_cannot_be_is_refused(void) {
     on.acyclic.download = NULL;
     CHECK(fsn_core_download(core, 1, &fine) == FSN_E_ABSENT);
     on.acyclic.sii_write = NULL;
-    CHECK(fsn_core_alias_write(core, 1, 1) == FSN_E_ABSENT && on.asked == 0);
+    CHECK(fsn_core_alias_write(core, 1, 1) == FSN_E_ABSENT && on.reads == 0);
     on.acyclic.sii_read = NULL;
     on.acyclic.sii_write = sii_write;
     CHECK(fsn_core_alias_write(core, 1, 1) == FSN_E_ABSENT && on.words == 0);
@@ -154,7 +154,7 @@ static uint32_t category(uint32_t at, uint16_t words) {
 static uint32_t read_sii(uint8_t *data, uint32_t room, fsn_status expected) {
     struct fsn_transfer transfer = {
         .data = data, .size_bytes = room, .between = between, .self = &on};
-    on.asked = 0;
+    on.reads = 0;
     on.between = 0;
     CHECK(fsn_core_sii_read(on.rig.core, 1, &transfer) == expected);
     CHECK(transfer.position == POSITION || expected == FSN_E_ARG);
@@ -167,7 +167,7 @@ static void an_sii_is_read_up_to_its_end(void) {
     set_up();
     memset(on.sii, 0xFF, sizeof on.sii); /* no category at all */
     CHECK(read_sii(data, sizeof data, FSN_OK) == 0x88);
-    CHECK(on.asked == 3 && on.steps[0] == 64 && on.steps[1] == 64 && on.steps[2] == 8);
+    CHECK(on.reads == 3 && on.steps[0] == 64 && on.steps[1] == 64 && on.steps[2] == 8);
     CHECK(on.between == 3);
     uint32_t end = category(category(0x80, 10), 0x0101);
     CHECK(read_sii(data, sizeof data, FSN_OK) == (end + 4 + 7) / 8 * 8);
@@ -181,16 +181,16 @@ static void an_sii_is_read_up_to_its_end(void) {
     memset(on.sii, 0, sizeof on.sii); /* categories without an end */
     CHECK(read_sii(data, sizeof data, FSN_OK) == FSN_SII_BYTES);
     CHECK(read_sii(data, 100, FSN_OK) == 96); /* whole steps of 8 bytes */
-    CHECK(on.asked == 2 && on.steps[1] == 32);
-    CHECK(read_sii(data, 7, FSN_OK) == 0 && on.asked == 0);
+    CHECK(on.reads == 2 && on.steps[1] == 32);
+    CHECK(read_sii(data, 7, FSN_OK) == 0 && on.reads == 0);
     category(0x80, 0xFFFF); /* one that is longer than any SII */
     CHECK(read_sii(data, sizeof data, FSN_OK) == FSN_SII_BYTES);
     on.goes_on_for = 1;
-    CHECK(read_sii(data, sizeof data, FSN_E_STATE) == 128 && on.asked == 2);
+    CHECK(read_sii(data, sizeof data, FSN_E_STATE) == 128 && on.reads == 2);
     on.fails = FSN_E_BUS_MISSING;
     on.fails_after = 1;
     on.goes_on_for = 9;
-    CHECK(read_sii(data, sizeof data, FSN_E_BUS_MISSING) == 64 && on.asked == 2);
+    CHECK(read_sii(data, sizeof data, FSN_E_BUS_MISSING) == 64 && on.reads == 2);
     on.fails = FSN_OK;
     struct fsn_transfer quiet = {.data = data, .size_bytes = 16}; /* nobody comes between */
     CHECK(fsn_core_sii_read(on.rig.core, 1, &quiet) == FSN_OK && quiet.size_bytes == 16);
@@ -212,13 +212,13 @@ static void an_alias_is_written_and_read_back(void) {
     CHECK(fsn_core_alias_write(on.rig.core, 1, 0xABCD) == FSN_OK);
     CHECK(on.words == 2 && on.word[0] == 0xABCD && on.sii[8] == 0xCD && on.sii[9] == 0xAB);
     CHECK(on.sii[14] == fsn_eeprom_checksum(on.sii) && on.sii[15] == 0xFF);
-    CHECK(on.asked == 2 && on.steps[0] == 16 && on.steps[1] == 16);
+    CHECK(on.reads == 2 && on.steps[0] == 16 && on.steps[1] == 16);
     for (uint32_t good = 0; good < 4; good++) {
         on.fails = FSN_E_BUS_MISSING;
         on.fails_after = good;
-        on.words = on.asked = 0;
+        on.words = on.reads = 0;
         CHECK(fsn_core_alias_write(on.rig.core, 1, 0x1234) == FSN_E_BUS_MISSING);
-        CHECK(on.asked + on.words == good + 1); /* nothing goes on behind it */
+        CHECK(on.reads + on.words == good + 1); /* nothing goes on behind it */
     }
     on.fails = FSN_OK;
     on.forgets = true;

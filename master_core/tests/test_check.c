@@ -8,7 +8,7 @@
 
 enum { KNOWN_ADDRESS = 2, SUB = 1, POSITION = 5 };
 
-/** Objects of one SubDevice: whatever is asked, this is the answer. */
+/** Objects of one SubDevice: whatever is read, this is the answer. */
 struct objects {
     fsn_status status;
     uint32_t abort_code;

@@ -69,24 +69,24 @@ static void monitor_follows_a_connection(void) {
     struct emulated_rig rig = set_up();
     static const struct {
         const char *to_sub, *to_main;
-        enum fsn_outside outside;
+        enum fsn_observed observed;
     } steps[] = {
-        {"\x2a\x05\x01\x00\x00\x00", "\x00\x00\x00\x00\x00\x00", FSN_OUTSIDE_SILENT},
-        {"\x2a\x05\x01\x00\x00\x00", "\x2a\x00\x01\x00\x00\x00", FSN_OUTSIDE_RESET},
-        {"\x4e\x05\x01\x00\x00\x00", "\x4e\x00\x01\x00\x00\x00", FSN_OUTSIDE_SESSION},
-        {"\x64\x05\x01\x00\x07\x00", "\x4e\x00\x01\x00\x00\x00", FSN_OUTSIDE_SESSION},
-        {"\x64\x05\x01\x00\x07\x00", "\x64\x00\x01\x00\x07\x00", FSN_OUTSIDE_CONNECTION},
-        {"\x52\x05\x01\x00\x07\x00", "\x52\x00\x01\x00\x07\x00", FSN_OUTSIDE_PARAMETER},
-        {"\x08\x05\x01\x00\x07\x00", "\x08\x00\x01\x00\x07\x00", FSN_OUTSIDE_DATA_FAILSAFE},
-        {"\x36\x05\x01\x00\x07\x00", "\x08\x01\x01\x00\x07\x00", FSN_OUTSIDE_DATA_FAILSAFE},
-        {"\x36\x05\x02\x00\x07\x00", "\x36\x00\x01\x00\x07\x00", FSN_OUTSIDE_DATA_PROCESS},
-        {"\x99\x05\x02\x00\x07\x00", "\x36\x00\x01\x00\x07\x00", FSN_OUTSIDE_UNKNOWN},
+        {"\x2a\x05\x01\x00\x00\x00", "\x00\x00\x00\x00\x00\x00", FSN_OBSERVED_SILENT},
+        {"\x2a\x05\x01\x00\x00\x00", "\x2a\x00\x01\x00\x00\x00", FSN_OBSERVED_RESET},
+        {"\x4e\x05\x01\x00\x00\x00", "\x4e\x00\x01\x00\x00\x00", FSN_OBSERVED_SESSION},
+        {"\x64\x05\x01\x00\x07\x00", "\x4e\x00\x01\x00\x00\x00", FSN_OBSERVED_SESSION},
+        {"\x64\x05\x01\x00\x07\x00", "\x64\x00\x01\x00\x07\x00", FSN_OBSERVED_CONNECTION},
+        {"\x52\x05\x01\x00\x07\x00", "\x52\x00\x01\x00\x07\x00", FSN_OBSERVED_PARAMETER},
+        {"\x08\x05\x01\x00\x07\x00", "\x08\x00\x01\x00\x07\x00", FSN_OBSERVED_DATA_FAILSAFE},
+        {"\x36\x05\x01\x00\x07\x00", "\x08\x01\x01\x00\x07\x00", FSN_OBSERVED_DATA_FAILSAFE},
+        {"\x36\x05\x02\x00\x07\x00", "\x36\x00\x01\x00\x07\x00", FSN_OBSERVED_DATA_PROCESS},
+        {"\x99\x05\x02\x00\x07\x00", "\x36\x00\x01\x00\x07\x00", FSN_OBSERVED_UNKNOWN},
     };
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
         send(&rig, 1, steps[i].to_sub);
         send(&rig, 3, steps[i].to_main);
         emulated_rig_cycle(&rig);
-        CHECK(connection(&rig).outside == (uint32_t)steps[i].outside);
+        CHECK(connection(&rig).observed == (uint32_t)steps[i].observed);
     }
     const struct fsn_connection_status c = connection(&rig);
     CHECK(c.direction[0].frames == 8 && c.direction[0].resets == 1);
@@ -186,20 +186,20 @@ static void without_new_frames_a_connection_is_silent(void) {
     send(&rig, 1, "\x2a\x01\x02\x03\x04\x05");
     send(&rig, 3, "\x2a\x01\x02\x03\x04\x05");
     emulated_rig_cycle(&rig);
-    CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET);
-    CHECK(fsn_core_event(rig.core, &event) && event.after == FSN_OUTSIDE_RESET);
+    CHECK(connection(&rig).observed == FSN_OBSERVED_RESET);
+    CHECK(fsn_core_event(rig.core, &event) && event.after == FSN_OBSERVED_RESET);
     for (int i = 0; i < 1000; i++) {
         emulated_rig_cycle(&rig); /* the plan states no watchdog: a second of patience */
     }
-    CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET && !fsn_core_event(rig.core, &event));
+    CHECK(connection(&rig).observed == FSN_OBSERVED_RESET && !fsn_core_event(rig.core, &event));
     emulated_rig_cycle(&rig);
-    CHECK(connection(&rig).outside == FSN_OUTSIDE_SILENT);
-    CHECK(fsn_core_event(rig.core, &event) && event.after == FSN_OUTSIDE_SILENT);
+    CHECK(connection(&rig).observed == FSN_OBSERVED_SILENT);
+    CHECK(fsn_core_event(rig.core, &event) && event.after == FSN_OBSERVED_SILENT);
     emulated_rig_cycle(&rig);
-    CHECK(!fsn_core_event(rig.core, &event)); /* told once */
+    CHECK(!fsn_core_event(rig.core, &event)); /* reported once */
     send(&rig, 3, "\x2a\x05\x02\x03\x04\x05");
     emulated_rig_cycle(&rig);
-    CHECK(connection(&rig).outside == FSN_OUTSIDE_RESET);
+    CHECK(connection(&rig).observed == FSN_OBSERVED_RESET);
     emulated_rig_end(&rig);
 }
 

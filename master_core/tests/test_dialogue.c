@@ -130,7 +130,7 @@ int main(int argc, char **argv) {
     CHECK(file != NULL && fgets(line, sizeof line, file) != NULL);
     begin();
     bool more = true;
-    unsigned asked = 0;
+    unsigned requests = 0;
     while (more) {
         char question[1024];
         CHECK(strncmp(line, "> ", 2) == 0);
@@ -142,7 +142,7 @@ int main(int argc, char **argv) {
             more = fgets(line, sizeof line, file) != NULL;
         }
         const char *answer = answer_to(question + 2);
-        asked++;
+        requests++;
         if (writes) {
             printf("%s\n%s%s", question, answer, answer[0] != 0 ? "\n" : "");
         } else if (strcmp(answer, expected) != 0) {
@@ -151,7 +151,7 @@ int main(int argc, char **argv) {
         }
     }
     fclose(file);
-    CHECK(asked > 50);
+    CHECK(requests > 50);
     tear_down(&rig);
     return 0;
 }

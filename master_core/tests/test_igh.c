@@ -114,7 +114,7 @@ static bool run(struct rig *rig, unsigned cycles, uint8_t goal) {
     for (unsigned i = 0; i < cycles; i++) {
         rig->now_ns += MS;
         CHECK(fsn_core_cycle(rig->core, rig->now_ns) == FSN_OK);
-        there = fsn_core_tend(rig->core, goal, rig->now_ns);
+        there = fsn_core_poll(rig->core, goal, rig->now_ns);
     }
     return there;
 }
@@ -309,7 +309,7 @@ static void signals_do_no_harm(void) {
     tear_down(rig);
 }
 
-static void clocks_are_told(void) {
+static void clocks_are_reported(void) {
     struct rig *rig = set_up();
     CHECK(open_with(rig, 5) == FSN_OK);
     run(rig, 20, FSN_AL_OP);
@@ -343,7 +343,7 @@ static void devices_return(void) {
     tear_down(rig);
 }
 
-/** IgH leads any device of that vendor and product to OP; it gets no process data from us. */
+/** IgH brings any device of that vendor and product to OP; it gets no process data from us. */
 static void another_address_gets_nothing(void) {
     struct rig *rig = bring_up();
     fake_unplug(1);
@@ -408,7 +408,7 @@ static void counters_are_read(void) {
     CHECK(look(rig, 0).rx_errors[1] == 7 && look(rig, 0).link_lost[1] == 3);
     CHECK(look(rig, 1).vendor_id == 2 && look(rig, 1).product_code == 0x1001);
     struct fsn_bus_subdevice seen;
-    CHECK(fsn_backend_igh()->ops->look(rig->bus, 2, &seen) == FSN_E_ARG);
+    CHECK(fsn_backend_igh()->ops->state(rig->bus, 2, &seen) == FSN_E_ARG);
     tear_down(rig);
 }
 
@@ -695,7 +695,7 @@ static void another_device_that_goes_is_still_another(void) {
     tear_down(rig);
 }
 
-/** Who never told an FSoE address need not tell it when he returns. */
+/** A SubDevice whose FSoE address was never read need not show it when it returns. */
 static void an_address_that_was_never_told_is_not_asked_for(void) {
     struct rig *rig = set_up();
     for (unsigned i = 0; i < fake.device[1].object_count; i++) {
@@ -875,7 +875,7 @@ int main(void) {
     data_flows();
     losses_keep_old_bytes();
     signals_do_no_harm();
-    clocks_are_told();
+    clocks_are_reported();
     devices_return();
     another_address_gets_nothing();
     another_revision_gets_nothing();

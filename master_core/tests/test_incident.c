@@ -69,7 +69,7 @@ static void take_job(void *self, struct fsn_job *job) {
 }
 
 static struct fsn_control_host host;
-static char told[2000];
+static char logged[2000];
 static const char *state = "running";
 
 static void keep_text(void *self, enum fsn_log_level level, const char *text, const char *json,
@@ -77,8 +77,8 @@ static void keep_text(void *self, enum fsn_log_level level, const char *text, co
     (void)self;
     (void)json;
     (void)json_bytes;
-    const size_t used = strlen(told);
-    snprintf(told + used, sizeof told - used, "%c %s\n", "diwe"[level], text);
+    const size_t used = strlen(logged);
+    snprintf(logged + used, sizeof logged - used, "%c %s\n", "diwe"[level], text);
 }
 
 static void tell_state(void *self, struct fsn_control_status *status) {
@@ -96,7 +96,7 @@ static struct rig set_up(void) {
     host = test_host(take_job);
     host.log = keep_text;
     host.status = tell_state;
-    told[0] = 0;
+    logged[0] = 0;
     rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(rig.control != NULL);
     CHECK(fsn_control_keep_incidents(rig.control, rig.folder, &refusal) == FSN_OK);
@@ -199,7 +199,7 @@ static void a_second_failure_has_its_own(void) {
     CHECK(tear_down(&rig) == 7);
 }
 
-/** A SubDevice that refuses a state is one incident until it is in OP, however often it is asked.
+/** A SubDevice that refuses a state is one incident until it is in OP, however often it is tried.
  */
 static void a_subdevice_that_refuses_is_one(void) {
     struct rig rig = set_up();
@@ -210,7 +210,7 @@ static void a_subdevice_that_refuses_is_one(void) {
     cycle_at(&rig, second);
     for (int i = 0; i < 3; i++) {
         fsn_incident_subdevice(rig.control->services.incidents, 1, &seen, second);
-        seen.found = FSN_FOUND_RIGHT; /* it is asked again */
+        seen.found = FSN_FOUND_RIGHT; /* it is tried again */
         fsn_incident_subdevice(rig.control->services.incidents, 1, &seen, second);
         seen.found = FSN_FOUND_STATE;
     }
@@ -239,10 +239,10 @@ static void a_subdevice_that_refuses_is_one(void) {
 /** Who was in Data has left it, and not never come. */
 static void who_was_in_data_did_come(void) {
     struct rig rig = set_up();
-    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OUTSIDE_RESET);
+    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OBSERVED_RESET);
     CHECK(rig.control->services.incidents->reported[0] == 0);
-    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OUTSIDE_DATA_PROCESS);
-    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OUTSIDE_RESET);
+    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OBSERVED_DATA_PROCESS);
+    fsn_incident_connection(rig.control->services.incidents, 0, FSN_OBSERVED_RESET);
     CHECK(rig.control->services.incidents->reported[0] == 1);
     CHECK(tear_down(&rig) == 0);
 }
@@ -258,10 +258,10 @@ static void one_that_runs_is_not_either(void) {
 
 /* -- what goes wrong ------------------------------------------------------------------------- */
 
-/** One incident from its begin to its end; what was told of it, with `*` for the folder. */
+/** One incident from its begin to its end; what was reported of it, with `*` for the folder. */
 static const char *one_incident(struct rig *rig, uint64_t now_ns) {
     static char text[2000];
-    told[0] = 0;
+    logged[0] = 0;
     begin_at(rig, now_ns);
     cycle_at(rig, now_ns + UINT64_C(1000) * MS);
     struct fsn_incidents *in = rig->control->services.incidents;
@@ -270,7 +270,7 @@ static const char *one_incident(struct rig *rig, uint64_t now_ns) {
         usleep(100);
     }
     size_t used = 0;
-    for (const char *at = told; *at != 0; at++) {
+    for (const char *at = logged; *at != 0; at++) {
         const size_t len = strlen(rig->folder);
         const bool folder = strncmp(at, rig->folder, len) == 0;
         text[used++] = folder ? '*' : *at;
@@ -280,7 +280,7 @@ static const char *one_incident(struct rig *rig, uint64_t now_ns) {
     return text;
 }
 
-static void is_told(const char *got, const char *expected) {
+static void is_logged(const char *got, const char *expected) {
     if (strcmp(got, expected) != 0) {
         fprintf(stderr, "said     %sexpected %s", got, expected);
         exit(1);
@@ -299,31 +299,31 @@ static const char *file_at(uint64_t now_ns, const char *number) {
     return name;
 }
 
-static void a_system_that_refuses_is_told(void) {
+static void a_system_that_refuses_is_reported(void) {
     struct rig rig = set_up();
     char expected[500];
     const uint64_t second = UINT64_C(1000) * MS;
     cycle_at(&rig, second);
     snprintf(expected, sizeof expected, "w incident: a test; fsoe-net incident %s\n",
              file_at(second, ""));
-    is_told(one_incident(&rig, second), expected);
+    is_logged(one_incident(&rig, second), expected);
     snprintf(expected, sizeof expected, "w incident: a test; fsoe-net incident %s\n",
              file_at(second, "-2"));
-    is_told(one_incident(&rig, second), expected); /* nothing that exists is touched */
+    is_logged(one_incident(&rig, second), expected); /* nothing that exists is touched */
     fails.fsync = EIO;
     snprintf(expected, sizeof expected,
              "e incident: a test; %s ends after 4 cycles: Input/output error\n",
              file_at(2 * second, ""));
-    is_told(one_incident(&rig, 2 * second), expected);
+    is_logged(one_incident(&rig, 2 * second), expected);
     fails.fsync = 0;
     fails.fdopen = ENOMEM;
     snprintf(expected, sizeof expected,
              "e incident: a test; %s ends after 0 cycles: Cannot allocate memory\n",
              file_at(3 * second, ""));
-    is_told(one_incident(&rig, 3 * second), expected);
+    is_logged(one_incident(&rig, 3 * second), expected);
     fails.fdopen = 0;
     fails.thread = EAGAIN;
-    is_told(one_incident(&rig, 4 * second), "e an incident is not kept: no memory for it\n");
+    is_logged(one_incident(&rig, 4 * second), "e an incident is not kept: no memory for it\n");
     fails.thread = 0;
     CHECK(tear_down(&rig) == 4);
 }
@@ -346,9 +346,9 @@ static void a_folder_has_a_limit(void) {
     snprintf(path, sizeof path, "%s/of-before.fsnincident", rig.folder);
     fd = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
     CHECK(fd >= 0 && ftruncate(fd, 2 << 20) == 0 && close(fd) == 0);
-    is_told(one_incident(&rig, 2 * second),
-            "e incident: a test; not kept, for the incident files in * have 2 MiB; move some of "
-            "them away, or start with a higher --incidents-limit\n");
+    is_logged(one_incident(&rig, 2 * second),
+              "e incident: a test; not kept, for the incident files in * have 2 MiB; move some of "
+              "them away, or start with a higher --incidents-limit\n");
     CHECK(tear_down(&rig) == 5);
 }
 
@@ -402,7 +402,7 @@ static void a_file_says_what_is_new(void) {
     const ssize_t got = read(fd, text, sizeof text - 1);
     CHECK(got > 0 && close(fd) == 0);
     text[got] = 0;
-    is_told(text, expected);
+    is_logged(text, expected);
     struct stat found;
     CHECK(stat(path, &found) == 0 && (found.st_mode & 0111) == 0);
     CHECK(tear_down(&rig) == 1);
@@ -435,10 +435,10 @@ static void a_hundred_are_enough(void) {
     cycle_at(&rig, second);
     rig.control->services.incidents->files = 99;
     CHECK(strstr(one_incident(&rig, second), "w incident: a test; fsoe-net") != NULL);
-    told[0] = 0;
+    logged[0] = 0;
     for (int i = 0; i < 3; i++) {
         CHECK(!fsn_incident_begin(rig.control->services.incidents, &trigger));
-        is_told(told, "w 100 incidents were kept since the start; no more will be\n");
+        is_logged(logged, "w 100 incidents were kept since the start; no more will be\n");
     }
     CHECK(tear_down(&rig) == 1);
 }
@@ -505,14 +505,14 @@ static void without_a_folder_nothing_is_kept(void) {
     fsn_incident_turn(control->services.incidents, 1);
     fsn_incident_detach(control->services.incidents);
     fsn_incident_event(control->services.incidents, "{}", 2);
-    fsn_incident_connection(control->services.incidents, 0, FSN_OUTSIDE_DATA_PROCESS);
+    fsn_incident_connection(control->services.incidents, 0, FSN_OBSERVED_DATA_PROCESS);
     CHECK(!fsn_incident_begin(control->services.incidents, &trigger));
     fsn_control_free(control);
     CHECK(tear_down(&rig) == 0);
 }
 
 #ifdef FSN_TEST_HEAP
-/** Whichever allocation fails at the end of the window: a file comes of it, or it is told. */
+/** Whichever allocation fails at the end of the window: a file comes of it, or it is reported. */
 static void memory_runs_out(void) {
     struct rig rig = set_up();
     const uint64_t second = UINT64_C(1000) * MS;
@@ -521,7 +521,7 @@ static void memory_runs_out(void) {
     cycle_at(&rig, second);
     for (long n = 1; kept < 3; n++) {
         const uint64_t now_ns = second * (uint64_t)(n + 1);
-        told[0] = 0;
+        logged[0] = 0;
         begin_at(&rig, now_ns);
         cycle_at(&rig, now_ns + second);
         struct fsn_incidents *in = rig.control->services.incidents;
@@ -534,10 +534,10 @@ static void memory_runs_out(void) {
             fsn_incident_turn(rig.control->services.incidents, now_ns + second);
             usleep(100);
         }
-        kept += strstr(told, "w incident: a test; fsoe-net incident ") != NULL;
-        lost += strcmp(told, "e an incident is not kept: no memory for it\n") == 0;
-        if (kept + lost < n && strstr(told, "Cannot allocate memory") == NULL) {
-            fprintf(stderr, "allocation %ld: %s\n", n, told);
+        kept += strstr(logged, "w incident: a test; fsoe-net incident ") != NULL;
+        lost += strcmp(logged, "e an incident is not kept: no memory for it\n") == 0;
+        if (kept + lost < n && strstr(logged, "Cannot allocate memory") == NULL) {
+            fprintf(stderr, "allocation %ld: %s\n", n, logged);
             exit(1);
         }
         CHECK(n < 200);
@@ -551,7 +551,7 @@ int main(void) {
 #ifdef FSN_TEST_HEAP
     memory_runs_out();
 #endif
-    a_system_that_refuses_is_told();
+    a_system_that_refuses_is_reported();
     a_folder_has_a_limit();
     a_file_says_what_is_new();
     a_window_has_its_begin();

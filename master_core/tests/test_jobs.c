@@ -146,7 +146,7 @@ static void messages_are_decoded(void) {
     }
 }
 
-/** Every type of a parameter, and what is none: the rest of it stays in `data` only. */
+/** Every type of a parameter, and what is not a type: the rest of it stays in `data` only. */
 static void parameters_have_types(void) {
     static const struct {
         uint8_t bytes[12];

@@ -1,5 +1,5 @@
-/** Leases over a socket: who was silent is told by what lay there at the last poll, not by how long
- *  the control thread was away itself. No time passes here. */
+/** Leases over a socket: who was silent is reported by what lay there at the last poll, not by how
+ * long the control thread was away itself. No time passes here. */
 #define _GNU_SOURCE
 
 #include <poll.h>

@@ -55,22 +55,22 @@ int socket(int domain, int type, int protocol) {
 int ioctl(int fd, unsigned long request, ...) {
     va_list arguments;
     va_start(arguments, request);
-    struct ifreq *asked = va_arg(arguments, struct ifreq *);
+    struct ifreq *ifr = va_arg(arguments, struct ifreq *);
     va_end(arguments);
     (void)fd;
     if (request != SIOCGIFFLAGS && fails()) {
         return -1;
     }
     if (request == SIOCETHTOOL) {
-        struct ethtool_drvinfo *info = (void *)asked->ifr_data;
+        struct ethtool_drvinfo *info = (void *)ifr->ifr_data;
         CHECK(info->cmd == ETHTOOL_GDRVINFO);
         snprintf(info->driver, sizeof info->driver, "%s", os.driver);
     } else if (request == SIOCGIFMTU) {
-        asked->ifr_mtu = os.mtu;
+        ifr->ifr_mtu = os.mtu;
     } else {
         CHECK(request == SIOCGIFFLAGS);
-        CHECK(strcmp(asked->ifr_name, "a") == 0 || strcmp(asked->ifr_name, "b") == 0);
-        asked->ifr_flags = (short)(IFF_UP | (atomic_load(&os.running) ? IFF_RUNNING : 0));
+        CHECK(strcmp(ifr->ifr_name, "a") == 0 || strcmp(ifr->ifr_name, "b") == 0);
+        ifr->ifr_flags = (short)(IFF_UP | (atomic_load(&os.running) ? IFF_RUNNING : 0));
     }
     return 0;
 }
@@ -207,11 +207,11 @@ static void real_interfaces_are_refused(void) {
     end();
 }
 
-/** Whichever call fails, it is told, nothing stays open, and the next try works. Only an MTU that
- *  nobody tells is none that is too small. */
+/** Whichever call fails, it is reported, nothing stays open, and the next try works. Only an MTU
+ * that nobody tells is none that is too small. */
 static void each_call_may_fail(void) {
     const struct fsn_segment_link_options ring = {.interface = "a", .interface2 = "b"};
-    unsigned told = 0, not_virtual = 0, good = 0;
+    unsigned logged = 0, not_virtual = 0, good = 0;
     begin();
     for (int n = 1, left = 0; left == 0; n++) {
         int error = 0;
@@ -220,14 +220,14 @@ static void each_call_may_fail(void) {
         left = os.fails_in;
         os.fails_in = 0;
         CHECK(status != FSN_E_SYS || error == EPERM || error == ENODEV);
-        told += status == FSN_E_SYS;
+        logged += status == FSN_E_SYS;
         not_virtual += status == FSN_E_ARG;
         good += status == FSN_OK;
         hang_up();
         CHECK(plug(ring, NULL) == FSN_OK && answer_at(0, 1) == 2);
         hang_up();
     }
-    CHECK(told == 14 && not_virtual == 2 && good == 3);
+    CHECK(logged == 14 && not_virtual == 2 && good == 3);
     end();
 }
 

@@ -201,8 +201,8 @@ static void leave_dead_socket(void) {
     CHECK(bind(dead, (const struct sockaddr *)&address, sizeof address) == 0 && close(dead) == 0);
 }
 
-/** Whatever the system refuses is told, and no file of ours stays. */
-static void a_system_that_refuses_is_told(void) {
+/** Whatever the system refuses is reported, and no file of ours stays. */
+static void a_system_that_refuses_is_reported(void) {
     static const char another[] = "--socket PATH names another place";
     static const struct {
         int *call, in;
@@ -230,7 +230,7 @@ static void a_system_that_refuses_is_told(void) {
         CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
         tear_down();
     }
-    /* A file that has gone by itself is none to remove, nor one that cannot be looked at. */
+    /* A file that has gone by itself is not removed, nor one that cannot be looked at. */
     set_up();
     CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
     fails_in.lstat = 1;
@@ -339,7 +339,7 @@ static void strangers_are_turned_away(void) {
     as_user(STRANGER, 7001, no);
     as_user(4005, 7001, no);
     as_user(0, 99, "{\"ok\":true");
-    fails_in.getsockopt = 1; /* who cannot be told is nobody */
+    fails_in.getsockopt = 1; /* who cannot be reported is nobody */
     as_user(0, 99, no);
     tear_down();
 }
@@ -347,7 +347,7 @@ static void strangers_are_turned_away(void) {
 int main(void) {
     who_may_connect();
     paths_are_refused();
-    a_system_that_refuses_is_told();
+    a_system_that_refuses_is_reported();
     the_file_is_for_those_who_may();
     dead_sockets_make_way();
     strangers_are_turned_away();

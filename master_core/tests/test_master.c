@@ -15,7 +15,7 @@
 #include "fsn/emulated.h"
 #include "master.h"
 
-/** A bus that behaves as told, and remembers in which order it was used. */
+/** A bus that behaves as set, and remembers in which order it was used. */
 static struct bus {
     struct fsn_emulated *memory;
     fsn_status refusal; /**< what open() answers, `refusals` times */
@@ -24,7 +24,7 @@ static struct bus {
     bool stubborn; /**< never leaves OP */
     atomic_uint al_state, tends, sent;
     atomic_uint output;       /**< the byte behind the frame, as last sent */
-    unsigned output_at_leave; /**< the same when SAFEOP was asked for */
+    unsigned output_at_leave; /**< the same when SAFEOP was requested */
     unsigned sent_at_leave, sent_at_close;
 } bus;
 
@@ -70,7 +70,7 @@ static void bus_close(void *context) {
     fsn_emulated_free(bus.memory);
 }
 
-static bool bus_tend(void *context, uint8_t al_state, uint64_t now_ns) {
+static bool bus_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     (void)context;
     (void)now_ns;
     if (al_state == FSN_AL_SAFEOP && bus.sent_at_leave == 0) {
@@ -92,7 +92,7 @@ static bool bus_tend(void *context, uint8_t al_state, uint64_t now_ns) {
     return true;
 }
 
-static fsn_status bus_look(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+static fsn_status bus_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
     (void)context;
     (void)subdevice;
     *seen =
@@ -105,8 +105,8 @@ static const struct fsn_bus_ops ops = {.name = "test",
                                        .receive = bus_receive,
                                        .send = bus_send,
                                        .close = bus_close,
-                                       .tend = bus_tend,
-                                       .look = bus_look};
+                                       .poll = bus_poll,
+                                       .state = bus_state};
 
 static fsn_status make(const struct fsn_live_options *options, void **context,
                        struct fsn_fault *fault) {

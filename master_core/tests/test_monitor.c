@@ -128,7 +128,7 @@ static void start_up_is_followed(void) {
         CHECK(fsn_monitor_frame(&monitor, way, frame, i) == FSN_VERDICT_RIGHT);
         CHECK(fsn_monitor_frame(&monitor, way, frame, i) == FSN_VERDICT_SAME);
     }
-    CHECK(monitor.status.outside == FSN_OUTSIDE_DATA_FAILSAFE);
+    CHECK(monitor.status.observed == FSN_OBSERVED_DATA_FAILSAFE);
     CHECK(monitor.status.direction[0].right == 8 && monitor.status.direction[1].right == 8);
     CHECK(monitor.status.direction[0].wrong == 0 && monitor.status.gaps == 0);
     uint8_t wrong[7];
@@ -211,7 +211,7 @@ static void numbers_go_around(void) {
         }
     }
     CHECK(monitor.status.direction[0].right == 70001 && monitor.status.direction[1].right == 70000);
-    CHECK(monitor.status.gaps == 0 && monitor.status.outside == FSN_OUTSIDE_DATA_PROCESS);
+    CHECK(monitor.status.gaps == 0 && monitor.status.observed == FSN_OBSERVED_DATA_PROCESS);
     CHECK(monitor.status.direction[0].connection_id == 0x1234);
 }
 
@@ -262,7 +262,7 @@ static void one_end_alone_is_not_checked(void) {
     CHECK(monitor.status.gaps == 1 && monitor.status.direction[0].wrong == 0);
 }
 
-/** What was never known is not lost: no gap is told. */
+/** What was never known is not lost: no gap is reported. */
 static void what_was_not_known_is_no_gap(void) {
     struct chain c = chain_of(6, 6, 700);
     struct fsn_monitor monitor;
@@ -407,7 +407,8 @@ static void intervals_are_counted(void) {
     CHECK(d->frames == 9 && d->process_data == 4 && d->failsafe_data == 2 && d->resets == 1);
     CHECK(d->reset_code == 6 && d->command == FSN_CMD_FAILSAFE_DATA);
     CHECK(d->connection_id == 0x0403 && monitor.status.direction[FSN_TO_SUB].frames == 0);
-    CHECK(d->wrong + d->unchecked + d->right == 9 && monitor.status.outside == FSN_OUTSIDE_SILENT);
+    CHECK(d->wrong + d->unchecked + d->right == 9 &&
+          monitor.status.observed == FSN_OBSERVED_SILENT);
 }
 
 /** Which frame of a cycle came first; both are new and the chain tells. */
@@ -469,19 +470,19 @@ static void outside_is_what_both_show(void) {
                                    "RSCPFDU"
                                    "RSCPUUU";
     static const char names[] = {
-        [FSN_OUTSIDE_RESET] = 'R',         [FSN_OUTSIDE_SESSION] = 'S',
-        [FSN_OUTSIDE_CONNECTION] = 'C',    [FSN_OUTSIDE_PARAMETER] = 'P',
-        [FSN_OUTSIDE_DATA_FAILSAFE] = 'F', [FSN_OUTSIDE_DATA_PROCESS] = 'D',
-        [FSN_OUTSIDE_UNKNOWN] = 'U'};
+        [FSN_OBSERVED_RESET] = 'R',         [FSN_OBSERVED_SESSION] = 'S',
+        [FSN_OBSERVED_CONNECTION] = 'C',    [FSN_OBSERVED_PARAMETER] = 'P',
+        [FSN_OBSERVED_DATA_FAILSAFE] = 'F', [FSN_OBSERVED_DATA_PROCESS] = 'D',
+        [FSN_OBSERVED_UNKNOWN] = 'U'};
     for (size_t i = 0; i < 49; i++) {
         struct fsn_monitor monitor;
         CHECK(fsn_monitor_init(&monitor, 6, 6) == FSN_OK);
         const uint8_t to_sub[6] = {commands[i / 7]};
         const uint8_t to_main[6] = {commands[i % 7]};
         (void)fsn_monitor_frame(&monitor, FSN_TO_SUB, to_sub, 1);
-        CHECK(monitor.status.outside == FSN_OUTSIDE_SILENT);
+        CHECK(monitor.status.observed == FSN_OBSERVED_SILENT);
         (void)fsn_monitor_frame(&monitor, FSN_TO_MAIN, to_main, 1);
-        CHECK(names[monitor.status.outside] == expected[i]);
+        CHECK(names[monitor.status.observed] == expected[i]);
     }
 }
 

@@ -1,5 +1,5 @@
 /** An interface as a MainDevice uses it, on a system that this program plays: which frames pass the
- *  filters, what is asked of a socket, and what is told when the system refuses. */
+ *  filters, what is set on a socket, and what is reported when the system refuses. */
 #define _DEFAULT_SOURCE
 
 #include <errno.h>
@@ -33,7 +33,7 @@ static struct {
     short flags;
     uint8_t address[6];
     uint32_t counted;
-    /* What was asked. */
+    /* What was requested. */
     int opens, closes, family, type, protocol_of_socket;
     struct sock_filter code[32];
     size_t code_len;
@@ -79,19 +79,19 @@ unsigned if_nametoindex(const char *name) {
 int ioctl(int fd, unsigned long request, ...) {
     va_list arguments;
     va_start(arguments, request);
-    struct ifreq *asked = va_arg(arguments, struct ifreq *);
+    struct ifreq *ifr = va_arg(arguments, struct ifreq *);
     va_end(arguments);
-    CHECK(fd == FD && strcmp(asked->ifr_name, "eth7") == 0);
+    CHECK(fd == FD && strcmp(ifr->ifr_name, "eth7") == 0);
     if (os.ioctl_fails != 0) {
         return answer(os.ioctl_fails);
     }
     if (request == SIOCGIFMTU) {
-        asked->ifr_mtu = os.mtu;
+        ifr->ifr_mtu = os.mtu;
     } else if (request == SIOCGIFHWADDR) {
-        memcpy(asked->ifr_hwaddr.sa_data, os.address, sizeof os.address);
+        memcpy(ifr->ifr_hwaddr.sa_data, os.address, sizeof os.address);
     } else {
         CHECK(request == SIOCGIFFLAGS);
-        asked->ifr_flags = os.flags;
+        ifr->ifr_flags = os.flags;
     }
     return 0;
 }
@@ -187,7 +187,7 @@ static void set_up(void) {
     os.mtu = 1500;
 }
 
-static void told(fsn_status status, int error, const char *rule, const char *detail, int line) {
+static void logged(fsn_status status, int error, const char *rule, const char *detail, int line) {
     if (fault.status != status || fault.sys_errno != error || strcmp(fault.rule, rule) != 0 ||
         strcmp(fault.detail, detail) != 0 || os.opens != os.closes) {
         fprintf(stderr, "line %d: %d, errno %d, %s: %s; %d opened, %d closed\n", line, fault.status,
@@ -196,7 +196,7 @@ static void told(fsn_status status, int error, const char *rule, const char *det
     }
 }
 
-#define TOLD(status, error, rule, detail) told(status, error, rule, detail, __LINE__)
+#define TOLD(status, error, rule, detail) logged(status, error, rule, detail, __LINE__)
 
 /* -- filters --------------------------------------------------------------------------------- */
 
@@ -335,7 +335,7 @@ static fsn_status listen_to_it(void) {
 }
 
 /** Whatever opens a raw socket says the same when it cannot. */
-static void refusals_are_told(void) {
+static void refusals_are_reported(void) {
     static fsn_status (*const opens[])(void) = {open_it, open_ear, listen_to_it};
     for (size_t i = 0; i < 3; i++) {
         set_up();
@@ -463,7 +463,7 @@ static void tags_and_links_are_read(void) {
 int main(void) {
     filters_tell_frames_apart();
     sockets_are_set_up();
-    refusals_are_told();
+    refusals_are_reported();
     an_interface_has_one_user();
     others_are_heard();
     a_frame_is_tried();

@@ -170,8 +170,8 @@ static void look_back(void *bus, struct fsn_bus_input *input) {
     atomic_fetch_add(&held_up.looks, 1);
 }
 
-/** A cycle that came too late is told together with what was left out because of it: its time and
- *  the counters of one picture fit each other. */
+/** A cycle that came too late is reported together with what was left out because of it: its time
+ * and the counters of one picture fit each other. */
 static void a_picture_counts_what_was_left_out_before_it(void) {
     struct emulated_rig rig = set_up(CYCLE_NS);
     fsn_core_free(rig.core);

@@ -156,14 +156,14 @@ static void bus_send(void *bus) {
     (void)bus;
 }
 
-static bool bus_tend(void *bus, uint8_t al_state, uint64_t now_ns) {
+static bool bus_poll(void *bus, uint8_t al_state, uint64_t now_ns) {
     (void)bus;
     (void)al_state;
     (void)now_ns;
     return true;
 }
 
-static fsn_status bus_look(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+static fsn_status bus_state(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
     (void)bus;
     *seen = on.seen[subdevice];
     return FSN_OK;
@@ -394,9 +394,10 @@ static void host_state(void *self, struct fsn_control_status *status) {
                                           .free_run = on.stateless};
 }
 
-static fsn_status host_wish(void *self, enum fsn_wish wish, struct fsn_refusal *refusal) {
+static fsn_status host_request(void *self, enum fsn_program_request request,
+                               struct fsn_refusal *refusal) {
     (void)self;
-    return wish != FSN_WISH_RESTART
+    return request != FSN_PROGRAM_RESTART
                ? FSN_OK
                : fsn_refusal_set(refusal, FSN_E_BUSY, "wait", "it is on its way already");
 }
@@ -442,12 +443,12 @@ static void set_up(void) {
                                   .open = bus_open,
                                   .receive = bus_receive,
                                   .send = bus_send,
-                                  .tend = bus_tend,
-                                  .look = bus_look,
+                                  .poll = bus_poll,
+                                  .state = bus_state,
                                   .acyclic = &on.acyclic};
     host = test_host(submit);
     host.status = host_state;
-    host.wish = host_wish;
+    host.request = host_request;
     CHECK(fsn_core_create(on.plan, &on.ops, &on, &on.core, NULL) == FSN_OK);
     on.control = fsn_control_create(on.plan, &host, &nobody);
     CHECK(on.control != NULL);

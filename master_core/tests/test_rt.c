@@ -341,7 +341,8 @@ static void times_fall_into_their_buckets(void) {
 
 /* -- what it keeps -------------------------------------------------------------------------- */
 
-/** A slot is whole when its sequence says so; times that do not fit are as long as can be told. */
+/** A slot is whole when its sequence says so; times that do not fit are as long as can be reported.
+ */
 static void a_record_holds_the_cycle(void) {
     set_up(3);
     wall.tick_ns = 1;
@@ -381,7 +382,7 @@ static void a_record_holds_the_cycle(void) {
     CHECK(record.overruns == record.late_ns && record.round_trip_ns == 0);
 }
 
-/** The longest time that can be told is told exactly. */
+/** The longest time that can be reported is reported exactly. */
 static void a_record_tells_times_exactly(void) {
     set_up(1);
     on.rt.recorder.words = on.slots;
@@ -453,13 +454,14 @@ static void a_reset_is_put_down_to_its_end(void) {
         fsn_rt_monitor(&on.rt, 50);
         const struct fsn_event event = only_event();
         CHECK(event.by == table[i].by && event.reset_code == table[i].code);
-        CHECK(event.before == FSN_OUTSIDE_SILENT && event.after == FSN_OUTSIDE_RESET);
+        CHECK(event.before == FSN_OBSERVED_SILENT && event.after == FSN_OBSERVED_RESET);
         CHECK(event.now_ns == 50 && event.connection == 0);
         CHECK(memcmp(one.image, image, sizeof image) == 0 && one.watch.unshown == FSN_RT_PICTURES);
     }
 }
 
-/** Silence counts from the last new frame, also from one at time 0; each change is told once. */
+/** Silence counts from the last new frame, also from one at time 0; each change is reported once.
+ */
 static void silence_begins_after_its_time(void) {
     static const uint64_t begin[] = {0, 5000};
     for (int i = 0; i < 2; i++) {
@@ -469,21 +471,21 @@ static void silence_begins_after_its_time(void) {
         memcpy(one.image, image, sizeof image);
         fsn_rt_monitor(&on.rt, begin[i]);
         struct fsn_event event = only_event();
-        CHECK(event.after == FSN_OUTSIDE_DATA_PROCESS && event.by == 0 && event.reset_code == 0);
+        CHECK(event.after == FSN_OBSERVED_DATA_PROCESS && event.by == 0 && event.reset_code == 0);
         CHECK(one.watch.new_ns == new_ns);
         one.watch.unshown = 0;
         fsn_rt_monitor(&on.rt, new_ns + 1000);
         CHECK(on.rt.ring.head == on.rt.ring.tail && one.watch.unshown == 0);
         fsn_rt_monitor(&on.rt, new_ns + 1001);
         event = only_event();
-        CHECK(event.before == FSN_OUTSIDE_DATA_PROCESS && event.after == FSN_OUTSIDE_SILENT);
+        CHECK(event.before == FSN_OBSERVED_DATA_PROCESS && event.after == FSN_OBSERVED_SILENT);
         CHECK(event.by == 0 && event.reset_code == 0 && event.now_ns == new_ns + 1001);
         CHECK(one.watch.new_ns == 0 && one.watch.unshown == FSN_RT_PICTURES);
         fsn_rt_monitor(&on.rt, new_ns + 9000);
         CHECK(on.rt.ring.head == on.rt.ring.tail);
         one.image[1] ^= 0x40; /* one end is enough to be heard again */
         fsn_rt_monitor(&on.rt, new_ns + 9001);
-        CHECK(only_event().after == FSN_OUTSIDE_DATA_PROCESS);
+        CHECK(only_event().after == FSN_OBSERVED_DATA_PROCESS);
         one.image[7] ^= 0x40;
         fsn_rt_monitor(&on.rt, new_ns + 9002);
         CHECK(on.rt.ring.head == on.rt.ring.tail && one.watch.new_ns == new_ns + 9002);

@@ -15,7 +15,7 @@ struct device {
     uint8_t answer[MAILBOX];
     bool has_answer;
     uint8_t counter;
-    const uint8_t *script; /**< bodies of 10 bytes, told instead */
+    const uint8_t *script; /**< bodies of 10 bytes, sent instead */
     uint32_t script_left;
     uint32_t sent, aborts;
     bool mute;

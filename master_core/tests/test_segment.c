@@ -88,7 +88,7 @@ static void frames_are_checked(void) {
 }
 
 /** A plan may place a SubDevice where the emulation has no room, and none is there then. */
-static void what_is_not_there_is_told(void) {
+static void what_is_not_there_is_reported(void) {
     struct rig rig = {.bytes = NULL};
     size_t len;
     uint8_t byte = 0;
@@ -505,7 +505,7 @@ int main(void) {
     working_counters();
     hostile_frames_get_no_answer();
     frames_are_checked();
-    what_is_not_there_is_told();
+    what_is_not_there_is_reported();
     a_free_place_has_a_coupler();
     what_the_plan_knows_is_shown();
     the_watchdog_takes_its_time_from_the_registers();

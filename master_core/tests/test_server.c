@@ -60,7 +60,7 @@ static struct rig {
     int peer[3];
     struct pollfd fds[FSN_CONTROL_FDS];
     uint64_t wait_ns, cycle_ns;
-    char told[4096];
+    char logged[4096];
 } rig;
 
 static struct fsn_control_host host;
@@ -68,8 +68,8 @@ static struct fsn_control_host host;
 static void keep(void *self, enum fsn_log_level level, const char *text, const char *json,
                  size_t json_bytes) {
     (void)self;
-    const size_t used = strlen(rig.told);
-    snprintf(rig.told + used, sizeof rig.told - used, "%c %s\n%.*s\n", "diwe"[level], text,
+    const size_t used = strlen(rig.logged);
+    snprintf(rig.logged + used, sizeof rig.logged - used, "%c %s\n%.*s\n", "diwe"[level], text,
              (int)json_bytes, json);
 }
 
@@ -235,12 +235,12 @@ static void who_leaves_is_dropped_quietly(void) {
     rig.peer[0] = -1;
     turn();
     CHECK(rig.control->client[0].fd == -1 && rig.control->client[1].fd >= 0);
-    CHECK(rig.told[0] == 0);
+    CHECK(rig.logged[0] == 0);
     /* Nor is the end of a connection news while an answer is on its way. */
     fsn_client_put(&rig.control->client[1], "x\n", 2);
     send_fails = EPIPE;
     turn();
-    CHECK(rig.control->client[1].fd == -1 && rig.told[0] == 0);
+    CHECK(rig.control->client[1].fd == -1 && rig.logged[0] == 0);
     tear_down(2);
 }
 
@@ -284,7 +284,7 @@ static void who_does_not_read_is_dropped(void) {
     turn();
     CHECK(client->fd == -1);
     CHECK(
-        strcmp(rig.told,
+        strcmp(rig.logged,
                "w client 1 (pid 100) dropped: does not read\n"
                "{\"event\":\"dropped\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
                "\"now_ns\":1005000000001,\"client\":1,\"pid\":100,\"why\":\"does not read\","
@@ -313,7 +313,7 @@ static void there_is_a_limit_to_what_is_unread(void) {
     client[2].events = true;
     turn();
     CHECK(client[0].fd == -1 && client[1].fd == -1 && client[2].fd >= 0);
-    CHECK(lines_of(heard(2)) == 2); /* the others are told of both */
+    CHECK(lines_of(heard(2)) == 2); /* the others are reported of both */
     tear_down(3);
 }
 
@@ -347,7 +347,7 @@ static void reading_may_fail(void) {
     say(0, "events off\n");
     recv_fails = ECONNRESET;
     turn();
-    CHECK(rig.control->client[0].fd == -1 && rig.control->client[1].fd >= 0 && rig.told[0] == 0);
+    CHECK(rig.control->client[0].fd == -1 && rig.control->client[1].fd >= 0 && rig.logged[0] == 0);
     tear_down(2);
 }
 
@@ -391,12 +391,12 @@ static void a_full_buffer_waits_for_its_turn(void) {
     CHECK(rig.fds[1].events == 0);
     rig.fds[1].revents = POLLHUP;
     fsn_control_serve(rig.control, rig.fds, 2);
-    CHECK(client->fd == -1 && rig.told[0] == 0); /* answered in vain */
+    CHECK(client->fd == -1 && rig.logged[0] == 0); /* answered in vain */
     rig.peer[0] = open("/dev/null", O_RDWR | O_CLOEXEC);
     tear_down(1);
 }
 
-/** Who is silent for longer than his lease loses his outputs, and is told. */
+/** Who is silent for longer than his lease loses his outputs, and is reported. */
 static void leases_end(void) {
     set_up(1);
     struct fsn_client *client = &rig.control->client[0];
@@ -405,17 +405,17 @@ static void leases_end(void) {
     CHECK(lines_of(heard(0)) == 2 && client->lease_ms == 200);
     now_ns += 200000000;
     turn();
-    CHECK(rig.told[0] == 0);
+    CHECK(rig.logged[0] == 0);
     now_ns += 1;
     turn();
-    CHECK(strcmp(rig.told,
+    CHECK(strcmp(rig.logged,
                  "w client 1 (pid 100) silent: 1 output takes its stop value\n"
                  "{\"event\":\"fallback\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
                  "\"now_ns\":1000200000001,\"client\":1,\"pid\":100,\"why\":\"silent\","
                  "\"outputs\":[\"t\"],\"level\":\"warning\",\"text\":\"client 1 (pid 100) "
                  "silent: 1 output takes its stop value\"}\n") == 0);
     turn();
-    CHECK(strlen(rig.told) < 400); /* told once */
+    CHECK(strlen(rig.logged) < 400); /* reported once */
     tear_down(1);
 }
 

@@ -27,24 +27,24 @@ static void frames_flow(void) {
     tear_down(rig);
 }
 
-/** Takes one away until it is told which link is down: when frames are late those before it count
- * as lost as well, and then that is told. */
+/** Takes one away until it is reported which link is down: when frames are late those before it
+ * count as lost as well, and then that is reported. */
 static void unplug(struct rig *rig, uint32_t p) {
     for (int tries = 0;; tries++) {
         const uint64_t late = lateness(rig);
         fsn_segment_set_present(rig->segment, p, false);
-        tend_until(rig, p, 0);
+        poll_until(rig, p, 0);
         CHECK(look(rig, p).found == FSN_FOUND_NOTHING);
         if (strstr(look(rig, p).detail, p == 0 ? "near" : "is down") != NULL) {
             return;
         }
         CHECK(lateness(rig) > late && tries < TRIES);
         fsn_segment_set_present(rig->segment, p, true);
-        tend_until_all_in_op(rig);
+        poll_until_all_in_op(rig);
     }
 }
 
-/** Whoever is cut off is named; all others go on; whoever returns is led to OP again. */
+/** Whoever is cut off is named; all others go on; whoever returns is brought to OP again. */
 static void each_is_unplugged_and_returns(void) {
     struct rig *rig = bring_up();
     for (uint32_t p = 0; p < SUBDEVICES; p++) {
@@ -53,7 +53,7 @@ static void each_is_unplugged_and_returns(void) {
             CHECK(k < p ? flows(rig, k) : !flows_soon(rig, k));
         }
         fsn_segment_set_present(rig->segment, p, true);
-        tend_until_all_in_op(rig);
+        poll_until_all_in_op(rig);
         for (uint32_t k = 1; k < SUBDEVICES; k++) {
             CHECK(flows(rig, k));
         }
@@ -66,10 +66,10 @@ static void power_cycles_and_lost_frames(void) {
     struct rig *rig = bring_up();
     for (uint32_t p = 0; p < SUBDEVICES; p++) {
         fsn_segment_power_cycle(rig->segment, p);
-        tend_until(rig, p, FSN_AL_OP);
+        poll_until(rig, p, FSN_AL_OP);
         fsn_segment_lose(rig->segment, 7);
         for (uint32_t k = 1; k < SUBDEVICES; k++) {
-            tend_until(rig, k, FSN_AL_OP);
+            poll_until(rig, k, FSN_AL_OP);
             CHECK(flows(rig, k));
         }
     }
@@ -112,7 +112,7 @@ static void stalls_and_repetitions(void) {
     for (uint64_t ms = 30; ms <= 200; ms += 34) {
         stall(rig, ms);
         for (uint32_t k = 1; k < SUBDEVICES; k++) {
-            tend_until(rig, k, FSN_AL_OP);
+            poll_until(rig, k, FSN_AL_OP);
             CHECK(flows(rig, k)); /* the newest bytes, not those of before the stall */
         }
         settle(rig);
@@ -123,11 +123,11 @@ static void stalls_and_repetitions(void) {
         fsn_segment_power_cycle(rig->segment, n);
     }
     for (int i = 0; i < 500; i++) {
-        fsn_core_tend(rig->core, FSN_AL_OP, now_ns());
+        fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
         pause_ms(2);
     }
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
-        tend_until(rig, n, FSN_AL_OP);
+        poll_until(rig, n, FSN_AL_OP);
     }
     const uint64_t old = statistics(rig).old_replies;
     fsn_segment_repeat(rig->segment, 100);
@@ -144,7 +144,7 @@ static void half_an_sii_is_no_other_device(void) {
     struct rig *rig = bring_up();
     const struct fsn_segment_identity half = {.vendor_id = 0, .product_code = 3, .revision = 4};
     fsn_segment_set_present(rig->segment, 3, false);
-    tend_until(rig, 3, 0);
+    poll_until(rig, 3, 0);
     CHECK(fsn_segment_set_identity(rig->segment, 3, &half) == FSN_OK);
     fsn_segment_set_present(rig->segment, 3, true);
     while (look(rig, 3).found != FSN_FOUND_UNKNOWN) {
@@ -153,16 +153,16 @@ static void half_an_sii_is_no_other_device(void) {
     CHECK(strstr(look(rig, 3).detail, "its SII could not be read") != NULL);
     CHECK(fsn_segment_set_identity(rig->segment, 3, NULL) == FSN_OK);
     fsn_segment_power_cycle(rig->segment, 3);
-    tend_until(rig, 3, FSN_AL_OP);
+    poll_until(rig, 3, FSN_AL_OP);
     tear_down(rig);
 }
 
-/** Another device, and the right ones in each other's place, are not led anywhere. */
+/** Another device, and the right ones in each other's place, are not brought anywhere. */
 static void wrong_devices_stay_out(void) {
     struct rig *rig = bring_up();
     const struct fsn_segment_identity other = {.vendor_id = 2, .product_code = 3, .revision = 4};
     fsn_segment_set_present(rig->segment, 3, false);
-    tend_until(rig, 3, 0);
+    poll_until(rig, 3, 0);
     CHECK(fsn_segment_set_identity(rig->segment, 3, &other) == FSN_OK);
     fsn_segment_set_present(rig->segment, 3, true);
     while (look(rig, 3).found != FSN_FOUND_IDENTITY) {
@@ -173,10 +173,10 @@ static void wrong_devices_stay_out(void) {
     CHECK(look(rig, 3).al_status == 0 && !flows_soon(rig, 3));
     CHECK(fsn_segment_set_identity(rig->segment, 3, NULL) == FSN_OK);
     fsn_segment_power_cycle(rig->segment, 3);
-    tend_until(rig, 3, FSN_AL_OP);
+    poll_until(rig, 3, FSN_AL_OP);
     CHECK(flows(rig, 3));
     fsn_segment_set_present(rig->segment, 2, false);
-    tend_until(rig, 2, 0);
+    poll_until(rig, 2, 0);
     CHECK(fsn_segment_swap(rig->segment, 2, 3) == FSN_OK);
     fsn_segment_set_present(rig->segment, 2, true);
     while (look(rig, 2).found != FSN_FOUND_IDENTITY) {
@@ -197,10 +197,10 @@ static void who_refuses_is_asked_again(void) {
     }
     CHECK(strstr(look(rig, 3).detail, "0x8000:01: abort code 0x06090030 value out of range") !=
           NULL);
-    tend_until(rig, 3, FSN_AL_PREOP);
+    poll_until(rig, 3, FSN_AL_PREOP);
     CHECK(fsn_segment_set_sdo_abort(rig->segment, 3, 0x8000, 1, 0) == FSN_OK);
     CHECK(fsn_segment_set_al_delay(rig->segment, 3, 300000000) == FSN_OK);
-    tend_until(rig, 3, FSN_AL_OP);
+    poll_until(rig, 3, FSN_AL_OP);
     CHECK(look(rig, 3).found == FSN_FOUND_RIGHT && look(rig, 3).returns >= 1 && flows(rig, 3));
     tear_down(rig);
 }
@@ -231,7 +231,7 @@ static void nobody_minds_the_cut(struct rig *rig, uint32_t front) {
     for (int tries = 0; !stays_up_without(rig, front); tries++) {
         CHECK(lateness(rig) > late && tries < TRIES);
         CHECK(fsn_segment_set_link(rig->segment, front, true) == FSN_OK);
-        tend_until_all_in_op(rig);
+        poll_until_all_in_op(rig);
         late = lateness(rig);
     }
 }
@@ -247,7 +247,7 @@ static void a_ring_survives_each_cable(void) {
         nobody_minds_the_cut(rig, front);
         if (front != FSN_NONE) {
             while (look(rig, front).link[1] != 0 || look(rig, cable).link[0] != 0) {
-                CHECK(flows(rig, 1)); /* one SubDevice after the other is asked for its links */
+                CHECK(flows(rig, 1)); /* one SubDevice after the other is requested its links */
             }
             while (strstr(look(rig, front).detail, "the ring is open at its port 1") == NULL) {
                 CHECK(flows(rig, 1));
@@ -264,14 +264,14 @@ static void a_ring_survives_each_cable(void) {
     }
     for (uint32_t k = 1; k < SUBDEVICES; k++) {
         CHECK(flows(rig, k));
-        tend_until(rig, k, FSN_AL_OP);
+        poll_until(rig, k, FSN_AL_OP);
     }
     CHECK(system("ip link set near2 up") == 0);
     tear_down(rig);
 }
 
-/** A ring that is not closed at the start works as a line, and that is told. */
-static void a_ring_open_at_the_start_is_told(void) {
+/** A ring that is not closed at the start works as a line, and that is reported. */
+static void a_ring_open_at_the_start_is_reported(void) {
     struct rig *rig = set_up_with("far2");
     CHECK(fsn_segment_set_link(rig->segment, SUBDEVICES - 1, false) == FSN_OK);
     bring_up_from(rig);
@@ -314,7 +314,7 @@ static void foreign_frames_are_counted(void) {
     send_foreign(FRAMES);
     for (int i = 0; statistics(rig).foreign_frames < FRAMES; i++) {
         CHECK(i < PATIENCE_MS / 2);
-        fsn_core_tend(rig->core, FSN_AL_OP, now_ns());
+        fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
         pause_ms(2);
     }
     for (uint32_t k = 1; k < SUBDEVICES; k++) {
@@ -326,7 +326,7 @@ static void foreign_frames_are_counted(void) {
 
 static void stops_step_by_step(void) {
     struct rig *rig = bring_up();
-    for (int i = 0; i < PATIENCE_MS / 2 && !fsn_core_tend(rig->core, FSN_AL_SAFEOP, now_ns());
+    for (int i = 0; i < PATIENCE_MS / 2 && !fsn_core_poll(rig->core, FSN_AL_SAFEOP, now_ns());
          i++) {
         pause_ms(2);
     }
@@ -446,7 +446,7 @@ static void objects_and_sii_beside_the_cycle(void) {
     }
     CHECK(data[8] == 0x34 && data[9] == 0x12);
     CHECK(flows(rig, 1));
-    tend_until(rig, 2, FSN_AL_OP);
+    poll_until(rig, 2, FSN_AL_OP);
     fsn_segment_set_present(rig->segment, fsn_segment_position(rig->segment, 2), false);
     t = (struct fsn_transfer){.index = 0x2000, .sub = 1, .data = data, .size_bytes = LONG};
     CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_BUS_MISSING);
@@ -467,7 +467,7 @@ int main(void) {
     wrong_devices_stay_out();
     who_refuses_is_asked_again();
     a_ring_survives_each_cable();
-    a_ring_open_at_the_start_is_told();
+    a_ring_open_at_the_start_is_reported();
     foreign_frames_are_counted();
     stops_step_by_step();
     refusals();

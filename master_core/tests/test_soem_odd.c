@@ -90,7 +90,7 @@ static void places_may_be_told_by_an_alias(void) {
     bring_up_from(rig);
     CHECK(flows(rig, 1) && flows(rig, 2));
     struct fsn_bus_subdevice seen;
-    CHECK(fsn_backend_soem()->ops->look(rig->bus, SUBDEVICES, &seen) == FSN_E_ARG);
+    CHECK(fsn_backend_soem()->ops->state(rig->bus, SUBDEVICES, &seen) == FSN_E_ARG);
     tear_down(rig);
     rig = set_up();
     record(rig->plan, FSN_SEC_SUBDEVICE, 1)[4] = 9; /* nobody has it */
@@ -164,7 +164,7 @@ static void nobody_is_reached_in_vain(void) {
     CHECK(acyclic->sii_read(rig->bus, SUBDEVICES, 0, bytes, 4) == FSN_E_BUS_MISSING);
     CHECK(acyclic->sii_write(rig->bus, SUBDEVICES, 8, 1) == FSN_E_BUS_MISSING);
     fsn_segment_set_present(rig->segment, SUBDEVICES - 1, false);
-    tend_until(rig, SUBDEVICES - 1, FSN_AL_NONE);
+    poll_until(rig, SUBDEVICES - 1, FSN_AL_NONE);
     CHECK(acyclic->sii_read(rig->bus, SUBDEVICES - 1, 0, bytes, 4) == FSN_E_BUS_MISSING);
     CHECK(acyclic->sii_write(rig->bus, SUBDEVICES - 1, 8, 1) == FSN_E_BUS_MISSING);
     tear_down(rig);
@@ -176,12 +176,12 @@ static void is_noted(struct rig *rig, uint32_t n, const char *detail) {
     while (strstr(look(rig, n).detail, detail) == NULL) {
         CHECK(ahead_ns < PATIENCE_MS * UINT64_C(1000000000));
         ahead_ns += UINT64_C(100000000);
-        (void)fsn_core_tend(rig->core, FSN_AL_OP, now_ns() + ahead_ns);
+        (void)fsn_core_poll(rig->core, FSN_AL_OP, now_ns() + ahead_ns);
         pause_ms(2);
     }
 }
 
-/** Who does not come to a state in four seconds is named, and asked again. */
+/** Who does not come to a state in four seconds is named, and tried again. */
 static void states_have_their_time(void) {
     struct rig *rig = bring_up();
     const uint32_t position = fsn_segment_position(rig->segment, 2);

@@ -1,4 +1,4 @@
-/** How the cyclic thread is started: what the system is asked for and what it refuses. Its calls
+/** How the cyclic thread is started: what the system is requested and what it refuses. Its calls
  *  are answered by this program, so that no right and no machine matters. */
 #define _GNU_SOURCE
 
@@ -118,7 +118,7 @@ static void a_thread_gets_what_was_asked_for(void) {
     emulated_rig_end(&rig);
 }
 
-/** Without the right to real time it runs all the same, and says that it is none. */
+/** Without the right to real time it runs all the same, and says so. */
 static void a_thread_without_rights_is_none_of_real_time(void) {
     set_up();
     os.create_fails[0] = EPERM;
@@ -139,7 +139,7 @@ static void refused(const struct fsn_thread_options *options, int error) {
     emulated_rig_end(&rig);
 }
 
-static void what_the_system_refuses_is_told(void) {
+static void what_the_system_refuses_is_reported(void) {
     const struct fsn_thread_options plain = {.cycle_ns = 50000};
     const struct fsn_thread_options fast = {.cycle_ns = 50000, .priority = 5};
     const struct fsn_thread_options pinned = {.cycle_ns = 50000, .cpu = 1};
@@ -196,7 +196,7 @@ static void markers_are_written(void) {
     emulated_rig_end(&rig);
 }
 
-/** The borders of what may be asked for. */
+/** The borders of what may be requested. */
 static void options_have_limits(void) {
     static const char limits[] = "the cycle is 1 us to 4 s, the priority 0 to 99, the CPU exists";
     static const struct {
@@ -253,7 +253,7 @@ static void options_have_limits(void) {
 int main(void) {
     a_thread_gets_what_was_asked_for();
     a_thread_without_rights_is_none_of_real_time();
-    what_the_system_refuses_is_told();
+    what_the_system_refuses_is_reported();
     markers_are_written();
     options_have_limits();
     return 0;

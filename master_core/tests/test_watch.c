@@ -1,5 +1,5 @@
-/** What changes on the bus, as lines of the log and as events: whole texts, each told once and at
- *  its level. The bus is a script, the clock stands where the test puts it. */
+/** What changes on the bus, as lines of the log and as events: whole texts, each reported once and
+ * at its level. The bus is a script, the clock stands where the test puts it. */
 #define _GNU_SOURCE
 
 #include <string.h>
@@ -30,7 +30,7 @@ static struct {
     struct fsn_bus_subdevice seen[SUBS];
     bool stateless;
     uint64_t now_ns;
-    char told[8192]; /**< level and text of each line */
+    char logged[8192]; /**< level and text of each line */
     char json[8192];
 } on;
 
@@ -61,7 +61,7 @@ static void bus_send(void *bus) {
     (void)bus;
 }
 
-static fsn_status bus_look(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+static fsn_status bus_state(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
     (void)bus;
     if (on.stateless) {
         return FSN_E_STATE;
@@ -70,7 +70,7 @@ static fsn_status bus_look(void *bus, uint32_t subdevice, struct fsn_bus_subdevi
     return FSN_OK;
 }
 
-static bool bus_tend(void *bus, uint8_t al_state, uint64_t now_ns) {
+static bool bus_poll(void *bus, uint8_t al_state, uint64_t now_ns) {
     (void)bus;
     (void)al_state;
     (void)now_ns;
@@ -81,10 +81,11 @@ static const struct fsn_bus_ops ops = {.name = "script",
                                        .open = bus_open,
                                        .receive = bus_receive,
                                        .send = bus_send,
-                                       .tend = bus_tend,
-                                       .look = bus_look};
+                                       .poll = bus_poll,
+                                       .state = bus_state};
 
-/* -- what is told ---------------------------------------------------------------------------- */
+/* -- what is reported ----------------------------------------------------------------------------
+ */
 
 static void add(char *to, size_t room, const char *text, size_t len) {
     const size_t used = strlen(to);
@@ -98,7 +99,7 @@ static void keep(void *self, enum fsn_log_level level, const char *text, const c
     (void)self;
     char line[700];
     snprintf(line, sizeof line, "%c %s", "diwe"[level], text);
-    add(on.told, sizeof on.told, line, strlen(line));
+    add(on.logged, sizeof on.logged, line, strlen(line));
     add(on.json, sizeof on.json, json, json_bytes);
 }
 
@@ -152,16 +153,16 @@ static void look_after(uint64_t later_ns) {
     fsn_changes_poll(&on.control->changes, on.control->services.incidents, on.now_ns);
 }
 
-static void same_text(const char *told, const char *expected, int line) {
-    if (strcmp(told, expected) != 0) {
-        fprintf(stderr, "%s:%d: told\n%sexpected\n%s", __FILE__, line, told, expected);
+static void same_text(const char *logged, const char *expected, int line) {
+    if (strcmp(logged, expected) != 0) {
+        fprintf(stderr, "%s:%d: logged\n%sexpected\n%s", __FILE__, line, logged, expected);
         exit(1);
     }
-    on.told[0] = 0;
+    on.logged[0] = 0;
     on.json[0] = 0;
 }
 
-#define TOLD(text) same_text(on.told, text, __LINE__)
+#define TOLD(text) same_text(on.logged, text, __LINE__)
 #define JSON(text) same_text(on.json, text, __LINE__)
 
 static void begin(void) {
@@ -264,7 +265,7 @@ static void a_bus_is_told_as_a_whole(void) {
     tear_down();
 }
 
-/** At the start nobody was asked yet, and that is not a loss; after a new core neither. */
+/** At the start no state was read yet, and that is not a loss; after a new core neither. */
 static void the_start_is_no_loss(void) {
     set_up();
     for (int i = 0; i < 2; i++) {
@@ -389,7 +390,7 @@ static void connections_are_told_at_their_level(void) {
     show(FSN_CMD_SESSION, FSN_CMD_SESSION, 0);
     look_after(MS);
     show(FSN_CMD_RESET, FSN_CMD_RESET, 3);
-    on.told[0] = 0;
+    on.logged[0] = 0;
     look_after(MS); /* five seconds after the first line */
     TOLD("w connection t: session -> reset, by the sub: wrong connection ID\n");
     show(FSN_CMD_PROCESS_DATA, FSN_CMD_PROCESS_DATA, 0);
@@ -408,7 +409,7 @@ static void connections_are_told_at_their_level(void) {
     show(FSN_CMD_SESSION, FSN_CMD_SESSION, 0);
     look_after(MS);
     show(FSN_CMD_RESET, FSN_CMD_RESET, 4);
-    on.told[0] = 0;
+    on.logged[0] = 0;
     look_after(MS); /* so soon after it has left Data */
     TOLD("d connection t: session -> reset, by the sub: wrong CRC\n");
     look_after(1001 * MS); /* both ends are still: nothing new within a second */

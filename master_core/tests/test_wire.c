@@ -37,7 +37,7 @@ static struct {
     unsigned reads;
     void (*while_waiting)(struct rig *rig); /**< what happens while ppoll() waits */
     struct rig *rig;
-    uint64_t waited_ns; /**< longest time that ppoll() was asked to wait */
+    uint64_t waited_ns; /**< longest time that ppoll() was to wait */
     nfds_t polled;
 } wall;
 

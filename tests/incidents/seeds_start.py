@@ -144,7 +144,7 @@ _TOLD = {
         "sdo_refused",
     ),
     "STATE": (
-        "STATE: SubDevice 4 (drive_2): a SubDevice does not reach the state it was asked for: "
+        "STATE: SubDevice 4 (drive_2): a SubDevice does not reach the requested state: "
         "SAFEOP refused: AL status 0x12, code 0x001e",
         "state_refused",
     ),
@@ -231,7 +231,7 @@ START: dict[str, Seed] = {
     ),
     "state refused at start": (
         start(
-            "a SubDevice does not reach the state it was asked for: drive_2",
+            "a SubDevice does not reach the requested state: drive_2",
             (4, "refused a state", "SAFEOP refused: AL status 0x12", {"al_code": 0x1E}),
         ),
         "state_refused",

@@ -56,10 +56,10 @@ struct fsn_transfer {
 };
 
 /** Acyclic operations of a bus; each may be NULL but count() and place(). All of them in the thread
- *  that calls tend(); they may block for as long as a SubDevice may take for one mailbox answer. */
+ *  that calls poll(); they may block for as long as a SubDevice may take for one mailbox answer. */
 struct fsn_bus_acyclic {
     /** Opens the bus without a plan, to look at it: listens first, keeps others off, finds
-     * everybody and asks for PREOP. Instead of open(); ended by `quit`. Set-up thread.
+     * everybody and requests PREOP. Instead of open(); ended by `quit`. Set-up thread.
      *  @param[out] states_changed  whether AL states were changed. */
     fsn_status (*visit)(void *bus, bool *states_changed, struct fsn_fault *fault);
     void (*quit)(void *bus);
@@ -98,21 +98,21 @@ FSN_API const char *fsn_abort_text(uint32_t code);
  *  @retval FSN_E_ABSENT       this bus, or this SubDevice, has no objects.
  *  @retval FSN_E_BUS_MISSING  nothing stands there, or it does not answer.
  *  @retval others             as upload() and download() of fsn_bus_acyclic.
- *  Context: the thread that calls fsn_core_tend(). May block. */
+ *  Context: the thread that calls fsn_core_poll(). May block. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_upload(struct fsn_core *core, uint32_t subdevice,
                                                 struct fsn_transfer *transfer);
 FSN_API FSN_MUST_USE fsn_status fsn_core_download(struct fsn_core *core, uint32_t subdevice,
                                                   struct fsn_transfer *transfer);
 
 /** Reads the SII up to the end of its categories, at most size_bytes; `size_bytes` tells how much.
- *  Context: the thread that calls fsn_core_tend(). May block for seconds; calls `between`. */
+ *  Context: the thread that calls fsn_core_poll(). May block for seconds; calls `between`. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_sii_read(struct fsn_core *core, uint32_t subdevice,
                                                   struct fsn_transfer *transfer);
 
 /** Writes the station alias and the checksum of its block into the SII, and reads both back; used
  *  by the SubDevice after its next power-on.
  *  @retval FSN_E_BUS_STATE  it reads back otherwise.
- *  Context: the thread that calls fsn_core_tend(). May block. */
+ *  Context: the thread that calls fsn_core_poll(). May block. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_alias_write(struct fsn_core *core, uint32_t subdevice,
                                                      uint16_t alias);
 

@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-/** What a bus tells the core once, at activation. Arrays belong to the bus and must stay valid
+/** What a bus reports to the core once, at activation. Arrays belong to the bus and must stay valid
  *  and unchanged until close(). */
 struct fsn_bus_layout {
     uint8_t *image;          /**< process image, inputs and outputs; zeroed by the core */
@@ -30,8 +30,8 @@ struct fsn_wkc {
     uint32_t actual;   /**< what came back; 0 for a lost datagram */
 };
 
-/** What a bus tells the core in every cycle. The arrays belong to the core, which clears all of it
- *  before each receive(). */
+/** What a bus reports to the core in every cycle. The arrays belong to the core, which clears all
+ * of it before each receive(). */
 struct fsn_bus_input {
     struct fsn_wkc *wkc; /**< one per datagram; to be filled */
     /** One per sync manager: set to 1 where an input holds the bytes of an earlier cycle. Leave it
@@ -83,7 +83,7 @@ FSN_API const char *fsn_al_code_text(uint16_t code);
 
 enum { FSN_PORTS = 4 };
 
-/** What the acyclic side of a bus knows about one SubDevice; as old as its last look. */
+/** What the acyclic side of a bus knows about one SubDevice; as old as the last poll(). */
 struct fsn_bus_subdevice {
     uint8_t al_status;       /**< AL status with its error flag; FSN_AL_NONE: nothing answers */
     uint8_t found;           /**< enum fsn_found */
@@ -117,14 +117,14 @@ struct fsn_bus_ops {
     void (*send)(void *bus);
     /** Called once per successful open(), when the core is freed; may be NULL. Set-up thread. */
     void (*close)(void *bus);
-    /** One step of the acyclic work beside the running cycle: leads every SubDevice towards an AL
+    /** One step of the acyclic work beside the running cycle: brings every SubDevice towards an AL
      *  state, sees which ones are lost and brings back those that return. To be called again and
      *  again, from one thread that is not the cyclic one; a step may take as long as an SDO.
      *  Returns whether every SubDevice of the plan is in that state; one that does not answer is
      *  not in OP, and has left it. NULL: a bus without states. */
-    bool (*tend)(void *bus, uint8_t al_state, uint64_t now_ns);
-    /** What is known about a SubDevice of the plan; any thread but the cyclic one. With tend(). */
-    fsn_status (*look)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);
+    bool (*poll)(void *bus, uint8_t al_state, uint64_t now_ns);
+    /** What is known about a SubDevice of the plan; any thread but the cyclic one. With poll(). */
+    fsn_status (*state)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);
     /** Objects, SII and registers beside the cycle, see fsn/acyclic.h; NULL: none of it. */
     const struct fsn_bus_acyclic *acyclic;
 };

@@ -59,7 +59,7 @@ struct fsn_statistics {
 struct fsn_event {
     uint64_t now_ns;       /**< start of the cycle that saw it, nanoseconds */
     uint32_t connection;   /**< its number in the plan */
-    uint8_t before, after; /**< enum fsn_outside */
+    uint8_t before, after; /**< enum fsn_observed */
     uint8_t reset_code;    /**< when `after` is a reset: the code of the end that began it */
     uint8_t by;            /**< when `after` is a reset: who began it, enum fsn_way + 1; else 0 */
 };
@@ -91,7 +91,7 @@ struct fsn_thread_options {
     bool trace;        /**< writes markers into the kernel's trace buffer; see fsn_core_start() */
 };
 
-/** Activates a plan on a bus: asks the bus for its layout, resolves every copy to absolute bytes,
+/** Activates a plan on a bus: gets the layout of the bus, resolves every copy to absolute bytes,
  *  proves bounds, direction, disjoint destinations and one datagram per copy, merges neighbours.
  *  Afterwards the copies are immutable.
  *  @param[in]  plan   held until the core is freed.
@@ -146,12 +146,12 @@ FSN_API uint64_t fsn_histogram_floor(uint32_t bucket);
 FSN_API uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram,
                                           uint32_t per_million);
 
-/** One step of the acyclic work of a live bus beside the cycle, see `tend` of fsn_bus_ops.
+/** One step of the acyclic work of a live bus beside the cycle, see `poll` of fsn_bus_ops.
  *  @param[in] al_state  FSN_AL_INIT … FSN_AL_OP.
  *  @retval true  every SubDevice is in that state (one that does not answer is not in OP, and has
  *                left it), or the bus has no states.
  *  Context: one thread that is not the cyclic one. May block. */
-FSN_API bool fsn_core_tend(struct fsn_core *core, uint8_t al_state, uint64_t now_ns);
+FSN_API bool fsn_core_poll(struct fsn_core *core, uint8_t al_state, uint64_t now_ns);
 
 /** What the bus knows about a SubDevice of the plan.
  *  @retval FSN_E_ARG    no such SubDevice.

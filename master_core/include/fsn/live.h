@@ -1,4 +1,4 @@
-/** Backends that drive real EtherCAT: how they are asked for, whichever stack is below.
+/** Backends that drive real EtherCAT: how they are opened, whichever stack is below.
  *
  *  Each is a library of its own (fsn_soem, fsn_igh), present where its stack was found when this
  *  was built. Their licences differ from that of libfsn: see `about`. */
@@ -11,7 +11,7 @@
 extern "C" {
 #endif
 
-/** What a live bus is told before it is opened. Zero is a good value but for the interface. */
+/** Options of a live bus, set before it is opened. Zero is a good value but for the interface. */
 struct fsn_live_options {
     const char *interface;    /**< network interface (soem) or number of the master (igh) */
     const char *redundant;    /**< second interface at the other end of the ring; NULL: none */

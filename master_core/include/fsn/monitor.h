@@ -12,15 +12,15 @@ extern "C" {
 #endif
 
 /** State of a connection as seen from outside, from the commands in both directions. */
-enum fsn_outside {
-    FSN_OUTSIDE_SILENT = 0, /**< no frame in at least one direction */
-    FSN_OUTSIDE_RESET = 1,
-    FSN_OUTSIDE_SESSION = 2,
-    FSN_OUTSIDE_CONNECTION = 3,
-    FSN_OUTSIDE_PARAMETER = 4,
-    FSN_OUTSIDE_DATA_FAILSAFE = 5, /**< FailSafeData in at least one direction */
-    FSN_OUTSIDE_DATA_PROCESS = 6,  /**< ProcessData in both directions */
-    FSN_OUTSIDE_UNKNOWN = 7        /**< a command no FSoE frame has */
+enum fsn_observed {
+    FSN_OBSERVED_SILENT = 0, /**< no frame in at least one direction */
+    FSN_OBSERVED_RESET = 1,
+    FSN_OBSERVED_SESSION = 2,
+    FSN_OBSERVED_CONNECTION = 3,
+    FSN_OBSERVED_PARAMETER = 4,
+    FSN_OBSERVED_DATA_FAILSAFE = 5, /**< FailSafeData in at least one direction */
+    FSN_OBSERVED_DATA_PROCESS = 6,  /**< ProcessData in both directions */
+    FSN_OBSERVED_UNKNOWN = 7        /**< a command no FSoE frame has */
 };
 
 /** What was found out about one frame. */
@@ -54,7 +54,7 @@ struct fsn_direction {
 /** A connection, observed. */
 struct fsn_connection_status {
     struct fsn_direction direction[2]; /**< enum fsn_way */
-    uint32_t outside;                  /**< enum fsn_outside */
+    uint32_t observed;                 /**< enum fsn_observed */
     /** Times the chain was lost and found again without a Reset: frames passed unseen, and the
      *  frame counted as wrong or unchecked at that point was no fault of the channel. */
     uint32_t gaps;
@@ -90,7 +90,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_monitor_init(struct fsn_monitor *monitor, ui
 /** Looks at what lies in the image of one direction. An image of zeros before the first frame is
  *  no frame.
  *  @param[in] way     enum fsn_way.
- *  @param[in] frame   as many bytes as fsn_monitor_init() was told for this direction.
+ *  @param[in] frame   as many bytes as fsn_monitor_init() got for this direction.
  *  @param[in] now_ns  time of the observation, nanoseconds; any clock, never decreasing.
  *  Context: the thread that owns the monitor. RT-safe: no allocation, lock or system call.
  *  Cost: O(length). */

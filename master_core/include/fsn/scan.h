@@ -46,9 +46,9 @@ struct fsn_sighting {
     uint32_t connection;
     uint16_t sequence; /**< number of this frame in its chain; 0 when not known */
     uint16_t size_bytes;
-    uint8_t way;     /**< enum fsn_way */
-    uint8_t verdict; /**< enum fsn_verdict */
-    uint8_t outside; /**< enum fsn_outside, after this frame */
+    uint8_t way;      /**< enum fsn_way */
+    uint8_t verdict;  /**< enum fsn_verdict */
+    uint8_t observed; /**< enum fsn_observed, after this frame */
     uint8_t frame[FSN_MAX_FRAME_BYTES];
 };
 
@@ -71,7 +71,7 @@ FSN_API void fsn_scan_free(struct fsn_scan *scan);
 /** Looks at one captured Ethernet frame: EtherCAT (0x88A4, with VLAN tag or not) or EtherCAT in
  *  UDP. Datagrams with working counter 0 are left out: on their way out the inputs are old.
  *  @param[in] bus      number of the bus, when the capture is of several: the same logical address
- *                      is another place there. Buses are also told apart by the source address.
+ *                      is another place there. The source address distinguishes buses as well.
  *  @param[in] time_ns  when it was captured, nanoseconds, never decreasing.
  *  Returns how many sightings wait. Context: one thread. Allocates. */
 FSN_API uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *bytes,

@@ -98,8 +98,8 @@ FSN_API void fsn_segment_set_present(struct fsn_segment *segment, uint32_t posit
  *  find it again. No effect when it is unplugged. Context: any thread. Locks. */
 FSN_API void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t position);
 
-/** Cuts a cable, or mends it; SubDevices on both sides keep their power and their state, and count
- *  a lost link.
+/** Cuts a cable, or repairs it; SubDevices on both sides keep their power and their state, and
+ * count a lost link.
  *  @param[in] position  of the SubDevice in front of the cable; FSN_NONE: the cable from the
  *                       MainDevice to the first SubDevice.
  *  @retval FSN_E_ARG    no such cable.
@@ -136,7 +136,7 @@ struct fsn_segment_identity {
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_identity(
     struct fsn_segment *segment, uint32_t position, const struct fsn_segment_identity *identity);
 
-/** Answers SDO transfers of an object with an abort code until told otherwise.
+/** Answers SDO transfers of an object with an abort code until the next call.
  *  @param[in] sub       0 … 255; FSN_NONE: all of the object.
  *  @param[in] code      0: no longer.
  *  @retval FSN_E_ARG    no such SubDevice, or no such subindex.

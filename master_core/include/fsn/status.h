@@ -26,7 +26,7 @@ extern "C" {
     X(E_BUSY, -5, "no stable snapshot could be taken; try again")                                  \
     X(E_SPACE, -6, "the given buffer is too small")                                                \
     X(E_CLOSED, -7, "this output is closed to writes")                                             \
-    X(E_ABSENT, -8, "this build does not contain what was asked for")                              \
+    X(E_ABSENT, -8, "this build does not contain what was requested")                              \
     X(E_PLAN_MAGIC, -20, "these bytes are no plan")                                                \
     X(E_PLAN_VERSION, -21, "the plan format has another version")                                  \
     X(E_PLAN_LENGTH, -22, "the length does not fit; the plan is cut off or too long")              \
@@ -53,7 +53,7 @@ extern "C" {
     X(E_BUS_MAPPING, -67, "a SubDevice maps other process data than the plan says")                \
     X(E_BUS_ADDRESS, -68, "a SubDevice has another FSoE address than the plan says")               \
     X(E_BUS_SDO, -69, "a SubDevice refuses a start-up SDO")                                        \
-    X(E_BUS_STATE, -70, "a SubDevice does not reach the state it was asked for")
+    X(E_BUS_STATE, -70, "a SubDevice does not reach the requested state")
 
 /** Result of every call that can fail. */
 typedef enum fsn_status {

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "live/image.h"
-#include "rt/touched.h"
+#include "rt/prefault.h"
 
 /** Three buffers of one sync manager: one with the writer, one with the reader, one in between.
  *  `middle` holds the number of the buffer in between, and FRESH while nobody has read it. */
@@ -79,8 +79,8 @@ static bool allocate(struct fsn_emulated *bus) {
         return false;
     }
     const size_t total = read_plan(bus);
-    bus->storage = fsn_touched(3 * total + 1, 1);
-    bus->image = fsn_touched(total + 1, 1);
+    bus->storage = fsn_calloc_prefaulted(3 * total + 1, 1);
+    bus->image = fsn_calloc_prefaulted(total + 1, 1);
     return bus->storage != NULL && bus->image != NULL;
 }
 

@@ -24,7 +24,7 @@ static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statist
 
 fsn_status fsn_core_snapshot(struct fsn_core *core, struct fsn_statistics *statistics,
                              struct fsn_connection_status *connections, uint8_t *image) {
-    /* Bounded: a reader that is always overtaken is told so instead of hanging. */
+    /* Bounded: a reader that is always overtaken gets a status instead of hanging. */
     enum { ATTEMPTS = 1000 };
     if (core == NULL) {
         return FSN_E_ARG;
@@ -93,9 +93,9 @@ uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram, uint32_
     return histogram->max_ns;
 }
 
-bool fsn_core_tend(struct fsn_core *core, uint8_t al_state, uint64_t now_ns) {
-    return core == NULL || core->rt.ops->tend == NULL ||
-           core->rt.ops->tend(core->rt.bus, al_state, now_ns);
+bool fsn_core_poll(struct fsn_core *core, uint8_t al_state, uint64_t now_ns) {
+    return core == NULL || core->rt.ops->poll == NULL ||
+           core->rt.ops->poll(core->rt.bus, al_state, now_ns);
 }
 
 fsn_status fsn_core_subdevice(struct fsn_core *core, uint32_t subdevice,
@@ -103,8 +103,8 @@ fsn_status fsn_core_subdevice(struct fsn_core *core, uint32_t subdevice,
     if (core == NULL || seen == NULL || subdevice >= core->plan->count[FSN_SEC_SUBDEVICE]) {
         return FSN_E_ARG;
     }
-    return core->rt.ops->look == NULL ? FSN_E_STATE
-                                      : core->rt.ops->look(core->rt.bus, subdevice, seen);
+    return core->rt.ops->state == NULL ? FSN_E_STATE
+                                       : core->rt.ops->state(core->rt.bus, subdevice, seen);
 }
 
 static bool has_place(const struct fsn_core *core, uint32_t symbol) {

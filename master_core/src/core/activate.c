@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/core_internal.h"
-#include "rt/touched.h"
+#include "rt/prefault.h"
 #include "rt/words.h"
 
 /** A copy with absolute bytes while neighbours are merged and sizes grouped. */
@@ -224,8 +224,8 @@ static void group(struct fsn_core *core, const struct span *spans, uint32_t coun
 static fsn_status activate_copies(struct fsn_core *core, struct fsn_fault *fault) {
     const uint32_t count = core->plan->count[FSN_SEC_COPY];
     struct span *spans = calloc((size_t)count + 1, sizeof *spans);
-    core->copies = fsn_touched((size_t)count + 1, sizeof *core->copies);
-    core->groups = fsn_touched((size_t)count + 1, sizeof *core->groups);
+    core->copies = fsn_calloc_prefaulted((size_t)count + 1, sizeof *core->copies);
+    core->groups = fsn_calloc_prefaulted((size_t)count + 1, sizeof *core->groups);
     if (spans == NULL || core->copies == NULL || core->groups == NULL) {
         free(spans);
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
@@ -280,8 +280,8 @@ static fsn_status watch(struct fsn_core *core, uint32_t number, uint32_t *seen_b
 static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_rt *rt = &core->rt;
     const uint32_t count = core->plan->count[FSN_SEC_CONNECTION];
-    rt->watches = fsn_touched((size_t)count + 1, sizeof *rt->watches);
-    rt->monitors = fsn_touched((size_t)count + 1, sizeof *rt->monitors);
+    rt->watches = fsn_calloc_prefaulted((size_t)count + 1, sizeof *rt->watches);
+    rt->monitors = fsn_calloc_prefaulted((size_t)count + 1, sizeof *rt->monitors);
     if (rt->watches == NULL || rt->monitors == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
@@ -293,7 +293,7 @@ static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *faul
             return status;
         }
     }
-    rt->seen = fsn_touched((size_t)seen_bytes + 1, 1);
+    rt->seen = fsn_calloc_prefaulted((size_t)seen_bytes + 1, 1);
     return rt->seen != NULL ? FSN_OK : fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
 }
 
@@ -333,11 +333,11 @@ static bool is_open(const struct fsn_plan *plan, const struct fsn_symbol_info *s
 
 static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *fault) {
     const uint32_t count = core->plan->count[FSN_SEC_SYMBOL];
-    core->rt.outputs = fsn_touched((size_t)count + 1, sizeof *core->rt.outputs);
-    core->active = fsn_touched((size_t)count + 1, sizeof *core->active);
+    core->rt.outputs = fsn_calloc_prefaulted((size_t)count + 1, sizeof *core->rt.outputs);
+    core->active = fsn_calloc_prefaulted((size_t)count + 1, sizeof *core->active);
     core->active_slot = calloc((size_t)count + 1, sizeof *core->active_slot);
     core->wanted = calloc((size_t)count + 1, sizeof *core->wanted);
-    core->set_values = fsn_touched(3 * ((size_t)count + 1), sizeof *core->set_values);
+    core->set_values = fsn_calloc_prefaulted(3 * ((size_t)count + 1), sizeof *core->set_values);
     if (core->rt.outputs == NULL || core->active == NULL || core->active_slot == NULL ||
         core->wanted == NULL || core->set_values == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
@@ -367,9 +367,9 @@ static fsn_status activate_input(struct fsn_core *core, struct fsn_fault *fault)
     struct fsn_rt *rt = &core->rt;
     rt->datagram_count = core->layout.datagram_count;
     rt->sm_count = core->plan->count[FSN_SEC_SM];
-    rt->input.wkc = fsn_touched(rt->datagram_count, sizeof *rt->input.wkc);
-    rt->input.sm_stale = fsn_touched((size_t)rt->sm_count + 1, 1);
-    rt->stale = fsn_touched((size_t)rt->sm_count + 1, sizeof *rt->stale);
+    rt->input.wkc = fsn_calloc_prefaulted(rt->datagram_count, sizeof *rt->input.wkc);
+    rt->input.sm_stale = fsn_calloc_prefaulted((size_t)rt->sm_count + 1, 1);
+    rt->stale = fsn_calloc_prefaulted((size_t)rt->sm_count + 1, sizeof *rt->stale);
     if (rt->input.wkc == NULL || rt->input.sm_stale == NULL || rt->stale == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
@@ -382,7 +382,7 @@ static fsn_status activate_snapshot(struct fsn_core *core, struct fsn_fault *fau
                          fsn_words_of(rt->connection_count * sizeof(struct fsn_connection_status)) +
                          fsn_words_of(rt->image_bytes);
     for (int i = 0; i < FSN_RT_PICTURES; i++) {
-        rt->snapshot.words[i] = fsn_touched(count, sizeof *rt->snapshot.words[i]);
+        rt->snapshot.words[i] = fsn_calloc_prefaulted(count, sizeof *rt->snapshot.words[i]);
         if (rt->snapshot.words[i] == NULL) {
             return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
         }

@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "core/core_internal.h"
-#include "rt/touched.h"
+#include "rt/prefault.h"
 
 fsn_status fsn_core_create(const struct fsn_plan *plan, const struct fsn_bus_ops *ops, void *bus,
                            struct fsn_core **out, struct fsn_fault *fault) {
@@ -21,7 +21,7 @@ fsn_status fsn_core_create(const struct fsn_plan *plan, const struct fsn_bus_ops
         ops->send == NULL) {
         return fsn_refuse_all(fault, FSN_E_ARG, "plan, open, receive and send are needed");
     }
-    struct fsn_core *core = fsn_touched(1, sizeof *core);
+    struct fsn_core *core = fsn_calloc_prefaulted(1, sizeof *core);
     if (core == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }

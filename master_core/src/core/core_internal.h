@@ -21,8 +21,8 @@ struct fsn_core {
     uint64_t *set_values;  /**< room of the three sets */
     uint32_t active_count; /**< the writer's own */
     uint32_t writer_set;   /**< number of the set the writer fills */
-    uint64_t keep_ns;      /**< as asked of fsn_core_keep() */
-    size_t keep_bytes;     /**< as asked of fsn_core_keep() */
+    uint64_t keep_ns;      /**< as requested by fsn_core_keep() */
+    size_t keep_bytes;     /**< as requested by fsn_core_keep() */
     pthread_t thread;
     bool running;
 };
@@ -31,7 +31,7 @@ struct fsn_core {
  *  On refusal the caller frees the core. */
 fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault);
 
-/** Makes room for the cycles that fsn_core_keep() asked for, at this bus cycle; 0: as many as fit.
+/** Makes room for the cycles that fsn_core_keep() requested, at this bus cycle; 0: as many as fit.
  *  What was recorded is gone when the room changes. Context: set-up, the cycle stands. */
 fsn_status fsn_core_fit_recorder(struct fsn_core *core, uint64_t cycle_ns);
 

@@ -36,7 +36,7 @@ fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevic
 /** Compares the FSoE address of a SubInstance with the plan, where both tell it.
  *  @param[in]  subdevice  its number in the plan.
  *  @param[in]  objects    NULL: it has no CoE.
- *  @param[out] readable   whether it told one.
+ *  @param[out] readable   whether it could be read.
  *  @retval FSN_E_BUS_ADDRESS  another one; `detail` says both.   Context: may block. */
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
                              const struct fsn_objects *objects, bool *readable,

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "live/port.h"
-#include "rt/touched.h"
+#include "rt/prefault.h"
 
 enum {
     CMD_LRW = 12,
@@ -55,7 +55,7 @@ static void build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc) 
 static bool list_inputs(const struct fsn_plan *plan, struct fsn_frames *frames) {
     struct fsn_wire *wire = &frames->wire;
     const uint32_t sms = plan->count[FSN_SEC_SM];
-    wire->inputs = fsn_touched((size_t)sms + 1, sizeof *wire->inputs);
+    wire->inputs = fsn_calloc_prefaulted((size_t)sms + 1, sizeof *wire->inputs);
     if (wire->inputs == NULL) {
         return false;
     }
@@ -118,9 +118,10 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
     }
     struct fsn_wire *wire = &frames->wire;
     const uint32_t datagrams = frames->image.datagram_count;
-    frames->bytes = fsn_touched((size_t)frames->image.bytes + 1, 1);
-    wire->frames = fsn_touched((size_t)datagrams + 1, sizeof *wire->frames);
-    wire->answers = fsn_touched((size_t)plan->count[FSN_SEC_SUBDEVICE] + 1, sizeof *wire->answers);
+    frames->bytes = fsn_calloc_prefaulted((size_t)frames->image.bytes + 1, 1);
+    wire->frames = fsn_calloc_prefaulted((size_t)datagrams + 1, sizeof *wire->frames);
+    wire->answers =
+        fsn_calloc_prefaulted((size_t)plan->count[FSN_SEC_SUBDEVICE] + 1, sizeof *wire->answers);
     if (frames->bytes == NULL || wire->frames == NULL || wire->answers == NULL) {
         return FSN_E_NOMEM;
     }
@@ -131,12 +132,12 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
     if (wire->frame_count > FSN_WIRE_FRAMES) {
         return FSN_E_BUS_IMAGE;
     }
-    frames->storage = fsn_touched(wire->frame_count, (size_t)3 * FSN_WIRE_MOST);
+    frames->storage = fsn_calloc_prefaulted(wire->frame_count, (size_t)3 * FSN_WIRE_MOST);
     if (frames->storage == NULL || !list_inputs(plan, frames)) {
         return FSN_E_NOMEM;
     }
     for (uint32_t f = 0; f < wire->frame_count; f++) {
-        /* What carries no process data asks for an address that nobody maps. */
+        /* What carries no process data uses an address that nobody maps. */
         const uint32_t logical =
             f < datagrams ? wire->frames[f].image_byte : frames->image.bytes + 1;
         struct fsn_wire_frame *frame = &wire->frames[f];

@@ -27,7 +27,7 @@ void fsn_image_free(struct fsn_image *image);
 
 /** What a sync manager adds to the working counter of its datagram: each SubDevice counts once per
  *  direction and datagram, 2 for outputs and 1 for inputs, as LRW does. The SMs of one SubDevice
- *  are asked one after the other. Returns 0 when another one before it counted already. */
+ *  are checked one after the other. Returns 0 when another one before it counted already. */
 uint32_t fsn_image_wkc(const struct fsn_plan *plan, const struct fsn_image *image, uint32_t sm);
 
 #endif

@@ -130,7 +130,7 @@ static bool write_number(const struct at *at, uint16_t index, uint8_t sub, uint3
     return fsn_objects_write(at->objects, index, sub, bytes, size, &abort_code) == FSN_OK;
 }
 
-/** The order ETG.1000 asks for: empty it, fill it, state how many. */
+/** The order that ETG.1000 requires: empty it, fill it, state how many. */
 static void write_assignment(const struct at *at, const struct assignment *a) {
     bool ok = write_number(at, at->assigned, 0, 0, 1);
     for (uint32_t i = 0; ok && i < a->count; i++) {

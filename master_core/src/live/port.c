@@ -133,7 +133,7 @@ static fsn_status check_mtu(const char *interface, int fd, struct fsn_fault *fau
         return FSN_OK;
     }
     fsn_refuse_all(fault, FSN_E_SYS, "EtherCAT frames do not fit through the interface");
-    errno = EMSGSIZE; /* for who asks by errno */
+    errno = EMSGSIZE; /* for callers that read errno */
     if (fault != NULL) {
         fault->sys_errno = errno;
         snprintf(fault->detail, sizeof fault->detail, "%s has an MTU of %d, they need %d",

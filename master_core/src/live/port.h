@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/** Source address of every frame of ours, so that those of another MainDevice are told apart:
+/** Source address of every frame of ours, so that those of another MainDevice differ:
  *  FSN_PORT_OURS, two bytes of our choice, the tag. The first SubDevice sets the bit of a locally
  *  administered address, which is set here already. */
 enum { FSN_PORT_OURS = 0x0246, FSN_PORT_SOURCE = 6, FSN_PORT_TAG = 10 };

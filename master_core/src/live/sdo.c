@@ -59,7 +59,7 @@ static uint8_t *begin_object(struct exchange *x, uint8_t command, uint32_t more_
     return sdo;
 }
 
-/** Finds the SDO in a message; false when it is none, or longer than its mailbox. */
+/** Finds the SDO in a message; false when it is not one, or longer than its mailbox. */
 static bool is_sdo(struct exchange *x) {
     const uint32_t body = fsn_get16(x->answer);
     const unsigned service = x->answer[HEADER_BYTES + 1] >> 4;

@@ -11,25 +11,25 @@ static uint16_t advance(uint16_t sequence) {
 }
 
 /** The end that lags decides: a connection is in Data when both are. */
-static enum fsn_outside outside(uint8_t to_sub, uint8_t to_main) {
+static enum fsn_observed observed_state(uint8_t to_sub, uint8_t to_main) {
     if (to_sub == 0 || to_main == 0) {
-        return FSN_OUTSIDE_SILENT;
+        return FSN_OBSERVED_SILENT;
     }
     static const uint8_t order[] = {FSN_CMD_RESET, FSN_CMD_SESSION, FSN_CMD_CONNECTION,
                                     FSN_CMD_PARAMETER};
-    static const enum fsn_outside state[] = {FSN_OUTSIDE_RESET, FSN_OUTSIDE_SESSION,
-                                             FSN_OUTSIDE_CONNECTION, FSN_OUTSIDE_PARAMETER};
+    static const enum fsn_observed state[] = {FSN_OBSERVED_RESET, FSN_OBSERVED_SESSION,
+                                              FSN_OBSERVED_CONNECTION, FSN_OBSERVED_PARAMETER};
     for (unsigned i = 0; i < sizeof order; i++) {
         if (to_sub == order[i] || to_main == order[i]) {
             return state[i];
         }
     }
     if (to_sub == FSN_CMD_PROCESS_DATA && to_main == FSN_CMD_PROCESS_DATA) {
-        return FSN_OUTSIDE_DATA_PROCESS;
+        return FSN_OBSERVED_DATA_PROCESS;
     }
     const bool data = (to_sub == FSN_CMD_PROCESS_DATA || to_sub == FSN_CMD_FAILSAFE_DATA) &&
                       (to_main == FSN_CMD_PROCESS_DATA || to_main == FSN_CMD_FAILSAFE_DATA);
-    return data ? FSN_OUTSIDE_DATA_FAILSAFE : FSN_OUTSIDE_UNKNOWN;
+    return data ? FSN_OBSERVED_DATA_FAILSAFE : FSN_OBSERVED_UNKNOWN;
 }
 
 static void count_interval(struct fsn_direction *d, uint64_t interval_ns) {
@@ -217,8 +217,8 @@ enum fsn_verdict fsn_monitor_frame(struct fsn_monitor *monitor, enum fsn_way way
     d->right += verdict == FSN_VERDICT_RIGHT;
     d->wrong += verdict == FSN_VERDICT_WRONG;
     d->unchecked += verdict == FSN_VERDICT_UNCHECKED;
-    monitor->status.outside = outside(monitor->status.direction[FSN_TO_SUB].command,
-                                      monitor->status.direction[FSN_TO_MAIN].command);
+    monitor->status.observed = observed_state(monitor->status.direction[FSN_TO_SUB].command,
+                                              monitor->status.direction[FSN_TO_MAIN].command);
     return verdict;
 }
 

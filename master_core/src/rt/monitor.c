@@ -21,9 +21,9 @@ static void report(struct fsn_rt *rt, uint32_t connection, uint32_t before, uint
         .now_ns = now_ns,
         .connection = connection,
         .before = (uint8_t)before,
-        .after = (uint8_t)status->outside,
+        .after = (uint8_t)status->observed,
     };
-    if (status->outside == FSN_OUTSIDE_RESET) {
+    if (status->observed == FSN_OBSERVED_RESET) {
         const unsigned way = reset_by(status);
         event.reset_code = status->direction[way].reset_code;
         event.by = (uint8_t)(way + 1);
@@ -43,11 +43,11 @@ static void look(struct fsn_monitor *monitor, const uint8_t *const frames[2], ui
 static void fall_silent(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
     struct fsn_rt_watch *watch = &rt->watches[connection];
     struct fsn_connection_status *status = &rt->monitors[connection].status;
-    const uint32_t before = status->outside;
+    const uint32_t before = status->observed;
     watch->new_ns = 0;
     watch->unshown = FSN_RT_PICTURES;
-    status->outside = FSN_OUTSIDE_SILENT;
-    if (before != FSN_OUTSIDE_SILENT) {
+    status->observed = FSN_OBSERVED_SILENT;
+    if (before != FSN_OBSERVED_SILENT) {
         report(rt, connection, before, now_ns);
     }
 }
@@ -70,9 +70,9 @@ void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {
         memcpy(seen[0], frames[0], watch->size_bytes[0]);
         memcpy(seen[1], frames[1], watch->size_bytes[1]);
         watch->unshown = FSN_RT_PICTURES;
-        const uint32_t before = rt->monitors[c].status.outside;
+        const uint32_t before = rt->monitors[c].status.observed;
         look(&rt->monitors[c], frames, now_ns);
-        if (rt->monitors[c].status.outside != before) {
+        if (rt->monitors[c].status.observed != before) {
             report(rt, c, before, now_ns);
         }
     }

@@ -298,8 +298,8 @@ void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input) {
         return; /* nothing was sent yet */
     }
     const uint64_t foreign = atomic_load_explicit(&wire->foreign, memory_order_relaxed);
-    input->foreign_frames = (uint32_t)(foreign - wire->foreign_told);
-    wire->foreign_told = foreign;
+    input->foreign_frames = (uint32_t)(foreign - wire->foreign_reported);
+    wire->foreign_reported = foreign;
     input->unsent_frames = wire->unsent;
     input->send_errno = wire->send_errno;
     const uint64_t last_ns = collect(wire, input);

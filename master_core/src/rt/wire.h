@@ -68,10 +68,10 @@ struct fsn_wire {
     /** Frames of another MainDevice; the acyclic side counts them, since this one never sees them.
      */
     _Atomic uint64_t foreign;
-    uint64_t foreign_told;   /**< of them, in an input */
-    uint32_t unsent;         /**< frames of the last send that the system refused */
-    int send_errno;          /**< why, the last time */
-    _Atomic uint8_t crossed; /**< with two ports: 1 while the ring is closed */
+    uint64_t foreign_reported; /**< of them, in an input */
+    uint32_t unsent;           /**< frames of the last send that the system refused */
+    int send_errno;            /**< why, the last time */
+    _Atomic uint8_t crossed;   /**< with two ports: 1 while the ring is closed */
 };
 
 /** Takes the replies to the last frames, drops older ones, and moves inputs into the image. */

@@ -119,7 +119,7 @@ static void follow(struct fsn_scan *scan, uint32_t connection, enum fsn_way way,
         .size_bytes = (uint16_t)size_bytes,
         .way = (uint8_t)way,
         .verdict = (uint8_t)verdict,
-        .outside = (uint8_t)monitor->status.outside,
+        .observed = (uint8_t)monitor->status.observed,
     };
     memcpy(sighting.frame, shown->bytes, size_bytes);
     push(scan, &sighting);
@@ -293,7 +293,7 @@ void scan_release(struct fsn_scan *scan, uint32_t candidate) {
     }
 }
 
-/** Takes a place for a copy of one that is known; false when it is none. */
+/** Takes a place for a copy of one that is known; false when it is not one. */
 static bool join_as_copy(struct fsn_scan *scan, struct candidate *c) {
     for (uint32_t i = 0; i < scan->candidate_count; i++) {
         const struct candidate *known = &scan->candidates[i];

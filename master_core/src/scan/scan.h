@@ -5,7 +5,7 @@
 #include "fsn/scan.h"
 
 enum {
-    MAX_WINDOWS = 2048,     /**< process data areas told apart */
+    MAX_WINDOWS = 2048,     /**< different process data areas */
     MAX_CANDIDATES = 8192,  /**< places that may hold FSoE frames */
     MAX_CONNECTIONS = 1024, /**< found */
     MEMORY = 24,            /**< frames a candidate remembers */

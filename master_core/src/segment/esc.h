@@ -98,7 +98,7 @@ struct esc_identity {
     uint32_t numbers[3];
 };
 
-/** What a test asks a SubDevice to do wrong; it outlives the power. */
+/** What a test makes a SubDevice do wrong; it outlives the power. */
 struct esc_faults {
     uint64_t al_delay_ns, mailbox_delay_ns;
     bool is_other; /**< from the next power-on it says that it is the other one */

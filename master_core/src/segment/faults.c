@@ -1,4 +1,4 @@
-/** What a test asks a segment to do wrong, until it takes that back. */
+/** What a test makes a segment do wrong, until it takes that back. */
 #include <string.h>
 
 #include "segment/segment_internal.h"

@@ -30,7 +30,7 @@ struct wire {
     struct held held[WIRE_FRAMES];
     uint32_t first, count;
     uint64_t delay_ns;
-    uint64_t stall_ns; /**< asked for; begins when time is known */
+    uint64_t stall_ns; /**< requested; begins when time is known */
     uint64_t stalled_until_ns;
     uint32_t repeat; /**< answers after which the old one comes again */
     bool again;      /**< now */

@@ -39,7 +39,7 @@ void fsn_segment_send(struct fsn_segment *s, uint32_t port, const uint8_t *frame
     pthread_mutex_unlock(&s->lock);
 }
 
-/** Keeps the first answer since a repetition was asked for; after the following ones it is due
+/** Keeps the first answer since a repetition was requested; after the following ones it is due
  *  again. */
 static void remember(struct wire *w, const uint8_t *frame, size_t len, uint32_t port) {
     if (w->repeat == 0) {

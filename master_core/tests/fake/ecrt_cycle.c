@@ -31,7 +31,7 @@ static void serve(ec_slave_config_t *config) {
     request->state = EC_REQUEST_SUCCESS;
 }
 
-static void lead(ec_slave_config_t *config) {
+static void bring_up(ec_slave_config_t *config) {
     struct fake_device *device = fake_attached(config);
     if (config->pause > 0) {
         config->pause--;
@@ -62,7 +62,7 @@ int ecrt_master_send(ec_master_t *master) {
     }
     for (unsigned c = 0; c < master->config_count; c++) {
         serve(&master->config[c]);
-        lead(&master->config[c]);
+        bring_up(&master->config[c]);
     }
     return 0;
 }

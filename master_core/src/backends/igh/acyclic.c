@@ -53,7 +53,7 @@ static fsn_status igh_member(void *context, uint32_t position, struct fsn_bus_me
     m->alias = slave.alias;
     m->station = (uint16_t)(position + 1); /* as IgH numbers them */
     m->al_status = (uint8_t)(slave.al_state | (slave.error_flag != 0 ? FSN_AL_ERROR : 0));
-    /* It does not tell protocols. Who has none answers so, and IgH asks nobody without CoE. */
+    /* IgH does not report protocols. A SubDevice without CoE answers so. */
     m->mailbox = FSN_MAILBOX_COE;
     m->ports = 0x0F;
     m->errors_known = node != NULL && node->request != NULL;
@@ -141,7 +141,7 @@ static fsn_status igh_pdo(void *context, uint32_t position, uint8_t sm, uint32_t
     return FSN_OK;
 }
 
-/** An idle master has led everybody to PREOP already. */
+/** An idle master has brought all to PREOP already. */
 static fsn_status igh_visit(void *context, bool *states_changed, struct fsn_fault *fault) {
     struct fsn_igh *bus = context;
     free(bus->nodes);

@@ -1,4 +1,4 @@
-/** What is checked before IgH takes over, and what it is told to do. */
+/** What is checked before IgH takes over, and how IgH is configured. */
 #include "backends/igh/igh.h"
 
 #include "live/pdo.h"
@@ -17,8 +17,8 @@ static bool has_coe(struct fsn_igh *bus, const struct igh_node *node) {
     return status == FSN_OK || status == FSN_E_BUS_SDO;
 }
 
-/** IgH writes them again whenever it leads the SubDevice up; here it is seen whether it takes them,
- *  since afterwards only the kernel log would tell. */
+/** IgH writes them again whenever it brings the SubDevice up; here it is checked whether it takes
+ * them, since afterwards only the kernel log would show it. */
 static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
     const struct fsn_objects objects = igh_objects(bus, node);
     char detail[FSN_DETAIL_BYTES];

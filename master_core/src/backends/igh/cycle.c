@@ -33,7 +33,7 @@ static void receive_frames(struct fsn_igh *bus) {
 }
 
 /** Sees which domains are complete; returns whether all are that were sent. What was not queued in
- *  the last send() would tell about an earlier cycle, so it is not asked. */
+ *  the last send() would be about an earlier cycle, so it is not read. */
 static bool look_at_domains(struct fsn_igh *bus) {
     bool all = true;
     for (uint32_t a = 0; a < bus->area_count; a++) {

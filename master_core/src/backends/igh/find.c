@@ -134,7 +134,7 @@ static fsn_status reserve(struct fsn_igh *bus, struct fsn_fault *fault) {
     return result == 0 ? FSN_OK : igh_refuse_call(fault, result, "IgH does not give its master");
 }
 
-/** An idle master leads everybody to PREOP. */
+/** An idle master brings all to PREOP. */
 static fsn_status wait_for_preop(struct fsn_igh *bus, struct igh_node *node,
                                  struct fsn_fault *fault) {
     ec_slave_info_t slave = {0};

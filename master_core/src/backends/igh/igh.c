@@ -1,7 +1,7 @@
 #define _POSIX_C_SOURCE 200809L
 
 #include "backends/igh/igh.h"
-#include "rt/touched.h"
+#include "rt/prefault.h"
 
 #include <errno.h>
 #include <stdarg.h>
@@ -91,7 +91,7 @@ static fsn_status igh_create(const struct fsn_live_options *options, void **out,
     return FSN_OK;
 }
 
-/** Deactivation before release: it ends the exchange and has IgH lead all SubDevices to PREOP. */
+/** Deactivation before release: it ends the exchange and has IgH bring all SubDevices to PREOP. */
 void igh_let_go(struct fsn_igh *bus) {
     if (bus->master != NULL) {
         if (bus->active) {
@@ -149,8 +149,8 @@ static fsn_status make_areas(struct fsn_igh *bus) {
         return status;
     }
     const uint32_t sms = fsn_plan_sm_count(bus->plan);
-    bus->bytes = fsn_touched((size_t)bus->image.bytes + 1, 1);
-    bus->areas = fsn_touched((size_t)sms + 1, sizeof *bus->areas);
+    bus->bytes = fsn_calloc_prefaulted((size_t)bus->image.bytes + 1, 1);
+    bus->areas = fsn_calloc_prefaulted((size_t)sms + 1, sizeof *bus->areas);
     if (bus->bytes == NULL || bus->areas == NULL) {
         return FSN_E_NOMEM;
     }
@@ -179,7 +179,7 @@ static fsn_status check_all(struct fsn_igh *bus, struct fsn_fault *fault) {
     for (uint32_t n = 0; n < bus->node_count; n++) {
         struct igh_node *node = &bus->nodes[n];
         const fsn_status status = igh_check(bus, node);
-        /* All are looked at: look() then tells about each. */
+        /* All are read: state() then reports each. */
         if (status != FSN_OK && first == FSN_OK) {
             first = igh_refuse(fault, status, node);
         }
@@ -270,7 +270,7 @@ static void igh_close(void *context) {
     igh_let_go(context);
 }
 
-static fsn_status igh_look(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+static fsn_status igh_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
     struct fsn_igh *bus = context;
     if (subdevice >= bus->node_count) {
         return FSN_E_ARG;
@@ -288,8 +288,8 @@ const struct fsn_backend *fsn_backend_igh(void) {
         .receive = igh_receive,
         .send = igh_send,
         .close = igh_close,
-        .tend = igh_tend,
-        .look = igh_look,
+        .poll = igh_poll,
+        .state = igh_state,
         .acyclic = &igh_acyclic,
     };
     static const struct fsn_backend backend = {

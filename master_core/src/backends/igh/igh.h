@@ -37,10 +37,10 @@ struct igh_node {
     ec_slave_config_t *config;
     ec_reg_request_t
         *request; /**< NULL when IgH gives none: then there are no codes and counters */
-    enum igh_register asked;
-    uint64_t asked_ns;
+    enum igh_register requested;
+    uint64_t requested_ns;
     bool coe;              /**< it answered an SDO */
-    bool address_readable; /**< it told its FSoE address before the cycle began */
+    bool address_readable; /**< its FSoE address was read before the cycle began */
     bool checked;          /**< since it was found last: identity and FSoE address */
     bool was_in_op, away;
     bool left; /**< it was seen outside OP since it was to leave it */
@@ -114,7 +114,7 @@ fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node);
 /** Tells IgH what to do with a SubDevice whenever it finds it, and makes the domains. */
 fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node);
 /** Compares the FSoE address with the plan.
- *  @param[out] readable  whether the SubDevice told it. */
+ *  @param[out] readable  whether it could be read. */
 fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable);
 
 /* Process data of one SubDevice against the plan (pdo.c). */
@@ -124,8 +124,8 @@ fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node);
 void igh_receive(void *context, struct fsn_bus_input *input);
 void igh_send(void *context);
 
-/* Supervision (tend.c). */
-bool igh_tend(void *context, uint8_t al_state, uint64_t now_ns);
+/* Supervision (al_states.c). */
+bool igh_poll(void *context, uint8_t al_state, uint64_t now_ns);
 
 /* Objects beside the cycle (acyclic.c). */
 extern const struct fsn_bus_acyclic igh_acyclic;
@@ -135,7 +135,7 @@ extern const struct fsn_bus_acyclic igh_acyclic;
 /** Gives the master back. */
 void igh_let_go(struct fsn_igh *bus);
 
-/** Writes what was found about a node, for look(); printf-like. */
+/** Writes what was found about a node, for state(); printf-like. */
 void igh_note(struct fsn_igh *bus, struct igh_node *node, uint8_t found, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 /** Refuses because of a node; the detail is what was noted about it. */

@@ -147,7 +147,7 @@ static fsn_status transfer_by_mailbox(struct fsn_soem *bus, struct fsn_transfer 
     };
     const fsn_status status = transfer_it(&mailbox, transfer);
     ec_errort error;
-    while (ecx_poperror(&bus->context, &error)) { /* emergencies and the like: nobody asks */
+    while (ecx_poperror(&bus->context, &error)) { /* emergencies and the like: not used */
     }
     return status;
 }
@@ -244,7 +244,7 @@ static fsn_status soem_sii_write(void *context, uint32_t position, uint32_t offs
 
 /* -- without a plan ------------------------------------------------------------------------- */
 
-/** Asks everybody for PREOP; who does not get there is told by its AL status. */
+/** Requests PREOP of all; the AL status shows which one does not get there. */
 static void reach_preop(struct fsn_soem *bus) {
     unsigned left_ms = VISIT_PREOP_MS;
     for (int s = 1; s <= bus->slave_count; s++) {
@@ -269,7 +269,7 @@ static fsn_status soem_visit(void *context, bool *states_changed, struct fsn_fau
     fsn_status status = soem_take_interfaces(bus, fault);
     status = status != FSN_OK ? status : soem_open_nic(bus, fault);
     if (status == FSN_OK) {
-        *states_changed = true; /* SOEM leads everybody to INIT before it asks for more */
+        *states_changed = true; /* SOEM brings all to INIT before it requests more */
         status = soem_find(bus, fault);
     }
     if (status != FSN_OK) {

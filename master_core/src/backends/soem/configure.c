@@ -1,4 +1,4 @@
-/** From PREOP to where SAFEOP can be asked for. */
+/** From PREOP to where SAFEOP can be requested. */
 #include "backends/soem/soem.h"
 
 #include <string.h>

@@ -105,7 +105,7 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
             const ec_slavet *s = &bus->slaves[node->slave];
             const struct identity found = {s->eep_man, s->eep_id, s->eep_rev};
             bus->places[node->slave].node = (int)n;
-            node->seen.al_status = FSN_AL_INIT; /* where SOEM has led everybody */
+            node->seen.al_status = FSN_AL_INIT; /* where SOEM has brought all */
             status = note_who_answers(bus, node, node->slave, found);
         }
         if (status != FSN_OK && first == FSN_OK) {
@@ -214,7 +214,7 @@ static void take_back(struct fsn_soem *bus, uint16_t slave) {
     }
     struct node *node = &bus->nodes[bus->places[slave].node];
     node->configured = false;
-    node->asked = 0;
+    node->requested = 0;
     node->retry_ns = 0;
 }
 

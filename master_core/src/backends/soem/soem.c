@@ -275,7 +275,7 @@ static fsn_status configure_all(struct fsn_soem *bus, struct fsn_fault *fault) {
     for (uint32_t n = 0; n < bus->node_count; n++) {
         struct node *node = &bus->nodes[n];
         const fsn_status status = soem_configure(bus, node);
-        /* All are looked at: look() then tells about each. */
+        /* All are read: state() then reports each. */
         if (status != FSN_OK && first == FSN_OK) {
             first = soem_refuse(fault, status, node);
         }
@@ -335,7 +335,7 @@ static void soem_send(void *context) {
     fsn_wire_send(&bus->frames.wire);
 }
 
-static fsn_status soem_look(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+static fsn_status soem_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
     struct fsn_soem *bus = context;
     if (subdevice >= bus->node_count) {
         return FSN_E_ARG;
@@ -353,8 +353,8 @@ const struct fsn_backend *fsn_backend_soem(void) {
         .receive = soem_receive,
         .send = soem_send,
         .close = soem_close,
-        .tend = soem_tend,
-        .look = soem_look,
+        .poll = soem_poll,
+        .state = soem_state,
         .acyclic = &soem_acyclic,
     };
     static const struct fsn_backend backend = {

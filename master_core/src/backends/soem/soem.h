@@ -23,9 +23,9 @@ struct node {
     uint16_t slave;  /**< in SOEM's list, from 1; 0: nothing stands at its place */
     bool configured; /**< since it was found last: SDOs, PDOs, SMs and FMMUs are written */
     bool was_in_op;
-    bool away;     /**< it was in OP once, and is not any more */
-    uint8_t asked; /**< AL state asked for; 0: none */
-    uint64_t asked_ns;
+    bool away;         /**< it was in OP once, and is not any more */
+    uint8_t requested; /**< AL state; 0: none */
+    uint64_t requested_ns;
     uint64_t retry_ns; /**< nothing is tried before */
     struct fsn_bus_subdevice seen;
 };
@@ -75,7 +75,7 @@ struct fsn_soem {
     struct place places[SOEM_MOST_SLAVES];
     pthread_mutex_t seen_lock; /**< guards `seen` of the nodes; never taken by the cycle */
     uint64_t states_ns, links_ns, search_ns; /**< when these are due again */
-    uint8_t goal;                            /**< AL state of the last tend() */
+    uint8_t goal;                            /**< AL state of the last poll() */
     bool all_there;                          /**< what it returned */
     bool ring_was_closed;                    /**< at least once; only with a second interface */
     uint16_t next_link;                      /**< whose counters are read next */
@@ -91,7 +91,7 @@ void soem_search(struct fsn_soem *bus);
 
 /* Configuring (configure.c). */
 
-/** Leads a SubDevice, which must be in PREOP, to where SAFEOP can be asked for: start-up SDOs,
+/** Brings a SubDevice, which must be in PREOP, to where SAFEOP can be requested: start-up SDOs,
  *  PDO assignment and mapping, FSoE address, sync managers, FMMUs, SYNC0.
  *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS  `seen` of the node says more. */
 fsn_status soem_configure(struct fsn_soem *bus, struct node *node);
@@ -105,12 +105,12 @@ fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);
  * reads all at the start, and takes a time-out for an empty SII. */
 uint16_t soem_sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number);
 
-/* Supervision (tend.c). */
-bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns);
+/* Supervision (al_states.c). */
+bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns);
 
 /* Objects, SII and registers (acyclic.c). */
 extern const struct fsn_bus_acyclic soem_acyclic;
-/** How the objects of a SubDevice with CoE are reached. Unlike soem_acyclic it asks for no AL state
+/** How the objects of a SubDevice with CoE are reached. Unlike soem_acyclic it requests no AL state
  *  before: at open() nobody has looked at them yet. */
 struct fsn_objects soem_objects(struct fsn_soem *bus, uint16_t slave);
 
@@ -124,7 +124,7 @@ fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Closes everything that was opened. */
 void soem_let_go(struct fsn_soem *bus);
 
-/** Writes what was found about a node, for look(); printf-like. */
+/** Writes what was found about a node, for state(); printf-like. */
 void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 /** Throws away what waits for SOEM. Nothing is under way when this is called, so it is the answer

@@ -10,8 +10,13 @@
 
 struct fsn_job;
 
-/** What a client asks of the program around the socket. */
-enum fsn_wish { FSN_WISH_START, FSN_WISH_STOP, FSN_WISH_RESTART, FSN_WISH_SHUTDOWN };
+/** What a client requests of the program around the socket. */
+enum fsn_program_request {
+    FSN_PROGRAM_START,
+    FSN_PROGRAM_STOP,
+    FSN_PROGRAM_RESTART,
+    FSN_PROGRAM_SHUTDOWN
+};
 
 /** FSN_LOG_DETAIL: for subscribers and a log of records; too much for lines that people read. */
 enum fsn_log_level { FSN_LOG_DETAIL, FSN_LOG_INFO, FSN_LOG_WARNING, FSN_LOG_ERROR };
@@ -33,7 +38,8 @@ struct fsn_control_status {
 struct fsn_control_host {
     void *self;
     void (*status)(void *self, struct fsn_control_status *status);
-    fsn_status (*wish)(void *self, enum fsn_wish wish, struct fsn_refusal *refusal);
+    fsn_status (*request)(void *self, enum fsn_program_request request,
+                          struct fsn_refusal *refusal);
     /** `text` for people; `json` the event as subscribers get it, without its newline. */
     void (*log)(void *self, enum fsn_log_level level, const char *text, const char *json,
                 size_t json_bytes);

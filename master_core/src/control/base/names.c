@@ -6,14 +6,14 @@
 #include "fsn/fsoe.h"
 #include "fsn/monitor.h"
 
-const char *fsn_outside_text(uint32_t outside) {
+const char *fsn_observed_text(uint32_t observed) {
     static const char *const text[] = {"silent",    "reset",         "session",      "connection",
                                        "parameter", "failsafe data", "process data", "unknown"};
-    return text[outside <= FSN_OUTSIDE_UNKNOWN ? outside : FSN_OUTSIDE_UNKNOWN];
+    return text[observed <= FSN_OBSERVED_UNKNOWN ? observed : FSN_OBSERVED_UNKNOWN];
 }
 
-bool fsn_outside_is_data(uint32_t outside) {
-    return outside == FSN_OUTSIDE_DATA_PROCESS || outside == FSN_OUTSIDE_DATA_FAILSAFE;
+bool fsn_observed_is_data(uint32_t observed) {
+    return observed == FSN_OBSERVED_DATA_PROCESS || observed == FSN_OBSERVED_DATA_FAILSAFE;
 }
 
 const char *fsn_reset_text(uint8_t code) {

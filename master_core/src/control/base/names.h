@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-const char *fsn_outside_text(uint32_t outside);
-bool fsn_outside_is_data(uint32_t outside);
+const char *fsn_observed_text(uint32_t observed);
+bool fsn_observed_is_data(uint32_t observed);
 const char *fsn_reset_text(uint8_t code);
 const char *fsn_command_name(uint8_t command);
 

@@ -27,7 +27,7 @@ static enum fsn_log_level connection_level(struct fsn_changes *changes,
         *reported_ns = 0;
         return FSN_LOG_INFO;
     }
-    if (event->after != FSN_OUTSIDE_RESET ||
+    if (event->after != FSN_OBSERVED_RESET ||
         (*reported_ns != 0 && event->now_ns - *reported_ns < AGAIN_MS * UINT64_C(1000000))) {
         return FSN_LOG_DETAIL;
     }
@@ -40,12 +40,12 @@ static void left_data(struct fsn_incidents *incidents, const struct fsn_event *e
                       const char *name, const char *reset_by, const char *cause) {
     char text[300];
     snprintf(text, sizeof text, "connection %.120s left Data: %s%s", name,
-             fsn_outside_text(event->after), cause);
+             fsn_observed_text(event->after), cause);
     const struct fsn_trigger trigger = {
         .kind = "left_data",
         .connection = name,
-        .before = fsn_outside_text(event->before),
-        .after = fsn_outside_text(event->after),
+        .before = fsn_observed_text(event->before),
+        .after = fsn_observed_text(event->after),
         .reset_by = reset_by,
         .reset_text = reset_by != NULL ? fsn_reset_text(event->reset_code) : NULL,
         .reset_code = reset_by != NULL ? event->reset_code : 0,
@@ -58,24 +58,24 @@ static void connection_event(struct fsn_changes *changes, struct fsn_incidents *
                              const struct fsn_event *event) {
     const struct fsn_connection_info info =
         fsn_known_connection(changes->view->plan, event->connection);
-    const bool reset = event->after == FSN_OUTSIDE_RESET && event->by != 0;
+    const bool reset = event->after == FSN_OBSERVED_RESET && event->by != 0;
     const char *by = !reset ? NULL : event->by == FSN_TO_SUB + 1 ? "main" : "sub";
     char cause[120] = "";
     struct fsn_json *json = fsn_event_begin(changes->events, "connection", event->now_ns);
     fsn_json_put_text(json, "connection", info.name);
-    fsn_json_put_text(json, "before", fsn_outside_text(event->before));
-    fsn_json_put_text(json, "after", fsn_outside_text(event->after));
+    fsn_json_put_text(json, "before", fsn_observed_text(event->before));
+    fsn_json_put_text(json, "after", fsn_observed_text(event->after));
     if (reset) {
         fsn_json_put_text(json, "reset_by", by);
         fsn_json_put_u64(json, "reset_code", event->reset_code);
         fsn_json_put_text(json, "reset_text", fsn_reset_text(event->reset_code));
         snprintf(cause, sizeof cause, ", by the %s: %s", by, fsn_reset_text(event->reset_code));
     }
-    const bool left = fsn_outside_is_data(event->before);
-    const bool data = fsn_outside_is_data(event->after);
+    const bool left = fsn_observed_is_data(event->before);
+    const bool data = fsn_observed_is_data(event->after);
     fsn_event_send(changes->events, connection_level(changes, event, left, data),
-                   "connection %.120s: %s -> %s%s", info.name, fsn_outside_text(event->before),
-                   fsn_outside_text(event->after), cause);
+                   "connection %.120s: %s -> %s%s", info.name, fsn_observed_text(event->before),
+                   fsn_observed_text(event->after), cause);
     fsn_incident_connection(incidents, event->connection, event->after);
     if (left && !data) {
         left_data(incidents, event, info.name, by, cause);
@@ -94,11 +94,11 @@ static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before
                                           const struct fsn_bus_subdevice *after) {
     const bool wrong = after->found != FSN_FOUND_RIGHT && after->found != FSN_FOUND_UNKNOWN;
     if (before->found == FSN_FOUND_UNKNOWN && !wrong && after->al_status == FSN_AL_NONE) {
-        return FSN_LOG_DETAIL; /* at the start nobody has been asked for his state yet */
+        return FSN_LOG_DETAIL; /* at the start no AL state has been read yet */
     }
-    const bool told = after->detail[0] != 0 && strcmp(before->detail, after->detail) != 0;
+    const bool reported = after->detail[0] != 0 && strcmp(before->detail, after->detail) != 0;
     if ((after->al_status & FSN_AL_ERROR) != 0 || after->al_status == FSN_AL_NONE || wrong ||
-        told) {
+        reported) {
         return FSN_LOG_WARNING;
     }
     return after->al_status == FSN_AL_OP && before->al_status != FSN_AL_OP ? FSN_LOG_INFO
@@ -120,7 +120,7 @@ static void put_links(const struct fsn_bus_subdevice *seen, char *text, size_t r
 
 static void subdevice_event(struct fsn_changes *changes, uint32_t number,
                             const struct fsn_bus_subdevice *before,
-                            const struct fsn_bus_subdevice *after, bool told, uint64_t now_ns) {
+                            const struct fsn_bus_subdevice *after, bool reported, uint64_t now_ns) {
     const struct fsn_subdevice_info info = fsn_known_subdevice(changes->view->plan, number);
     char from[24];
     char to[24];
@@ -150,7 +150,7 @@ static void subdevice_event(struct fsn_changes *changes, uint32_t number,
     const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN;
     const bool unread = fine && (before->al_status | after->al_status) == FSN_AL_NONE;
     const bool moved = before->al_status != after->al_status;
-    fsn_event_send(changes->events, told ? FSN_LOG_DETAIL : subdevice_level(before, after),
+    fsn_event_send(changes->events, reported ? FSN_LOG_DETAIL : subdevice_level(before, after),
                    "SubDevice %.120s: %s%s%s%s%s%s%s%s%.150s", info.name,
                    unread ? "its AL state is not read yet" : from, moved ? " -> " : "",
                    moved ? to : "", code, links, fine ? "" : ", ",
@@ -196,14 +196,14 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
         back += changes->view->subdevices_known && !was && after.al_status != FSN_AL_NONE;
     }
     after.detail[FSN_DETAIL_BYTES - 1] = 0;
-    const bool told = whole_bus(changes, count, lost, back, after.detail, now_ns);
+    const bool reported = whole_bus(changes, count, lost, back, after.detail, now_ns);
     for (uint32_t i = 0; i < count && fsn_core_subdevice(changes->view->core, i, &after) == FSN_OK;
          i++) {
         after.detail[FSN_DETAIL_BYTES - 1] = 0;
         const struct fsn_bus_subdevice before = changes->view->subdevice[i];
         changes->view->subdevice[i] = after;
         if (!changes->view->subdevices_known || !same_subdevice(&before, &after)) {
-            subdevice_event(changes, i, &before, &after, told, now_ns);
+            subdevice_event(changes, i, &before, &after, reported, now_ns);
             fsn_incident_subdevice(incidents, i, &after, now_ns);
         }
     }

@@ -20,7 +20,7 @@ enum {
     BEFORE_MS = 5000,   /**< kept before the moment */
     AFTER_MS = 1000,    /**< and behind it */
     LATE_MS = 1000,     /**< longer nobody waits for a cycle behind that */
-    PAUSE_MS = 10000,   /**< between two that nobody asked for, in the long run */
+    PAUSE_MS = 10000,   /**< between two that were not requested, in the long run */
     AT_ONCE = 3,        /**< files without that pause: a second failure has its own */
     PATIENCE_MS = 5000, /**< in OP and not in Data for so long */
     ANSWER_MS = 2000,   /**< longer nobody waits for the FSoE values of the SubDevices */
@@ -97,7 +97,8 @@ void fsn_incident_event(struct fsn_incidents *in, const char *json, size_t len_b
     *place = strndup(json, len_bytes);
 }
 
-/** Names the file after when and what, with nothing a shell or a file system minds. */
+/** Names the file after when and what, with nothing that a shell or a file system treats specially.
+ */
 static void put_stem(const struct fsn_pending *p, char *stem, size_t room_bytes) {
     char utc[32];
     size_t used = 0;
@@ -192,9 +193,9 @@ static void copy_text(char *to, size_t room_bytes, const char *from) {
 }
 
 bool fsn_incident_begin(struct fsn_incidents *in, const struct fsn_trigger *t) {
-    const bool asked = strcmp(t->kind, "request") == 0;
+    const bool requested = strcmp(t->kind, "request") == 0;
     if (in == NULL || in->pending.active ||
-        (!asked && (is_stopping(in) || is_too_soon(in, t->now_ns)))) {
+        (!requested && (is_stopping(in) || is_too_soon(in, t->now_ns)))) {
         return false;
     }
     if (in->files >= MOST_FILES) {
@@ -231,11 +232,11 @@ void fsn_incident_subdevice(struct fsn_incidents *in, uint32_t number,
                             const struct fsn_bus_subdevice *seen, uint64_t now_ns) {
     const bool wrong = seen->found > FSN_FOUND_RIGHT;
     if (in == NULL || (!wrong && seen->al_status != FSN_AL_OP)) {
-        return; /* it is led on, or tried again: the last word is not spoken */
+        return; /* it is brought further, or tried again: not decided yet */
     }
-    const bool told = in->refused[number] != 0;
+    const bool reported = in->refused[number] != 0;
     in->refused[number] = wrong;
-    if (!wrong || told) {
+    if (!wrong || reported) {
         return;
     }
     const struct fsn_subdevice_info info = fsn_known_subdevice(in->view->plan, number);
@@ -247,8 +248,8 @@ void fsn_incident_subdevice(struct fsn_incidents *in, uint32_t number,
     (void)fsn_incident_begin(in, &trigger);
 }
 
-void fsn_incident_connection(struct fsn_incidents *in, uint32_t number, uint32_t outside) {
-    if (in != NULL && fsn_outside_is_data(outside)) {
+void fsn_incident_connection(struct fsn_incidents *in, uint32_t number, uint32_t observed) {
+    if (in != NULL && fsn_observed_is_data(observed)) {
         in->reported[number] = 1; /* from here on it can only leave Data */
     }
 }
@@ -256,14 +257,14 @@ void fsn_incident_connection(struct fsn_incidents *in, uint32_t number, uint32_t
 static void not_connected(struct fsn_incidents *in, uint32_t number, uint64_t now_ns) {
     const struct fsn_connection_info info = fsn_known_connection(in->view->plan, number);
     char text[300];
-    const char *outside = fsn_outside_text(in->view->connections[number].outside);
+    const char *observed = fsn_observed_text(in->view->connections[number].observed);
     snprintf(text, sizeof text,
              "connection %.120s has not come to Data within %d s after every SubDevice reached OP, "
              "it is in %s",
-             info.name, PATIENCE_MS / 1000, outside);
+             info.name, PATIENCE_MS / 1000, observed);
     const struct fsn_trigger trigger = {.kind = "not_connected",
                                         .connection = info.name,
-                                        .after = outside,
+                                        .after = observed,
                                         .now_ns = now_ns,
                                         .text = text};
     (void)fsn_incident_begin(in, &trigger);
@@ -284,7 +285,7 @@ static void look_for_missing(struct fsn_incidents *in, uint64_t now_ns) {
         return;
     }
     for (uint32_t i = 0; i < in->connections; i++) {
-        fsn_incident_connection(in, i, in->view->connections[i].outside);
+        fsn_incident_connection(in, i, in->view->connections[i].observed);
         if (in->reported[i] == 0 && !in->pending.active) {
             in->reported[i] = 1;
             not_connected(in, i, now_ns);

@@ -43,7 +43,7 @@ struct fsn_trigger {
 bool fsn_incident_begin(struct fsn_incidents *incidents, const struct fsn_trigger *trigger);
 
 /** A connection is in this state now: one that was in Data has come to it. */
-void fsn_incident_connection(struct fsn_incidents *incidents, uint32_t number, uint32_t outside);
+void fsn_incident_connection(struct fsn_incidents *incidents, uint32_t number, uint32_t observed);
 
 /** A SubDevice has changed: one that is not as planned, or refuses a state or an object, is an
  *  incident; once until it is in OP. */
@@ -57,7 +57,7 @@ void fsn_incident_event(struct fsn_incidents *incidents, const char *json, size_
  *  has been written. */
 void fsn_incident_turn(struct fsn_incidents *incidents, uint64_t now_ns);
 
-/** A job is done; it may be the one that asked the SubDevices for their FSoE values. */
+/** A job is done; it may be the one that read the FSoE values of the SubDevices. */
 void fsn_incident_job_done(struct fsn_incidents *incidents, struct fsn_job *job);
 
 /** The core is about to go: what is being kept is written with what is there. */

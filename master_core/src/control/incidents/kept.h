@@ -24,7 +24,7 @@ struct fsn_incidents {
     char folder[FSN_INCIDENT_PATH / 2];
     uint64_t most_bytes; /**< of all incident files in it, before a further one */
     struct fsn_pending pending;
-    struct fsn_job *job;            /**< asks the SubDevices for their FSoE values; or NULL */
+    struct fsn_job *job;            /**< reads the FSoE values of the SubDevices; or NULL */
     struct fsn_json fsoe;           /**< their answer; empty without an answer */
     struct fsn_incident_file *file; /**< being written */
     char text[640];                 /**< of the one being written */

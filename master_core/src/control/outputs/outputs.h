@@ -27,7 +27,7 @@ struct fsn_wanted {
     bool edge; /**< filled by the write: the edge of an output that can restart a machine */
 };
 
-/** Told about each output that fell back to its stop value. */
+/** Called for each output that fell back to its stop value. */
 typedef void (*fsn_fallback_fn)(void *self, uint32_t symbol);
 
 /** Prepares the symbols of a plan; NULL when out of memory. `plan` must outlive it. */

@@ -95,9 +95,9 @@ static fsn_status events(struct fsn_request *request) {
     return FSN_OK;
 }
 
-static fsn_status wish(struct fsn_request *request, enum fsn_wish wished) {
+static fsn_status of_program(struct fsn_request *request, enum fsn_program_request wanted) {
     const struct fsn_control_host *host = request->services->view.host;
-    const fsn_status found = host->wish(host->self, wished, &request->refusal);
+    const fsn_status found = host->request(host->self, wanted, &request->refusal);
     if (found == FSN_OK) {
         fsn_json_put_text(request->json, "state",
                           fsn_program_status(host).state); /* events tell how it goes on */
@@ -106,23 +106,23 @@ static fsn_status wish(struct fsn_request *request, enum fsn_wish wished) {
 }
 
 static fsn_status start(struct fsn_request *request) {
-    return wish(request, FSN_WISH_START);
+    return of_program(request, FSN_PROGRAM_START);
 }
 
 static fsn_status stop(struct fsn_request *request) {
-    return wish(request, FSN_WISH_STOP);
+    return of_program(request, FSN_PROGRAM_STOP);
 }
 
 static fsn_status restart(struct fsn_request *request) {
-    return wish(request, FSN_WISH_RESTART);
+    return of_program(request, FSN_PROGRAM_RESTART);
 }
 
 static fsn_status shut_down(struct fsn_request *request) {
-    return wish(request, FSN_WISH_SHUTDOWN);
+    return of_program(request, FSN_PROGRAM_SHUTDOWN);
 }
 
 static fsn_status incident(struct fsn_request *request) {
-    const char *text = request->count > 0 ? request->argument[0] : "a client asked for it";
+    const char *text = request->count > 0 ? request->argument[0] : "a client requested it";
     const struct fsn_trigger trigger = {.kind = "request", .now_ns = fsn_now_ns(), .text = text};
     if (request->services->incidents == NULL) {
         return fsn_request_refuse(request, FSN_E_STATE, "start fsn-master with --incidents FOLDER",

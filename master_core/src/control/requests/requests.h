@@ -6,7 +6,7 @@
 
 enum {
     FSN_CONTROL_PROTOCOL = 1,  /**< version of the protocol; it grows by new words and keys */
-    FSN_LEASE_MS = 1000,       /**< lease of a client that asks for no other */
+    FSN_LEASE_MS = 1000,       /**< lease of a client that requests no other */
     FSN_LEASE_MAX_MS = 600000, /**< longest lease */
 };
 

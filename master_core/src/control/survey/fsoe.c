@@ -1,4 +1,4 @@
-/** What a SubDevice tells of its FSoE addresses and connections. */
+/** What a SubDevice reports of its FSoE addresses and connections. */
 #include "control/survey/member.h"
 #include "live/fsoe_objects.h"
 #include "plan/plan_internal.h"
@@ -12,8 +12,8 @@ enum {
     SIDE_UNKNOWN = 0xFF,
 };
 
-/** What is told of one connection. */
-struct told_connection {
+/** One connection as its SubDevice reports it. */
+struct found_connection {
     uint16_t object;
     uint16_t value[FSN_PARAMETER_WATCHDOG_MS + 1]; /**< by enum fsn_parameter */
     uint16_t state;
@@ -21,61 +21,61 @@ struct told_connection {
     uint8_t side;
 };
 
-/** What a SubDevice tells. */
-struct told {
+/** What a SubDevice reports. */
+struct found {
     bool has_addresses;
     uint16_t address[MOST_ADDRESSES];
     uint32_t addresses;
-    struct told_connection connection[FSN_SURVEY_CONNECTIONS];
+    struct found_connection connection[FSN_SURVEY_CONNECTIONS];
     uint32_t connections;
 };
 
 void fsn_survey_entry(struct fsn_surveyed *of, uint32_t entry) {
     const bool is_command = (entry >> 8 & 0xFF) == 1 && (entry & 0xFF) == 8;
     const uint16_t object = is_command ? fsn_parameter_object((uint16_t)(entry >> 16)) : 0;
-    if (object == 0 || of->tell_count == FSN_SURVEY_CONNECTIONS) {
+    if (object == 0 || of->fsoe_object_count == FSN_SURVEY_CONNECTIONS) {
         return;
     }
-    for (uint32_t i = 0; i < of->tell_count; i++) {
-        if (of->tells[i] == object) {
+    for (uint32_t i = 0; i < of->fsoe_object_count; i++) {
+        if (of->fsoe_objects[i] == object) {
             return;
         }
     }
-    of->tells[of->tell_count++] = object;
+    of->fsoe_objects[of->fsoe_object_count++] = object;
 }
 
 /* -- reading -------------------------------------------------------------------------------- */
 
-static bool has_address(const struct told *told, uint16_t address) {
-    for (uint32_t i = 0; i < told->addresses; i++) {
-        if (told->address[i] == address) {
+static bool has_address(const struct found *found, uint16_t address) {
+    for (uint32_t i = 0; i < found->addresses; i++) {
+        if (found->address[i] == address) {
             return true;
         }
     }
     return false;
 }
 
-static void read_addresses(struct fsn_surveyed *of, struct told *told) {
+static void read_addresses(struct fsn_surveyed *of, struct found *found) {
     uint32_t count;
-    told->has_addresses = fsn_survey_number(of, FSN_ADDRESSES, 0, &count);
-    for (uint32_t i = 0; told->has_addresses && i < count && i < MOST_ADDRESSES; i++) {
+    found->has_addresses = fsn_survey_number(of, FSN_ADDRESSES, 0, &count);
+    for (uint32_t i = 0; found->has_addresses && i < count && i < MOST_ADDRESSES; i++) {
         uint32_t address;
         if (fsn_survey_number(of, FSN_ADDRESSES, (uint8_t)(i + 1), &address)) {
-            told->address[told->addresses++] = (uint16_t)address;
+            found->address[found->addresses++] = (uint16_t)address;
         }
     }
 }
 
 /** Reads the parameters of a connection. In the object of a module, which may be something else,
  *  they count only together and with their sizes. */
-static bool read_connection(struct fsn_surveyed *of, uint16_t object, struct told_connection *c) {
+static bool read_connection(struct fsn_surveyed *of, uint16_t object, struct found_connection *c) {
     enum {
         ALL = 1 << FSN_PARAMETER_ADDRESS | 1 << FSN_PARAMETER_CONNECTION_ID |
               1 << FSN_PARAMETER_WATCHDOG_MS
     };
     uint32_t subs;
     uint32_t side;
-    *c = (struct told_connection){.object = object, .side = SIDE_UNKNOWN};
+    *c = (struct found_connection){.object = object, .side = SIDE_UNKNOWN};
     if (!fsn_survey_number(of, object, 0, &subs)) {
         return false;
     }
@@ -96,56 +96,56 @@ static bool read_connection(struct fsn_surveyed *of, uint16_t object, struct tol
     return true;
 }
 
-static bool look(struct fsn_surveyed *of, struct told *told) {
-    *told = (struct told){0};
-    read_addresses(of, told);
-    for (uint32_t i = 0; i < of->tell_count && of->coe; i++) {
-        told->connections +=
-            read_connection(of, of->tells[i], &told->connection[told->connections]);
+static bool read_found(struct fsn_surveyed *of, struct found *found) {
+    *found = (struct found){0};
+    read_addresses(of, found);
+    for (uint32_t i = 0; i < of->fsoe_object_count && of->coe; i++) {
+        found->connections +=
+            read_connection(of, of->fsoe_objects[i], &found->connection[found->connections]);
     }
     /* A safety device whose frames have other numbers may still have the objects of its area. */
-    const bool search = told->connections == 0;
+    const bool search = found->connections == 0;
     for (uint32_t i = 0; i < MOST_SAFETY_CONNECTIONS && of->coe && search; i++) {
         const uint16_t object = (uint16_t)(FSN_CONNECTIONS + CONNECTION_STEP * i);
-        told->connections += read_connection(of, object, &told->connection[told->connections]);
+        found->connections += read_connection(of, object, &found->connection[found->connections]);
     }
-    const bool no_addresses = told->addresses == 0;
-    for (uint32_t i = 0; i < told->connections; i++) {
-        struct told_connection *c = &told->connection[i];
+    const bool no_addresses = found->addresses == 0;
+    for (uint32_t i = 0; i < found->connections; i++) {
+        struct found_connection *c = &found->connection[i];
         const uint16_t address = c->value[FSN_PARAMETER_ADDRESS];
         if ((c->known & 1 << FSN_PARAMETER_ADDRESS) == 0 || address == 0) {
             continue;
         }
-        if (c->side == SIDE_UNKNOWN && has_address(told, address)) {
+        if (c->side == SIDE_UNKNOWN && has_address(found, address)) {
             c->side = SIDE_SUB;
-        } else if (c->side == SIDE_SUB && no_addresses && !has_address(told, address) &&
-                   told->addresses < MOST_ADDRESSES) {
-            told->address[told->addresses++] = address;
+        } else if (c->side == SIDE_SUB && no_addresses && !has_address(found, address) &&
+                   found->addresses < MOST_ADDRESSES) {
+            found->address[found->addresses++] = address;
         }
     }
-    return told->has_addresses || told->connections > 0;
+    return found->has_addresses || found->connections > 0;
 }
 
 /* -- writing -------------------------------------------------------------------------------- */
 
-static void put_addresses(const struct told *told, struct fsn_json *json) {
+static void put_addresses(const struct found *found, struct fsn_json *json) {
     fsn_json_key(json, "address");
-    if (told->addresses > 0) {
-        fsn_json_u64(json, told->address[0]);
+    if (found->addresses > 0) {
+        fsn_json_u64(json, found->address[0]);
     } else {
         fsn_json_null(json);
     }
-    if (told->addresses > 1) {
+    if (found->addresses > 1) {
         fsn_json_key(json, "addresses");
         fsn_json_open(json, '[');
-        for (uint32_t i = 0; i < told->addresses; i++) {
-            fsn_json_u64(json, told->address[i]);
+        for (uint32_t i = 0; i < found->addresses; i++) {
+            fsn_json_u64(json, found->address[i]);
         }
         fsn_json_close(json, ']');
     }
 }
 
-static void put_connection(const struct told_connection *c, struct fsn_json *json) {
+static void put_connection(const struct found_connection *c, struct fsn_json *json) {
     static const char *const key[] = {[FSN_PARAMETER_ADDRESS] = "address",
                                       [FSN_PARAMETER_CONNECTION_ID] = "connection_id",
                                       [FSN_PARAMETER_WATCHDOG_MS] = "watchdog_ms"};
@@ -162,37 +162,37 @@ static void put_connection(const struct told_connection *c, struct fsn_json *jso
     fsn_json_close(json, '}');
 }
 
-static void put_side(const struct told *told, struct fsn_json *json, const char *key, bool subs) {
+static void put_side(const struct found *found, struct fsn_json *json, const char *key, bool subs) {
     fsn_json_key(json, key);
     fsn_json_open(json, '[');
-    for (uint32_t i = 0; i < told->connections; i++) {
-        if ((told->connection[i].side == SIDE_SUB) == subs) {
-            put_connection(&told->connection[i], json);
+    for (uint32_t i = 0; i < found->connections; i++) {
+        if ((found->connection[i].side == SIDE_SUB) == subs) {
+            put_connection(&found->connection[i], json);
         }
     }
     fsn_json_close(json, ']');
 }
 
 /** Writes the keys into an object that is open. */
-static void put_told(struct fsn_surveyed *of, const struct told *told, struct fsn_json *json) {
-    put_addresses(told, json);
-    if (told->addresses == 0 && told->has_addresses) {
-        fsn_survey_problem(of, "0xF980 tells no FSoE address");
+static void put_found(struct fsn_surveyed *of, const struct found *found, struct fsn_json *json) {
+    put_addresses(found, json);
+    if (found->addresses == 0 && found->has_addresses) {
+        fsn_survey_problem(of, "0xF980 holds no FSoE address");
     }
-    put_side(told, json, "connections", false);
-    put_side(told, json, "given", true);
+    put_side(found, json, "connections", false);
+    put_side(found, json, "given", true);
 }
 
 void fsn_survey_fsoe(struct fsn_surveyed *of, struct fsn_json *json) {
-    struct told told;
-    const bool any = look(of, &told);
+    struct found found;
+    const bool any = read_found(of, &found);
     fsn_json_key(json, "fsoe");
     if (!any) {
         fsn_json_null(json);
         return;
     }
     fsn_json_open(json, '{');
-    put_told(of, &told, json);
+    put_found(of, &found, json);
     fsn_json_close(json, '}');
 }
 
@@ -210,7 +210,7 @@ static void note_planned(const struct fsn_plan *plan, uint32_t subdevice, struct
 static void put_planned(const struct fsn_survey *survey, uint32_t position, struct fsn_json *json) {
     static const struct fsn_surveyed nothing;
     struct fsn_surveyed of = nothing;
-    struct told told;
+    struct found found;
     of.survey = survey;
     of.position = position;
     (void)survey->ops->acyclic->member(survey->bus, position, &of.member);
@@ -221,12 +221,12 @@ static void put_planned(const struct fsn_survey *survey, uint32_t position, stru
         return;
     }
     note_planned(survey->plan, m->subdevice, &of);
-    if (!look(&of, &told)) {
+    if (!read_found(&of, &found)) {
         return;
     }
     fsn_json_open(json, '{');
     fsn_json_put_text(json, "subdevice", fsn_known_subdevice(survey->plan, m->subdevice).name);
-    put_told(&of, &told, json);
+    put_found(&of, &found, json);
     fsn_json_close(json, '}');
 }
 

@@ -29,9 +29,9 @@ struct fsn_surveyed {
     bool coe;     /**< objects can be read; until the first one without an answer */
     bool stopped; /**< broken off */
     uint32_t transfers;
-    /** Objects that tell of its FSoE connections, should its process data hold FSoE frames. */
-    uint16_t tells[FSN_SURVEY_CONNECTIONS];
-    uint32_t tell_count;
+    /** Objects with its FSoE connections, should its process data hold FSoE frames. */
+    uint16_t fsoe_objects[FSN_SURVEY_CONNECTIONS];
+    uint32_t fsoe_object_count;
     uint32_t problems;
     char problem[FSN_SURVEY_PROBLEMS][FSN_SURVEY_TEXT];
 };

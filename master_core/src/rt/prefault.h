@@ -1,13 +1,13 @@
 /** Memory for the cyclic path. */
-#ifndef FSN_TOUCHED_H
-#define FSN_TOUCHED_H
+#ifndef FSN_PREFAULT_H
+#define FSN_PREFAULT_H
 
 #include <stdint.h>
 #include <stdlib.h>
 
 /** Zeros like calloc, whose pages are all touched once: without locked memory each page that is not
  *  would cost a page fault in the first cycle that writes it. To be freed by free(). */
-static inline void *fsn_touched(size_t count, size_t size_bytes) {
+static inline void *fsn_calloc_prefaulted(size_t count, size_t size_bytes) {
     enum { STEP_BYTES = 1024 }; /* no page is smaller */
     volatile uint8_t *bytes = calloc(count, size_bytes);
     const size_t len_bytes = bytes != NULL ? count * size_bytes : 0;

@@ -1,10 +1,10 @@
 /** States, losses and returns, beside the running cycle.
  *
- *  IgH leads every SubDevice it has a configuration for to OP by itself, again after each loss, and
- *  it knows it by vendor and product code alone. What we add: a SubDevice that was lost gets no
+ *  IgH brings every SubDevice it has a configuration for to OP by itself, again after each loss,
+ * and it knows it by vendor and product code alone. What we add: a SubDevice that was lost gets no
  *  process data, in either direction, until revision and FSoE address are seen to be those of the
  *  plan. What we cannot prevent: IgH writes start-up SDOs, mapping, sync managers and FMMUs into
- *  any device of that vendor and product, and asks it for OP. */
+ *  any device of that vendor and product, and requests OP. */
 #include "backends/igh/igh.h"
 
 #include <string.h>
@@ -55,8 +55,8 @@ static void ask(struct igh_node *node, enum igh_register what, uint64_t now_ns) 
         memcpy(ecrt_reg_request_data(node->request), safeop, sizeof safeop);
         result = ecrt_reg_request_write(node->request, REG_CONTROL, IGH_CONTROL_BYTES);
     }
-    node->asked = result == 0 ? what : IGH_REG_NONE;
-    node->asked_ns = now_ns;
+    node->requested = result == 0 ? what : IGH_REG_NONE;
+    node->requested_ns = now_ns;
 }
 
 /** Takes the answer to the last request and makes the next one. */
@@ -66,22 +66,22 @@ static void poll_registers(struct fsn_igh *bus, struct igh_node *node, bool leav
         return;
     }
     const ec_request_state_t state = ecrt_reg_request_state(node->request);
-    if (node->asked != IGH_REG_NONE && state == EC_REQUEST_BUSY) {
+    if (node->requested != IGH_REG_NONE && state == EC_REQUEST_BUSY) {
         /* The same again: should it be answered after all, the answer fits. */
-        if (now_ns - node->asked_ns > STUCK_NS) {
-            ask(node, node->asked, now_ns);
+        if (now_ns - node->requested_ns > STUCK_NS) {
+            ask(node, node->requested, now_ns);
         }
         return;
     }
-    if (state == EC_REQUEST_SUCCESS && node->asked == IGH_REG_AL) {
+    if (state == EC_REQUEST_SUCCESS && node->requested == IGH_REG_AL) {
         note_al(bus, node, ecrt_reg_request_data(node->request));
-    } else if (state == EC_REQUEST_SUCCESS && node->asked == IGH_REG_ERRORS) {
+    } else if (state == EC_REQUEST_SUCCESS && node->requested == IGH_REG_ERRORS) {
         note_errors(bus, node, ecrt_reg_request_data(node->request));
     }
     if (leaving) {
-        ask(node, node->asked == IGH_REG_CONTROL ? IGH_REG_AL : IGH_REG_CONTROL, now_ns);
+        ask(node, node->requested == IGH_REG_CONTROL ? IGH_REG_AL : IGH_REG_CONTROL, now_ns);
     } else {
-        ask(node, node->asked == IGH_REG_AL ? IGH_REG_ERRORS : IGH_REG_AL, now_ns);
+        ask(node, node->requested == IGH_REG_AL ? IGH_REG_ERRORS : IGH_REG_AL, now_ns);
     }
 }
 
@@ -119,7 +119,7 @@ static void note_slave(struct fsn_igh *bus, struct igh_node *node, const ec_slav
     pthread_mutex_unlock(&bus->seen_lock);
 }
 
-/** Whether the FSoE address is that of before, as far as the SubDevice told it then. */
+/** Whether the FSoE address is that of before, as far as it could be read then. */
 static bool has_address(struct fsn_igh *bus, struct igh_node *node, unsigned state) {
     bool readable = false;
     if (!node->address_readable) {
@@ -181,8 +181,8 @@ static void note_op(struct fsn_igh *bus, struct igh_node *node) {
 }
 
 /** Returns false when it answers and is not in OP. */
-static bool lead(struct fsn_igh *bus, struct igh_node *node, const ec_master_info_t *master,
-                 uint64_t now_ns) {
+static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master_info_t *master,
+                     uint64_t now_ns) {
     ec_slave_info_t slave = {0};
     if (!igh_ring_of(bus, &node->info, master->slave_count, &node->ring) ||
         !igh_slave(bus, node->ring, &slave)) {
@@ -221,10 +221,10 @@ static void lose_silent(struct fsn_igh *bus) {
 
 /** ecrt.h has no way to ask for a state below OP: deactivation is all it offers, and that ends the
  *  exchange of process data at once. So AL control is written through a register request while the
- *  cycle goes on, and AL status is read back. IgH sees a SubDevice that is not where it led it and
- *  will lead it up anew, from INIT on; seen once outside OP is therefore enough, and the caller is
- *  to close the bus soon after. Whoever has no register request, or does not answer, is not waited
- *  for. */
+ *  cycle goes on, and AL status is read back. IgH sees a SubDevice that is not where it brought it
+ * and will bring it up anew, from INIT on; seen once outside OP is therefore enough, and the caller
+ * is to close the bus soon after. Whoever has no register request, or does not answer, is not
+ * waited for. */
 static bool leave(struct fsn_igh *bus, struct igh_node *node, uint64_t now_ns) {
     if (node->left || node->request == NULL || is_silent(node)) {
         return true;
@@ -246,7 +246,7 @@ static void begin(struct fsn_igh *bus, uint8_t al_state) {
     }
 }
 
-bool igh_tend(void *context, uint8_t al_state, uint64_t now_ns) {
+bool igh_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     struct fsn_igh *bus = context;
     if (al_state != bus->goal) {
         begin(bus, al_state);
@@ -271,7 +271,7 @@ bool igh_tend(void *context, uint8_t al_state, uint64_t now_ns) {
         return bus->all_there;
     }
     for (uint32_t n = 0; n < bus->node_count; n++) {
-        all = lead(bus, &bus->nodes[n], &master, now_ns) && all;
+        all = bring_to(bus, &bus->nodes[n], &master, now_ns) && all;
     }
     bus->all_there = all;
     return all;

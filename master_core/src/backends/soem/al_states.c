@@ -17,7 +17,7 @@ enum {
     AT_ONCE = 32, /**< AL states read with one frame */
 };
 
-/** For a state that was asked for: most take milliseconds, some drives 3 s. */
+/** For a state that was requested: most take milliseconds, some drives 3 s. */
 static const uint64_t patience_ns = 4000000000u;
 
 /* -- looking -------------------------------------------------------------------------------- */
@@ -75,7 +75,7 @@ static void lose(struct fsn_soem *bus, uint16_t slave) {
         return;
     }
     struct node *node = &bus->nodes[place->node];
-    node->asked = 0;
+    node->requested = 0;
     node->away = node->was_in_op;
     note_state(bus, node, 0, 0);
     if (node->seen.found != FSN_FOUND_NOTHING && node->seen.found != FSN_FOUND_IDENTITY) {
@@ -153,8 +153,8 @@ static void look_at_states(struct fsn_soem *bus) {
     }
 }
 
-/** In a ring a lost link disturbs nobody, and the next one would: it is told at the SubDevices on
- *  both sides of the gap. */
+/** In a ring a lost link disturbs nobody, and the next one would: it is reported at the SubDevices
+ * on both sides of the gap. */
 static void note_gap(struct fsn_soem *bus, struct node *node) {
     const bool open = bus->redundant[0] != '\0' && atomic_load(&bus->frames.wire.crossed) == 0;
     bus->ring_was_closed = bus->ring_was_closed || !open;
@@ -225,16 +225,16 @@ static void ask(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t
     ec_slavet *s = &bus->slaves[node->slave];
     s->state = (uint16)(state | EC_STATE_ACK);
     ecx_writestate(&bus->context, node->slave);
-    node->asked = state;
-    node->asked_ns = now_ns;
+    node->requested = state;
+    node->requested_ns = now_ns;
 }
 
 static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
     const struct place *place = &bus->places[node->slave];
-    const char *state = node->asked == FSN_AL_OP       ? "OP"
-                        : node->asked == FSN_AL_SAFEOP ? "SAFEOP"
-                        : node->asked == FSN_AL_PREOP  ? "PREOP"
-                                                       : "INIT";
+    const char *state = node->requested == FSN_AL_OP       ? "OP"
+                        : node->requested == FSN_AL_SAFEOP ? "SAFEOP"
+                        : node->requested == FSN_AL_PREOP  ? "PREOP"
+                                                           : "INIT";
     if ((place->al_status & EC_STATE_ERROR) != 0) {
         soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x: %s",
                   state, place->al_status, place->al_code, fsn_al_code_text(place->al_code));
@@ -242,7 +242,7 @@ static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
         soem_note(bus, node, FSN_FOUND_STATE, "not in %s after %u ms: AL status 0x%02x", state,
                   (unsigned)(patience_ns / 1000000), place->al_status);
     }
-    node->asked = 0;
+    node->requested = 0;
     node->retry_ns = now_ns + RETRY_NS;
 }
 
@@ -281,7 +281,7 @@ static void note_return(struct fsn_soem *bus, struct node *node) {
 }
 
 /** Returns whether the SubDevice is where it shall be. */
-static bool lead(struct fsn_soem *bus, struct node *node, uint8_t goal, uint64_t now_ns) {
+static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint64_t now_ns) {
     const struct place *place = &bus->places[node->slave];
     const uint8_t state = place->al_status & STATE_BITS;
     const bool error = (place->al_status & EC_STATE_ERROR) != 0;
@@ -289,19 +289,19 @@ static bool lead(struct fsn_soem *bus, struct node *node, uint8_t goal, uint64_t
         if (goal == FSN_AL_OP) {
             note_return(bus, node);
         }
-        if (node->asked != 0) {
+        if (node->requested != 0) {
             soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         }
-        node->asked = 0;
+        node->requested = 0;
         return true;
     }
-    if (node->asked != 0 && state != node->asked && !error) {
-        if (now_ns - node->asked_ns > patience_ns) {
+    if (node->requested != 0 && state != node->requested && !error) {
+        if (now_ns - node->requested_ns > patience_ns) {
             give_up(bus, node, now_ns);
         }
         return false;
     }
-    if (node->asked != 0 && error && state != node->asked) {
+    if (node->requested != 0 && error && state != node->requested) {
         give_up(bus, node, now_ns);
         return false;
     }
@@ -327,7 +327,7 @@ static bool is_anybody_lost(const struct fsn_soem *bus) {
     return false;
 }
 
-bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns) {
+bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     struct fsn_soem *bus = context;
     if (now_ns < bus->states_ns && al_state == bus->goal) {
         return bus->all_there;
@@ -339,7 +339,7 @@ bool soem_tend(void *context, uint8_t al_state, uint64_t now_ns) {
     for (uint32_t n = 0; n < bus->node_count; n++) {
         struct node *node = &bus->nodes[n];
         if (bus->places[node->slave].al_status != 0) {
-            all = lead(bus, node, al_state, now_ns) && all;
+            all = bring_to(bus, node, al_state, now_ns) && all;
         } else {
             all = all && al_state != FSN_AL_OP;
         }
