@@ -41,6 +41,18 @@ def test_modules_stay_readable():
     assert long == {}
 
 
+def test_a_command_keeps_options_and_printing():
+    """What it does is below the commands; what it prints at length is beside it."""
+    texts = {p: p.read_text("utf-8") for p in (ROOT / "fsoe_net" / "cli").glob("*.py")}
+    commands = {p.stem for p, text in texts.items() if '__all__ = ["command"]' in text}
+    assert {"check", "run", "init"} <= commands
+    for path, text in texts.items():
+        if path.stem in commands:
+            assert len(text.splitlines()) <= 150, path
+        used = set(re.findall(r"fsoe_net\.cli\.(\w+)", text)) & commands
+        assert path.stem == "main" or not used - {path.stem}, path
+
+
 def test_check_needs_neither_compiled_part_nor_heavy_imports():
     code = (
         "import sys, fsoe_net.cli.check\n"

@@ -7,22 +7,20 @@ from pathlib import Path
 
 import click
 
+from fsoe_net.cli.init_output import write_network
 from fsoe_net.cli.init_prompt import answered, refuse, report_questions
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
-from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_folder
-from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
-from fsoe_net.diag.words import counted, summary
+from fsoe_net.diag.diagnostic import Diagnostic, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.answers import load_answers
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan_bus import describe_scan
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
-from fsoe_net.project.check import check_files
-from fsoe_net.project.draft import Draft, Inputs, make_draft
+from fsoe_net.project.draft import Inputs, make_draft
 from fsoe_net.project.draft_text import answers_template
 from fsoe_net.project.gather import gather
 
@@ -113,46 +111,9 @@ def command(
     made = answered(inputs, answers, asking=asking)
     if not asking:
         report_questions(made, answered=answers_file is not None or no_input)
-    if _finish(made, folder, overwrite=overwrite):
+    if write_network(made, folder, overwrite=overwrite):
         ctx.exit(1)
 
 
 def _sorted(out: Collector) -> list[Diagnostic]:
     return sort_diagnostics(out.diagnostics)
-
-
-def _finish(made: Draft, folder: Path, *, overwrite: bool) -> bool:
-    """Write the network and check it; return whether it has an error."""
-    assert made.proposal is not None  # noqa: S101 - no question about the ring is open
-    told = [
-        d
-        for d in (*made.inputs.found.out.diagnostics, *made.findings)
-        if d.level is not Severity.INFO
-    ]
-    print_diagnostics(sort_diagnostics(told), err=True)
-    written = made.files()
-    description = made.proposal.bus
-    made.save(folder, overwrite=overwrite)
-    for note in dict.fromkeys((*made.notes, *written.notes)):
-        echo(f"note: {note}", err=True)
-    network = folder / "network.yaml"
-    rows = description.connections
-    unconfirmed = sum(bool(r.unconfirmed) for r in rows)
-    echo(
-        f"{network}: {counted(len(description.subdevices), 'SubDevice')}, "
-        f"{counted(len(rows), 'FSoE connection')}, {unconfirmed} of them unconfirmed, "
-        f"{counted(len(written.files), 'file')}"
-    )
-    checked = check_files([str(network)])
-    left = [d for d in checked.diagnostics if d.level is not Severity.INFO]
-    print_diagnostics(left)
-    if made.open:
-        echo("\nOpen:")
-    for text in made.open:
-        echo(f"  - {text}")
-    errors = sum(d.level is Severity.ERROR for d in left)
-    echo(
-        f"\nNext: {'complete' if errors or made.open else 'read'} {network}, "
-        f"then fsoe-net check {network}" + (f"   ({summary(left)} now)" if left else "")
-    )
-    return errors > 0

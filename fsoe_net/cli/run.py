@@ -5,14 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-from collections.abc import Mapping
 from typing import Any
 
 import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.live_bus_options import LiveBus, live_bus_options
+from fsoe_net.cli.live_bus import LiveBus, live_bus_options, run_live_bus
 from fsoe_net.cli.options import (
     FILE,
     FOLDER,
@@ -22,18 +21,13 @@ from fsoe_net.cli.options import (
     overwrite_option,
     scenario_option,
 )
-from fsoe_net.cli.run_output import Show, display, print_result, write_timing
-from fsoe_net.cli.stop import ENDS, stop_on
+from fsoe_net.cli.run_output import display, print_result, write_timing
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import make_folder
-from fsoe_net.model.resolve import Resolution
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.project.simulate import plan_bytes, simulate
-from fsoe_net.run.live_bus import BusOptions, run_on_bus
-from fsoe_net.run.master import Master
-from fsoe_net.run.result import Run
+from fsoe_net.project.simulate import simulate
 
 __all__ = ["command"]
 
@@ -126,31 +120,10 @@ def command(
             result = simulate(resolution, **wanted, virtual=virtual, on_update=show)
         else:
             options = live.options(live.interface, wanted["incidents"])
-            result = _on_bus(resolution, options, wanted, show)
+            result = run_live_bus(resolution, options, wanted, show)
     if fmt == "json":
         echo(json.dumps(result.to_json(__version__), indent=2, ensure_ascii=False))
     else:
         print_result(result)
     write_timing(result, stats, plot, text=fmt == "text", overwrite=overwrite)
     ctx.exit(0 if result.passed else 1)
-
-
-def _on_bus(
-    resolution: Resolution, options: BusOptions, wanted: Mapping[str, Any], show: Show | None
-) -> Run:
-    def started(master: Master) -> None:
-        echo(
-            f"fsn-master (process {master.pid}) starts on {options.interface}; Ctrl-C stops it; "
-            f"control socket {master.socket}",
-            err=True,
-        )
-
-    return run_on_bus(
-        resolution,
-        plan_bytes(resolution, wanted["plan_file"]),
-        options,
-        wanted["duration_ns"],
-        on_start=started,
-        on_update=show,
-        stop=stop_on(ENDS),  # when its terminal goes, the tool goes and the bus stays
-    )

@@ -23,12 +23,12 @@ from fsoe_net.cli import (
     emulate_output,
     line_editor,
     options,
-    run,
     run_output,
     scan,
     test_protocol,
     test_protocol_output,
 )
+from fsoe_net.cli import live_bus as cli_live_bus
 from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.model.protocol import Outcome, Seen
@@ -267,9 +267,9 @@ def test_a_live_run_shows_its_connections_as_it_goes(monkeypatch: pytest.MonkeyP
         process.pid = process.socket = "?"  # type: ignore[attr-defined]
         monkeypatch.setattr(live_bus, "Master", process)
         told: list[str] = []
-        monkeypatch.setattr(run, "echo", lambda text, **_: told.append(text))
+        monkeypatch.setattr(cli_live_bus, "echo", lambda text, **_: told.append(text))
         with run_output.display("estop") as show:
-            result = run._on_bus(RESOLUTION, OPTIONS, wanted, show)
+            result = cli_live_bus.run_live_bus(RESOLUTION, OPTIONS, wanted, show)
     assert result.passed
     assert told == [
         "fsn-master (process ?) starts on eth1; Ctrl-C stops it; control socket ?",

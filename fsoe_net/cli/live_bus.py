@@ -1,4 +1,4 @@
-"""The options of ``fsoe-net run`` for a live bus, and which options go together."""
+"""``fsoe-net run`` on a live bus: its options, which of them go together, the run."""
 
 from __future__ import annotations
 
@@ -10,9 +10,16 @@ from typing import Any
 import click
 
 from fsoe_net.cli.options import CYCLE, INTERFACE, RUN_TIME
-from fsoe_net.run.live_bus import BusOptions
+from fsoe_net.cli.run_output import Show
+from fsoe_net.cli.stop import ENDS, stop_on
+from fsoe_net.cli.terminal import echo
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.project.simulate import plan_bytes
+from fsoe_net.run.live_bus import BusOptions, run_on_bus
+from fsoe_net.run.master import Master
+from fsoe_net.run.result import Run
 
-__all__ = ["LiveBus", "live_bus_options"]
+__all__ = ["LiveBus", "live_bus_options", "run_live_bus"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,3 +158,26 @@ def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
     )[::-1]:
         decorated = decorate(decorated)
     return decorated
+
+
+def run_live_bus(
+    resolution: Resolution, options: BusOptions, wanted: Mapping[str, Any], show: Show | None
+) -> Run:
+    """Run a network on a live bus; ``wanted`` has its plan and duration."""
+
+    def started(master: Master) -> None:
+        echo(
+            f"fsn-master (process {master.pid}) starts on {options.interface}; Ctrl-C stops it; "
+            f"control socket {master.socket}",
+            err=True,
+        )
+
+    return run_on_bus(
+        resolution,
+        plan_bytes(resolution, wanted["plan_file"]),
+        options,
+        wanted["duration_ns"],
+        on_start=started,
+        on_update=show,
+        stop=stop_on(ENDS),  # when its terminal goes, the tool goes and the bus stays
+    )
