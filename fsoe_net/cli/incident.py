@@ -8,15 +8,16 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.options import FILE, output_option
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
+from fsoe_net.document.write_html import document_html
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.formats.shared.files import open_file
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.observe.evidence import gather
 from fsoe_net.observe.incident_read import IncidentReader
-from fsoe_net.report.incident_facts import story_json, story_of
-from fsoe_net.report.incident_page import incident_page
-from fsoe_net.report.incident_text import incident_text
+from fsoe_net.report.incident_document import incident_document
+from fsoe_net.report.incident_facts import facts_json, facts_of
 
 __all__ = ["command"]
 
@@ -47,15 +48,18 @@ def command(ctx: click.Context, file: str, fmt: str, output: str | None, overwri
     """
     check_target(output, overwrite=overwrite, stdout=True)
     with open_file(file, regular=False) as stream:
-        story = story_of(gather(IncidentReader(file, stream)))
+        facts = facts_of(gather(IncidentReader(file, stream)))
+    document = incident_document(facts, __version__)
     if fmt == "html":
-        text = incident_page(story, __version__)
+        text = document_html(document)
     elif fmt == "json":
-        text = json.dumps(story_json(story, __version__), indent=2, ensure_ascii=False) + "\n"
+        text = json.dumps(facts_json(facts, __version__), indent=2, ensure_ascii=False) + "\n"
     else:
-        text = incident_text(story) + "\n"
-    if output is None:
-        echo(text, nl=False)
-    else:
+        text = document_text(document)
+    if output is not None:
         write_whole(output, text.encode("utf-8"), overwrite=overwrite)
-    ctx.exit(0 if story.verdicts.likely else 1)
+    elif fmt == "text":
+        show(document, width=100)
+    else:
+        echo(text, nl=False)
+    ctx.exit(0 if facts.verdicts.likely else 1)

@@ -35,15 +35,21 @@ def echo(
     )
 
 
-def show(document: Document, *, err: bool = False) -> None:
-    """Print a document: as wide as a terminal is; elsewhere whole columns and paragraphs."""
+def show(document: Document, *, width: int | None = None, err: bool = False) -> None:
+    """Print a document: as wide as a terminal is; elsewhere with all columns.
+
+    Args:
+        document: What to print.
+        width: Cells of running text where this is no terminal; ``None`` for whole paragraphs.
+        err: Print to standard error.
+    """
     from fsoe_net.document.write_terminal import TerminalView, document_text
 
     console = terminal(err=err)
     if console.is_terminal:
         console.print(TerminalView(document), crop=False)
     else:
-        echo(document_text(document, width=None), err=err, nl=False)
+        echo(document_text(document, width=width), err=err, nl=False)
 
 
 def terminal(*, err: bool = False) -> Console:

@@ -10,7 +10,8 @@ stroke:var(--c0);stroke-width:3}.box.sub{fill:var(--sub);stroke:var(--amber)}
 .name{font-size:15px;font-weight:600}.small{font-size:11.5px;fill:var(--soft)}
 .label{font-size:12px;font-weight:600}.under{fill:var(--back)}
 .tiny{font-size:10.5px;fill:var(--soft)}.sm{fill:var(--sm);stroke:var(--soft)}
-.tick{stroke:var(--back);stroke-width:.8}
+.tick{stroke:var(--back);stroke-width:.8}.moment{stroke:var(--ink);stroke-width:2}
+svg.window{max-height:46px}
 """
 """Of the drawings alone."""
 
@@ -56,7 +57,7 @@ border-bottom:1px solid var(--line);overflow-wrap:break-word}
 .data th{background:var(--head);border-bottom:1.5px solid var(--soft);font-size:.92em}
 .data .num{text-align:right}.n{font-variant-numeric:tabular-nums}.n{white-space:nowrap}
 sup{font-size:.7em;line-height:0;margin-left:.1em}
-.sign td{height:2.1em}.sign td:has(.blank){border-left:1px solid var(--soft)}
+.sign td{height:2.1em}.landscape td:has(.blank){border-left:1px solid var(--soft)}
 .blank{display:block;min-width:5em;min-height:1.3em;
 border-bottom:1px dotted var(--soft)}
 ul{margin:.4em 0;padding-left:1.4em}.toc{columns:2;margin:.3em 0;padding-left:1.8em}
@@ -87,7 +88,7 @@ section>figure:has(.narrow)>svg{display:none}.narrow{display:block}
 @page{size:A4;margin:13mm 13mm 15mm 15mm;@bottom-right{content:"page " counter(page) " of "
 counter(pages);font:8.5pt sans-serif}}
 @page wide{size:A4 landscape;margin:10mm 10mm 13mm}.landscape{page:wide}
-.landscape .sign td{height:13mm}
+.landscape table.data{font-size:8.5pt;line-height:1.3}.landscape .sign td{height:13mm}
 body{font-size:9.3pt;max-width:none;margin:0;padding:0;-webkit-print-color-adjust:exact;
 print-color-adjust:exact}
 .sheet{display:table;width:100%;border-collapse:collapse;table-layout:fixed}

@@ -196,7 +196,7 @@ class _FittedTable:
         for n in shown:
             column = self._columns[n]
             table.add_column(
-                _safe(column.title),
+                Text(_safe(column.title)),
                 justify="right" if column.number else "left",
                 no_wrap=column.rank > 0 and not column.wraps,
                 overflow="fold",

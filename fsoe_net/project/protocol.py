@@ -9,6 +9,7 @@ from pathlib import Path
 from fsoe_net import __version__
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.diag.words import summary
+from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.protocol import load_protocol
@@ -22,7 +23,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.report.protocol_page import protocol_page
+from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.run.client import Client
 from fsoe_net.run.protocol import compare_protocol, keep_machine, make_protocol
 from fsoe_net.run.protocol_live import Person, run_protocol_live
@@ -115,7 +116,7 @@ class ProtocolTrial:
             EnvironmentFault: It cannot be written.
         """
         if Path(path).suffix in (".html", ".htm"):
-            text = protocol_page(self.protocol, version=__version__)
+            text = document_html(protocol_document(self.protocol, version=__version__))
         else:
             text = write_protocol(self.protocol)
         write_whole(path, text.encode("utf-8"), overwrite=overwrite)

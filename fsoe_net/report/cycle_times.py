@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Iterable
 
 from fsoe_net.core.snapshot import Histogram, Statistics, bucket_end
 from fsoe_net.document.markup import escape, svg_text
@@ -13,6 +14,7 @@ from fsoe_net.document.model import Column, Table, cell
 __all__ = [
     "histogram_name",
     "histogram_picture",
+    "percentiles_table",
     "times_table",
     "timing_bars",
     "timing_csv",
@@ -62,12 +64,19 @@ def timing_csv(statistics: Statistics) -> str:
 
 def times_table(statistics: Statistics) -> Table:
     """Return percentiles, a row per histogram that has any time."""
-    heads = ("mean", "50 %", "99 %", "99.9 %", "most")
+    return percentiles_table(_histograms(statistics))
+
+
+def percentiles_table(histograms: Iterable[tuple[str, Histogram]]) -> Table:
+    """Return percentiles of histograms, a row for each that has any time."""
     rows = []
-    for name, h in _histograms(statistics):
+    for name, h in histograms:
         if h.count:
             times = (h.mean_ns, h.p50_ns, h.p99_ns, h.p999_ns, h.max_ns)
-            rows.append((cell(_NAMES[name]), *(cell(_us(ns)) for ns in times), cell(str(h.count))))
+            rows.append(
+                (cell(histogram_name(name)), *(cell(_us(ns)) for ns in times), cell(str(h.count)))
+            )
+    heads = ("mean", "50 %", "99 %", "99.9 %", "most")
     return Table(
         name="times",
         columns=(

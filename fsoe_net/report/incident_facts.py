@@ -1,4 +1,4 @@
-"""What an incident file tells, in the order in which a reader wants it; text and page show it."""
+"""What an incident file holds, as a reader wants to know it; the page and its JSON form show it."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ from fsoe_net.run.result import state_text
 
 __all__ = [
     "NO_STATEMENT",
-    "WORST_COLUMNS",
     "FrameRow",
+    "IncidentFacts",
     "LinkRow",
-    "Story",
     "TimeRow",
-    "story_json",
-    "story_of",
+    "facts_json",
+    "facts_of",
 ]
 
-WORST_COLUMNS = ("Cycle", "When", "Too late", "Wake-up", "Work", "Round trip")
 NO_STATEMENT = (
     "This page says what the evidence fits. It is no safety statement and certifies nothing"
 )
@@ -73,6 +71,11 @@ class TimeRow:
     text: str
     level: str
 
+    @property
+    def is_warning(self) -> bool:
+        """Whether it is more than a note."""
+        return self.level in ("warning", "error")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameRow:
@@ -89,7 +92,7 @@ class FrameRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Story:
+class IncidentFacts:
     """Everything a page shows. ``nothing`` says why no cause is named; else it is empty."""
 
     title: str
@@ -107,12 +110,12 @@ class Story:
     evidence: Evidence
 
 
-def story_of(e: Evidence) -> Story:
+def facts_of(e: Evidence) -> IncidentFacts:
     """Return what there is to tell."""
     verdicts = judge(e)
     events, events_left = _events(e)
     links = _links(e)
-    return Story(
+    return IncidentFacts(
         title=_title(e),
         sentence=_sentence(e),
         facts=_facts(e),
@@ -199,7 +202,8 @@ def _facts(e: Evidence) -> tuple[str, ...]:
     head, bus = e.head, e.bus
     rows = [
         f"bus {head.backend or 'unknown'}" + (f" on {head.interface}" if head.interface else ""),
-        f"plan {head.plan_file or 'without a name'}, SHA-256 {head.plan_sha256[:16]}",
+        f"plan {head.plan_file or 'without a name'}"
+        + (f", SHA-256 {head.plan_sha256[:16]}" if head.plan_sha256 else ""),
         f"fsoe-net {head.version}" if head.version else "",
     ]
     if bus.cycles:
@@ -344,9 +348,9 @@ def _us(ns: int) -> str:
     return f"{ns / 1000:.1f} us" if ns else "-"
 
 
-def story_json(story: Story, version: str) -> dict[str, object]:
+def facts_json(facts: IncidentFacts, version: str) -> dict[str, object]:
     """Return the JSON document (``docs/howto/incident.md``)."""
-    e = story.evidence
+    e = facts.evidence
     trigger = e.head.trigger
     return {
         "tool": "fsoe-net",
@@ -356,14 +360,14 @@ def story_json(story: Story, version: str) -> dict[str, object]:
         "connection": e.name or None,
         "reset_by": e.by or None,
         "reset_code": e.code,
-        "sentence": story.sentence,
-        "likely": None if story.verdicts.likely is None else asdict(story.verdicts.likely),
-        "others": [asdict(c) for c in story.verdicts.others],
-        "nothing": story.nothing or None,
-        "remarks": list(story.remarks),
-        "facts": list(story.facts),
-        "connections": [asdict(row) for row in story.links],
-        "events": [asdict(row) for row in story.events],
+        "sentence": facts.sentence,
+        "likely": None if facts.verdicts.likely is None else asdict(facts.verdicts.likely),
+        "others": [asdict(c) for c in facts.verdicts.others],
+        "nothing": facts.nothing or None,
+        "remarks": list(facts.remarks),
+        "facts": list(facts.facts),
+        "connections": [asdict(row) for row in facts.links],
+        "events": [asdict(row) for row in facts.events],
         "working_counter": {
             "incomplete_cycles": sum(r.cycles for r in e.bus.short),
             "lost_frames": e.bus.lost_frames,
@@ -371,6 +375,6 @@ def story_json(story: Story, version: str) -> dict[str, object]:
         },
         "frames": [
             asdict(row) | {"data": row.data.hex(), "changed": list(row.changed)}
-            for row in story.frames
+            for row in facts.frames
         ],
     }

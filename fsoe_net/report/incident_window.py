@@ -7,7 +7,7 @@ from enum import IntEnum
 
 from fsoe_net.observe.evidence import Evidence
 
-__all__ = ["Slice", "Strip", "Wrong", "strip_of"]
+__all__ = ["Slice", "Window", "Wrong", "window_of"]
 
 
 class Wrong(IntEnum):
@@ -28,14 +28,14 @@ class Slice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Strip:
+class Window:
     """All slices; ``moment`` is where in the window it is, from 0 to 1."""
 
     slices: tuple[Slice, ...]
     moment: float
 
 
-def strip_of(e: Evidence) -> Strip | None:
+def window_of(e: Evidence) -> Window | None:
     """Return the window in slices; ``None`` when there is none."""
     bus = e.bus
     span_ns = bus.last_ns - bus.first_ns
@@ -45,7 +45,7 @@ def strip_of(e: Evidence) -> Strip | None:
     def share(now_ns: int) -> float:
         return min(1.0, max(0.0, (now_ns - bus.first_ns) / span_ns))
 
-    return Strip(
+    return Window(
         slices=tuple(
             Slice(begin=share(start), wrong=_wrong(short, lost, extra_ns, bus.cycle_ns))
             for start, _, short, lost, extra_ns in bus.timeline

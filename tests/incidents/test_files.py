@@ -10,14 +10,16 @@ import pytest
 from incidents.rig import START, Rig, edited, network, read
 from incidents.seeds_start import failed
 
+from fsoe_net.document.write_html import document_html
+from fsoe_net.document.write_markdown import document_markdown
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import IncidentError
 from fsoe_net.observe.causes import judge
 from fsoe_net.observe.incident import CycleRecord
 from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.observe.incident_write import incident_name, write_incident
-from fsoe_net.report.incident_facts import story_json, story_of
-from fsoe_net.report.incident_page import incident_page
-from fsoe_net.report.incident_text import incident_text
+from fsoe_net.report.incident_document import incident_document
+from fsoe_net.report.incident_facts import facts_json, facts_of
 
 TRIGGER = {"kind": "request", "connection": None, "cycle": 3, "now_ns": 3000, "text": "x"}
 
@@ -47,8 +49,10 @@ def cycles(data):
 
 def tell(path):
     """Render everything; nothing may raise."""
-    story = story_of(read(path))
-    return incident_text(story) + incident_page(story, "0") + json.dumps(story_json(story, "0"))
+    facts = facts_of(read(path))
+    document = incident_document(facts, "0")
+    page = document_html(document) + document_markdown(document)
+    return document_text(document) + page + json.dumps(facts_json(facts, "0"))
 
 
 def test_a_file_is_read_back(whole):
@@ -72,7 +76,7 @@ def test_a_file_cut_anywhere_is_read_as_far_as_it_goes(whole, tmp_path):
         path.write_bytes(data[:end])
         e = read(path)
         assert e.cut
-        assert "note: the file ends early" in incident_text(story_of(e))
+        assert "note: the file ends early" in document_text(incident_document(facts_of(e), "0"))
         seen.append(e.bus.cycles)
     assert seen == sorted(seen)
     assert seen[-1] > 500
@@ -227,7 +231,7 @@ def test_names_of_strangers_cannot_spoil_terminal_or_page(tmp_path):
     told = tell(path)
     told.encode("utf-8")
     assert "\x1b" not in told
-    assert "<script>" not in incident_page(story_of(read(path)), "0")
+    assert "<script>" not in document_html(incident_document(facts_of(read(path)), "0"))
 
 
 def test_random_damage_never_raises_anything_else(whole, tmp_path):
@@ -332,5 +336,5 @@ def test_what_fsn_master_writes_otherwise(whole, tmp_path):
     path.write_bytes(json.dumps(row).encode() + b"\n" + rest)
     e = read(path)
     assert (e.by, e.code) == ("main", 5)  # as the frames say
-    assert "left Data · ProcessData" in story_of(e).sentence
+    assert "left Data · ProcessData" in facts_of(e).sentence
     assert judge(e).likely.key == "device_lost"

@@ -22,8 +22,9 @@ from fsoe_net.document.model import (
     Picture,
     Table,
 )
-from fsoe_net.document.write_html import _section
+from fsoe_net.document.write_html import _section, document_html
 from fsoe_net.document.write_markdown import _table
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE
 from fsoe_net.model.protocol import Outcome
@@ -36,12 +37,11 @@ from fsoe_net.report import campaign, cycle_times
 from fsoe_net.report.changed_subdevices import changed_subdevices
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.evidence import ask_live, longest_round_trips, read_evidence
-from fsoe_net.report.incident_facts import story_of
-from fsoe_net.report.incident_page import incident_page
-from fsoe_net.report.incident_text import incident_text
+from fsoe_net.report.incident_document import incident_document
+from fsoe_net.report.incident_facts import facts_of
 from fsoe_net.report.incident_window import Wrong, _wrong
 from fsoe_net.report.model import ReportSection
-from fsoe_net.report.protocol_page import _words, protocol_page
+from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.section_evidence import bus_evidence
 from fsoe_net.report.steps_to_repeat import _functions_over
 
@@ -59,14 +59,20 @@ def test_an_incident_without_a_cause(kind: str, nothing: str, tmp_path: Path):
     path = tmp_path / "x.fsnincident"
     head = {"incident": 1, "trigger": {"kind": kind, "cycle": 0, "now_ns": 1, "text": ""}}
     path.write_text(json.dumps(head) + '\n{"end":true,"cycles":0}\n', "utf-8")
-    story = story_of(read(path))
-    assert story.nothing == nothing
-    assert story.remarks[-1] == "the file holds no layout: the frames cannot be shown"
-    text = incident_text(story)
-    assert " ".join(text.partition("LIKELY CAUSE\n")[2].split()).startswith(nothing)
-    assert "OTHER CANDIDATES" not in text
-    page = incident_page(story, "0")
-    assert f'<div class="cause"><h2>Likely cause</h2><p>{nothing}</p></div>' in page
+    facts = facts_of(read(path))
+    assert facts.nothing == nothing
+    assert facts.remarks[-1] == "the file holds no layout: the frames cannot be shown"
+    document = incident_document(facts, "0")
+    assert document_text(document, width=None).splitlines()[:7] == [
+        facts.title,
+        "No cause is named",
+        "",
+        facts.sentence,
+        "bus unknown · plan without a name",
+        *(f"note: {remark}" for remark in facts.remarks),
+    ]
+    assert [s.title for s in document.sections] == ["Likely cause", "What this page is not"]
+    assert f"<h2>Likely cause</h2><p>{nothing}</p></section>" in document_html(document)
 
 
 def test_what_is_wrong_in_a_slice_of_time():
@@ -153,10 +159,9 @@ def test_a_protocol_with_failed_and_disputed_steps():
     first, second, *rest = protocol.steps
     failed = replace(DONE, outcome=Outcome.NOT_AS_EXPECTED, remark="it <stayed> on")
     steps = (replace(first, machine=failed), replace(second, machine=DONE), *rest)
-    page = protocol_page(replace(protocol, steps=steps), version="0")
+    page = document_html(protocol_document(replace(protocol, steps=steps), version="0"))
     assert "<p><b>4 of 6 steps open at the machine, 1 not as expected.</b></p>" in page
-    assert "<span class='muted'>it &lt;stayed&gt; on</span>" in page
-    assert _words(None, None, "") == ""
+    assert '<span class="muted">it &lt;stayed&gt; on</span>' in page
 
 
 # -- what a change touches -------------------------------------------------------------------------
