@@ -118,7 +118,7 @@ def test_what_cannot_be_used_is_said():
         network.report().save("report.txt")
     with pytest.raises(ValueError, match="capture needs virtual=True"):
         network.simulate(capture="a.pcapng", virtual=False)
-    with pytest.raises(ValueError, match="to='x' is not a format; there are network, driver"):
+    with pytest.raises(ValueError, match="to='x' is not a format; there are eni, igh, c, lcec"):
         fsoe_net.convert(EXAMPLES / "estop" / "network.yaml", to="x")
     with pytest.raises(fsoe_net.InputError, match="no-such-answers cannot be used"):
         fsoe_net.propose(answers="no-such-answers")

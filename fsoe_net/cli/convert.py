@@ -12,9 +12,9 @@ from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
-from fsoe_net.formats.registry import InputKind
+from fsoe_net.formats.registry import all_formats, all_targets, target_of
 from fsoe_net.formats.shared.write_files import STDOUT, write_all, write_whole
-from fsoe_net.project.convert import TARGETS, convert_files
+from fsoe_net.project.convert import convert_files
 
 __all__ = ["command"]
 
@@ -28,38 +28,39 @@ Examples:
   fsoe-net convert network.yaml machine.eni.xml -o new.eni.xml"""
 
 
-@click.command("convert", epilog=_EPILOG)
+_HELP = f"""\
+Write a description of a bus in another format; several FILES of one bus are joined.
+
+FILES: {", ".join(f.title for f in all_formats().values())}, or a folder that this command wrote. An
+ESI or SII image gives the process data of devices named elsewhere.
+
+What the format of OUT cannot hold is told as a note. A network and an ENI of the same bus into an
+ENI: the copies of the network in that ENI, all else byte for byte."""
+
+
+@click.command("convert", help=_HELP, epilog=_EPILOG)
 @click.argument("files", nargs=-1, required=True, type=FILE)
 @output_option("File to write; a folder for the ROS 2 driver.", metavar="OUT", required=True)
 @click.option(
     "--from",
     "source",
-    type=click.Choice([k.value for k in InputKind]),
+    type=click.Choice(list(all_formats())),
     help="Format of all FILES; without it each is known by content, then by extension.",
 )
 @click.option(
     "--to",
     "target",
-    type=click.Choice(TARGETS),
+    type=click.Choice(list(all_targets())),
     help="Format of OUT; without it by its extension.",
 )
 def command(
     files: tuple[str, ...], output: str, overwrite: bool, source: str | None, target: str | None
 ) -> None:
-    """Write a description of a bus in another format; several FILES of one bus are joined.
-
-    FILES: network, transfer and slave YAML, URDF, ENI, ESI, SII image, output of the `ethercat`
-    tool and of SOEM, linuxcnc-ethercat XML, `ethercat_slaves.yaml`, TwinSAFE export, TwinCAT
-    project, capture of a start-up (pcap, pcapng), or a folder that this command wrote. An ESI or
-    SII image gives the process data of devices named elsewhere.
-
-    What the format of OUT cannot hold is told as a note. A network and an
-    ENI of the same bus into an ENI: the copies of the network in that ENI, all else byte for byte.
-    """
+    """Write a description of a bus in another format."""
     chosen = target or _target(output)
     made = convert_files(files, chosen, name=Path(output).name, source=source)
     print_diagnostics(made.findings, err=True)
-    if chosen.startswith("driver") and output != STDOUT:
+    if all_targets()[chosen].is_folder and output != STDOUT:
         made.save(output, overwrite=overwrite)
     else:
         _write(made.files, output, overwrite)
@@ -87,21 +88,11 @@ def _write(files: Mapping[str, bytes], output: str, overwrite: bool) -> None:
 def _target(output: str) -> str:
     if output == STDOUT:
         raise click.UsageError("-o -: standard output has no extension; say the format with --to")
-    name = Path(output).name.lower()
-    if output.endswith(os.sep) or Path(output).is_dir() or "." not in name:
-        return "driver"
-    for suffix, target in (
-        (".eni.xml", "eni"),
-        (".eni", "eni"),
-        (".esi.xml", ""),
-        (".sii", ""),
-        (".xml", "lcec"),
-        (".yaml", "network"),
-        (".yml", "network"),
-        (".h", "igh"),
-    ):
-        if name.endswith(suffix) and target:
-            return target
-        if name.endswith(suffix):
-            raise click.UsageError(f"{suffix} is read and not written: a vendor makes such files")
+    if output.endswith(os.sep) or Path(output).is_dir() or "." not in Path(output).name:
+        return next(name for name, target in all_targets().items() if target.is_folder)
+    suffix, target = target_of(output)
+    if target is not None:
+        return target.name
+    if suffix:
+        raise click.UsageError(f"{suffix} is read and not written; choose a format with --to")
     raise click.UsageError(f"the format of {output!r} is not known; say it with --to")

@@ -1,188 +1,179 @@
-"""One file of another tool, whichever it is: the kind by content, then its reader."""
+"""The formats of files, one folder each, found by themselves: what a folder declares as `FORMAT`.
+
+A new format is a folder beside this file whose ``__init__`` has a `FORMAT`, a section of
+``docs/reference/input-files.md`` and tests. Commands, their help, completion and errors then know
+it. Readers and writers are named as text, ``module:function``, and imported when
+they are used.
+"""
 
 from __future__ import annotations
 
 import enum
+import functools
 import importlib
-import os
-from collections.abc import Iterable
-from typing import Protocol
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
-from fsoe_net.diag.diagnostic import Span
-from fsoe_net.errors import InputError
-from fsoe_net.formats.capture.packets import is_capture
-from fsoe_net.formats.shared.files import Collector, open_file
-from fsoe_net.formats.shared.source import Source, kind_of, next_step
-from fsoe_net.formats.sii.hex_text import is_hex_text
-from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net import formats
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.source import Source
+from fsoe_net.model.description import Description
 
-__all__ = ["InputKind", "find_kind", "load_devices", "load_foreign"]
-
-_HEAD_BYTES = 65_536
-
-
-class InputKind(enum.Enum):
-    """Formats that are read."""
-
-    YAML = "yaml"  # network, transfer and slave YAML, URDF: `load_network` reads them
-    ESI = "esi"
-    ENI = "eni"
-    SII = "sii"
-    ETHERCAT = "ethercat"
-    SOEM = "soem"
-    LCEC = "lcec"
-    ROS_SLAVES = "ros-slaves"
-    TWINSAFE = "twinsafe"
-    TWINCAT = "twincat"
-    CAPTURE = "capture"
-
-    @property
-    def is_device_type(self) -> bool:
-        """Whether such a file describes device types, without a place in a ring."""
-        return self in (InputKind.ESI, InputKind.SII)
+__all__ = [
+    "Format",
+    "Signature",
+    "Target",
+    "Yields",
+    "all_formats",
+    "all_targets",
+    "function_of",
+    "read_foreign",
+    "target_of",
+]
 
 
-# How the words of `kind_of` begin, the longer ones first.
-_BY_WORDS = (
-    ("an ENI", InputKind.ENI),
-    ("the output of SOEM", InputKind.SOEM),
-    ("the output of `ethercat", InputKind.ETHERCAT),
-    ("an ESI", InputKind.ESI),
-    ("a configuration of linuxcnc-ethercat", InputKind.LCEC),
-    ("a TwinSAFE", InputKind.TWINSAFE),
-    ("a TwinCAT project", InputKind.TWINCAT),
-    ("an `ethercat_slaves.yaml`", InputKind.ROS_SLAVES),
-    ("a robot description", InputKind.YAML),
-    ("a YAML file", InputKind.YAML),
-)
-_BY_SUFFIX = {
-    ".yaml": InputKind.YAML,
-    ".yml": InputKind.YAML,
-    ".urdf": InputKind.YAML,
-    ".xacro": InputKind.YAML,
-    ".sii": InputKind.SII,
-    ".bin": InputKind.SII,
-}
+class Yields(enum.Enum):
+    """What a file of a format is for those who read it."""
+
+    NETWORK = "a network, or a part of one"  # read together by `own.network.load_network`
+    BUS = "SubDevices with their places"
+    TYPES = "device types, without places"
+    CATALOGUE = "device types, of which only those that are there are read"  # ESI
+    CONNECTIONS = "connections of a safety project, without places"
 
 
-class _Reader(Protocol):
-    def __call__(self, source: Source, out: Collector, *, name: str) -> Description | None: ...
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signature:
+    """What shows by content what a file is. Patterns are regular expressions.
 
-
-# Module and function of each reader: only those that are needed are imported.
-_READERS = {
-    InputKind.ENI: ("eni.read", "load_eni"),
-    InputKind.ESI: ("esi.read", "load_esi"),
-    InputKind.SII: ("sii.read", "load_sii"),
-    InputKind.ETHERCAT: ("igh.read", "load_igh_text"),
-    InputKind.SOEM: ("soem.read", "load_soem_text"),
-    InputKind.LCEC: ("lcec.read", "load_lcec"),
-    InputKind.ROS_SLAVES: ("ros_slaves.read", "load_ros_slaves"),
-    InputKind.TWINSAFE: ("twinsafe.read", "load_twinsafe"),
-    InputKind.TWINCAT: ("twincat.read", "load_twincat"),
-    InputKind.CAPTURE: ("capture.read", "load_capture"),
-}
-
-
-def find_kind(source: Source, out: Collector, *, name: str = "<file>") -> InputKind | None:
-    """Return the format of a file, by content and only then by suffix.
-
-    Args:
-        source: Path, or the bytes of the file.
-        out: Takes FSN101 when it cannot be read, FSN117 when nothing knows it.
-        name: Name shown when ``source`` is bytes.
+    Attributes:
+        words: What the file is then, with its article.
+        begins: What it begins with.
+        root: Its XML root element.
+        text: What stands in its first 64 KiB; with a ``root`` as well as that.
+        confirm: ``module:function`` that looks at the same bytes, where ``begins`` is not enough.
+        next_step: What to do with it, where nothing reads it.
     """
-    if isinstance(source, bytes):
-        head, path = source[:_HEAD_BYTES], name
-    else:
-        path = os.fspath(source)
-        try:
-            with open_file(path) as stream:
-                head = stream.read(_HEAD_BYTES)
-        except InputError as exc:
-            out.diagnostics += exc.diagnostics
-            return None
-    if is_capture(head):
-        return InputKind.CAPTURE
-    words = kind_of(head) if head.strip() else "an empty file"
-    for begin, kind in _BY_WORDS:
-        if words.startswith(begin):
-            return kind
-    if not words and b"<EtherCATInfo" in head:
-        return InputKind.ETHERCAT  # XML behind a prompt
-    suffix = _BY_SUFFIX.get(os.path.splitext(path)[1].lower())
-    if suffix is InputKind.YAML and not words:
-        return suffix
-    if not words and is_hex_text(head):
-        return InputKind.SII
-    if not words and (suffix is InputKind.SII or b"\0" in head[:128]):
-        return InputKind.SII
-    out.add(
-        "FSN117",
-        Span(path, 1, 1),
-        f"this is {words}, which is not read" if words else "no reader knows this file",
-        hint=next_step(words)
-        or "give an ENI, ESI, SII image, YAML, URDF, capture, output of `ethercat` or SOEM; "
-        "`fsoe-net convert --from` takes a format by name",
-    )
-    return None
+
+    words: str
+    begins: bytes = b""
+    root: str = ""
+    text: bytes = b""
+    confirm: str = ""
+    next_step: str = ""
 
 
-def load_foreign(
-    source: Source, kind: InputKind, out: Collector, *, name: str = "<file>"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """A way to write a format.
+
+    Attributes:
+        name: Value of ``convert --to``.
+        write: ``module:function``, which takes a `Description`, ``file=`` and the ``options`` and
+            returns a `Written`.
+        options: Further arguments of that function.
+        suffixes: Names that ask for this target.
+        is_folder: Whether it is several files, with names of their own.
+        renew: ``module:function`` that puts the copies of a network into a file of this format
+            instead of its own; takes the `Description`, the path and a list for notes.
+        needs_start: Whether what an ESI says about starting a device is written.
+    """
+
+    name: str
+    write: str
+    options: Mapping[str, object] = field(default_factory=dict)
+    suffixes: tuple[str, ...] = ()
+    is_folder: bool = False
+    renew: str = ""
+    needs_start: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """One format of files.
+
+    Attributes:
+        kind: Value of ``convert --from``.
+        title: What a file of it is, with its article.
+        expects: What such a file looks like; says why another one is none.
+        yields: What it is read for.
+        read: ``module:function``, which takes a `Source`, a `Collector` and ``name=`` and returns a
+            `Description` or ``None``; empty where it yields a network.
+        signatures: What shows it for certain; the first that fits counts.
+        guesses: Patterns of which one in the first 64 KiB shows it when no signature of any format
+            fits and no suffix is known.
+        suffixes: Names that show it when the content does not.
+        is_streamed: Read from a path piece by piece, whatever its size.
+        is_binary: Takes binary files that nothing else knows.
+        parts: Suffixes of files that another file of the same folder names, by the suffix of that.
+        targets: How it is written.
+    """
+
+    kind: str
+    title: str
+    expects: str
+    yields: Yields
+    read: str = ""
+    signatures: tuple[Signature, ...] = ()
+    guesses: tuple[bytes, ...] = ()
+    suffixes: tuple[str, ...] = ()
+    is_streamed: bool = False
+    is_binary: bool = False
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    targets: tuple[Target, ...] = ()
+
+
+@functools.cache
+def all_formats() -> Mapping[str, Format]:
+    """Return the formats by kind, in the order of their folders."""
+    found = {}
+    for folder in sorted(m.name for m in pkgutil.iter_modules(formats.__path__) if m.ispkg):
+        module = importlib.import_module(f"{formats.__name__}.{folder}")
+        declared = getattr(module, "FORMAT", None)
+        if declared is not None:
+            found[declared.kind] = declared
+    return found
+
+
+@functools.cache
+def all_targets() -> Mapping[str, Target]:
+    """Return what can be written, by name."""
+    return {t.name: t for f in all_formats().values() for t in f.targets}
+
+
+def target_of(path: str) -> tuple[str, Target | None]:
+    """Return the longest known suffix of a file, and the target it asks for.
+
+    The suffix is empty where none is known; there is no target where it is only read.
+    """
+    known: dict[str, Target | None] = {}
+    for one in all_formats().values():
+        known |= dict.fromkeys(one.suffixes)
+    for target in all_targets().values():
+        known |= dict.fromkeys(target.suffixes, target)
+    suffix = max((s for s in known if path.lower().endswith(s)), key=len, default="")
+    return suffix, known.get(suffix)
+
+
+def function_of(place: str) -> Callable[..., Any]:
+    """Return the function that ``module:function`` names."""
+    module, _, name = place.partition(":")
+    found: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return found
+
+
+def read_foreign(
+    source: Source, found: Format, out: Collector, *, name: str = "<file>"
 ) -> Description | None:
     """Read a file of another tool that describes a bus, or all devices of a small ESI.
 
     Args:
         source: Path, or the bytes of the file.
-        kind: Its format, not `InputKind.YAML`.
+        found: Its format; it does not yield a network.
         out: Takes what is wrong with it.
         name: Name shown when ``source`` is bytes.
     """
-    module, function = _READERS[kind]
-    reader: _Reader = getattr(importlib.import_module(f"fsoe_net.formats.{module}"), function)
-    return reader(source, out, name=name)
-
-
-def load_devices(
-    path: str, wanted: Iterable[DescribedSubDevice], out: Collector
-) -> Description | None:
-    """Read from an ESI of any size the devices that somebody has; ``None`` when it has none.
-
-    Args:
-        path: The ESI.
-        wanted: SubDevices; their identity, revision and modules count. One without an identity is
-            found by its order number, where the file has one device of that.
-        out: Takes what is wrong with it.
-    """
-    from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
-
-    catalogue = list_esi(path, out)
-    if catalogue is None:
-        return None
-    offered: dict[object, set[tuple[int, int]]] = {}
-    for row in catalogue.rows:
-        identity = (row.vendor, row.product)
-        for key in (identity, row.type.casefold()) if row.kind == "device" else ():
-            offered.setdefault(key, set()).add(identity)
-    choices = set()
-    for sub in wanted:
-        own = (sub.device.vendor_id, sub.device.product_code)
-        same = offered.get(own if own[1] else sub.order.casefold() or None, set())
-        if len(same) == 1:
-            vendor, product = next(iter(same))
-            choices.add(
-                EsiChoice(
-                    vendor=vendor,
-                    product=product,
-                    revision=sub.revision,
-                    modules=sub.module_ident or None,
-                )
-            )
-    rows: list[DescribedSubDevice] = []
-    for choice in sorted(choices, key=repr):
-        found = load_esi(path, out, choice=choice)
-        rows += () if found is None else found.subdevices
-    if not rows:
-        return None
-    return Description(span=Span(path, 1, 1), format="esi", path=path, subdevices=tuple(rows))
+    read: Description | None = function_of(found.read)(source, out, name=name)
+    return read

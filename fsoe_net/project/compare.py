@@ -10,7 +10,8 @@ from fsoe_net.formats.own.acceptance import is_acceptance, parse_acceptance
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan import parse_scan
-from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.registry import Format, Yields, read_foreign
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.accepted import accepted_plan
@@ -32,8 +33,9 @@ _MAX_BYTES = 256 * 1024 * 1024
 def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
     """Read one side; ``None`` when a part of it could not be read."""
     out = Collector()
-    if os.path.isfile(path) and find_kind(path, Collector()) is InputKind.CAPTURE:
-        return _side_of_description(path, InputKind.CAPTURE, out, path)  # of any size
+    known = find_format(path, Collector()) if os.path.isfile(path) else None
+    if known is not None and known.is_streamed:
+        return _side_of_description(path, known, out, path)  # of any size
     data = read_bytes(path, out, most=_MAX_BYTES)
     if data is None:
         return None, out.diagnostics
@@ -48,11 +50,11 @@ def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagno
     if data.lstrip()[:1] == b"{":
         scan, found = parse_scan(data, path)
         return (None if scan is None else side_of_scan(scan, path)), found
-    kind = find_kind(data, out, name=path)
-    if kind is None:
+    known = find_format(data, out, name=path)
+    if known is None:
         return None, out.diagnostics
-    if kind is not InputKind.YAML:
-        return _side_of_description(data, kind, out, path)
+    if known.yields is not Yields.NETWORK:
+        return _side_of_description(data, known, out, path)
     loaded = load_network([os.fspath(path)], options)
     out.diagnostics += loaded.diagnostics
     network = loaded.network
@@ -68,9 +70,9 @@ def _side_of_record(data: bytes, path: str, out: Collector) -> Side | None:
 
 
 def _side_of_description(
-    source: str | bytes, kind: InputKind, out: Collector, path: str
+    source: str | bytes, known: Format, out: Collector, path: str
 ) -> tuple[Side | None, list[Diagnostic]]:
-    description = load_foreign(source, kind, out, name=path)
+    description = read_foreign(source, known, out, name=path)
     whole = description is not None and not description.truncated
     return _judged(side_of_description(description) if description and whole else None, out)
 

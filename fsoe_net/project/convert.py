@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats.eni.write import eni_notes, write_eni
-from fsoe_net.formats.igh.write import write_c_header
-from fsoe_net.formats.lcec.write import write_lcec
+from fsoe_net.formats.esi.wanted import load_devices
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.own.write import DriverVersion, write_driver, write_network
-from fsoe_net.formats.registry import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.registry import (
+    Format,
+    Target,
+    Yields,
+    all_formats,
+    all_targets,
+    function_of,
+    read_foreign,
+)
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.write_files import write_all
-from fsoe_net.formats.shared.writers import Written, own_words_lost
+from fsoe_net.formats.shared.writers import Written
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
 from fsoe_net.model.join import fill_devices, has_layout, join_buses
-from fsoe_net.project.renew_eni import renewed_eni
 
-__all__ = ["TARGETS", "Conversion", "convert_files"]
+__all__ = ["Conversion", "convert_files"]
 
 _NO_NET = "FSN125"
-_Writer = Callable[[Description, str], Written]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,82 +64,52 @@ def convert_files(
 ) -> Conversion:
     """Return the bus that files describe together in another format.
 
-    A network and an ENI of the same bus into an ENI: the copies of the network in that ENI, all
-    else byte for byte.
+    A network and a file of the same bus, into the format of that file: where the format can take
+    them, the copies of the network in that file, all else byte for byte.
 
     Args:
         files: Files, or folders that a conversion wrote.
-        target: One of `TARGETS`.
+        target: One of `all_targets`.
         name: Of the file that is written; formats of several files choose theirs.
-        source: Format of all files, a value of `InputKind`; otherwise it is known by content.
+        source: Kind of the format of all files; otherwise it is known by content.
 
     Raises:
         InputError: A file cannot be used, or the format cannot hold the bus.
     """
     notes: list[str] = []
     findings: list[Diagnostic] = []
-    kind = InputKind(source) if source else None
-    given = _eni_to_renew(files, kind) if target == "eni" else None
+    forced = all_formats()[source] if source else None
+    chosen = all_targets()[target]
+    given = None if forced else _file_to_renew(files, chosen)
     if given is not None:
-        bus = _read([f for f in files if f != given], kind, notes, findings)
-        data = {name: renewed_eni(bus, given, notes)}
+        bus = _read([f for f in files if f != given], None, notes, findings)
+        data = {name: function_of(chosen.renew)(bus, given, notes)}
         return Conversion(files=data, notes=notes, findings=findings, description=bus)
-    bus = _read(files, kind, notes, findings, starts=target == "eni")
+    bus = _read(files, forced, notes, findings, starts=chosen.needs_start)
     notes += [f"{s.name or s.order or 'a SubDevice'}: {n}" for s in bus.subdevices for n in s.notes]
     if not bus.copies:
         notes.append("no copies are known, so no safety frame would be moved")
-    written = _WRITERS[target](bus, name)
+    named = {} if chosen.is_folder else {"file": name}
+    written: Written = function_of(chosen.write)(bus, **named, **chosen.options)
     data = {path: text.encode("utf-8") for path, text in written.files.items()}
     return Conversion(
         files=data, notes=[*notes, *written.notes], findings=findings, description=bus
     )
 
 
-def _eni(description: Description, file: str) -> Written:
-    facts = any(c.address is not None or c.watchdog_ms for c in description.connections)
-    notes = [*eni_notes(description), *own_words_lost(description, nets=True)]
-    if facts:
-        notes.append("addresses and watchdogs of connections are not in this file")
-    return Written(files={file: write_eni(description)}, notes=tuple(notes))
-
-
-def _network(description: Description, file: str) -> Written:
-    written = write_network(description, name=Path(file).stem)
-    files = {file if n == "network.yaml" else n: text for n, text in written.files.items()}
-    return replace(written, files=files)
-
-
-def _driver(version: DriverVersion) -> _Writer:
-    return lambda description, _file: write_driver(description, version=version)
-
-
-_WRITERS: dict[str, _Writer] = {
-    "network": _network,
-    "driver": _driver(DriverVersion.NEWEST),
-    **{f"driver-{v.value}": _driver(v) for v in DriverVersion if v is not DriverVersion.NEWEST},
-    "eni": _eni,
-    "igh": lambda d, file: write_c_header(d, igh=True, file=file),
-    "c": lambda d, file: write_c_header(d, igh=False, file=file),
-    "lcec": lambda d, file: write_lcec(d, file=file),
-}
-
-
-TARGETS = tuple(_WRITERS)
-
-
-def _eni_to_renew(files: Sequence[str], kind: InputKind | None) -> str | None:
-    """Return the one ENI that is named beside a network; its copies are to be replaced."""
-    if kind is not None or len(files) < 2:
+def _file_to_renew(files: Sequence[str], target: Target) -> str | None:
+    """Return the one file of the target's format beside a network; its copies are replaced."""
+    if not target.renew or len(files) < 2:
         return None
-    kinds = {f: find_kind(_file_of(f), Collector()) for f in files}
-    enis = [f for f, k in kinds.items() if k is InputKind.ENI]
-    networks = [f for f, k in kinds.items() if k is InputKind.YAML]
-    return enis[0] if len(enis) == 1 and networks else None
+    formats = {f: find_format(_file_of(f), Collector()) for f in files}
+    same = [f for f, found in formats.items() if found and target in found.targets]
+    networks = [f for f, found in formats.items() if found and found.yields is Yields.NETWORK]
+    return same[0] if len(same) == 1 and networks else None
 
 
 def _read(
     files: Sequence[str],
-    kind: InputKind | None,
+    forced: Format | None,
     notes: list[str],
     findings: list[Diagnostic],
     *,
@@ -144,22 +117,26 @@ def _read(
 ) -> Description:
     """Read and join the files; with ``starts`` also what an ESI says about starting a device."""
     out = Collector()
-    kinds = [(f, kind or find_kind(f, out)) for f in map(_file_of, dict.fromkeys(files))]
+    named = [(f, forced or find_format(f, out)) for f in map(_file_of, dict.fromkeys(files))]
+    known = [(f, found) for f, found in named if found is not None]
     buses: list[Description] = []
     types: list[Description] = []
-    for file, found in kinds:
-        if found not in (InputKind.YAML, InputKind.ESI, None):
-            read = load_foreign(file, found, out)
-            if read is not None:
-                (types if found.is_device_type or read.placeless else buses).append(read)
-    own = [f for f, k in kinds if k is InputKind.YAML]
+    for file, found in known:
+        if found.yields in (Yields.NETWORK, Yields.CATALOGUE):
+            continue
+        read = read_foreign(file, found, out)
+        if read is not None:
+            is_type = found.yields is Yields.TYPES or read.placeless
+            (types if is_type else buses).append(read)
+    own = [f for f, found in known if found.yields is Yields.NETWORK]
     if own:
         made, is_bus = _read_yaml(own, out)
         (buses if is_bus else types).insert(0, made)
     _refuse_errors(out)
     bus = join_buses(buses, notes) if buses else None
-    esis = [f for f, k in kinds if k is InputKind.ESI]
-    types += _read_esi(esis, bus, out, notes, starts=starts)
+    for file, found in known:
+        if found.yields is Yields.CATALOGUE:
+            types += _read_catalogue(file, found, bus, out, notes, starts=starts)
     _refuse_errors(out)
     findings += sort_diagnostics(out.diagnostics)
     if bus is not None:
@@ -191,25 +168,28 @@ def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:
     return made.without_positions() if network.partial else made, not network.partial
 
 
-def _read_esi(
-    files: list[str], bus: Description | None, out: Collector, notes: list[str], *, starts: bool
+def _read_catalogue(
+    file: str,
+    catalogue: Format,
+    bus: Description | None,
+    out: Collector,
+    notes: list[str],
+    *,
+    starts: bool,
 ) -> list[Description]:
-    """Return the devices that the bus lacks; without a bus all of each file.
+    """Return the devices that the bus lacks; without a bus all of the file.
 
     With ``starts`` also devices whose process data are known: those a file lacks are no finding.
     """
-    types = []
-    for file in files:
-        if bus is None:
-            found = [load_foreign(file, InputKind.ESI, out)]
-        else:
-            lacking = [s for s in bus.subdevices if not has_layout(s.device)]
-            known = [s for s in bus.subdevices if has_layout(s.device)] if starts else []
-            found = [load_devices(file, lacking, out), load_devices(file, known, Collector())]
-            if found == [None, None]:
-                notes.append(f"{file}: no SubDevice needs a device of it")
-        types += [made for made in found if made is not None]
-    return types
+    if bus is None:
+        found = [read_foreign(file, catalogue, out)]
+    else:
+        lacking = [s for s in bus.subdevices if not has_layout(s.device)]
+        known = [s for s in bus.subdevices if has_layout(s.device)] if starts else []
+        found = [load_devices(file, lacking, out), load_devices(file, known, Collector())]
+        if found == [None, None]:
+            notes.append(f"{file}: no SubDevice needs a device of it")
+    return [made for made in found if made is not None]
 
 
 def _file_of(path: str) -> str:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.errors import InputError
+from fsoe_net.formats.esi.wanted import load_devices
 from fsoe_net.formats.own.library import load_library
-from fsoe_net.formats.registry import load_devices
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.formats.shared.writers import Written

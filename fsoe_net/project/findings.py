@@ -95,7 +95,9 @@ def finding_text(d: Diagnostic, runtime: Runtime = Runtime.FSN, *, level: str | 
     """
     level = level or f"{d.level.value}[{d.code}]"
     lines = [f"{printable(str(d.span))}: {level}: {printable(d.message)}"]
-    lines += [printable(f"  see {r.span}: {r.message}") for r in d.related]
+    for r in d.related:
+        place = "" if r.span == d.span else f"see {r.span}: "
+        lines.append(printable(f"  {place}{r.message}"))
     if d.hint:
         lines.append(printable(f"  hint: {d.hint}"))
     today = effect_today(d.code, runtime)

@@ -13,7 +13,8 @@ from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan import load_scan
 from fsoe_net.formats.own.scan_bus import describe_scan
-from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.registry import Format, Yields, all_formats, read_foreign
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
@@ -24,14 +25,6 @@ __all__ = ["Gathered", "gather"]
 _MOST_FILES = 2000
 _DEEPEST = 5
 _HEAD_BYTES = 4096
-_PARTS = {
-    ".tsproj": (
-        *(".xti", ".splcproj", ".sds", ".sal", ".sal.diagram", ".bak"),
-        *(".plcproj", ".tmc", ".tcpou", ".tcgvl", ".tcdut", ".tcvis", ".tcvmo", ".tctto", ".tcio"),
-        *("targetsystemconfig.xml", "targetdescription.xml"),
-    ),
-    ".splcproj": (".sds", ".sal", ".sal.diagram", ".bak"),
-}
 # What a network still lacks is no mistake here: it is what this command is for.
 _LACKING = {"FSN125", "FSN223"}
 # A driver stops there; the SubDevice is known all the same.
@@ -93,15 +86,17 @@ def gather(
         if _is_scan(path):
             _keep(found, path, mine, in_folder, _scan(path, mine, found))
             continue
-        kind = find_kind(path, mine)
-        if kind is InputKind.YAML:
+        known = find_format(path, mine)
+        if known is None:
+            _keep(found, path, mine, in_folder, False)
+        elif known.yields is Yields.NETWORK:
             yaml_files.append((path, in_folder))
-        elif kind is InputKind.ESI:
+        elif known.yields is Yields.CATALOGUE:
             found.esis.append(path)
             found.used.append(path)
         else:
-            read = None if kind is None else load_foreign(path, kind, mine)
-            _keep(found, path, mine, in_folder, _sorted(read, kind, found))
+            read = read_foreign(path, known, mine)
+            _keep(found, path, mine, in_folder, _sorted(read, known, found))
     _read_yaml(yaml_files, options, found)
     errors = [d for d in found.out.diagnostics if d.level is Severity.ERROR]
     if errors:
@@ -124,12 +119,13 @@ def _files_in(folder: str, out: Collector) -> list[str]:
 
 
 def _without_parts(files: list[str]) -> list[str]:
-    """Leave out the parts of TwinCAT projects that are here whole: these name them."""
+    """Leave out the parts of projects that are here whole: these name them."""
     endings = {os.path.splitext(f)[1].lower() for f in files}
     parts: tuple[str, ...] = ()
-    for whole, its_parts in _PARTS.items():
-        if whole in endings:
-            parts += its_parts
+    for found in all_formats().values():
+        for whole, its_parts in found.parts.items():
+            if whole in endings:
+                parts += its_parts
     return [f for f in files if not f.lower().endswith(parts)] if parts else files
 
 
@@ -174,14 +170,14 @@ def _scan(path: str, mine: Collector, found: Gathered) -> bool:
     return scan is not None
 
 
-def _sorted(read: Description | None, kind: InputKind | None, found: Gathered) -> bool:
-    if read is None or kind is None:
+def _sorted(read: Description | None, known: Format, found: Gathered) -> bool:
+    if read is None:
         return False
     if read.truncated or any(s.truncated for s in read.subdevices):
         found.notes.append(f"{read.path} is cut off: what is missing there is not guessed")
-    if kind is InputKind.TWINSAFE:
+    if known.yields is Yields.CONNECTIONS:
         found.projects.append(read)
-    elif kind.is_device_type or read.placeless:
+    elif known.yields is Yields.TYPES or read.placeless:
         found.types.append(read)
     else:
         found.buses.append(read)

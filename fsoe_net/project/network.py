@@ -302,10 +302,11 @@ def convert(*paths: AnyPath, to: str, name: str = "network.yaml") -> Conversion:
         ValueError: There is no such format.
         InputError: A file cannot be used, or the format cannot hold the bus.
     """
-    from fsoe_net.project.convert import TARGETS, convert_files
+    from fsoe_net.formats.registry import all_targets
+    from fsoe_net.project.convert import convert_files
 
-    if to not in TARGETS:
-        raise ValueError(f"to={to!r} is not a format; there are {', '.join(TARGETS)}")
+    if to not in all_targets():
+        raise ValueError(f"to={to!r} is not a format; there are {', '.join(all_targets())}")
     return convert_files([os.fspath(path) for path in paths], to, name=name)
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.formats.registry import InputKind, find_kind, load_devices, load_foreign
+from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.registry import Format, Yields, read_foreign
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.network import NetworkConfig, SourceFile
@@ -27,35 +28,35 @@ class References:
     diagnostics: list[Diagnostic] = field(default_factory=list)
 
 
-def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, InputKind]]]:
+def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, Format]]]:
     """Return the files of the network itself, and the other ones with their formats.
 
     A file that nothing knows counts as one of the network, whose reader then says what is wrong.
     """
     own: list[str] = []
-    others: list[tuple[str, InputKind]] = []
+    others: list[tuple[str, Format]] = []
     for path in files:
-        kind = find_kind(path, Collector())
-        if kind in (None, InputKind.YAML):
+        known = find_format(path, Collector())
+        if known is None or known.yields is Yields.NETWORK:
             own.append(path)
-        elif kind is not None:
-            others.append((path, kind))
+        else:
+            others.append((path, known))
     if not own:
         return [path for path, _ in others], []
     return own, others
 
 
-def read_references(files: Sequence[tuple[str, InputKind]], network: NetworkConfig) -> References:
+def read_references(files: Sequence[tuple[str, Format]], network: NetworkConfig) -> References:
     """Read the other files; of an ESI only the devices of the network."""
     found = References()
-    for path, kind in files:
+    for path, known in files:
         out = Collector()
-        if kind is InputKind.ESI:
+        if known.yields is Yields.CATALOGUE:
             description = _devices(path, network, out)
             sha256 = _sha256(path)
         else:
             data = read_bytes(path, out, most=_MAX_BYTES)
-            description = None if data is None else load_foreign(data, kind, out, name=path)
+            description = None if data is None else read_foreign(data, known, out, name=path)
             sha256 = hashlib.sha256(data or b"").hexdigest()
         found.diagnostics += out.diagnostics
         if description is not None:
@@ -73,6 +74,8 @@ def _sha256(path: str) -> str:
 
 
 def _devices(path: str, network: NetworkConfig, out: Collector) -> Description | None:
+    from fsoe_net.formats.esi.wanted import load_devices
+
     wanted = [
         DescribedSubDevice(device=sub.device, revision=sub.revision)
         for sub in network.subdevices

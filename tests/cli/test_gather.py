@@ -11,7 +11,7 @@ import pytest
 from fsoe_net.cli.init_prompt import _with, parse_ring
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats.registry import InputKind
+from fsoe_net.formats.registry import all_formats
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.project import gather
@@ -43,7 +43,7 @@ def test_parts_of_a_project_are_left_to_it():
 def test_a_file_that_is_cut_off_is_said():
     found = gather.Gathered()
     read: Any = Facts(path="x.pcap", truncated=True, subdevices=(), placeless=False)
-    assert gather._sorted(read, InputKind.ENI, found)
+    assert gather._sorted(read, all_formats()["eni"], found)
     assert found.notes == ["x.pcap is cut off: what is missing there is not guessed"]
     assert found.buses == [read]
 

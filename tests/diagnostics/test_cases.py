@@ -66,7 +66,7 @@ def findings(case: dict) -> list[Diagnostic]:
             assert scan is not None, damage
         runtime = Runtime(case.get("runtime", "fsn"))
         return check_files(case["check"], runtime=runtime, scan=scan, compared=True).diagnostics
-    module, name = case["reader"].split(".")
+    module, _, name = case["reader"].rpartition(".")
     read = getattr(import_module(f"fsoe_net.formats.{module}"), name)
     options = {"choice": EsiChoice(**case["choice"])} if "choice" in case else {}
     out = Collector()
@@ -140,8 +140,8 @@ def test_clean_files_raise_nothing_but_notes(files: list[str], monkeypatch: pyte
 READERS = {
     case["reader"]: case["check"] for case in CASES.values() if {"reader", "edit"} <= set(case)
 }
-READERS["sii.load_sii"] = ["gate.sii"]
-READERS["capture.load_capture"] = ["start-up.pcap"]
+READERS["sii.read.load_sii"] = ["gate.sii"]
+READERS["capture.read.load_capture"] = ["start-up.pcap"]
 
 
 @pytest.mark.parametrize("reader", sorted(READERS))

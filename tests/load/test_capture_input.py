@@ -24,7 +24,7 @@ from observe.traffic import Bus, datagram, packet
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.capture import read as capture
 from fsoe_net.formats.capture.read import load_capture, load_capture_content
-from fsoe_net.formats.registry import InputKind, find_kind
+from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.shared.files import Collector
 
 WAYS = {(1, 3, 0, 2), (0, 3, 1, 2)}  # source and destination: SubDevice, sync manager
@@ -335,7 +335,7 @@ def test_captures_are_known_by_content(tmp_path):
     path = tmp_path / "bus.txt"
     path.write_bytes(startup())
     out = Collector()
-    assert find_kind(path, out) is InputKind.CAPTURE
+    assert find_format(path, out).kind == "capture"
     found = load_capture(path, out)
     assert found is not None
     assert [s.path for s in out.sources] == [str(path)]

@@ -9,7 +9,8 @@ import pytest
 from load.sii_image import category, image
 from load.texts import PDOS, SLAVES
 
-from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.registry import read_foreign
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedSubDevice
@@ -19,9 +20,9 @@ BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 
 def read(data: bytes) -> DescribedSubDevice:
     out = Collector()
-    kind = find_kind(data, out)
+    kind = find_format(data, out)
     assert kind is not None
-    found = load_foreign(data, kind, out)
+    found = read_foreign(data, kind, out)
     assert found is not None, out.diagnostics
     return found.subdevices[0]
 
@@ -72,5 +73,5 @@ def test_default_sizes_of_sii_and_text():
 
 
 def test_plain_list_of_subdevices_is_known():
-    assert find_kind(SLAVES.encode(), Collector()) is InputKind.ETHERCAT
-    assert find_kind(b"3  5:0      SAFEOP+ERROR  E  x\n", Collector()) is InputKind.ETHERCAT
+    assert find_format(SLAVES.encode(), Collector()).kind == "ethercat"
+    assert find_format(b"3  5:0      SAFEOP+ERROR  E  x\n", Collector()).kind == "ethercat"

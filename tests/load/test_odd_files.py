@@ -11,10 +11,11 @@ import pytest
 from load.sii_image import category, image
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.registry import all_formats, read_foreign
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.unreadable import NEXT_STEPS
 from fsoe_net.formats.sii.hex_text import binary_of
+from fsoe_net.formats.unsupported import UNSUPPORTED
 
 ENI = """<EtherCATConfig Version="1.3"><Config><Master><Info><Name>m</Name></Info></Master>
 <Slave><Info><Name><![CDATA[Box \u00b0]]></Name>
@@ -27,7 +28,7 @@ IMAGE = image(category(41, bytes.fromhex("0010040024000103")))
 
 def kind(data: bytes, name: str = "file.xml"):
     out = Collector()
-    return find_kind(data, out, name=name), out
+    return find_format(data, out, name=name), out
 
 
 def packed() -> bytes:
@@ -58,20 +59,22 @@ def test_what_is_no_description_is_named_with_the_next_step(data, words, name):
     (finding,) = out.diagnostics
     assert finding.code == "FSN117"
     assert words in finding.message
-    assert finding.hint in NEXT_STEPS.values()
+    assert finding.hint in {s.next_step for s in UNSUPPORTED}
 
 
-@pytest.mark.parametrize("reader", [k for k in InputKind if k.value not in ("yaml", "capture")])
+@pytest.mark.parametrize(
+    "reader", [f for f in all_formats().values() if f.read and f.kind != "capture"]
+)
 def test_no_reader_takes_a_capture_for_its_own(reader):
     out = Collector()
     data = b"\x0a\x0d\x0d\x0a\x1c\0\0\0" + bytes(range(256)) * 4
-    assert load_foreign(data, reader, out, name="x") is None
+    assert read_foreign(data, reader, out, name="x") is None
     assert {d.code for d in out.diagnostics} <= {"FSN117", "FSN140", "FSN118"}
 
 
 def test_what_is_packed_tells_whether_it_is_a_capture():
     found, _ = kind(gzip.compress(b"\xd4\xc3\xb2\xa1\2\0\4\0" + random.Random(1).randbytes(200)))
-    assert found is InputKind.CAPTURE
+    assert found.kind == "capture"
     found, out = kind(gzip.compress(ENI.encode() * 3))
     assert found is None
     assert "a file packed with gzip" in out.diagnostics[0].message
@@ -118,10 +121,10 @@ def hexdump(data: bytes, *, colon: str = "", words: int = 1, swap: bool = False)
 )
 def test_an_image_as_text_is_the_same_image(text):
     found, out = kind(text, "eeprom.txt")
-    assert found is InputKind.SII
+    assert found.kind == "sii"
     out = Collector()
-    read = load_foreign(text, found, out, name="eeprom.txt")
-    plain = load_foreign(IMAGE, InputKind.SII, Collector(), name="eeprom.txt")
+    read = read_foreign(text, found, out, name="eeprom.txt")
+    plain = read_foreign(IMAGE, all_formats()["sii"], Collector(), name="eeprom.txt")
     assert out.diagnostics == []
     assert read == plain
 
@@ -184,7 +187,7 @@ def test_plain_words():
 )
 def test_a_damaged_dump_is_refused_with_its_line(text, words):
     out = Collector()
-    assert load_foreign(text, InputKind.SII, out, name="e.hex") is None
+    assert read_foreign(text, all_formats()["sii"], out, name="e.hex") is None
     assert [d.code for d in out.diagnostics] == ["FSN138"]
     assert words in out.diagnostics[0].message
 
@@ -213,8 +216,8 @@ def declared(encoding: str) -> str:
 )
 def test_an_eni_is_read_in_every_encoding(data):
     found, out = kind(data)
-    assert found is InputKind.ENI
-    read = load_foreign(data, found, out, name="x.xml")
+    assert found.kind == "eni"
+    read = read_foreign(data, found, out, name="x.xml")
     assert out.diagnostics == []
     assert read is not None
     assert read.subdevices[0].name == "Box \u00b0"
@@ -223,9 +226,9 @@ def test_an_eni_is_read_in_every_encoding(data):
 @pytest.mark.parametrize("head", ["", '<?xml version="1.0"?>\n', declared("utf-8")[:40] + "\n"])
 def test_latin_1_that_claims_to_be_utf_8_is_read_with_a_warning(head):
     found, out = kind((head + "<!-- \u00e4 -->" + ENI).encode("latin-1"))
-    assert found is InputKind.ENI
+    assert found.kind == "eni"
     data = (head + ENI).encode("latin-1")
-    read = load_foreign(data, found, out, name="x.xml")
+    read = read_foreign(data, found, out, name="x.xml")
     assert [(d.code, d.level.name) for d in out.diagnostics] == [("FSN118", "WARNING")]
     line = data[: data.index(b"\xb0")].count(b"\n") + 1
     assert out.diagnostics[0].span.line == line

@@ -11,7 +11,8 @@ from cli.tool import fsn
 from load import twincat_text as tc
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.registry import all_formats, read_foreign
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.twincat.read import load_twincat
 from fsoe_net.formats.twinsafe.read import load_twinsafe
@@ -119,7 +120,7 @@ def test_a_box_alone_is_a_bus_of_what_hangs_on_it(tmp_path: Path):
     coupler = tc.box(1, "__FILENAME__", "EK1100", 0x044C2C52, more=inside)
     path = tmp_path / "Term 1 (EK1100).xti"
     path.write_text(f"<TcSmItem>{tc.FSOE_TYPES}{coupler}</TcSmItem>", "utf-8")
-    assert find_kind(path, Collector()) is InputKind.TWINCAT
+    assert find_format(path, Collector()).kind == "twincat"
     found = read(path)
     assert [(s.name, s.position) for s in found.subdevices] == [
         ("Term 1 (EK1100)", 0),
@@ -142,8 +143,8 @@ def test_a_safety_project_alone_has_connections_without_a_ring(
 ):
     tc.write(tmp_path)
     out = Collector()
-    assert find_kind(tmp_path / file, out) is InputKind.TWINSAFE
-    found = load_foreign(tmp_path / file, InputKind.TWINSAFE, out)
+    assert find_format(tmp_path / file, out).kind == "twinsafe"
+    found = read_foreign(tmp_path / file, all_formats()["twinsafe"], out)
     assert out.diagnostics == []
     assert found is not None
     assert found.format == "twinsafe"

@@ -11,7 +11,8 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.eni.write import write_eni
 from fsoe_net.formats.esi.read import load_esi
 from fsoe_net.formats.igh.read import load_igh_text
-from fsoe_net.formats.registry import InputKind, find_kind, load_foreign
+from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.registry import read_foreign
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
@@ -74,14 +75,14 @@ def test_numbers_of_lcec_may_have_leading_zeros():
     <slave idx="001" type="generic" vid="000000000aaa" pid="000bbbccc" name="a"/>
     </master></masters>"""
     out = Collector()
-    kind = find_kind(text, out, name="conf.xml")
-    assert kind is InputKind.LCEC
-    found = load_foreign(text, kind, out, name="conf.xml")
+    kind = find_format(text, out, name="conf.xml")
+    assert kind.kind == "lcec"
+    found = read_foreign(text, kind, out, name="conf.xml")
     assert out.diagnostics == []
     assert found is not None
     device = found.subdevices[0].device
     assert (device.vendor_id, device.product_code) == (0xAAA, 0xBBBCCC)
-    bad = load_foreign(text.replace(b"000bbbccc", b"1000bbbcc"), kind, out, name="conf.xml")
+    bad = read_foreign(text.replace(b"000bbbccc", b"1000bbbcc"), kind, out, name="conf.xml")
     assert bad is None or [d.code for d in out.diagnostics] == ["FSN141"]
 
 

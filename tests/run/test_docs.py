@@ -12,6 +12,7 @@ from run.support import ESTOP, ROOT, document, needs_core, run, session_of
 
 from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.formats.own.schema import read_schema
+from fsoe_net.formats.registry import all_formats, all_targets
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import CampaignConfig
 from fsoe_net.fsoe.config import SubConfig
@@ -74,6 +75,13 @@ def test_the_scenario_examples_are_valid(name: str):
     scenario, found = load_scenario(ROOT / "examples" / name / "scenario.yaml")
     assert scenario is not None
     assert found == []
+
+
+def test_every_format_and_target_is_on_the_page():
+    page = (ROOT / "docs" / "reference" / "input-files.md").read_text("utf-8")
+    rows = "".join(line for line in page.splitlines() if line.startswith("|"))
+    missing = [name for name in (*all_formats(), *all_targets()) if f"`{name}`" not in rows]
+    assert missing == []
 
 
 def test_fault_catalogue_names_every_class():

@@ -13,8 +13,9 @@ from networks import EXAMPLES, example
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.slave_yaml import device_from_yaml
-from fsoe_net.formats.own.write import DriverVersion, write_driver, write_network
+from fsoe_net.formats.own.write import write_network
 from fsoe_net.formats.own.write_slave_yaml import write_slave_yaml
+from fsoe_net.formats.ros2.write import DriverVersion, write_driver
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.writers import Written
 from fsoe_net.formats.shared.yaml_tree import parse_yaml

@@ -21,9 +21,10 @@ from fsoe_net.formats.lcec.write import write_lcec
 from fsoe_net.formats.own.acceptance import load_acceptance
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.protocol import load_protocol
-from fsoe_net.formats.own.write import DriverVersion, write_driver, write_network
+from fsoe_net.formats.own.write import write_network
 from fsoe_net.formats.own.write_acceptance import write_acceptance
 from fsoe_net.formats.own.write_protocol import write_protocol
+from fsoe_net.formats.ros2.write import DriverVersion, write_driver
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.writers import own_words_lost
 from fsoe_net.model.described_network import describe

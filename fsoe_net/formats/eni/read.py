@@ -9,8 +9,9 @@ from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.eni.read_image import ImageMap, copies_of, header_bits, map_images
 from fsoe_net.formats.eni.read_parts import EniParts, read_cyclic, read_image
 from fsoe_net.formats.eni.read_subdevice import EniSlave, read_slave
+from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.source import Source, is_kind, source_bytes, xml_number
+from fsoe_net.formats.shared.source import Source, source_bytes, xml_number
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.bus import Direction
@@ -81,7 +82,7 @@ def load_eni_images(source: Source, out: Collector, *, name: str = "<eni>") -> E
 
 def _read(source: Source, out: Collector, name: str) -> _Reader | None:
     data, shown = source_bytes(source, out, name)
-    if data is None or not is_kind(data, "an ENI", shown, out):
+    if data is None or not is_format(data, "eni", shown, out):
         return None
     reader = _Reader(shown, out)
     root = parse_xml(

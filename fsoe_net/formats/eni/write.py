@@ -9,13 +9,22 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.eni.write_commands import BRD, BWR, plain_text, register
 from fsoe_net.formats.eni.write_layout import EniLayout, Piece, WrittenCommand, lay_out
 from fsoe_net.formats.eni.write_subdevice import slave_lines
+from fsoe_net.formats.shared.writers import Written, own_words_lost
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedCopy, DescribedSubDevice, Description
 
-__all__ = ["eni_notes", "write_eni"]
+__all__ = ["eni_notes", "write_eni", "write_eni_file"]
 
 _DEFAULT_CYCLE_US = 1000
 _LRW = 12
+
+
+def write_eni_file(description: Description, *, file: str) -> Written:
+    """Return an ENI as `write_eni` makes it, with notes on what it lacks."""
+    notes = [*eni_notes(description), *own_words_lost(description, nets=True)]
+    if any(c.address is not None or c.watchdog_ms for c in description.connections):
+        notes.append("addresses and watchdogs of connections are not in this file")
+    return Written(files={file: write_eni(description)}, notes=tuple(notes))
 
 
 def write_eni(description: Description, *, header_bytes: int = 0) -> str:

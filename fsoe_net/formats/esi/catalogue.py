@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.formats.recognise import words_of_root
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.source import XML_KINDS, esi_number
+from fsoe_net.formats.shared.source import esi_number
 from fsoe_net.formats.shared.xml_tree import MAX_DEPTH, shown_name, xml_hint
 
 __all__ = ["EsiCatalogue", "EsiRow", "scan_esi"]
@@ -349,7 +350,7 @@ class _Scan:
             self._attributes = attributes
 
     def _refuse_root(self, name: str) -> None:
-        known = XML_KINDS.get(name)
+        known = words_of_root(name)
         hint = f"this is {known}" if known else "the root element of an ESI is <EtherCATInfo>"
         if name in _REFERRED:
             hint += "; name the ESI that refers to it"

@@ -10,11 +10,13 @@ import re
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Severity, Span
+from fsoe_net.formats.igh import CSTRUCT
 from fsoe_net.formats.igh.read_config import read_config, read_domains
 from fsoe_net.formats.igh.read_cstruct import read_cstruct
 from fsoe_net.formats.igh.read_xml import read_xml
+from fsoe_net.formats.recognise import is_format, recognise
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.source import Source, is_kind, kind_of, source_bytes
+from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.shared.terminal_text import Line, Pasted, pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
@@ -30,11 +32,7 @@ _PDO = re.compile(r'([RT])xPDO 0x([0-9a-f]{4}) "(.*)"$')
 _ENTRY = re.compile(r'PDO entry 0x([0-9a-f]{4}):([0-9a-f]{2}), +(\d{1,3}) bit, "(.*)"$')
 _PDOS_STARTS = ("=== Master", "SM", "RxPDO 0x", "TxPDO 0x", "PDO entry 0x")
 _FIRST_PROCESS_SM = 2
-_INPUT_KINDS = (
-    "the output of `ethercat cstruct`",
-    "an ESI",
-    "the output of `ethercat xml`",
-)
+_ROOTS = ("EtherCATInfo", "EtherCATInfoList")
 
 
 def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> Description | None:
@@ -48,21 +46,22 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
     data, shown = source_bytes(source, out, name)
     if data is None:
         return None
-    kind = kind_of(data)
+    found = recognise(data)
     text = pasted(data, shown, out)
-    if kind.startswith("an ESI") and b"<Groups" in data:
-        is_kind(data, "the output of the `ethercat` tool", shown, out)
+    if found is not None and found.kind == "esi" and b"<Groups" in data:
+        is_format(data, "ethercat", shown, out)
         return None
-    if kind == "the output of `ethercat cstruct`":
+    if found is not None and found.signature is CSTRUCT:
         _one_master(text)
         return read_cstruct(text)
-    if kind.startswith(_INPUT_KINDS) or any("<EtherCATInfo" in line.text for line in text):
+    is_xml = found is not None and (found.kind == "esi" or found.root in _ROOTS)
+    if is_xml or any("<EtherCATInfo" in line.text for line in text):
         return read_xml(data, shown, out)
     _one_master(text)
     for wanted, reader in _READERS:
         if any(wanted.search(line.text) for line in text):
             return reader(text)
-    what = f"this is {kind}" if kind else "no line of this is known"
+    what = "no line of this is known" if found is None else f"this is {found.words}"
     out.add(
         "FSN140",
         Span(shown, 1, 1),

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.diag.words import counted
+from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.source import Source, is_kind, source_bytes
+from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager
@@ -43,7 +44,7 @@ def load_lcec(
         known to the driver by their type.
     """
     data, shown = source_bytes(source, out, name)
-    if data is None or not is_kind(data, "a configuration of linuxcnc-ethercat", shown, out):
+    if data is None or not is_format(data, "lcec", shown, out):
         return None
     root = parse_xml(
         readable_xml(data, shown, out), shown, out, what="a configuration of linuxcnc-ethercat"

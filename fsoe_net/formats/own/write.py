@@ -1,11 +1,11 @@
-"""A description as YAML: for ethercat_driver_ros2, or as a network of this tool."""
+"""A description as a network of fsoe-net, and what it shares with transfer YAML."""
 
 from __future__ import annotations
 
-import enum
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.comments import Remarks, comment, connection_lines
@@ -25,41 +25,30 @@ from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 from fsoe_net.model.slots import slot_numbers
 
-__all__ = ["DriverVersion", "write_driver", "write_network"]
-
-_PLUGIN = "ethercat_generic_plugins/GenericEcSlave"
-
-
-class DriverVersion(enum.Enum):
-    """Versions of ethercat_driver_ros2 that spell the keys of a transfer YAML differently."""
-
-    V2025 = "2025"
-    V2026_06 = "2026-06"
-    V2026_08 = "2026-08"
-    NEWEST = "newest"
-
-    @property
-    def word(self) -> str:
-        """First word of its keys for modules and MainInstance."""
-        return "safety" if self is DriverVersion.V2025 else "transfer"
+__all__ = ["NetworkFiles", "write_network"]
 
 
 def write_network(
-    description: Description, *, name: str = "network", remarks: Remarks | None = None
+    description: Description,
+    *,
+    file: str = "network.yaml",
+    name: str | None = None,
+    remarks: Remarks | None = None,
 ) -> Written:
-    """Return ``network.yaml`` with a slave YAML for each device type.
+    """Return a network YAML with a slave YAML for each device type.
 
     Args:
         description: What is written.
-        name: Name of the network.
+        file: Name of the network YAML.
+        name: Name of the network; that of the file otherwise.
         remarks: Comments. With them connections need no copies, and say what is to be completed.
 
     Raises:
         InputError: A copy begins at no entry, or a device does not fit into a slave YAML.
     """
-    files = _Files(description, remarks)
+    files = NetworkFiles(description, remarks)
     lines = comment(() if remarks is None else remarks.head)
-    lines += ["version: 1", f"name: {quoted(name)}"]
+    lines += ["version: 1", f"name: {quoted(Path(file).stem if name is None else name)}"]
     if description.cycle_us:
         lines.append(f"cycle_us: {description.cycle_us}")
     elif remarks is not None:
@@ -73,40 +62,16 @@ def write_network(
             row += f", revision: 0x{sub.revision:08x}"
         lines.append(f"  - {{{row}}}")
     lines += files.nets("safety_master")
-    return files.written("network.yaml", lines)
+    return files.written(file, lines)
 
 
-def write_driver(
-    description: Description, *, version: DriverVersion = DriverVersion.NEWEST
-) -> Written:
-    """Return ``transfers.yaml``, which declares its modules, with their slave YAMLs.
+class NetworkFiles:
+    """SubDevices with their slave YAMLs, and nets; both kinds of files have them.
 
-    Raises:
-        InputError: A copy begins at no entry, or a device does not fit into a slave YAML.
+    Attributes:
+        notes: What the files cannot hold.
+        configs: Slave YAMLs by path.
     """
-    files = _Files(description)
-    lines = [
-        f"{version.word}_modules:" if description.subdevices else f"{version.word}_modules: []"
-    ]
-    for sub, called, place, config in files.rows():
-        lines += [
-            f"  - name: {quoted(called)}",
-            f"    plugin: {_PLUGIN}",
-            f"    parameters: {{{place}, slave_config: {config}}}",
-        ]
-        if sub.revision is not None:
-            files.notes.append(f"{called}: revision 0x{sub.revision:08x} is not in these files")
-    lines += files.nets(f"{version.word}_master")
-    if description.cycle_us:
-        rate = 1e6 / description.cycle_us
-        files.notes.append(f"the cycle is not in these files; set control_frequency to {rate:g}")
-    if files.configs:
-        files.notes.append("the driver needs an absolute path in each slave_config")
-    return files.written("transfers.yaml", lines)
-
-
-class _Files:
-    """The parts that both kinds have."""
 
     def __init__(self, description: Description, remarks: Remarks | None = None) -> None:
         self._remarks = remarks

@@ -1,1 +1,25 @@
-"""URDF and xacro of ethercat_driver_ros2."""
+"""URDF and xacro of ethercat_driver_ros2; its YAML is written here, and read with the own."""
+
+from __future__ import annotations
+
+from fsoe_net.formats.registry import Format, Signature, Target, Yields
+
+__all__ = ["FORMAT"]
+
+_WRITE = "fsoe_net.formats.ros2.write:write_driver"
+
+FORMAT = Format(
+    kind="urdf",
+    title="a URDF or xacro of ethercat_driver_ros2",
+    expects="XML with the root <robot>",
+    yields=Yields.NETWORK,
+    signatures=(Signature(words="a robot description (URDF)", root="robot"),),
+    suffixes=(".urdf", ".xacro"),
+    targets=(
+        Target(name="driver", write=_WRITE, is_folder=True),
+        *(
+            Target(name=f"driver-{v}", write=_WRITE, options={"version": v}, is_folder=True)
+            for v in ("2025", "2026-06", "2026-08")
+        ),
+    ),
+)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Diagnostic, Related
 from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.recognise import words_of_root
 from fsoe_net.formats.ros2.urdf_params import DRIVER_PLUGIN, known_plugin_findings
 from fsoe_net.formats.ros2.urdf_system import (
     COMPONENTS,
@@ -17,7 +18,6 @@ from fsoe_net.formats.ros2.urdf_system import (
 )
 from fsoe_net.formats.ros2.xacro_expand import expand_xacro, uses_xacro
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.source import XML_KINDS
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.network import SourceFile
 
@@ -83,8 +83,8 @@ def _document(path: str, out: Collector, options: LoadOptions) -> Element | None
         return None
     if root.name != "robot":
         other = (f"an XML file with the root <{root.name[:80]}>", "name the robot's URDF or xacro")
-        if root.name in XML_KINDS:
-            other = (XML_KINDS[root.name], "`fsoe-net convert` reads many other formats")
+        if words := words_of_root(root.name):
+            other = (words, "`fsoe-net convert` reads many other formats")
         kind, hint = _OTHER_ROOTS.get(root.name, other)
         out.add("FSN117", root.span, f"this is {kind}, not a URDF", hint=hint)
         return None

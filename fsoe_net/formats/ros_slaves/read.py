@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, read_int
-from fsoe_net.formats.shared.source import Source, is_kind, source_bytes
+from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
@@ -27,8 +28,7 @@ def load_ros_slaves(source: Source, out: Collector, *, name: str = "<yaml>") -> 
         SubDevices by ring position, without process data: the node itself decides where they lie.
     """
     data, shown = source_bytes(source, out, name)
-    wanted = "an `ethercat_slaves.yaml` of an IgH node for ROS"
-    if data is None or not is_kind(data, wanted, shown, out):
+    if data is None or not is_format(data, "ros-slaves", shown, out):
         return None
     root = parse_yaml(data, shown, out)
     if root is None:

@@ -6,19 +6,20 @@ import re
 
 from fsoe_net.errors import InputError
 
-__all__ = ["binary_of", "is_hex_text"]
+__all__ = ["HEX_TEXT", "binary_of", "is_hex_text"]
 
 _MOST_BYTES = 1024 * 1024
-_INTEL = re.compile(rb"\s*:[0-9A-Fa-f]{10}")
-_DUMP = re.compile(rb"\s*0{4,8}:? +(?:[0-9a-fA-F]{2} ?){4}")
-_PLAIN = re.compile(rb"\s*(?:(?:0x)?[0-9a-fA-F]{2}[ ,\t\r\n]+){16}")
+_INTEL = rb"\A\s*:[0-9A-Fa-f]{10}"
+_DUMP = rb"\A\s*0{4,8}:? +(?:[0-9a-fA-F]{2} ?){4}"
+HEX_TEXT = (_INTEL, _DUMP, rb"\A\s*(?:(?:0x)?[0-9a-fA-F]{2}[ ,\t\r\n]+){16}")
+"""Patterns of which one fits the beginning of such a text."""
 _ROW = re.compile(r"([0-9a-fA-F]{4,8})(:?)(?: {1,4}(.*))?$")
 _BYTES = re.compile(r"(?:[0-9a-fA-F]{2}){1,16}")
 
 
 def is_hex_text(head: bytes) -> bool:
     """Return whether a file that begins like this is a binary one as text."""
-    return any(p.match(head) for p in (_INTEL, _DUMP, _PLAIN))
+    return any(re.match(p, head) for p in HEX_TEXT)
 
 
 def binary_of(data: bytes) -> bytes:
@@ -31,9 +32,9 @@ def binary_of(data: bytes) -> bytes:
         InputError: A line is damaged or missing; the message names it.
     """
     lines = data.decode("ascii", "replace").splitlines()
-    if _INTEL.match(data):
+    if re.match(_INTEL, data):
         return _of_intel(lines)
-    if _DUMP.match(data):
+    if re.match(_DUMP, data):
         return _of_dump(lines)
     words = data.decode("ascii", "replace").replace(",", " ").split()
     try:

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.errors import InputError
+from fsoe_net.formats.recognise import beginning
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.source import Source, next_step, source_bytes
-from fsoe_net.formats.shared.unreadable import unreadable_kind
+from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.sii.hex_text import binary_of, is_hex_text
 from fsoe_net.formats.sii.parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
@@ -187,10 +187,10 @@ def _binary(data: bytes, path: str, out: Collector) -> bytes | None:
             hint = "paste or save the whole dump, unchanged; or give the binary image"
             out.add("FSN138", Span(path, 1, 1), f"a damaged dump of an image: {exc}", hint=hint)
             return None
-    words = unreadable_kind(data[:1024])
-    if words:
-        hint = next_step(words) or _READ_AGAIN
-        out.add("FSN140", Span(path, 1, 1), f"this is {words}, not an SII image", hint=hint)
+    found = beginning(data)
+    if found is not None:
+        hint = found.next_step or _READ_AGAIN
+        out.add("FSN140", Span(path, 1, 1), f"this is {found.words}, not an SII image", hint=hint)
         return None
     return data
 

@@ -10,8 +10,9 @@ import re
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.source import Source, is_kind, source_bytes
+from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.shared.terminal_text import Line, Pasted, pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
@@ -71,7 +72,7 @@ def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> D
         name: Name shown when ``source`` is bytes.
     """
     data, shown = source_bytes(source, out, name)
-    if data is None or not is_kind(data, "the output of SOEM `slaveinfo -map`", shown, out):
+    if data is None or not is_format(data, "soem", shown, out):
         return None
     text = pasted(data, shown, out)
     slaves: list[_Slave] = []

@@ -14,8 +14,9 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
+from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.source import Source, esi_number, is_kind, source_bytes
+from fsoe_net.formats.shared.source import Source, esi_number, source_bytes
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml, shown_name
 from fsoe_net.formats.twincat.box import Box, read_box
@@ -48,7 +49,7 @@ def load_twincat(source: Source, out: Collector, *, name: str = "<tsproj>") -> D
         SubDevices of one master, copies and FSoE connections; ``None`` without any.
     """
     data, shown = source_bytes(source, out, name, most=_MOST_BYTES)
-    if data is None or not is_kind(data, "a TwinCAT", shown, out):
+    if data is None or not is_format(data, "twincat", shown, out):
         return None
     root = _parse(data, shown, out)
     return None if root is None else _Project(root, shown, out).read()

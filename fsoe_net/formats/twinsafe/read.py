@@ -11,8 +11,9 @@ from __future__ import annotations
 import os
 import re
 
+from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.source import Source, is_kind, source_bytes, xml_number
+from fsoe_net.formats.shared.source import Source, source_bytes, xml_number
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.formats.twincat.safety import (
@@ -42,7 +43,7 @@ def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Des
         The logic, then one SubDevice type for each connection, in the order of the file.
     """
     data, shown = source_bytes(source, out, name)
-    if data is None or not is_kind(data, "a TwinSAFE", shown, out):
+    if data is None or not is_format(data, "twinsafe", shown, out):
         return None
 
     def closed(element: Element, parent: Element, depth: int) -> bool:

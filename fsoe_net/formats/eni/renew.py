@@ -1,4 +1,4 @@
-"""``fsoe-net convert``: the copies of a network put into an ENI that is there already."""
+"""The copies of a network put into an ENI that is there already; all else stays as it is."""
 
 from __future__ import annotations
 

@@ -1,0 +1,59 @@
+"""From an ESI of any size the devices that somebody has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.esi.catalogue import EsiCatalogue
+from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.model.description import DescribedSubDevice, Description
+
+__all__ = ["load_devices"]
+
+
+def load_devices(
+    path: str, wanted: Iterable[DescribedSubDevice], out: Collector
+) -> Description | None:
+    """Read from an ESI of any size the devices that somebody has; ``None`` when it has none.
+
+    Args:
+        path: The ESI.
+        wanted: SubDevices; their identity, revision and modules count. One without an identity is
+            found by its order number, where the file has one device of that.
+        out: Takes what is wrong with it.
+    """
+    catalogue = list_esi(path, out)
+    if catalogue is None:
+        return None
+    rows: list[DescribedSubDevice] = []
+    for choice in sorted(_choices(catalogue, wanted), key=repr):
+        found = load_esi(path, out, choice=choice)
+        rows += () if found is None else found.subdevices
+    if not rows:
+        return None
+    return Description(span=Span(path, 1, 1), format="esi", path=path, subdevices=tuple(rows))
+
+
+def _choices(catalogue: EsiCatalogue, wanted: Iterable[DescribedSubDevice]) -> set[EsiChoice]:
+    offered: dict[object, set[tuple[int, int]]] = {}
+    for row in catalogue.devices:
+        identity = (row.vendor, row.product)
+        offered.setdefault(identity, set()).add(identity)
+        offered.setdefault(row.type.casefold(), set()).add(identity)
+    choices = set()
+    for sub in wanted:
+        own = (sub.device.vendor_id, sub.device.product_code)
+        same = offered.get(own if own[1] else sub.order.casefold() or None, set())
+        if len(same) == 1:
+            vendor, product = next(iter(same))
+            choices.add(
+                EsiChoice(
+                    vendor=vendor,
+                    product=product,
+                    revision=sub.revision,
+                    modules=sub.module_ident or None,
+                )
+            )
+    return choices

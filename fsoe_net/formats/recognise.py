@@ -1,0 +1,230 @@
+"""What kind of file this is: by content, and only where that shows nothing by its name."""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from xml.parsers import expat
+
+from fsoe_net.diag.diagnostic import Related, Span
+from fsoe_net.errors import InputError
+from fsoe_net.formats.registry import Format, Signature, all_formats, function_of
+from fsoe_net.formats.shared.files import Collector, open_file
+from fsoe_net.formats.shared.source import Source
+from fsoe_net.formats.shared.xml_text import plain_xml
+from fsoe_net.formats.unsupported import BUILDER_PROJECT, UNSUPPORTED
+
+__all__ = ["Recognised", "beginning", "find_format", "is_format", "recognise", "words_of_root"]
+
+_HEAD_BYTES = 65_536
+_BEGINNING_BYTES = 1024
+_BINARY_BYTES = 128
+_MOST_ELEMENTS = 200
+_XML_BEGIN = re.compile(rb"(\xef\xbb\xbf)?\s*<|\xff\xfe|\xfe\xff|\0<")
+
+
+@dataclass(frozen=True, slots=True)
+class Recognised:
+    """What a file is.
+
+    Attributes:
+        format: Its format; ``None`` where nothing reads it.
+        words: What it is, with its article.
+        signature: What showed it; ``None`` where only its root element is known.
+        root: Its XML root element.
+    """
+
+    format: Format | None
+    words: str
+    signature: Signature | None = None
+    root: str = ""
+
+    @property
+    def next_step(self) -> str:
+        """What to do with it, where nothing reads it."""
+        return "" if self.signature is None else self.signature.next_step
+
+    @property
+    def kind(self) -> str:
+        """The kind of its format; empty where nothing reads it."""
+        return "" if self.format is None else self.format.kind
+
+
+@functools.cache
+def _signatures() -> tuple[tuple[Format | None, Signature], ...]:
+    known = [(f, s) for f in all_formats().values() for s in f.signatures]
+    return (*known, *((None, s) for s in UNSUPPORTED))
+
+
+@functools.cache
+def _roots() -> dict[str, list[tuple[Format | None, Signature]]]:
+    """Return the signatures by XML root, those that need a text too before the others."""
+    found: dict[str, list[tuple[Format | None, Signature]]] = {}
+    for row in _signatures():
+        if row[1].root:
+            found.setdefault(row[1].root, []).append(row)
+    for rows in found.values():
+        rows.sort(key=lambda row: not row[1].text)
+    return found
+
+
+def recognise(data: bytes) -> Recognised | None:
+    """Return what these bytes are, by content; ``None`` where nothing is known of it."""
+    head = data[:_HEAD_BYTES]
+    found = beginning(head)
+    if found is None and _XML_BEGIN.match(head):
+        found = _xml(head)
+    return found or _text(head)
+
+
+def beginning(data: bytes) -> Recognised | None:
+    """Return what a file is whose first bytes show it."""
+    head = data[:_BEGINNING_BYTES]
+    for owner, signature in _signatures():
+        if not signature.begins or not re.match(signature.begins, head):
+            continue
+        if not signature.confirm or function_of(signature.confirm)(data[:_HEAD_BYTES]):
+            return Recognised(owner, signature.words, signature)
+    return None
+
+
+def words_of_root(root: str) -> str:
+    """Return what XML with this root element is; empty where nothing is known of it."""
+    rows = _roots().get(root)
+    return rows[-1][1].words if rows else ""
+
+
+def _xml(head: bytes) -> Recognised | None:
+    elements = _first_elements(head)
+    if not elements:
+        return None
+    root = elements[0][0]
+    for owner, signature in _roots().get(root, ()):
+        if not signature.text or re.search(signature.text, head):
+            return Recognised(owner, signature.words, signature, root)
+    if any(name == "Slave" and "PhysAddr" in given for name, given in elements):
+        return Recognised(None, f"<{root}>, {BUILDER_PROJECT}", root=root)
+    return Recognised(None, f"XML with the root <{root[:60]}>", root=root)
+
+
+class _Enough(Exception):
+    """The root element is known."""
+
+
+def _first_elements(head: bytes) -> list[tuple[str, dict[str, str]]]:
+    """Return name and attributes of the root, with an unknown one of some elements in it."""
+    elements: list[tuple[str, dict[str, str]]] = []
+
+    def start(name: str, given: dict[str, str]) -> None:
+        elements.append((name, given))
+        if elements[0][0] in _roots() or len(elements) >= _MOST_ELEMENTS:
+            raise _Enough
+
+    for encoding in (None, "iso-8859-1"):  # the second for text that is not what it claims
+        if elements:
+            break
+        parser = expat.ParserCreate(encoding)
+        parser.StartElementHandler = start
+        with suppress(_Enough, expat.ExpatError, ValueError, LookupError):
+            parser.Parse(plain_xml(head), False)
+    return elements
+
+
+def _text(head: bytes) -> Recognised | None:
+    """Return the format whose mark comes first; in each format its first signature counts."""
+    found: dict[str, tuple[int, Recognised]] = {}
+    for owner, signature in _signatures():
+        if owner is None or owner.kind in found or signature.root or not signature.text:
+            continue
+        match = re.search(signature.text, head, re.MULTILINE)
+        if match:
+            found[owner.kind] = (match.start(), Recognised(owner, signature.words, signature))
+    return min(found.values(), key=lambda row: row[0])[1] if found else None
+
+
+def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Format | None:
+    """Return the format of a file, by content and only then by suffix.
+
+    Args:
+        source: Path, or the bytes of the file.
+        out: Takes FSN101 when it cannot be read, FSN117 when nothing knows it, with what each
+            reader expects.
+        name: Name shown when ``source`` is bytes.
+    """
+    if isinstance(source, bytes):
+        head, path = source[:_HEAD_BYTES], name
+    else:
+        path = os.fspath(source)
+        try:
+            with open_file(path) as stream:
+                head = stream.read(_HEAD_BYTES)
+        except InputError as exc:
+            out.diagnostics += exc.diagnostics
+            return None
+    found = recognise(head) if head.strip() else Recognised(None, "an empty file")
+    if found is None:
+        guessed = next(_guesses(head, path.lower()), None)
+        if guessed is not None:
+            return guessed
+    elif found.format is not None:
+        return found.format
+    _refuse(found, path, out)
+    return None
+
+
+def _guesses(head: bytes, path: str) -> Iterator[Format]:
+    """Yield the formats that a file may have whose content shows none for certain."""
+    known = all_formats().values()
+    yield from (f for f in known if any(re.search(g, head) for g in f.guesses))
+    yield from (f for f in known if path.endswith(f.suffixes))
+    if b"\0" in head[:_BINARY_BYTES]:
+        yield from (f for f in known if f.is_binary)
+
+
+def _refuse(found: Recognised | None, path: str, out: Collector) -> None:
+    place = Span(path, 1, 1)
+    if found is None:
+        message = "no reader knows this file"
+    else:
+        message = f"this is {found.words}, which is not read"
+    if found is not None and found.next_step:
+        out.add("FSN117", place, message, hint=found.next_step)
+        return
+    expected = [f"{f.kind}: expects {f.expects}" for f in all_formats().values()]
+    out.add(
+        "FSN117",
+        place,
+        message,
+        hint="`fsoe-net convert --from` takes a format by name",
+        related=tuple(Related(span=place, message=text) for text in expected),
+    )
+
+
+def is_format(data: bytes, kind: str, shown: str, out: Collector) -> bool:
+    """Return whether the bytes may be of a format; else FSN140 says what they are.
+
+    Args:
+        data: The file.
+        kind: What it should be: the kind of a format.
+        shown: Name of the file.
+        out: Takes FSN140.
+    """
+    place = Span(shown, 1, 1)
+    if not data.strip():
+        out.add("FSN140", place, "the file is empty", hint="export it again")
+        return False
+    found = recognise(data)
+    if found is None or found.kind == kind:
+        return True
+    title = all_formats()[kind].title
+    out.add(
+        "FSN140",
+        place,
+        f"this is {found.words}, not {title}",
+        hint=found.next_step or f"read it as what it is, or give {title}",
+    )
+    return False
