@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from run.fake_master import fake_master
 from run.support import EXAMPLES, ROOT, needs_core
 
 import fsoe_net
+from fsoe_net.testing.fake_master import FakeMaster
 
 PAGE = ROOT / "docs" / "tutorial" / "library.md"
 SOCKET = "/run/fsn-master-eth1.sock"
@@ -67,7 +67,7 @@ def test_the_programs_of_the_page_run(tmp_path, monkeypatch, capsys):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     assert len(blocks) == 10
     names: dict[str, object] = {}
-    with fake_master() as master:
+    with FakeMaster() as master:
         for block in blocks:
             exec(compile(block.replace(SOCKET, str(master.path)), str(PAGE), "exec"), names)
         assert "set drive_1.0x6040:00=6" in master.asked

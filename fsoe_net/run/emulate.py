@@ -9,14 +9,11 @@ from dataclasses import dataclass
 
 from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink
 from fsoe_net.diag.words import counted
-from fsoe_net.errors import CoreError
 from fsoe_net.model.scenario import Step
-from fsoe_net.run.commands import CommandError, parse_command
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.faults import apply_step
 from fsoe_net.run.live_objects import LiveObjects
 from fsoe_net.run.result import RunEvent, Verdict, is_data
-from fsoe_net.run.scenario_check import check_step
 from fsoe_net.run.scenario_run import DeviceSide, ScenarioRun
 
 __all__ = ["EmulateResult", "SegmentSession", "serve"]
@@ -83,18 +80,12 @@ class SegmentSession(ScenarioRun):
             The answer: empty when there is nothing to do, else ``ok``, a status or what is wrong.
         """
         try:
-            command = parse_command(line, number)
-            if command is None:
-                return ""
-            if command.step is None:
-                return self._status()
-            found = check_step(command.step, self.names())
-            if found:
-                return f"refused: {found[0].message}; {found[0].hint}"
-            self.engine.do(command.step, now_ns, "command")
-        except (CommandError, CoreError) as fault:
+            command = self.do_command(line, number, now_ns)
+        except ValueError as fault:
             return f"refused: {fault}"
-        return "ok"
+        if command is None:
+            return ""
+        return "ok" if command.step is not None else self._status()
 
     def _status(self) -> str:
         rows = [

@@ -10,11 +10,13 @@ from typing import Protocol
 from fsoe_net.core.core import CorePlan
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.emul.bus import build_network
+from fsoe_net.errors import CoreError
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import LogicChoice, Scenario, Step
 from fsoe_net.plan.codec import decode_plan
+from fsoe_net.run.commands import Command, CommandError, parse_command
 from fsoe_net.run.engine import Engine
-from fsoe_net.run.scenario_check import Names, check_scenario
+from fsoe_net.run.scenario_check import Names, check_scenario, check_step
 
 __all__ = ["DEFAULT_CYCLE_NS", "DeviceSide", "ScenarioRun"]
 
@@ -95,6 +97,31 @@ class ScenarioRun(abc.ABC):
         if self.scenario is None:
             return []
         return check_scenario(self.scenario, self.names())
+
+    def do_command(self, line: str, number: int, now_ns: int) -> Command | None:
+        """Do what a line says, as a step of a scenario at this moment.
+
+        Args:
+            line: See `parse_command`.
+            number: Of the line, for messages.
+            now_ns: This moment.
+
+        Returns:
+            The command; ``None`` for an empty line.
+
+        Raises:
+            CommandError: It is not a command, or does not fit the network.
+        """
+        command = parse_command(line, number)
+        if command is not None and command.step is not None:
+            found = check_step(command.step, self.names())
+            if found:
+                raise CommandError(f"{found[0].message}; {found[0].hint}")
+            try:
+                self.engine.do(command.step, now_ns, "command")
+            except CoreError as fault:
+                raise CommandError(str(fault)) from fault
+        return command
 
     def names(self) -> Names:
         """Return what a scenario may name here."""

@@ -15,15 +15,16 @@ import time
 import pytest
 from cli.tool import fsn
 from patience import PATIENCE_S
-from run.fake_master import FakeMaster, fake_master
 from tied import tied
+
+from fsoe_net.testing.fake_master import FakeMaster
 
 CONSOLE = [sys.executable, "-m", "fsoe_net.cli", "console"]
 
 
 @pytest.fixture
 def master():
-    with fake_master() as found:
+    with FakeMaster() as found:
         yield found
 
 

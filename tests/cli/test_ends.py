@@ -12,7 +12,6 @@ import pytest
 from click.testing import CliRunner, Result
 from networks import PLAIN, example
 from rich.console import Console
-from run.fake_master import fake_master
 from run.test_live_run import OPTIONS, RESOLUTION, Process
 
 from fsoe_net.cli import (
@@ -38,6 +37,7 @@ from fsoe_net.project import protocol
 from fsoe_net.project.known import Known
 from fsoe_net.project.verify import compare_running
 from fsoe_net.run import live_bus
+from fsoe_net.testing.fake_master import FakeMaster
 
 NETWORK = str(PLAIN / "estop" / "network.yaml")
 
@@ -204,7 +204,7 @@ def test_a_step_that_shows_nothing_is_not_told(capsys: pytest.CaptureFixture[str
 
 def test_an_fsn_master_that_tells_no_fingerprint():
     wanted = Known(path="a", fingerprint=fingerprint_of(compile_plan(example("estop"))))
-    with fake_master() as fake, pytest.raises(EnvironmentFault) as refused:
+    with FakeMaster() as fake, pytest.raises(EnvironmentFault) as refused:
         compare_running(wanted, str(fake.path))
     assert str(refused.value) == (
         f"{fake.path}: this fsn-master reports no fingerprint; install a newer one"
@@ -262,7 +262,7 @@ def test_a_live_run_shows_its_connections_as_it_goes(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(run_output, "terminal", lambda: shown)
     monkeypatch.setattr(live_bus, "_UPDATE_S", 0.01)
     wanted = {"plan_file": None, "incidents": None, "duration_ns": 50_000_000}
-    with fake_master() as fake:
+    with FakeMaster() as fake:
         process = Process(fake)
         process.pid = process.socket = "?"  # type: ignore[attr-defined]
         monkeypatch.setattr(live_bus, "Master", process)

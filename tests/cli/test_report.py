@@ -10,7 +10,8 @@ import pytest
 from cli.tool import fsn
 from networks import EXAMPLES, write_big_network
 from report.made import BASE, CODES, TIMED, with_mistakes
-from run.fake_master import fake_master
+
+from fsoe_net.testing.fake_master import FakeMaster
 
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
 
@@ -120,7 +121,7 @@ def test_plan_and_earlier_state(tmp_path: Path):
 
 
 def test_a_running_bus_is_asked(tmp_path: Path):
-    with fake_master() as master:
+    with FakeMaster() as master:
         code, said, document = report(
             str(TIMED), "--socket", str(master.path), out=tmp_path / "r.json"
         )

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from master import rig
 from networks import EXAMPLES
-from run.fake_master import fake_master
+
+from fsoe_net.testing.fake_master import FakeMaster
 
 CLIENTS = EXAMPLES / "clients"
 WARNINGS = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wconversion", "-Wshadow"]
@@ -33,7 +34,7 @@ def ask(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_client_in_c(ask: Path):
-    with fake_master() as master:
+    with FakeMaster() as master:
         master.refuse["arm"] = {"text": "no"}
         done = run(ask, master.path, "events on", "set drive_1.0x6040:00=6", "arm x", "restart")
     assert done.returncode == 1
@@ -44,7 +45,7 @@ def test_client_in_c(ask: Path):
 
 
 def test_client_in_c_with_long_replies(ask: Path):
-    with fake_master() as master:
+    with FakeMaster() as master:
         master.symbols *= 300
         done = run(ask, master.path, "symbols", "get drive_1.0x6041:00")
     assert done.returncode == 0
@@ -61,7 +62,7 @@ def test_client_in_c_with_fsn_master(ask: Path):
 
 
 def test_client_in_python():
-    with fake_master() as master:
+    with FakeMaster() as master:
         done = run(sys.executable, CLIENTS / "watch_state.py", master.path, "drive_1.0x6040:00")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == [

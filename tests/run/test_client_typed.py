@@ -8,7 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from run.fake_master import FakeMaster, fake_master
 from wires import missing, run_inside
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault
@@ -16,11 +15,12 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.console.names import Names
 from fsoe_net.run.control_values import BusState
 from fsoe_net.run.sockets import control_socket, find_socket
+from fsoe_net.testing.fake_master import FakeMaster
 
 
 @pytest.fixture
 def master():
-    with fake_master() as found:
+    with FakeMaster() as found:
         yield found
 
 
@@ -99,7 +99,7 @@ def test_watch_tells_what_was_skipped(master, client):
 
 def test_watch_of_the_image_and_events_do_not_mix(master, client):
     client.subscribe()
-    master.tell(event="wkc")
+    master.send_event(event="wkc")
     cycle = next(iter(client.watch(image=True)))
     assert (cycle.image, cycle.expected_wkc, cycle.actual_wkc) == (b"\x0a\xff", 3, 2)
     assert [e["event"] for e in client.events(5.0)] == ["wkc"]
@@ -137,7 +137,7 @@ def test_a_broken_connection_says_so_each_time(master, client):
 
 
 def test_a_reply_without_its_keys_is_one_of_another_version(master, client, monkeypatch):
-    monkeypatch.setattr("run.fake_master.SCAN", {"scan": 1})
+    monkeypatch.setattr("fsoe_net.testing.fake_master.SCAN", {"scan": 1})
     with pytest.raises(EnvironmentFault, match="of one version"):
         client.scan()
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from patience import PATIENCE_S
-from run.fake_master import STATUS, SUBDEVICE, fake_master
 
 from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
 from fsoe_net.run.client import Client
@@ -18,11 +17,12 @@ from fsoe_net.run.console.keeper import Keeper
 from fsoe_net.run.console.names import batches
 from fsoe_net.run.console.script import ScriptError, expand, parse
 from fsoe_net.run.control_values import BusState
+from fsoe_net.testing.fake_master import STATUS, SUBDEVICE, FakeMaster
 
 
 @pytest.fixture
 def master():
-    with fake_master() as found:
+    with FakeMaster() as found:
         yield found
 
 
@@ -156,7 +156,7 @@ def test_what_is_seen(master, rig):
     with pytest.raises(ConsoleError, match="there are: drive_1, drive_2"):
         rig.do("state x")
     assert rig.do("incident a") == ["incident x.fsnincident"]
-    master.tell(event="wkc", text="gone")
+    master.send_event(event="wkc", text="gone")
     while not (told := rig.do("events")):
         pass
     assert told == ["U info gone"]
@@ -332,9 +332,9 @@ def test_the_prompt_connects_again(master):
 
 def test_outputs_that_fell_back_are_told(master, rig):
     rig.do("set drive_1.0x6040 1 drive_1.position 5")
-    master.tell(event="fallback", outputs=["drive_2.0x6040:00"], text="others")
+    master.send_event(event="fallback", outputs=["drive_2.0x6040:00"], text="others")
     mine = ["drive_1.0x6040:00", "drive_1.0x607a:00", "drive_2.0x6040:00"]
-    master.tell(event="fallback", outputs=mine, text="late")
+    master.send_event(event="fallback", outputs=mine, text="late")
     while not rig.notes:
         rig.do("wait 1ms")
     assert rig.notes == ["U info late: drive_1.0x6040:00 drive_1.0x607a:00"]
@@ -437,7 +437,7 @@ def test_events_are_asked_for_and_no_longer(rig):
 def test_what_is_not_well_is_shown_with_the_state(monkeypatch):
     monkeypatch.setitem(STATUS, "fault", "the bus is lost")
     monkeypatch.setitem(SUBDEVICE, "al", "SAFEOP")
-    with fake_master() as found:
+    with FakeMaster() as found:
         rig = Rig(found.path)
         first, fault, *rows = rig.do("state")
         rig.keeper.close()

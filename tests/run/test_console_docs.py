@@ -2,12 +2,12 @@
 
 import re
 
-from run.fake_master import fake_master
 from run.support import ROOT
 
 from fsoe_net.run.console.console import COMMANDS, Console
 from fsoe_net.run.console.keeper import Keeper
 from fsoe_net.run.console.script import parse
+from fsoe_net.testing.fake_master import FakeMaster
 
 PAGE = (ROOT / "docs" / "howto" / "console.md").read_text("utf-8")
 
@@ -21,7 +21,7 @@ def test_every_command_is_on_the_page():
 def test_the_examples_of_the_page_are_taken():
     blocks = re.findall(r"^```\n(.*?)^```", PAGE, re.M | re.S)
     macros, script = (b for b in blocks if b.startswith(("let", "# selftest")))
-    with fake_master() as master:
+    with FakeMaster() as master:
         master.values["drive_1.0x6041:00"] = 8
         console = Console(Keeper(master.path), lambda _: None, lambda _: None)
         console.run_script(macros.replace("100ms", "1ms"), "page")
@@ -36,7 +36,7 @@ def test_the_examples_of_the_page_are_taken():
 def test_the_scripts_of_the_examples_are_taken():
     text = (ROOT / "examples" / "console" / "jog.fsn").read_text("utf-8")
     assert [c.name for c in parse(text)][:3] == ["run", "start", "wait"]
-    with fake_master() as master:
+    with FakeMaster() as master:
         console = Console(Keeper(master.path), lambda _: None, lambda _: None)
         console.run_file(str(ROOT / "examples" / "console" / "drives.fsn"), [])
         console.run_script("quick-stop all; reset-drive drive_1", "s")

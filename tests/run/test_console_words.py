@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from run.fake_master import STATUS, fake_master
 from run.test_console import Rig
 
 from fsoe_net.errors import ConsoleError, ControlRefused
@@ -11,11 +10,12 @@ from fsoe_net.run.console.completion import complete
 from fsoe_net.run.console.conditions import _holds
 from fsoe_net.run.console.names import batches, shown, value_of
 from fsoe_net.run.console.script import ScriptError, expand, parse
+from fsoe_net.testing.fake_master import STATUS, FakeMaster
 
 
 @pytest.fixture
 def master():
-    with fake_master() as found:
+    with FakeMaster() as found:
         yield found
 
 
@@ -108,7 +108,7 @@ def test_a_bus_that_does_not_come_up(master, rig, monkeypatch):
     def fails(words):
         if words[0] == "start":
             master.state = "failed"
-            master.tell(event="state", state="failed")
+            master.send_event(event="state", state="failed")
 
     monkeypatch.setattr(master, "_after", fails)
     monkeypatch.setitem(STATUS, "fault", "drive_1 is gone")
@@ -178,7 +178,7 @@ def test_loud_events_are_noted_at_the_prompt(master, rig, monkeypatch):
     monkeypatch.setattr(rig.console, "_notes_level", "warning")
     rig.do("events on")
     for level, kind in (("info", "x"), ("warning", "edge"), ("warning", "x")):
-        master.tell(event=kind, level=level, text=f"{level} of {kind}")
+        master.send_event(event=kind, level=level, text=f"{level} of {kind}")
     while not rig.notes:
         rig.do("wait 1ms")
     assert rig.notes == ["U warning warning of x"]
@@ -186,7 +186,7 @@ def test_loud_events_are_noted_at_the_prompt(master, rig, monkeypatch):
 
 def test_events_are_told_for_a_time(master, rig):
     rig.do("events on")
-    master.tell(event="x", text="told")
+    master.send_event(event="x", text="told")
     found = rig.do("events for 1ms")
     while not found:
         found = rig.do("events for 150ms")

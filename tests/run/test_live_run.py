@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 from networks import example
-from run.fake_master import FakeMaster, fake_master
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
 from fsoe_net.plan.compile import compile_plan
@@ -17,6 +16,7 @@ from fsoe_net.run import live_bus
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_bus import BusOptions, run_on_bus
 from fsoe_net.run.result import Run, RunUpdate
+from fsoe_net.testing.fake_master import FakeMaster
 
 RESOLUTION = example("estop")
 PLAN = compile_plan(RESOLUTION).to_bytes()
@@ -55,7 +55,7 @@ class Process:
 
 @pytest.fixture
 def process(monkeypatch: pytest.MonkeyPatch) -> Iterator[Process]:
-    with fake_master() as fake:
+    with FakeMaster() as fake:
         found = Process(fake)
         monkeypatch.setattr(live_bus, "Master", found)
         monkeypatch.setattr(live_bus, "_UPDATE_S", 0.01)

@@ -9,22 +9,29 @@ import shutil
 import socket
 import tempfile
 import threading
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import TracebackType
+from typing import Any
 
-DIRECTION = {
+__all__ = ["FakeMaster"]
+
+Row = dict[str, Any]
+
+DIRECTION: Row = {
     "command": 0x36, "connection_id": 1, "reset_code": 0, "frames": 7, "process_data": 5,
     "failsafe_data": 0, "right": 7, "wrong": 0, "unchecked": 0, "resets": 0, "last_new_ns": 1,
     "interval_last_ns": 1, "interval_min_ns": 1, "interval_sum_ns": 2, "interval_max_ns": 1,
     "intervals": 2,
 }  # fmt: skip
-STATUS = {
+STATUS: Row = {
     "fault": None, "backend": "soem", "interface": "eth1", "redundant": None, "plan": "a.fsnplan",
     "plan_sha256": "00", "accepted": False, "uptime_ns": 1, "cycle_ns": 1_000_000,
     "free_run": False, "policy": "fifo", "priority": 80, "cpu": None, "cycles": 5, "overruns": 0,
     "wkc_errors": 0, "expected_wkc": 9, "actual_wkc": 9, "realtime": True, "locked": True,
     "subdevices": {"planned": 2, "in_op": 2, "missing": 0}, "clients": 1,
 }  # fmt: skip
-_HISTOGRAM = {
+_HISTOGRAM: Row = {
     "count": 2, "sum_ns": 2_000_000, "min_ns": 990_000, "max_ns": 1_010_000,
     "percentiles_ns": {"p50": 1_000_000, "p99": 1_010_000, "p999": 1_010_000},
     "buckets": [[917_504, 2]],
@@ -36,15 +43,15 @@ _COUNTERS = (
     "merged_copies",
 )  # fmt: skip
 _TIMES = ("latency", "period", "work", "copy", "round_trip", "dc_offset")
-STATISTICS = dict.fromkeys(_COUNTERS, 0) | dict.fromkeys(_TIMES, _HISTOGRAM)
+STATISTICS: Row = dict.fromkeys(_COUNTERS, 0) | dict.fromkeys(_TIMES, _HISTOGRAM)
 STATISTICS |= {"realtime": True, "locked": True}
-SUBDEVICE = {
+SUBDEVICE: Row = {
     "name": "drive_1", "alias": 0, "position": 0, "known": True, "al": "OP", "al_code": 0,
     "found_text": "the planned one", "detail": "", "vendor_id": 2, "product_code": 3,
     "revision": 1, "returns": 0, "stale_cycles": 0, "link": [1], "link_lost": [0],
     "rx_errors": [0],
 }  # fmt: skip
-LAYOUT = {
+LAYOUT: Row = {
     "image_bytes": 12,
     "sms": [{"subdevice": "drive_1", "sm": 2, "direction": "output", "byte": 0, "bytes": 6}],
     "datagrams": [{"byte": 0, "bytes": 12}],
@@ -57,45 +64,69 @@ LAYOUT = {
         }
     ],
 }  # fmt: skip
-MESSAGE = {
+MESSAGE: Row = {
     "id": 1, "flags": 2, "time_ns": 3_000_000, "text_id": 0x10, "kind": "warning",
     "parameters": [7], "data": "00ff",
 }  # fmt: skip
-SCAN = {
+SCAN: Row = {
     "scan": 1, "utc": "2026-01-01T00:00:00Z", "interface": "eth1", "backend": "soem",
     "states_changed": False,
     "subdevices": [{"position": 0, "alias": 0, "vendor_id": 1, "product_code": 2, "al": "OP"}],
 }  # fmt: skip
 
 
-def _symbol(name, kind, bits, *, output=True, **more):
-    row = {"name": name, "direction": "output" if output else "input", "type": kind, "bits": bits}
-    row |= {"open": output, "factor": 1.0, "offset": 0.0, "mask": 0, "interface": ""}
+def _symbol(name: str, kind: str, bits: int, *, output: bool = True, **more: object) -> Row:
+    row: Row = {
+        "name": name, "direction": "output" if output else "input", "type": kind, "bits": bits,
+        "open": output, "factor": 1.0, "offset": 0.0, "mask": 0, "interface": "",
+    }  # fmt: skip
     if output:
         row |= {"restart_relevant": False, "stop_value": 0, "client": None}
     return row | more
 
 
-def _names_of(row):
+def _names_of(row: Row) -> tuple[str, str]:
     return row["name"], f"{row['name'].partition('.')[0]}.{row['interface'] or '?'}"
 
 
 class FakeMaster:
-    """Serves until `close`; `asked` holds every line but those that renew a lease."""
+    """A control socket that is served until `close`; a context manager.
 
-    def __init__(self, path: Path) -> None:
+    It has a safety logic, two drives and one connection, all in Data. What a client sets is what
+    it reads afterwards.
+
+    Args:
+        path: Of the socket; by itself in a folder that goes at the end of the ``with`` block.
+
+    Attributes:
+        path: Of the socket.
+        asked: Every request as a line, but for those that renew a lease.
+        renewed: Set when a lease has been renewed.
+        state: What ``status`` reports: ``running``, ``stopped`` and so on.
+        refuse: Request to ``{"error": ..., "text": ...}``: it is refused with that.
+        symbols: What ``symbols`` lists.
+        values: Symbol to value.
+        connection_state: Of the connection; 6 is Data, ProcessData.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._folder: Path | None = None
+        if path is None:
+            # The path of a socket must be short.
+            self._folder = Path(tempfile.mkdtemp(prefix="fsn-"))
+            path = self._folder / "s"
         self.path = path
         self.state = "running"
         self.asked: list[str] = []
         self.renewed = threading.Event()
-        self.refuse: dict[str, dict] = {}
+        self.refuse: dict[str, Row] = {}
         self.symbols = [
             _symbol("logic.ack", "bool", 1, restart_relevant=True),
             *(_symbol(f"drive_{n}.0x6040:00", "unsigned", 16) for n in (1, 2)),
             *(_symbol(f"drive_{n}.0x6041:00", "unsigned", 16, output=False) for n in (1, 2)),
             _symbol("drive_1.0x607a:00", "signed", 32, interface="position", factor=0.5),
         ]
-        self.values = {row["name"]: 0 for row in self.symbols} | {"drive_1.0x6041:00": 0x27}
+        self.values: Row = {row["name"]: 0 for row in self.symbols} | {"drive_1.0x6041:00": 0x27}
         self.connection_state = 6
         self._clients = 0
         self._peers: dict[socket.socket, bool] = {}
@@ -104,26 +135,42 @@ class FakeMaster:
         self._listener.listen()
         threading.Thread(target=self._accept, daemon=True).start()
 
-    def drop(self):
+    def __enter__(self) -> FakeMaster:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        self.close()
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def drop(self) -> None:
         """Break every connection."""
         for peer in list(self._peers):
             with contextlib.suppress(OSError):
                 peer.shutdown(socket.SHUT_RDWR)
 
-    def close(self):
+    def close(self) -> None:
+        """Break every connection and stop serving."""
         with contextlib.suppress(OSError):  # a test may have closed it
             self._listener.shutdown(socket.SHUT_RDWR)
             self._listener.close()
         self.drop()
 
-    def tell(self, **event):
-        line = json.dumps({"utc": "U", "level": "info", "text": ""} | event).encode() + b"\n"
+    def send_event(self, **event: object) -> None:
+        """Send an event to every client that has subscribed."""
+        row = {"utc": "U", "level": "info", "text": ""} | event
+        line = json.dumps(row).encode() + b"\n"
         for peer, subscribed in list(self._peers.items()):
             if subscribed:
                 with contextlib.suppress(OSError):
                     peer.sendall(line)
 
-    def _accept(self):
+    def _accept(self) -> None:
         with contextlib.suppress(OSError):
             while True:
                 peer, _ = self._listener.accept()
@@ -133,7 +180,7 @@ class FakeMaster:
                     target=self._serve, args=(peer, self._clients), daemon=True
                 ).start()
 
-    def _serve(self, peer, number):
+    def _serve(self, peer: socket.socket, number: int) -> None:
         with peer, contextlib.suppress(OSError), peer.makefile("rb") as lines:
             for raw in lines:
                 words = shlex.split(raw.decode())
@@ -153,7 +200,7 @@ class FakeMaster:
                 row["client"] = None
                 self.values[row["name"]] = row["stop_value"]
 
-    def _reply(self, peer, number, words):
+    def _reply(self, peer: socket.socket, number: int, words: Sequence[str]) -> Row:
         name, rest = words[0], [w for w in words[1:] if not w.startswith("--")]
         if name in self.refuse:
             return {"ok": False, **self.refuse[name]}
@@ -169,7 +216,7 @@ class FakeMaster:
                     int(value, 0) if value[:1].isdigit() and "." not in value else value
                 )
                 row["client"] = number
-        answers = {
+        answers: Row = {
             "hello": {"protocol": 1, "client": number, "lease_ms": 1000},
             "status": STATUS | {"state": self.state},
             "symbols": {"symbols": self.symbols},
@@ -184,21 +231,22 @@ class FakeMaster:
             "arm": {"armed": True, "for_ms": 10_000},
             "lease": {"lease_ms": int(rest[0]) if name == "lease" else 0},
             "layout": LAYOUT,
-            "sdo-read": {"data": "27 02".replace(" ", ""), "bytes": 2, "value": 0x227},
+            "sdo-read": {"data": "2702", "bytes": 2, "value": 0x227},
             "sii-read": {"data": "00112233" * 8},
             "history": {"messages": [MESSAGE]},
             "scan": SCAN,
             "incident": {"file": "x.fsnincident"},
         } | {n: {"state": self.state} for n in ("start", "stop", "restart", "shutdown")}
-        return {"ok": True} | answers.get(name, {})
+        found: Row = answers.get(name, {})
+        return {"ok": True} | found
 
-    def _watched(self, words):
+    def _watched(self, words: Sequence[str]) -> Iterator[Row]:
         """Watched cycles, behind the reply."""
         if words[0] != "watch" or words[1] == "off":
             return
         names = [w for w in words[2:] if not w.startswith("--")]
         for cycle in (10, 20, 50):
-            row = {"event": "values", "cycle": cycle, "now_ns": cycle, "values": {}}
+            row: Row = {"event": "values", "cycle": cycle, "now_ns": cycle, "values": {}}
             row["values"] = {n: self.values.get(n, 0) for n in names}
             if "--image" in words:
                 row = {"event": "image", "cycle": cycle, "now_ns": cycle, "image": "0aff"}
@@ -206,36 +254,25 @@ class FakeMaster:
             row |= {"skipped": 2} if cycle == 50 else {}
             yield row
 
-    def _after(self, words):
+    def _after(self, words: Sequence[str]) -> None:
         """What comes behind a reply: changes of the state."""
         steps = {"start": ["opening", "running"], "stop": ["stopping", "stopped"]}
         steps["restart"] = steps["stop"] + steps["start"]
         for state in steps.get(words[0], []) if words[0] not in self.refuse else []:
             self.state = state
-            self.tell(event="state", state=state)
+            self.send_event(event="state", state=state)
 
-    def _connection(self):
+    def _connection(self) -> Row:
         return {
             "name": "c1", "net": "n", "main": "logic", "sub": "drive_1", "gaps": 0,
             "outside": self.connection_state, "to_sub": DIRECTION, "to_main": DIRECTION,
         }  # fmt: skip
 
     @staticmethod
-    def _device(name, position):
+    def _device(name: str, position: int) -> Row:
         return {
             "name": name, "alias": 0, "position": position, "known": True, "al": "OP",
             "al_code": 0, "found_text": "", "detail": "", "vendor_id": 1, "product_code": 2,
             "revision": 3, "returns": 0, "stale_cycles": 0, "link": [1], "link_lost": [0],
             "rx_errors": [0],
         }  # fmt: skip
-
-
-@contextlib.contextmanager
-def fake_master():
-    directory = Path(tempfile.mkdtemp(prefix="fsn-"))  # the path of a socket must be short
-    master = FakeMaster(directory / "s")
-    try:
-        yield master
-    finally:
-        master.close()
-        shutil.rmtree(directory)

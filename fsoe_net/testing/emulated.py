@@ -1,0 +1,97 @@
+"""A network on the emulated bus, moved on step by step."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.project.simulate import prepare
+from fsoe_net.run.result import ConnectionResult, Run, is_data
+
+__all__ = ["EmulatedNetwork"]
+
+
+class EmulatedNetwork:
+    """A network whose devices and bus are emulated, in virtual time.
+
+    Time stands still until `advance` or `wait`. The same calls give the same result. Reset is
+    pressed by itself once all connections are in Data.
+
+    Args:
+        files: As `fsoe_net.load` takes them.
+
+    Raises:
+        InputError: The network has an error, or no FSoE connection.
+        CoreMissing: The compiled part is not there.
+    """
+
+    def __init__(self, *files: str | os.PathLike[str]) -> None:
+        resolution = whole_network(check_files([os.fspath(f) for f in files]), "nothing started")
+        self._session = prepare(resolution, None, None, virtual=True)
+        self._cycles = 0
+        self._commands = 0
+
+    @property
+    def now_s(self) -> float:
+        """Virtual time since the start, in seconds."""
+        return self._now_ns / 1e9
+
+    @property
+    def connections(self) -> dict[str, ConnectionResult]:
+        """Every connection as it is now, by name."""
+        rows = self._session.connections(self._session.core.snapshot())
+        return {row.name: row for row in rows}
+
+    @property
+    def in_data(self) -> bool:
+        """Whether every connection is in Data."""
+        return all(is_data(row.state) for row in self.connections.values())
+
+    def advance(self, seconds: float) -> None:
+        """Let bus cycles pass, one at least."""
+        end_ns = self._now_ns + round(seconds * 1e9)
+        self._cycle()
+        while self._now_ns < end_ns:
+            self._cycle()
+
+    def wait(self, condition: Callable[[EmulatedNetwork], bool], *, within_s: float = 5.0) -> None:
+        """Let bus cycles pass until a condition holds.
+
+        Args:
+            condition: Gets this network.
+            within_s: Virtual seconds after which it is given up.
+
+        Raises:
+            TimeoutError: It never held.
+        """
+        end_s = self.now_s + within_s
+        while not condition(self):
+            if self.now_s >= end_s:
+                raise TimeoutError(f"did not hold within {within_s:g} s of virtual time")
+            self._cycle()
+
+    def do(self, command: str) -> None:
+        """Do what a command of ``fsoe-net emulate --commands`` says, now.
+
+        Args:
+            command: Such as ``set el1904.channel_1 0``, ``break el1904``, ``press``.
+
+        Raises:
+            ValueError: There is no such command, or it does not fit the network.
+        """
+        self._commands += 1
+        self._session.do_command(command, self._commands, self._now_ns)
+
+    def result(self) -> Run:
+        """Return what has been observed, as `fsoe_net.Network.simulate` does."""
+        return self._session.result("virtual", self._now_ns)
+
+    @property
+    def _now_ns(self) -> int:
+        return self._cycles * self._session.cycle_ns
+
+    def _cycle(self) -> None:
+        self._cycles += 1
+        self._session.core.cycle(self._now_ns)
+        self._session.step_devices(self._now_ns)
