@@ -1,11 +1,14 @@
 """Whole results of files that are changed in one place: what a reader or a check makes of each.
 
-A test gives the result of each change as a text. Its digest, with the codes of the findings in it,
-stands in `changed/NAME.txt` beside the test. After a wanted change
+A test gives the result of each change as a text. How many changes there are, how many findings they
+make and the digest of all results stand in one line of `changed.txt` beside the test. What differs
+is seen by running the test before and after a change of the code:
 
-    FSN_RECORD=1 python -m pytest -k each_change tests
+    FSN_CHANGED=/tmp/before python -m pytest -k each_change tests     # with the code as it was
+    FSN_CHANGED=/tmp/after python -m pytest -k each_change tests
+    diff -r /tmp/before /tmp/after
 
-writes these files anew; the difference is to be read.
+Where the difference is wanted, `FSN_RECORD=1` writes the lines anew.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from fcntl import LOCK_EX, flock
 from pathlib import Path
 
 _NUMBER = re.compile(r"(?<![\w.])(0x|#x)?([0-9a-fA-F]+)(?![\w.])")
@@ -22,7 +26,7 @@ _WORD = re.compile(r"(?<![\w</:&#])[A-Za-z_]\w+")
 _TAG = re.compile(r"<(/?)([A-Za-z][\w:.-]*)((?:\"[^\"]*\"|[^\">])*?)(/?)>")
 _ATTRIBUTE = re.compile(r"\s[A-Za-z][\w:]*=\"[^\"]*\"")
 _VALUE = re.compile(r"(\w+): ([^,}\s]+)")
-_CODE = re.compile(r"FSN\d{3}")
+_FINDING = re.compile(r"\[FSN\d{3}\]: ")
 
 Changes = Iterator[tuple[str, str]]
 
@@ -104,23 +108,35 @@ def whole(value: object, seen: dict[int, tuple[int, object]] | None = None) -> s
 
 
 def compare(test: str, name: str, results: Iterable[tuple[str, str]]) -> None:
-    """Compare the result of each change with the recorded one; `test` is the test's file."""
-    path = Path(test).parent / "changed" / f"{name}.txt"
-    rows, told = {}, {}
-    for change, said in results:
-        result = said.replace(f"{Path.cwd()}/", "")
-        codes = " ".join(sorted(set(_CODE.findall(result))))
-        digest = hashlib.sha256(result.encode()).hexdigest()[:8] if result else "nothing"
-        rows[change] = f"{change}: {codes} {digest}".replace("  ", " ")
-        told[change] = result
+    """Compare the results of all changes with the recorded line; `test` is the test's file."""
+    path = Path(test).parent / "changed.txt"
+    whole = dict(results)
+    text = "".join(f"== {change}\n{said}\n" for change, said in whole.items())
+    text = text.replace(f"{Path.cwd()}/", "")
+    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    row = f"{name}: {len(whole)} changes, {len(_FINDING.findall(text))} findings, {digest}"
+    if "FSN_CHANGED" in os.environ:
+        shown = Path(os.environ["FSN_CHANGED"]) / path.parent.name / f"{name}.txt"
+        shown.parent.mkdir(parents=True, exist_ok=True)
+        shown.write_text(text, "utf-8")
     if "FSN_RECORD" in os.environ:
-        path.parent.mkdir(exist_ok=True)
-        path.write_text("".join(f"{row}\n" for row in rows.values()), "utf-8")
-        return
-    wanted = {r.rpartition(": ")[0]: r for r in path.read_text("utf-8").splitlines()}
-    for change in {**wanted, **rows}:
-        now, before = rows.get(change), wanted.get(change)
-        assert now == before, f"{path}: {before}, now\n{now}\n{told.get(change)}"
+        _record(path, name, row)
+    recorded = _rows(path.read_text("utf-8")).get(name)
+    assert recorded == row, f"{path}: {recorded}, now\n{row}; changed.py says how to see the rest"
+
+
+def _rows(text: str) -> dict[str, str]:
+    return {line.partition(":")[0]: line for line in text.splitlines()}
+
+
+def _record(path: Path, name: str, row: str) -> None:
+    """Write one line anew; several processes may do so at once."""
+    with path.open("a+", encoding="utf-8") as file:
+        flock(file, LOCK_EX)
+        file.seek(0)
+        rows = _rows(file.read()) | {name: row}
+        file.truncate(0)
+        file.write("".join(f"{rows[key]}\n" for key in sorted(rows)))
 
 
 def _is_xml(text: str) -> bool:
