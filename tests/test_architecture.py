@@ -103,6 +103,29 @@ def test_an_arrow_upward_in_the_c_core_is_refused(path, tmp_path):
     assert (done.returncode, done.stderr) == (1, f"{path}: {refusal}\n")
 
 
+def test_records_of_the_c_core_and_the_page_follow_their_table(tmp_path):
+    table = Path("fsoe_net/plan/records.py")
+    for name in ("scripts/plan-records", table, "docs/reference/plan-format.md"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text((ROOT / name).read_text("utf-8"), "utf-8")
+    header = tmp_path / "master_core" / "src" / "plan" / "records.h"
+    header.parent.mkdir(parents=True)
+    header.write_text((ROOT / "master_core/src/plan/records.h").read_text("utf-8"), "utf-8")
+
+    def check(*words: str) -> tuple[int, str]:
+        command = [sys.executable, str(tmp_path / "scripts" / "plan-records"), *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        return done.returncode, done.stderr
+
+    assert check("--check") == (0, "")
+    text = (tmp_path / table).read_text("utf-8")
+    (tmp_path / table).write_text(text.replace("u32    first_sm ", "u16    first_sm ", 1), "utf-8")
+    stale = "master_core/src/plan/records.h, docs/reference/plan-format.md is not current"
+    assert check("--check") == (1, f"run scripts/plan-records: {stale}\n")
+    assert check() == check("--check") == (0, "")
+    assert "X(subdevice, u16, first_sm, 24)" in header.read_text("utf-8")
+
+
 @pytest.mark.parametrize("kind", ["BOOL", "CHAR", "SHORT", "INT", "LLONG"])
 def test_the_cyclic_path_is_not_compiled_where_an_atomic_takes_a_lock(kind, tmp_path):
     core = ROOT / "master_core" / "src"

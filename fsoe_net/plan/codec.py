@@ -6,7 +6,9 @@ import re
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from typing import TypeVar
+from dataclasses import fields
+from operator import attrgetter
+from typing import Any
 
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.diag.printable import printable
@@ -24,6 +26,7 @@ from fsoe_net.plan.model import (
     PlanSymbol,
     PlanSyncManager,
 )
+from fsoe_net.plan.records import HASH_BYTES, RECORDS, STRING_BYTES, Record
 
 __all__ = ["MAGIC", "decode_plan", "encode_plan"]
 
@@ -37,29 +40,20 @@ _HEADER = struct.Struct("<8sHHIIIII")
 _ROW = struct.Struct("<IIII")
 _CRC_OFFSET = 16
 
-_SUBDEVICE = struct.Struct("<IHHIIIIIIIIHHI")
-_SYNC_MANAGER = struct.Struct("<IBBBBIIII")
-_PDO = struct.Struct("<HHIII")
-_ENTRY = struct.Struct("<HBBHBBI")
-_SDO = struct.Struct("<HBBI8s")
-_SYMBOL = struct.Struct("<IIIHBBIQdd")
-_BLOCK = struct.Struct("<IIHHI")
-_COPY = struct.Struct("<IIIIIIHHI")
-_CONNECTION = struct.Struct("<IIIIIIHHHHHHI")
-_STRING_BYTES = 1
-_HASH_BYTES = 32
 _FORMS = {(0, SECTIONS), (MINOR_WITH_SAFETY, SECTIONS_WITH_SAFETY)}
-_RECORDS = (
-    _SUBDEVICE,
-    _SYNC_MANAGER,
-    _PDO,
-    _ENTRY,
-    _SDO,
-    _SYMBOL,
-    _BLOCK,
-    _COPY,
-    _CONNECTION,
+_SIZES = (*(record.layout.size for record in RECORDS), STRING_BYTES, HASH_BYTES)
+_ROW_TYPES = (
+    PlanSubDevice,
+    PlanSyncManager,
+    PlanPdo,
+    PlanEntry,
+    PlanSdo,
+    PlanSymbol,
+    PlanBlock,
+    PlanCopy,
+    PlanConnection,
 )
+_KNOWN = ("connection_id", "address", "watchdog_ms")  # bit 0, 1 and 2 of `known`
 
 
 class _Strings:
@@ -83,11 +77,11 @@ def encode_plan(plan: Plan) -> bytes:
     """Return the bytes of a plan. Equal plans give equal bytes on every platform."""
     strings = _Strings()
     sections = _encode_sections(plan, strings)
-    sections.append((bytes(strings.data), _STRING_BYTES))
+    sections.append((bytes(strings.data), STRING_BYTES))
     minor = 0
     if plan.safety_sha256:
         minor = MINOR_WITH_SAFETY
-        sections.append((bytes.fromhex(plan.safety_sha256), _HASH_BYTES))
+        sections.append((bytes.fromhex(plan.safety_sha256), HASH_BYTES))
     offset = _HEADER.size + len(sections) * _ROW.size
     table, body = bytearray(), bytearray()
     for kind, (data, size) in enumerate(sections, start=1):
@@ -102,117 +96,61 @@ def encode_plan(plan: Plan) -> bytes:
 
 
 def _encode_sections(plan: Plan, strings: _Strings) -> list[tuple[bytes, int]]:
-    rows: tuple[Iterable[bytes], ...] = (
-        [_pack_subdevice(s, strings) for s in plan.subdevices],
-        [_pack_sync_manager(s) for s in plan.sync_managers],
-        [_PDO.pack(p.index, 0, p.first_entry, p.entry_count, p.bit_offset) for p in plan.pdos],
-        _pack_entries(plan.entries),
-        [_pack_sdo(s) for s in plan.sdos],
-        [_pack_symbol(s, strings) for s in plan.symbols],
-        [
-            _BLOCK.pack(b.sm, b.byte_offset, b.frame_bytes, b.safe_bytes, b.copied)
-            for b in plan.blocks
-        ],
-        [_pack_copy(c, strings) for c in plan.copies],
-        [_pack_connection(c, strings) for c in plan.connections],
+    tables: tuple[Iterable[object], ...] = (
+        plan.subdevices,
+        plan.sync_managers,
+        plan.pdos,
+        plan.entries,
+        plan.sdos,
+        plan.symbols,
+        plan.blocks,
+        plan.copies,
+        plan.connections,
     )
-    return [(b"".join(r), s.size) for r, s in zip(rows, _RECORDS, strict=True)]
+    packed = (_packed(r, rows, strings) for r, rows in zip(RECORDS, tables, strict=True))
+    return [(b"".join(rows), r.layout.size) for r, rows in zip(RECORDS, packed, strict=True)]
 
 
-def _pack_subdevice(s: PlanSubDevice, strings: _Strings) -> bytes:
-    return _SUBDEVICE.pack(
-        strings.add(s.name),
-        s.alias,
-        s.position,
-        s.vendor_id,
-        s.product_code,
-        s.revision_low,
-        s.revision_high,
-        s.first_sm,
-        s.sm_count,
-        s.first_sdo,
-        s.sdo_count,
-        s.assign_activate,
-        s.in_copy,
-        0,
-    )
-
-
-def _pack_sync_manager(s: PlanSyncManager) -> bytes:
-    return _SYNC_MANAGER.pack(
-        s.subdevice,
-        s.index,
-        s.direction,
-        s.watchdog,
-        s.registered,
-        s.bits,
-        s.first_pdo,
-        s.pdo_count,
-        0,
-    )
-
-
-def _pack_entries(entries: Iterable[PlanEntry]) -> Iterator[bytes]:
-    known: dict[int, bytes] = {}  # SubDevices of one type share their records
-    for e in entries:
-        packed = known.get(id(e))
+def _packed(record: Record, rows: Iterable[object], strings: _Strings) -> Iterator[bytes]:
+    names = [field.name for field in record.named]
+    values_of: Callable[[Any], Iterable[Any]] = _VALUES.get(record.name, attrgetter(*names))
+    texts = [n for n, field in enumerate(record.named) if field.type == "string"]
+    pack = record.layout.pack
+    known: dict[int, bytes] = {}  # SubDevices of one type share their entries
+    for row in rows:
+        packed = known.get(id(row))
         if packed is None:
-            packed = _ENTRY.pack(e.index, e.subindex, e.registered, e.bits, e.kind, 0, e.bit_offset)
-            known[id(e)] = packed
+            values = list(values_of(row))
+            for n in texts:
+                values[n] = strings.add(values[n])
+            packed = known[id(row)] = pack(*values)
         yield packed
 
 
-def _pack_sdo(s: PlanSdo) -> bytes:
-    value = (s.value & 0xFFFFFFFFFFFFFFFF).to_bytes(8, "little")
-    return _SDO.pack(s.index, s.subindex, s.size_bytes, 0, value)
+def _sdo_values(sdo: PlanSdo) -> tuple[int, ...]:
+    value = (sdo.value + (1 << 63)) % (1 << 64) - (1 << 63)  # unsigned ones of 64 bits as well
+    return sdo.index, sdo.subindex, sdo.size_bytes, value
 
 
-def _pack_symbol(s: PlanSymbol, strings: _Strings) -> bytes:
+def _symbol_values(s: PlanSymbol) -> tuple[object, ...]:
     flags = s.output | (s.restart_relevant << 1)
-    return _SYMBOL.pack(
-        strings.add(s.name),
-        s.sm,
-        s.bit_offset,
-        s.bits,
-        s.kind,
-        flags,
-        0,
-        s.stop_value,
-        s.factor,
-        s.offset,
-    )
+    place = (s.name, s.sm, s.bit_offset, s.bits, s.kind)
+    return *place, flags, s.stop_value, s.factor, s.offset
 
 
-def _pack_copy(c: PlanCopy, strings: _Strings) -> bytes:
-    return _COPY.pack(
-        c.source_sm,
-        c.source_bit,
-        c.destination_sm,
-        c.destination_bit,
-        c.bits,
-        strings.add(c.net),
-        c.kind,
-        0,
-        c.connection,
-    )
-
-
-def _pack_connection(c: PlanConnection, strings: _Strings) -> bytes:
-    known = (c.connection_id, c.address, c.watchdog_ms)
+def _connection_values(c: PlanConnection) -> tuple[object, ...]:
+    known = [getattr(c, name) for name in _KNOWN]
     flags = sum((value is not None) << bit for bit, value in enumerate(known))
-    return _CONNECTION.pack(
-        strings.add(c.name),
-        strings.add(c.net),
-        c.main,
-        c.sub,
-        c.copy_to_sub,
-        c.copy_to_main,
-        *(value or 0 for value in known),
-        flags,
-        c.safe_to_sub,
-        c.safe_to_main,
-        0,
-    )
+    place = (c.name, c.net, c.main, c.sub, c.copy_to_sub, c.copy_to_main)
+    return *place, *(value or 0 for value in known), flags, c.safe_to_sub, c.safe_to_main
+
+
+# How a row is stored that differs from its attributes.
+_VALUES: dict[str, Callable[[Any], tuple[object, ...]]] = {
+    "sdo": _sdo_values,
+    "symbol": _symbol_values,
+    "connection": _connection_values,
+}
 
 
 # -- reading --------------------------------------------------------------------------------------
@@ -227,19 +165,10 @@ def decode_plan(data: bytes) -> Plan:
     """
     sections, cycle_ns = _open(data)
     reader = _Reader(data, sections)
-    plan = Plan(
-        cycle_ns=cycle_ns,
-        subdevices=reader.rows(1, reader.subdevice),
-        sync_managers=reader.rows(2, reader.sync_manager),
-        pdos=reader.rows(3, reader.pdo),
-        entries=reader.rows(4, reader.entry),
-        sdos=reader.rows(5, reader.sdo),
-        symbols=reader.rows(6, reader.symbol),
-        blocks=reader.rows(7, reader.block),
-        copies=reader.rows(8, reader.copy),
-        connections=reader.rows(9, reader.connection),
-        safety_sha256=reader.safety_sha256(),
-    )
+    names = [field.name for field in fields(Plan)][1:-1]  # between cycle and hash: the tables
+    rows = map(reader.rows, RECORDS, _ROW_TYPES)
+    tables = dict(zip(names, rows, strict=True))
+    plan = Plan(cycle_ns=cycle_ns, safety_sha256=reader.safety_sha256(), **tables)
     _references(plan)
     return plan
 
@@ -264,10 +193,9 @@ def _open(data: bytes) -> tuple[list[tuple[int, int]], int]:
 def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
     sections: list[tuple[int, int]] = []
     expected = _HEADER.size + count * _ROW.size
-    sizes = [*(s.size for s in _RECORDS), _STRING_BYTES, _HASH_BYTES][:count]
     if expected > len(data):
         raise PlanFormatError("the section table is cut off")
-    for number, size in enumerate(sizes, start=1):
+    for number, size in enumerate(_SIZES[:count], start=1):
         expected += -expected % 4
         kind, offset, records, record_bytes = _ROW.unpack_from(
             data, _HEADER.size + (number - 1) * _ROW.size
@@ -289,9 +217,6 @@ def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
     return sections
 
 
-_T = TypeVar("_T")
-
-
 class _Reader:
     """Unpacks records once the section table is known to be right."""
 
@@ -299,18 +224,46 @@ class _Reader:
         self._data = data
         self._sections = sections
         self._strings_at, self._strings_bytes = sections[SECTIONS - 1]
-        self._entries: dict[bytes, PlanEntry] = {}  # thousands of SubDevices are of one type
 
-    def rows(self, kind: int, make: Callable[[int], _T]) -> tuple[_T, ...]:
-        offset, count = self._sections[kind - 1]
-        size = _RECORDS[kind - 1].size
-        return tuple(make(offset + size * n) for n in range(count))
+    def rows(self, record: Record, make: Callable[..., Any]) -> tuple[Any, ...]:
+        """Return all rows of a section; those of equal bytes are one object."""
+        offset, count = self._sections[record.number - 1]
+        size = record.layout.size
+        read = self._reader(record, make)
+        known: dict[bytes, Any] = {}  # thousands of SubDevices are of one type
+        rows = []
+        for at in range(offset, offset + size * count, size):
+            raw = self._data[at : at + size]
+            row = known.get(raw)
+            if row is None:
+                row = known[raw] = read(raw)
+            rows.append(row)
+        return tuple(rows)
+
+    def _reader(self, record: Record, make: Callable[..., Any]) -> Callable[[bytes], Any]:
+        names = [field.name for field in record.named]
+        texts = [field.name for field in record.named if field.type == "string"]
+        flags = [field.name for field in record.named if field.type.startswith("flag")]
+        unpack = record.layout.unpack
+        change = _ATTRIBUTES.get(record.name)
+
+        def read(raw: bytes) -> Any:
+            row: dict[str, Any] = dict(zip(names, unpack(raw), strict=True))
+            for name in texts:
+                row[name] = self._text(row[name])
+            for name in flags:
+                row[name] = bool(row[name] & 1)
+            if change is not None:
+                change(row)
+            return make(**row)
+
+        return read
 
     def safety_sha256(self) -> str:
         if len(self._sections) < SECTIONS_WITH_SAFETY:
             return ""
         offset = self._sections[-1][0]
-        return self._data[offset : offset + _HASH_BYTES].hex()
+        return self._data[offset : offset + HASH_BYTES].hex()
 
     def _text(self, offset: int) -> str:
         if offset >= self._strings_bytes:
@@ -318,116 +271,22 @@ class _Reader:
         start = self._strings_at + offset
         return self._data[start : self._data.index(b"\0", start)].decode("utf-8", "replace")
 
-    def subdevice(self, at: int) -> PlanSubDevice:
-        f = _SUBDEVICE.unpack_from(self._data, at)
-        return PlanSubDevice(
-            name=self._text(f[0]),
-            alias=f[1],
-            position=f[2],
-            vendor_id=f[3],
-            product_code=f[4],
-            revision_low=f[5],
-            revision_high=f[6],
-            first_sm=f[7],
-            sm_count=f[8],
-            first_sdo=f[9],
-            sdo_count=f[10],
-            assign_activate=f[11],
-            in_copy=bool(f[12] & 1),
-        )
 
-    def sync_manager(self, at: int) -> PlanSyncManager:
-        f = _SYNC_MANAGER.unpack_from(self._data, at)
-        return PlanSyncManager(
-            subdevice=f[0],
-            index=f[1],
-            direction=f[2],
-            watchdog=f[3],
-            registered=bool(f[4] & 1),
-            bits=f[5],
-            first_pdo=f[6],
-            pdo_count=f[7],
-        )
+def _symbol_attributes(row: dict[str, Any]) -> None:
+    flags = row.pop("flags")
+    row |= {"output": bool(flags & 1), "restart_relevant": bool(flags & 2)}
 
-    def pdo(self, at: int) -> PlanPdo:
-        index, _, first, count, bit = _PDO.unpack_from(self._data, at)
-        return PlanPdo(index=index, first_entry=first, entry_count=count, bit_offset=bit)
 
-    def entry(self, at: int) -> PlanEntry:
-        raw = self._data[at : at + _ENTRY.size]
-        known = self._entries.get(raw)
-        if known is None:
-            known = self._entries[raw] = self._new_entry(raw)
-        return known
+def _connection_attributes(row: dict[str, Any]) -> None:
+    known = row.pop("known")
+    row |= {name: None for bit, name in enumerate(_KNOWN) if not known >> bit & 1}
 
-    def _new_entry(self, raw: bytes) -> PlanEntry:
-        index, subindex, flags, bits, kind, _, bit = _ENTRY.unpack(raw)
-        return PlanEntry(
-            index=index,
-            subindex=subindex,
-            registered=bool(flags & 1),
-            bits=bits,
-            kind=kind,
-            bit_offset=bit,
-        )
 
-    def sdo(self, at: int) -> PlanSdo:
-        index, subindex, size, _, raw = _SDO.unpack_from(self._data, at)
-        value = int.from_bytes(raw, "little", signed=True)
-        return PlanSdo(index=index, subindex=subindex, size_bytes=size, value=value)
-
-    def symbol(self, at: int) -> PlanSymbol:
-        name, sm, bit, bits, kind, flags, _, stop_value, factor, offset = _SYMBOL.unpack_from(
-            self._data, at
-        )
-        return PlanSymbol(
-            name=self._text(name),
-            sm=sm,
-            bit_offset=bit,
-            bits=bits,
-            kind=kind,
-            output=bool(flags & 1),
-            restart_relevant=bool(flags & 2),
-            stop_value=stop_value,
-            factor=factor,
-            offset=offset,
-        )
-
-    def block(self, at: int) -> PlanBlock:
-        sm, byte, frame, safe, flags = _BLOCK.unpack_from(self._data, at)
-        return PlanBlock(
-            sm=sm, byte_offset=byte, frame_bytes=frame, safe_bytes=safe, copied=bool(flags & 1)
-        )
-
-    def copy(self, at: int) -> PlanCopy:
-        f = _COPY.unpack_from(self._data, at)
-        return PlanCopy(
-            source_sm=f[0],
-            source_bit=f[1],
-            destination_sm=f[2],
-            destination_bit=f[3],
-            bits=f[4],
-            net=self._text(f[5]),
-            kind=f[6],
-            connection=f[8],
-        )
-
-    def connection(self, at: int) -> PlanConnection:
-        f = _CONNECTION.unpack_from(self._data, at)
-        flags = f[9]
-        return PlanConnection(
-            name=self._text(f[0]),
-            net=self._text(f[1]),
-            main=f[2],
-            sub=f[3],
-            copy_to_sub=f[4],
-            copy_to_main=f[5],
-            connection_id=f[6] if flags & 1 else None,
-            address=f[7] if flags & 2 else None,
-            watchdog_ms=f[8] if flags & 4 else None,
-            safe_to_sub=f[10],
-            safe_to_main=f[11],
-        )
+# What a stored row says that its attributes say otherwise.
+_ATTRIBUTES: dict[str, Callable[[dict[str, Any]], None]] = {
+    "symbol": _symbol_attributes,
+    "connection": _connection_attributes,
+}
 
 
 def _references(plan: Plan) -> None:

@@ -234,13 +234,13 @@ static void long_padding_is_split(void) {
         struct fsn_plan *padded;
         CHECK(fsn_plan_load(bytes, len, &padded, NULL) == FSN_OK);
         uint32_t entries[FSN_PDO_ENTRIES];
-        const uint32_t count = fsn_pdo_entries(padded, fsn_pdo_record(padded, 0, 0), entries);
+        const uint32_t count = fsn_pdo_entries(padded, fsn_read_sm(padded, 0).first_pdo, entries);
         CHECK(count == table[i].count && entries[count - 4] == table[i].last);
         for (uint32_t e = 0; e + 4 < count; e++) {
             CHECK(entries[e] == 248);
         }
         CHECK(entries[count - 1] == 0x60000308);
-        CHECK(fsn_get16(fsn_pdo_record(padded, 1, 0)) == 0x1A00);
+        CHECK(fsn_read_pdo(padded, fsn_read_sm(padded, 1).first_pdo).index == 0x1A00);
         fsn_plan_free(padded);
         free(bytes);
     }

@@ -123,8 +123,8 @@ static bool is_paired(const struct fsn_plan *plan, uint32_t number,
     }
     const uint32_t from = number == c.copy_to_sub ? c.main_subdevice : c.sub_subdevice;
     const uint32_t to = number == c.copy_to_sub ? c.sub_subdevice : c.main_subdevice;
-    return fsn_get32(fsn_record(plan, FSN_SEC_SM, copy->source_sm)) == from &&
-           fsn_get32(fsn_record(plan, FSN_SEC_SM, copy->destination_sm)) == to;
+    return fsn_read_sm(plan, copy->source_sm).subdevice == from &&
+           fsn_read_sm(plan, copy->destination_sm).subdevice == to;
 }
 
 /** Resolves one copy to absolute bytes and proves it for this bus. */
@@ -142,8 +142,8 @@ static fsn_status resolve_copy(const struct fsn_core *core, uint32_t number, str
         return refuse_copy(fault, FSN_E_BUS_IMAGE, number,
                            "the bus gives a sync manager of this copy no place in its image");
     }
-    if (fsn_sm_direction(plan, copy.source_sm) != FSN_INPUT ||
-        fsn_sm_direction(plan, copy.destination_sm) != FSN_OUTPUT) {
+    if (fsn_read_sm(plan, copy.source_sm).direction != FSN_INPUT ||
+        fsn_read_sm(plan, copy.destination_sm).direction != FSN_OUTPUT) {
         return refuse_copy(fault, FSN_E_COPY_DIRECTION, number, NULL);
     }
     if (copy.source_byte + copy.size_bytes > fsn_sm_bytes(plan, copy.source_sm) ||
@@ -305,9 +305,9 @@ static bool is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info 
     uint32_t high = plan->count[FSN_SEC_COPY];
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
-        const uint8_t *r = fsn_record(plan, FSN_SEC_COPY, middle);
-        const uint32_t sm = fsn_get32(r + 8);
-        const uint32_t end = (fsn_get32(r + 12) + fsn_get32(r + 16)) / 8;
+        const struct fsn_copy_record r = fsn_read_copy(plan, middle);
+        const uint32_t sm = r.destination_sm;
+        const uint32_t end = (r.destination_bit + r.bits) / 8;
         if (sm < symbol->sm || (sm == symbol->sm && end <= first)) {
             low = middle + 1;
         } else {
@@ -317,8 +317,8 @@ static bool is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info 
     if (low >= plan->count[FSN_SEC_COPY]) {
         return false;
     }
-    const uint8_t *r = fsn_record(plan, FSN_SEC_COPY, low);
-    return fsn_get32(r + 8) == symbol->sm && fsn_get32(r + 12) / 8 < behind;
+    const struct fsn_copy_record r = fsn_read_copy(plan, low);
+    return r.destination_sm == symbol->sm && r.destination_bit / 8 < behind;
 }
 
 /** Whether the application may write this symbol: an output that neither a copy nor a recognised
@@ -326,7 +326,7 @@ static bool is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info 
 static bool is_open(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
     const uint32_t first = symbol->bit_offset / 8;
     const uint32_t last = (symbol->bit_offset + symbol->bits - 1u) / 8;
-    return symbol->output != 0 && fsn_sm_direction(plan, symbol->sm) == FSN_OUTPUT &&
+    return symbol->output != 0 && fsn_read_sm(plan, symbol->sm).direction == FSN_OUTPUT &&
            fsn_touch_of(plan, symbol->sm, first, last - first + 1) == FSN_TOUCH_NONE &&
            !is_copied(plan, symbol);
 }

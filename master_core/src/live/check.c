@@ -48,20 +48,20 @@ bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_i
 fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
                           const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]) {
     for (uint32_t i = 0; i < info->sdo_count; i++) {
-        const uint8_t *r = fsn_record(plan, FSN_SEC_SDO, info->first_sdo + i);
-        const uint16_t index = fsn_get16(r);
+        const struct fsn_sdo_record r = fsn_read_sdo(plan, info->first_sdo + i);
+        const uint8_t *value = fsn_sdo_value(plan, info->first_sdo + i);
         uint32_t code = 0;
         if (objects == NULL) {
             snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x is to be written, but it has no CoE",
-                     index, r[2]);
+                     r.index, r.subindex);
             return FSN_E_BUS_SDO;
         }
-        if (fsn_objects_write(objects, index, r[2], r + 8, r[3], &code) != FSN_OK) {
+        if (fsn_objects_write(objects, r.index, r.subindex, value, r.size_bytes, &code) != FSN_OK) {
             if (code == 0) {
-                snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: no answer", index, r[2]);
+                snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: no answer", r.index, r.subindex);
             } else {
-                snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: abort code 0x%08x %s", index, r[2],
-                         code, fsn_abort_text(code));
+                snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: abort code 0x%08x %s", r.index,
+                         r.subindex, code, fsn_abort_text(code));
             }
             return FSN_E_BUS_SDO;
         }

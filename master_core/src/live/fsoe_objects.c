@@ -40,13 +40,13 @@ uint16_t fsn_diagnosis_object(uint16_t parameter_index) {
 }
 
 uint16_t fsn_object_at(const struct fsn_plan *plan, uint32_t sm, uint32_t bit) {
-    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
-    for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
-        const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
-        for (uint32_t e = 0; e < fsn_get32(pdo + 8); e++) {
-            const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
-            if (fsn_get32(entry + 8) == bit && fsn_get16(entry) != 0) {
-                return fsn_get16(entry);
+    const struct fsn_sm_record r = fsn_read_sm(plan, sm);
+    for (uint32_t p = 0; p < r.pdo_count; p++) {
+        const struct fsn_pdo_record pdo = fsn_read_pdo(plan, r.first_pdo + p);
+        for (uint32_t e = 0; e < pdo.entry_count; e++) {
+            const struct fsn_entry_record entry = fsn_read_entry(plan, pdo.first_entry + e);
+            if (entry.bit_offset == bit && entry.index != 0) {
+                return entry.index;
             }
         }
     }

@@ -43,7 +43,7 @@ static bool append_subdevice(const struct fsn_plan *plan, uint32_t subdevice,
     const struct fsn_subdevice_info info = fsn_known_subdevice(plan, subdevice);
     for (uint8_t direction = FSN_OUTPUT; direction <= FSN_INPUT; direction++) {
         for (uint32_t sm = info.first_sm; sm < info.first_sm + info.sm_count; sm++) {
-            if (size_of(plan, sm) > 0 && fsn_sm_direction(plan, sm) == direction &&
+            if (size_of(plan, sm) > 0 && fsn_read_sm(plan, sm).direction == direction &&
                 !append(plan, sm, datagram_bytes, image)) {
                 return false;
             }
@@ -61,7 +61,7 @@ uint32_t fsn_image_wkc(const struct fsn_plan *plan, const struct fsn_image *imag
     for (uint32_t other = sub.first_sm; other < sm; other++) {
         if (image->sm_base[other] != FSN_NONE &&
             image->sm_datagram[other] == image->sm_datagram[sm] &&
-            fsn_sm_direction(plan, other) == info.direction) {
+            fsn_read_sm(plan, other).direction == info.direction) {
             return 0;
         }
     }

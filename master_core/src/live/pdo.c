@@ -28,23 +28,20 @@ struct at {
 
 /* -- as planned ----------------------------------------------------------------------------- */
 
-const uint8_t *fsn_pdo_record(const struct fsn_plan *plan, uint32_t sm, uint32_t number) {
-    return fsn_record(plan, FSN_SEC_PDO, fsn_get32(fsn_record(plan, FSN_SEC_SM, sm) + 12) + number);
-}
-
 static void add_entry(uint32_t *entries, uint32_t *count, uint32_t value) {
     if (*count < FSN_PDO_ENTRIES) {
         entries[(*count)++] = value;
     }
 }
 
-uint32_t fsn_pdo_entries(const struct fsn_plan *plan, const uint8_t *pdo,
+uint32_t fsn_pdo_entries(const struct fsn_plan *plan, uint32_t number,
                          uint32_t entries[FSN_PDO_ENTRIES]) {
+    const struct fsn_pdo_record pdo = fsn_read_pdo(plan, number);
     uint32_t count = 0;
-    for (uint32_t e = 0; e < fsn_get32(pdo + 8); e++) {
-        const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
-        uint32_t bits = fsn_get16(entry + 4);
-        const uint32_t name = ((uint32_t)fsn_get16(entry) << 16) | ((uint32_t)entry[2] << 8);
+    for (uint32_t e = 0; e < pdo.entry_count; e++) {
+        const struct fsn_entry_record entry = fsn_read_entry(plan, pdo.first_entry + e);
+        uint32_t bits = entry.bits;
+        const uint32_t name = ((uint32_t)entry.index << 16) | ((uint32_t)entry.subindex << 8);
         while (name == 0 && bits > 255) {
             add_entry(entries, &count, LONGEST_PADDING);
             bits -= LONGEST_PADDING;
@@ -55,10 +52,10 @@ uint32_t fsn_pdo_entries(const struct fsn_plan *plan, const uint8_t *pdo,
 }
 
 static void planned_assignment(const struct at *at, struct assignment *a) {
-    a->count = fsn_get32(fsn_record(at->plan, FSN_SEC_SM, at->sm) + 16);
-    a->count = a->count > MOST_PDOS ? MOST_PDOS : a->count;
+    const struct fsn_sm_record sm = fsn_read_sm(at->plan, at->sm);
+    a->count = sm.pdo_count > MOST_PDOS ? MOST_PDOS : sm.pdo_count;
     for (uint32_t i = 0; i < a->count; i++) {
-        a->pdos[i] = fsn_get16(fsn_pdo_record(at->plan, at->sm, i));
+        a->pdos[i] = fsn_read_pdo(at->plan, sm.first_pdo + i).index;
     }
 }
 
@@ -202,10 +199,9 @@ static fsn_status compare_mapping(const struct at *at, uint16_t pdo, struct mapp
 }
 
 static fsn_status check_mapping(const struct at *at, uint32_t number) {
-    const uint8_t *record = fsn_pdo_record(at->plan, at->sm, number);
-    const uint16_t pdo = fsn_get16(record);
+    const uint16_t pdo = fsn_read_pdo(at->plan, number).index;
     struct mapping planned, found;
-    planned.count = fsn_pdo_entries(at->plan, record, planned.entries);
+    planned.count = fsn_pdo_entries(at->plan, number, planned.entries);
     if (!read_mapping(at, pdo, &found) || compare_mapping(at, pdo, planned, &found) == FSN_OK) {
         return FSN_OK;
     }
@@ -215,24 +211,23 @@ static fsn_status check_mapping(const struct at *at, uint32_t number) {
 
 fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
                          const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]) {
-    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
-    const struct at at = {plan, objects, sm, (uint16_t)(ASSIGNMENT + r[4]), detail};
+    const struct fsn_sm_record r = fsn_read_sm(plan, sm);
+    const struct at at = {plan, objects, sm, (uint16_t)(ASSIGNMENT + r.index), detail};
     fsn_status status = check_assignment(&at);
-    for (uint32_t i = 0; status == FSN_OK && i < fsn_get32(r + 16); i++) {
-        status = check_mapping(&at, i);
+    for (uint32_t i = 0; status == FSN_OK && i < r.pdo_count; i++) {
+        status = check_mapping(&at, r.first_pdo + i);
     }
     return status;
 }
 
 fsn_status fsn_pdo_check_bits(const struct fsn_plan *plan, uint32_t sm, uint32_t found_bits,
                               char detail[FSN_DETAIL_BYTES]) {
-    const uint32_t planned = fsn_sm_bits(plan, sm);
-    const uint8_t number = fsn_record(plan, FSN_SEC_SM, sm)[4];
-    if (found_bits == planned) {
+    const struct fsn_sm_record planned = fsn_read_sm(plan, sm);
+    if (found_bits == planned.bits) {
         return FSN_OK;
     }
     snprintf(detail, FSN_DETAIL_BYTES,
-             "SM%u: its length in bits by the SII is %u, the plan says %u", number, found_bits,
-             planned);
+             "SM%u: its length in bits by the SII is %u, the plan says %u", planned.index,
+             found_bits, planned.bits);
     return FSN_E_BUS_MAPPING;
 }

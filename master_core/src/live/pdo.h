@@ -6,12 +6,9 @@
 
 enum { FSN_PDO_ENTRIES = 254 };
 
-/** Record of a PDO of a sync manager. */
-const uint8_t *fsn_pdo_record(const struct fsn_plan *plan, uint32_t sm, uint32_t number);
-
-/** Entries of a PDO as mapping objects hold them: index, subindex and bits in one word each, index
- * 0 is padding; a longer one than 255 bits is several. Returns how many. */
-uint32_t fsn_pdo_entries(const struct fsn_plan *plan, const uint8_t *pdo,
+/** Entries of a PDO of the plan as mapping objects hold them: index, subindex and bits in one word
+ * each, index 0 is padding; a longer one than 255 bits is several. Returns how many. */
+uint32_t fsn_pdo_entries(const struct fsn_plan *plan, uint32_t number,
                          uint32_t entries[FSN_PDO_ENTRIES]);
 
 /** Compares assignment and mapping of a sync manager with the plan. What differs is written once,

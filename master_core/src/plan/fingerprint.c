@@ -14,9 +14,9 @@ static const char *const section_name[FSN_FINGERPRINT_SECTIONS] = {
 struct text {
     const struct fsn_plan *plan;
     struct fsn_sha256_run run;
-    uint32_t *rank;         /**< canonical number of each connection */
-    uint32_t *number;       /**< connection of each canonical number */
-    const uint8_t **symbol; /**< records in canonical order */
+    uint32_t *rank;                   /**< canonical number of each connection */
+    uint32_t *number;                 /**< connection of each canonical number */
+    struct fsn_symbol_record *symbol; /**< in canonical order */
 };
 
 __attribute__((format(printf, 2, 3))) static void put(struct text *text, const char *format, ...) {
@@ -31,8 +31,8 @@ __attribute__((format(printf, 2, 3))) static void put(struct text *text, const c
 }
 
 /** A string of the plan as one word: visible ASCII but '%' as it is, all else as %XX. */
-static void put_word(struct text *text, const uint8_t *field) {
-    const uint8_t *at = text->plan->bytes + text->plan->offset[FSN_SEC_STRINGS] + fsn_get32(field);
+static void put_word(struct text *text, uint32_t offset) {
+    const uint8_t *at = text->plan->bytes + text->plan->offset[FSN_SEC_STRINGS] + offset;
     for (; *at != 0; at++) {
         if (*at > 0x20 && *at < 0x7F && *at != '%') {
             fsn_sha256_add(&text->run, at, 1);
@@ -44,102 +44,100 @@ static void put_word(struct text *text, const uint8_t *field) {
 
 /** Puts SubDevice and number of a sync manager, `0.2`. */
 static void put_place(struct text *text, const char *before, uint32_t sm) {
-    const uint8_t *r = fsn_record(text->plan, FSN_SEC_SM, sm);
-    put(text, "%s%" PRIu32 ".%u", before, fsn_get32(r), (unsigned)r[4]);
+    const struct fsn_sm_record r = fsn_read_sm(text->plan, sm);
+    put(text, "%s%" PRIu32 ".%u", before, r.subdevice, (unsigned)r.index);
 }
 
-static void put_sdo(struct text *text, const uint8_t *r) {
-    const unsigned size = r[3];
+static void put_sdo(struct text *text, uint32_t number) {
+    const struct fsn_sdo_record r = fsn_read_sdo(text->plan, number);
+    const unsigned size = r.size_bytes;
     const uint64_t mask = size < 8 ? ((uint64_t)1 << (8 * size)) - 1 : UINT64_MAX;
-    put(text, "sdo 0x%04x:%02x bytes=%u value=0x%016" PRIx64 "\n", (unsigned)fsn_get16(r),
-        (unsigned)r[2], size, fsn_get64(r + 8) & mask);
+    put(text, "sdo 0x%04x:%02x bytes=%u value=0x%016" PRIx64 "\n", (unsigned)r.index,
+        (unsigned)r.subindex, size, r.value & mask);
 }
 
 static void devices(struct text *text) {
     const struct fsn_plan *plan = text->plan;
     for (uint32_t n = 0; n < plan->count[FSN_SEC_SUBDEVICE]; n++) {
-        const uint8_t *r = fsn_record(plan, FSN_SEC_SUBDEVICE, n);
+        const struct fsn_subdevice_record r = fsn_read_subdevice(plan, n);
         put(text,
             "device %" PRIu32 " alias=%u position=%u vendor=0x%08" PRIx32 " product=0x%08" PRIx32
             " revision=0x%08" PRIx32 "-0x%08" PRIx32 " dc=0x%04x name=",
-            n, (unsigned)fsn_get16(r + 4), (unsigned)fsn_get16(r + 6), fsn_get32(r + 8),
-            fsn_get32(r + 12), fsn_get32(r + 16), fsn_get32(r + 20), (unsigned)fsn_get16(r + 40));
-        put_word(text, r);
+            n, (unsigned)r.alias, (unsigned)r.position, r.vendor_id, r.product_code, r.revision_low,
+            r.revision_high, (unsigned)r.assign_activate);
+        put_word(text, r.name);
         put(text, "\n");
-        const uint32_t first = fsn_get32(r + 32);
-        for (uint32_t sdo = first; sdo < first + fsn_get32(r + 36); sdo++) {
-            put_sdo(text, fsn_record(plan, FSN_SEC_SDO, sdo));
+        for (uint32_t sdo = r.first_sdo; sdo < r.first_sdo + r.sdo_count; sdo++) {
+            put_sdo(text, sdo);
         }
     }
 }
 
-static void put_pdo(struct text *text, const uint8_t *pdo) {
-    put(text, "pdo 0x%04x\n", (unsigned)fsn_get16(pdo));
-    const uint32_t first = fsn_get32(pdo + 4);
-    for (uint32_t n = first; n < first + fsn_get32(pdo + 8); n++) {
-        const uint8_t *r = fsn_record(text->plan, FSN_SEC_ENTRY, n);
-        put(text, "entry 0x%04x:%02x bits=%u type=%u registered=%u\n", (unsigned)fsn_get16(r),
-            (unsigned)r[2], (unsigned)fsn_get16(r + 4), (unsigned)r[6], r[3] & 1u);
+static void put_pdo(struct text *text, uint32_t number) {
+    const struct fsn_pdo_record pdo = fsn_read_pdo(text->plan, number);
+    put(text, "pdo 0x%04x\n", (unsigned)pdo.index);
+    for (uint32_t n = pdo.first_entry; n < pdo.first_entry + pdo.entry_count; n++) {
+        const struct fsn_entry_record r = fsn_read_entry(text->plan, n);
+        put(text, "entry 0x%04x:%02x bits=%u type=%u registered=%u\n", (unsigned)r.index,
+            (unsigned)r.subindex, (unsigned)r.bits, (unsigned)r.kind, r.registered & 1u);
     }
 }
 
-static void put_symbol(struct text *text, const uint8_t *r) {
-    put_place(text, "symbol ", fsn_get32(r + 4));
+static void put_symbol(struct text *text, const struct fsn_symbol_record *r) {
+    put_place(text, "symbol ", r->sm);
     put(text,
         " bit=%" PRIu32 " bits=%u type=%u output=%u restart=%u stop=0x%016" PRIx64
         " factor=0x%016" PRIx64 " offset=0x%016" PRIx64 "\n",
-        fsn_get32(r + 8), (unsigned)fsn_get16(r + 12), (unsigned)r[14], r[15] & 1u,
-        (r[15] >> 1) & 1u, fsn_get64(r + 20), fsn_get64(r + 28), fsn_get64(r + 36));
+        r->bit_offset, (unsigned)r->bits, (unsigned)r->kind, r->flags & 1u, (r->flags >> 1) & 1u,
+        r->stop_value, r->factor, r->offset);
 }
 
 static void process_data(struct text *text) {
     const struct fsn_plan *plan = text->plan;
     for (uint32_t n = 0; n < plan->count[FSN_SEC_SM]; n++) {
-        const uint8_t *r = fsn_record(plan, FSN_SEC_SM, n);
+        const struct fsn_sm_record r = fsn_read_sm(plan, n);
         put_place(text, "sm ", n);
-        put(text, " direction=%u watchdog=%u bits=%" PRIu32 "\n", (unsigned)r[5], (unsigned)r[6],
-            fsn_get32(r + 8));
-        const uint32_t first = fsn_get32(r + 12);
-        for (uint32_t pdo = first; pdo < first + fsn_get32(r + 16); pdo++) {
-            put_pdo(text, fsn_record(plan, FSN_SEC_PDO, pdo));
+        put(text, " direction=%u watchdog=%u bits=%" PRIu32 "\n", (unsigned)r.direction,
+            (unsigned)r.watchdog, r.bits);
+        for (uint32_t pdo = r.first_pdo; pdo < r.first_pdo + r.pdo_count; pdo++) {
+            put_pdo(text, pdo);
         }
     }
     for (uint32_t n = 0; n < plan->count[FSN_SEC_BLOCK]; n++) { /* sorted: proved */
-        const uint8_t *r = fsn_record(plan, FSN_SEC_BLOCK, n);
-        put_place(text, "frame ", fsn_get32(r));
-        put(text, " byte=%" PRIu32 " bytes=%u safe=%u\n", fsn_get32(r + 4),
-            (unsigned)fsn_get16(r + 8), (unsigned)fsn_get16(r + 10));
+        const struct fsn_block_record r = fsn_read_block(plan, n);
+        put_place(text, "frame ", r.sm);
+        put(text, " byte=%" PRIu32 " bytes=%u safe=%u\n", r.byte_offset, (unsigned)r.frame_bytes,
+            (unsigned)r.safe_bytes);
     }
     for (uint32_t n = 0; n < plan->count[FSN_SEC_SYMBOL]; n++) {
-        put_symbol(text, text->symbol[n]);
+        put_symbol(text, &text->symbol[n]);
     }
 }
 
 static void copies(struct text *text) {
     const struct fsn_plan *plan = text->plan;
     for (uint32_t n = 0; n < plan->count[FSN_SEC_COPY]; n++) { /* sorted by destination: proved */
-        const uint8_t *r = fsn_record(plan, FSN_SEC_COPY, n);
-        const uint32_t connection = fsn_get32(r + 28);
-        put_place(text, "copy from=", fsn_get32(r));
-        put(text, "@%" PRIu32, fsn_get32(r + 4));
-        put_place(text, " to=", fsn_get32(r + 8));
-        put(text, "@%" PRIu32 " bits=%" PRIu32 " kind=%u connection=", fsn_get32(r + 12),
-            fsn_get32(r + 16), (unsigned)fsn_get16(r + 24));
-        if (connection == FSN_NONE) {
+        const struct fsn_copy_record r = fsn_read_copy(plan, n);
+        put_place(text, "copy from=", r.source_sm);
+        put(text, "@%" PRIu32, r.source_bit);
+        put_place(text, " to=", r.destination_sm);
+        put(text, "@%" PRIu32 " bits=%" PRIu32 " kind=%u connection=", r.destination_bit, r.bits,
+            (unsigned)r.kind);
+        if (r.connection == FSN_NONE) {
             put(text, "-");
         } else {
-            put(text, "%" PRIu32, text->rank[connection]);
+            put(text, "%" PRIu32, text->rank[r.connection]);
         }
         put(text, " net=");
-        put_word(text, r + 20);
+        put_word(text, r.net);
         put(text, "\n");
     }
 }
 
 /** Puts a number that the plan may not know. */
-static void put_stated(struct text *text, const char *key, const uint8_t *field, bool known) {
+static void put_stated(struct text *text, const char *key, unsigned value, bool known) {
     if (known) {
-        put(text, " %s=%u", key, (unsigned)fsn_get16(field));
+        put(text, " %s=%u", key, value);
     } else {
         put(text, " %s=-", key);
     }
@@ -147,15 +145,13 @@ static void put_stated(struct text *text, const char *key, const uint8_t *field,
 
 static void connections(struct text *text) {
     for (uint32_t n = 0; n < text->plan->count[FSN_SEC_CONNECTION]; n++) {
-        const uint8_t *r = fsn_record(text->plan, FSN_SEC_CONNECTION, text->number[n]);
-        const unsigned known = fsn_get16(r + 30);
-        put(text, "connection %" PRIu32 " main=%" PRIu32 " sub=%" PRIu32, n, fsn_get32(r + 8),
-            fsn_get32(r + 12));
-        put_stated(text, "id", r + 24, (known & 1u) != 0);
-        put_stated(text, "address", r + 26, (known & 2u) != 0);
-        put_stated(text, "watchdog_ms", r + 28, (known & 4u) != 0);
-        put(text, " safe_to_sub=%u safe_to_main=%u\n", (unsigned)fsn_get16(r + 32),
-            (unsigned)fsn_get16(r + 34));
+        const struct fsn_connection_record r = fsn_read_connection(text->plan, text->number[n]);
+        put(text, "connection %" PRIu32 " main=%" PRIu32 " sub=%" PRIu32, n, r.main, r.sub);
+        put_stated(text, "id", r.connection_id, (r.known & 1u) != 0);
+        put_stated(text, "address", r.address, (r.known & 2u) != 0);
+        put_stated(text, "watchdog_ms", r.watchdog_ms, (r.known & 4u) != 0);
+        put(text, " safe_to_sub=%u safe_to_main=%u\n", (unsigned)r.safe_to_sub,
+            (unsigned)r.safe_to_main);
     }
 }
 
@@ -173,9 +169,8 @@ static void order_connections(struct text *text) {
     const struct fsn_plan *plan = text->plan;
     uint32_t next = 0;
     for (uint32_t n = 0; n < plan->count[FSN_SEC_COPY]; n++) {
-        const uint32_t connection = fsn_get32(fsn_record(plan, FSN_SEC_COPY, n) + 28);
-        if (connection != FSN_NONE &&
-            fsn_get32(fsn_record(plan, FSN_SEC_CONNECTION, connection) + 16) == n) {
+        const uint32_t connection = fsn_read_copy(plan, n).connection;
+        if (connection != FSN_NONE && fsn_read_connection(plan, connection).copy_to_sub == n) {
             text->rank[connection] = next;
             text->number[next++] = connection;
         }
@@ -188,18 +183,18 @@ static int order(uint64_t a, uint64_t b) {
 
 /** Symbols by place, then by everything else that the text says of them. */
 static int compare_symbols(const void *left, const void *right) {
-    const uint8_t *a = *(const uint8_t *const *)left;
-    const uint8_t *b = *(const uint8_t *const *)right;
+    const struct fsn_symbol_record *a = left;
+    const struct fsn_symbol_record *b = right;
     const int steps[] = {
-        order(fsn_get32(a + 4), fsn_get32(b + 4)),
-        order(fsn_get32(a + 8), fsn_get32(b + 8)),
-        order(fsn_get16(a + 12), fsn_get16(b + 12)),
-        order(a[14], b[14]),
-        order(a[15] & 1u, b[15] & 1u),
-        order(a[15], b[15]),
-        order(fsn_get64(a + 20), fsn_get64(b + 20)),
-        order(fsn_get64(a + 28), fsn_get64(b + 28)),
-        order(fsn_get64(a + 36), fsn_get64(b + 36)),
+        order(a->sm, b->sm),
+        order(a->bit_offset, b->bit_offset),
+        order(a->bits, b->bits),
+        order(a->kind, b->kind),
+        order(a->flags & 1u, b->flags & 1u),
+        order(a->flags, b->flags),
+        order(a->stop_value, b->stop_value),
+        order(a->factor, b->factor),
+        order(a->offset, b->offset),
     };
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
         if (steps[i] != 0) {
@@ -212,7 +207,7 @@ static int compare_symbols(const void *left, const void *right) {
 static void order_symbols(struct text *text) {
     const uint32_t count = text->plan->count[FSN_SEC_SYMBOL];
     for (uint32_t n = 0; n < count; n++) {
-        text->symbol[n] = fsn_record(text->plan, FSN_SEC_SYMBOL, n);
+        text->symbol[n] = fsn_read_symbol(text->plan, n);
     }
     qsort(text->symbol, count, sizeof text->symbol[0], compare_symbols);
 }

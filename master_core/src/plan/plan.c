@@ -6,7 +6,10 @@
 static const uint8_t magic[8] = {'F', 'S', 'N', 'P', 'L', 'A', 'N', 0};
 
 const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_SAFETY + 1] = {
-    0, 48, 24, 16, 12, 16, 44, 16, 32, 40, 1, FSN_SHA256_BYTES};
+#define FSN_BYTES(name, number, size_bytes) [number] = (size_bytes),
+    FSN_SECTION_TABLE(FSN_BYTES)
+#undef FSN_BYTES
+};
 
 fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t section, uint32_t record,
                       uint32_t byte, const char *rule) {
@@ -199,8 +202,8 @@ uint32_t fsn_plan_connection_count(const struct fsn_plan *plan) {
 }
 
 /** The proofs have shown that every string reference lies inside the table, which ends in zero. */
-static const char *text(const struct fsn_plan *plan, const uint8_t *field) {
-    return (const char *)plan->bytes + plan->offset[FSN_SEC_STRINGS] + fsn_get32(field);
+static const char *text(const struct fsn_plan *plan, uint32_t offset) {
+    return (const char *)plan->bytes + plan->offset[FSN_SEC_STRINGS] + offset;
 }
 
 fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
@@ -208,21 +211,21 @@ fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
     if (number >= plan->count[FSN_SEC_SUBDEVICE]) {
         return FSN_E_ARG;
     }
-    const uint8_t *r = fsn_record(plan, FSN_SEC_SUBDEVICE, number);
+    const struct fsn_subdevice_record r = fsn_read_subdevice(plan, number);
     *info = (struct fsn_subdevice_info){
-        .name = text(plan, r),
-        .alias = fsn_get16(r + 4),
-        .position = fsn_get16(r + 6),
-        .vendor_id = fsn_get32(r + 8),
-        .product_code = fsn_get32(r + 12),
-        .revision_low = fsn_get32(r + 16),
-        .revision_high = fsn_get32(r + 20),
-        .first_sm = fsn_get32(r + 24),
-        .sm_count = fsn_get32(r + 28),
-        .first_sdo = fsn_get32(r + 32),
-        .sdo_count = fsn_get32(r + 36),
-        .assign_activate = fsn_get16(r + 40),
-        .in_copy = (uint8_t)(fsn_get16(r + 42) & 1u),
+        .name = text(plan, r.name),
+        .alias = r.alias,
+        .position = r.position,
+        .vendor_id = r.vendor_id,
+        .product_code = r.product_code,
+        .revision_low = r.revision_low,
+        .revision_high = r.revision_high,
+        .first_sm = r.first_sm,
+        .sm_count = r.sm_count,
+        .first_sdo = r.first_sdo,
+        .sdo_count = r.sdo_count,
+        .assign_activate = r.assign_activate,
+        .in_copy = (uint8_t)(r.in_copy & 1u),
     };
     return FSN_OK;
 }
@@ -231,23 +234,22 @@ fsn_status fsn_plan_sm(const struct fsn_plan *plan, uint32_t number, struct fsn_
     if (number >= plan->count[FSN_SEC_SM]) {
         return FSN_E_ARG;
     }
-    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, number);
+    const struct fsn_sm_record r = fsn_read_sm(plan, number);
     *info = (struct fsn_sm_info){
-        .subdevice = fsn_get32(r),
-        .index = r[4],
-        .direction = r[5],
-        .watchdog = r[6],
-        .registered = r[7] & 1u,
-        .bits = fsn_get32(r + 8),
-        .size_bytes = (fsn_get32(r + 8) + 7) / 8,
-        .first_pdo = fsn_get32(r + 12),
-        .pdo_count = fsn_get32(r + 16),
+        .subdevice = r.subdevice,
+        .index = r.index,
+        .direction = r.direction,
+        .watchdog = r.watchdog,
+        .registered = r.registered & 1u,
+        .bits = r.bits,
+        .size_bytes = (r.bits + 7) / 8,
+        .first_pdo = r.first_pdo,
+        .pdo_count = r.pdo_count,
     };
     return FSN_OK;
 }
 
-static double real_at(const uint8_t *bytes) {
-    const uint64_t bits = fsn_get64(bytes);
+static double real_of(uint64_t bits) {
     double value;
     memcpy(&value, &bits, sizeof value);
     return value;
@@ -258,18 +260,18 @@ fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
     if (number >= plan->count[FSN_SEC_SYMBOL]) {
         return FSN_E_ARG;
     }
-    const uint8_t *r = fsn_record(plan, FSN_SEC_SYMBOL, number);
+    const struct fsn_symbol_record r = fsn_read_symbol(plan, number);
     *info = (struct fsn_symbol_info){
-        .name = text(plan, r),
-        .sm = fsn_get32(r + 4),
-        .bit_offset = fsn_get32(r + 8),
-        .bits = fsn_get16(r + 12),
-        .kind = r[14],
-        .output = r[15] & 1u,
-        .restart_relevant = (r[15] >> 1) & 1u,
-        .stop_value = fsn_get64(r + 20),
-        .factor = real_at(r + 28),
-        .offset = real_at(r + 36),
+        .name = text(plan, r.name),
+        .sm = r.sm,
+        .bit_offset = r.bit_offset,
+        .bits = r.bits,
+        .kind = r.kind,
+        .output = r.flags & 1u,
+        .restart_relevant = (r.flags >> 1) & 1u,
+        .stop_value = r.stop_value,
+        .factor = real_of(r.factor),
+        .offset = real_of(r.offset),
     };
     return FSN_OK;
 }
@@ -279,13 +281,13 @@ fsn_status fsn_plan_block(const struct fsn_plan *plan, uint32_t number,
     if (number >= plan->count[FSN_SEC_BLOCK]) {
         return FSN_E_ARG;
     }
-    const uint8_t *r = fsn_record(plan, FSN_SEC_BLOCK, number);
+    const struct fsn_block_record r = fsn_read_block(plan, number);
     *info = (struct fsn_block_info){
-        .sm = fsn_get32(r),
-        .byte_offset = fsn_get32(r + 4),
-        .frame_bytes = fsn_get16(r + 8),
-        .safe_bytes = fsn_get16(r + 10),
-        .copied = (uint8_t)(fsn_get32(r + 12) & 1u),
+        .sm = r.sm,
+        .byte_offset = r.byte_offset,
+        .frame_bytes = r.frame_bytes,
+        .safe_bytes = r.safe_bytes,
+        .copied = (uint8_t)(r.copied & 1u),
     };
     return FSN_OK;
 }
@@ -294,16 +296,16 @@ fsn_status fsn_plan_copy(const struct fsn_plan *plan, uint32_t number, struct fs
     if (number >= plan->count[FSN_SEC_COPY]) {
         return FSN_E_ARG;
     }
-    const uint8_t *r = fsn_record(plan, FSN_SEC_COPY, number);
+    const struct fsn_copy_record r = fsn_read_copy(plan, number);
     *info = (struct fsn_copy_info){
-        .source_sm = fsn_get32(r),
-        .source_byte = fsn_get32(r + 4) / 8,
-        .destination_sm = fsn_get32(r + 8),
-        .destination_byte = fsn_get32(r + 12) / 8,
-        .size_bytes = fsn_get32(r + 16) / 8,
-        .net = text(plan, r + 20),
-        .kind = fsn_get16(r + 24),
-        .connection = fsn_get32(r + 28),
+        .source_sm = r.source_sm,
+        .source_byte = r.source_bit / 8,
+        .destination_sm = r.destination_sm,
+        .destination_byte = r.destination_bit / 8,
+        .size_bytes = r.bits / 8,
+        .net = text(plan, r.net),
+        .kind = r.kind,
+        .connection = r.connection,
     };
     return FSN_OK;
 }
@@ -313,20 +315,20 @@ fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
     if (number >= plan->count[FSN_SEC_CONNECTION]) {
         return FSN_E_ARG;
     }
-    const uint8_t *r = fsn_record(plan, FSN_SEC_CONNECTION, number);
+    const struct fsn_connection_record r = fsn_read_connection(plan, number);
     *info = (struct fsn_connection_info){
-        .name = text(plan, r),
-        .net = text(plan, r + 4),
-        .main_subdevice = fsn_get32(r + 8),
-        .sub_subdevice = fsn_get32(r + 12),
-        .copy_to_sub = fsn_get32(r + 16),
-        .copy_to_main = fsn_get32(r + 20),
-        .connection_id = fsn_get16(r + 24),
-        .address = fsn_get16(r + 26),
-        .watchdog_ms = fsn_get16(r + 28),
-        .known = fsn_get16(r + 30),
-        .safe_to_sub = fsn_get16(r + 32),
-        .safe_to_main = fsn_get16(r + 34),
+        .name = text(plan, r.name),
+        .net = text(plan, r.net),
+        .main_subdevice = r.main,
+        .sub_subdevice = r.sub,
+        .copy_to_sub = r.copy_to_sub,
+        .copy_to_main = r.copy_to_main,
+        .connection_id = r.connection_id,
+        .address = r.address,
+        .watchdog_ms = r.watchdog_ms,
+        .known = r.known,
+        .safe_to_sub = r.safe_to_sub,
+        .safe_to_main = r.safe_to_main,
     };
     return FSN_OK;
 }

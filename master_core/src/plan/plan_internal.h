@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "fsn/plan.h"
+#include "plan/records.h"
 
 enum {
     FSN_HEADER_BYTES = 32,
@@ -15,17 +16,9 @@ enum {
 };
 
 enum fsn_section {
-    FSN_SEC_SUBDEVICE = 1,
-    FSN_SEC_SM,
-    FSN_SEC_PDO,
-    FSN_SEC_ENTRY,
-    FSN_SEC_SDO,
-    FSN_SEC_SYMBOL,
-    FSN_SEC_BLOCK,
-    FSN_SEC_COPY,
-    FSN_SEC_CONNECTION,
-    FSN_SEC_STRINGS,
-    FSN_SEC_SAFETY, /**< format 1.1: one record, the hash of the safety functions */
+#define FSN_SECTION(name, number, size_bytes) FSN_SEC_##name = (number),
+    FSN_SECTION_TABLE(FSN_SECTION)
+#undef FSN_SECTION
 };
 
 struct fsn_plan {
@@ -60,6 +53,42 @@ static inline const uint8_t *fsn_record(const struct fsn_plan *plan, uint32_t se
                                         uint32_t number) {
     return plan->bytes + plan->offset[section] + (size_t)number * fsn_record_bytes[section];
 }
+
+/* A record with its fields by name: struct fsn_sm_record fsn_read_sm(plan, number), and so on.
+ * Names are offsets of strings, floating point its bits. FSN_AT(sm, bits) is the first byte of a
+ * field. */
+typedef uint8_t fsn_u8;
+typedef uint16_t fsn_u16;
+typedef uint32_t fsn_u32;
+typedef uint64_t fsn_u64;
+#define fsn_load_u8(at) ((at)[0])
+#define fsn_load_u16 fsn_get16
+#define fsn_load_u32 fsn_get32
+#define fsn_load_u64 fsn_get64
+#define FSN_AT(record, field) fsn_at_##record##_##field
+#define FSN_MEMBER(record, type, field, at) fsn_##type field;
+#define FSN_PLACE(record, type, field, at) FSN_AT(record, field) = (at),
+#define FSN_LOAD(record, type, field, at) .field = fsn_load_##type(r + (at)),
+#define FSN_RECORD(record, RECORD)                                                                 \
+    struct fsn_##record##_record {                                                                 \
+        FSN_##RECORD##_FIELDS(FSN_MEMBER)                                                          \
+    };                                                                                             \
+    enum { FSN_##RECORD##_FIELDS(FSN_PLACE) };                                                     \
+    static inline struct fsn_##record##_record fsn_read_##record(const struct fsn_plan *plan,      \
+                                                                 uint32_t number) {                \
+        const uint8_t *r = fsn_record(plan, FSN_SEC_##RECORD, number);                             \
+        return (struct fsn_##record##_record){FSN_##RECORD##_FIELDS(FSN_LOAD)};                    \
+    }
+FSN_RECORD(subdevice, SUBDEVICE)
+FSN_RECORD(sm, SM)
+FSN_RECORD(pdo, PDO)
+FSN_RECORD(entry, ENTRY)
+FSN_RECORD(sdo, SDO)
+FSN_RECORD(symbol, SYMBOL)
+FSN_RECORD(block, BLOCK)
+FSN_RECORD(copy, COPY)
+FSN_RECORD(connection, CONNECTION)
+#undef FSN_RECORD
 
 /* What a record says; the caller knows that there is one of this number. */
 
@@ -101,16 +130,13 @@ static inline struct fsn_connection_info fsn_known_connection(const struct fsn_p
     return info;
 }
 
-static inline uint32_t fsn_sm_bits(const struct fsn_plan *plan, uint32_t sm) {
-    return fsn_get32(fsn_record(plan, FSN_SEC_SM, sm) + 8);
+/** The bytes of a start-up SDO's value, as they are sent. */
+static inline const uint8_t *fsn_sdo_value(const struct fsn_plan *plan, uint32_t number) {
+    return fsn_record(plan, FSN_SEC_SDO, number) + FSN_AT(sdo, value);
 }
 
 static inline uint32_t fsn_sm_bytes(const struct fsn_plan *plan, uint32_t sm) {
-    return (fsn_sm_bits(plan, sm) + 7) / 8;
-}
-
-static inline uint8_t fsn_sm_direction(const struct fsn_plan *plan, uint32_t sm) {
-    return fsn_record(plan, FSN_SEC_SM, sm)[5];
+    return (fsn_read_sm(plan, sm).bits + 7) / 8;
 }
 
 /** What a rule needs to refuse a record. */
@@ -123,8 +149,8 @@ struct fsn_at {
 /** Refuses the record: `field` is the byte in it, `rule` a static sentence. */
 fsn_status fsn_no(const struct fsn_at *at, fsn_status status, uint32_t field, const char *rule);
 
-/** Whether the u32 at `field` is the offset of a string. */
-bool fsn_string_ok(const struct fsn_plan *plan, const uint8_t *field);
+/** Whether this is the offset of a string. */
+bool fsn_string_ok(const struct fsn_plan *plan, uint32_t offset);
 
 /** Proves strings, SubDevices, SDOs, sync managers, PDOs and entries. */
 fsn_status fsn_prove_layout(const struct fsn_plan *plan, struct fsn_fault *fault);

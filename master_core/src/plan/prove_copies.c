@@ -13,30 +13,31 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
     uint32_t last_sm = 0;
     uint32_t last_end = 0;
     for (; at.number < plan->count[FSN_SEC_BLOCK]; at.number++) {
-        const uint8_t *r = fsn_record(plan, at.section, at.number);
-        const uint32_t sm = fsn_get32(r);
-        const uint32_t offset = fsn_get32(r + 4);
-        const uint32_t frame = fsn_get16(r + 8);
-        if (sm >= plan->count[FSN_SEC_SM]) {
-            return fsn_no(&at, FSN_E_PLAN_REFERENCE, 0, "the block's sync manager does not exist");
+        const struct fsn_block_record r = fsn_read_block(plan, at.number);
+        if (r.sm >= plan->count[FSN_SEC_SM]) {
+            return fsn_no(&at, FSN_E_PLAN_REFERENCE, FSN_AT(block, sm),
+                          "the block's sync manager does not exist");
         }
-        if (!fsn_fsoe_is_frame_length(frame) || fsn_get16(r + 10) != safe_bytes_of(frame)) {
-            return fsn_no(&at, FSN_E_PLAN_VALUE, 8,
+        if (!fsn_fsoe_is_frame_length(r.frame_bytes) ||
+            r.safe_bytes != safe_bytes_of(r.frame_bytes)) {
+            return fsn_no(&at, FSN_E_PLAN_VALUE, FSN_AT(block, frame_bytes),
                           "an FSoE frame has 6 bytes or 3 + 4 k up to 255, and safe data to match");
         }
-        const uint32_t size = fsn_sm_bits(plan, sm) / 8; /* whole bytes only */
-        if (offset > size || frame > size - offset) {
-            return fsn_no(&at, FSN_E_COPY_RANGE, 4, "the block ends behind its sync manager");
+        const uint32_t size = fsn_read_sm(plan, r.sm).bits / 8; /* whole bytes only */
+        if (r.byte_offset > size || r.frame_bytes > size - r.byte_offset) {
+            return fsn_no(&at, FSN_E_COPY_RANGE, FSN_AT(block, byte_offset),
+                          "the block ends behind its sync manager");
         }
-        if (at.number > 0 && (sm < last_sm || (sm == last_sm && offset < last_end))) {
-            return fsn_no(&at, FSN_E_COPY_OVERLAP, 4,
+        if (at.number > 0 && (r.sm < last_sm || (r.sm == last_sm && r.byte_offset < last_end))) {
+            return fsn_no(&at, FSN_E_COPY_OVERLAP, FSN_AT(block, byte_offset),
                           "blocks overlap or are not sorted by sync manager and offset");
         }
-        if (fsn_get32(r + 12) > 1) {
-            return fsn_no(&at, FSN_E_PLAN_RESERVED, 12, "a flag of the block is unknown");
+        if (r.copied > 1) {
+            return fsn_no(&at, FSN_E_PLAN_RESERVED, FSN_AT(block, copied),
+                          "a flag of the block is unknown");
         }
-        last_sm = sm;
-        last_end = offset + frame;
+        last_sm = r.sm;
+        last_end = r.byte_offset + r.frame_bytes;
     }
     return FSN_OK;
 }
@@ -47,9 +48,9 @@ static uint32_t first_block_behind(const struct fsn_plan *plan, uint32_t sm, uin
     uint32_t high = plan->count[FSN_SEC_BLOCK];
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
-        const uint8_t *r = fsn_record(plan, FSN_SEC_BLOCK, middle);
-        const uint32_t end = fsn_get32(r + 4) + fsn_get16(r + 8);
-        if (fsn_get32(r) < sm || (fsn_get32(r) == sm && end <= byte)) {
+        const struct fsn_block_record r = fsn_read_block(plan, middle);
+        const uint32_t end = r.byte_offset + r.frame_bytes;
+        if (r.sm < sm || (r.sm == sm && end <= byte)) {
             low = middle + 1;
         } else {
             high = middle;
@@ -64,109 +65,119 @@ enum fsn_touch fsn_touch_of(const struct fsn_plan *plan, uint32_t sm, uint32_t b
     if (number >= plan->count[FSN_SEC_BLOCK]) {
         return FSN_TOUCH_NONE;
     }
-    const uint8_t *r = fsn_record(plan, FSN_SEC_BLOCK, number);
-    if (fsn_get32(r) != sm || fsn_get32(r + 4) >= byte + size) {
+    const struct fsn_block_record r = fsn_read_block(plan, number);
+    if (r.sm != sm || r.byte_offset >= byte + size) {
         return FSN_TOUCH_NONE;
     }
-    return fsn_get32(r + 4) == byte && fsn_get16(r + 8) == size ? FSN_TOUCH_EXACT : FSN_TOUCH_PART;
+    return r.byte_offset == byte && r.frame_bytes == size ? FSN_TOUCH_EXACT : FSN_TOUCH_PART;
 }
 
 /** What a symbol says about the stop: an output's own bits, and none that could start a machine. */
-static bool is_stop_value_ok(const uint8_t *symbol, uint32_t bits) {
-    const uint64_t value = fsn_get64(symbol + 20);
-    const bool closed = (symbol[15] & 1u) == 0 || (symbol[15] & 2u) != 0;
-    return value == 0 || (!closed && (bits == 64 || value >> bits == 0));
+static bool is_stop_value_ok(const struct fsn_symbol_record *symbol) {
+    const uint64_t value = symbol->stop_value;
+    const bool closed = (symbol->flags & 1u) == 0 || (symbol->flags & 2u) != 0;
+    return value == 0 || (!closed && (symbol->bits == 64 || value >> symbol->bits == 0));
 }
 
 /** Finite, by its bits: what is read here is not believed to be a number. */
-static bool is_scale_ok(const uint8_t *symbol) {
-    const uint64_t factor = fsn_get64(symbol + 28);
-    const uint64_t offset = fsn_get64(symbol + 36);
-    return (factor << 1) != 0 && ((factor >> 52) & 0x7FFu) != 0x7FFu &&
-           ((offset >> 52) & 0x7FFu) != 0x7FFu;
+static bool is_scale_ok(const struct fsn_symbol_record *symbol) {
+    return (symbol->factor << 1) != 0 && ((symbol->factor >> 52) & 0x7FFu) != 0x7FFu &&
+           ((symbol->offset >> 52) & 0x7FFu) != 0x7FFu;
 }
 
 static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *fault) {
     struct fsn_at at = {plan, fault, FSN_SEC_SYMBOL, 0};
     for (; at.number < plan->count[FSN_SEC_SYMBOL]; at.number++) {
-        const uint8_t *r = fsn_record(plan, at.section, at.number);
-        const uint32_t sm = fsn_get32(r + 4);
-        const uint32_t bit = fsn_get32(r + 8);
-        const uint32_t bits = fsn_get16(r + 12);
-        if (!fsn_string_ok(plan, r)) {
-            return fsn_no(&at, FSN_E_PLAN_STRING, 0, "the name lies outside the strings");
+        const struct fsn_symbol_record r = fsn_read_symbol(plan, at.number);
+        if (!fsn_string_ok(plan, r.name)) {
+            return fsn_no(&at, FSN_E_PLAN_STRING, FSN_AT(symbol, name),
+                          "the name lies outside the strings");
         }
-        if (sm >= plan->count[FSN_SEC_SM]) {
-            return fsn_no(&at, FSN_E_PLAN_REFERENCE, 4, "the symbol's sync manager does not exist");
+        if (r.sm >= plan->count[FSN_SEC_SM]) {
+            return fsn_no(&at, FSN_E_PLAN_REFERENCE, FSN_AT(symbol, sm),
+                          "the symbol's sync manager does not exist");
         }
-        if (r[15] > 3 || fsn_get32(r + 16) != 0) {
-            return fsn_no(&at, FSN_E_PLAN_RESERVED, 15,
+        if (r.flags > 3 || r.reserved != 0) {
+            return fsn_no(&at, FSN_E_PLAN_RESERVED, FSN_AT(symbol, flags),
                           "a flag of the symbol is unknown or its reserved field is not zero");
         }
-        const uint8_t direction = fsn_record(plan, FSN_SEC_SM, sm)[5];
-        if (bits == 0 || bits > 64 || r[14] > 4 || (r[15] & 1u) != (direction == FSN_OUTPUT)) {
+        const struct fsn_sm_record sm = fsn_read_sm(plan, r.sm);
+        if (r.bits == 0 || r.bits > 64 || r.kind > 4 ||
+            (r.flags & 1u) != (sm.direction == FSN_OUTPUT)) {
             return fsn_no(
-                &at, FSN_E_PLAN_VALUE, 12,
+                &at, FSN_E_PLAN_VALUE, FSN_AT(symbol, bits),
                 "a symbol has 1 to 64 bits, a known type and the direction of its sync manager");
         }
-        if (bit > fsn_sm_bits(plan, sm) || bits > fsn_sm_bits(plan, sm) - bit) {
-            return fsn_no(&at, FSN_E_COPY_RANGE, 8, "the symbol ends behind its sync manager");
+        if (r.bit_offset > sm.bits || r.bits > sm.bits - r.bit_offset) {
+            return fsn_no(&at, FSN_E_COPY_RANGE, FSN_AT(symbol, bit_offset),
+                          "the symbol ends behind its sync manager");
         }
-        if (!is_stop_value_ok(r, bits)) {
-            return fsn_no(&at, FSN_E_PLAN_VALUE, 20,
+        if (!is_stop_value_ok(&r)) {
+            return fsn_no(&at, FSN_E_PLAN_VALUE, FSN_AT(symbol, stop_value),
                           "a stop value has the bits of its output, and is 0 for an input and for "
                           "what is restart relevant");
         }
-        if (!is_scale_ok(r)) {
-            return fsn_no(&at, FSN_E_PLAN_VALUE, 28,
+        if (!is_scale_ok(&r)) {
+            return fsn_no(&at, FSN_E_PLAN_VALUE, FSN_AT(symbol, factor),
                           "factor and offset are finite numbers, and the factor is not 0");
         }
-        const uint32_t first = bit / 8;
-        const uint32_t last = (bit + bits - 1) / 8;
-        if (fsn_touch_of(plan, sm, first, last - first + 1) != FSN_TOUCH_NONE) {
-            return fsn_no(&at, FSN_E_COPY_FRAME, 8, "a symbol must not touch an FSoE block");
+        const uint32_t first = r.bit_offset / 8;
+        const uint32_t last = (r.bit_offset + r.bits - 1) / 8;
+        if (fsn_touch_of(plan, r.sm, first, last - first + 1) != FSN_TOUCH_NONE) {
+            return fsn_no(&at, FSN_E_COPY_FRAME, FSN_AT(symbol, bit_offset),
+                          "a symbol must not touch an FSoE block");
         }
     }
     return FSN_OK;
 }
 
-/** One end of a copy: registered SM of the right direction, whole bytes inside it. */
-static fsn_status prove_end(const struct fsn_at *at, uint32_t field, uint8_t direction,
+/** One end of a copy, with the first bytes of its fields. */
+struct end {
+    uint32_t sm, bit, at_sm, at_bit;
+};
+
+static struct end source_of(const struct fsn_copy_record *copy) {
+    return (struct end){copy->source_sm, copy->source_bit, FSN_AT(copy, source_sm),
+                        FSN_AT(copy, source_bit)};
+}
+
+static struct end destination_of(const struct fsn_copy_record *copy) {
+    return (struct end){copy->destination_sm, copy->destination_bit, FSN_AT(copy, destination_sm),
+                        FSN_AT(copy, destination_bit)};
+}
+
+/** A registered SM of the right direction, whole bytes inside it. */
+static fsn_status prove_end(const struct fsn_at *at, const struct end end, uint8_t direction,
                             uint32_t bits) {
-    const struct fsn_plan *plan = at->plan;
-    const uint8_t *r = fsn_record(plan, at->section, at->number) + field;
-    const uint32_t sm = fsn_get32(r);
-    const uint32_t bit = fsn_get32(r + 4);
-    if (sm >= plan->count[FSN_SEC_SM]) {
-        return fsn_no(at, FSN_E_PLAN_REFERENCE, field, "the copy's sync manager does not exist");
+    if (end.sm >= at->plan->count[FSN_SEC_SM]) {
+        return fsn_no(at, FSN_E_PLAN_REFERENCE, end.at_sm,
+                      "the copy's sync manager does not exist");
     }
-    const uint8_t *manager = fsn_record(plan, FSN_SEC_SM, sm);
-    if (manager[5] != direction || manager[7] != 1) {
-        return fsn_no(at, FSN_E_COPY_DIRECTION, field,
+    const struct fsn_sm_record sm = fsn_read_sm(at->plan, end.sm);
+    if (sm.direction != direction || sm.registered != 1) {
+        return fsn_no(at, FSN_E_COPY_DIRECTION, end.at_sm,
                       "a copy reads a registered input and writes a registered output");
     }
-    if (bit % 8 != 0) {
-        return fsn_no(at, FSN_E_COPY_ALIGN, field + 4, "a copy starts on a byte");
+    if (end.bit % 8 != 0) {
+        return fsn_no(at, FSN_E_COPY_ALIGN, end.at_bit, "a copy starts on a byte");
     }
-    const uint32_t room = fsn_sm_bits(plan, sm);
-    if (bit > room || bits > room - bit) {
-        return fsn_no(at, FSN_E_COPY_RANGE, field + 4, "the copy ends behind its sync manager");
+    if (end.bit > sm.bits || bits > sm.bits - end.bit) {
+        return fsn_no(at, FSN_E_COPY_RANGE, end.at_bit, "the copy ends behind its sync manager");
     }
     return FSN_OK;
 }
 
-static fsn_status prove_copy_frame(const struct fsn_at *at) {
-    const uint8_t *r = fsn_record(at->plan, at->section, at->number);
-    const uint32_t size = fsn_get32(r + 16) / 8;
-    const bool fsoe = fsn_get16(r + 24) == FSN_COPY_FSOE;
+static fsn_status prove_copy_frame(const struct fsn_at *at, const struct fsn_copy_record *copy) {
+    const uint32_t size = copy->bits / 8;
+    const bool fsoe = copy->kind == FSN_COPY_FSOE;
     if (fsoe && !fsn_fsoe_is_frame_length(size)) {
-        return fsn_no(at, FSN_E_COPY_FRAME, 16, "no FSoE frame has this length");
+        return fsn_no(at, FSN_E_COPY_FRAME, FSN_AT(copy, bits), "no FSoE frame has this length");
     }
-    for (uint32_t field = 0; field <= 8; field += 8) {
-        const enum fsn_touch touch =
-            fsn_touch_of(at->plan, fsn_get32(r + field), fsn_get32(r + field + 4) / 8, size);
+    const struct end ends[] = {source_of(copy), destination_of(copy)};
+    for (size_t i = 0; i < 2; i++) {
+        const enum fsn_touch touch = fsn_touch_of(at->plan, ends[i].sm, ends[i].bit / 8, size);
         if (touch == FSN_TOUCH_PART || (touch == FSN_TOUCH_EXACT && !fsoe)) {
-            return fsn_no(at, FSN_E_COPY_FRAME, field,
+            return fsn_no(at, FSN_E_COPY_FRAME, ends[i].at_sm,
                           "a copy must cover a whole FSoE block as an FSoE copy, or none");
         }
     }
@@ -175,35 +186,35 @@ static fsn_status prove_copy_frame(const struct fsn_at *at) {
 
 static fsn_status prove_one_copy(const struct fsn_at *at) {
     const struct fsn_plan *plan = at->plan;
-    const uint8_t *r = fsn_record(plan, at->section, at->number);
-    const uint32_t bits = fsn_get32(r + 16);
-    const uint16_t kind = fsn_get16(r + 24);
-    if (bits == 0 || bits % 8 != 0) {
-        return fsn_no(at, FSN_E_COPY_ALIGN, 16, "a copy has at least one whole byte");
+    const struct fsn_copy_record r = fsn_read_copy(plan, at->number);
+    if (r.bits == 0 || r.bits % 8 != 0) {
+        return fsn_no(at, FSN_E_COPY_ALIGN, FSN_AT(copy, bits),
+                      "a copy has at least one whole byte");
     }
-    fsn_status status = prove_end(at, 0, FSN_INPUT, bits);
+    fsn_status status = prove_end(at, source_of(&r), FSN_INPUT, r.bits);
     if (status == FSN_OK) {
-        status = prove_end(at, 8, FSN_OUTPUT, bits);
+        status = prove_end(at, destination_of(&r), FSN_OUTPUT, r.bits);
     }
     if (status != FSN_OK) {
         return status;
     }
-    if (!fsn_string_ok(plan, r + 20)) {
-        return fsn_no(at, FSN_E_PLAN_STRING, 20, "the net's name lies outside the strings");
+    if (!fsn_string_ok(plan, r.net)) {
+        return fsn_no(at, FSN_E_PLAN_STRING, FSN_AT(copy, net),
+                      "the net's name lies outside the strings");
     }
-    if (kind != FSN_COPY_FSOE && kind != FSN_COPY_STANDARD) {
-        return fsn_no(at, FSN_E_PLAN_VALUE, 24, "the kind of the copy is unknown");
+    if (r.kind != FSN_COPY_FSOE && r.kind != FSN_COPY_STANDARD) {
+        return fsn_no(at, FSN_E_PLAN_VALUE, FSN_AT(copy, kind), "the kind of the copy is unknown");
     }
-    if (fsn_get16(r + 26) != 0) {
-        return fsn_no(at, FSN_E_PLAN_RESERVED, 26, "a reserved field of the copy is not zero");
+    if (r.reserved != 0) {
+        return fsn_no(at, FSN_E_PLAN_RESERVED, FSN_AT(copy, reserved),
+                      "a reserved field of the copy is not zero");
     }
-    const uint32_t connection = fsn_get32(r + 28);
-    const bool known = connection < plan->count[FSN_SEC_CONNECTION];
-    if (kind == FSN_COPY_FSOE ? !known : connection != FSN_NONE) {
-        return fsn_no(at, FSN_E_COPY_PAIR, 28,
+    const bool known = r.connection < plan->count[FSN_SEC_CONNECTION];
+    if (r.kind == FSN_COPY_FSOE ? !known : r.connection != FSN_NONE) {
+        return fsn_no(at, FSN_E_COPY_PAIR, FSN_AT(copy, connection),
                       "an FSoE copy names its connection, a standard copy none");
     }
-    return prove_copy_frame(at);
+    return prove_copy_frame(at, &r);
 }
 
 static fsn_status prove_copies(const struct fsn_plan *plan, struct fsn_fault *fault) {
@@ -215,38 +226,36 @@ static fsn_status prove_copies(const struct fsn_plan *plan, struct fsn_fault *fa
         if (status != FSN_OK) {
             return status;
         }
-        const uint8_t *r = fsn_record(plan, at.section, at.number);
-        const uint32_t sm = fsn_get32(r + 8);
-        const uint32_t bit = fsn_get32(r + 12);
+        const struct fsn_copy_record r = fsn_read_copy(plan, at.number);
+        const uint32_t sm = r.destination_sm;
+        const uint32_t bit = r.destination_bit;
         if (at.number > 0 && (sm < last_sm || (sm == last_sm && bit < last_end))) {
             return fsn_no(
-                &at, FSN_E_COPY_OVERLAP, 8,
+                &at, FSN_E_COPY_OVERLAP, FSN_AT(copy, destination_sm),
                 "two copies write the same byte, or copies are not sorted by destination");
         }
         last_sm = sm;
-        last_end = bit + fsn_get32(r + 16);
+        last_end = bit + r.bits;
     }
     return FSN_OK;
 }
 
-/** One direction of a connection: an FSoE copy of its own, between the right SubDevices. */
-static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint32_t from,
-                                  uint32_t to, uint32_t safe_bytes) {
+/** One direction of a connection: an FSoE copy of its own, between the right SubDevices.
+ *  @param[in] field  first byte of the field with the number of the copy. */
+static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint32_t number,
+                                  uint32_t from, uint32_t to, uint32_t safe_bytes) {
     const struct fsn_plan *plan = at->plan;
-    const uint8_t *r = fsn_record(plan, at->section, at->number);
-    const uint32_t copy = fsn_get32(r + field);
-    if (copy >= plan->count[FSN_SEC_COPY]) {
+    if (number >= plan->count[FSN_SEC_COPY]) {
         return fsn_no(at, FSN_E_PLAN_REFERENCE, field, "the connection's copy does not exist");
     }
-    const uint8_t *c = fsn_record(plan, FSN_SEC_COPY, copy);
-    const uint32_t source = fsn_get32(fsn_record(plan, FSN_SEC_SM, fsn_get32(c)));
-    const uint32_t target = fsn_get32(fsn_record(plan, FSN_SEC_SM, fsn_get32(c + 8)));
-    if (fsn_get16(c + 24) != FSN_COPY_FSOE || fsn_get32(c + 28) != at->number || source != from ||
-        target != to) {
+    const struct fsn_copy_record copy = fsn_read_copy(plan, number);
+    if (copy.kind != FSN_COPY_FSOE || copy.connection != at->number ||
+        fsn_read_sm(plan, copy.source_sm).subdevice != from ||
+        fsn_read_sm(plan, copy.destination_sm).subdevice != to) {
         return fsn_no(at, FSN_E_COPY_PAIR, field,
                       "the copy is not this connection's FSoE copy between its two SubDevices");
     }
-    if (safe_bytes_of(fsn_get32(c + 16) / 8) != safe_bytes) {
+    if (safe_bytes_of(copy.bits / 8) != safe_bytes) {
         return fsn_no(at, FSN_E_PLAN_VALUE, field,
                       "the safe data do not match the length of the copy");
     }
@@ -256,22 +265,24 @@ static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint3
 static fsn_status prove_connections(const struct fsn_plan *plan, struct fsn_fault *fault) {
     struct fsn_at at = {plan, fault, FSN_SEC_CONNECTION, 0};
     for (; at.number < plan->count[FSN_SEC_CONNECTION]; at.number++) {
-        const uint8_t *r = fsn_record(plan, at.section, at.number);
-        const uint32_t main_sub = fsn_get32(r + 8);
-        const uint32_t sub = fsn_get32(r + 12);
-        if (!fsn_string_ok(plan, r) || !fsn_string_ok(plan, r + 4)) {
-            return fsn_no(&at, FSN_E_PLAN_STRING, 0, "a name lies outside the strings");
+        const struct fsn_connection_record r = fsn_read_connection(plan, at.number);
+        if (!fsn_string_ok(plan, r.name) || !fsn_string_ok(plan, r.net)) {
+            return fsn_no(&at, FSN_E_PLAN_STRING, FSN_AT(connection, name),
+                          "a name lies outside the strings");
         }
-        if (main_sub == sub) {
-            return fsn_no(&at, FSN_E_COPY_PAIR, 8, "main and sub are the same SubDevice");
+        if (r.main == r.sub) {
+            return fsn_no(&at, FSN_E_COPY_PAIR, FSN_AT(connection, main),
+                          "main and sub are the same SubDevice");
         }
-        if (fsn_get16(r + 30) > 7 || fsn_get32(r + 36) != 0) {
-            return fsn_no(&at, FSN_E_PLAN_RESERVED, 30,
+        if (r.known > 7 || r.reserved != 0) {
+            return fsn_no(&at, FSN_E_PLAN_RESERVED, FSN_AT(connection, known),
                           "a flag of the connection is unknown or its reserved field is not zero");
         }
-        fsn_status status = prove_direction(&at, 16, main_sub, sub, fsn_get16(r + 32));
+        fsn_status status = prove_direction(&at, FSN_AT(connection, copy_to_sub), r.copy_to_sub,
+                                            r.main, r.sub, r.safe_to_sub);
         if (status == FSN_OK) {
-            status = prove_direction(&at, 20, sub, main_sub, fsn_get16(r + 34));
+            status = prove_direction(&at, FSN_AT(connection, copy_to_main), r.copy_to_main, r.sub,
+                                     r.main, r.safe_to_main);
         }
         if (status != FSN_OK) {
             return status;
@@ -284,13 +295,13 @@ static fsn_status prove_connections(const struct fsn_plan *plan, struct fsn_faul
 static fsn_status prove_owners(const struct fsn_plan *plan, struct fsn_fault *fault) {
     struct fsn_at at = {plan, fault, FSN_SEC_COPY, 0};
     for (; at.number < plan->count[FSN_SEC_COPY]; at.number++) {
-        const uint8_t *r = fsn_record(plan, at.section, at.number);
-        if (fsn_get16(r + 24) != FSN_COPY_FSOE) {
+        const struct fsn_copy_record copy = fsn_read_copy(plan, at.number);
+        if (copy.kind != FSN_COPY_FSOE) {
             continue;
         }
-        const uint8_t *c = fsn_record(plan, FSN_SEC_CONNECTION, fsn_get32(r + 28));
-        if (fsn_get32(c + 16) != at.number && fsn_get32(c + 20) != at.number) {
-            return fsn_no(&at, FSN_E_COPY_PAIR, 28,
+        const struct fsn_connection_record c = fsn_read_connection(plan, copy.connection);
+        if (c.copy_to_sub != at.number && c.copy_to_main != at.number) {
+            return fsn_no(&at, FSN_E_COPY_PAIR, FSN_AT(copy, connection),
                           "the connection does not name this copy as one of its two");
         }
     }

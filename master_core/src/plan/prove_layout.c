@@ -8,8 +8,8 @@ fsn_status fsn_no(const struct fsn_at *at, fsn_status status, uint32_t field, co
                       (uint32_t)(r - at->plan->bytes) + field, rule);
 }
 
-bool fsn_string_ok(const struct fsn_plan *plan, const uint8_t *field) {
-    return fsn_get32(field) < plan->count[FSN_SEC_STRINGS];
+bool fsn_string_ok(const struct fsn_plan *plan, uint32_t offset) {
+    return offset < plan->count[FSN_SEC_STRINGS];
 }
 
 static fsn_status prove_strings(const struct fsn_plan *plan, struct fsn_fault *fault) {
@@ -42,23 +42,25 @@ static fsn_status prove_subdevices(const struct fsn_plan *plan, struct fsn_fault
     uint32_t sdos = 0;
     struct fsn_at at = {plan, fault, FSN_SEC_SUBDEVICE, 0};
     for (; at.number < plan->count[FSN_SEC_SUBDEVICE]; at.number++) {
-        const uint8_t *r = fsn_record(plan, at.section, at.number);
-        if (!fsn_string_ok(plan, r)) {
-            return fsn_no(&at, FSN_E_PLAN_STRING, 0, "the name lies outside the strings");
+        const struct fsn_subdevice_record r = fsn_read_subdevice(plan, at.number);
+        if (!fsn_string_ok(plan, r.name)) {
+            return fsn_no(&at, FSN_E_PLAN_STRING, FSN_AT(subdevice, name),
+                          "the name lies outside the strings");
         }
-        if (fsn_get32(r + 16) > fsn_get32(r + 20)) {
-            return fsn_no(&at, FSN_E_PLAN_VALUE, 16, "the lowest revision is above the highest");
+        if (r.revision_low > r.revision_high) {
+            return fsn_no(&at, FSN_E_PLAN_VALUE, FSN_AT(subdevice, revision_low),
+                          "the lowest revision is above the highest");
         }
-        if (!tiles(fsn_get32(r + 24), fsn_get32(r + 28), &sms, plan->count[FSN_SEC_SM])) {
-            return fsn_no(&at, FSN_E_PLAN_REFERENCE, 24,
+        if (!tiles(r.first_sm, r.sm_count, &sms, plan->count[FSN_SEC_SM])) {
+            return fsn_no(&at, FSN_E_PLAN_REFERENCE, FSN_AT(subdevice, first_sm),
                           "sync managers do not follow those of the SubDevice before");
         }
-        if (!tiles(fsn_get32(r + 32), fsn_get32(r + 36), &sdos, plan->count[FSN_SEC_SDO])) {
-            return fsn_no(&at, FSN_E_PLAN_REFERENCE, 32,
+        if (!tiles(r.first_sdo, r.sdo_count, &sdos, plan->count[FSN_SEC_SDO])) {
+            return fsn_no(&at, FSN_E_PLAN_REFERENCE, FSN_AT(subdevice, first_sdo),
                           "start-up SDOs do not follow those of the SubDevice before");
         }
-        if (fsn_get16(r + 42) > 1 || fsn_get32(r + 44) != 0) {
-            return fsn_no(&at, FSN_E_PLAN_RESERVED, 42,
+        if (r.in_copy > 1 || r.reserved != 0) {
+            return fsn_no(&at, FSN_E_PLAN_RESERVED, FSN_AT(subdevice, in_copy),
                           "a flag of the SubDevice is unknown or its reserved field is not zero");
         }
     }
@@ -73,13 +75,15 @@ static fsn_status prove_subdevices(const struct fsn_plan *plan, struct fsn_fault
 static fsn_status prove_sdos(const struct fsn_plan *plan, struct fsn_fault *fault) {
     struct fsn_at at = {plan, fault, FSN_SEC_SDO, 0};
     for (; at.number < plan->count[FSN_SEC_SDO]; at.number++) {
-        const uint8_t *r = fsn_record(plan, at.section, at.number);
-        const uint8_t size = r[3];
+        const struct fsn_sdo_record r = fsn_read_sdo(plan, at.number);
+        const uint8_t size = r.size_bytes;
         if (size != 1 && size != 2 && size != 4 && size != 8) {
-            return fsn_no(&at, FSN_E_PLAN_VALUE, 3, "an SDO has 1, 2, 4 or 8 bytes");
+            return fsn_no(&at, FSN_E_PLAN_VALUE, FSN_AT(sdo, size_bytes),
+                          "an SDO has 1, 2, 4 or 8 bytes");
         }
-        if (fsn_get32(r + 4) != 0) {
-            return fsn_no(&at, FSN_E_PLAN_RESERVED, 4, "a reserved field of the SDO is not zero");
+        if (r.reserved != 0) {
+            return fsn_no(&at, FSN_E_PLAN_RESERVED, FSN_AT(sdo, reserved),
+                          "a reserved field of the SDO is not zero");
         }
     }
     return FSN_OK;
@@ -90,22 +94,24 @@ static fsn_status prove_entries(struct fsn_at *at, uint32_t first, uint32_t coun
                                 bool *registered) {
     at->section = FSN_SEC_ENTRY;
     for (at->number = first; at->number < first + count; at->number++) {
-        const uint8_t *r = fsn_record(at->plan, at->section, at->number);
-        if (fsn_get32(r + 8) != *bit) {
-            return fsn_no(at, FSN_E_PLAN_LAYOUT, 8,
+        const struct fsn_entry_record r = fsn_read_entry(at->plan, at->number);
+        if (r.bit_offset != *bit) {
+            return fsn_no(at, FSN_E_PLAN_LAYOUT, FSN_AT(entry, bit_offset),
                           "the entry does not start where the one before ends");
         }
-        if (r[3] > 1 || r[7] != 0) {
-            return fsn_no(at, FSN_E_PLAN_RESERVED, 3,
+        if (r.registered > 1 || r.reserved != 0) {
+            return fsn_no(at, FSN_E_PLAN_RESERVED, FSN_AT(entry, registered),
                           "a flag of the entry is unknown or its reserved field is not zero");
         }
-        if (r[6] > 4 || (r[3] == 1 && fsn_get16(r) == 0)) {
-            return fsn_no(at, FSN_E_PLAN_VALUE, 6, "the type is unknown, or padding is registered");
+        if (r.kind > 4 || (r.registered == 1 && r.index == 0)) {
+            return fsn_no(at, FSN_E_PLAN_VALUE, FSN_AT(entry, kind),
+                          "the type is unknown, or padding is registered");
         }
-        *bit += fsn_get16(r + 4);
-        *registered = *registered || r[3] == 1;
+        *bit += r.bits;
+        *registered = *registered || r.registered == 1;
         if (*bit > FSN_MAX_SM_BITS) {
-            return fsn_no(at, FSN_E_PLAN_LAYOUT, 4, "the sync manager has more than 1486 bytes");
+            return fsn_no(at, FSN_E_PLAN_LAYOUT, FSN_AT(entry, bits),
+                          "the sync manager has more than 1486 bytes");
         }
     }
     return FSN_OK;
@@ -117,21 +123,20 @@ static fsn_status prove_pdos(const struct fsn_at *sm, uint32_t first, uint32_t c
     for (uint32_t n = first; n < first + count; n++) {
         at.section = FSN_SEC_PDO;
         at.number = n;
-        const uint8_t *r = fsn_record(at.plan, at.section, n);
-        if (fsn_get16(r + 2) != 0) {
-            return fsn_no(&at, FSN_E_PLAN_RESERVED, 2, "a reserved field of the PDO is not zero");
+        const struct fsn_pdo_record r = fsn_read_pdo(at.plan, n);
+        if (r.reserved != 0) {
+            return fsn_no(&at, FSN_E_PLAN_RESERVED, FSN_AT(pdo, reserved),
+                          "a reserved field of the PDO is not zero");
         }
-        if (fsn_get32(r + 12) != *bit) {
-            return fsn_no(&at, FSN_E_PLAN_LAYOUT, 12,
+        if (r.bit_offset != *bit) {
+            return fsn_no(&at, FSN_E_PLAN_LAYOUT, FSN_AT(pdo, bit_offset),
                           "the PDO does not start where the one before ends");
         }
-        const uint32_t first_entry = fsn_get32(r + 4);
-        const uint32_t entry_count = fsn_get32(r + 8);
-        if (!tiles(first_entry, entry_count, entries, at.plan->count[FSN_SEC_ENTRY])) {
-            return fsn_no(&at, FSN_E_PLAN_REFERENCE, 4,
+        if (!tiles(r.first_entry, r.entry_count, entries, at.plan->count[FSN_SEC_ENTRY])) {
+            return fsn_no(&at, FSN_E_PLAN_REFERENCE, FSN_AT(pdo, first_entry),
                           "entries do not follow those of the PDO before");
         }
-        const fsn_status status = prove_entries(&at, first_entry, entry_count, bit, registered);
+        const fsn_status status = prove_entries(&at, r.first_entry, r.entry_count, bit, registered);
         if (status != FSN_OK) {
             return status;
         }
@@ -141,33 +146,32 @@ static fsn_status prove_pdos(const struct fsn_at *sm, uint32_t first, uint32_t c
 
 static fsn_status prove_one_sm(const struct fsn_at *at, uint32_t owner, int previous_index,
                                uint32_t *pdos, uint32_t *entries) {
-    const uint8_t *r = fsn_record(at->plan, at->section, at->number);
-    if (fsn_get32(r) != owner) {
-        return fsn_no(at, FSN_E_PLAN_REFERENCE, 0, "the sync manager belongs to another SubDevice");
+    const struct fsn_sm_record r = fsn_read_sm(at->plan, at->number);
+    if (r.subdevice != owner) {
+        return fsn_no(at, FSN_E_PLAN_REFERENCE, FSN_AT(sm, subdevice),
+                      "the sync manager belongs to another SubDevice");
     }
-    if (r[4] > 15 || (int)r[4] <= previous_index || r[5] < FSN_OUTPUT || r[5] > FSN_INPUT ||
-        r[6] > 2) {
-        return fsn_no(at, FSN_E_PLAN_VALUE, 4,
+    if (r.index > 15 || (int)r.index <= previous_index || r.direction < FSN_OUTPUT ||
+        r.direction > FSN_INPUT || r.watchdog > 2) {
+        return fsn_no(at, FSN_E_PLAN_VALUE, FSN_AT(sm, index),
                       "SM number, direction or watchdog is not allowed, or SM numbers do not rise");
     }
-    if (r[7] > 1 || fsn_get32(r + 20) != 0) {
-        return fsn_no(at, FSN_E_PLAN_RESERVED, 7,
+    if (r.registered > 1 || r.reserved != 0) {
+        return fsn_no(at, FSN_E_PLAN_RESERVED, FSN_AT(sm, registered),
                       "a flag of the sync manager is unknown or its reserved field is not zero");
     }
-    const uint32_t first = fsn_get32(r + 12);
-    const uint32_t count = fsn_get32(r + 16);
-    if (!tiles(first, count, pdos, at->plan->count[FSN_SEC_PDO])) {
-        return fsn_no(at, FSN_E_PLAN_REFERENCE, 12,
+    if (!tiles(r.first_pdo, r.pdo_count, pdos, at->plan->count[FSN_SEC_PDO])) {
+        return fsn_no(at, FSN_E_PLAN_REFERENCE, FSN_AT(sm, first_pdo),
                       "PDOs do not follow those of the sync manager before");
     }
     uint32_t bits = 0;
     bool registered = false;
-    const fsn_status status = prove_pdos(at, first, count, entries, &bits, &registered);
+    const fsn_status status = prove_pdos(at, r.first_pdo, r.pdo_count, entries, &bits, &registered);
     if (status != FSN_OK) {
         return status;
     }
-    if (bits != fsn_get32(r + 8) || registered != (r[7] == 1)) {
-        return fsn_no(at, FSN_E_PLAN_LAYOUT, 8,
+    if (bits != r.bits || registered != (r.registered == 1)) {
+        return fsn_no(at, FSN_E_PLAN_LAYOUT, FSN_AT(sm, bits),
                       "the entries do not add up to length and flags of the sync manager");
     }
     return FSN_OK;
@@ -178,15 +182,15 @@ static fsn_status prove_sms(const struct fsn_plan *plan, struct fsn_fault *fault
     uint32_t entries = 0;
     struct fsn_at at = {plan, fault, FSN_SEC_SM, 0};
     for (uint32_t sub = 0; sub < plan->count[FSN_SEC_SUBDEVICE]; sub++) {
-        const uint8_t *owner = fsn_record(plan, FSN_SEC_SUBDEVICE, sub);
-        const uint32_t end = fsn_get32(owner + 24) + fsn_get32(owner + 28);
+        const struct fsn_subdevice_record owner = fsn_read_subdevice(plan, sub);
+        const uint32_t end = owner.first_sm + owner.sm_count;
         int previous = -1;
-        for (at.number = fsn_get32(owner + 24); at.number < end; at.number++) {
+        for (at.number = owner.first_sm; at.number < end; at.number++) {
             const fsn_status status = prove_one_sm(&at, sub, previous, &pdos, &entries);
             if (status != FSN_OK) {
                 return status;
             }
-            previous = fsn_record(plan, FSN_SEC_SM, at.number)[4];
+            previous = fsn_read_sm(plan, at.number).index;
         }
     }
     if (pdos != plan->count[FSN_SEC_PDO] || entries != plan->count[FSN_SEC_ENTRY]) {

@@ -88,28 +88,27 @@ static void put_sms(struct writer *w, const struct sii_sm *sms, uint32_t count) 
 }
 
 static void put_pdos(struct writer *w, const struct fsn_plan *plan, uint32_t sm) {
-    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
-    const bool output = fsn_sm_direction(plan, sm) == FSN_OUTPUT;
-    if (fsn_get32(r + 16) == 0) {
+    const struct fsn_sm_record r = fsn_read_sm(plan, sm);
+    const bool output = r.direction == FSN_OUTPUT;
+    if (r.pdo_count == 0) {
         return;
     }
     const size_t start = begin_category(w, output ? 51 : 50);
-    for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
-        const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
-        const uint32_t entries = fsn_get32(pdo + 8);
-        put16(w, fsn_get16(pdo));
-        put8(w, entries);
-        put8(w, r[4]);
+    for (uint32_t p = 0; p < r.pdo_count; p++) {
+        const struct fsn_pdo_record pdo = fsn_read_pdo(plan, r.first_pdo + p);
+        put16(w, pdo.index);
+        put8(w, pdo.entry_count);
+        put8(w, r.index);
         put8(w, 0);
         put8(w, 0);
         put16(w, 0);
-        for (uint32_t e = 0; e < entries; e++) {
-            const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
-            put16(w, fsn_get16(entry));
-            put8(w, entry[2]);
+        for (uint32_t e = 0; e < pdo.entry_count; e++) {
+            const struct fsn_entry_record entry = fsn_read_entry(plan, pdo.first_entry + e);
+            put16(w, entry.index);
+            put8(w, entry.subindex);
             put8(w, 0);
             put8(w, 0);
-            put8(w, fsn_get16(entry + 4));
+            put8(w, entry.bits);
             put16(w, 0);
         }
     }
@@ -146,42 +145,40 @@ static uint32_t lay_out(const struct fsn_plan *plan, const struct fsn_subdevice_
     }
     uint32_t start = PROCESS_DATA;
     for (uint32_t i = 0; i < info->sm_count; i++) {
-        const uint8_t *r = fsn_record(plan, FSN_SEC_SM, info->first_sm + i);
+        const struct fsn_sm_record r = fsn_read_sm(plan, info->first_sm + i);
         const uint32_t length = fsn_sm_bytes(plan, info->first_sm + i);
-        if (r[4] >= ESC_SMS || (has_mailbox && r[4] < 2)) {
+        if (r.index >= ESC_SMS || (has_mailbox && r.index < 2)) {
             continue;
         }
-        const bool output = r[5] == FSN_OUTPUT;
-        const uint8_t watchdog = output && r[6] != 2 ? 0x40 : 0;
-        sms[r[4]] = (struct sii_sm){(uint16_t)start, (uint16_t)length,
-                                    (uint8_t)(output ? 0x24 | watchdog : 0x20), output ? 3 : 4};
-        count = r[4] + 1u > count ? r[4] + 1u : count;
+        const bool output = r.direction == FSN_OUTPUT;
+        const uint8_t watchdog = output && r.watchdog != 2 ? 0x40 : 0;
+        sms[r.index] = (struct sii_sm){(uint16_t)start, (uint16_t)length,
+                                       (uint8_t)(output ? 0x24 | watchdog : 0x20), output ? 3 : 4};
+        count = r.index + 1u > count ? r.index + 1u : count;
         start += (length + 15) / 16 * 16;
     }
     return count;
 }
 
 static void add_mapping(struct objects *o, const struct fsn_plan *plan, uint32_t pdo_number) {
-    const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, pdo_number);
-    const uint16_t index = fsn_get16(pdo);
-    const uint32_t entries = fsn_get32(pdo + 8);
-    objects_add_number(o, index, 0, true, entries > 254 ? 254 : entries, 1);
+    const struct fsn_pdo_record pdo = fsn_read_pdo(plan, pdo_number);
+    const uint32_t entries = pdo.entry_count;
+    objects_add_number(o, pdo.index, 0, true, entries > 254 ? 254 : entries, 1);
     for (uint32_t e = 0; e < entries && e < 254; e++) {
-        const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
-        const uint32_t value = ((uint32_t)fsn_get16(entry) << 16) | ((uint32_t)entry[2] << 8) |
-                               (fsn_get16(entry + 4) & 0xFFu);
-        objects_add_number(o, index, (uint8_t)(e + 1), true, value, 4);
+        const struct fsn_entry_record entry = fsn_read_entry(plan, pdo.first_entry + e);
+        const uint32_t value =
+            ((uint32_t)entry.index << 16) | ((uint32_t)entry.subindex << 8) | (entry.bits & 0xFFu);
+        objects_add_number(o, pdo.index, (uint8_t)(e + 1), true, value, 4);
     }
 }
 
 static void add_assignment(struct objects *o, const struct fsn_plan *plan, uint32_t sm) {
-    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
-    const uint16_t index = (uint16_t)(0x1C10 + r[4]);
-    const uint32_t pdos = fsn_get32(r + 16);
-    objects_add_number(o, index, 0, true, pdos, 1);
-    for (uint32_t p = 0; p < pdos && p < 254; p++) {
-        const uint32_t number = fsn_get32(r + 12) + p;
-        const uint16_t pdo = fsn_get16(fsn_record(plan, FSN_SEC_PDO, number));
+    const struct fsn_sm_record r = fsn_read_sm(plan, sm);
+    const uint16_t index = (uint16_t)(0x1C10 + r.index);
+    objects_add_number(o, index, 0, true, r.pdo_count, 1);
+    for (uint32_t p = 0; p < r.pdo_count && p < 254; p++) {
+        const uint32_t number = r.first_pdo + p;
+        const uint16_t pdo = fsn_read_pdo(plan, number).index;
         objects_add_number(o, index, (uint8_t)(p + 1), true, pdo, 2);
         add_mapping(o, plan, number);
     }
@@ -202,15 +199,15 @@ static void add_objects(struct objects *o, const struct fsn_plan *plan,
         objects_add_number(o, 0x1C00, (uint8_t)(i + 1), false, sms[i].type, 1);
     }
     for (uint32_t i = 0; i < info->sm_count; i++) {
-        const uint8_t number = fsn_record(plan, FSN_SEC_SM, info->first_sm + i)[4];
+        const uint8_t number = fsn_read_sm(plan, info->first_sm + i).index;
         if (number >= 2) {
             add_assignment(o, plan, info->first_sm + i);
         }
     }
     for (uint32_t i = 0; i < info->sdo_count; i++) {
-        const uint8_t *r = fsn_record(plan, FSN_SEC_SDO, info->first_sdo + i);
+        const struct fsn_sdo_record r = fsn_read_sdo(plan, info->first_sdo + i);
         const uint8_t zeros[8] = {0};
-        objects_add(o, fsn_get16(r), r[2], true, zeros, r[3]);
+        objects_add(o, r.index, r.subindex, true, zeros, r.size_bytes);
     }
 }
 
@@ -248,8 +245,8 @@ static void add_history(struct objects *o) {
 /** A device whose sync managers 0 and 1 carry process data has no mailbox. */
 static bool has_mailbox(const struct fsn_plan *plan, const struct fsn_subdevice_info *info) {
     for (uint32_t i = 0; i < info->sm_count; i++) {
-        const uint8_t number = fsn_record(plan, FSN_SEC_SM, info->first_sm + i)[4];
-        if (number < 2 && fsn_sm_bits(plan, info->first_sm + i) > 0) {
+        const struct fsn_sm_record sm = fsn_read_sm(plan, info->first_sm + i);
+        if (sm.index < 2 && sm.bits > 0) {
             return false;
         }
     }
@@ -269,10 +266,9 @@ bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t 
     const uint32_t count = lay_out(plan, &info, esc->has_mailbox, sms);
     struct writer w = {.room = SII_BYTES};
     for (uint32_t i = 0; i < info.sm_count; i++) {
-        const uint8_t *r = fsn_record(plan, FSN_SEC_SM, info.first_sm + i);
-        for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
-            const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
-            w.room += 8 + (size_t)ENTRY_BYTES * fsn_get32(pdo + 8);
+        const struct fsn_sm_record r = fsn_read_sm(plan, info.first_sm + i);
+        for (uint32_t p = 0; p < r.pdo_count; p++) {
+            w.room += 8 + (size_t)ENTRY_BYTES * fsn_read_pdo(plan, r.first_pdo + p).entry_count;
         }
     }
     w.room = (w.room + 127) / 128 * 128;

@@ -65,16 +65,16 @@ static bool allocate(struct fsn_segment *s) {
 static void give_buffers(struct fsn_segment *s) {
     uint8_t *next = s->storage;
     for (uint32_t sm = 0; sm < fsn_plan_sm_count(s->plan); sm++) {
-        const uint8_t *r = fsn_record(s->plan, FSN_SEC_SM, sm);
-        const uint32_t position = s->positions[fsn_get32(r)];
+        const struct fsn_sm_record r = fsn_read_sm(s->plan, sm);
+        const uint32_t position = s->positions[r.subdevice];
         const uint32_t size = fsn_sm_bytes(s->plan, sm);
         s->places[sm] = (struct place){.position = FSN_NONE};
-        if (position == FSN_NONE || r[4] >= ESC_SMS || size == 0) {
+        if (position == FSN_NONE || r.index >= ESC_SMS || size == 0) {
             continue;
         }
-        s->places[sm] = (struct place){.position = position, .sm = r[4]};
-        s->escs[position].buffers[r[4]].device = next;
-        s->escs[position].buffers[r[4]].size_bytes = size;
+        s->places[sm] = (struct place){.position = position, .sm = r.index};
+        s->escs[position].buffers[r.index].device = next;
+        s->escs[position].buffers[r.index].size_bytes = size;
         next += size;
     }
 }
@@ -166,7 +166,7 @@ uint32_t fsn_segment_position(const struct fsn_segment *s, uint32_t subdevice) {
 static struct esc_buffer *buffer_of(struct fsn_segment *s, uint32_t sm, uint8_t direction,
                                     size_t len_bytes) {
     if (sm >= fsn_plan_sm_count(s->plan) || s->places[sm].position == FSN_NONE ||
-        fsn_sm_direction(s->plan, sm) != direction) {
+        fsn_read_sm(s->plan, sm).direction != direction) {
         return NULL;
     }
     struct esc_buffer *b = &s->escs[s->places[sm].position].buffers[s->places[sm].sm];

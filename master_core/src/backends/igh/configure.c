@@ -55,10 +55,10 @@ static ec_watchdog_mode_t watchdog_of(uint8_t value) {
 }
 
 static bool configure_pdo(const struct fsn_plan *plan, ec_slave_config_t *config, uint8_t sm,
-                          const uint8_t *pdo) {
+                          uint32_t number) {
     uint32_t entries[FSN_PDO_ENTRIES];
-    const uint32_t count = fsn_pdo_entries(plan, pdo, entries);
-    const uint16_t index = fsn_get16(pdo);
+    const uint32_t count = fsn_pdo_entries(plan, number, entries);
+    const uint16_t index = fsn_read_pdo(plan, number).index;
     bool ok = ecrt_slave_config_pdo_assign_add(config, sm, index) == 0 &&
               ecrt_slave_config_pdo_mapping_clear(config, index) == 0;
     for (uint32_t i = 0; ok && i < count; i++) {
@@ -69,39 +69,39 @@ static bool configure_pdo(const struct fsn_plan *plan, ec_slave_config_t *config
     return ok;
 }
 
-static bool is_mailbox(const struct igh_node *node, const uint8_t *sm) {
-    return node->coe && sm[4] < 2;
+static bool is_mailbox(const struct igh_node *node, uint8_t sm_number) {
+    return node->coe && sm_number < 2;
 }
 
 static bool configure_sm(struct fsn_igh *bus, const struct igh_node *node, uint32_t sm) {
-    const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
-    const ec_direction_t direction = r[5] == FSN_OUTPUT ? EC_DIR_OUTPUT : EC_DIR_INPUT;
-    if (is_mailbox(node, r)) {
+    const struct fsn_sm_record r = fsn_read_sm(bus->plan, sm);
+    const ec_direction_t direction = r.direction == FSN_OUTPUT ? EC_DIR_OUTPUT : EC_DIR_INPUT;
+    if (is_mailbox(node, r.index)) {
         return true;
     }
-    bool ok =
-        ecrt_slave_config_sync_manager(node->config, r[4], direction, watchdog_of(r[6])) == 0 &&
-        ecrt_slave_config_pdo_assign_clear(node->config, r[4]) == 0;
-    for (uint32_t i = 0; ok && i < fsn_get32(r + 16); i++) {
-        ok = configure_pdo(bus->plan, node->config, r[4], fsn_pdo_record(bus->plan, sm, i));
+    bool ok = ecrt_slave_config_sync_manager(node->config, r.index, direction,
+                                             watchdog_of(r.watchdog)) == 0 &&
+              ecrt_slave_config_pdo_assign_clear(node->config, r.index) == 0;
+    for (uint32_t i = 0; ok && i < r.pdo_count; i++) {
+        ok = configure_pdo(bus->plan, node->config, r.index, r.first_pdo + i);
     }
     return ok;
 }
 
 /** Registering one entry brings the whole sync manager into the domain. */
 static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct igh_area *area) {
-    const uint8_t number = fsn_record(bus->plan, FSN_SEC_SM, area->sm)[4];
+    const struct fsn_sm_record sm = fsn_read_sm(bus->plan, area->sm);
     area->domain = ecrt_master_create_domain(bus->master);
     if (area->domain == NULL) {
         return false;
     }
     uint32_t pdo = 0; /* what has a place has bits, hence a PDO with entries */
-    while (fsn_get32(fsn_pdo_record(bus->plan, area->sm, pdo) + 8) == 0) {
+    while (fsn_read_pdo(bus->plan, sm.first_pdo + pdo).entry_count == 0) {
         pdo++;
     }
     unsigned bit = 0;
-    return ecrt_slave_config_reg_pdo_entry_pos(node->config, number, pdo, 0, area->domain, &bit) ==
-           0;
+    return ecrt_slave_config_reg_pdo_entry_pos(node->config, sm.index, pdo, 0, area->domain,
+                                               &bit) == 0;
 }
 
 fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node) {
@@ -110,8 +110,9 @@ fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node) {
                                             info->vendor_id, info->product_code);
     bool ok = node->config != NULL;
     for (uint32_t i = 0; ok && i < info->sdo_count; i++) {
-        const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SDO, info->first_sdo + i);
-        ok = ecrt_slave_config_sdo(node->config, fsn_get16(r), r[2], r + 8, r[3]) == 0;
+        const struct fsn_sdo_record r = fsn_read_sdo(bus->plan, info->first_sdo + i);
+        const uint8_t *value = fsn_sdo_value(bus->plan, info->first_sdo + i);
+        ok = ecrt_slave_config_sdo(node->config, r.index, r.subindex, value, r.size_bytes) == 0;
     }
     for (uint32_t sm = info->first_sm; ok && sm < info->first_sm + info->sm_count; sm++) {
         ok = configure_sm(bus, node, sm);

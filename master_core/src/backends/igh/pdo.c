@@ -34,7 +34,7 @@ static uint32_t sii_bits(struct fsn_igh *bus, const struct igh_node *node, uint8
 fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node) {
     const struct fsn_objects objects = igh_objects(bus, node);
     for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
-        const uint8_t number = fsn_record(bus->plan, FSN_SEC_SM, sm)[4];
+        const uint8_t number = fsn_read_sm(bus->plan, sm).index;
         char detail[FSN_DETAIL_BYTES];
         fsn_status status = FSN_OK;
         if (!node->coe) {

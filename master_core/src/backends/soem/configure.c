@@ -55,8 +55,8 @@ static bool write_register(struct fsn_soem *bus, const struct node *node, uint16
 /** Start address by the SII, length by the plan. */
 static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
                            uint16_t *physical) {
-    const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
-    const uint8_t number = r[4];
+    const struct fsn_sm_record r = fsn_read_sm(bus->plan, sm);
+    const uint8_t number = r.index;
     const ec_slavet *s = &bus->slaves[node->slave];
     *physical = soem_sii_start(bus, node->slave, number);
     if (*physical == 0) {
@@ -64,13 +64,13 @@ static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
                   "its SII has no address for SM%u, or could not be read", number);
         return FSN_E_BUS_MAPPING;
     }
-    const bool output = r[5] == FSN_OUTPUT;
+    const bool output = r.direction == FSN_OUTPUT;
     uint8_t control = (uint8_t)etohl(s->SM[number].SMflags);
     /* Buffered, in the right direction, whatever the SII says; the watchdog as the plan says. */
     control = (uint8_t)((control & ~0x0Fu) | ((output ? SM_OUTPUT : SM_INPUT) & 0x0Fu));
-    if (r[6] == 1) {
+    if (r.watchdog == 1) {
         control |= SM_WATCHDOG;
-    } else if (r[6] == 2) {
+    } else if (r.watchdog == 2) {
         control &= (uint8_t)(0xFF - SM_WATCHDOG);
     }
     uint8_t bytes[SM_BYTES] = {0};
@@ -103,7 +103,7 @@ static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
                    &available, EC_TIMEOUTRET3);
     available = available > MOST_FMMUS ? MOST_FMMUS : available;
     for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
-        const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
+        const struct fsn_sm_record r = fsn_read_sm(bus->plan, sm);
         const uint32_t base = bus->frames.image.sm_base[sm];
         uint16_t physical;
         if (fsn_sm_bytes(bus->plan, sm) == 0) {
@@ -122,7 +122,7 @@ static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
             return FSN_E_BUS_MAPPING;
         }
         fill_fmmu(fmmus + FMMU_BYTES * used++, base, fsn_sm_bytes(bus->plan, sm), physical,
-                  r[5] == FSN_OUTPUT);
+                  r.direction == FSN_OUTPUT);
     }
     return available == 0 || write_register(bus, node, ECT_REG_FMMU0, fmmus,
                                             (uint16_t)(FMMU_BYTES * available))

@@ -13,13 +13,14 @@ enum {
 /** A SubDevice whose SII says nothing about process data is not judged. */
 static fsn_status check_sii(struct fsn_soem *bus, const struct node *node, uint32_t sm,
                             char detail[FSN_DETAIL_BYTES]) {
-    const uint8_t *r = fsn_record(bus->plan, FSN_SEC_SM, sm);
+    const struct fsn_sm_record r = fsn_read_sm(bus->plan, sm);
     ec_eepromPDOt *sii = &bus->eeprom_pdo;
     memset(sii, 0, sizeof *sii);
-    ecx_siiPDO(&bus->context, node->slave, sii, r[5] == FSN_OUTPUT ? RX_CATEGORY : TX_CATEGORY);
-    return sii->Startpos == 0 || r[4] >= EC_MAXSM
+    ecx_siiPDO(&bus->context, node->slave, sii,
+               r.direction == FSN_OUTPUT ? RX_CATEGORY : TX_CATEGORY);
+    return sii->Startpos == 0 || r.index >= EC_MAXSM
                ? FSN_OK
-               : fsn_pdo_check_bits(bus->plan, sm, sii->SMbitsize[r[4]], detail);
+               : fsn_pdo_check_bits(bus->plan, sm, sii->SMbitsize[r.index], detail);
 }
 
 fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node) {
@@ -27,7 +28,7 @@ fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node) {
     const bool coe = soem_has_coe(bus, node->slave);
     for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
         char detail[FSN_DETAIL_BYTES];
-        if (bus->slaves[node->slave].mbx_l > 0 && fsn_record(bus->plan, FSN_SEC_SM, sm)[4] < 2) {
+        if (bus->slaves[node->slave].mbx_l > 0 && fsn_read_sm(bus->plan, sm).index < 2) {
             continue; /* a mailbox */
         }
         const fsn_status status =

@@ -57,13 +57,13 @@ static bool carries_safety(const struct fsn_plan *plan, uint32_t subdevice) {
 /** Whether an entry with this index lies between two bits of a sync manager. */
 static bool is_between(const struct fsn_plan *plan, uint32_t sm, uint16_t index, uint32_t from,
                        uint32_t to) {
-    const uint8_t *r = fsn_record(plan, FSN_SEC_SM, sm);
-    for (uint32_t p = 0; p < fsn_get32(r + 16); p++) {
-        const uint8_t *pdo = fsn_record(plan, FSN_SEC_PDO, fsn_get32(r + 12) + p);
-        for (uint32_t e = 0; e < fsn_get32(pdo + 8); e++) {
-            const uint8_t *entry = fsn_record(plan, FSN_SEC_ENTRY, fsn_get32(pdo + 4) + e);
-            const uint32_t bit = fsn_get32(entry + 8);
-            if (fsn_get16(entry) == index && bit >= from && bit < to) {
+    const struct fsn_sm_record r = fsn_read_sm(plan, sm);
+    for (uint32_t p = 0; p < r.pdo_count; p++) {
+        const struct fsn_pdo_record pdo = fsn_read_pdo(plan, r.first_pdo + p);
+        for (uint32_t e = 0; e < pdo.entry_count; e++) {
+            const struct fsn_entry_record entry = fsn_read_entry(plan, pdo.first_entry + e);
+            const uint32_t bit = entry.bit_offset;
+            if (entry.index == index && bit >= from && bit < to) {
                 return true;
             }
         }
