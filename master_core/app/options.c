@@ -172,7 +172,7 @@ enum option_id {
     HELP,
 };
 
-static int take_numeric(int id, const char *text, struct options *o) {
+static int take_number(int id, const char *text, struct options *o) {
     long number = 0;
     int code;
     switch (id) {
@@ -186,10 +186,19 @@ static int take_numeric(int id, const char *text, struct options *o) {
         return code == -1 && number >= sysconf(_SC_NPROCESSORS_CONF)
                    ? wrong("--cpu", text, "this machine has no such CPU")
                    : code;
-    case DC_EVERY:
+    case INCIDENTS_LIMIT:
+        return read_number(text, 1, 1000000, &o->incidents_mib)
+                   ? -1
+                   : wrong("--incidents-limit", text, "1 to 1000000 MiB");
+    default:
         code = read_integer("--dc-every", text, 0, 1000000, "0 to 1000000 cycles", &number);
         o->dc_every = (uint32_t)number;
         return code;
+    }
+}
+
+static int take_time(int id, const char *text, struct options *o) {
+    switch (id) {
     case CYCLE:
         return read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 50000 && o->cycle_ns <= 1000000000
                    ? -1
@@ -209,67 +218,81 @@ static int take_numeric(int id, const char *text, struct options *o) {
     }
 }
 
+/** Options whose text is kept as it is, and those without one. */
+static bool take_plain(int id, const char *text, struct options *o) {
+    switch (id) {
+    case INTERFACE:
+        o->interface = text;
+        return true;
+    case REDUNDANT:
+        o->redundant = text;
+        return true;
+    case SOCKET:
+        o->socket = text;
+        return true;
+    case INCIDENTS:
+        o->incidents = text;
+        return true;
+    case FREE_RUN:
+        o->free_run = true;
+        return true;
+    case TRACE:
+        o->trace = true;
+        return true;
+    case SCAN:
+        o->scan = true;
+        return true;
+    default:
+        return false;
+    }
+}
+
 static int take(int id, const char *text, struct options *o) {
+    if (take_plain(id, text, o)) {
+        return -1;
+    }
     switch (id) {
     case BUS:
         o->bus = text;
         return backend_is_known(text) ? -1 : wrong("--bus", text, "soem, igh or emulated");
-    case INTERFACE:
-        o->interface = text;
-        return -1;
-    case REDUNDANT:
-        o->redundant = text;
-        return -1;
     case POLICY:
         return read_policy(text, o);
-    case FREE_RUN:
-        o->free_run = true;
-        return -1;
     case ACCEPTED:
         return read_hash(text, o);
-    case SOCKET:
-        o->socket = text;
-        return -1;
     case ALLOW_USER:
         return allow_user(text, o);
     case ALLOW_GROUP:
         return allow_group(text, o);
-    case INCIDENTS:
-        o->incidents = text;
-        return -1;
-    case INCIDENTS_LIMIT:
-        return read_number(text, 1, 1000000, &o->incidents_mib)
-                   ? -1
-                   : wrong("--incidents-limit", text, "1 to 1000000 MiB");
     case LOG:
         return read_log(text, o);
-    case TRACE:
-        o->trace = true;
-        return -1;
-    case SCAN:
-        o->scan = true;
-        return -1;
+    case PRIORITY:
+    case CPU:
+    case DC_EVERY:
+    case INCIDENTS_LIMIT:
+        return take_number(id, text, o);
     default:
-        return take_numeric(id, text, o);
+        return take_time(id, text, o);
     }
 }
 
-static int check_together(const struct options *o) {
-    if (o->plan_file == NULL && !o->scan) {
-        return wrong("PLAN", NULL, "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
-    }
-    if (o->plan_file != NULL && o->scan) {
-        return wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
-    }
-    if (o->interface == NULL && strcmp(o->bus, "emulated") != 0) {
+/** A bus that this build does not have is refused later, by its name. */
+static int check_bus(const struct options *o) {
+    const struct fsn_backend *bus = backend_find(o->bus);
+    if (o->interface == NULL && (bus == NULL || bus->needs_interface)) {
         return wrong("--interface", NULL, "is missing");
     }
-    if (o->redundant != NULL && strcmp(o->bus, "soem") != 0) {
-        return wrong("--redundant", o->redundant, "only soem takes a second interface here");
+    if (o->redundant == NULL) {
+        return -1;
     }
-    if (o->redundant != NULL && strcmp(o->redundant, o->interface) == 0) {
-        return wrong("--redundant", o->redundant, "the same interface twice");
+    if (bus != NULL && !bus->takes_redundant) {
+        return wrong("--redundant", o->redundant, "this bus takes no second interface here");
     }
+    return strcmp(o->redundant, o->interface) != 0
+               ? -1
+               : wrong("--redundant", o->redundant, "the same interface twice");
+}
+
+static int check_schedule(const struct options *o) {
     if (o->priority != 0 && o->policy != POLICY_FIFO) {
         return wrong("--priority", NULL, "only with --policy fifo");
     }
@@ -280,6 +303,17 @@ static int check_together(const struct options *o) {
         return wrong("--free-run", NULL, "a deadline thread has a period; use --policy fifo");
     }
     return -1;
+}
+
+static int check_together(const struct options *o) {
+    if (o->plan_file == NULL && !o->scan) {
+        return wrong("PLAN", NULL, "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
+    }
+    if (o->plan_file != NULL && o->scan) {
+        return wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
+    }
+    const int code = check_bus(o);
+    return code != -1 ? code : check_schedule(o);
 }
 
 int options_read(int argc, char **argv, struct options *o) {

@@ -120,7 +120,8 @@ static void unmake(void *context) {
     (void)context;
 }
 
-static const struct fsn_backend backend = {"test", "for tests", &ops, make, unmake};
+static const struct fsn_backend backend = {
+    .name = "test", .about = "for tests", .ops = &ops, .create = make, .free = unmake};
 
 /** A run of the program in a thread, with its socket and a way to signal it. */
 struct run {

@@ -40,7 +40,7 @@ USAGE = [
     (["PLAN", "--bus", "emulated", "--allow-user", "no such"], "there is no such user"),
     (["PLAN", "--bus", "emulated", "--allow-group", "no such"], "there is no such group"),
     (["PLAN", "--bus", "emulated", "--log", "xml"], "--log xml: text or json"),
-    (["PLAN", "--bus", "emulated", "--redundant", "b"], "only soem takes"),
+    (["PLAN", "--bus", "emulated", "--redundant", "b"], "takes no second interface"),
     (["PLAN", "--bus", "soem", "--interface", "a", "--redundant", "a"], "same interface twice"),
     (["PLAN", "--bus", "emulated", "--sockets", "x"], "unrecognized option '--sockets'"),
     (["PLAN", "--bus"], "requires an argument"),

@@ -26,6 +26,8 @@ struct fsn_backend {
     const char *name;
     const char *about; /**< stack, version, licence and trademark terms, for people; lines */
     const struct fsn_bus_ops *ops;
+    bool needs_interface; /**< there is no bus without fsn_live_options.interface */
+    bool takes_redundant; /**< it drives a ring from both ends: fsn_live_options.redundant */
     /** Makes the context for `ops`; nothing is sent before ops->open().
      *  @param[in]  options  not needed after the call, nor are its strings.
      *  @param[out] bus      to be given to `free`; NULL on refusal.

@@ -151,13 +151,7 @@ static fsn_status emulated_open(void *context, const struct fsn_plan *plan,
         return FSN_E_STATE;
     }
     atomic_fetch_add_explicit(&bus->holders, 1, memory_order_relaxed);
-    *layout = (struct fsn_bus_layout){
-        .image = bus->image,
-        .image_bytes = bus->layout.bytes,
-        .sm_base = bus->layout.sm_base,
-        .datagram_begin = bus->layout.datagram_begin,
-        .datagram_count = bus->layout.datagram_count,
-    };
+    *layout = fsn_image_layout(&bus->layout, bus->image);
     return FSN_OK;
 }
 

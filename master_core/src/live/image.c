@@ -97,3 +97,11 @@ void fsn_image_free(struct fsn_image *image) {
     free(image->expected);
     *image = (struct fsn_image){0};
 }
+
+struct fsn_bus_layout fsn_image_layout(const struct fsn_image *image, uint8_t *bytes) {
+    return (struct fsn_bus_layout){.image = bytes,
+                                   .image_bytes = image->bytes,
+                                   .sm_base = image->sm_base,
+                                   .datagram_begin = image->datagram_begin,
+                                   .datagram_count = image->datagram_count};
+}

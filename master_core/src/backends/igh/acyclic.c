@@ -22,7 +22,7 @@ static uint32_t igh_count(void *context) {
 
 static uint32_t igh_place(void *context, uint32_t subdevice) {
     const struct fsn_igh *bus = context;
-    if (subdevice >= bus->node_count || bus->nodes[subdevice].seen.al_status == FSN_AL_NONE) {
+    if (subdevice >= bus->all.count || bus->nodes[subdevice].known.seen.al_status == FSN_AL_NONE) {
         return FSN_NONE;
     }
     return bus->nodes[subdevice].ring;
@@ -30,8 +30,8 @@ static uint32_t igh_place(void *context, uint32_t subdevice) {
 
 /** The node of the plan that stands at a position. */
 static struct igh_node *node_at(const struct fsn_igh *bus, uint32_t position) {
-    for (uint32_t n = 0; n < bus->node_count; n++) {
-        if (bus->nodes[n].ring == position && bus->nodes[n].seen.al_status != FSN_AL_NONE) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
+        if (bus->nodes[n].ring == position && bus->nodes[n].known.seen.al_status != FSN_AL_NONE) {
             return &bus->nodes[n];
         }
     }
@@ -42,7 +42,7 @@ static fsn_status igh_member(void *context, uint32_t position, struct fsn_bus_me
     struct fsn_igh *bus = context;
     const struct igh_node *node = node_at(bus, position);
     ec_slave_info_t slave = {0};
-    *m = (struct fsn_bus_member){.subdevice = node != NULL ? node->number : FSN_NONE};
+    *m = (struct fsn_bus_member){.subdevice = node != NULL ? node->known.number : FSN_NONE};
     if (!igh_slave(bus, (uint16_t)position, &slave)) {
         return FSN_E_BUS_MISSING;
     }
@@ -60,10 +60,10 @@ static fsn_status igh_member(void *context, uint32_t position, struct fsn_bus_me
     snprintf(m->name, sizeof m->name, "%.*s", (int)sizeof m->name - 1, slave.name);
     for (unsigned port = 0; port < FSN_PORTS; port++) {
         m->link[port] = slave.ports[port].link.link_up;
-        m->link_lost[port] = m->errors_known ? node->seen.link_lost[port] : 0;
-        m->rx_errors[port] = m->errors_known ? node->seen.rx_errors[port] : 0;
+        m->link_lost[port] = m->errors_known ? node->known.seen.link_lost[port] : 0;
+        m->rx_errors[port] = m->errors_known ? node->known.seen.rx_errors[port] : 0;
     }
-    m->al_code = node != NULL ? node->seen.al_code : 0;
+    m->al_code = node != NULL ? node->known.seen.al_code : 0;
     return FSN_OK;
 }
 
@@ -146,7 +146,7 @@ static fsn_status igh_visit(void *context, bool *states_changed, struct fsn_faul
     struct fsn_igh *bus = context;
     free(bus->nodes);
     bus->nodes = NULL;
-    bus->node_count = 0;
+    bus->all.count = 0;
     *states_changed = false;
     bus->master = ecrt_open_master(bus->index);
     if (bus->master == NULL) {

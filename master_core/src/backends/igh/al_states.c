@@ -30,18 +30,18 @@ static void note_al(struct fsn_igh *bus, struct igh_node *node, const uint8_t *d
     if ((status & FSN_AL_ERROR) == 0) {
         return;
     }
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.al_code = fsn_get16(data + 4);
-    pthread_mutex_unlock(&bus->seen_lock);
+    pthread_mutex_lock(&bus->all.lock);
+    node->known.seen.al_code = fsn_get16(data + 4);
+    pthread_mutex_unlock(&bus->all.lock);
 }
 
 static void note_errors(struct fsn_igh *bus, struct igh_node *node, const uint8_t *data) {
-    pthread_mutex_lock(&bus->seen_lock);
+    pthread_mutex_lock(&bus->all.lock);
     for (unsigned port = 0; port < FSN_PORTS; port++) {
-        node->seen.rx_errors[port] = data[2 * port];
-        node->seen.link_lost[port] = data[LINK_LOST + port];
+        node->known.seen.rx_errors[port] = data[2 * port];
+        node->known.seen.link_lost[port] = data[LINK_LOST + port];
     }
-    pthread_mutex_unlock(&bus->seen_lock);
+    pthread_mutex_unlock(&bus->all.lock);
 }
 
 static void ask(struct igh_node *node, enum igh_register what, uint64_t now_ns) {
@@ -56,7 +56,7 @@ static void ask(struct igh_node *node, enum igh_register what, uint64_t now_ns) 
         result = ecrt_reg_request_write(node->request, REG_CONTROL, IGH_CONTROL_BYTES);
     }
     node->requested = result == 0 ? what : IGH_REG_NONE;
-    node->requested_ns = now_ns;
+    node->known.requested_ns = now_ns;
 }
 
 /** Takes the answer to the last request and makes the next one. */
@@ -68,7 +68,7 @@ static void poll_registers(struct fsn_igh *bus, struct igh_node *node, bool leav
     const ec_request_state_t state = ecrt_reg_request_state(node->request);
     if (node->requested != IGH_REG_NONE && state == EC_REQUEST_BUSY) {
         /* The same again: should it be answered after all, the answer fits. */
-        if (now_ns - node->requested_ns > STUCK_NS) {
+        if (now_ns - node->known.requested_ns > STUCK_NS) {
             ask(node, node->requested, now_ns);
         }
         return;
@@ -98,25 +98,27 @@ static void shut_out(struct igh_node *node) {
 
 static void lose(struct fsn_igh *bus, struct igh_node *node) {
     shut_out(node);
-    node->away = node->was_in_op;
-    pthread_mutex_lock(&bus->seen_lock);
+    node->known.away = node->known.was_in_op;
+    pthread_mutex_lock(&bus->all.lock);
     const bool noted =
-        node->seen.found == FSN_FOUND_NOTHING || node->seen.found == FSN_FOUND_IDENTITY;
-    node->seen.al_status = FSN_AL_NONE;
-    pthread_mutex_unlock(&bus->seen_lock);
+        node->known.seen.found == FSN_FOUND_NOTHING || node->known.seen.found == FSN_FOUND_IDENTITY;
+    node->known.seen.al_status = FSN_AL_NONE;
+    pthread_mutex_unlock(&bus->all.lock);
     if (!noted) {
-        igh_note(bus, node, FSN_FOUND_NOTHING,
-                 "no answer; look at its cable, its supply, and those of the SubDevices before it");
+        fsn_node_note(
+            &bus->all, &node->known, FSN_FOUND_NOTHING,
+            "no answer; look at its cable, its supply, and those of the SubDevices before it");
     }
 }
 
 static void note_slave(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.al_status = (uint8_t)(slave->al_state | (slave->error_flag != 0 ? FSN_AL_ERROR : 0));
+    pthread_mutex_lock(&bus->all.lock);
+    node->known.seen.al_status =
+        (uint8_t)(slave->al_state | (slave->error_flag != 0 ? FSN_AL_ERROR : 0));
     for (unsigned port = 0; port < FSN_PORTS; port++) {
-        node->seen.link[port] = slave->ports[port].link.link_up != 0;
+        node->known.seen.link[port] = slave->ports[port].link.link_up != 0;
     }
-    pthread_mutex_unlock(&bus->seen_lock);
+    pthread_mutex_unlock(&bus->all.lock);
 }
 
 /** Whether the FSoE address is that of before, as far as it could be read then. */
@@ -140,17 +142,17 @@ static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_inf
     if (node->checked) {
         return true;
     }
-    if (now_ns < node->retry_ns) {
+    if (now_ns < node->known.retry_ns) {
         return false;
     }
-    node->retry_ns = now_ns + AGAIN_NS;
+    node->known.retry_ns = now_ns + AGAIN_NS;
     if (!has_address(bus, node, slave->al_state & STATE_BITS)) {
         return false;
     }
     node->checked = true;
-    node->retry_ns = 0;
+    node->known.retry_ns = 0;
     atomic_store_explicit(&node->admitted, 1, memory_order_release);
-    igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
     return true;
 }
 
@@ -158,25 +160,19 @@ static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_inf
  *  nothing to the others. */
 static void retry_refused(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
                           uint64_t now_ns) {
-    igh_note(bus, node, FSN_FOUND_STATE,
-             "OP refused: AL status 0x%02x, code 0x%04x; the kernel log says more", slave->al_state,
-             node->seen.al_code);
+    fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
+                  "OP refused: AL status 0x%02x, code 0x%04x; the kernel log says more",
+                  slave->al_state, node->known.seen.al_code);
     if (now_ns >= bus->reset_ns) {
         (void)ecrt_master_reset(bus->master);
         bus->reset_ns = now_ns + RETRY_NS;
     }
 }
 
-/** In OP: counts it when it was away since it had been here last. */
 static void note_op(struct fsn_igh *bus, struct igh_node *node) {
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.returns += node->away;
-    const bool refused = node->seen.found == FSN_FOUND_STATE;
-    pthread_mutex_unlock(&bus->seen_lock);
-    node->away = false;
-    node->was_in_op = true;
-    if (refused) {
-        igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    fsn_node_note_op(&bus->all, &node->known);
+    if (node->known.seen.found == FSN_FOUND_STATE) { /* only this thread writes it */
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
     }
 }
 
@@ -184,18 +180,19 @@ static void note_op(struct fsn_igh *bus, struct igh_node *node) {
 static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master_info_t *master,
                      uint64_t now_ns) {
     ec_slave_info_t slave = {0};
-    if (!igh_ring_of(bus, &node->info, master->slave_count, &node->ring) ||
+    if (!igh_ring_of(bus, &node->known.info, master->slave_count, &node->ring) ||
         !igh_slave(bus, node->ring, &slave)) {
         lose(bus, node);
         return true;
     }
-    if (node->checked && node->was_in_op && is_silent(node) &&
+    if (node->checked && node->known.was_in_op && is_silent(node) &&
         (slave.al_state & STATE_BITS) < FSN_AL_SAFEOP) {
         shut_out(node); /* it has been away in between two looks */
-        node->away = true;
+        node->known.away = true;
     }
     note_slave(bus, node, &slave);
-    node->away = node->away || (node->was_in_op && (slave.al_state & STATE_BITS) != FSN_AL_OP);
+    node->known.away =
+        node->known.away || (node->known.was_in_op && (slave.al_state & STATE_BITS) != FSN_AL_OP);
     const bool admitted = admit(bus, node, &slave, now_ns);
     poll_registers(bus, node, false, now_ns);
     if (slave.error_flag != 0 && admitted) {
@@ -210,8 +207,8 @@ static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master
 
 /** While IgH scans, it knows nobody; only the working counters tell who is lost. */
 static void lose_silent(struct fsn_igh *bus) {
-    for (uint32_t n = 0; n < bus->node_count; n++) {
-        if (bus->nodes[n].was_in_op && is_silent(&bus->nodes[n])) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
+        if (bus->nodes[n].known.was_in_op && is_silent(&bus->nodes[n])) {
             lose(bus, &bus->nodes[n]);
         }
     }
@@ -231,9 +228,9 @@ static bool leave(struct fsn_igh *bus, struct igh_node *node, uint64_t now_ns) {
     }
     poll_registers(bus, node, true, now_ns);
     if (node->left) {
-        pthread_mutex_lock(&bus->seen_lock);
-        node->seen.al_status = FSN_AL_SAFEOP;
-        pthread_mutex_unlock(&bus->seen_lock);
+        pthread_mutex_lock(&bus->all.lock);
+        node->known.seen.al_status = FSN_AL_SAFEOP;
+        pthread_mutex_unlock(&bus->all.lock);
     }
     return node->left;
 }
@@ -241,7 +238,7 @@ static bool leave(struct fsn_igh *bus, struct igh_node *node, uint64_t now_ns) {
 static void begin(struct fsn_igh *bus, uint8_t al_state) {
     bus->goal = al_state;
     bus->look_ns = 0;
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         bus->nodes[n].left = false;
     }
 }
@@ -253,7 +250,7 @@ bool igh_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     }
     bool all = true;
     if (al_state != FSN_AL_OP) {
-        for (uint32_t n = 0; n < bus->node_count; n++) {
+        for (uint32_t n = 0; n < bus->all.count; n++) {
             all = leave(bus, &bus->nodes[n], now_ns) && all;
         }
         return all;
@@ -270,7 +267,7 @@ bool igh_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         lose_silent(bus);
         return bus->all_there;
     }
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         all = bring_to(bus, &bus->nodes[n], &master, now_ns) && all;
     }
     bus->all_there = all;

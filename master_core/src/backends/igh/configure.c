@@ -23,9 +23,9 @@ static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
     const struct fsn_objects objects = igh_objects(bus, node);
     char detail[FSN_DETAIL_BYTES];
     const fsn_status status =
-        fsn_check_sdos(bus->plan, &node->info, node->coe ? &objects : NULL, detail);
+        fsn_check_sdos(bus->all.plan, &node->known.info, node->coe ? &objects : NULL, detail);
     if (status != FSN_OK) {
-        igh_note(bus, node, FSN_FOUND_SDO, "%s", detail);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_SDO, "%s", detail);
     }
     return status;
 }
@@ -33,10 +33,10 @@ static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
 fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable) {
     const struct fsn_objects objects = igh_objects(bus, node);
     char detail[FSN_DETAIL_BYTES];
-    const fsn_status status =
-        fsn_check_address(bus->plan, node->number, node->coe ? &objects : NULL, readable, detail);
+    const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
+                                                node->coe ? &objects : NULL, readable, detail);
     if (status != FSN_OK) {
-        igh_note(bus, node, FSN_FOUND_ADDRESS, "%s", detail);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_ADDRESS, "%s", detail);
     }
     return status;
 }
@@ -74,7 +74,7 @@ static bool is_mailbox(const struct igh_node *node, uint8_t sm_number) {
 }
 
 static bool configure_sm(struct fsn_igh *bus, const struct igh_node *node, uint32_t sm) {
-    const struct fsn_sm_record r = fsn_read_sm(bus->plan, sm);
+    const struct fsn_sm_record r = fsn_read_sm(bus->all.plan, sm);
     const ec_direction_t direction = r.direction == FSN_OUTPUT ? EC_DIR_OUTPUT : EC_DIR_INPUT;
     if (is_mailbox(node, r.index)) {
         return true;
@@ -83,20 +83,20 @@ static bool configure_sm(struct fsn_igh *bus, const struct igh_node *node, uint3
                                              watchdog_of(r.watchdog)) == 0 &&
               ecrt_slave_config_pdo_assign_clear(node->config, r.index) == 0;
     for (uint32_t i = 0; ok && i < r.pdo_count; i++) {
-        ok = configure_pdo(bus->plan, node->config, r.index, r.first_pdo + i);
+        ok = configure_pdo(bus->all.plan, node->config, r.index, r.first_pdo + i);
     }
     return ok;
 }
 
 /** Registering one entry brings the whole sync manager into the domain. */
 static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct igh_area *area) {
-    const struct fsn_sm_record sm = fsn_read_sm(bus->plan, area->sm);
+    const struct fsn_sm_record sm = fsn_read_sm(bus->all.plan, area->sm);
     area->domain = ecrt_master_create_domain(bus->master);
     if (area->domain == NULL) {
         return false;
     }
     uint32_t pdo = 0; /* what has a place has bits, hence a PDO with entries */
-    while (fsn_read_pdo(bus->plan, sm.first_pdo + pdo).entry_count == 0) {
+    while (fsn_read_pdo(bus->all.plan, sm.first_pdo + pdo).entry_count == 0) {
         pdo++;
     }
     unsigned bit = 0;
@@ -105,20 +105,20 @@ static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct
 }
 
 fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node) {
-    const struct fsn_subdevice_info *info = &node->info;
+    const struct fsn_subdevice_info *info = &node->known.info;
     node->config = ecrt_master_slave_config(bus->master, info->alias, info->position,
                                             info->vendor_id, info->product_code);
     bool ok = node->config != NULL;
     for (uint32_t i = 0; ok && i < info->sdo_count; i++) {
-        const struct fsn_sdo_record r = fsn_read_sdo(bus->plan, info->first_sdo + i);
-        const uint8_t *value = fsn_sdo_value(bus->plan, info->first_sdo + i);
+        const struct fsn_sdo_record r = fsn_read_sdo(bus->all.plan, info->first_sdo + i);
+        const uint8_t *value = fsn_sdo_value(bus->all.plan, info->first_sdo + i);
         ok = ecrt_slave_config_sdo(node->config, r.index, r.subindex, value, r.size_bytes) == 0;
     }
     for (uint32_t sm = info->first_sm; ok && sm < info->first_sm + info->sm_count; sm++) {
         ok = configure_sm(bus, node, sm);
     }
     for (uint32_t a = 0; ok && a < bus->area_count; a++) {
-        ok = bus->areas[a].node != node->number || make_domain(bus, node, &bus->areas[a]);
+        ok = bus->areas[a].node != node->known.number || make_domain(bus, node, &bus->areas[a]);
     }
     if (ok && info->assign_activate != 0) {
         ok = ecrt_slave_config_dc(node->config, info->assign_activate, (uint32_t)bus->cycle_ns, 0,

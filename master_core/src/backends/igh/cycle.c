@@ -74,7 +74,7 @@ static void move(struct fsn_igh *bus, uint32_t number, struct fsn_bus_input *inp
 }
 
 static void count_silence(struct fsn_igh *bus) {
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         struct igh_node *node = &bus->nodes[n];
         const uint32_t before = atomic_load_explicit(&node->silent, memory_order_relaxed);
         atomic_store_explicit(&node->silent, node->answered ? 0 : before + (before != UINT32_MAX),

@@ -39,21 +39,21 @@ bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave)
 /* IgH attaches its configurations by vendor and product code alone; the revision is ours to see. */
 bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave) {
     char detail[FSN_DETAIL_BYTES];
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.vendor_id = slave->vendor_id;
-    node->seen.product_code = slave->product_code;
-    node->seen.revision = slave->revision_number;
-    pthread_mutex_unlock(&bus->seen_lock);
-    if (fsn_check_identity(&node->info, slave->vendor_id, slave->product_code,
+    pthread_mutex_lock(&bus->all.lock);
+    node->known.seen.vendor_id = slave->vendor_id;
+    node->known.seen.product_code = slave->product_code;
+    node->known.seen.revision = slave->revision_number;
+    pthread_mutex_unlock(&bus->all.lock);
+    if (fsn_check_identity(&node->known.info, slave->vendor_id, slave->product_code,
                            slave->revision_number, detail)) {
         return true;
     }
     if (!is_read(slave)) {
-        igh_note(bus, node, FSN_FOUND_UNKNOWN,
-                 "IgH could not read who it is; `ethercat rescan` makes it try again");
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_UNKNOWN,
+                      "IgH could not read who it is; `ethercat rescan` makes it try again");
         return false;
     }
-    igh_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
+    fsn_node_note(&bus->all, &node->known, FSN_FOUND_IDENTITY, "%s", detail);
     return false;
 }
 
@@ -99,22 +99,23 @@ static fsn_status nobody(const struct fsn_igh *bus, bool link_up, struct fsn_fau
 
 static fsn_status match(struct fsn_igh *bus, unsigned slave_count, struct fsn_fault *fault) {
     fsn_status first = FSN_OK;
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         struct igh_node *node = &bus->nodes[n];
         ec_slave_info_t slave = {0};
         fsn_status status = FSN_OK;
-        if (!igh_ring_of(bus, &node->info, slave_count, &node->ring) ||
+        if (!igh_ring_of(bus, &node->known.info, slave_count, &node->ring) ||
             !igh_slave(bus, node->ring, &slave)) {
-            igh_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %u SubDevices answer",
-                     node->info.alias, node->info.position, slave_count);
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
+                          "alias %u, position %u: %u SubDevices answer", node->known.info.alias,
+                          node->known.info.position, slave_count);
             status = FSN_E_BUS_MISSING;
         } else if (!igh_note_identity(bus, node, &slave)) {
             status = is_read(&slave) ? FSN_E_BUS_IDENTITY : FSN_E_BUS_STATE;
         } else {
-            igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
         }
         if (status != FSN_OK && first == FSN_OK) {
-            first = igh_refuse(fault, status, node);
+            first = fsn_node_refuse(fault, status, &node->known);
         }
     }
     return first;
@@ -145,16 +146,16 @@ static fsn_status wait_for_preop(struct fsn_igh *bus, struct igh_node *node,
                 break;
             }
             if (slave.al_state == FSN_AL_PREOP || state == FSN_AL_SAFEOP || state == FSN_AL_OP) {
-                node->seen.al_status = slave.al_state;
+                node->known.seen.al_status = slave.al_state;
                 return FSN_OK;
             }
         }
         pause_a_little();
     }
-    node->seen.al_status = slave.al_state;
-    igh_note(bus, node, FSN_FOUND_STATE, "PREOP refused: AL status 0x%02x; the kernel log says why",
-             slave.al_state);
-    return igh_refuse(fault, FSN_E_BUS_STATE, node);
+    node->known.seen.al_status = slave.al_state;
+    fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
+                  "PREOP refused: AL status 0x%02x; the kernel log says why", slave.al_state);
+    return fsn_node_refuse(fault, FSN_E_BUS_STATE, &node->known);
 }
 
 /** Finds all by a scan that was over before and after. */
@@ -181,7 +182,7 @@ fsn_status igh_find(struct fsn_igh *bus, struct fsn_fault *fault) {
     status = status != FSN_OK ? status : reserve(bus, fault);
     /* Between the look and the reservation the bus may have changed. */
     status = status != FSN_OK ? status : match_scanned(bus, fault);
-    for (uint32_t n = 0; n < bus->node_count && status == FSN_OK; n++) {
+    for (uint32_t n = 0; n < bus->all.count && status == FSN_OK; n++) {
         status = wait_for_preop(bus, &bus->nodes[n], fault);
     }
     return status;

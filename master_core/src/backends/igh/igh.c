@@ -4,36 +4,12 @@
 #include "rt/prefault.h"
 
 #include <errno.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { MOST_MASTERS = 32 };
 
 /* -- helpers -------------------------------------------------------------------------------- */
-
-void igh_note(struct fsn_igh *bus, struct igh_node *node, uint8_t found, const char *format, ...) {
-    char text[FSN_DETAIL_BYTES];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.found = found;
-    memcpy(node->seen.detail, text, sizeof text);
-    pthread_mutex_unlock(&bus->seen_lock);
-}
-
-fsn_status igh_refuse(struct fsn_fault *fault, fsn_status status, const struct igh_node *node) {
-    fsn_refuse(fault, status, FSN_SEC_SUBDEVICE, node->number, 0, NULL);
-    if (fault != NULL) {
-        /* Two texts of up to FSN_DETAIL_BYTES: what does not fit is cut. */
-        snprintf(fault->detail, sizeof fault->detail, "%.40s: %.110s", node->info.name,
-                 node->seen.detail);
-    }
-    return status;
-}
 
 fsn_status igh_refuse_call(struct fsn_fault *fault, int error, const char *rule) {
     fsn_refuse_all(fault, FSN_E_SYS, rule);
@@ -86,7 +62,7 @@ static fsn_status igh_create(const struct fsn_live_options *options, void **out,
     bus->cycle_ns = options->cycle_ns;
     bus->wait_ns = options->receive_wait_ns;
     bus->dc_every = options->dc_every;
-    pthread_mutex_init(&bus->seen_lock, NULL);
+    fsn_nodes_init(&bus->all);
     *out = bus;
     return FSN_OK;
 }
@@ -116,24 +92,8 @@ static void igh_free(void *context) {
         return;
     }
     igh_let_go(bus);
-    free(bus->nodes);
-    pthread_mutex_destroy(&bus->seen_lock);
+    fsn_nodes_free(&bus->all);
     free(bus);
-}
-
-static fsn_status make_nodes(struct fsn_igh *bus, const struct fsn_plan *plan) {
-    free(bus->nodes);
-    bus->plan = plan;
-    bus->node_count = fsn_plan_subdevice_count(plan);
-    bus->nodes = calloc((size_t)bus->node_count + 1, sizeof *bus->nodes);
-    if (bus->nodes == NULL) {
-        return FSN_E_NOMEM;
-    }
-    for (uint32_t n = 0; n < bus->node_count; n++) {
-        bus->nodes[n].number = n;
-        bus->nodes[n].info = fsn_known_subdevice(plan, n);
-    }
-    return FSN_OK;
 }
 
 static int by_place(const void *a, const void *b) {
@@ -144,18 +104,18 @@ static int by_place(const void *a, const void *b) {
 
 /** One area, hence one datagram, for each sync manager that has a place. */
 static fsn_status make_areas(struct fsn_igh *bus) {
-    const fsn_status status = fsn_image_create(bus->plan, FSN_MAX_DATAGRAM_BYTES, &bus->image);
+    const fsn_status status = fsn_image_create(bus->all.plan, FSN_MAX_DATAGRAM_BYTES, &bus->image);
     if (status != FSN_OK) {
         return status;
     }
-    const uint32_t sms = fsn_plan_sm_count(bus->plan);
+    const uint32_t sms = fsn_plan_sm_count(bus->all.plan);
     bus->bytes = fsn_calloc_prefaulted((size_t)bus->image.bytes + 1, 1);
     bus->areas = fsn_calloc_prefaulted((size_t)sms + 1, sizeof *bus->areas);
     if (bus->bytes == NULL || bus->areas == NULL) {
         return FSN_E_NOMEM;
     }
     for (uint32_t sm = 0; sm < sms; sm++) {
-        const struct fsn_sm_info info = fsn_known_sm(bus->plan, sm);
+        const struct fsn_sm_info info = fsn_known_sm(bus->all.plan, sm);
         if (bus->image.sm_base[sm] != FSN_NONE) {
             bus->areas[bus->area_count++] = (struct igh_area){
                 .sm = sm,
@@ -174,28 +134,19 @@ static fsn_status make_areas(struct fsn_igh *bus) {
     return FSN_OK;
 }
 
-static fsn_status check_all(struct fsn_igh *bus, struct fsn_fault *fault) {
-    fsn_status first = FSN_OK;
-    for (uint32_t n = 0; n < bus->node_count; n++) {
-        struct igh_node *node = &bus->nodes[n];
-        const fsn_status status = igh_check(bus, node);
-        /* All are read: state() then reports each. */
-        if (status != FSN_OK && first == FSN_OK) {
-            first = igh_refuse(fault, status, node);
-        }
-    }
-    return first;
+static fsn_status check(void *bus, struct fsn_node *node) {
+    return igh_check(bus, (struct igh_node *)node);
 }
 
 static fsn_status configure_all(struct fsn_igh *bus, struct fsn_fault *fault) {
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         struct igh_node *node = &bus->nodes[n];
         if (igh_configure(bus, node) != FSN_OK) {
-            igh_note(bus, node, FSN_FOUND_MAPPING,
-                     "IgH does not take its configuration; the kernel log says why");
-            return igh_refuse(fault, FSN_E_BUS_MAPPING, node);
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING,
+                          "IgH does not take its configuration; the kernel log says why");
+            return fsn_node_refuse(fault, FSN_E_BUS_MAPPING, &node->known);
         }
-        bus->uses_time = bus->uses_time || node->info.assign_activate != 0;
+        bus->uses_time = bus->uses_time || node->known.info.assign_activate != 0;
     }
     bus->uses_time = bus->uses_time || bus->dc_every > 0;
     return FSN_OK;
@@ -213,9 +164,10 @@ static fsn_status activate(struct fsn_igh *bus, struct fsn_fault *fault) {
         area->data = ecrt_domain_data(area->domain);
         if (area->data == NULL || ecrt_domain_size(area->domain) != area->size_bytes) {
             struct igh_node *node = &bus->nodes[area->node];
-            igh_note(bus, node, FSN_FOUND_MAPPING, "IgH gives it %zu bytes, the plan says %u",
-                     ecrt_domain_size(area->domain), area->size_bytes);
-            return igh_refuse(fault, FSN_E_BUS_IMAGE, node);
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING,
+                          "IgH gives it %zu bytes, the plan says %u",
+                          ecrt_domain_size(area->domain), area->size_bytes);
+            return fsn_node_refuse(fault, FSN_E_BUS_IMAGE, &node->known);
         }
     }
     return FSN_OK;
@@ -223,8 +175,8 @@ static fsn_status activate(struct fsn_igh *bus, struct fsn_fault *fault) {
 
 static fsn_status open_steps(struct fsn_igh *bus, const struct fsn_plan *plan,
                              struct fsn_fault *fault) {
-    fsn_status status = make_nodes(bus, plan);
-    status = status != FSN_OK ? status : make_areas(bus);
+    bus->nodes = fsn_nodes_create(&bus->all, plan, sizeof *bus->nodes);
+    fsn_status status = bus->nodes != NULL ? make_areas(bus) : FSN_E_NOMEM;
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status, NULL);
     }
@@ -235,7 +187,7 @@ static fsn_status open_steps(struct fsn_igh *bus, const struct fsn_plan *plan,
                                "this user open its device, /dev/EtherCAT0 and so on?");
     }
     status = igh_find(bus, fault);
-    status = status != FSN_OK ? status : check_all(bus, fault);
+    status = status != FSN_OK ? status : fsn_nodes_check(&bus->all, bus, check, fault);
     status = status != FSN_OK ? status : configure_all(bus, fault);
     return status != FSN_OK ? status : activate(bus, fault);
 }
@@ -243,26 +195,18 @@ static fsn_status open_steps(struct fsn_igh *bus, const struct fsn_plan *plan,
 static fsn_status igh_open(void *context, const struct fsn_plan *plan,
                            struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_igh *bus = context;
-    if (bus->cycle_ns == 0) {
-        bus->cycle_ns = fsn_plan_cycle_ns(plan) != 0 ? fsn_plan_cycle_ns(plan) : 1000000;
-    }
+    bus->cycle_ns = fsn_live_cycle_ns(bus->cycle_ns, plan);
     const fsn_status status = open_steps(bus, plan, fault);
     if (status != FSN_OK) {
         igh_let_go(bus);
         return status;
     }
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         bus->nodes[n].checked = true;
         atomic_store(&bus->nodes[n].admitted, 1);
-        igh_note(bus, &bus->nodes[n], FSN_FOUND_RIGHT, "%s", "");
+        fsn_node_note(&bus->all, &bus->nodes[n].known, FSN_FOUND_RIGHT, "%s", "");
     }
-    *layout = (struct fsn_bus_layout){
-        .image = bus->bytes,
-        .image_bytes = bus->image.bytes,
-        .sm_base = bus->image.sm_base,
-        .datagram_begin = bus->image.datagram_begin,
-        .datagram_count = bus->image.datagram_count,
-    };
+    *layout = fsn_image_layout(&bus->image, bus->bytes);
     return FSN_OK;
 }
 
@@ -271,14 +215,7 @@ static void igh_close(void *context) {
 }
 
 static fsn_status igh_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
-    struct fsn_igh *bus = context;
-    if (subdevice >= bus->node_count) {
-        return FSN_E_ARG;
-    }
-    pthread_mutex_lock(&bus->seen_lock);
-    *seen = bus->nodes[subdevice].seen;
-    pthread_mutex_unlock(&bus->seen_lock);
-    return FSN_OK;
+    return fsn_nodes_state(&((struct fsn_igh *)context)->all, subdevice, seen);
 }
 
 const struct fsn_backend *fsn_backend_igh(void) {
@@ -302,6 +239,7 @@ const struct fsn_backend *fsn_backend_igh(void) {
             "Automation GmbH, Germany; to use a MainDevice you need the free licence of the "
             "EtherCAT Technology Group.",
         .ops = &ops,
+        .needs_interface = true,
         .create = igh_create,
         .free = igh_free,
     };

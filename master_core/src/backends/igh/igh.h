@@ -11,12 +11,11 @@
 #ifndef FSN_IGH_INTERNAL_H
 #define FSN_IGH_INTERNAL_H
 
-#include <pthread.h>
 #include <stdatomic.h>
 
 #include "fsn/live.h"
 #include "live/check.h"
-#include "live/image.h"
+#include "live/node.h"
 
 #include <ecrt.h>
 
@@ -31,21 +30,16 @@ enum igh_register { IGH_REG_NONE, IGH_REG_AL, IGH_REG_ERRORS, IGH_REG_CONTROL };
 
 /** A SubDevice of the plan. */
 struct igh_node {
-    struct fsn_subdevice_info info;
-    uint32_t number; /**< in the plan */
-    uint16_t ring;   /**< its position on the ring, of the last scan */
+    struct fsn_node known; /**< first */
+    uint16_t ring;         /**< its position on the ring, of the last scan */
     ec_slave_config_t *config;
     ec_reg_request_t
         *request; /**< NULL when IgH gives none: then there are no codes and counters */
     enum igh_register requested;
-    uint64_t requested_ns;
     bool coe;              /**< it answered an SDO */
     bool address_readable; /**< its FSoE address was read before the cycle began */
     bool checked;          /**< since it was found last: identity and FSoE address */
-    bool was_in_op, away;
-    bool left; /**< it was seen outside OP since it was to leave it */
-    uint64_t retry_ns;
-    struct fsn_bus_subdevice seen;
+    bool left;             /**< it was seen outside OP since it was to leave it */
     /** 1 while process data is exchanged with it; 0 after it was lost, until `checked`. */
     _Atomic uint8_t admitted;
     /** Cycles in a row without a working counter in any of its domains; counted by the cycle. */
@@ -71,11 +65,10 @@ struct fsn_igh {
 
     ec_master_t *master;
     bool active;
-    const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
     struct fsn_image image;
     uint8_t *bytes; /**< the image */
-    struct igh_node *nodes;
-    uint32_t node_count;
+    struct fsn_nodes all;
+    struct igh_node *nodes; /**< those of `all` */
     struct igh_area *areas; /**< in the order of the image */
     uint32_t area_count;
 
@@ -87,7 +80,6 @@ struct fsn_igh {
     uint64_t app_set_ns; /**< CLOCK_MONOTONIC of that */
 
     /* Of the acyclic side. */
-    pthread_mutex_t seen_lock; /**< guards `seen` of the nodes; never taken by the cycle */
     uint64_t look_ns, reset_ns;
     uint8_t goal;
     bool all_there;
@@ -135,11 +127,6 @@ extern const struct fsn_bus_acyclic igh_acyclic;
 /** Gives the master back. */
 void igh_let_go(struct fsn_igh *bus);
 
-/** Writes what was found about a node, for state(); printf-like. */
-void igh_note(struct fsn_igh *bus, struct igh_node *node, uint8_t found, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
-/** Refuses because of a node; the detail is what was noted about it. */
-fsn_status igh_refuse(struct fsn_fault *fault, fsn_status status, const struct igh_node *node);
 /** Refuses because a call of ecrt.h failed. */
 fsn_status igh_refuse_call(struct fsn_fault *fault, int error, const char *rule);
 /** How its objects are reached. */

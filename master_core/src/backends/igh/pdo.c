@@ -33,19 +33,20 @@ static uint32_t sii_bits(struct fsn_igh *bus, const struct igh_node *node, uint8
 
 fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node) {
     const struct fsn_objects objects = igh_objects(bus, node);
-    for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
-        const uint8_t number = fsn_read_sm(bus->plan, sm).index;
+    for (uint32_t sm = node->known.info.first_sm;
+         sm < node->known.info.first_sm + node->known.info.sm_count; sm++) {
+        const uint8_t number = fsn_read_sm(bus->all.plan, sm).index;
         char detail[FSN_DETAIL_BYTES];
         fsn_status status = FSN_OK;
         if (!node->coe) {
             /* A SubDevice that says nothing is not judged. */
             const uint32_t bits = sii_bits(bus, node, number);
-            status = bits == 0 ? FSN_OK : fsn_pdo_check_bits(bus->plan, sm, bits, detail);
+            status = bits == 0 ? FSN_OK : fsn_pdo_check_bits(bus->all.plan, sm, bits, detail);
         } else if (number >= 2) { /* the others are its mailbox */
-            status = fsn_pdo_check(bus->plan, sm, &objects, detail);
+            status = fsn_pdo_check(bus->all.plan, sm, &objects, detail);
         }
         if (status != FSN_OK) {
-            igh_note(bus, node, FSN_FOUND_MAPPING, "%s", detail);
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING, "%s", detail);
             return status;
         }
     }

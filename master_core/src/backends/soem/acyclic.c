@@ -47,7 +47,7 @@ static uint32_t soem_count(void *context) {
 
 static uint32_t soem_place(void *context, uint32_t subdevice) {
     const struct fsn_soem *bus = context;
-    if (subdevice >= bus->node_count || bus->nodes[subdevice].slave == 0) {
+    if (subdevice >= bus->all.count || bus->nodes[subdevice].slave == 0) {
         return FSN_NONE;
     }
     return bus->nodes[subdevice].slave - 1u;
@@ -66,7 +66,7 @@ static void fill_known(const struct fsn_soem *bus, uint16_t slave, struct fsn_bu
     const ec_slavet *s = &bus->slaves[slave];
     const int node = bus->places[slave].node;
     *m = (struct fsn_bus_member){
-        .subdevice = node == SOEM_NO_NODE ? FSN_NONE : bus->nodes[node].number,
+        .subdevice = node == SOEM_NO_NODE ? FSN_NONE : bus->nodes[node].known.number,
         .vendor_id = s->eep_man,
         .product_code = s->eep_id,
         .revision = s->eep_rev,
@@ -264,7 +264,7 @@ static fsn_status soem_visit(void *context, bool *states_changed, struct fsn_fau
     struct fsn_soem *bus = context;
     free(bus->nodes);
     bus->nodes = NULL;
-    bus->node_count = 0;
+    bus->all.count = 0;
     *states_changed = false;
     fsn_status status = soem_take_interfaces(bus, fault);
     status = status != FSN_OK ? status : soem_open_nic(bus, fault);

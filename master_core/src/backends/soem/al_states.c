@@ -23,12 +23,12 @@ static const uint64_t patience_ns = 4000000000u;
 /* -- looking -------------------------------------------------------------------------------- */
 
 static void note_state(struct fsn_soem *bus, struct node *node, uint16_t status, uint16_t code) {
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.al_status = (uint8_t)status;
+    pthread_mutex_lock(&bus->all.lock);
+    node->known.seen.al_status = (uint8_t)status;
     if ((status & EC_STATE_ERROR) != 0) {
-        node->seen.al_code = code;
+        node->known.seen.al_code = code;
     }
-    pthread_mutex_unlock(&bus->seen_lock);
+    pthread_mutex_unlock(&bus->all.lock);
 }
 
 /** Which link is down: that of the nearest SubDevice before it that still answers. */
@@ -38,12 +38,12 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
         before = bus->slaves[before].parent;
     }
     if (before == 0) {
-        soem_note(bus, node, FSN_FOUND_NOTHING,
-                  fsn_port_has_link(bus->interface)
-                      ? "%s has a link, but no SubDevice behind it answers: power of the "
-                        "SubDevices, or frames are late"
-                      : "%s has no link",
-                  bus->interface);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
+                      fsn_port_has_link(bus->interface)
+                          ? "%s has a link, but no SubDevice behind it answers: power of the "
+                            "SubDevices, or frames are late"
+                          : "%s has no link",
+                      bus->interface);
         return;
     }
     const int named = bus->places[before].node;
@@ -57,14 +57,14 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
         port++;
     }
     const char *name =
-        named == SOEM_NO_NODE ? bus->slaves[before].name : bus->nodes[named].info.name;
+        named == SOEM_NO_NODE ? bus->slaves[before].name : bus->nodes[named].known.info.name;
     if (port < FSN_PORTS) {
-        soem_note(bus, node, FSN_FOUND_NOTHING,
-                  "the link behind %.40s (ring position %u, port %u) is down", name, before - 1u,
-                  port);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
+                      "the link behind %.40s (ring position %u, port %u) is down", name,
+                      before - 1u, port);
     } else {
-        soem_note(bus, node, FSN_FOUND_NOTHING,
-                  "the last one before it that answers is %.40s, whose links are up", name);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
+                      "the last one before it that answers is %.40s, whose links are up", name);
     }
 }
 
@@ -76,9 +76,10 @@ static void lose(struct fsn_soem *bus, uint16_t slave) {
     }
     struct node *node = &bus->nodes[place->node];
     node->requested = 0;
-    node->away = node->was_in_op;
+    node->known.away = node->known.was_in_op;
     note_state(bus, node, 0, 0);
-    if (node->seen.found != FSN_FOUND_NOTHING && node->seen.found != FSN_FOUND_IDENTITY) {
+    if (node->known.seen.found != FSN_FOUND_NOTHING &&
+        node->known.seen.found != FSN_FOUND_IDENTITY) {
         note_loss(bus, node);
     }
 }
@@ -88,7 +89,7 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
     const bool answers = (status & STATE_BITS) != 0;
     if (place->node != SOEM_NO_NODE) {
         const struct node *node = &bus->nodes[place->node];
-        atomic_store_explicit(&bus->frames.wire.answers[node->number],
+        atomic_store_explicit(&bus->frames.wire.answers[node->known.number],
                               answers && (status & STATE_BITS) >= EC_STATE_SAFE_OP,
                               memory_order_relaxed);
     }
@@ -105,9 +106,9 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
     if (place->node != SOEM_NO_NODE) {
         struct node *node = &bus->nodes[place->node];
         note_state(bus, node, status, code);
-        node->away = node->was_in_op && (node->away || status != FSN_AL_OP);
-        if (node->seen.found == FSN_FOUND_NOTHING) {
-            soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+        node->known.away = node->known.was_in_op && (node->known.away || status != FSN_AL_OP);
+        if (node->known.seen.found == FSN_FOUND_NOTHING) {
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
         }
     }
 }
@@ -158,23 +159,24 @@ static void look_at_states(struct fsn_soem *bus) {
 static void note_gap(struct fsn_soem *bus, struct node *node) {
     const bool open = bus->redundant[0] != '\0' && atomic_load(&bus->frames.wire.crossed) == 0;
     bus->ring_was_closed = bus->ring_was_closed || !open;
-    if (node->seen.found != FSN_FOUND_RIGHT) {
+    if (node->known.seen.found != FSN_FOUND_RIGHT) {
         return;
     }
     if (!bus->ring_was_closed && node->slave == bus->slave_count) {
-        soem_note(bus, node, FSN_FOUND_RIGHT,
-                  "the ring has been open since the start: is %s wired?", bus->redundant);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT,
+                      "the ring has been open since the start: is %s wired?", bus->redundant);
         return;
     }
     for (unsigned port = 0; open && port < FSN_PORTS; port++) {
         if ((bus->slaves[node->slave].activeports & (1u << port)) != 0 &&
-            node->seen.link[port] == 0) {
-            soem_note(bus, node, FSN_FOUND_RIGHT, "the ring is open at its port %u", port);
+            node->known.seen.link[port] == 0) {
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT,
+                          "the ring is open at its port %u", port);
             return;
         }
     }
-    if (node->seen.detail[0] != '\0') {
-        soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    if (node->known.seen.detail[0] != '\0') {
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
     }
 }
 
@@ -194,14 +196,14 @@ static void look_at_links(struct fsn_soem *bus) {
                  EC_TIMEOUTRET) != 1) {
         return;
     }
-    struct fsn_bus_subdevice *seen = &bus->nodes[place->node].seen;
-    pthread_mutex_lock(&bus->seen_lock);
+    struct fsn_bus_subdevice *seen = &bus->nodes[place->node].known.seen;
+    pthread_mutex_lock(&bus->all.lock);
     for (unsigned port = 0; port < FSN_PORTS; port++) {
         seen->link[port] = (uint8_t)((uint32_t)etohs(links) >> (4 + port)) & 1u;
         seen->rx_errors[port] = counters[2 * port];
         seen->link_lost[port] = counters[REG_LINK_LOST + port];
     }
-    pthread_mutex_unlock(&bus->seen_lock);
+    pthread_mutex_unlock(&bus->all.lock);
     note_gap(bus, &bus->nodes[place->node]);
 }
 
@@ -219,14 +221,15 @@ static void keep_reference(struct fsn_soem *bus) {
     }
 }
 
-/* -- leading -------------------------------------------------------------------------------- */
+/* -- towards a state
+ * -------------------------------------------------------------------------------- */
 
 static void ask(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t now_ns) {
     ec_slavet *s = &bus->slaves[node->slave];
     s->state = (uint16)(state | EC_STATE_ACK);
     ecx_writestate(&bus->context, node->slave);
     node->requested = state;
-    node->requested_ns = now_ns;
+    node->known.requested_ns = now_ns;
 }
 
 static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
@@ -236,14 +239,16 @@ static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
                         : node->requested == FSN_AL_PREOP  ? "PREOP"
                                                            : "INIT";
     if ((place->al_status & EC_STATE_ERROR) != 0) {
-        soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x: %s",
-                  state, place->al_status, place->al_code, fsn_al_code_text(place->al_code));
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
+                      "%s refused: AL status 0x%02x, code 0x%04x: %s", state, place->al_status,
+                      place->al_code, fsn_al_code_text(place->al_code));
     } else {
-        soem_note(bus, node, FSN_FOUND_STATE, "not in %s after %u ms: AL status 0x%02x", state,
-                  (unsigned)(patience_ns / 1000000), place->al_status);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
+                      "not in %s after %u ms: AL status 0x%02x", state,
+                      (unsigned)(patience_ns / 1000000), place->al_status);
     }
     node->requested = 0;
-    node->retry_ns = now_ns + RETRY_NS;
+    node->known.retry_ns = now_ns + RETRY_NS;
 }
 
 static uint8_t above(uint8_t state) {
@@ -261,7 +266,7 @@ static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_
         soem_prepare_mailbox(bus, node->slave);
     }
     if (state == FSN_AL_PREOP && !node->configured && soem_configure(bus, node) != FSN_OK) {
-        node->retry_ns = now_ns + RETRY_NS;
+        node->known.retry_ns = now_ns + RETRY_NS;
         return;
     }
     if (state == FSN_AL_SAFEOP && !node->configured) {
@@ -271,15 +276,6 @@ static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_
     ask(bus, node, above(state), now_ns);
 }
 
-/** In OP: counts it when it was away since it had been here last. */
-static void note_return(struct fsn_soem *bus, struct node *node) {
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.returns += node->away;
-    pthread_mutex_unlock(&bus->seen_lock);
-    node->away = false;
-    node->was_in_op = true;
-}
-
 /** Returns whether the SubDevice is where it shall be. */
 static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint64_t now_ns) {
     const struct place *place = &bus->places[node->slave];
@@ -287,16 +283,16 @@ static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint
     const bool error = (place->al_status & EC_STATE_ERROR) != 0;
     if (state == goal && !error) {
         if (goal == FSN_AL_OP) {
-            note_return(bus, node);
+            fsn_node_note_op(&bus->all, &node->known);
         }
         if (node->requested != 0) {
-            soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
         }
         node->requested = 0;
         return true;
     }
     if (node->requested != 0 && state != node->requested && !error) {
-        if (now_ns - node->requested_ns > patience_ns) {
+        if (now_ns - node->known.requested_ns > patience_ns) {
             give_up(bus, node, now_ns);
         }
         return false;
@@ -305,7 +301,7 @@ static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint
         give_up(bus, node, now_ns);
         return false;
     }
-    if (now_ns < node->retry_ns) {
+    if (now_ns < node->known.retry_ns) {
         return false;
     }
     if (state > goal) {
@@ -336,7 +332,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     look_at_states(bus);
     keep_reference(bus);
     bool all = true; /* who is missing has left OP as well */
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
         if (bus->places[node->slave].al_status != 0) {
             all = bring_to(bus, node, al_state, now_ns) && all;

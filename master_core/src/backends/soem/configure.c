@@ -24,9 +24,10 @@ static fsn_status write_sdos(struct fsn_soem *bus, struct node *node) {
     const struct fsn_objects objects = soem_objects(bus, node->slave);
     const bool coe = soem_has_coe(bus, node->slave);
     char detail[FSN_DETAIL_BYTES];
-    const fsn_status status = fsn_check_sdos(bus->plan, &node->info, coe ? &objects : NULL, detail);
+    const fsn_status status =
+        fsn_check_sdos(bus->all.plan, &node->known.info, coe ? &objects : NULL, detail);
     if (status != FSN_OK) {
-        soem_note(bus, node, FSN_FOUND_SDO, "%s", detail);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_SDO, "%s", detail);
     }
     return status;
 }
@@ -36,10 +37,10 @@ static fsn_status check_address(struct fsn_soem *bus, struct node *node) {
     const bool coe = soem_has_coe(bus, node->slave);
     char detail[FSN_DETAIL_BYTES];
     bool readable;
-    const fsn_status status =
-        fsn_check_address(bus->plan, node->number, coe ? &objects : NULL, &readable, detail);
+    const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
+                                                coe ? &objects : NULL, &readable, detail);
     if (status != FSN_OK) {
-        soem_note(bus, node, FSN_FOUND_ADDRESS, "%s", detail);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_ADDRESS, "%s", detail);
     }
     return status;
 }
@@ -55,13 +56,13 @@ static bool write_register(struct fsn_soem *bus, const struct node *node, uint16
 /** Start address by the SII, length by the plan. */
 static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
                            uint16_t *physical) {
-    const struct fsn_sm_record r = fsn_read_sm(bus->plan, sm);
+    const struct fsn_sm_record r = fsn_read_sm(bus->all.plan, sm);
     const uint8_t number = r.index;
     const ec_slavet *s = &bus->slaves[node->slave];
     *physical = soem_sii_start(bus, node->slave, number);
     if (*physical == 0) {
-        soem_note(bus, node, FSN_FOUND_MAPPING,
-                  "its SII has no address for SM%u, or could not be read", number);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING,
+                      "its SII has no address for SM%u, or could not be read", number);
         return FSN_E_BUS_MAPPING;
     }
     const bool output = r.direction == FSN_OUTPUT;
@@ -75,9 +76,9 @@ static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
     }
     uint8_t bytes[SM_BYTES] = {0};
     put16(bytes, *physical);
-    put16(bytes + 2, fsn_sm_bytes(bus->plan, sm));
+    put16(bytes + 2, fsn_sm_bytes(bus->all.plan, sm));
     bytes[4] = control;
-    bytes[6] = fsn_sm_bytes(bus->plan, sm) > 0;
+    bytes[6] = fsn_sm_bytes(bus->all.plan, sm) > 0;
     return write_register(bus, node, (uint16_t)(ECT_REG_SM0 + SM_BYTES * number), bytes, SM_BYTES)
                ? FSN_OK
                : FSN_E_BUS_STATE;
@@ -102,11 +103,12 @@ static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
     (void)ecx_FPRD(bus->context.port, bus->slaves[node->slave].configadr, REG_FMMU_COUNT, 1,
                    &available, EC_TIMEOUTRET3);
     available = available > MOST_FMMUS ? MOST_FMMUS : available;
-    for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
-        const struct fsn_sm_record r = fsn_read_sm(bus->plan, sm);
+    for (uint32_t sm = node->known.info.first_sm;
+         sm < node->known.info.first_sm + node->known.info.sm_count; sm++) {
+        const struct fsn_sm_record r = fsn_read_sm(bus->all.plan, sm);
         const uint32_t base = bus->frames.image.sm_base[sm];
         uint16_t physical;
-        if (fsn_sm_bytes(bus->plan, sm) == 0) {
+        if (fsn_sm_bytes(bus->all.plan, sm) == 0) {
             continue;
         }
         const fsn_status status = write_sm(bus, node, sm, &physical);
@@ -117,11 +119,11 @@ static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
             continue;
         }
         if (used >= available) {
-            soem_note(bus, node, FSN_FOUND_MAPPING, "it has %u FMMUs, the plan needs more",
-                      available);
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING,
+                          "it has %u FMMUs, the plan needs more", available);
             return FSN_E_BUS_MAPPING;
         }
-        fill_fmmu(fmmus + FMMU_BYTES * used++, base, fsn_sm_bytes(bus->plan, sm), physical,
+        fill_fmmu(fmmus + FMMU_BYTES * used++, base, fsn_sm_bytes(bus->all.plan, sm), physical,
                   r.direction == FSN_OUTPUT);
     }
     return available == 0 || write_register(bus, node, ECT_REG_FMMU0, fmmus,
@@ -157,10 +159,10 @@ static void set_clock(struct fsn_soem *bus, const struct node *node) {
 
 static void start_sync(struct fsn_soem *bus, const struct node *node) {
     const uint32 cycle = (uint32)bus->cycle_ns;
-    if (node->info.assign_activate == 0 || !bus->slaves[node->slave].hasdc) {
+    if (node->known.info.assign_activate == 0 || !bus->slaves[node->slave].hasdc) {
         return;
     }
-    if ((node->info.assign_activate & 0x0400) != 0) {
+    if ((node->known.info.assign_activate & 0x0400) != 0) {
         ecx_dcsync01(&bus->context, node->slave, TRUE, cycle, 0, 0);
     } else {
         ecx_dcsync0(&bus->context, node->slave, TRUE, cycle, 0);
@@ -173,7 +175,8 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
         const fsn_status status = steps[i](bus, node);
         if (status == FSN_E_BUS_STATE) {
-            soem_note(bus, node, FSN_FOUND_STATE, "it does not take its sync managers or FMMUs");
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
+                          "it does not take its sync managers or FMMUs");
         }
         if (status != FSN_OK) {
             return status;
@@ -185,6 +188,6 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
     }
     start_sync(bus, node);
     node->configured = true;
-    soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
     return FSN_OK;
 }

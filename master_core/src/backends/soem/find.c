@@ -54,24 +54,25 @@ static struct identity read_identity(struct fsn_soem *bus, uint16_t slave) {
 static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint16_t slave,
                                    struct identity found) {
     char detail[FSN_DETAIL_BYTES];
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.vendor_id = found.vendor;
-    node->seen.product_code = found.product;
-    node->seen.revision = found.revision;
-    pthread_mutex_unlock(&bus->seen_lock);
-    if (fsn_check_identity(&node->info, found.vendor, found.product, found.revision, detail)) {
-        soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    pthread_mutex_lock(&bus->all.lock);
+    node->known.seen.vendor_id = found.vendor;
+    node->known.seen.product_code = found.product;
+    node->known.seen.revision = found.revision;
+    pthread_mutex_unlock(&bus->all.lock);
+    if (fsn_check_identity(&node->known.info, found.vendor, found.product, found.revision,
+                           detail)) {
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
         return FSN_OK;
     }
     const struct identity again = read_identity(bus, slave);
     if (found.vendor != 0 && found.product != 0 && memcmp(&found, &again, sizeof found) == 0) {
-        soem_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
+        fsn_node_note(&bus->all, &node->known, FSN_FOUND_IDENTITY, "%s", detail);
         return FSN_E_BUS_IDENTITY;
     }
-    soem_note(bus, node, FSN_FOUND_UNKNOWN,
-              "its SII could not be read (frames lost or late), or is empty: vendor 0x%08x "
-              "product 0x%08x",
-              (unsigned)found.vendor, (unsigned)found.product);
+    fsn_node_note(&bus->all, &node->known, FSN_FOUND_UNKNOWN,
+                  "its SII could not be read (frames lost or late), or is empty: vendor 0x%08x "
+                  "product 0x%08x",
+                  (unsigned)found.vendor, (unsigned)found.product);
     return FSN_E_BUS_STATE;
 }
 
@@ -93,23 +94,24 @@ static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
 /** Gives each node the device at its place. */
 static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
     fsn_status first = FSN_OK;
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
-        node->slave = slave_of(bus, &node->info);
+        node->slave = slave_of(bus, &node->known.info);
         fsn_status status = FSN_OK;
         if (node->slave == 0) {
-            soem_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %d SubDevices answer",
-                      node->info.alias, node->info.position, bus->slave_count);
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
+                          "alias %u, position %u: %d SubDevices answer", node->known.info.alias,
+                          node->known.info.position, bus->slave_count);
             status = FSN_E_BUS_MISSING;
         } else {
             const ec_slavet *s = &bus->slaves[node->slave];
             const struct identity found = {s->eep_man, s->eep_id, s->eep_rev};
             bus->places[node->slave].node = (int)n;
-            node->seen.al_status = FSN_AL_INIT; /* where SOEM has brought all */
+            node->known.seen.al_status = FSN_AL_INIT; /* where SOEM has brought all */
             status = note_who_answers(bus, node, node->slave, found);
         }
         if (status != FSN_OK && first == FSN_OK) {
-            first = soem_refuse(fault, status, node);
+            first = fsn_node_refuse(fault, status, &node->known);
         }
     }
     return first;
@@ -144,27 +146,28 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
     if (status != FSN_OK) {
         return status;
     }
-    for (uint32_t n = 0; n < bus->node_count; n++) {
+    for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
         if (!reach_preop(bus, node->slave)) {
             const ec_slavet *s = &bus->slaves[node->slave];
-            node->seen.al_status = (uint8_t)s->state;
-            node->seen.al_code = s->ALstatuscode;
+            node->known.seen.al_status = (uint8_t)s->state;
+            node->known.seen.al_code = s->ALstatuscode;
             if (s->state == 0) {
-                soem_note(bus, node, FSN_FOUND_NOTHING, "it was there a moment ago");
-                return soem_refuse(fault, FSN_E_BUS_MISSING, node);
+                fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
+                              "it was there a moment ago");
+                return fsn_node_refuse(fault, FSN_E_BUS_MISSING, &node->known);
             }
             if ((s->state & EC_STATE_ERROR) == 0) {
-                soem_note(bus, node, FSN_FOUND_STATE, "not in PREOP after %d ms: AL status 0x%02x",
-                          PREOP_MS, s->state);
+                fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
+                              "not in PREOP after %d ms: AL status 0x%02x", PREOP_MS, s->state);
             } else {
-                soem_note(bus, node, FSN_FOUND_STATE,
-                          "PREOP refused: AL status 0x%02x, code 0x%04x: %s", s->state,
-                          s->ALstatuscode, fsn_al_code_text(s->ALstatuscode));
+                fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
+                              "PREOP refused: AL status 0x%02x, code 0x%04x: %s", s->state,
+                              s->ALstatuscode, fsn_al_code_text(s->ALstatuscode));
             }
-            return soem_refuse(fault, FSN_E_BUS_STATE, node);
+            return fsn_node_refuse(fault, FSN_E_BUS_STATE, &node->known);
         }
-        node->seen.al_status = FSN_AL_PREOP;
+        node->known.seen.al_status = FSN_AL_PREOP;
     }
     return FSN_OK;
 }
@@ -215,7 +218,7 @@ static void take_back(struct fsn_soem *bus, uint16_t slave) {
     struct node *node = &bus->nodes[bus->places[slave].node];
     node->configured = false;
     node->requested = 0;
-    node->retry_ns = 0;
+    node->known.retry_ns = 0;
 }
 
 void soem_search(struct fsn_soem *bus) {

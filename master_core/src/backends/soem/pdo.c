@@ -13,28 +13,29 @@ enum {
 /** A SubDevice whose SII says nothing about process data is not judged. */
 static fsn_status check_sii(struct fsn_soem *bus, const struct node *node, uint32_t sm,
                             char detail[FSN_DETAIL_BYTES]) {
-    const struct fsn_sm_record r = fsn_read_sm(bus->plan, sm);
+    const struct fsn_sm_record r = fsn_read_sm(bus->all.plan, sm);
     ec_eepromPDOt *sii = &bus->eeprom_pdo;
     memset(sii, 0, sizeof *sii);
     ecx_siiPDO(&bus->context, node->slave, sii,
                r.direction == FSN_OUTPUT ? RX_CATEGORY : TX_CATEGORY);
     return sii->Startpos == 0 || r.index >= EC_MAXSM
                ? FSN_OK
-               : fsn_pdo_check_bits(bus->plan, sm, sii->SMbitsize[r.index], detail);
+               : fsn_pdo_check_bits(bus->all.plan, sm, sii->SMbitsize[r.index], detail);
 }
 
 fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node) {
     const struct fsn_objects objects = soem_objects(bus, node->slave);
     const bool coe = soem_has_coe(bus, node->slave);
-    for (uint32_t sm = node->info.first_sm; sm < node->info.first_sm + node->info.sm_count; sm++) {
+    for (uint32_t sm = node->known.info.first_sm;
+         sm < node->known.info.first_sm + node->known.info.sm_count; sm++) {
         char detail[FSN_DETAIL_BYTES];
-        if (bus->slaves[node->slave].mbx_l > 0 && fsn_read_sm(bus->plan, sm).index < 2) {
+        if (bus->slaves[node->slave].mbx_l > 0 && fsn_read_sm(bus->all.plan, sm).index < 2) {
             continue; /* a mailbox */
         }
-        const fsn_status status =
-            coe ? fsn_pdo_check(bus->plan, sm, &objects, detail) : check_sii(bus, node, sm, detail);
+        const fsn_status status = coe ? fsn_pdo_check(bus->all.plan, sm, &objects, detail)
+                                      : check_sii(bus, node, sm, detail);
         if (status != FSN_OK) {
-            soem_note(bus, node, FSN_FOUND_MAPPING, "%s", detail);
+            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING, "%s", detail);
             return status;
         }
     }

@@ -2,7 +2,6 @@
 
 #include "backends/soem/soem.h"
 
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,18 +14,6 @@
 enum { LISTEN_NS = 60000000, MBX_COE = 0x04 };
 
 /* -- helpers -------------------------------------------------------------------------------- */
-
-void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const char *format, ...) {
-    char text[FSN_DETAIL_BYTES];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    pthread_mutex_lock(&bus->seen_lock);
-    node->seen.found = found;
-    memcpy(node->seen.detail, text, sizeof text);
-    pthread_mutex_unlock(&bus->seen_lock);
-}
 
 /** Here, since every exchange beside the cycle begins with it, however long they take together. */
 static void hear(struct fsn_soem *bus) {
@@ -99,7 +86,7 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
     bus->dc_every = options->dc_every;
     bus->sockets[0] = bus->sockets[1] = bus->ears[0] = bus->ears[1] = bus->lock = -1;
     bus->tag = fsn_port_tag(bus->interface);
-    pthread_mutex_init(&bus->seen_lock, NULL);
+    fsn_nodes_init(&bus->all);
     *out = bus;
     return FSN_OK;
 }
@@ -130,8 +117,7 @@ static void soem_free(void *context) {
         return;
     }
     soem_let_go(bus);
-    free(bus->nodes);
-    pthread_mutex_destroy(&bus->seen_lock);
+    fsn_nodes_free(&bus->all);
     free(bus);
 }
 
@@ -194,21 +180,6 @@ fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault) {
     return status == FSN_OK ? fsn_port_lock(bus->interface, &bus->lock, fault) : status;
 }
 
-static fsn_status make_nodes(struct fsn_soem *bus, const struct fsn_plan *plan) {
-    free(bus->nodes);
-    bus->plan = plan;
-    bus->node_count = fsn_plan_subdevice_count(plan);
-    bus->nodes = calloc((size_t)bus->node_count + 1, sizeof *bus->nodes);
-    if (bus->nodes == NULL) {
-        return FSN_E_NOMEM;
-    }
-    for (uint32_t n = 0; n < bus->node_count; n++) {
-        bus->nodes[n].number = n;
-        bus->nodes[n].info = fsn_known_subdevice(plan, n);
-    }
-    return FSN_OK;
-}
-
 /** Who answers has a link, whatever its DL status said or a lost frame made of it: SOEM believes
  * it, and works out delays with a port that it never set. */
 static void believe_no_missing_link(struct fsn_soem *bus) {
@@ -245,7 +216,7 @@ static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
 }
 
 static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
-    const fsn_status status = fsn_frames_create(bus->plan, start_clocks(bus), &bus->frames);
+    const fsn_status status = fsn_frames_create(bus->all.plan, start_clocks(bus), &bus->frames);
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status,
                               "the process data does not fit the frames: at most 1466 bytes per "
@@ -262,54 +233,29 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
     return FSN_OK;
 }
 
-fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node) {
-    fsn_refuse(fault, status, FSN_SEC_SUBDEVICE, node->number, 0, NULL);
-    if (fault != NULL) {
-        memcpy(fault->detail, node->seen.detail, sizeof fault->detail);
-    }
-    return status;
-}
-
-static fsn_status configure_all(struct fsn_soem *bus, struct fsn_fault *fault) {
-    fsn_status first = FSN_OK;
-    for (uint32_t n = 0; n < bus->node_count; n++) {
-        struct node *node = &bus->nodes[n];
-        const fsn_status status = soem_configure(bus, node);
-        /* All are read: state() then reports each. */
-        if (status != FSN_OK && first == FSN_OK) {
-            first = soem_refuse(fault, status, node);
-        }
-    }
-    return first;
+static fsn_status configure(void *bus, struct fsn_node *node) {
+    return soem_configure(bus, (struct node *)node);
 }
 
 static fsn_status soem_open(void *context, const struct fsn_plan *plan,
                             struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_soem *bus = context;
-    if (bus->cycle_ns == 0) {
-        bus->cycle_ns = fsn_plan_cycle_ns(plan) != 0 ? fsn_plan_cycle_ns(plan) : 1000000;
+    bus->cycle_ns = fsn_live_cycle_ns(bus->cycle_ns, plan);
+    bus->nodes = fsn_nodes_create(&bus->all, plan, sizeof *bus->nodes);
+    if (bus->nodes == NULL) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
-    fsn_status status = make_nodes(bus, plan);
-    if (status != FSN_OK) {
-        return fsn_refuse_all(fault, status, NULL);
-    }
-    status = soem_take_interfaces(bus, fault);
+    fsn_status status = soem_take_interfaces(bus, fault);
     status = status != FSN_OK ? status : open_ports(bus, fault);
     status = status != FSN_OK ? status : soem_open_nic(bus, fault);
     status = status != FSN_OK ? status : soem_find(bus, fault);
     status = status != FSN_OK ? status : make_wire(bus, fault);
-    status = status != FSN_OK ? status : configure_all(bus, fault);
+    status = status != FSN_OK ? status : fsn_nodes_check(&bus->all, bus, configure, fault);
     if (status != FSN_OK) {
         soem_let_go(bus);
         return status;
     }
-    *layout = (struct fsn_bus_layout){
-        .image = bus->frames.bytes,
-        .image_bytes = bus->frames.image.bytes,
-        .sm_base = bus->frames.image.sm_base,
-        .datagram_begin = bus->frames.image.datagram_begin,
-        .datagram_count = bus->frames.image.datagram_count,
-    };
+    *layout = fsn_image_layout(&bus->frames.image, bus->frames.bytes);
     return FSN_OK;
 }
 
@@ -336,14 +282,7 @@ static void soem_send(void *context) {
 }
 
 static fsn_status soem_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
-    struct fsn_soem *bus = context;
-    if (subdevice >= bus->node_count) {
-        return FSN_E_ARG;
-    }
-    pthread_mutex_lock(&bus->seen_lock);
-    *seen = bus->nodes[subdevice].seen;
-    pthread_mutex_unlock(&bus->seen_lock);
-    return FSN_OK;
+    return fsn_nodes_state(&((struct fsn_soem *)context)->all, subdevice, seen);
 }
 
 const struct fsn_backend *fsn_backend_soem(void) {
@@ -366,6 +305,8 @@ const struct fsn_backend *fsn_backend_soem(void) {
                  "Automation GmbH, Germany; to use a MainDevice you need the free licence of the "
                  "EtherCAT Technology Group.",
         .ops = &ops,
+        .needs_interface = true,
+        .takes_redundant = true,
         .create = soem_create,
         .free = soem_free,
     };

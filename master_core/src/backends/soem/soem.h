@@ -2,11 +2,10 @@
 #ifndef FSN_SOEM_INTERNAL_H
 #define FSN_SOEM_INTERNAL_H
 
-#include <pthread.h>
-
 #include "fsn/live.h"
 #include "live/check.h"
 #include "live/frames.h"
+#include "live/node.h"
 
 #include <ethercat.h>
 
@@ -18,16 +17,10 @@ enum {
 
 /** A SubDevice of the plan. */
 struct node {
-    struct fsn_subdevice_info info;
-    uint32_t number; /**< in the plan */
-    uint16_t slave;  /**< in SOEM's list, from 1; 0: nothing stands at its place */
-    bool configured; /**< since it was found last: SDOs, PDOs, SMs and FMMUs are written */
-    bool was_in_op;
-    bool away;         /**< it was in OP once, and is not any more */
-    uint8_t requested; /**< AL state; 0: none */
-    uint64_t requested_ns;
-    uint64_t retry_ns; /**< nothing is tried before */
-    struct fsn_bus_subdevice seen;
+    struct fsn_node known; /**< first */
+    uint16_t slave;        /**< in SOEM's list, from 1; 0: nothing stands at its place */
+    bool configured;       /**< since it was found last: SDOs, PDOs, SMs and FMMUs are written */
+    uint8_t requested;     /**< AL state; 0: none */
 };
 
 /** Anything on the ring, in SOEM's order. */
@@ -68,12 +61,10 @@ struct fsn_soem {
     int ears[FSN_WIRE_PORTS];    /**< hear another MainDevice */
     uint16_t tag;                /**< in the source address of all our frames */
 
-    const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
     struct fsn_frames frames;
-    struct node *nodes;
-    uint32_t node_count;
+    struct fsn_nodes all;
+    struct node *nodes; /**< those of `all` */
     struct place places[SOEM_MOST_SLAVES];
-    pthread_mutex_t seen_lock; /**< guards `seen` of the nodes; never taken by the cycle */
     uint64_t states_ns, links_ns, search_ns; /**< when these are due again */
     uint8_t goal;                            /**< AL state of the last poll() */
     bool all_there;                          /**< what it returned */
@@ -124,15 +115,10 @@ fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Closes everything that was opened. */
 void soem_let_go(struct fsn_soem *bus);
 
-/** Writes what was found about a node, for state(); printf-like. */
-void soem_note(struct fsn_soem *bus, struct node *node, uint8_t found, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
 /** Throws away what waits for SOEM. Nothing is under way when this is called, so it is the answer
  * to a frame that SOEM has given up. It tells answers apart by an index modulo 16 only: after a
  * stall each of them would pass for the answer to a later frame, for good. */
 void soem_drain(struct fsn_soem *bus);
-/** Refuses because of a node; the detail is what was noted about it. */
-fsn_status soem_refuse(struct fsn_fault *fault, fsn_status status, const struct node *node);
 /** Asks for an AL state and waits for it, milliseconds. */
 bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned most_ms);
 /** Sets up the mailbox, without which a SubDevice that has one does not leave INIT. */

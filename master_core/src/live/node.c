@@ -1,0 +1,94 @@
+#include "live/node.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void fsn_nodes_init(struct fsn_nodes *nodes) {
+    pthread_mutex_init(&nodes->lock, NULL);
+}
+
+void fsn_nodes_free(struct fsn_nodes *nodes) {
+    free(nodes->first);
+    pthread_mutex_destroy(&nodes->lock);
+}
+
+struct fsn_node *fsn_nodes_at(const struct fsn_nodes *nodes, uint32_t number) {
+    return (struct fsn_node *)((char *)nodes->first + number * nodes->node_bytes);
+}
+
+void *fsn_nodes_create(struct fsn_nodes *nodes, const struct fsn_plan *plan, size_t node_bytes) {
+    free(nodes->first);
+    nodes->plan = plan;
+    nodes->count = fsn_plan_subdevice_count(plan);
+    nodes->node_bytes = node_bytes;
+    nodes->first = calloc((size_t)nodes->count + 1, node_bytes);
+    for (uint32_t n = 0; nodes->first != NULL && n < nodes->count; n++) {
+        fsn_nodes_at(nodes, n)->number = n;
+        fsn_nodes_at(nodes, n)->info = fsn_known_subdevice(plan, n);
+    }
+    return nodes->first;
+}
+
+fsn_status fsn_nodes_state(struct fsn_nodes *nodes, uint32_t subdevice,
+                           struct fsn_bus_subdevice *seen) {
+    if (subdevice >= nodes->count) {
+        return FSN_E_ARG;
+    }
+    pthread_mutex_lock(&nodes->lock);
+    *seen = fsn_nodes_at(nodes, subdevice)->seen;
+    pthread_mutex_unlock(&nodes->lock);
+    return FSN_OK;
+}
+
+void fsn_node_note(struct fsn_nodes *nodes, struct fsn_node *node, uint8_t found,
+                   const char *format, ...) {
+    char text[FSN_DETAIL_BYTES];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    pthread_mutex_lock(&nodes->lock);
+    node->seen.found = found;
+    memcpy(node->seen.detail, text, sizeof text);
+    pthread_mutex_unlock(&nodes->lock);
+}
+
+void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node) {
+    pthread_mutex_lock(&nodes->lock);
+    node->seen.returns += node->away;
+    pthread_mutex_unlock(&nodes->lock);
+    node->away = false;
+    node->was_in_op = true;
+}
+
+fsn_status fsn_node_refuse(struct fsn_fault *fault, fsn_status status,
+                           const struct fsn_node *node) {
+    fsn_refuse(fault, status, FSN_SEC_SUBDEVICE, node->number, 0, NULL);
+    if (fault != NULL) {
+        memcpy(fault->detail, node->seen.detail, sizeof fault->detail);
+    }
+    return status;
+}
+
+fsn_status fsn_nodes_check(struct fsn_nodes *nodes, void *bus,
+                           fsn_status (*check)(void *bus, struct fsn_node *node),
+                           struct fsn_fault *fault) {
+    fsn_status first = FSN_OK;
+    for (uint32_t n = 0; n < nodes->count; n++) {
+        struct fsn_node *node = fsn_nodes_at(nodes, n);
+        const fsn_status status = check(bus, node);
+        if (status != FSN_OK && first == FSN_OK) {
+            first = fsn_node_refuse(fault, status, node);
+        }
+    }
+    return first;
+}
+
+uint64_t fsn_live_cycle_ns(uint64_t given_ns, const struct fsn_plan *plan) {
+    if (given_ns != 0) {
+        return given_ns;
+    }
+    return fsn_plan_cycle_ns(plan) != 0 ? fsn_plan_cycle_ns(plan) : 1000000;
+}

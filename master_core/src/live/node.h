@@ -1,0 +1,63 @@
+/** The SubDevices of a plan as every live bus keeps them: what is known of each, and what was
+ *  observed last. */
+#ifndef FSN_LIVE_NODE_H
+#define FSN_LIVE_NODE_H
+
+#include <pthread.h>
+
+#include "fsn/bus.h"
+#include "live/image.h"
+
+/** First member of a backend's own node. Of the acyclic thread; `seen` under the lock. */
+struct fsn_node {
+    struct fsn_subdevice_info info;
+    uint32_t number;       /**< in the plan */
+    bool was_in_op;        /**< at least once */
+    bool away;             /**< it was in OP once, and is not any more */
+    uint64_t requested_ns; /**< when something was requested of it */
+    uint64_t retry_ns;     /**< nothing is tried before */
+    struct fsn_bus_subdevice seen;
+};
+
+struct fsn_nodes {
+    const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
+    void *first;                 /**< owned; `count` nodes of the backend, one behind the other */
+    uint32_t count;
+    size_t node_bytes;
+    pthread_mutex_t lock; /**< guards `seen` of the nodes; never taken by the cycle */
+};
+
+void fsn_nodes_init(struct fsn_nodes *nodes);
+void fsn_nodes_free(struct fsn_nodes *nodes);
+
+/** One zeroed node for each SubDevice of the plan, in place of those before; NULL: no memory. */
+void *fsn_nodes_create(struct fsn_nodes *nodes, const struct fsn_plan *plan, size_t node_bytes);
+
+/** Node of a SubDevice of the plan. */
+struct fsn_node *fsn_nodes_at(const struct fsn_nodes *nodes, uint32_t number);
+
+/** state() of fsn_bus_ops. */
+fsn_status fsn_nodes_state(struct fsn_nodes *nodes, uint32_t subdevice,
+                           struct fsn_bus_subdevice *seen);
+
+/** Writes what was found about a node, for fsn_nodes_state(); printf-like. */
+__attribute__((format(printf, 4, 5))) void fsn_node_note(struct fsn_nodes *nodes,
+                                                         struct fsn_node *node, uint8_t found,
+                                                         const char *format, ...);
+
+/** In OP: counts it when it was away since it had been here last. */
+void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node);
+
+/** Refuses because of a node; the detail is what was noted about it. */
+fsn_status fsn_node_refuse(struct fsn_fault *fault, fsn_status status, const struct fsn_node *node);
+
+/** Checks every node, also behind one that is refused, so that all can be reported.
+ *  @return the first refusal. */
+fsn_status fsn_nodes_check(struct fsn_nodes *nodes, void *bus,
+                           fsn_status (*check)(void *bus, struct fsn_node *node),
+                           struct fsn_fault *fault);
+
+/** The bus cycle, where none is given that of the plan, or 1 ms. */
+uint64_t fsn_live_cycle_ns(uint64_t given_ns, const struct fsn_plan *plan);
+
+#endif
