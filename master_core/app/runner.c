@@ -185,6 +185,13 @@ static bool first_cycle(struct runner *runner) {
     return statistics.realtime != 0;
 }
 
+static int priority_of(const struct options *o) {
+    if (o->policy != POLICY_FIFO) {
+        return 0;
+    }
+    return o->priority > 0 ? o->priority : DEFAULT_PRIORITY;
+}
+
 /** Starts the cycle as well as the system permits; exactly as requested where that was requested.
  */
 static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
@@ -195,9 +202,7 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
     struct fsn_thread_options thread = {
         .cycle_ns = cycle_of(runner),
         .cpu = o->cpu,
-        .priority = o->policy != POLICY_FIFO ? 0
-                    : o->priority > 0        ? o->priority
-                                             : DEFAULT_PRIORITY,
+        .priority = priority_of(o),
         .lock_memory = o->policy != POLICY_OTHER,
         .free_run = o->free_run,
         .follow_dc = o->dc_every > 0,

@@ -152,6 +152,20 @@ static void close_trace(struct fsn_core *core) {
     }
 }
 
+/** Opens, locks and creates what the cycle needs. Returns 0, or errno. */
+static int start_thread(struct fsn_core *core, const struct fsn_thread_options *options) {
+    int error = options->trace ? open_trace(core) : 0;
+    if (error == 0 && options->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
+        error = errno;
+    }
+    if (error != 0) {
+        return error;
+    }
+    core->rt.statistics.locked = options->lock_memory;
+    error = create_thread(core, options, options->priority > 0);
+    return error == EPERM && options->priority > 0 ? create_thread(core, options, false) : error;
+}
+
 fsn_status fsn_core_start(struct fsn_core *core, const struct fsn_thread_options *options,
                           struct fsn_fault *fault) {
     if (core == NULL || options == NULL) {
@@ -174,17 +188,7 @@ fsn_status fsn_core_start(struct fsn_core *core, const struct fsn_thread_options
     core->rt.follow_dc = options->follow_dc;
     core->rt.dc_known = false;
     atomic_store(&core->rt.stop, false);
-    int error = options->trace ? open_trace(core) : 0;
-    if (error == 0 && options->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-        error = errno;
-    }
-    if (error == 0) {
-        core->rt.statistics.locked = options->lock_memory;
-        error = create_thread(core, options, options->priority > 0);
-        if (error == EPERM && options->priority > 0) {
-            error = create_thread(core, options, false);
-        }
-    }
+    const int error = start_thread(core, options);
     if (error != 0) {
         close_trace(core);
         fsn_refuse_all(fault, FSN_E_SYS, NULL);

@@ -33,41 +33,38 @@ const char *fsn_status_text(fsn_status status) {
 }
 
 const char *fsn_status_next_step(fsn_status status) {
-    switch (status) {
-    case FSN_OK:
-        return "";
-    case FSN_E_ARG:
-    case FSN_E_SPACE:
-        return "a mistake in the calling program: see the contract of the function";
-    case FSN_E_STATE:
-        return "bring the bus into the state that this takes, then try again";
-    case FSN_E_BUSY:
-        return "try again";
-    case FSN_E_CLOSED:
-        return "write only what the console's list shows as an output";
-    case FSN_E_ABSENT:
-        return "use a build that has it; fsn-master --version says what this one has";
-    case FSN_E_BUS_BUSY:
-        return "stop the other MainDevice first";
-    case FSN_E_BUS_SILENT:
-        return "check cable, power and --interface; --wait 30s tries again";
-    case FSN_E_BUS_MISSING:
-        return "check cable and power behind the last SubDevice found; --wait 30s tries again";
-    case FSN_E_BUS_IDENTITY:
-    case FSN_E_BUS_MAPPING:
-    case FSN_E_BUS_ADDRESS:
-        return "compare the bus with the network file; fsoe-net plan makes a new plan";
-    case FSN_E_BUS_SDO:
-        return "compare the start-up SDOs of this device with its manual";
-    case FSN_E_BUS_STATE:
-        return "its AL status code says why";
-    case FSN_E_NOMEM:
-        return "free memory, or allow the process more";
-    case FSN_E_SYS:
-        return "see the system's own message";
-    default:
-        return "fsoe-net plan NETWORK -o PLAN makes the plan anew";
+    static const struct {
+        fsn_status status;
+        const char *text;
+    } steps[] = {
+        {FSN_OK, ""},
+        {FSN_E_ARG, "a mistake in the calling program: see the contract of the function"},
+        {FSN_E_SPACE, "a mistake in the calling program: see the contract of the function"},
+        {FSN_E_STATE, "bring the bus into the state that this takes, then try again"},
+        {FSN_E_BUSY, "try again"},
+        {FSN_E_CLOSED, "write only what the console's list shows as an output"},
+        {FSN_E_ABSENT, "use a build that has it; fsn-master --version says what this one has"},
+        {FSN_E_BUS_BUSY, "stop the other MainDevice first"},
+        {FSN_E_BUS_SILENT, "check cable, power and --interface; --wait 30s tries again"},
+        {FSN_E_BUS_MISSING,
+         "check cable and power behind the last SubDevice found; --wait 30s tries again"},
+        {FSN_E_BUS_IDENTITY,
+         "compare the bus with the network file; fsoe-net plan makes a new plan"},
+        {FSN_E_BUS_MAPPING,
+         "compare the bus with the network file; fsoe-net plan makes a new plan"},
+        {FSN_E_BUS_ADDRESS,
+         "compare the bus with the network file; fsoe-net plan makes a new plan"},
+        {FSN_E_BUS_SDO, "compare the start-up SDOs of this device with its manual"},
+        {FSN_E_BUS_STATE, "its AL status code says why"},
+        {FSN_E_NOMEM, "free memory, or allow the process more"},
+        {FSN_E_SYS, "see the system's own message"},
+    };
+    for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
+        if (steps[i].status == status) {
+            return steps[i].text;
+        }
     }
+    return "fsoe-net plan NETWORK -o PLAN makes the plan anew";
 }
 
 const char *fsn_found_text(uint8_t found) {

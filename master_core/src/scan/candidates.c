@@ -130,8 +130,8 @@ static bool is_other_length(struct candidate *c, uint32_t size_bytes) {
 }
 
 /** Looks at a place that shows a command, for one length. */
-static void look(struct fsn_scan *scan, struct window *w, uint32_t offset, unsigned kind,
-                 uint32_t size_bytes, const uint8_t *frame) {
+static void consider(struct fsn_scan *scan, struct window *w, uint32_t offset, unsigned kind,
+                     uint32_t size_bytes, const uint8_t *frame) {
     uint32_t *slot = &w->slots[offset][kind];
     if (*slot != NONE && memcmp(w->last + offset, frame, scan->candidates[*slot].size_bytes) != 0 &&
         is_other_length(&scan->candidates[*slot], size_bytes)) {
@@ -177,8 +177,8 @@ static bool speaks_against(const struct fsn_scan *scan, const struct candidate *
 }
 
 /** Follows the places here that belong to a connection; true when there is one. */
-static bool look_at_known(struct fsn_scan *scan, struct window *w, uint32_t offset,
-                          const uint8_t *frame) {
+static bool follow_known(struct fsn_scan *scan, struct window *w, uint32_t offset,
+                         const uint8_t *frame) {
     bool known = false;
     for (unsigned kind = 0; kind < SLOTS; kind++) {
         const uint32_t number = w->slots[offset][kind];
@@ -206,34 +206,38 @@ static void strike(struct window *w, uint32_t offset, bool counts) {
     w->strikes[offset] = (uint8_t)(strikes < MOST_STRIKES ? strikes : MOST_STRIKES);
 }
 
-static void look_at(struct fsn_scan *scan, struct window *w, uint32_t offset, const uint8_t *data) {
+/** A byte that changed and is no command: what began here is not FSoE. */
+static void refute(struct fsn_scan *scan, struct window *w, uint32_t offset, uint8_t byte) {
+    for (unsigned kind = 0; kind < SLOTS; kind++) {
+        if (w->slots[offset][kind] != NONE) {
+            drop(scan, &w->slots[offset][kind]);
+        }
+    }
+    strike(w, offset, byte != 0);
+}
+
+static void check_place(struct fsn_scan *scan, struct window *w, uint32_t offset,
+                        const uint8_t *data) {
     const uint8_t *frame = data + offset;
     const bool empty = w->slots[offset][0] == NONE && w->slots[offset][1] == NONE;
-    if (is_command[frame[0]] == 0) {
-        if (frame[0] == w->last[offset] || (empty && frame[0] == 0)) {
-            return;
-        }
-        if (!empty && look_at_known(scan, w, offset, frame)) {
-            return;
-        }
-        for (unsigned kind = 0; kind < SLOTS; kind++) {
-            if (w->slots[offset][kind] != NONE) {
-                drop(scan, &w->slots[offset][kind]);
-            }
-        }
-        strike(w, offset, frame[0] != 0);
+    const bool command = is_command[frame[0]] != 0;
+    if (!command && (frame[0] == w->last[offset] || (empty && frame[0] == 0))) {
         return;
     }
-    if (w->strikes[offset] > 0 && empty) {
+    if (command && empty && w->strikes[offset] > 0) {
         w->strikes[offset]--;
     }
-    if (!empty && look_at_known(scan, w, offset, frame)) {
+    if (!empty && follow_known(scan, w, offset, frame)) {
+        return;
+    }
+    if (!command) {
+        refute(scan, w, offset, frame[0]);
         return;
     }
     const uint32_t room = w->size_bytes - offset;
-    look(scan, w, offset, 0, length_by_blocks(frame, room), frame);
+    consider(scan, w, offset, 0, length_by_blocks(frame, room), frame);
     if (w->slots[offset][0] == NONE || scan->candidates[w->slots[offset][0]].connection == NONE) {
-        look(scan, w, offset, 1, FSN_MIN_FRAME_BYTES, frame);
+        consider(scan, w, offset, 1, FSN_MIN_FRAME_BYTES, frame);
     }
 }
 
@@ -248,7 +252,7 @@ void scan_process_data(struct fsn_scan *scan, uint8_t command, uint32_t address,
     }
     for (uint32_t p = 0; p + FSN_MIN_FRAME_BYTES <= size_bytes; p++) {
         if (w->strikes[p] < GIVEN_UP) {
-            look_at(scan, w, p, data);
+            check_place(scan, w, p, data);
         } else if (is_command[data[p]] != 0) {
             w->strikes[p]--; /* what was given up may be used otherwise now */
         } else {

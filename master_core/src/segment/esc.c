@@ -205,24 +205,50 @@ static void read_multiple_write(struct esc *esc, struct datagram *d, bool addres
     }
 }
 
+/** How a command finds its SubDevices: the position counts up to it, its station, or all. */
+enum addressing { BY_NOTHING, BY_POSITION, BY_STATION, BY_ALL };
+
+static const struct {
+    enum addressing by;
+    bool reads, writes;
+} commands[] = {
+    [CMD_APRD] = {BY_POSITION, true, false}, [CMD_APWR] = {BY_POSITION, false, true},
+    [CMD_APRW] = {BY_POSITION, true, true},  [CMD_FPRD] = {BY_STATION, true, false},
+    [CMD_FPWR] = {BY_STATION, false, true},  [CMD_FPRW] = {BY_STATION, true, true},
+    [CMD_BRD] = {BY_ALL, true, false},       [CMD_BWR] = {BY_ALL, false, true},
+    [CMD_BRW] = {BY_ALL, true, true},        [CMD_ARMW] = {BY_POSITION, true, false},
+    [CMD_FRMW] = {BY_STATION, true, false},
+};
+
+static bool is_meant(const struct esc *esc, const struct datagram *d, enum addressing by) {
+    switch (by) {
+    case BY_POSITION:
+        return d->position == 0;
+    case BY_STATION:
+        return is_addressed(esc, d->position);
+    case BY_ALL:
+        return true;
+    default:
+        return false;
+    }
+}
+
 void esc_pass(struct esc *esc, struct datagram *d) {
     const uint8_t c = d->command;
-    const bool auto_increment = (c >= CMD_APRD && c <= CMD_APRW) || c == CMD_ARMW;
-    const bool reads = c == CMD_APRD || c == CMD_APRW || c == CMD_FPRD || c == CMD_FPRW ||
-                       c == CMD_BRD || c == CMD_BRW;
-    const bool writes = c == CMD_APWR || c == CMD_APRW || c == CMD_FPWR || c == CMD_FPRW ||
-                        c == CMD_BWR || c == CMD_BRW;
     if (c >= CMD_LRD && c <= CMD_LRW) {
         esc_fmmu_pass(esc, d);
-    } else if (c == CMD_ARMW || c == CMD_FRMW) {
-        read_multiple_write(esc, d,
-                            c == CMD_ARMW ? d->position == 0 : is_addressed(esc, d->position));
-    } else if (c >= CMD_BRD && c <= CMD_BRW) {
-        physical(esc, d, reads, writes, true);
-    } else if (auto_increment ? d->position == 0 : is_addressed(esc, d->position)) {
-        physical(esc, d, reads, writes, false);
+        return;
     }
-    if (auto_increment || (c >= CMD_BRD && c <= CMD_BRW)) {
+    if (c >= sizeof commands / sizeof commands[0]) {
+        return;
+    }
+    const enum addressing by = commands[c].by;
+    if (c == CMD_ARMW || c == CMD_FRMW) {
+        read_multiple_write(esc, d, is_meant(esc, d, by));
+    } else if (is_meant(esc, d, by)) {
+        physical(esc, d, commands[c].reads, commands[c].writes, by == BY_ALL);
+    }
+    if (by == BY_POSITION || by == BY_ALL) {
         d->position++;
     }
 }

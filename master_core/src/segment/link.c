@@ -240,6 +240,23 @@ static int start_thread(struct fsn_segment *s, const struct fsn_segment_link_opt
     return error;
 }
 
+static fsn_status open_ports(struct fsn_segment *s, const struct fsn_segment_link_options *o) {
+    const bool takes_real = TEST_RIG != 0 && o->no_machine_on_this_wire;
+    const fsn_status status = open_port(s, 0, o->interface, takes_real);
+    return status == FSN_OK && o->interface2 != NULL ? open_port(s, 1, o->interface2, takes_real)
+                                                     : status;
+}
+
+/** Answers from now on. Returns 0, or errno. */
+static int begin(struct fsn_segment *s, const struct fsn_segment_link_options *o) {
+    snprintf(s->interfaces[0], sizeof s->interfaces[0], "%s", o->interface);
+    snprintf(s->interfaces[1], sizeof s->interfaces[1], "%s",
+             o->interface2 != NULL ? o->interface2 : "");
+    fsn_segment_set_ring(s, o->interface2 != NULL);
+    atomic_store(&s->stop, false);
+    return start_thread(s, o);
+}
+
 fsn_status fsn_segment_link(struct fsn_segment *s, const struct fsn_segment_link_options *options,
                             int *sys_errno) {
     if (s == NULL || options == NULL || options->interface == NULL ||
@@ -249,19 +266,10 @@ fsn_status fsn_segment_link(struct fsn_segment *s, const struct fsn_segment_link
     if (s->sockets[0] >= 0) {
         return FSN_E_STATE;
     }
-    const bool takes_real = TEST_RIG != 0 && options->no_machine_on_this_wire;
-    fsn_status status = open_port(s, 0, options->interface, takes_real);
-    if (status == FSN_OK && options->interface2 != NULL) {
-        status = open_port(s, 1, options->interface2, takes_real);
-    }
+    fsn_status status = open_ports(s, options);
     int error = errno;
     if (status == FSN_OK) {
-        snprintf(s->interfaces[0], sizeof s->interfaces[0], "%s", options->interface);
-        snprintf(s->interfaces[1], sizeof s->interfaces[1], "%s",
-                 options->interface2 != NULL ? options->interface2 : "");
-        fsn_segment_set_ring(s, options->interface2 != NULL);
-        atomic_store(&s->stop, false);
-        error = start_thread(s, options);
+        error = begin(s, options);
         status = error == 0 ? FSN_OK : FSN_E_SYS;
     }
     if (status != FSN_OK) {

@@ -97,23 +97,31 @@ void fsn_incident_event(struct fsn_incidents *in, const char *json, size_t len_b
     *place = strndup(json, len_bytes);
 }
 
-/** Names the file after when and what, with nothing that a shell or a file system treats specially.
- */
+static bool is_plain(char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+           c == '_';
+}
+
+static const char *subject_of(const struct fsn_pending *p) {
+    if (p->connection[0] != 0) {
+        return p->connection;
+    }
+    return p->subdevice[0] != 0 ? p->subdevice : p->kind;
+}
+
+/** Names the file after when and what, with nothing that a shell or a file system treats specially:
+ *  what is not plain becomes one '_', none at the begin. */
 static void put_stem(const struct fsn_pending *p, char *stem, size_t room_bytes) {
     char utc[32];
+    char whole[200];
     size_t used = 0;
     fsn_utc_text(p->now_ns, utc);
-    const char *what = p->connection[0] != 0  ? p->connection
-                       : p->subdevice[0] != 0 ? p->subdevice
-                                              : p->kind;
-    char whole[200];
-    snprintf(whole, sizeof whole, "incident-%.19sZ-%s", utc, what);
+    snprintf(whole, sizeof whole, "incident-%.19sZ-%s", utc, subject_of(p));
     for (const char *c = whole; *c != 0 && used + 1 < room_bytes && used < 100; c++) {
-        const bool plain = (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') ||
-                           (*c >= '0' && *c <= '9') || *c == '-' || *c == '_';
-        if (plain || (used > 0 && stem[used - 1] != '_')) {
+        if (is_plain(*c)) {
             stem[used++] = *c;
-            stem[used - 1] = plain ? *c : '_';
+        } else if (used > 0 && stem[used - 1] != '_') {
+            stem[used++] = '_';
         }
     }
     stem[used] = 0;

@@ -96,19 +96,9 @@ static bool read_connection(struct fsn_surveyed *of, uint16_t object, struct fou
     return true;
 }
 
-static bool read_found(struct fsn_surveyed *of, struct found *found) {
-    *found = (struct found){0};
-    read_addresses(of, found);
-    for (uint32_t i = 0; i < of->fsoe_object_count && of->coe; i++) {
-        found->connections +=
-            read_connection(of, of->fsoe_objects[i], &found->connection[found->connections]);
-    }
-    /* A safety device whose frames have other numbers may still have the objects of its area. */
-    const bool search = found->connections == 0;
-    for (uint32_t i = 0; i < MOST_SAFETY_CONNECTIONS && of->coe && search; i++) {
-        const uint16_t object = (uint16_t)(FSN_CONNECTIONS + CONNECTION_STEP * i);
-        found->connections += read_connection(of, object, &found->connection[found->connections]);
-    }
+/** By the addresses of the SubDevice: which end of a connection it is, and an address that only a
+ *  connection names. */
+static void complete_sides(struct found *found) {
     const bool no_addresses = found->addresses == 0;
     for (uint32_t i = 0; i < found->connections; i++) {
         struct found_connection *c = &found->connection[i];
@@ -123,6 +113,22 @@ static bool read_found(struct fsn_surveyed *of, struct found *found) {
             found->address[found->addresses++] = address;
         }
     }
+}
+
+static bool read_found(struct fsn_surveyed *of, struct found *found) {
+    *found = (struct found){0};
+    read_addresses(of, found);
+    for (uint32_t i = 0; i < of->fsoe_object_count && of->coe; i++) {
+        found->connections +=
+            read_connection(of, of->fsoe_objects[i], &found->connection[found->connections]);
+    }
+    /* A safety device whose frames have other numbers may still have the objects of its area. */
+    const bool search = found->connections == 0;
+    for (uint32_t i = 0; i < MOST_SAFETY_CONNECTIONS && of->coe && search; i++) {
+        const uint16_t object = (uint16_t)(FSN_CONNECTIONS + CONNECTION_STEP * i);
+        found->connections += read_connection(of, object, &found->connection[found->connections]);
+    }
+    complete_sides(found);
     return found->has_addresses || found->connections > 0;
 }
 
