@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from fsoe_net.model.resolve import Resolution
     from fsoe_net.project.convert import Conversion
     from fsoe_net.project.decode import DecodedFrame
+    from fsoe_net.project.edit import NetworkEdit
     from fsoe_net.project.report import Report
     from fsoe_net.report.diff import Difference
     from fsoe_net.report.diff_side import Side
@@ -253,6 +254,23 @@ class Network:
             protocol=_text(protocol),
             loading=self._options,
         )
+
+    def edit(self, path: AnyPath | None = None) -> NetworkEdit:
+        """Change a YAML file of this network; comments and layout stay.
+
+        `NetworkEdit.document` is what is in the file; `NetworkEdit.save` writes it and returns the
+        network as it is then. This one stays as it was read.
+
+        Args:
+            path: The file; otherwise the first one of `paths`.
+
+        Raises:
+            InputError: The file is not YAML, or cannot be read.
+        """
+        from fsoe_net.project.edit import NetworkEdit
+
+        name = self.paths[0] if path is None else os.fspath(path)
+        return NetworkEdit(name, lambda: Network(self.paths, self._options))
 
     def _whole(self, refusal: str) -> Resolution:
         return whole_network(self._checked, refusal)

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import io
 import os
 import stat
 import sys
+from collections.abc import Iterator, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import FindingList, Span
 from fsoe_net.errors import InputError
 from fsoe_net.model.network import SourceFile
 
-__all__ = ["MAX_FILE_BYTES", "STDIN", "Collector", "open_file", "read_bytes"]
+__all__ = ["MAX_FILE_BYTES", "STDIN", "Collector", "open_file", "read_bytes", "replaced_files"]
 
 MAX_FILE_BYTES = 32 * 1024 * 1024
 STDIN = "-"
 Stream = io.BufferedReader | io.BytesIO
 _MOST_STDIN_BYTES = 256 * 1024 * 1024
+_REPLACED: ContextVar[Mapping[str, bytes]] = ContextVar("replaced files", default={})  # noqa: B039
 
 
 @dataclass(slots=True)
@@ -37,6 +41,16 @@ class Collector(FindingList):
         row = SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest())
         if row not in self.sources:
             self.sources.append(row)
+
+
+@contextlib.contextmanager
+def replaced_files(contents: Mapping[str, bytes]) -> Iterator[None]:
+    """Let readers find these contents instead of the files with these paths."""
+    token = _REPLACED.set(contents)
+    try:
+        yield
+    finally:
+        _REPLACED.reset(token)
 
 
 def open_file(path: str | os.PathLike[str], *, regular: bool = True) -> Stream:
@@ -90,7 +104,8 @@ def _opened(
 ) -> Stream | None:
     most = min(most, _MOST_STDIN_BYTES) if shown == STDIN else most
     try:
-        data = _standard_input() if shown == STDIN and named_at is None else None
+        is_stdin = shown == STDIN and named_at is None
+        data = _standard_input() if is_stdin else _REPLACED.get().get(shown)
         info = os.stat(shown) if data is None else None
         mode = stat.S_IFREG if info is None else info.st_mode
         size = len(data or b"") if info is None else info.st_size

@@ -1,0 +1,118 @@
+"""A YAML file of a network, changed by a program; comments and layout stay."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import io
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.files import Collector, read_bytes, replaced_files
+from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.formats.shared.yaml_tree import parse_yaml
+from fsoe_net.project.findings import Findings
+
+if TYPE_CHECKING:
+    from ruamel.yaml import YAML
+
+    from fsoe_net.project.network import Network
+
+__all__ = ["NetworkEdit"]
+
+
+class NetworkEdit:
+    """A file of a network that is being changed; see `fsoe_net.Network.edit`.
+
+    Attributes:
+        path: The file.
+        document: Its maps and lists, as `dict` and `list`, to be changed in place.
+    """
+
+    document: Any
+
+    def __init__(self, path: str, load_again: Callable[[], Network]) -> None:
+        out = Collector()
+        data = read_bytes(path, out)
+        if data is None or parse_yaml(data, path, out) is None:
+            raise InputError(f"{path} cannot be edited", out.diagnostics)
+        from ruamel.yaml.error import YAMLError
+
+        self.path = path
+        self._load_again = load_again
+        self._before = data.decode("utf-8-sig")
+        self._sha256 = hashlib.sha256(data).hexdigest()
+        try:
+            self.document = _like(self._before).load(self._before)
+        except (YAMLError, ValueError) as exc:
+            raise InputError(f"{path} cannot be edited: {exc}") from exc
+
+    @property
+    def text(self) -> str:
+        """The file as it would be.
+
+        Raises:
+            ValueError: Something in `document` is nothing that YAML can hold.
+        """
+        from ruamel.yaml.error import YAMLError
+
+        stream = io.StringIO()
+        try:
+            # A new one each time: after an error, one writes nothing more and does not say so.
+            _like(self._before).dump(self.document, stream)
+        except YAMLError as exc:
+            raise ValueError(f"{self.path} cannot be written: {exc}") from exc
+        return stream.getvalue()
+
+    def diff(self) -> str:
+        """Return the change as a unified diff; empty when there is none."""
+        before, after = self._before.splitlines(), self.text.splitlines()
+        lines = difflib.unified_diff(before, after, self.path, f"{self.path}, edited", lineterm="")
+        return "".join(f"{line}\n" for line in lines)
+
+    def check(self) -> Findings:
+        """Return what `fsoe_net.Network.check` would find after `save`; nothing is written."""
+        with replaced_files({self.path: self.text.encode("utf-8")}):
+            return self._load_again().check()
+
+    def save(self) -> Network:
+        """Write the file, and return the network as it is now.
+
+        Raises:
+            InputError: Somebody else has changed the file since it was read.
+            EnvironmentFault: It cannot be written; what was there is unchanged.
+        """
+        text = self.text.encode("utf-8")
+        out = Collector()
+        data = read_bytes(self.path, out)
+        if data is None:
+            raise InputError(f"nothing written: {self.path} cannot be read again", out.diagnostics)
+        if hashlib.sha256(data).hexdigest() != self._sha256:
+            raise InputError(
+                f"nothing written: {self.path} has changed since it was read; edit it again"
+            )
+        write_whole(self.path, text, overwrite=True)
+        self._before, self._sha256 = text.decode("utf-8"), hashlib.sha256(text).hexdigest()
+        return self._load_again()
+
+
+def _like(text: str) -> YAML:
+    """Return a reader and writer that keeps the layout of a text."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.util import load_yaml_guess_indent
+
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = 1_000_000
+    _, indent, offset = load_yaml_guess_indent(text)
+    yaml.indent(
+        mapping=2,
+        sequence=4 if indent is None else indent,
+        offset=2 if offset is None else offset,
+    )
+    yaml.representer.add_representer(
+        type(None),
+        lambda representer, _: representer.represent_scalar("tag:yaml.org,2002:null", "null"),
+    )
+    return yaml

@@ -1,0 +1,103 @@
+"""Files of a network that a program changes: only what it changes is changed."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from run.support import EXAMPLES, ROOT
+
+import fsoe_net
+
+FILES = sorted(
+    p for p in [*EXAMPLES.rglob("*.yaml"), *(ROOT / "tests/diagnostics/base").rglob("*.yaml")]
+)
+
+
+@pytest.fixture
+def network(tmp_path, monkeypatch):
+    shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
+    monkeypatch.chdir(tmp_path / "estop")
+    return fsoe_net.load("network.yaml")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: f"{p.parent.name}/{p.name}")
+def test_a_file_that_is_not_changed_stays_as_it_is(path):
+    edit = fsoe_net.load(EXAMPLES / "estop" / "network.yaml").edit(path)
+    assert edit.text == path.read_text("utf-8")
+
+
+def test_a_value_is_changed_checked_and_saved(network):
+    edit = network.edit()
+    connection = edit.document["nets"][0]["connections"][0]
+    connection["watchdog_ms"] = 1
+    assert edit.diff() == (
+        "--- network.yaml\n"
+        "+++ network.yaml, edited\n"
+        "@@ -19,7 +19,7 @@\n"
+        "         in: {ec_module: el1918, index: 0x6080, subindex: 1}\n"
+        "         out: {ec_module: ek1914, index: 0x7000, subindex: 1}\n"
+        "     connections:\n"
+        "-      - {main: el1918, sub: ek1914, address: 14, connection_id: 1, watchdog_ms: 100}\n"
+        "+      - {main: el1918, sub: ek1914, address: 14, connection_id: 1, watchdog_ms: 1}\n"
+        " \n"
+        " # Figures of an example: yours come from the manuals of your devices, see `source`.\n"
+        " safety_functions:\n"
+    )
+    assert [f.code for f in edit.check().errors] == ["FSN602"]
+    assert network.check().ok
+    assert "watchdog_ms: 100" in Path("network.yaml").read_text("utf-8")
+    connection["watchdog_ms"] = 150
+    changed = edit.save()
+    assert edit.diff() == ""
+    assert [str(c) for c in network.diff(changed).changes] == [
+        "~ connection el1918 - ek1914 changed: watchdog_ms 100 -> 150"
+    ]
+
+
+def test_parts_come_and_go(network):
+    edit = network.edit()
+    edit.document["nets"][0]["connections"].clear()
+    del edit.document["safety_functions"]
+    edit.document["subdevices"].append({"name": "lamp", "position": 2})
+    changed = edit.save()
+    assert not any(f.code == "FSN101" for f in changed.check())
+    assert "lamp" in Path("network.yaml").read_text("utf-8")
+    assert edit.diff() == ""
+
+
+def test_what_others_have_written_is_not_overwritten(network):
+    edit = network.edit()
+    edit.document["cycle_us"] = 2000
+    path = Path("network.yaml")
+    path.write_text(path.read_text("utf-8") + "# mine\n", "utf-8")
+    with pytest.raises(fsoe_net.InputError, match=r"nothing written: network\.yaml has changed"):
+        edit.save()
+    assert path.read_text("utf-8").endswith("# mine\n")
+    path.unlink()
+    with pytest.raises(fsoe_net.InputError, match="cannot be read again"):
+        edit.save()
+
+
+def test_what_cannot_be_edited_is_refused(network, tmp_path):
+    with pytest.raises(fsoe_net.InputError, match=r"no\.yaml cannot be edited"):
+        network.edit("no.yaml")
+    damaged = tmp_path / "damaged.yaml"
+    damaged.write_text("a: [1\n", "utf-8")
+    with pytest.raises(fsoe_net.InputError, match="cannot be edited"):
+        network.edit(damaged)
+    edit = network.edit()
+    edit.document["name"] = object()
+    with pytest.raises(ValueError, match=r"network\.yaml cannot be written"):
+        edit.text  # noqa: B018 - it raises
+    with pytest.raises(ValueError, match=r"network\.yaml cannot be written"):
+        edit.save()
+    assert "name: estop" in Path("network.yaml").read_text("utf-8")
+
+
+def test_a_text_with_a_byte_order_mark_is_kept_as_text(network, tmp_path):
+    path = tmp_path / "bom.yaml"
+    path.write_bytes(b"\xef\xbb\xbfversion: 1\nname: x\n")
+    edit = network.edit(path)
+    edit.document["name"] = "y"
+    edit.save()
+    assert path.read_text("utf-8-sig") == "version: 1\nname: y\n"
