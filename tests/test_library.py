@@ -49,11 +49,15 @@ def test_it_is_imported_without_a_command_line_or_anything_else():
     used = (
         "import sys, fsoe_net\n"
         "fsoe_net.load(sys.argv[1]).check()\n"
+        "own = ('own', 'shared', 'registry', 'recognise', 'unsupported')\n"
+        "formats = [m.split('.') for m in sys.modules if m.startswith('fsoe_net.formats.')]\n"
+        "readers = ['.'.join(m) for m in formats if m[2] not in own and len(m) > 3]\n"
+        "print(readers)\n"
         "print([m for m in ('click', 'rich', 'fsoe_net.cli') if m in sys.modules])"
     )
     words = [sys.executable, "-c", used, str(EXAMPLES / "estop" / "network.yaml")]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
+    assert done.stdout == "['fsoe_net.formats.sii.hex_text']\n[]\n"
 
 
 def test_it_is_typed():

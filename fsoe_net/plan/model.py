@@ -30,7 +30,6 @@ __all__ = [
 ]
 
 NONE = 0xFFFFFFFF
-_MOST_BYTES = 64 * 1024 * 1024  # as fsn-master takes them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,10 +221,11 @@ class Plan:
             PlanFormatError: It is no valid plan.
         """
         from fsoe_net.formats.shared.files import Collector, read_bytes
+        from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES
         from fsoe_net.plan.codec import decode_plan
 
         name, out = os.fspath(path), Collector()
-        data = read_bytes(name, out, most=_MOST_BYTES)
+        data = read_bytes(name, out, most=MAX_PLAN_BYTES)
         if data is None:
             raise InputError(f"{name} cannot be read", out.diagnostics)
         try:

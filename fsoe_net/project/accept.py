@@ -11,6 +11,7 @@ from fsoe_net.formats.own.acceptance import parse_acceptance
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.write_acceptance import write_acceptance
 from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_something
 from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.compile import compile_plan
@@ -21,8 +22,6 @@ from fsoe_net.project.report import since
 from fsoe_net.report.sign_off import Grounds, Reason, Refusal, read_signed_report, sign_off
 
 __all__ = ["accept", "intervention_rows", "reason_rows", "record_bytes"]
-
-_MOST_BYTES = 256 * 1024 * 1024
 
 
 def accept(
@@ -156,7 +155,7 @@ def _by(text: str) -> tuple[str, str]:
 
 def _read(path: str) -> tuple[SourceFile, bytes]:
     out = Collector()
-    data = read_bytes(path, out, most=_MOST_BYTES)
+    data = read_bytes(path, out, most=MAX_LARGE_BYTES)
     if data is None:
         raise InputError(f"{path} cannot be read", out.diagnostics)
     return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data

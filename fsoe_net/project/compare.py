@@ -13,6 +13,7 @@ from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.registry import Format, Yields, read_foreign
 from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.accepted import accepted_plan
 from fsoe_net.plan.codec import MAGIC, decode_plan
@@ -27,7 +28,6 @@ from fsoe_net.report.diff_side import Side
 __all__ = ["read_side"]
 
 _NO_NET = "FSN125"
-_MAX_BYTES = 256 * 1024 * 1024
 
 
 def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
@@ -36,7 +36,7 @@ def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagno
     known = find_format(path, Collector()) if os.path.isfile(path) else None
     if known is not None and known.is_streamed:
         return _side_of_description(path, known, out, path)  # of any size
-    data = read_bytes(path, out, most=_MAX_BYTES)
+    data = read_bytes(path, out, most=MAX_LARGE_BYTES)
     if data is None:
         return None, out.diagnostics
     if data.startswith(MAGIC):

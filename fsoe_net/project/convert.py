@@ -119,15 +119,7 @@ def _read(
     out = Collector()
     named = [(f, forced or find_format(f, out)) for f in map(_file_of, dict.fromkeys(files))]
     known = [(f, found) for f, found in named if found is not None]
-    buses: list[Description] = []
-    types: list[Description] = []
-    for file, found in known:
-        if found.yields in (Yields.NETWORK, Yields.CATALOGUE):
-            continue
-        read = read_foreign(file, found, out)
-        if read is not None:
-            is_type = found.yields is Yields.TYPES or read.placeless
-            (types if is_type else buses).append(read)
+    buses, types = _read_others(known, out)
     own = [f for f, found in known if found.yields is Yields.NETWORK]
     if own:
         made, is_bus = _read_yaml(own, out)
@@ -139,6 +131,10 @@ def _read(
             types += _read_catalogue(file, found, bus, out, notes, starts=starts)
     _refuse_errors(out)
     findings += sort_diagnostics(out.diagnostics)
+    return _joined(bus, types, notes)
+
+
+def _joined(bus: Description | None, types: list[Description], notes: list[str]) -> Description:
     if bus is not None:
         joined = fill_devices(bus, types, notes)
     elif types:
@@ -148,6 +144,25 @@ def _read(
     if joined.truncated or any(s.truncated for s in joined.subdevices):
         raise InputError("nothing written: a file is cut off; what is missing is not guessed")
     return joined
+
+
+def _read_others(
+    files: Sequence[tuple[str, Format]], out: Collector
+) -> tuple[list[Description], list[Description]]:
+    """Return buses and device types of files that are neither a network nor a catalogue."""
+    buses: list[Description] = []
+    types: list[Description] = []
+    for file, found in files:
+        if found.yields in (Yields.NETWORK, Yields.CATALOGUE):
+            continue
+        read = read_foreign(file, found, out)
+        if read is None:
+            continue
+        if found.yields is Yields.TYPES or read.placeless:
+            types.append(read)
+        else:
+            buses.append(read)
+    return buses, types
 
 
 def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats.esi.wanted import load_devices
 from fsoe_net.formats.own.library import load_library
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.write_files import write_all
@@ -133,6 +132,8 @@ class Inputs:
         return self._rings[key]
 
     def _with_process_data(self, bus: Description, out: Collector, notes: list[str]) -> Description:
+        from fsoe_net.formats.esi.wanted import load_devices
+
         types = list(self.found.types) if self.found.buses else []
         for path in self.found.esis if self.found.buses else ():
             made = load_devices(path, [s for s in bus.subdevices if not has_layout(s.device)], out)

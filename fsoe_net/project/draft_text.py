@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.comments import Remarks
 from fsoe_net.formats.own.write import write_network
@@ -105,18 +107,8 @@ def answers_template(made: Draft, answered: str | None = None) -> str:
         lines += [f"# {question.text}", *(f"#   {f}" for f in question.facts)]
         example = next((t.order for t in made.inputs.types), "EL1904")
         lines += ["# subdevices:", f"#   - {{type: {example}, name: stop, count: 2}}", ""]
-    for key, value in ((Ask.PROCESS_DATA, None), (Ask.FRAMES, "yes")):
-        if questions[key]:
-            lines.append(f"# {key.value}:")
-        for question in questions[key]:
-            lines += [f"#   # {question.text}", *(f"#   # {f}" for f in question.facts)]
-            if value is None:
-                lines.append("#   # keep one of these lines")
-            for word, meaning in question.choices:
-                if value is None:
-                    lines.append(f'#   {question.subject}: "{word}"   # {meaning}')
-            if value is not None:
-                lines.append(f"#   {question.subject}: {value}   # or no")
+    lines += _process_data_lines(questions[Ask.PROCESS_DATA])
+    lines += _frame_lines(questions[Ask.FRAMES])
     for question in questions[Ask.MAIN]:
         names = ", ".join(w for w, _ in question.choices)
         lines += [f"# {question.text}", f"# main: [{names}]", ""]
@@ -125,6 +117,30 @@ def answers_template(made: Draft, answered: str | None = None) -> str:
         rows += [line for q in questions[Ask.CONNECTIONS] for line in _open_connection(q)]
         lines += ["# connections:", *rows] if rows else []
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _process_data_lines(questions: list[Question]) -> list[str]:
+    lines = [f"# {Ask.PROCESS_DATA.value}:"] if questions else []
+    for question in questions:
+        rows = [f'{question.subject}: "{word}"   # {why}' for word, why in question.choices]
+        lines += _question_lines(question, ["# keep one of these lines", *rows])
+    return lines
+
+
+def _frame_lines(questions: list[Question]) -> list[str]:
+    lines = [f"# {Ask.FRAMES.value}:"] if questions else []
+    for question in questions:
+        lines += _question_lines(question, [f"{question.subject}: yes   # or no"])
+    return lines
+
+
+def _question_lines(question: Question, rows: list[str]) -> list[str]:
+    """Return a question with its facts and the lines that may answer it, as comments."""
+    return [f"#   {row}" for row in (f"# {question.text}", *_comments(question.facts), *rows)]
+
+
+def _comments(texts: Iterable[str]) -> list[str]:
+    return [f"# {text}" for text in texts]
 
 
 def _template_head(name: str, answered: str | None) -> list[str]:

@@ -11,6 +11,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import is_acceptance, load_acceptance
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES
 from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import SafetyFunction
@@ -28,8 +29,6 @@ from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import check_files, whole_network
 
 __all__ = ["Known", "Record", "read_known", "read_record"]
-
-_MOST_BYTES = 64 * 1024 * 1024  # as fsn-master takes plans
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +79,7 @@ def read_known(
     path = ", ".join(files)
     if len(files) == 1:
         out = Collector()
-        data = read_bytes(files[0], out, most=_MOST_BYTES)
+        data = read_bytes(files[0], out, most=MAX_PLAN_BYTES)
         if data is None:
             raise InputError(f"{path} cannot be read", out.diagnostics)
         if is_acceptance(data):

@@ -10,12 +10,12 @@ from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.registry import Format, Yields, read_foreign
 from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.network import NetworkConfig, SourceFile
 
 __all__ = ["References", "read_references", "split_files"]
 
-_MAX_BYTES = 256 * 1024 * 1024
 _NOT_FOUND = frozenset({"FSN135", "FSN136"})  # the comparison says it, at the user's revision
 
 
@@ -55,7 +55,7 @@ def read_references(files: Sequence[tuple[str, Format]], network: NetworkConfig)
             description = _devices(path, network, out)
             sha256 = _sha256(path)
         else:
-            data = read_bytes(path, out, most=_MAX_BYTES)
+            data = read_bytes(path, out, most=MAX_LARGE_BYTES)
             description = None if data is None else read_foreign(data, known, out, name=path)
             sha256 = hashlib.sha256(data or b"").hexdigest()
         found.diagnostics += out.diagnostics

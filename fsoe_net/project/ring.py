@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import AnsweredDevice
 from fsoe_net.model.bus import Device
@@ -50,6 +49,8 @@ def list_types(
         library: Devices that no file has to describe.
         out: Takes what is wrong with the ESI files.
     """
+    from fsoe_net.formats.esi.read import list_esi
+
     rows = [
         DeviceType(
             order=s.order or _known(s, library) or s.name or Path(t.path).stem,
@@ -150,37 +151,14 @@ def ring_of(
 def _type_of(
     row: AnsweredDevice, types: Sequence[DeviceType], out: Collector
 ) -> DescribedSubDevice | None:
-    wanted = row.type.casefold()
-    same = [t for t in types if wanted in (t.order.casefold(), t.name.casefold())]
-    if not same:
-        names = list(dict.fromkeys(t.order for t in types))[:_MOST_NAMES]
-        close = difflib.get_close_matches(row.type.upper(), names, n=1, cutoff=0.5)
-        hint = "give its ESI; leave out what has no process data: position: says where it goes on"
-        hint = f"did you mean {close[0]!r}? else {hint}" if close else hint
-        out.add(
-            "FSN155", row.at("type"), f"no file and no device library knows {row.type!r}", hint=hint
-        )
+    rows = _types_of(row, types, out)
+    if not rows:
         return None
-    files = [t for t in same if t.path != "device library"]
-    rows = files or same
-    if row.revision is not None and files:
-        rows = [t for t in files if t.revision == row.revision]
-        if not rows:
-            there = sorted({f"0x{t.revision:08x}" for t in files if t.revision is not None})
-            out.add(
-                "FSN155",
-                row.at("revision"),
-                f"no {row.type} of revision 0x{row.revision:08x} is in these files",
-                hint=f"there are: {', '.join(there) or 'none with a revision'}",
-            )
-            return None
-    newest = max(
-        rows, key=lambda t: (t.sub is not None and has_layout(t.sub.device), t.revision or 0)
-    )
+    newest = max(rows, key=_layout_then_revision)
     notes: tuple[str, ...] = ()
     if len({t.revision for t in rows}) > 1:
-        told = f"0x{newest.revision or 0:08x}"
-        notes = (f"TODO revision {told}: the newest of {len(rows)} in {newest.path}",)
+        taken = f"0x{newest.revision or 0:08x}"
+        notes = (f"TODO revision {taken}: the newest of {len(rows)} in {newest.path}",)
     sub = newest.sub if newest.sub is not None else _read(newest, out)
     if sub is None:
         return None
@@ -189,7 +167,45 @@ def _type_of(
     )
 
 
+def _types_of(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) -> list[DeviceType]:
+    """Return the device types that an answer may mean; none, with FSN155, where it is not known."""
+    wanted = row.type.casefold()
+    same = [t for t in types if wanted in (t.order.casefold(), t.name.casefold())]
+    if not same:
+        _unknown_type(row, types, out)
+        return []
+    files = [t for t in same if t.path != "device library"]
+    if row.revision is None or not files:
+        return files or same
+    rows = [t for t in files if t.revision == row.revision]
+    if not rows:
+        there = sorted({f"0x{t.revision:08x}" for t in files if t.revision is not None})
+        out.add(
+            "FSN155",
+            row.at("revision"),
+            f"no {row.type} of revision 0x{row.revision:08x} is in these files",
+            hint=f"there are: {', '.join(there) or 'none with a revision'}",
+        )
+    return rows
+
+
+def _unknown_type(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) -> None:
+    names = list(dict.fromkeys(t.order for t in types))[:_MOST_NAMES]
+    close = difflib.get_close_matches(row.type.upper(), names, n=1, cutoff=0.5)
+    hint = "give its ESI; leave out what has no process data: position: says where it goes on"
+    if close:
+        hint = f"did you mean {close[0]!r}? else {hint}"
+    message = f"no file and no device library knows {row.type!r}"
+    out.add("FSN155", row.at("type"), message, hint=hint)
+
+
+def _layout_then_revision(row: DeviceType) -> tuple[bool, int]:
+    return row.sub is not None and has_layout(row.sub.device), row.revision or 0
+
+
 def _read(row: DeviceType, out: Collector) -> DescribedSubDevice | None:
+    from fsoe_net.formats.esi.read import EsiChoice, load_esi
+
     choice = EsiChoice(vendor=row.vendor, product=row.product, revision=row.revision)
     read = load_esi(row.path, out, choice=choice)
     return None if read is None or not read.subdevices else read.subdevices[0]

@@ -8,7 +8,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from fsoe_net.formats.own.schema import read_schema
+from fsoe_net.formats.own.json_schema import read_schema
 
 __all__ = ["documents"]
 

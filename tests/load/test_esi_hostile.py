@@ -174,7 +174,7 @@ def test_what_stands_between_comments_counts():
 def test_file_that_is_too_large_or_not_there(tmp_path, monkeypatch):
     path = tmp_path / "a.xml"
     path.write_text(PLAIN, "utf-8")
-    monkeypatch.setattr(esi_module, "MAX_ESI_BYTES", 10)
+    monkeypatch.setattr(esi_module, "MAX_LARGE_BYTES", 10)
     out = Collector()
     assert load_esi(path, out) is None
     assert load_esi(tmp_path / "b.xml", out) is None

@@ -8,8 +8,8 @@ import pytest
 from model.fsoe_table import rows
 
 import fsoe_net
+from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.formats.own.library import builtin_library, load_library, parse_library_device
-from fsoe_net.formats.own.schema import read_schema
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.layout import layout_of

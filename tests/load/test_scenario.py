@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.formats.own.scenario import load_scenario
-from fsoe_net.formats.own.schema import read_schema
 from fsoe_net.model.scenario import Action, LogicChoice
 
 WEEK_MS = 7 * 24 * 3600 * 1000

@@ -12,20 +12,31 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from load.inventions import documents
+from referencing import Registry, Resource
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.formats.own.answers import load_answers
+from fsoe_net.formats.own.json_schema import LEFT_TO_READERS, read_schema, schema_errors
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.protocol import load_protocol
 from fsoe_net.formats.own.scenario import load_scenario
-from fsoe_net.formats.own.schema import _validator, read_schema
 from fsoe_net.formats.shared.files import Collector
 
 # Other keys or files say the rest: a path, two names of one thing, the order of two times, a day
 # that its month has, a step that is not done at the machine, the bits of another entry.
 BETWEEN_KEYS = {"FSN133", "FSN228", "FSN161", "FSN422"}
 ORDER = ("FSN113", "during_ms must rise")
+
+
+NAMES = ["network", "transfers", "slave", "scenario", "answers", "protocol", "acceptance", "scan"]
+OTHERS = [*NAMES, "device"]
+
+
+def validator(name: str) -> Draft202012Validator:
+    schemas = [read_schema(other) for other in OTHERS]
+    rows = ((schema["$id"], Resource.from_contents(schema)) for schema in schemas)
+    return Draft202012Validator(read_schema(name), registry=Registry().with_resources(rows))
 
 
 def found_in(name: str, path: Path) -> list[Diagnostic]:
@@ -82,7 +93,7 @@ def test_the_examples_are_valid_in_an_editor(name: str):
     for schema, paths in files.items():
         for path in paths:
             document = yaml.safe_load(path.read_text("utf-8"))
-            assert [e.message for e in _validator(schema).iter_errors(document)] == []
+            assert [e.message for e in validator(schema).iter_errors(document)] == []
 
 
 @pytest.mark.parametrize("name", ["network", "transfers", "slave", "scenario", "answers"])
@@ -144,4 +155,82 @@ def test_values_of_sdos_have_the_range_of_their_type(value: int, word: str):
     document = {"vendor_id": 2, "product_id": 3, "sdo": [sdo]}
     bits = int(word.rpartition("t")[2])
     low, high = (0, 2**bits) if word[0] == "u" else (-(2 ** (bits - 1)), 2 ** (bits - 1))
-    assert _validator("slave").is_valid(document) == (low <= value < high)
+    assert validator("slave").is_valid(document) == (low <= value < high)
+
+
+def changed(document: object, draw: st.DataObject) -> object:
+    """Change a place: a key away, another key, another value."""
+    places: list[tuple[dict | list, str | int]] = []
+    pending = [document]
+    while pending:
+        part = pending.pop()
+        keys = (
+            part if isinstance(part, dict) else range(len(part)) if isinstance(part, list) else ()
+        )
+        places += [(part, key) for key in keys]
+        pending += [part[key] for key in keys]
+    if not places:
+        return None
+    part, key = draw.draw(st.sampled_from(places))
+    if isinstance(part, dict) and draw.draw(st.booleans()):
+        value = part.pop(key)
+        if draw.draw(st.booleans()):
+            part["other"] = value
+    else:
+        values = [None, True, 1, 1.0, 0.5, "x", "", [], {}, [1, 2, 3], {"x": 1}]
+        part[key] = draw.draw(st.sampled_from(values))
+    return document
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_structure_is_checked_as_a_validator_does(name: str):
+    official = validator(name)
+
+    @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(documents(name), st.data())
+    def compare(document: object, data: st.DataObject) -> None:
+        for _ in range(3):
+            wanted = [
+                (e.validator, *e.absolute_path)
+                for e in official.iter_errors(document)
+                if e.validator not in LEFT_TO_READERS
+            ]
+            found = [(e.keyword, *e.path) for e in schema_errors(document, name)]
+            assert sorted(found, key=repr) == sorted(wanted, key=repr)
+            document = changed(document, data)
+
+    compare()
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_the_checker_knows_each_keyword_of_the_schemas(name: str):
+    checked = {"type", "enum", "const", "minItems", "maxItems", "items", "$ref"}
+    checked |= {"properties", "additionalProperties", "required"}
+    notes = {"$schema", "$id", "$defs", "title", "description"}
+    pending, unknown = [read_schema(name)], set()
+    while pending:
+        schema = pending.pop()
+        unknown |= schema.keys() - checked - notes - LEFT_TO_READERS
+        inner = [v for key in ("properties", "$defs") for v in schema.get(key, {}).values()]
+        inner += [schema[k] for k in ("items", "additionalProperties") if k in schema]
+        pending += [part for part in inner if isinstance(part, dict)]
+    assert unknown == set()
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_what_a_condition_adds_is_left_to_readers(name: str):
+    """The checker does not look into `allOf`: nothing in there may be its business."""
+    pending, conditions = [read_schema(name)], []
+    while pending:
+        part = pending.pop()
+        if isinstance(part, dict):
+            conditions += [c for c in part.get("allOf", ()) if isinstance(c, dict)]
+            conditions += [part] if "if" in part and "then" in part else []
+            pending += part.values()
+        elif isinstance(part, list):
+            pending += part
+    for condition in conditions:
+        added = condition.get("then", condition)
+        properties = added.get("properties", {}).values() if "then" in condition else ()
+        assert (added.keys() - {"properties", "if", "then"}) <= LEFT_TO_READERS
+        assert all(p.keys() <= LEFT_TO_READERS for p in properties)

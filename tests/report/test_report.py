@@ -17,7 +17,7 @@ from report.made import CODES, TIMED, inputs_of, with_mistakes
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.document.model import Number, Table
-from fsoe_net.formats.own.schema import read_schema
+from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.protocol import StepKind
 from fsoe_net.plan.compile import compile_plan

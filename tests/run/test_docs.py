@@ -10,8 +10,8 @@ import pytest
 from networks import example
 from run.support import ESTOP, ROOT, document, needs_core, run, session_of
 
+from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.formats.own.scenario import load_scenario
-from fsoe_net.formats.own.schema import read_schema
 from fsoe_net.formats.registry import all_formats, all_targets
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import CampaignConfig

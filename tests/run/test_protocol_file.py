@@ -14,8 +14,8 @@ from run.protocols import DONE, by_id, protocol_of, timed
 
 from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import InputError
+from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.formats.own.protocol import load_protocol
-from fsoe_net.formats.own.schema import read_schema
 from fsoe_net.formats.own.write_protocol import write_protocol
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, Seen

@@ -50,9 +50,7 @@ def describe_station(station: Station, path: str, out: Collector) -> DescribedSu
     managers = _managers(read, from_sii if whole else None, told)
     layout = _settled(read, managers)
     vendor, product, revision, serial = (_identity(read, name) for name in _IDENTITY)
-    general = image.general
-    name = image.text(general.name) if general is not None else ""
-    order = image.text(general.order) if general is not None else ""
+    name, order = image.names()
     _judge(read, told, vendor is None or product is None)
     out.diagnostics += told.diagnostics
     assigned = {p.index for sm in layout for p in sm.pdos or ()}
@@ -138,34 +136,46 @@ def _managers(
     found = []
     for number in range(16):
         row = registers.get(number)
-        listed = station.assigned(number) if number in _PROCESS_DATA else None
         if row is not None and row.is_mailbox:
             continue
-        if row is not None and not row.enabled:
-            row = None  # written to be switched off
+        row = _enabled(row)
+        listed = station.assigned(number) if number in _PROCESS_DATA else None
         sii = stored.get(number)
-        if row is None and not listed and (sii is None or not sii.pdos or registers):
+        in_eeprom = sii is not None and bool(sii.pdos) and not registers
+        if row is None and not listed and not in_eeprom:
             continue
         pdos = _pdos(read, number, listed, sii, row, told)
         direction = _direction(row, sii, pdos, listed)
         if direction is None or (pdos is None and row is None and not has_mailbox):
             continue
-        control = None if row is None else row.control
-        watchdog = Watchdog.DEFAULT
-        if control is not None and direction is Direction.OUTPUT:
-            watchdog = Watchdog.ENABLE if control & _WATCHDOG else Watchdog.DISABLE
-        start = row.start if row is not None else None if sii is None else sii.start_byte
         manager = SyncManager(
             index=number,
             direction=direction,
             carries=None,
-            watchdog=watchdog,
+            watchdog=_watchdog(row, direction),
             pdos=pdos,
-            start_byte=start,
+            start_byte=_start(row, sii),
             span=_place(read, 0x1C10 + number),
         )
         found.append((manager, row))
     return found
+
+
+def _enabled(row: Manager | None) -> Manager | None:
+    """Return a sync manager unless it was written to be switched off."""
+    return row if row is not None and row.enabled else None
+
+
+def _watchdog(row: Manager | None, direction: Direction) -> Watchdog:
+    if row is None or row.control is None or direction is not Direction.OUTPUT:
+        return Watchdog.DEFAULT
+    return Watchdog.ENABLE if row.control & _WATCHDOG else Watchdog.DISABLE
+
+
+def _start(row: Manager | None, sii: SyncManager | None) -> int | None:
+    if row is not None:
+        return row.start
+    return None if sii is None else sii.start_byte
 
 
 def _place(read: _Read, index: int) -> Span:
@@ -200,14 +210,7 @@ def _pdos(
 ) -> tuple[Pdo, ...] | None:
     """Return the PDOs of a sync manager: of the object dictionary, else of the EEPROM."""
     if listed is None:
-        stored_pdos = None if sii is None else sii.pdos
-        if stored_pdos and row is not None and _bytes(stored_pdos) != row.length:
-            read.notes.append(
-                f"SM{number} has {row.length} bytes, the PDOs of the EEPROM {_bytes(stored_pdos)}: "
-                "they are not what is used"
-            )
-            return None
-        return stored_pdos or None
+        return _stored_pdos(read, number, sii, row)
     stored = {} if sii is None else {p.index: p for p in sii.pdos or ()}
     pdos: list[Pdo] = []
     missing: list[str] = []
@@ -231,6 +234,22 @@ def _pdos(
             hint="the mapping was changed unseen: capture a whole start-up, or use the ESI alone",
         )
     return tuple(pdos)
+
+
+def _stored_pdos(
+    read: _Read, number: int, sii: SyncManager | None, row: Manager | None
+) -> tuple[Pdo, ...] | None:
+    """Return the PDOs of the EEPROM, where they fill the sync manager."""
+    stored = None if sii is None else sii.pdos
+    if not stored:
+        return None
+    if row is not None and _bytes(stored) != row.length:
+        read.notes.append(
+            f"SM{number} has {row.length} bytes, the PDOs of the EEPROM {_bytes(stored)}: "
+            "they are not what is used"
+        )
+        return None
+    return stored
 
 
 def _bytes(pdos: Iterable[Pdo]) -> int:

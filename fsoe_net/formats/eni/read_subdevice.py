@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
@@ -77,23 +78,14 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
     described = DescribedSubDevice(
         span=info.span,
         fields={c.name: c.value_span for c in info.children},
-        name=_text(info.first("Name")),
+        name=info.text_of("Name"),
         position=None if hot else _position(info, number, out),
         device=device,
         available=tuple(p for p in available if p.index not in assigned),
         revision=revision,
         serial=xml_number(info.first("SerialNo"), out) or None,  # 0: any
         notes=tuple(notes),
-        start=StartFacts(
-            revision=revision,
-            physics=_text(info.first("Physics"))[:4],
-            mailbox=_mailbox(element.first("Mailbox")),
-            clock=_clock(dc),
-            starts=_of_managers(process_data, "StartAddress", 0xFFFF),
-            controls=_of_managers(process_data, "ControlByte", 0xFF),
-            assigns=any(index in _ASSIGNED for index, _ in objects),
-            maps=frozenset(i for i, sub in objects if sub and i not in _ASSIGNED),
-        ),
+        start=_start_facts(element, info, revision, objects),
     )
     windows = () if process_data is None else tuple(read_windows(process_data, out))
     return EniSlave(
@@ -101,8 +93,21 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
     )
 
 
-def _text(element: Element | None) -> str:
-    return "" if element is None else element.words
+def _start_facts(
+    element: Element, info: Element, revision: int | None, objects: Iterable[tuple[int, int]]
+) -> StartFacts:
+    """Return what starting the SubDevice takes; `objects` are those its SDOs write."""
+    process_data = element.first("ProcessData")
+    return StartFacts(
+        revision=revision,
+        physics=info.text_of("Physics")[:4],
+        mailbox=_mailbox(element.first("Mailbox")),
+        clock=_clock(element.first("DC")),
+        starts=_of_managers(process_data, "StartAddress", 0xFFFF),
+        controls=_of_managers(process_data, "ControlByte", 0xFF),
+        assigns=any(index in _ASSIGNED for index, _ in objects),
+        maps=frozenset(i for i, sub in objects if sub and i not in _ASSIGNED),
+    )
 
 
 def _of_managers(process_data: Element | None, name: str, high: int) -> dict[int, int]:
@@ -130,7 +135,7 @@ def _mailbox(element: Element | None) -> MailboxFacts | None:
         to_sub=windows[0],
         from_sub=windows[1],
         protocols=tuple(
-            dict.fromkeys(t for p in element.all("Protocol") if (t := _text(p)) in _PROTOCOLS)
+            dict.fromkeys(t for p in element.all("Protocol") if (t := p.words) in _PROTOCOLS)
         ),
     )
 
@@ -183,8 +188,8 @@ def pdo_of(element: Element, out: Collector) -> Pdo | None:
                 index=entry_index,
                 subindex=xml_number(child.first("SubIndex"), out, high=0xFF) or 0,
                 bits=bits,
-                type_name=_text(child.first("DataType")),
-                name=_text(child.first("Name")),
+                type_name=child.text_of("DataType"),
+                name=child.text_of("Name"),
             )
         )
     return Pdo(span=element.span, index=index, entries=tuple(entries))
@@ -215,49 +220,61 @@ def _managers(
     process_data: Element, offered: list[_Offered], out: Collector, notes: list[str]
 ) -> tuple[SyncManager, ...]:
     managers = []
-    named: set[int] = set()
     by_index = {(o.direction, o.pdo.index): o.pdo for o in offered}
     for number in range(_MAX_SM + 1):
         sm = process_data.first(f"Sm{number}")
-        direction = None if sm is None else _TYPES.get(_text(sm.first("Type")).lower())
+        direction = None if sm is None else _TYPES.get(sm.text_of("Type").lower())
         if sm is None or direction is None:
             continue
         listed = sm.all("Pdo")
-        pdos: list[Pdo] = []
-        taken: set[int] = set()
-        for element in listed:
-            index = xml_number(element, out, high=0xFFFF)
-            if index is None:
-                continue
-            pdo = by_index.get((direction, index))
-            if pdo is not None and index not in taken:
-                taken.add(index)
-                pdos.append(pdo)
-                continue
-            if number in named:
-                continue
-            named.add(number)
-            why = "a second time" if pdo is not None else "which this SubDevice does not have"
+        offered_here = {i: pdo for (d, i), pdo in by_index.items() if d is direction}
+        pdos = _listed_pdos(listed, number, offered_here, out)
+        marked = [o.pdo for o in offered if o.sm == number and o.direction is direction]
+        if not listed and marked:
+            notes.append(f"Sm{number} lists no PDOs; those marked Sm={number} are taken in order")
+            pdos = marked
+        elif marked:
+            _compare_marked(sm, number, pdos, marked, out)
+        managers.append(_manager(sm, number, direction, pdos, out, notes))
+    return tuple(managers)
+
+
+def _compare_marked(
+    sm: Element, number: int, listed: list[Pdo], marked: list[Pdo], out: Collector
+) -> None:
+    if {p.index for p in marked} == {p.index for p in listed}:
+        return
+    out.add(
+        "FSN143",
+        sm.span,
+        f"Sm{number} lists {_names(listed)}, but the PDOs marked Sm={number} are {_names(marked)}",
+        hint="export the ENI again; the list of the sync manager is taken",
+    )
+
+
+def _listed_pdos(
+    listed: list[Element], number: int, offered: Mapping[int, Pdo], out: Collector
+) -> list[Pdo]:
+    """Return the PDOs that a sync manager lists; the first wrong one is reported."""
+    taken: dict[int, Pdo] = {}
+    reported = False
+    for element in listed:
+        index = xml_number(element, out, high=0xFFFF)
+        if index is None:
+            continue
+        pdo = offered.get(index)
+        if pdo is not None and index not in taken:
+            taken[index] = pdo
+        elif not reported:
+            reported = True
+            why = "which this SubDevice does not have" if pdo is None else "a second time"
             out.add(
                 "FSN143",
                 element.value_span,
                 f"Sm{number} lists PDO 0x{index:04x}, {why}",
                 hint="export the ENI again; nothing behind this PDO can be placed",
             )
-        marked = [o.pdo for o in offered if o.sm == number and o.direction is direction]
-        if not listed and marked:
-            notes.append(f"Sm{number} lists no PDOs; those marked Sm={number} are taken in order")
-            pdos = marked
-        elif listed and marked and {p.index for p in marked} != {p.index for p in pdos}:
-            out.add(
-                "FSN143",
-                sm.span,
-                f"Sm{number} lists {_names(pdos)}, but the PDOs marked Sm={number} are "
-                f"{_names(marked)}",
-                hint="export the ENI again; the list of the sync manager is taken",
-            )
-        managers.append(_manager(sm, number, direction, pdos, out, notes))
-    return tuple(managers)
+    return list(taken.values())
 
 
 def _manager(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from fsoe_net.errors import InputError
 from fsoe_net.model.bus import Direction
-from fsoe_net.model.description import Description
+from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.layout import SmLayout, layout_of
 
 __all__ = ["EniLayout", "Piece", "WrittenCommand", "lay_out"]
@@ -58,6 +58,17 @@ class EniLayout:
     size_bytes: int
 
 
+def _outputs_first(sub: DescribedSubDevice) -> list[SmLayout]:
+    """Return the sync managers with data, outputs before inputs; together they fit a datagram."""
+    group = [m for m in layout_of(sub.device).managers if m.bits or not m.complete]
+    if not all(m.complete for m in group):
+        raise InputError(f"{sub.name}: a PDO without entries has no known length")
+    size = sum(m.size_bytes for m in group)
+    if size > _MAX_DATAGRAM:
+        raise InputError(f"{sub.name}: {size} bytes do not fit into one datagram")
+    return sorted(group, key=lambda m: (m.sm.direction is Direction.INPUT, m.sm.index))
+
+
 def lay_out(description: Description, header_bytes: int) -> EniLayout:
     """Give every sync manager a place of its own, outputs before inputs in each SubDevice.
 
@@ -68,14 +79,8 @@ def lay_out(description: Description, header_bytes: int) -> EniLayout:
     offset = _FIRST_WITH_HEADER if header_bytes else 0
     logical = LOGICAL_BASE
     for number, sub in enumerate(description.subdevices):
-        group = [m for m in layout_of(sub.device).managers if m.bits or not m.complete]
-        group.sort(key=lambda m: (m.sm.direction is Direction.INPUT, m.sm.index))
-        for manager in group:
-            if not manager.complete:
-                raise InputError(f"{sub.name}: a PDO without entries has no known length")
+        group = _outputs_first(sub)
         size = sum(m.size_bytes for m in group)
-        if size > _MAX_DATAGRAM:
-            raise InputError(f"{sub.name}: {size} bytes do not fit into one datagram")
         if not commands or commands[-1].length + size > _MAX_DATAGRAM:
             if commands:
                 offset += commands[-1].length + header_bytes

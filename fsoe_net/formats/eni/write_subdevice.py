@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
 from fsoe_net.formats.eni.write_commands import (
@@ -105,19 +105,7 @@ def _process_data(sub: DescribedSubDevice, pieces: list[Piece], start: StartFact
     if start.mailbox is not None:  # its sync managers carry no process data
         managers = [m for m in managers if m.index > 1 or sub.device.pdos_of(m)]
     for sm in managers:
-        control = _control(sm, start)
-        pdos = sub.device.pdos_of(sm)
-        kind = "Outputs" if sm.direction is Direction.OUTPUT else "Inputs"
-        size = (sum(p.bits for p in pdos) + 7) // 8
-        yield f"<Sm{sm.index}><Type>{kind}</Type><DefaultSize>{size}</DefaultSize>"
-        if sm.start_byte is not None:
-            yield f"<StartAddress>{sm.start_byte}</StartAddress>"
-        if control is not None:
-            yield f"<ControlByte>{control}</ControlByte>"
-        yield f"<Enable>{int(bool(size))}</Enable>"
-        for pdo in pdos:
-            yield f"<Pdo>{pdo.index}</Pdo>"
-        yield f"</Sm{sm.index}>"
+        yield from _sync_manager(sm, sub.device.pdos_of(sm), _control(sm, start))
     for sm in managers:
         kind = "RxPdo" if sm.direction is Direction.OUTPUT else "TxPdo"
         for pdo in sub.device.pdos_of(sm):
@@ -125,6 +113,20 @@ def _process_data(sub: DescribedSubDevice, pieces: list[Piece], start: StartFact
     for pdo in sub.available:
         yield from _pdo(pdo, "TxPdo" if 0x1A00 <= pdo.index < 0x1C00 else "RxPdo", "")
     yield "</ProcessData>"
+
+
+def _sync_manager(sm: SyncManager, pdos: Sequence[Pdo], control: int | None) -> Iterator[str]:
+    kind = "Outputs" if sm.direction is Direction.OUTPUT else "Inputs"
+    size = (sum(p.bits for p in pdos) + 7) // 8
+    yield f"<Sm{sm.index}><Type>{kind}</Type><DefaultSize>{size}</DefaultSize>"
+    if sm.start_byte is not None:
+        yield f"<StartAddress>{sm.start_byte}</StartAddress>"
+    if control is not None:
+        yield f"<ControlByte>{control}</ControlByte>"
+    yield f"<Enable>{int(bool(size))}</Enable>"
+    for pdo in pdos:
+        yield f"<Pdo>{pdo.index}</Pdo>"
+    yield f"</Sm{sm.index}>"
 
 
 def _pdo(pdo: Pdo, kind: str, attribute: str) -> Iterator[str]:

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from fsoe_net.formats.esi.catalogue import MAX_ROWS, EsiCatalogue, EsiRow
+from fsoe_net.formats.shared.limits import MAX_CACHED_BYTES
 
 __all__ = ["cache_folder", "cached_catalogue", "keep_catalogue"]
 
 _VERSION = 1  # raise it when the rows or what fills them change
-_MAX_BYTES = 64 * 1024 * 1024
 _MAX_FILES = 64
 _ROW_KEYS = {f.name: f.type for f in fields(EsiRow)}
 
@@ -50,7 +50,7 @@ def cached_catalogue(sha256: str, size: int) -> EsiCatalogue | None:
     if path is None:
         return None
     try:
-        if path.stat().st_size > _MAX_BYTES:
+        if path.stat().st_size > MAX_CACHED_BYTES:
             return None
         head, _, body = path.read_bytes().partition(b"\n")
         if head != hashlib.sha256(body).hexdigest().encode():

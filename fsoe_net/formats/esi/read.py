@@ -12,14 +12,14 @@ from fsoe_net.formats.esi.cache import cached_catalogue, keep_catalogue
 from fsoe_net.formats.esi.catalogue import EsiCatalogue, EsiRow, scan_esi
 from fsoe_net.formats.esi.device import read_esi_device
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.shared.xml_text import plain_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["MAX_ESI_BYTES", "EsiChoice", "list_esi", "load_esi"]
+__all__ = ["EsiChoice", "list_esi", "load_esi"]
 
-MAX_ESI_BYTES = 256 * 1024 * 1024
 _MOST_AT_ONCE = 64
 _SMALLEST_CACHED = 256 * 1024  # a smaller file is read faster than its cache
 _SKIP = frozenset({"Profile", "Eeprom", "Image16x14", "ImageData16x14", "ImageFile16x14"})
@@ -141,7 +141,7 @@ class _File:
         name: str,
         cache: bool,
     ) -> _File | None:
-        data, path = source_bytes(source, out, name, most=MAX_ESI_BYTES)
+        data, path = source_bytes(source, out, name, most=MAX_LARGE_BYTES)
         if data is None:
             return None
         sha256 = next((s.sha256 for s in out.sources if s.path == path), "")
@@ -273,29 +273,39 @@ def _of_revision(
 ) -> tuple[EsiRow | None, tuple[str, ...]]:
     """Return the device of the revision, else of the nearest lower one, which is said."""
     if choice.revision is None:
-        last = max(rows, key=lambda r: -1 if r.revision is None else r.revision)
-        others = len({r.revision for r in rows}) - 1
-        newest = f"the newest of {others + 1} revisions is taken, 0x{last.revision or 0:08x}"
-        return last, (newest,) if others else ()
+        return _newest(rows)
     exact = next((r for r in rows if r.revision == choice.revision), None)
     if exact is not None:
         return exact, ()
-    lower = [r for r in rows if r.revision is not None and r.revision < choice.revision]
-    row = max(lower, key=lambda r: r.revision or 0) if lower else None
-    if row is None:
-        row = next((r for r in rows if r.revision is None), None)
-    said = f"revision 0x{choice.revision:08x} of {rows[0].type or 'the device'}"
+    row = _nearest_lower(rows, choice.revision)
+    wanted = f"revision 0x{choice.revision:08x} of {rows[0].type or 'the device'}"
     known = ", ".join(sorted({f"0x{r.revision:08x}" for r in rows if r.revision is not None})[:8])
     if row is None:
-        message = f"{said} is not in this file, and no lower one"
+        message = f"{wanted} is not in this file, and no lower one"
         span = Span(path, rows[0].line, rows[0].column)
         out.add("FSN135", span, message, hint=f"it has {known}; take a newer device or older file")
         return None, ()
     taken = "an entry without a revision" if row.revision is None else f"0x{row.revision:08x}"
-    message = f"{said} is not in this file; {taken} is taken"
+    message = f"{wanted} is not in this file; {taken} is taken"
     hint = f"it has {known or 'none'}; look for a newer file of the vendor"
     out.add("FSN136", Span(path, row.line, row.column), message, hint=hint)
     return row, (f"{message}, the nearest lower one",)
+
+
+def _newest(rows: list[EsiRow]) -> tuple[EsiRow, tuple[str, ...]]:
+    last = max(rows, key=lambda r: -1 if r.revision is None else r.revision)
+    count = len({r.revision for r in rows})
+    if count == 1:
+        return last, ()
+    return last, (f"the newest of {count} revisions is taken, 0x{last.revision or 0:08x}",)
+
+
+def _nearest_lower(rows: list[EsiRow], revision: int) -> EsiRow | None:
+    """Return the device of the highest lower revision, else one without a revision."""
+    lower = [r for r in rows if r.revision is not None and r.revision < revision]
+    if lower:
+        return max(lower, key=lambda r: r.revision or 0)
+    return next((r for r in rows if r.revision is None), None)
 
 
 def _spoken(choice: EsiChoice) -> str:

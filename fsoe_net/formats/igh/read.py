@@ -7,6 +7,7 @@ in modules of their own. Nothing is taken from indentation, which pastes lose.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Severity, Span
@@ -58,9 +59,9 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
     if is_xml or any("<EtherCATInfo" in line.text for line in text):
         return read_xml(data, shown, out)
     _one_master(text)
-    for wanted, reader in _READERS:
-        if any(wanted.search(line.text) for line in text):
-            return reader(text)
+    reader = _reader_of(text)
+    if reader is not None:
+        return reader(text)
     what = "no line of this is known" if found is None else f"this is {found.words}"
     out.add(
         "FSN140",
@@ -68,6 +69,13 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
         f"{what}, not output of the `ethercat` tool",
         hint="paste the output of ethercat pdos, cstruct, xml, slaves -v, config -v or domains -v",
     )
+    return None
+
+
+def _reader_of(text: Pasted) -> Callable[[Pasted], Description | None] | None:
+    for wanted, reader in _READERS:
+        if any(wanted.search(line.text) for line in text):
+            return reader
     return None
 
 
@@ -236,20 +244,29 @@ def _ends_like_pdos(text: Pasted, subs: list[Building]) -> None:
     if not subs or not text.lines:
         return
     sub = subs[-1]
+    why = ""
     if sub.pdos and not sub.entries and _has_entries(subs):
-        text.cut(text.lines[-1], "the last PDO has no entries")
-    elif sub.number is not None and sub.number < _FIRST_PROCESS_SM and sub.control & 2:
-        text.cut(text.lines[-1], f"nothing follows the mailbox SM{sub.number}")
-    elif sub.number is not None and sub.default_size and not sub.pdos and not sub.done:
-        text.cut(text.lines[-1], f"SM{sub.number} has data but no PDOs")
-    elif sub.number == _FIRST_PROCESS_SM and sub.mailboxes:
-        text.cut(text.lines[-1], "a SubDevice with mailboxes has more than SM2")
-    elif sub.number is not None and 8 * sub.default_size > sum(
-        (*(e.bits for e in sub.entries), *(p.bits for p in sub.done))
-    ):
+        why = "the last PDO has no entries"
+    elif sub.number is not None:
+        why = _why_cut(sub, sub.number)
+    elif not sub.managers:
+        why = "nothing follows the header"
+    if why:
+        text.cut(text.lines[-1], why)
+
+
+def _why_cut(sub: Building, number: int) -> str:
+    """Return what the last sync manager lacks, for certain; a doubt is noted at the SubDevice."""
+    if number < _FIRST_PROCESS_SM and sub.control & 2:
+        return f"nothing follows the mailbox SM{number}"
+    if sub.default_size and not sub.pdos and not sub.done:
+        return f"SM{number} has data but no PDOs"
+    if number == _FIRST_PROCESS_SM and sub.mailboxes:
+        return "a SubDevice with mailboxes has more than SM2"
+    bits = sum(e.bits for e in sub.entries) + sum(p.bits for p in sub.done)
+    if 8 * sub.default_size > bits:
         sub.notes.append("the text may be cut off: fewer bits than DefaultSize at its end")
-    elif sub.number is None and not sub.managers:
-        text.cut(text.lines[-1], "nothing follows the header")
+    return ""
 
 
 def _has_entries(subs: list[Building]) -> bool:

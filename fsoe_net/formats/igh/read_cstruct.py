@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.formats.shared.terminal_text import Pasted
+from fsoe_net.formats.shared.terminal_text import Line, Pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
 
@@ -52,6 +52,11 @@ class _Head:
     order: str = ""
     seen: bool = False
     numbers: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def is_started(self) -> bool:
+        """Whether a comment about a SubDevice was begun."""
+        return self.seen or bool(self.numbers)
 
 
 @dataclass(slots=True)
@@ -103,29 +108,35 @@ def _tables(text: Pasted) -> list[_Table]:
                 text.cut(line, f"table {table.name} has no end")
                 table.ended = True
             tables.append(_Table(match[1], match[2], line.span, head))
-        elif table is not None and _END.match(shown):
-            table.ended = True
-        elif table is not None and (match := _ROWS[table.kind].match(shown)):
-            table.rows.append((match, line.span))
-        elif table is None and shown in ("{", "}", "};"):
-            continue  # the end of something else in a header
-        elif table is not None and shown.startswith("{") and not _is_plain(shown, table):
-            text.cut(line, f"{shown[:60]!r} is no row of table {table.name}")
-            continue
-        elif not _is_plain(shown, table):
-            text.strange(line, "`ethercat cstruct`", _STARTS)
+        elif table is not None:
+            if not _in_table(line, table, text):
+                continue
+        elif not _COMMENT.match(shown):
+            if shown not in ("{", "}", "};"):  # the end of something else in a header
+                text.strange(line, "`ethercat cstruct`", _STARTS)
             continue
         text.good(line)
-    started = head.seen or bool(head.numbers)
-    if started and (not tables or tables[-1].head is not head):
+    if head.is_started and (not tables or tables[-1].head is not head):
         text.cut(text.lines[-1], "nothing follows the comment of its last SubDevice")
     return tables
 
 
-def _is_plain(shown: str, table: _Table | None) -> bool:
-    return bool(_COMMENT.match(shown)) or (
-        table is not None and table.kind == "sync" and bool(_LAST.match(shown))
-    )
+def _in_table(line: Line, table: _Table, text: Pasted) -> bool:
+    """Take a line of a table that is open; return whether it was understood."""
+    shown = line.stripped
+    if _END.match(shown):
+        table.ended = True
+    elif match := _ROWS[table.kind].match(shown):
+        table.rows.append((match, line.span))
+    elif _COMMENT.match(shown) or (table.kind == "sync" and _LAST.match(shown)):
+        pass
+    elif shown.startswith("{"):
+        text.cut(line, f"{shown[:60]!r} is no row of table {table.name}")
+        return False
+    else:
+        text.strange(line, "`ethercat cstruct`", _STARTS)
+        return False
+    return True
 
 
 def _number(text: str) -> int:

@@ -81,14 +81,7 @@ class _Configuration:
 
     def _find_partners(self) -> dict[int, list[int]]:
         """Return the SubInstances of each logic, in the order of its slots."""
-        partners: dict[int, list[int]] = {}
-        rows = list(self._description.connections)
-        if all(row.slot is not None for row in rows):
-            rows.sort(key=lambda row: row.slot or 0)  # their order is all that tells the slot
-            self._gaps(rows)
-        for row in rows:
-            if row.main is not None and row.sub is not None:
-                partners.setdefault(row.main, []).append(row.sub)
+        partners = self._named_partners()
         layouts = layouts_of(self._description)
         for group in copy_groups(self._description, layouts, self._notes):
             frames = [c for c in group.copies if is_fsoe(c, layouts)]
@@ -100,6 +93,18 @@ class _Configuration:
             into = [c for c in frames if c.destination.subdevice == group.main]
             into.sort(key=lambda c: (c.destination.sm_index, c.destination.bit_offset))
             partners[group.main] = list(dict.fromkeys(c.source.subdevice for c in into))
+        return partners
+
+    def _named_partners(self) -> dict[int, list[int]]:
+        """Return the SubInstances of each logic that connections name."""
+        rows = list(self._description.connections)
+        if all(row.slot is not None for row in rows):
+            rows.sort(key=lambda row: row.slot or 0)  # only their order shows the slot
+            self._gaps(rows)
+        partners: dict[int, list[int]] = {}
+        for row in rows:
+            if row.main is not None and row.sub is not None:
+                partners.setdefault(row.main, []).append(row.sub)
         return partners
 
     def _gaps(self, rows: list[DescribedConnection]) -> None:

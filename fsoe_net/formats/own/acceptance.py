@@ -13,6 +13,7 @@ from typing import cast
 from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
 from fsoe_net.formats.shared.numbers import Reader, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
 from fsoe_net.model.acceptance import (
@@ -32,8 +33,6 @@ __all__ = ["is_acceptance", "load_acceptance", "parse_acceptance"]
 _FIRST_KEY = re.compile(rb"^acceptance_record\s*:", re.MULTILINE)
 _LOOKED_AT = 4096
 _HASH = re.compile(r"[0-9a-f]{64}")
-_MOST_BYTES = 128 * 1024 * 1024
-_MOST_PLAN_BYTES = 64 * 1024 * 1024  # as fsn-master takes plans
 _MANY = 2**31 - 1
 
 
@@ -53,7 +52,7 @@ def load_acceptance(path: str | os.PathLike[str], out: Collector) -> Acceptance 
         The record, or ``None`` when it could not be understood. Whether its fingerprint is that of
         the plan in it is not looked at here, see `fsoe_net.plan.accepted.accepted_plan`.
     """
-    data = read_bytes(path, out, most=_MOST_BYTES)
+    data = read_bytes(path, out, most=MAX_RECORD_BYTES)
     return None if data is None else parse_acceptance(data, os.fspath(path), out)
 
 
@@ -205,7 +204,7 @@ def _plan(root: MapNode, out: Collector) -> bytes:
     unpack = zlib.decompressobj()
     try:
         packed = base64.b64decode("".join(_text(root, "plan").split()), validate=True)
-        data = unpack.decompress(packed, _MOST_PLAN_BYTES)
+        data = unpack.decompress(packed, MAX_PLAN_BYTES)
         if unpack.eof and not unpack.unused_data:
             return data
         trouble = "is cut short" if not unpack.unconsumed_tail else "unpacks to more than 64 MiB"

@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.diag.pause import without_collector
@@ -23,7 +24,6 @@ from fsoe_net.formats.own.schema import (
 )
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
-from fsoe_net.formats.ros2.urdf import DriverSystem, ModuleDecl, known_plugin_findings, load_urdf
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
@@ -31,6 +31,9 @@ from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.layout import layout_of
 from fsoe_net.model.network import Net, NetworkConfig
 from fsoe_net.model.safety import SafetyFunction
+
+if TYPE_CHECKING:
+    from fsoe_net.formats.ros2.urdf import DriverSystem, ModuleDecl
 
 _SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
 
@@ -125,6 +128,8 @@ class _Assembly:
             self._refuse_second(path, self._urdf)
             return
         self._urdf = path
+        from fsoe_net.formats.ros2.urdf import load_urdf  # with xacro: only where there is a URDF
+
         result = load_urdf(path, self._options)
         self.out.diagnostics.extend(result.diagnostics)
         for row in result.sources:
@@ -365,6 +370,8 @@ class _Assembly:
 
     def _from_row(self, row: ModuleRow, file: _Yaml, master_id: int) -> SubDevice:
         if row.plugin is not None:
+            from fsoe_net.formats.ros2.urdf_params import known_plugin_findings
+
             self.out.diagnostics.extend(known_plugin_findings(row.plugin, row.node.at("plugin")))
         self._relative(row.slave_config, row.config_span)
         return SubDevice(

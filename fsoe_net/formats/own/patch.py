@@ -42,23 +42,31 @@ def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, fr
     def offset(span: Span) -> int:
         return mark + starts[span.line - 1] + span.column - 1
 
-    places = {(key, node.span): (place, node) for key, place, node in _values(root)}
-    wanted: dict[tuple[int, int], set[str]] = {}
-    made: dict[Edit, tuple[int, int]] = {}
-    for edit in edits:
+    def place_of(edit: Edit) -> tuple[int, int] | None:
+        """Return where the text is that an edit replaces; none where it may not be replaced."""
         found = places.get((edit.key, edit.span))
-        if found is None or edit.key not in _KEYS or (edit.renames and edit.text not in _KEYS):
-            continue
+        if found is None or edit.key not in _KEYS:
+            return None
         key_at, node = found
         if edit.renames:
             begin, old = offset(key_at), edit.key
         elif isinstance(node, ScalarNode) and node.plain:
             begin, old = offset(node.span), node.text
         else:
+            return None
+        end = begin + len(old)
+        return (begin, end) if text[begin:end] == old else None
+
+    places = {(key, node.span): (place, node) for key, place, node in _values(root)}
+    wanted: dict[tuple[int, int], set[str]] = {}
+    made: dict[Edit, tuple[int, int]] = {}
+    for edit in edits:
+        if edit.renames and edit.text not in _KEYS:
             continue
-        if text[begin : begin + len(old)] == old:
-            made[edit] = (begin, begin + len(old))
-            wanted.setdefault(made[edit], set()).add(edit.text)
+        place = place_of(edit)
+        if place is not None:
+            made[edit] = place
+            wanted.setdefault(place, set()).add(edit.text)
     for begin, end in sorted(wanted, reverse=True):
         if len(wanted[begin, end]) == 1:
             text = text[:begin] + next(iter(wanted[begin, end])) + text[end:]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, read_int
-from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 from fsoe_net.model.scenario import Action
 
 __all__ = ["StepArguments", "step_arguments"]
@@ -62,13 +62,17 @@ def step_arguments(
         }
         return StepArguments(target=inner.text("subdevice") or "", values=numbers)
     if action is Action.SWAP:
-        items = inner.items if isinstance(inner, SeqNode) else ()
-        names = [item.text for item in items if isinstance(item, ScalarNode)]
-        if len(names) == 2 and names[0] == names[1] and inner is not None:
-            out.add("FSN113", inner.span, f"{names[0]} is swapped with itself", hint="name two")
-        first, second = [*names, "", ""][:2]
-        return StepArguments(target=first, other=second)
+        return _swapped(inner, out)
     return StepArguments(target=node.text(key) or "", values=values)
+
+
+def _swapped(node: Node | None, out: Collector) -> StepArguments:
+    items = node.items if isinstance(node, SeqNode) else ()
+    names = [item.text for item in items if isinstance(item, ScalarNode)]
+    first, second = [*names, "", ""][:2]
+    if node is not None and len(names) == 2 and first == second:
+        out.add("FSN113", node.span, f"{first} is swapped with itself", hint="name two")
+    return StepArguments(target=first, other=second)
 
 
 def _field(node: MapNode, name: str, high: int, out: Collector) -> int | None:

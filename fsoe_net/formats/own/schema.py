@@ -13,15 +13,14 @@ import functools
 import itertools
 import json
 import re
-from importlib import resources
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.formats.own.json_schema import SchemaError, read_schema, schema_errors
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from fsoe_net.diag.diagnostic import Span
     from fsoe_net.formats.shared.files import Collector
@@ -31,16 +30,12 @@ __all__ = [
     "check_structure",
     "kind_by_keys",
     "nearest_key",
-    "read_schema",
     "refuse_kind",
     "schema_keys",
 ]
 
 MOST_UNKNOWN = 100
 """Unknown keys of a document that are reported one by one, and guessed at."""
-# What they say, the readers of numbers and of each file say with more words.
-_SKIPPED = {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength"}
-_SKIPPED |= {"anyOf", "oneOf", "not", "uniqueItems"}
 
 _CONFUSED = {
     "sub_index": "subindex",
@@ -96,33 +91,6 @@ def refuse_kind(root: MapNode, kind: str, wanted: str, code: str, out: Collector
     out.add(code, root.span, f"this is {what}, not {_NAMED[wanted][0]}", hint=hint)
 
 
-def read_schema(name: str) -> dict[str, Any]:
-    """Return one schema, e.g. ``transfers``, from the installed package or the source tree.
-
-    Raises:
-        FileNotFoundError: No such schema; the installation is damaged.
-    """
-    file = f"{name}.schema.json"
-    in_source = Path(__file__).parents[3] / "schemas" / file
-    if in_source.is_file():  # a source tree, also when installed editable
-        text = in_source.read_text("utf-8")
-    else:
-        text = (resources.files("fsoe_net") / "schemas" / file).read_text("utf-8")
-    loaded: dict[str, Any] = json.loads(text)
-    return loaded
-
-
-@functools.cache
-def _validator(name: str) -> Any:
-    from jsonschema import Draft202012Validator
-    from referencing import Registry, Resource
-
-    registry: Any = Registry().with_resources(
-        (schema["$id"], Resource.from_contents(schema)) for schema in _schemas_of(name)
-    )
-    return Draft202012Validator(read_schema(name), registry=registry)
-
-
 @functools.cache
 def _schemas_of(name: str) -> tuple[dict[str, Any], ...]:
     """Return a schema and those that it names, each once."""
@@ -160,13 +128,12 @@ def check_structure(root: MapNode, name: str, out: Collector) -> bool:
     if other is not None and other != name:
         refuse_kind(root, other, name, "FSN140", out)
         return False
-    validator = _validator(name)
-    if validator.is_valid(_Shapes(_worded_keys(name)).sample(root)):
+    sample = _Shapes(_worded_keys(name)).sample(root)
+    if next(schema_errors(sample, name), None) is None:
         return True  # the usual case: thousands of transfers of one shape, checked once
     unknown = _Unknown(out)
-    for error in validator.iter_errors(_plain(root)):
-        if error.validator not in _SKIPPED:
-            _translate(error, root, out, unknown)
+    for error in schema_errors(_plain(root), name):
+        _translate(error, root, out, unknown)
         if unknown.too_many:
             break
     return not unknown.too_many
@@ -277,19 +244,20 @@ def _where(path: Sequence[str | int]) -> str:
     return text or "the document"
 
 
-def _translate(error: Any, root: MapNode, out: Collector, unknown: _Unknown) -> None:
-    node = _node_at(root, error.absolute_path)
-    path = list(error.absolute_path)
-    if error.validator == "additionalProperties" and isinstance(node, MapNode):
-        unknown.keys_of(node, error.schema.get("properties", {}), path)
-    elif error.validator == "required" and isinstance(node, MapNode):
-        _missing_keys(node, error, path, out)
-    elif error.validator in ("enum", "const"):
-        _not_allowed(node, error, path, out)
-    elif error.validator == "type":
-        _wrong_type(node, error, path, out)
+def _translate(error: SchemaError, root: MapNode, out: Collector, unknown: _Unknown) -> None:
+    node = _node_at(root, error.path)
+    if error.keyword == "additionalProperties" and isinstance(node, MapNode):
+        unknown.keys_of(node, error.schema.get("properties", {}), error.path)
+    elif error.keyword == "required" and isinstance(node, MapNode):
+        _missing_key(node, error, out)
+    elif error.keyword in ("enum", "const"):
+        _not_allowed(node, error, out)
+    elif error.keyword == "type":
+        _wrong_type(node, error, out)
     else:
-        out.add("FSN111", node.span, f"{_where(path)}: {error.message}", hint="see the schema")
+        length = "short" if error.keyword == "minItems" else "long"
+        message = f"{_where(error.path)}: {error.value!r} is too {length}"
+        out.add("FSN111", node.span, message, hint="see the schema")
 
 
 def nearest_key(key: str, allowed: Iterable[str]) -> str | None:
@@ -316,8 +284,10 @@ class _Unknown:
         self._count = 0
         self.too_many = False
 
-    def keys_of(self, node: MapNode, properties: dict[str, Any], path: list[str | int]) -> None:
-        """Tell those of one map."""
+    def keys_of(
+        self, node: MapNode, properties: Mapping[str, Any], path: Sequence[str | int]
+    ) -> None:
+        """Report those of one map."""
         free = [k for k in properties if k not in node.pairs]
         for key in node.pairs:
             if key in properties:
@@ -348,27 +318,19 @@ class _Unknown:
         )
 
 
-def _missing_keys(node: MapNode, error: Any, path: list[str | int], out: Collector) -> None:
-    missing = [k for k in error.validator_value if k not in node.pairs]
-    # jsonschema reports each missing key on its own and names it in the message.
-    for key in missing:
-        if f"'{key}'" != error.message.split(" is a required", 1)[0]:
-            continue
-        properties = error.schema.get("properties", {})
-        others = (k for k in node.pairs if k not in properties)
-        typo = any(
-            nearest_key(k, [m for m in properties if m not in node.pairs]) == key
-            for k in itertools.islice(others, MOST_UNKNOWN)
-        )
-        if not typo:
-            inside_pdo = "channels" in path
-            out.add(
-                "FSN404" if inside_pdo else "FSN110",
-                node.span,
-                f"{_where(path)} has no {key!r}"
-                + ("; the driver goes on with a random value" if inside_pdo else ""),
-                hint=f"add {key}: {_what_to_write(properties.get(key, {}))}".rstrip(": "),
-            )
+def _missing_key(node: MapNode, error: SchemaError, out: Collector) -> None:
+    properties = error.schema.get("properties", {})
+    free = [m for m in properties if m not in node.pairs]
+    others = (k for k in node.pairs if k not in properties)
+    if any(nearest_key(k, free) == error.key for k in itertools.islice(others, MOST_UNKNOWN)):
+        return  # it is there, and misspelt
+    message = f"{_where(error.path)} has no {error.key!r}"
+    hint = f"add {error.key}: {_what_to_write(properties.get(error.key, {}))}".rstrip(": ")
+    if "channels" in error.path:
+        message += "; the driver goes on with a random value"
+        out.add("FSN404", node.span, message, hint=hint)
+    else:
+        out.add("FSN110", node.span, message, hint=hint)
 
 
 def _what_to_write(schema: dict[str, Any]) -> str:
@@ -376,20 +338,20 @@ def _what_to_write(schema: dict[str, Any]) -> str:
     return str(schema["const"] if "const" in schema else schema.get("description", ""))
 
 
-def _not_allowed(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
-    allowed = error.validator_value if error.validator == "enum" else [error.validator_value]
+def _not_allowed(node: Node, error: SchemaError, out: Collector) -> None:
+    allowed = error.schema["enum"] if error.keyword == "enum" else [error.schema["const"]]
     words = [str(w) for w in allowed if w not in (None, "")]
     text = node.text if isinstance(node, ScalarNode) else "a list or map"
     close = difflib.get_close_matches(text.lower(), words, n=1, cutoff=0.6)
     out.add(
         "FSN116",
         node.span,
-        f"{_where(path)} is {text!r}; allowed: {', '.join(words)}",
+        f"{_where(error.path)} is {text!r}; allowed: {', '.join(words)}",
         hint=f"write {close[0]}" if close else f"write one of: {', '.join(words)}",
     )
 
 
-def _is_read_later(schema: dict[str, Any], node: ScalarNode) -> bool:
+def _is_read_later(schema: Mapping[str, Any], node: ScalarNode) -> bool:
     """Whether a reader says more about a scalar of the wrong type: numbers, patterns."""
     if "pattern" in schema:
         return True
@@ -404,17 +366,21 @@ def _spells_number(text: str) -> bool:
 _KINDS = {"object": "a map", "array": "a list", "string": "a text", "null": "nothing"}
 
 
-def _wrong_type(node: Node, error: Any, path: list[str | int], out: Collector) -> None:
-    wanted = error.validator_value
+def _expected(names: Sequence[str]) -> str:
+    """Return in words what the types of a schema ask for."""
+    if "boolean" in names and "string" in names:
+        return "a text"
+    if not {"integer", "number"}.isdisjoint(names):
+        return "a number"
+    return " or ".join(_KINDS.get(n, f"a {n}") for n in names if n != "null")
+
+
+def _wrong_type(node: Node, error: SchemaError, out: Collector) -> None:
+    wanted = error.schema["type"]
     names = [wanted] if isinstance(wanted, str) else list(wanted)
     if isinstance(node, ScalarNode) and not node.is_null and _is_read_later(error.schema, node):
         return
-    if "boolean" in names and "string" in names:
-        expected = "a text"
-    elif any(n in ("integer", "number") for n in names):
-        expected = "a number"
-    else:
-        expected = " or ".join(_KINDS.get(n, f"a {n}") for n in names if n != "null")
+    expected = _expected(names)
     if isinstance(node, ScalarNode):
         found = "empty" if node.is_null else f"{node.text[:60]!r}"
     else:
@@ -426,4 +392,6 @@ def _wrong_type(node: Node, error: Any, path: list[str | int], out: Collector) -
         hint = "start each item with `- `"
     elif names[0] == "object" and isinstance(node, SeqNode):
         hint = "delete the `- ` in front of the keys"
-    out.add("FSN111", node.span, f"{_where(path)} must be {expected}, it is {found}", hint=hint)
+    out.add(
+        "FSN111", node.span, f"{_where(error.path)} must be {expected}, it is {found}", hint=hint
+    )

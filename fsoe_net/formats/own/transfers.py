@@ -55,8 +55,27 @@ def nets_from_yaml(root: MapNode, out: Collector, *, needed: bool = True) -> tup
 
 def _net(node: MapNode, out: Collector) -> Net:
     name = node.text("name") or "?"
+    transfers = [_transfer(item, out) for item in node.maps("transfers")]
+    connections = [_connection(item, out) for item in node.maps("connections")]
+    broken = None in connections or not _are_maps(node.get("connections"))
+    misspelt = _transfers_missing(node, name, out, quiet=broken or bool(connections))
+    return Net(
+        span=node.span,
+        fields=node.places(),
+        name=name,
+        safety_master=_master(node, out),
+        transfers=tuple(t for t in transfers if t is not None),
+        incomplete=None in transfers or misspelt or broken,
+        connections=tuple(c for c in connections if c is not None),
+    )
+
+
+def _master(node: MapNode, out: Collector) -> str | None:
+    """Return the SubDevice with the MainInstance; FSN228 where two keys name two of them."""
     old, new = node.text("safety_master"), node.text("transfer_master")
-    if old is not None and new is not None and old != new:
+    if old is None or new is None:
+        return old if new is None else new
+    if old != new:
         out.add(
             "FSN228",
             node.at("transfer_master"),
@@ -65,22 +84,14 @@ def _net(node: MapNode, out: Collector) -> Net:
             hint="give only one of them",
             related=(Related(span=node.at("safety_master"), message="safety_master"),),
         )
-    transfers = [_transfer(item, out) for item in node.maps("transfers")]
-    connections = [_connection(item, out) for item in node.maps("connections")]
-    listed = node.get("connections")
-    broken = None in connections or (
-        listed is not None and len(connections) != _length(listed)  # not a list, or not of maps
-    )
-    misspelt = _transfers_missing(node, name, out, quiet=broken or bool(connections))
-    return Net(
-        span=node.span,
-        fields=node.places(),
-        name=name,
-        safety_master=new if new is not None else old,
-        transfers=tuple(t for t in transfers if t is not None),
-        incomplete=None in transfers or misspelt or broken,
-        connections=tuple(c for c in connections if c is not None),
-    )
+    return new
+
+
+def _are_maps(node: Node | None) -> bool:
+    """Whether a value is absent, or a list of maps."""
+    if node is None:
+        return True
+    return isinstance(node, SeqNode) and all(isinstance(item, MapNode) for item in node.items)
 
 
 def _length(node: Node) -> int:

@@ -229,17 +229,12 @@ class NetworkFiles:
                 slot = self._slot(row, group)
                 if slot is None:
                     self.notes.append(
-                        f"{', '.join(parts)}: its frames are not told, so this connection is not "
+                        f"{', '.join(parts)}: its frames are not known, so this connection is not "
                         "in these files"
                     )
                     continue
                 parts.append(f"slot: {slot}")
-            for key in ("address", "connection_id", "watchdog_ms"):
-                value = getattr(row, key)
-                if value is not None:
-                    parts.append(f"{key}: {value}")
-            if row.app_parameters:
-                parts.append(f'app_parameters: "{row.app_parameters.hex(" ")}"')
+            parts += _facts_of(row)
             if len(parts) > 2:
                 rows.append(f"      - {{{', '.join(parts)}}}")
         if rows:
@@ -264,3 +259,11 @@ class NetworkFiles:
         """Return all files."""
         text = "\n".join(lines) + "\n"
         return Written(files={name: text, **self.configs}, notes=tuple(self.notes))
+
+
+def _facts_of(row: DescribedConnection) -> list[str]:
+    facts = {key: getattr(row, key) for key in ("address", "connection_id", "watchdog_ms")}
+    lines = [f"{key}: {value}" for key, value in facts.items() if value is not None]
+    if row.app_parameters:
+        lines.append(f'app_parameters: "{row.app_parameters.hex(" ")}"')
+    return lines

@@ -82,28 +82,18 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
     """
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     shares = [os.path.join(prefix, "share") for prefix in prefixes if prefix]
-    folders = [os.path.dirname(path), os.path.dirname(os.path.realpath(path))]
-    folders += [*options.packages.values(), *shares]
-    readable = None if options.trust_xacro else [os.path.abspath(folder) for folder in folders]
+    readable = None
+    if not options.trust_xacro:
+        folders = [os.path.dirname(path), os.path.dirname(os.path.realpath(path))]
+        folders += [*options.packages.values(), *shares]
+        readable = list(map(os.path.abspath, folders))
     begin = [] if readable is None else sandbox_command(readable)
     if begin is None:
         message = "this machine cannot confine the expansion, and the file may hold any program"
         _fail(out, Span(path, 1, 1), message, hint=_NO_CONFINEMENT)
         return None
-    given = os.environ if options.trust_xacro else options.xacro_env
-    request = {
-        "file": path,
-        # xacro would take a relative folder from the file that names the package.
-        "packages": {name: os.path.abspath(d) for name, d in options.packages.items()},
-        "arguments": dict(options.xacro_args),
-        "env": {name: os.environ[name] for name in given if name in os.environ},
-        "withheld": [name for name in os.environ if name not in given],
-        "shares": shares,
-        "readable": readable,
-        "limits": asdict(LIMITS),
-    }
-    env = {name: os.environ[name] for name in _PYTHON_NEEDS if name in os.environ}
-    env["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+    request = _request(path, options, shares, readable)
+    env = _child_environment()
     with tempfile.TemporaryFile() as answer:
         try:
             subprocess.run(  # noqa: S603 - our own interpreter and code, no shell
@@ -126,6 +116,30 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
             # No answer, or one cut off: the kernel ended the child at a limit.
             _fail(out, Span(path, 1, 1), "it needs more time or memory than is allowed")
     return None
+
+
+def _child_environment() -> dict[str, str]:
+    env = {name: os.environ[name] for name in _PYTHON_NEEDS if name in os.environ}
+    env["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+    return env
+
+
+def _request(
+    path: str, options: LoadOptions, shares: list[str], readable: list[str] | None
+) -> dict[str, Any]:
+    """Return what the child is asked; ``readable`` is ``None`` for a trusted file."""
+    given = os.environ if options.trust_xacro else options.xacro_env
+    return {
+        "file": path,
+        # xacro would take a relative folder from the file that names the package.
+        "packages": {name: os.path.abspath(d) for name, d in options.packages.items()},
+        "arguments": dict(options.xacro_args),
+        "env": {name: os.environ[name] for name in given if name in os.environ},
+        "withheld": [name for name in os.environ if name not in given],
+        "shares": shares,
+        "readable": readable,
+        "limits": asdict(LIMITS),
+    }
 
 
 def _read_answer(

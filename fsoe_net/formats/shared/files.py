@@ -15,14 +15,13 @@ from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import FindingList, Span
 from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.limits import MAX_FILE_BYTES, MAX_LARGE_BYTES
 from fsoe_net.model.network import SourceFile
 
-__all__ = ["MAX_FILE_BYTES", "STDIN", "Collector", "open_file", "read_bytes", "replaced_files"]
+__all__ = ["STDIN", "Collector", "open_file", "read_bytes", "replaced_files"]
 
-MAX_FILE_BYTES = 32 * 1024 * 1024
 STDIN = "-"
 Stream = io.BufferedReader | io.BytesIO
-_MOST_STDIN_BYTES = 256 * 1024 * 1024
 _REPLACED: ContextVar[Mapping[str, bytes]] = ContextVar("replaced files", default={})  # noqa: B039
 
 
@@ -83,7 +82,7 @@ def read_bytes(
         path: The file; ``-`` is standard input, unless another file names it.
         out: Takes FSN101, or FSN133 when another file names this one.
         named_at: Place of the reference, when another file names this one.
-        most: Largest size in bytes, 32 MiB unless told.
+        most: Largest size in bytes, 32 MiB by default.
     """
     shown = os.fspath(path)
     stream = _opened(shown, out, named_at, most, regular=True)
@@ -102,38 +101,53 @@ def read_bytes(
 def _opened(
     shown: str, out: Collector, named_at: Span | None, most: int, *, regular: bool
 ) -> Stream | None:
-    most = min(most, _MOST_STDIN_BYTES) if shown == STDIN else most
     try:
         is_stdin = shown == STDIN and named_at is None
         data = _standard_input() if is_stdin else _REPLACED.get().get(shown)
-        info = os.stat(shown) if data is None else None
-        mode = stat.S_IFREG if info is None else info.st_mode
-        size = len(data or b"") if info is None else info.st_size
-        if stat.S_ISDIR(mode) or (regular and not stat.S_ISREG(mode)):
-            why = "it is a directory" if stat.S_ISDIR(mode) else "it is not a regular file"
-            inside = os.path.join(shown, "network.yaml")
-            hint = f"give {inside}" if os.path.isfile(inside) else "give the path of a file"
-        elif size > most:
-            why = f"it has {size} bytes, more than the {most} allowed"
-            hint = "is this really a configuration file?"
+        if data is not None:
+            refusal = _too_large(len(data), min(most, MAX_LARGE_BYTES))
+            if refusal is None:
+                return io.BytesIO(data)
         else:
-            return open(shown, "rb") if data is None else io.BytesIO(data)
+            info = os.stat(shown)
+            refusal = _not_a_file(shown, info.st_mode, regular=regular)
+            refusal = refusal or _too_large(info.st_size, most)
+            if refusal is None:
+                return open(shown, "rb")
     except FileNotFoundError:
-        why, hint = "no such file", _nearest_file(shown)
+        refusal = "no such file", _nearest_file(shown)
     except PermissionError:
-        why, hint = "permission denied", f"chmod a+r {shown}"
+        refusal = "permission denied", f"chmod a+r {shown}"
     except (OSError, ValueError) as exc:
-        why = exc.strerror if isinstance(exc, OSError) and exc.strerror else str(exc)
-        hint = "check the path"
-    _refuse(out, shown, named_at, why, hint)
+        refusal = getattr(exc, "strerror", None) or str(exc), "check the path"
+    _refuse(out, shown, named_at, *refusal)
     return None
+
+
+def _not_a_file(shown: str, mode: int, *, regular: bool) -> tuple[str, str] | None:
+    """Return why this is not opened, and the next step."""
+    if stat.S_ISDIR(mode):
+        why = "it is a directory"
+    elif regular and not stat.S_ISREG(mode):
+        why = "it is not a regular file"
+    else:
+        return None
+    inside = os.path.join(shown, "network.yaml")
+    return why, f"give {inside}" if os.path.isfile(inside) else "give the path of a file"
+
+
+def _too_large(size: int, most: int) -> tuple[str, str] | None:
+    if size <= most:
+        return None
+    why = f"it has {size} bytes, more than the {most} allowed"
+    return why, "is this really a configuration file?"
 
 
 @functools.cache
 def _standard_input() -> bytes:
     if sys.stdin is None or sys.stdin.closed:
         return b""
-    return sys.stdin.buffer.read(_MOST_STDIN_BYTES + 1)
+    return sys.stdin.buffer.read(MAX_LARGE_BYTES + 1)
 
 
 def _refuse(out: Collector, shown: str, named_at: Span | None, why: str, hint: str) -> None:

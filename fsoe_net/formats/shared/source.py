@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 
-from fsoe_net.formats.shared.files import MAX_FILE_BYTES, Collector, read_bytes
+from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_FILE_BYTES
 from fsoe_net.formats.shared.xml_tree import Element
 
 __all__ = ["Source", "esi_number", "source_bytes", "text_of", "xml_number"]

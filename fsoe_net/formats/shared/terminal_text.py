@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.limits import MAX_PASTED_BYTES
 from fsoe_net.formats.shared.source import text_of
 
 __all__ = ["Line", "Pasted", "pasted"]
 
-_MAX_BYTES = 8 * 1024 * 1024
 _MAX_LINE = 600  # a name has at most 255 characters
 _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[@-_]|\r")
 _QUOTES = re.compile(r"^(?:[ \t]*>)+[ \t]?")
@@ -114,11 +114,11 @@ def pasted(data: bytes, shown: str, out: Collector) -> Pasted:
     Quote marks of mails, colour codes, carriage returns, code fences and prompts with the command
     itself are taken away; indentation that all lines share is, too.
     """
-    if len(data) > _MAX_BYTES:
+    if len(data) > MAX_PASTED_BYTES:
         out.add(
             "FSN103",
             Span(shown, 1, 1),
-            f"a text of {len(data)} bytes, more than the {_MAX_BYTES} allowed",
+            f"a text of {len(data)} bytes, more than the {MAX_PASTED_BYTES} allowed",
             hint="is this really the output of one command?",
         )
         data = b""

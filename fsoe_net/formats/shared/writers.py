@@ -197,6 +197,29 @@ def is_fsoe(copy: DescribedCopy, layouts: Sequence[DeviceLayout]) -> bool:
     return True
 
 
+def _by_net(description: Description) -> list[tuple[str, list[DescribedCopy]]]:
+    """Return the copies by name; those without one by the SubDevices that copies join."""
+    root = list(range(len(description.subdevices)))
+
+    def top(number: int) -> int:
+        while root[number] != number:
+            root[number] = root[root[number]]
+            number = root[number]
+        return number
+
+    for copy in description.copies:
+        root[top(copy.source.subdevice)] = top(copy.destination.subdevice)
+    named: dict[str, list[DescribedCopy]] = {}
+    loose: dict[int, list[DescribedCopy]] = {}
+    for copy in description.copies:
+        if copy.name:
+            named.setdefault(copy.name, []).append(copy)
+        else:
+            loose.setdefault(top(copy.source.subdevice), []).append(copy)
+    unnamed = [(f"net_{number}", copies) for number, copies in enumerate(loose.values())]
+    return [*named.items(), *unnamed]
+
+
 def copy_groups(
     description: Description, layouts: Sequence[DeviceLayout], notes: list[str]
 ) -> tuple[CopyGroup, ...]:
@@ -211,26 +234,7 @@ def copy_groups(
         layouts: Layout of each SubDevice.
         notes: Takes a line for each group whose MainInstance is not known.
     """
-    named: dict[str, list[DescribedCopy]] = {}
-    root = list(range(len(description.subdevices)))
-
-    def top(number: int) -> int:
-        while root[number] != number:
-            root[number] = root[root[number]]
-            number = root[number]
-        return number
-
-    for copy in description.copies:
-        root[top(copy.source.subdevice)] = top(copy.destination.subdevice)
-    loose: dict[int, list[DescribedCopy]] = {}
-    for copy in description.copies:
-        if copy.name:
-            named.setdefault(copy.name, []).append(copy)
-        else:
-            loose.setdefault(top(copy.source.subdevice), []).append(copy)
-    rows = list(named.items())
-    for number, copies in enumerate(loose.values()):
-        rows.append((f"net_{number}", copies))
+    rows = _by_net(description)
     mains = {c.main for c in description.connections if c.main is not None}
     groups = []
     for name, copies in rows:

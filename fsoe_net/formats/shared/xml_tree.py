@@ -72,6 +72,11 @@ class Element:
         """Return the first direct child of that name, or ``None``."""
         return next((c for c in self.children if c.name == name), None)
 
+    def text_of(self, name: str) -> str:
+        """Return the words of the first child of this name; empty without one."""
+        child = self.first(name)
+        return "" if child is None else child.words
+
     def walk(self) -> Iterator[Element]:
         """Yield this element and everything below, in document order."""
         stack = [self]

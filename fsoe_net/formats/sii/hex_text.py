@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.limits import MAX_EEPROM_BYTES
 
 __all__ = ["HEX_TEXT", "binary_of", "is_hex_text"]
 
-_MOST_BYTES = 1024 * 1024
 _INTEL = rb"\A\s*:[0-9A-Fa-f]{10}"
 _DUMP = rb"\A\s*0{4,8}:? +(?:[0-9a-fA-F]{2} ?){4}"
 HEX_TEXT = (_INTEL, _DUMP, rb"\A\s*(?:(?:0x)?[0-9a-fA-F]{2}[ ,\t\r\n]+){16}")
@@ -86,7 +86,7 @@ def _of_dump(lines: list[str]) -> bytes:
             continue
         at = int(match[1], 16)
         if repeated:
-            if at > _MOST_BYTES:
+            if at > MAX_EEPROM_BYTES:
                 raise InputError(f"line {number}: address 0x{at:x} is beyond any such image")
             while len(image) < at:
                 image += repeated[: at - len(image)]
@@ -114,7 +114,7 @@ def _row(text: str, *, swapped: bool) -> bytes:
 
 
 def _put(image: bytearray, at: int, body: bytes, number: int) -> None:
-    if at + len(body) > _MOST_BYTES:
+    if at + len(body) > MAX_EEPROM_BYTES:
         raise InputError(f"line {number}: address 0x{at:x} is beyond any such image")
     if at != len(image):
         raise InputError(f"line {number}: it begins at 0x{at:x}; 0x{len(image):x} would follow")

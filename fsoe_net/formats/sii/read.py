@@ -18,6 +18,7 @@ from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.recognise import beginning
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.limits import MAX_SII_BYTES
 from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.sii.hex_text import binary_of, is_hex_text
 from fsoe_net.formats.sii.parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
@@ -25,7 +26,6 @@ from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
 from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
 
 __all__ = [
-    "MAX_SII_BYTES",
     "SiiImage",
     "describe_sii",
     "load_sii",
@@ -34,7 +34,6 @@ __all__ = [
     "sii_checksum",
 ]
 
-MAX_SII_BYTES = 4 * 1024 * 1024
 _HEADER_BYTES = 0x80
 _IDENTITY_BYTES = 0x20
 _END = 0xFFFF
@@ -98,6 +97,12 @@ class SiiImage:
     def text(self, number: int) -> str:
         """Return a string by its number from 1, or nothing."""
         return self.strings[number - 1] if 0 < number <= len(self.strings) else ""
+
+    def names(self) -> tuple[str, str]:
+        """Return the name and the order number of the device, as far as they are there."""
+        if self.general is None:
+            return "", ""
+        return self.text(self.general.name), self.text(self.general.order)
 
 
 def sii_checksum(data: bytes) -> int:
@@ -273,12 +278,7 @@ def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out:
     elif kind == _FMMU:
         image.fmmus = tuple(body)
     elif kind == _SM:
-        image.managers = tuple(
-            SiiManager(start=start, length=length, control=control, enable=enable, use=use)
-            for start, length, control, _, enable, use in struct.iter_unpack(
-                "<HHBBBB", body[: len(body) & ~7]
-            )
-        )
+        image.managers = _sync_managers(body)
         fault = "its length is no multiple of 8 bytes" if len(body) % 8 else ""
     elif kind == _DC:
         rows = range(0, len(body) - 23, 24)
@@ -294,6 +294,15 @@ def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out:
         out.add("FSN138", span, message, hint=hint)
 
 
+def _sync_managers(body: bytes) -> tuple[SiiManager, ...]:
+    return tuple(
+        SiiManager(start=start, length=length, control=control, enable=enable, use=use)
+        for start, length, control, _, enable, use in struct.iter_unpack(
+            "<HHBBBB", body[: len(body) & ~7]
+        )
+    )
+
+
 # -- into the model -------------------------------------------------------------------------------
 
 
@@ -307,19 +316,7 @@ def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> Desc
         out: Takes FSN139 for PDOs on sync managers that are not there.
     """
     notes: list[str] = []
-    assigned: dict[int, list[Pdo]] = {}
-    available: list[Pdo] = []
-    for pdo in image.pdos:
-        model = pdo.model(image.text, span)
-        # Virtual PDOs have their place on a virtual sync manager, such as a register of the clock.
-        elsewhere = pdo.virtual and not _is_virtual(pdo.sm, image)
-        if pdo.sm == 0xFF or elsewhere:
-            available.append(model)
-            if elsewhere:
-                notes.append(f"PDO 0x{pdo.index:04x} is virtual: no place in the process data")
-            continue
-        _check_place(pdo, image, span, out)
-        assigned.setdefault(pdo.sm, []).append(model)
+    assigned, available = _placed_pdos(image, span, notes, out)
     if not image.pdos and image.protocols & _COE and not image.broken:
         notes.append("the SII holds no PDOs; they are in the object dictionary or the ESI only")
     if len(image.assign_activate) > 1:
@@ -328,7 +325,7 @@ def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> Desc
         _manager(index, image, tuple(assigned.get(index, ())), span)
         for index in sorted({*range(len(image.managers)), *assigned})
     )
-    general = image.general
+    name, order = image.names()
     device = Device(
         path=path,
         vendor_id=image.vendor,
@@ -338,8 +335,8 @@ def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> Desc
         span=span,
     )
     return DescribedSubDevice(
-        name=image.text(general.name) if general is not None else "",
-        order=image.text(general.order) if general is not None else "",
+        name=name,
+        order=order,
         alias=image.alias,
         device=device,
         available=tuple(available),
@@ -356,6 +353,26 @@ def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> Desc
         ),
         span=span,
     )
+
+
+def _placed_pdos(
+    image: SiiImage, span: Span, notes: list[str], out: Collector
+) -> tuple[dict[int, list[Pdo]], list[Pdo]]:
+    """Return the PDOs by sync manager, and those without one."""
+    assigned: dict[int, list[Pdo]] = {}
+    available: list[Pdo] = []
+    for pdo in image.pdos:
+        model = pdo.model(image.text, span)
+        # Virtual PDOs have their place on a virtual sync manager, such as a register of the clock.
+        elsewhere = pdo.virtual and not _is_virtual(pdo.sm, image)
+        if pdo.sm == 0xFF or elsewhere:
+            available.append(model)
+            if elsewhere:
+                notes.append(f"PDO 0x{pdo.index:04x} is virtual: no place in the process data")
+            continue
+        _check_place(pdo, image, span, out)
+        assigned.setdefault(pdo.sm, []).append(model)
+    return assigned, available
 
 
 def _is_virtual(index: int, image: SiiImage) -> bool:

@@ -184,25 +184,29 @@ def _complete(slaves: list[_Slave], text: Pasted, *, mapped: bool) -> None:
         )
         return
     for slave in slaves:
-        for word, direction in (("Output", Direction.OUTPUT), ("Input", Direction.INPUT)):
-            want, got = slave.sizes.get(word), slave.bits(direction)
-            if want is None or want == got:
-                continue
-            if slave is slaves[-1] and got < want:
-                text.cut(text.lines[-1], f"{got} of {want} bits of {word.lower()}s are there")
-            else:
-                text.out.add(
-                    "FSN147",
-                    slave.span,
-                    f"the map of SubDevice {slave.number} has {got} bits of {word.lower()}s, its "
-                    f"size is {want}",
-                    hint="paste the output again, unchanged",
-                )
+        _compare_sizes(slave, text, is_last=slave is slaves[-1])
     last = slaves[-1]
     if last.managers and not last.sizes and not last.managers[-1].pdos[-1][1]:
         text.cut(text.lines[-1], f"nothing follows SM{last.managers[-1].number}")
     elif not last.managers and len(slaves) > 1 and not last.sizes:
         text.cut(text.lines[-1], "nothing follows its last SubDevice")
+
+
+def _compare_sizes(slave: _Slave, text: Pasted, *, is_last: bool) -> None:
+    for word, direction in (("Output", Direction.OUTPUT), ("Input", Direction.INPUT)):
+        want, got = slave.sizes.get(word), slave.bits(direction)
+        if want is None or want == got:
+            continue
+        if is_last and got < want:
+            text.cut(text.lines[-1], f"{got} of {want} bits of {word.lower()}s are there")
+        else:
+            text.out.add(
+                "FSN147",
+                slave.span,
+                f"the map of SubDevice {slave.number} has {got} bits of {word.lower()}s, its "
+                f"size is {want}",
+                hint="paste the output again, unchanged",
+            )
 
 
 def _described(slave: _Slave, shown: str, *, truncated: bool) -> DescribedSubDevice:

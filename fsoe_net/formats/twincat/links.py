@@ -11,7 +11,7 @@ from fsoe_net.diag.words import counted
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.formats.twincat.box import Box, Message, Range
-from fsoe_net.formats.twincat.safety import SafetyProject
+from fsoe_net.formats.twinsafe.alias_devices import SafetyProject
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd
 
@@ -123,20 +123,7 @@ class _Links:
 
     def _copy(self, one: _End, two: _End, span: Span) -> DescribedCopy | None:
         if one.box is None or two.box is None:
-            away = next((e for e in (one, two) if e.message is not None), None)
-            if away is None or away.message is None or away.box is None:
-                return None
-            key = (away.box, away.message.number)
-            if key not in self._away:
-                self._away.add(key)
-                other = two if away is one else one
-                self._add(
-                    "FSN148",
-                    span,
-                    f"Message_{away.message.number} of {self._boxes[away.box].path[-1][:60]} is "
-                    f"linked to {_shown(other)}, which is not on this ring",
-                    "its frames leave this ring, so this connection is left out",
-                )
+            self._leaves_ring(one, two, span)
             return None
         if one.place is None or two.place is None:
             lost = one if one.place is None else two
@@ -171,6 +158,23 @@ class _Links:
             destination=_place(target, target.place),
             bits=source.place.bits,
             fsoe=True if one.message or two.message else None,
+        )
+
+    def _leaves_ring(self, one: _End, two: _End, span: Span) -> None:
+        """FSN148, once for each message of the logic that is linked to another ring."""
+        away, other = (one, two) if one.message is not None else (two, one)
+        if away.message is None or away.box is None:
+            return
+        key = (away.box, away.message.number)
+        if key in self._away:
+            return
+        self._away.add(key)
+        self._add(
+            "FSN148",
+            span,
+            f"Message_{away.message.number} of {self._boxes[away.box].path[-1][:60]} is "
+            f"linked to {_shown(other)}, which is not on this ring",
+            "its frames leave this ring, so this connection is left out",
         )
 
     def _note(self, source: _End, target: _End, span: Span) -> None:

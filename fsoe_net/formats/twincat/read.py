@@ -16,18 +16,18 @@ from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_PROJECT_BYTES
 from fsoe_net.formats.shared.source import Source, esi_number, source_bytes
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml, shown_name
 from fsoe_net.formats.twincat.box import Box, read_box
 from fsoe_net.formats.twincat.links import read_links
-from fsoe_net.formats.twincat.safety import SafetyProject, read_safety_project
+from fsoe_net.formats.twinsafe.alias_devices import SafetyProject, read_safety_project
 from fsoe_net.model.description import Description
 
 __all__ = ["load_twincat"]
 
 _KIND = "a TwinCAT project"
-_MOST_BYTES = 64 * 1024 * 1024
 _MOST_FILES = 500
 _MOST_BOXES = 4096
 _DEEPEST = 40
@@ -48,7 +48,7 @@ def load_twincat(source: Source, out: Collector, *, name: str = "<tsproj>") -> D
     Returns:
         SubDevices of one master, copies and FSoE connections; ``None`` without any.
     """
-    data, shown = source_bytes(source, out, name, most=_MOST_BYTES)
+    data, shown = source_bytes(source, out, name, most=MAX_PROJECT_BYTES)
     if data is None or not is_format(data, "twincat", shown, out):
         return None
     root = _parse(data, shown, out)
@@ -220,7 +220,7 @@ class _Project:
                 hint="give the folder of the project whole, with its _Config/IO",
             )
             return None
-        data = read_bytes(found, self._out, most=_MOST_BYTES - self._bytes)
+        data = read_bytes(found, self._out, most=MAX_PROJECT_BYTES - self._bytes)
         self._bytes += len(data or b"")
         root = None if data is None else _parse(data, found, self._out)
         if root is not None:

@@ -16,7 +16,7 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import Source, source_bytes, xml_number
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
-from fsoe_net.formats.twincat.safety import (
+from fsoe_net.formats.twinsafe.alias_devices import (
     SafetyProject,
     describe_project,
     read_alias,
@@ -86,11 +86,6 @@ def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Des
     )
 
 
-def _is_safety_project(root: Element) -> bool:
-    """Whether a project of the development environment is one of TwinSAFE."""
-    return any(e.name == "TargetSystem" for e in root.walk())
-
-
 def _of_twincat_3(root: Element, data: bytes, shown: str, out: Collector) -> SafetyProject | None:
     """Return the project that a file of TwinCAT 3 belongs to; ``None`` for files of TwinCAT 2."""
     if root.name == "SafetyDeviceDesc":
@@ -120,13 +115,8 @@ def _of_twincat_3(root: Element, data: bytes, shown: str, out: Collector) -> Saf
     return project
 
 
-def _text(element: Element, name: str) -> str:
-    child = element.first(name)
-    return "" if child is None else child.words
-
-
 def _sub(element: Element, shown: str, out: Collector) -> DescribedSubDevice:
-    name = _text(element, "Name")
+    name = element.text_of("Name")
     order = _ORDER.search(name)
     ident = xml_number(element.first("ModuleIdent"), out)
     return DescribedSubDevice(
@@ -148,16 +138,16 @@ def _connection(element: Element, slot: int, number: int, out: Collector) -> Des
             out.add(
                 "FSN141",
                 element.span,
-                f"connection {_text(element, 'Name')!r} without {name}",
+                f"connection {element.text_of('Name')!r} without {name}",
                 hint="export the project again",
             )
         values[name] = xml_number(element.first(name), out, high=0xFFFF)
-    mode = _text(element, "Mode").lower()
+    mode = element.text_of("Mode").lower()
     main, sub = (number, 0) if mode == "slave" else (0, number)
     return DescribedConnection(
         span=element.span,
         fields={c.name: c.value_span for c in element.children},
-        name=_text(element, "Name"),
+        name=element.text_of("Name"),
         main=main,
         sub=sub,
         address=values["SAddress"],

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.limits import MAX_ALIAS_BYTES
 from fsoe_net.formats.shared.source import xml_number
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml, shown_name
@@ -33,7 +34,6 @@ __all__ = [
 
 _KIND = "a TwinSAFE alias device"
 _MOST_FILES = 1000
-_MOST_BYTES = 4 * 1024 * 1024
 _ALIAS_FOLDER = "Alias Devices"
 _SYSTEM = "TargetSystemConfig.xml"
 _ORDER = re.compile(r"\b([A-Z]{2,3}\d{3,4}(?:-\d{4})*)\b")
@@ -147,7 +147,7 @@ def _project(files: Sequence[str], folder: str, shown: str, out: Collector) -> S
         )
     aliases: dict[int, Alias] = {}
     for file in files[:_MOST_FILES]:
-        data = read_bytes(file, out, most=_MOST_BYTES)
+        data = read_bytes(file, out, most=MAX_ALIAS_BYTES)
         alias = None if data is None else read_alias(data, file, out)
         if alias is None:
             continue
@@ -160,8 +160,8 @@ def _project(files: Sequence[str], folder: str, shown: str, out: Collector) -> S
                 hint="correct the safety project in TwinCAT",
             )
     system = _system(os.path.join(folder, _SYSTEM), out)
-    name = "" if system is None else _text(system, "TargetSystemObjectName")
-    order = "" if system is None else _text(system, "TargetSystemSubType")
+    name = "" if system is None else system.text_of("TargetSystemObjectName")
+    order = "" if system is None else system.text_of("TargetSystemSubType")
     address = None
     if system is not None:
         address = xml_number(system.first("FSOEAddress"), out, high=0xFFFF)
@@ -173,17 +173,12 @@ def _project(files: Sequence[str], folder: str, shown: str, out: Collector) -> S
 def _system(path: str, out: Collector) -> Element | None:
     if not os.path.isfile(path):
         return None
-    data = read_bytes(path, out, most=_MOST_BYTES)
+    data = read_bytes(path, out, most=MAX_ALIAS_BYTES)
     return None if data is None else _parse(data, path, out)
 
 
 def _parse(data: bytes, shown: str, out: Collector) -> Element | None:
     return parse_xml(readable_xml(data, shown, out), shown, out, what=_KIND)
-
-
-def _text(element: Element, name: str) -> str:
-    child = element.first(name)
-    return "" if child is None else child.words
 
 
 def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
@@ -206,7 +201,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
     safe = root.first("SafetyAliasDevice")
     if safe is None:
         return Alias(number=number, name=name, span=root.span, fields={}, is_safe=False)
-    kind = _text(safe, "ConnectionType")
+    kind = safe.text_of("ConnectionType")
     if kind not in ("", "FSoE"):
         out.add(
             "FSN147",
@@ -242,7 +237,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
             if (child := safe.first(name)) is not None
         },
         is_safe=True,
-        is_sub=_text(safe, "ConnectionMode").lower() == "slave",
+        is_sub=safe.text_of("ConnectionMode").lower() == "slave",
         address=values["SafeAddress"],
         connection_id=values["ConnectionId"],
         watchdog_ms=values["Watchdog"],

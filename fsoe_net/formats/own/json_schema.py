@@ -1,0 +1,150 @@
+"""What of a document is not as its JSON Schema says: keys, types, words and lengths of lists.
+
+Only what `fsoe_net.formats.own.schema` reports is looked at. Patterns, ranges and combinations of
+keys are for editors here: the readers say more about them.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+__all__ = ["LEFT_TO_READERS", "SchemaError", "read_schema", "schema_errors"]
+
+LEFT_TO_READERS = frozenset(
+    {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength", "uniqueItems"}
+    | {"anyOf", "oneOf", "not", "propertyNames"}
+    | {"allOf", "if", "then"}  # of those above
+)
+_TYPES: Mapping[str, tuple[type, ...]] = {
+    "object": (dict,),
+    "array": (list,),
+    "string": (str,),
+    "boolean": (bool,),
+    "null": (type(None),),
+    "number": (int, float),
+    "integer": (int,),
+}
+
+Steps = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SchemaError:
+    """One thing that is not as the schema says.
+
+    Attributes:
+        keyword: Of the schema.
+        path: Keys and numbers of items that lead to the place.
+        schema: The part of the schema for that place.
+        value: What is there.
+        key: The key that is missing, for ``required``.
+    """
+
+    keyword: str
+    path: Steps
+    schema: Mapping[str, Any]
+    value: object
+    key: str = ""
+
+
+@functools.cache
+def read_schema(name: str) -> dict[str, Any]:
+    """Return one schema, e.g. ``transfers``, from the installed package or the source tree.
+
+    Raises:
+        FileNotFoundError: No such schema; the installation is damaged.
+    """
+    file = f"{name}.schema.json"
+    in_source = Path(__file__).parents[3] / "schemas" / file
+    if in_source.is_file():  # a source tree, also when installed editable
+        text = in_source.read_text("utf-8")
+    else:
+        text = (resources.files("fsoe_net") / "schemas" / file).read_text("utf-8")
+    loaded: dict[str, Any] = json.loads(text)
+    return loaded
+
+
+def schema_errors(value: object, name: str) -> Iterator[SchemaError]:
+    """Yield what of a document of plain values is not as the schema says, in its order.
+
+    Args:
+        value: The document.
+        name: The schema, e.g. ``transfers``.
+    """
+    return _errors(value, read_schema(name), name, ())
+
+
+def _errors(
+    value: object, schema: Mapping[str, Any], name: str, path: Steps
+) -> Iterator[SchemaError]:
+    for keyword, wanted in schema.items():
+        if keyword == "$ref":
+            other, referred = _referred(wanted, name)
+            yield from _errors(value, referred, other, path)
+        elif isinstance(value, dict):
+            yield from _of_object(keyword, value, schema, name, path)
+        elif keyword == "items" and isinstance(value, list):
+            for number, item in enumerate(value):
+                yield from _errors(item, wanted, name, (*path, number))
+        if keyword in _CHECKS and not _CHECKS[keyword](value, wanted):
+            yield SchemaError(keyword=keyword, path=path, schema=schema, value=value)
+
+
+def _of_object(
+    keyword: str, value: dict[str, Any], schema: Mapping[str, Any], name: str, path: Steps
+) -> Iterator[SchemaError]:
+    wanted = schema[keyword]
+    if keyword == "properties":
+        for key, inner in wanted.items():
+            if key in value:
+                yield from _errors(value[key], inner, name, (*path, key))
+    elif keyword == "additionalProperties":
+        known = schema.get("properties", {})
+        others = [key for key in value if key not in known]
+        if isinstance(wanted, dict):
+            for key in others:
+                yield from _errors(value[key], wanted, name, (*path, key))
+        elif others and not wanted:
+            yield SchemaError(keyword=keyword, path=path, schema=schema, value=value)
+    elif keyword == "required":
+        for key in wanted:
+            if key not in value:
+                yield SchemaError(keyword=keyword, path=path, schema=schema, value=value, key=key)
+
+
+def _referred(reference: str, name: str) -> tuple[str, Mapping[str, Any]]:
+    """Return the schema a reference leads to, ``transfers.schema.json#/$defs/net`` or without."""
+    file, _, place = reference.partition("#")
+    name = file.removesuffix(".schema.json") or name
+    part: Mapping[str, Any] = read_schema(name)
+    for step in place.strip("/").split("/"):
+        part = part[step]
+    return name, part
+
+
+def _has_type(value: object, wanted: str | list[str]) -> bool:
+    names = [wanted] if isinstance(wanted, str) else wanted
+    if isinstance(value, bool):
+        return "boolean" in names
+    if isinstance(value, float) and value.is_integer() and "integer" in names:
+        return True
+    return any(isinstance(value, _TYPES[name]) for name in names)
+
+
+def _is_same(value: object, wanted: object) -> bool:
+    return value == wanted and isinstance(value, bool) == isinstance(wanted, bool)
+
+
+_CHECKS: Mapping[str, Callable[[Any, Any], bool]] = {
+    "type": _has_type,
+    "enum": lambda value, wanted: any(_is_same(value, word) for word in wanted),
+    "const": _is_same,
+    "minItems": lambda value, wanted: not isinstance(value, list) or len(value) >= wanted,
+    "maxItems": lambda value, wanted: not isinstance(value, list) or len(value) <= wanted,
+}
