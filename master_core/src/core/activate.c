@@ -297,30 +297,6 @@ static fsn_status activate_monitor(struct fsn_core *core, struct fsn_fault *faul
     return rt->seen != NULL ? FSN_OK : fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
 }
 
-/** Whether a copy writes a byte of this symbol; copies are sorted by destination. */
-static bool is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
-    const uint32_t first = symbol->bit_offset / 8;
-    const uint32_t behind = (symbol->bit_offset + symbol->bits + 7) / 8;
-    uint32_t low = 0; /* first copy that ends behind the first byte of the symbol */
-    uint32_t high = plan->count[FSN_SEC_COPY];
-    while (low < high) {
-        const uint32_t middle = low + (high - low) / 2;
-        const struct fsn_copy_record r = fsn_read_copy(plan, middle);
-        const uint32_t sm = r.destination_sm;
-        const uint32_t end = (r.destination_bit + r.bits) / 8;
-        if (sm < symbol->sm || (sm == symbol->sm && end <= first)) {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    if (low >= plan->count[FSN_SEC_COPY]) {
-        return false;
-    }
-    const struct fsn_copy_record r = fsn_read_copy(plan, low);
-    return r.destination_sm == symbol->sm && r.destination_bit / 8 < behind;
-}
-
 /** Whether the application may write this symbol: an output that neither a copy nor a recognised
  *  FSoE block owns. */
 static bool is_open(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
@@ -328,7 +304,7 @@ static bool is_open(const struct fsn_plan *plan, const struct fsn_symbol_info *s
     const uint32_t last = (symbol->bit_offset + symbol->bits - 1u) / 8;
     return symbol->output != 0 && fsn_read_sm(plan, symbol->sm).direction == FSN_OUTPUT &&
            fsn_touch_of(plan, symbol->sm, first, last - first + 1) == FSN_TOUCH_NONE &&
-           !is_copied(plan, symbol);
+           !fsn_is_copied(plan, symbol);
 }
 
 static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *fault) {

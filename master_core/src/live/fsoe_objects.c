@@ -40,14 +40,11 @@ uint16_t fsn_diagnosis_object(uint16_t parameter_index) {
 }
 
 uint16_t fsn_object_at(const struct fsn_plan *plan, uint32_t sm, uint32_t bit) {
-    const struct fsn_sm_record r = fsn_read_sm(plan, sm);
-    for (uint32_t p = 0; p < r.pdo_count; p++) {
-        const struct fsn_pdo_record pdo = fsn_read_pdo(plan, r.first_pdo + p);
-        for (uint32_t e = 0; e < pdo.entry_count; e++) {
-            const struct fsn_entry_record entry = fsn_read_entry(plan, pdo.first_entry + e);
-            if (entry.bit_offset == bit && entry.index != 0) {
-                return entry.index;
-            }
+    uint32_t behind;
+    for (uint32_t e = fsn_sm_entries(plan, sm, &behind); e < behind; e++) {
+        const struct fsn_entry_record entry = fsn_read_entry(plan, e);
+        if (entry.bit_offset == bit && entry.index != 0) {
+            return entry.index;
         }
     }
     return 0;

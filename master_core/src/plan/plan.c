@@ -177,29 +177,17 @@ uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan) {
     return plan->cycle_ns;
 }
 
-uint32_t fsn_plan_subdevice_count(const struct fsn_plan *plan) {
-    return plan->count[FSN_SEC_SUBDEVICE];
-}
-
-uint32_t fsn_plan_sm_count(const struct fsn_plan *plan) {
-    return plan->count[FSN_SEC_SM];
-}
-
-uint32_t fsn_plan_symbol_count(const struct fsn_plan *plan) {
-    return plan->count[FSN_SEC_SYMBOL];
-}
-
-uint32_t fsn_plan_block_count(const struct fsn_plan *plan) {
-    return plan->count[FSN_SEC_BLOCK];
-}
-
-uint32_t fsn_plan_copy_count(const struct fsn_plan *plan) {
-    return plan->count[FSN_SEC_COPY];
-}
-
-uint32_t fsn_plan_connection_count(const struct fsn_plan *plan) {
-    return plan->count[FSN_SEC_CONNECTION];
-}
+#define FSN_COUNT(record, RECORD)                                                                  \
+    uint32_t fsn_plan_##record##_count(const struct fsn_plan *plan) {                              \
+        return plan->count[FSN_SEC_##RECORD];                                                      \
+    }
+FSN_COUNT(subdevice, SUBDEVICE)
+FSN_COUNT(sm, SM)
+FSN_COUNT(symbol, SYMBOL)
+FSN_COUNT(block, BLOCK)
+FSN_COUNT(copy, COPY)
+FSN_COUNT(connection, CONNECTION)
+#undef FSN_COUNT
 
 /** The proofs have shown that every string reference lies inside the table, which ends in zero. */
 static const char *text(const struct fsn_plan *plan, uint32_t offset) {

@@ -90,44 +90,33 @@ FSN_RECORD(copy, COPY)
 FSN_RECORD(connection, CONNECTION)
 #undef FSN_RECORD
 
-/* What a record says; the caller knows that there is one of this number. */
+/* What a record says, for callers who know that there is one of this number. */
+#define FSN_KNOWN(record)                                                                          \
+    static inline struct fsn_##record##_info fsn_known_##record(const struct fsn_plan *plan,       \
+                                                                uint32_t number) {                 \
+        struct fsn_##record##_info info = {0};                                                     \
+        const fsn_status found = fsn_plan_##record(plan, number, &info);                           \
+        (void)found;                                                                               \
+        return info;                                                                               \
+    }
+FSN_KNOWN(subdevice)
+FSN_KNOWN(sm)
+FSN_KNOWN(symbol)
+FSN_KNOWN(copy)
+FSN_KNOWN(connection)
+#undef FSN_KNOWN
 
-static inline struct fsn_subdevice_info fsn_known_subdevice(const struct fsn_plan *plan,
-                                                            uint32_t number) {
-    struct fsn_subdevice_info info = {0};
-    const fsn_status found = fsn_plan_subdevice(plan, number, &info);
-    (void)found;
-    return info;
-}
-
-static inline struct fsn_sm_info fsn_known_sm(const struct fsn_plan *plan, uint32_t number) {
-    struct fsn_sm_info info = {0};
-    const fsn_status found = fsn_plan_sm(plan, number, &info);
-    (void)found;
-    return info;
-}
-
-static inline struct fsn_symbol_info fsn_known_symbol(const struct fsn_plan *plan,
-                                                      uint32_t number) {
-    struct fsn_symbol_info info = {0};
-    const fsn_status found = fsn_plan_symbol(plan, number, &info);
-    (void)found;
-    return info;
-}
-
-static inline struct fsn_copy_info fsn_known_copy(const struct fsn_plan *plan, uint32_t number) {
-    struct fsn_copy_info info = {0};
-    const fsn_status found = fsn_plan_copy(plan, number, &info);
-    (void)found;
-    return info;
-}
-
-static inline struct fsn_connection_info fsn_known_connection(const struct fsn_plan *plan,
-                                                              uint32_t number) {
-    struct fsn_connection_info info = {0};
-    const fsn_status found = fsn_plan_connection(plan, number, &info);
-    (void)found;
-    return info;
+/** Entries of a sync manager: from the first to before `*behind` (proved: PDO by PDO without gaps).
+ */
+static inline uint32_t fsn_sm_entries(const struct fsn_plan *plan, uint32_t sm, uint32_t *behind) {
+    const struct fsn_sm_record r = fsn_read_sm(plan, sm);
+    *behind = 0;
+    if (r.pdo_count == 0) {
+        return 0;
+    }
+    const struct fsn_pdo_record last = fsn_read_pdo(plan, r.first_pdo + r.pdo_count - 1);
+    *behind = last.first_entry + last.entry_count;
+    return fsn_read_pdo(plan, r.first_pdo).first_entry;
 }
 
 /** The bytes of a start-up SDO's value, as they are sent. */
@@ -161,6 +150,9 @@ fsn_status fsn_prove_copies(const struct fsn_plan *plan, struct fsn_fault *fault
 /** How a range of bytes meets the FSoE blocks of its sync manager. */
 enum fsn_touch { FSN_TOUCH_NONE, FSN_TOUCH_EXACT, FSN_TOUCH_PART };
 enum fsn_touch fsn_touch_of(const struct fsn_plan *plan, uint32_t sm, uint32_t byte, uint32_t size);
+
+/** Whether a copy writes a byte of this symbol. */
+bool fsn_is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol);
 
 /** SHA-256 piece by piece: start, add as often as wanted, end. */
 struct fsn_sha256_run {

@@ -72,6 +72,29 @@ enum fsn_touch fsn_touch_of(const struct fsn_plan *plan, uint32_t sm, uint32_t b
     return r.byte_offset == byte && r.frame_bytes == size ? FSN_TOUCH_EXACT : FSN_TOUCH_PART;
 }
 
+bool fsn_is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
+    const uint32_t first = symbol->bit_offset / 8;
+    const uint32_t behind = (symbol->bit_offset + symbol->bits + 7) / 8;
+    uint32_t low = 0; /* sorted: the first copy that ends behind the first byte of the symbol */
+    uint32_t high = plan->count[FSN_SEC_COPY];
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        const struct fsn_copy_record r = fsn_read_copy(plan, middle);
+        const uint32_t sm = r.destination_sm;
+        const uint32_t end = (r.destination_bit + r.bits) / 8;
+        if (sm < symbol->sm || (sm == symbol->sm && end <= first)) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    if (low >= plan->count[FSN_SEC_COPY]) {
+        return false;
+    }
+    const struct fsn_copy_record r = fsn_read_copy(plan, low);
+    return r.destination_sm == symbol->sm && r.destination_bit / 8 < behind;
+}
+
 /** What a symbol says about the stop: an output's own bits, and none that could start a machine. */
 static bool is_stop_value_ok(const struct fsn_symbol_record *symbol) {
     const uint64_t value = symbol->stop_value;

@@ -33,6 +33,8 @@ const char *fsn_status_text(fsn_status status) {
 }
 
 const char *fsn_status_next_step(fsn_status status) {
+    static const char compare[] =
+        "compare the bus with the network file; fsoe-net plan makes a new plan";
     static const struct {
         fsn_status status;
         const char *text;
@@ -48,12 +50,9 @@ const char *fsn_status_next_step(fsn_status status) {
         {FSN_E_BUS_SILENT, "check cable, power and --interface; --wait 30s tries again"},
         {FSN_E_BUS_MISSING,
          "check cable and power behind the last SubDevice found; --wait 30s tries again"},
-        {FSN_E_BUS_IDENTITY,
-         "compare the bus with the network file; fsoe-net plan makes a new plan"},
-        {FSN_E_BUS_MAPPING,
-         "compare the bus with the network file; fsoe-net plan makes a new plan"},
-        {FSN_E_BUS_ADDRESS,
-         "compare the bus with the network file; fsoe-net plan makes a new plan"},
+        {FSN_E_BUS_IDENTITY, compare},
+        {FSN_E_BUS_MAPPING, compare},
+        {FSN_E_BUS_ADDRESS, compare},
         {FSN_E_BUS_SDO, "compare the start-up SDOs of this device with its manual"},
         {FSN_E_BUS_STATE, "its AL status code says why"},
         {FSN_E_NOMEM, "free memory, or allow the process more"},

@@ -31,7 +31,7 @@ static void report(struct fsn_rt *rt, uint32_t connection, uint32_t before, uint
     fsn_rt_push_event(rt, &event);
 }
 
-static void look(struct fsn_monitor *monitor, const uint8_t *const frames[2], uint64_t now_ns) {
+static void follow(struct fsn_monitor *monitor, const uint8_t *const frames[2], uint64_t now_ns) {
     const bool sub_first = fsn_monitor_sub_first(monitor, frames[FSN_TO_SUB], frames[FSN_TO_MAIN]);
     const enum fsn_way first = sub_first ? FSN_TO_MAIN : FSN_TO_SUB;
     const enum fsn_way second = sub_first ? FSN_TO_SUB : FSN_TO_MAIN;
@@ -71,7 +71,7 @@ void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {
         memcpy(seen[1], frames[1], watch->size_bytes[1]);
         watch->unshown = FSN_RT_PICTURES;
         const uint32_t before = rt->monitors[c].status.observed;
-        look(&rt->monitors[c], frames, now_ns);
+        follow(&rt->monitors[c], frames, now_ns);
         if (rt->monitors[c].status.observed != before) {
             report(rt, c, before, now_ns);
         }

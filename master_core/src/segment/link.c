@@ -126,7 +126,7 @@ static bool has_carrier(int socket_fd, const char *interface) {
 }
 
 /** A ring is closed while both ends of it are plugged in. */
-static void look_at_carriers(struct fsn_segment *s, uint64_t *due_ns) {
+static void poll_carriers(struct fsn_segment *s, uint64_t *due_ns) {
     const uint64_t now = clock_ns();
     if (s->sockets[1] < 0 || now < *due_ns) {
         return;
@@ -140,7 +140,7 @@ static void *serve(void *context) {
     struct fsn_segment *s = context;
     uint64_t carriers_ns = 0;
     while (!atomic_load(&s->stop)) {
-        look_at_carriers(s, &carriers_ns);
+        poll_carriers(s, &carriers_ns);
         if (!take_next(s)) {
             fsn_segment_idle(s, clock_ns());
         }

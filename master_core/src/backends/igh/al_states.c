@@ -10,7 +10,7 @@
 #include <string.h>
 
 enum {
-    LOOK_NS = 10000000,    /**< between two looks at all SubDevices */
+    POLL_NS = 10000000,    /**< between two polls of all SubDevices */
     AGAIN_NS = 100000000,  /**< between two tries to read an FSoE address */
     RETRY_NS = 1000000000, /**< after something was refused */
     STUCK_NS = 1000000000, /**< a register request without an answer: it is made again */
@@ -85,7 +85,7 @@ static void poll_registers(struct fsn_igh *bus, struct igh_node *node, bool leav
     }
 }
 
-/* -- looking -------------------------------------------------------------------------------- */
+/* -- polling -------------------------------------------------------------------------------- */
 
 static bool is_silent(const struct igh_node *node) {
     return atomic_load_explicit(&node->silent, memory_order_relaxed) >= QUIET_CYCLES;
@@ -105,9 +105,8 @@ static void lose(struct fsn_igh *bus, struct igh_node *node) {
     node->known.seen.al_status = FSN_AL_NONE;
     pthread_mutex_unlock(&bus->all.lock);
     if (!noted) {
-        fsn_node_note(
-            &bus->all, &node->known, FSN_FOUND_NOTHING,
-            "no answer; look at its cable, its supply, and those of the SubDevices before it");
+        igh_note(bus, node, FSN_FOUND_NOTHING,
+                 "no answer; look at its cable, its supply, and those of the SubDevices before it");
     }
 }
 
@@ -152,7 +151,7 @@ static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_inf
     node->checked = true;
     node->known.retry_ns = 0;
     atomic_store_explicit(&node->admitted, 1, memory_order_release);
-    fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
+    igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
     return true;
 }
 
@@ -160,9 +159,9 @@ static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_inf
  *  nothing to the others. */
 static void retry_refused(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
                           uint64_t now_ns) {
-    fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
-                  "OP refused: AL status 0x%02x, code 0x%04x; the kernel log says more",
-                  slave->al_state, node->known.seen.al_code);
+    igh_note(bus, node, FSN_FOUND_STATE,
+             "OP refused: AL status 0x%02x, code 0x%04x; the kernel log says more", slave->al_state,
+             node->known.seen.al_code);
     if (now_ns >= bus->reset_ns) {
         (void)ecrt_master_reset(bus->master);
         bus->reset_ns = now_ns + RETRY_NS;
@@ -172,7 +171,7 @@ static void retry_refused(struct fsn_igh *bus, struct igh_node *node, const ec_s
 static void note_op(struct fsn_igh *bus, struct igh_node *node) {
     fsn_node_note_op(&bus->all, &node->known);
     if (node->known.seen.found == FSN_FOUND_STATE) { /* only this thread writes it */
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
+        igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
     }
 }
 
@@ -187,7 +186,7 @@ static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master
     }
     if (node->checked && node->known.was_in_op && is_silent(node) &&
         (slave.al_state & STATE_BITS) < FSN_AL_SAFEOP) {
-        shut_out(node); /* it has been away in between two looks */
+        shut_out(node); /* it has been away in between two polls */
         node->known.away = true;
     }
     note_slave(bus, node, &slave);
@@ -237,7 +236,7 @@ static bool leave(struct fsn_igh *bus, struct igh_node *node, uint64_t now_ns) {
 
 static void begin(struct fsn_igh *bus, uint8_t al_state) {
     bus->goal = al_state;
-    bus->look_ns = 0;
+    bus->poll_ns = 0;
     for (uint32_t n = 0; n < bus->all.count; n++) {
         bus->nodes[n].left = false;
     }
@@ -255,10 +254,10 @@ bool igh_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         }
         return all;
     }
-    if (now_ns < bus->look_ns) {
+    if (now_ns < bus->poll_ns) {
         return bus->all_there;
     }
-    bus->look_ns = now_ns + LOOK_NS;
+    bus->poll_ns = now_ns + POLL_NS;
     ec_master_info_t master = {0};
     if (ecrt_master(bus->master, &master) != 0) {
         return bus->all_there;

@@ -25,7 +25,7 @@ static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
     const fsn_status status =
         fsn_check_sdos(bus->all.plan, &node->known.info, node->coe ? &objects : NULL, detail);
     if (status != FSN_OK) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_SDO, "%s", detail);
+        igh_note(bus, node, FSN_FOUND_SDO, "%s", detail);
     }
     return status;
 }
@@ -36,7 +36,7 @@ fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *r
     const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
                                                 node->coe ? &objects : NULL, readable, detail);
     if (status != FSN_OK) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_ADDRESS, "%s", detail);
+        igh_note(bus, node, FSN_FOUND_ADDRESS, "%s", detail);
     }
     return status;
 }

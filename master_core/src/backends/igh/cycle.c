@@ -34,7 +34,7 @@ static void receive_frames(struct fsn_igh *bus) {
 
 /** Sees which domains are complete; returns whether all are that were sent. What was not queued in
  *  the last send() would be about an earlier cycle, so it is not read. */
-static bool look_at_domains(struct fsn_igh *bus) {
+static bool poll_domains(struct fsn_igh *bus) {
     bool all = true;
     for (uint32_t a = 0; a < bus->area_count; a++) {
         struct igh_area *area = &bus->areas[a];
@@ -47,12 +47,12 @@ static bool look_at_domains(struct fsn_igh *bus) {
     return all;
 }
 
-/** ecrt.h does not wait for replies; whoever shall do so looks again and again. */
+/** ecrt.h does not wait for replies; who needs them polls. */
 static void collect(struct fsn_igh *bus) {
     const uint64_t end_ns = bus->wait_ns != 0 ? clock_ns(CLOCK_MONOTONIC) + bus->wait_ns : 0;
     for (;;) {
         receive_frames(bus);
-        if (look_at_domains(bus) || bus->wait_ns == 0 || clock_ns(CLOCK_MONOTONIC) >= end_ns) {
+        if (poll_domains(bus) || bus->wait_ns == 0 || clock_ns(CLOCK_MONOTONIC) >= end_ns) {
             return;
         }
         const struct timespec nap = {.tv_nsec = NAP_NS};

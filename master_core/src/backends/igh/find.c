@@ -49,11 +49,11 @@ bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slav
         return true;
     }
     if (!is_read(slave)) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_UNKNOWN,
-                      "IgH could not read who it is; `ethercat rescan` makes it try again");
+        igh_note(bus, node, FSN_FOUND_UNKNOWN,
+                 "IgH could not read who it is; `ethercat rescan` makes it try again");
         return false;
     }
-    fsn_node_note(&bus->all, &node->known, FSN_FOUND_IDENTITY, "%s", detail);
+    igh_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
     return false;
 }
 
@@ -105,14 +105,13 @@ static fsn_status match(struct fsn_igh *bus, unsigned slave_count, struct fsn_fa
         fsn_status status = FSN_OK;
         if (!igh_ring_of(bus, &node->known.info, slave_count, &node->ring) ||
             !igh_slave(bus, node->ring, &slave)) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
-                          "alias %u, position %u: %u SubDevices answer", node->known.info.alias,
-                          node->known.info.position, slave_count);
+            igh_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %u SubDevices answer",
+                     node->known.info.alias, node->known.info.position, slave_count);
             status = FSN_E_BUS_MISSING;
         } else if (!igh_note_identity(bus, node, &slave)) {
             status = is_read(&slave) ? FSN_E_BUS_IDENTITY : FSN_E_BUS_STATE;
         } else {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
+            igh_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         }
         if (status != FSN_OK && first == FSN_OK) {
             first = fsn_node_refuse(fault, status, &node->known);
@@ -153,8 +152,8 @@ static fsn_status wait_for_preop(struct fsn_igh *bus, struct igh_node *node,
         pause_a_little();
     }
     node->known.seen.al_status = slave.al_state;
-    fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
-                  "PREOP refused: AL status 0x%02x; the kernel log says why", slave.al_state);
+    igh_note(bus, node, FSN_FOUND_STATE, "PREOP refused: AL status 0x%02x; the kernel log says why",
+             slave.al_state);
     return fsn_node_refuse(fault, FSN_E_BUS_STATE, &node->known);
 }
 
@@ -180,7 +179,7 @@ static fsn_status match_scanned(struct fsn_igh *bus, struct fsn_fault *fault) {
 fsn_status igh_find(struct fsn_igh *bus, struct fsn_fault *fault) {
     fsn_status status = match_scanned(bus, fault);
     status = status != FSN_OK ? status : reserve(bus, fault);
-    /* Between the look and the reservation the bus may have changed. */
+    /* Between the scan and the reservation the bus may have changed. */
     status = status != FSN_OK ? status : match_scanned(bus, fault);
     for (uint32_t n = 0; n < bus->all.count && status == FSN_OK; n++) {
         status = wait_for_preop(bus, &bus->nodes[n], fault);

@@ -142,8 +142,8 @@ static fsn_status configure_all(struct fsn_igh *bus, struct fsn_fault *fault) {
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct igh_node *node = &bus->nodes[n];
         if (igh_configure(bus, node) != FSN_OK) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING,
-                          "IgH does not take its configuration; the kernel log says why");
+            igh_note(bus, node, FSN_FOUND_MAPPING,
+                     "IgH does not take its configuration; the kernel log says why");
             return fsn_node_refuse(fault, FSN_E_BUS_MAPPING, &node->known);
         }
         bus->uses_time = bus->uses_time || node->known.info.assign_activate != 0;
@@ -164,9 +164,8 @@ static fsn_status activate(struct fsn_igh *bus, struct fsn_fault *fault) {
         area->data = ecrt_domain_data(area->domain);
         if (area->data == NULL || ecrt_domain_size(area->domain) != area->size_bytes) {
             struct igh_node *node = &bus->nodes[area->node];
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING,
-                          "IgH gives it %zu bytes, the plan says %u",
-                          ecrt_domain_size(area->domain), area->size_bytes);
+            igh_note(bus, node, FSN_FOUND_MAPPING, "IgH gives it %zu bytes, the plan says %u",
+                     ecrt_domain_size(area->domain), area->size_bytes);
             return fsn_node_refuse(fault, FSN_E_BUS_IMAGE, &node->known);
         }
     }
@@ -204,7 +203,7 @@ static fsn_status igh_open(void *context, const struct fsn_plan *plan,
     for (uint32_t n = 0; n < bus->all.count; n++) {
         bus->nodes[n].checked = true;
         atomic_store(&bus->nodes[n].admitted, 1);
-        fsn_node_note(&bus->all, &bus->nodes[n].known, FSN_FOUND_RIGHT, "%s", "");
+        igh_note(bus, &bus->nodes[n], FSN_FOUND_RIGHT, "%s", "");
     }
     *layout = fsn_image_layout(&bus->image, bus->bytes);
     return FSN_OK;

@@ -80,10 +80,13 @@ struct fsn_igh {
     uint64_t app_set_ns; /**< CLOCK_MONOTONIC of that */
 
     /* Of the acyclic side. */
-    uint64_t look_ns, reset_ns;
+    uint64_t poll_ns, reset_ns;
     uint8_t goal;
     bool all_there;
 };
+
+/** Notes what was found about a node; printf-like. */
+#define igh_note(bus, node, ...) fsn_node_note(&(bus)->all, &(node)->known, __VA_ARGS__)
 
 /* Finding (find.c). */
 

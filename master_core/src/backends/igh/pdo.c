@@ -46,7 +46,7 @@ fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node) {
             status = fsn_pdo_check(bus->all.plan, sm, &objects, detail);
         }
         if (status != FSN_OK) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING, "%s", detail);
+            igh_note(bus, node, FSN_FOUND_MAPPING, "%s", detail);
             return status;
         }
     }

@@ -6,11 +6,11 @@
 #include "live/port.h"
 
 enum {
-    STATES_NS = 5000000,   /**< between two looks at all states */
+    STATES_NS = 5000000,   /**< between two polls of all states */
     SEARCH_NS = 50000000,  /**< between two searches for lost SubDevices */
     LINKS_NS = 20000000,   /**< between two SubDevices whose link counters are read */
     RETRY_NS = 1000000000, /**< after something was refused */
-    QUIET_LOOKS = 2,       /**< looks without an answer until a SubDevice counts as lost */
+    QUIET_POLLS = 2,       /**< polls without an answer until a SubDevice counts as lost */
     LINK_BYTES = 20,       /**< 0x0300 … 0x0313 */
     REG_LINK_LOST = 0x10,  /**< from 0x0300 on */
     STATE_BITS = 0x0F,
@@ -20,7 +20,7 @@ enum {
 /** For a state that was requested: most take milliseconds, some drives 3 s. */
 static const uint64_t patience_ns = 4000000000u;
 
-/* -- looking -------------------------------------------------------------------------------- */
+/* -- polling -------------------------------------------------------------------------------- */
 
 static void note_state(struct fsn_soem *bus, struct node *node, uint16_t status, uint16_t code) {
     pthread_mutex_lock(&bus->all.lock);
@@ -38,12 +38,12 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
         before = bus->slaves[before].parent;
     }
     if (before == 0) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
-                      fsn_port_has_link(bus->interface)
-                          ? "%s has a link, but no SubDevice behind it answers: power of the "
-                            "SubDevices, or frames are late"
-                          : "%s has no link",
-                      bus->interface);
+        soem_note(bus, node, FSN_FOUND_NOTHING,
+                  fsn_port_has_link(bus->interface)
+                      ? "%s has a link, but no SubDevice behind it answers: power of the "
+                        "SubDevices, or frames are late"
+                      : "%s has no link",
+                  bus->interface);
         return;
     }
     const int named = bus->places[before].node;
@@ -59,12 +59,12 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
     const char *name =
         named == SOEM_NO_NODE ? bus->slaves[before].name : bus->nodes[named].known.info.name;
     if (port < FSN_PORTS) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
-                      "the link behind %.40s (ring position %u, port %u) is down", name,
-                      before - 1u, port);
+        soem_note(bus, node, FSN_FOUND_NOTHING,
+                  "the link behind %.40s (ring position %u, port %u) is down", name, before - 1u,
+                  port);
     } else {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
-                      "the last one before it that answers is %.40s, whose links are up", name);
+        soem_note(bus, node, FSN_FOUND_NOTHING,
+                  "the last one before it that answers is %.40s, whose links are up", name);
     }
 }
 
@@ -94,8 +94,8 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
                               memory_order_relaxed);
     }
     if (!answers) {
-        place->quiet = (uint8_t)(place->quiet < QUIET_LOOKS ? place->quiet + 1 : QUIET_LOOKS);
-        if (place->quiet >= QUIET_LOOKS) {
+        place->quiet = (uint8_t)(place->quiet < QUIET_POLLS ? place->quiet + 1 : QUIET_POLLS);
+        if (place->quiet >= QUIET_POLLS) {
             lose(bus, slave);
         }
         return;
@@ -108,7 +108,7 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
         note_state(bus, node, status, code);
         node->known.away = node->known.was_in_op && (node->known.away || status != FSN_AL_OP);
         if (node->known.seen.found == FSN_FOUND_NOTHING) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
+            soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         }
     }
 }
@@ -140,7 +140,7 @@ static void read_states(struct fsn_soem *bus, uint16_t first, uint16_t count,
     ecx_setbufstat(port, index, EC_BUF_EMPTY);
 }
 
-static void look_at_states(struct fsn_soem *bus) {
+static void poll_states(struct fsn_soem *bus) {
     const uint16_t all = (uint16_t)bus->slave_count;
     for (uint16_t first = 1; first <= all; first = (uint16_t)(first + AT_ONCE)) {
         ec_alstatust states[AT_ONCE];
@@ -163,25 +163,24 @@ static void note_gap(struct fsn_soem *bus, struct node *node) {
         return;
     }
     if (!bus->ring_was_closed && node->slave == bus->slave_count) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT,
-                      "the ring has been open since the start: is %s wired?", bus->redundant);
+        soem_note(bus, node, FSN_FOUND_RIGHT,
+                  "the ring has been open since the start: is %s wired?", bus->redundant);
         return;
     }
     for (unsigned port = 0; open && port < FSN_PORTS; port++) {
         if ((bus->slaves[node->slave].activeports & (1u << port)) != 0 &&
             node->known.seen.link[port] == 0) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT,
-                          "the ring is open at its port %u", port);
+            soem_note(bus, node, FSN_FOUND_RIGHT, "the ring is open at its port %u", port);
             return;
         }
     }
     if (node->known.seen.detail[0] != '\0') {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
+        soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
     }
 }
 
 /** Links and counters of one SubDevice after the other. */
-static void look_at_links(struct fsn_soem *bus) {
+static void poll_links(struct fsn_soem *bus) {
     bus->next_link = (uint16_t)(bus->next_link >= bus->slave_count ? 1 : bus->next_link + 1);
     const struct place *place = &bus->places[bus->next_link];
     if (place->node == SOEM_NO_NODE || place->al_status == 0) {
@@ -239,13 +238,11 @@ static void give_up(struct fsn_soem *bus, struct node *node, uint64_t now_ns) {
                         : node->requested == FSN_AL_PREOP  ? "PREOP"
                                                            : "INIT";
     if ((place->al_status & EC_STATE_ERROR) != 0) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
-                      "%s refused: AL status 0x%02x, code 0x%04x: %s", state, place->al_status,
-                      place->al_code, fsn_al_code_text(place->al_code));
+        soem_note(bus, node, FSN_FOUND_STATE, "%s refused: AL status 0x%02x, code 0x%04x: %s",
+                  state, place->al_status, place->al_code, fsn_al_code_text(place->al_code));
     } else {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
-                      "not in %s after %u ms: AL status 0x%02x", state,
-                      (unsigned)(patience_ns / 1000000), place->al_status);
+        soem_note(bus, node, FSN_FOUND_STATE, "not in %s after %u ms: AL status 0x%02x", state,
+                  (unsigned)(patience_ns / 1000000), place->al_status);
     }
     node->requested = 0;
     node->known.retry_ns = now_ns + RETRY_NS;
@@ -286,7 +283,7 @@ static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint
             fsn_node_note_op(&bus->all, &node->known);
         }
         if (node->requested != 0) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
+            soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         }
         node->requested = 0;
         return true;
@@ -329,7 +326,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         return bus->all_there;
     }
     bus->goal = al_state;
-    look_at_states(bus);
+    poll_states(bus);
     keep_reference(bus);
     bool all = true; /* who is missing has left OP as well */
     for (uint32_t n = 0; n < bus->all.count; n++) {
@@ -345,7 +342,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         bus->search_ns = now_ns + SEARCH_NS;
     }
     if (now_ns >= bus->links_ns) {
-        look_at_links(bus);
+        poll_links(bus);
         bus->links_ns = now_ns + LINKS_NS;
     }
     bus->states_ns = all ? now_ns + STATES_NS : 0;

@@ -27,7 +27,7 @@ static fsn_status write_sdos(struct fsn_soem *bus, struct node *node) {
     const fsn_status status =
         fsn_check_sdos(bus->all.plan, &node->known.info, coe ? &objects : NULL, detail);
     if (status != FSN_OK) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_SDO, "%s", detail);
+        soem_note(bus, node, FSN_FOUND_SDO, "%s", detail);
     }
     return status;
 }
@@ -40,7 +40,7 @@ static fsn_status check_address(struct fsn_soem *bus, struct node *node) {
     const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
                                                 coe ? &objects : NULL, &readable, detail);
     if (status != FSN_OK) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_ADDRESS, "%s", detail);
+        soem_note(bus, node, FSN_FOUND_ADDRESS, "%s", detail);
     }
     return status;
 }
@@ -61,8 +61,8 @@ static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
     const ec_slavet *s = &bus->slaves[node->slave];
     *physical = soem_sii_start(bus, node->slave, number);
     if (*physical == 0) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING,
-                      "its SII has no address for SM%u, or could not be read", number);
+        soem_note(bus, node, FSN_FOUND_MAPPING,
+                  "its SII has no address for SM%u, or could not be read", number);
         return FSN_E_BUS_MAPPING;
     }
     const bool output = r.direction == FSN_OUTPUT;
@@ -119,8 +119,8 @@ static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
             continue;
         }
         if (used >= available) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING,
-                          "it has %u FMMUs, the plan needs more", available);
+            soem_note(bus, node, FSN_FOUND_MAPPING, "it has %u FMMUs, the plan needs more",
+                      available);
             return FSN_E_BUS_MAPPING;
         }
         fill_fmmu(fmmus + FMMU_BYTES * used++, base, fsn_sm_bytes(bus->all.plan, sm), physical,
@@ -175,8 +175,7 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
         const fsn_status status = steps[i](bus, node);
         if (status == FSN_E_BUS_STATE) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
-                          "it does not take its sync managers or FMMUs");
+            soem_note(bus, node, FSN_FOUND_STATE, "it does not take its sync managers or FMMUs");
         }
         if (status != FSN_OK) {
             return status;
@@ -188,6 +187,6 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
     }
     start_sync(bus, node);
     node->configured = true;
-    fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
+    soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
     return FSN_OK;
 }

@@ -50,7 +50,7 @@ static struct identity read_identity(struct fsn_soem *bus, uint16_t slave) {
 }
 
 /** Notes who stands at a place. What could not be read are zeros, in any of the three: a device is
- *  another one when a second look finds the same. */
+ *  another one when a second search finds the same. */
 static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint16_t slave,
                                    struct identity found) {
     char detail[FSN_DETAIL_BYTES];
@@ -61,18 +61,18 @@ static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint
     pthread_mutex_unlock(&bus->all.lock);
     if (fsn_check_identity(&node->known.info, found.vendor, found.product, found.revision,
                            detail)) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_RIGHT, "%s", "");
+        soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
         return FSN_OK;
     }
     const struct identity again = read_identity(bus, slave);
     if (found.vendor != 0 && found.product != 0 && memcmp(&found, &again, sizeof found) == 0) {
-        fsn_node_note(&bus->all, &node->known, FSN_FOUND_IDENTITY, "%s", detail);
+        soem_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
         return FSN_E_BUS_IDENTITY;
     }
-    fsn_node_note(&bus->all, &node->known, FSN_FOUND_UNKNOWN,
-                  "its SII could not be read (frames lost or late), or is empty: vendor 0x%08x "
-                  "product 0x%08x",
-                  (unsigned)found.vendor, (unsigned)found.product);
+    soem_note(bus, node, FSN_FOUND_UNKNOWN,
+              "its SII could not be read (frames lost or late), or is empty: vendor 0x%08x "
+              "product 0x%08x",
+              (unsigned)found.vendor, (unsigned)found.product);
     return FSN_E_BUS_STATE;
 }
 
@@ -99,9 +99,8 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
         node->slave = slave_of(bus, &node->known.info);
         fsn_status status = FSN_OK;
         if (node->slave == 0) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
-                          "alias %u, position %u: %d SubDevices answer", node->known.info.alias,
-                          node->known.info.position, bus->slave_count);
+            soem_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %d SubDevices answer",
+                      node->known.info.alias, node->known.info.position, bus->slave_count);
             status = FSN_E_BUS_MISSING;
         } else {
             const ec_slavet *s = &bus->slaves[node->slave];
@@ -153,17 +152,16 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
             node->known.seen.al_status = (uint8_t)s->state;
             node->known.seen.al_code = s->ALstatuscode;
             if (s->state == 0) {
-                fsn_node_note(&bus->all, &node->known, FSN_FOUND_NOTHING,
-                              "it was there a moment ago");
+                soem_note(bus, node, FSN_FOUND_NOTHING, "it was there a moment ago");
                 return fsn_node_refuse(fault, FSN_E_BUS_MISSING, &node->known);
             }
             if ((s->state & EC_STATE_ERROR) == 0) {
-                fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
-                              "not in PREOP after %d ms: AL status 0x%02x", PREOP_MS, s->state);
+                soem_note(bus, node, FSN_FOUND_STATE, "not in PREOP after %d ms: AL status 0x%02x",
+                          PREOP_MS, s->state);
             } else {
-                fsn_node_note(&bus->all, &node->known, FSN_FOUND_STATE,
-                              "PREOP refused: AL status 0x%02x, code 0x%04x: %s", s->state,
-                              s->ALstatuscode, fsn_al_code_text(s->ALstatuscode));
+                soem_note(bus, node, FSN_FOUND_STATE,
+                          "PREOP refused: AL status 0x%02x, code 0x%04x: %s", s->state,
+                          s->ALstatuscode, fsn_al_code_text(s->ALstatuscode));
             }
             return fsn_node_refuse(fault, FSN_E_BUS_STATE, &node->known);
         }

@@ -35,7 +35,7 @@ fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node) {
         const fsn_status status = coe ? fsn_pdo_check(bus->all.plan, sm, &objects, detail)
                                       : check_sii(bus, node, sm, detail);
         if (status != FSN_OK) {
-            fsn_node_note(&bus->all, &node->known, FSN_FOUND_MAPPING, "%s", detail);
+            soem_note(bus, node, FSN_FOUND_MAPPING, "%s", detail);
             return status;
         }
     }

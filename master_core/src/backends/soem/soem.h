@@ -28,7 +28,7 @@ struct place {
     int node;           /**< number of its node, or SOEM_NO_NODE */
     uint16_t al_status; /**< as read last; 0: does not answer */
     uint16_t al_code;
-    uint8_t quiet; /**< looks in a row without an answer */
+    uint8_t quiet; /**< polls in a row without an answer */
 };
 
 struct fsn_soem {
@@ -71,6 +71,9 @@ struct fsn_soem {
     bool ring_was_closed;                    /**< at least once; only with a second interface */
     uint16_t next_link;                      /**< whose counters are read next */
 };
+
+/** Notes what was found about a node; printf-like. */
+#define soem_note(bus, node, ...) fsn_node_note(&(bus)->all, &(node)->known, __VA_ARGS__)
 
 /* Finding (find.c). */
 

@@ -142,6 +142,11 @@ void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes)
     raw(json, "\"", 1);
 }
 
+void fsn_json_put_open(struct fsn_json *json, const char *key, char bracket) {
+    fsn_json_key(json, key);
+    fsn_json_open(json, bracket);
+}
+
 void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text) {
     fsn_json_key(json, key);
     fsn_json_text(json, text);
@@ -161,9 +166,27 @@ void fsn_json_put_u64(struct fsn_json *json, const char *key, uint64_t number) {
     fsn_json_u64(json, number);
 }
 
+void fsn_json_put_known(struct fsn_json *json, const char *key, bool known, uint64_t number) {
+    fsn_json_key(json, key);
+    if (known) {
+        fsn_json_u64(json, number);
+    } else {
+        fsn_json_null(json);
+    }
+}
+
 void fsn_json_put_bool(struct fsn_json *json, const char *key, bool yes) {
     fsn_json_key(json, key);
     fsn_json_bool(json, yes);
+}
+
+void fsn_json_put_bytes(struct fsn_json *json, const char *key, const uint8_t *bytes,
+                        size_t count) {
+    fsn_json_put_open(json, key, '[');
+    for (size_t i = 0; i < count; i++) {
+        fsn_json_u64(json, bytes[i]);
+    }
+    fsn_json_close(json, ']');
 }
 
 void fsn_json_put_hex(struct fsn_json *json, const char *key, const uint8_t *bytes,

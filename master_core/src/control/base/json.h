@@ -43,12 +43,17 @@ void fsn_json_raw(struct fsn_json *json, const char *bytes, size_t len_bytes);
 /** Bytes as a text of two hexadecimal digits each. */
 void fsn_json_hex(struct fsn_json *json, const uint8_t *bytes, size_t len_bytes);
 
-/** Key and value. */
+/** Key and value; of an object or array its begin. */
+void fsn_json_put_open(struct fsn_json *json, const char *key, char bracket);
 void fsn_json_put_text(struct fsn_json *json, const char *key, const char *text);
 /** NULL: null. */
 void fsn_json_put_text_or_null(struct fsn_json *json, const char *key, const char *text);
 void fsn_json_put_u64(struct fsn_json *json, const char *key, uint64_t value);
+/** Null where it is not known. */
+void fsn_json_put_known(struct fsn_json *json, const char *key, bool known, uint64_t value);
 void fsn_json_put_bool(struct fsn_json *json, const char *key, bool value);
+/** Bytes as an array of numbers. */
+void fsn_json_put_bytes(struct fsn_json *json, const char *key, const uint8_t *bytes, size_t count);
 void fsn_json_put_hex(struct fsn_json *json, const char *key, const uint8_t *bytes,
                       size_t len_bytes);
 

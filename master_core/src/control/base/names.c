@@ -38,50 +38,32 @@ const char *fsn_reset_text(uint8_t code) {
 }
 
 const char *fsn_command_name(uint8_t command) {
-    switch (command) {
-    case 0:
-        return "none";
-    case FSN_CMD_RESET:
-        return "Reset";
-    case FSN_CMD_SESSION:
-        return "Session";
-    case FSN_CMD_CONNECTION:
-        return "Connection";
-    case FSN_CMD_PARAMETER:
-        return "Parameter";
-    case FSN_CMD_PROCESS_DATA:
-        return "ProcessData";
-    case FSN_CMD_FAILSAFE_DATA:
-        return "FailSafeData";
-    default:
-        return "unknown";
+    static const struct {
+        uint8_t command;
+        const char *name;
+    } names[] = {
+        {0, "none"},
+        {FSN_CMD_RESET, "Reset"},
+        {FSN_CMD_SESSION, "Session"},
+        {FSN_CMD_CONNECTION, "Connection"},
+        {FSN_CMD_PARAMETER, "Parameter"},
+        {FSN_CMD_PROCESS_DATA, "ProcessData"},
+        {FSN_CMD_FAILSAFE_DATA, "FailSafeData"},
+    };
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        if (names[i].command == command) {
+            return names[i].name;
+        }
     }
+    return "unknown";
 }
 
 const char *fsn_al_text(uint8_t al_status, char room[24]) {
-    const char *state = "unknown";
-    switch (al_status & 0x0F) {
-    case FSN_AL_NONE:
-        state = "none";
-        break;
-    case FSN_AL_INIT:
-        state = "INIT";
-        break;
-    case FSN_AL_PREOP:
-        state = "PREOP";
-        break;
-    case FSN_AL_BOOT:
-        state = "BOOT";
-        break;
-    case FSN_AL_SAFEOP:
-        state = "SAFEOP";
-        break;
-    case FSN_AL_OP:
-        state = "OP";
-        break;
-    default:
-        break;
-    }
-    snprintf(room, 24, "%s%s", state, (al_status & FSN_AL_ERROR) != 0 ? "+ERROR" : "");
+    static const char *const states[16] = {
+        [FSN_AL_NONE] = "none", [FSN_AL_INIT] = "INIT",     [FSN_AL_PREOP] = "PREOP",
+        [FSN_AL_BOOT] = "BOOT", [FSN_AL_SAFEOP] = "SAFEOP", [FSN_AL_OP] = "OP"};
+    const char *state = states[al_status & 0x0F];
+    snprintf(room, 24, "%s%s", state != NULL ? state : "unknown",
+             (al_status & FSN_AL_ERROR) != 0 ? "+ERROR" : "");
     return room;
 }

@@ -99,10 +99,6 @@ void fsn_data_write(const struct fsn_data_type *type, const uint8_t *bytes, uint
     } else if (size_bytes != type->number.bits / 8u) {
         fsn_json_null(json);
     } else {
-        uint64_t raw = 0;
-        for (uint32_t i = 0; i < size_bytes; i++) {
-            raw |= (uint64_t)bytes[i] << (8 * i);
-        }
-        fsn_value_write(&type->number, raw, json);
+        fsn_value_write(&type->number, fsn_value_read(bytes, size_bytes), json);
     }
 }

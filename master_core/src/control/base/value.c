@@ -151,6 +151,19 @@ void fsn_value_write_typed(const struct fsn_symbol_info *symbol, uint64_t raw,
                                             : symbol->factor * number + symbol->offset);
 }
 
+const char *fsn_value_parse_number(const char *text, uint16_t bits, uint64_t *number) {
+    const struct fsn_symbol_info type = {.bits = bits, .kind = FSN_KIND_UNSIGNED};
+    return parse_whole(&type, text, number);
+}
+
+uint64_t fsn_value_read(const uint8_t *bytes, uint32_t size_bytes) {
+    uint64_t raw = 0;
+    for (uint32_t i = 0; i < size_bytes; i++) {
+        raw |= (uint64_t)bytes[i] << (8 * i);
+    }
+    return raw;
+}
+
 void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct fsn_json *json) {
     if (symbol->kind == FSN_KIND_BOOL) {
         fsn_json_bool(json, raw != 0);

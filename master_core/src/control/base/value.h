@@ -10,6 +10,13 @@
  *  @return NULL, or what is wrong, in words.   Context: any thread. */
 const char *fsn_value_parse(const struct fsn_symbol_info *symbol, const char *text, uint64_t *raw);
 
+/** Reads a whole number of 0 to 2^bits - 1, `bits` up to 64. Returns as above. Context: any thread.
+ */
+const char *fsn_value_parse_number(const char *text, uint16_t bits, uint64_t *number);
+
+/** The bits of a value of up to 8 bytes, low byte first. Context: any thread. */
+uint64_t fsn_value_read(const uint8_t *bytes, uint32_t size_bytes);
+
 /** Writes the value that these bits have. Context: any thread. */
 void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct fsn_json *json);
 

@@ -132,12 +132,7 @@ static void subdevice_event(struct fsn_changes *changes, uint32_t number,
     fsn_json_put_text(json, "found", fsn_found_text(after->found));
     fsn_json_put_text(json, "detail", after->detail);
     fsn_json_put_u64(json, "returns", after->returns);
-    fsn_json_key(json, "link");
-    fsn_json_open(json, '[');
-    for (size_t i = 0; i < FSN_PORTS; i++) {
-        fsn_json_u64(json, after->link[i]);
-    }
-    fsn_json_close(json, ']');
+    fsn_json_put_bytes(json, "link", after->link, FSN_PORTS);
     char code[120] = "";
     if ((after->al_status & FSN_AL_ERROR) != 0) {
         snprintf(code, sizeof code, ", AL status code 0x%04x %s", (unsigned)after->al_code,
@@ -314,13 +309,13 @@ void fsn_changes_poll(struct fsn_changes *changes, struct fsn_incidents *inciden
         return;
     }
     changes->cycle = cycle;
-    if (changes->view->statistics.events_lost != changes->events_lost) {
-        struct fsn_json *json =
-            fsn_event_begin(changes->events, "lost", changes->view->statistics.now_ns);
-        fsn_json_put_u64(json, "events", changes->view->statistics.events_lost);
+    const struct fsn_statistics *s = &changes->view->statistics;
+    if (s->events_lost != changes->events_lost) {
+        struct fsn_json *json = fsn_event_begin(changes->events, "lost", s->now_ns);
+        fsn_json_put_u64(json, "events", s->events_lost);
         fsn_event_send(changes->events, FSN_LOG_WARNING, "events lost so far: %" PRIu64,
-                       changes->view->statistics.events_lost);
-        changes->events_lost = changes->view->statistics.events_lost;
+                       s->events_lost);
+        changes->events_lost = s->events_lost;
     }
     poll_wkc(changes, now_ns);
 }

@@ -37,8 +37,7 @@ static void put_or_null(struct fsn_json *json, const char *key, const char *text
 }
 
 static void put_trigger(struct fsn_json *json, const struct fsn_pending *p) {
-    fsn_json_key(json, "trigger");
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, "trigger", '{');
     fsn_json_put_text(json, "kind", p->kind);
     put_or_null(json, "connection", p->connection);
     put_or_null(json, "subdevice", p->subdevice);
@@ -54,8 +53,7 @@ static void put_trigger(struct fsn_json *json, const struct fsn_pending *p) {
 }
 
 static void put_events(const struct fsn_incidents *in, struct fsn_json *json) {
-    fsn_json_key(json, "events");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "events", '[');
     for (unsigned i = 0; i < FSN_INCIDENT_EVENTS; i++) {
         const char *event = in->event[(in->next_event + i) % FSN_INCIDENT_EVENTS];
         if (event != NULL) {

@@ -24,7 +24,7 @@ enum {
     AT_ONCE = 3,        /**< files without that pause: a second failure has its own */
     PATIENCE_MS = 5000, /**< in OP and not in Data for so long */
     ANSWER_MS = 2000,   /**< longer nobody waits for the FSoE values of the SubDevices */
-    LOOK_MS = 500,      /**< between two looks for those */
+    POLL_MS = 500,      /**< between two searches for those */
     MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
 };
 
@@ -50,23 +50,19 @@ fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
                                strerror(error));
     }
     struct fsn_incidents *in = calloc(1, sizeof *in);
-    const uint32_t connections = fsn_plan_connection_count(view->plan);
-    uint8_t *reported = calloc((size_t)connections + 1, 1);
-    uint8_t *refused = calloc((size_t)fsn_plan_subdevice_count(view->plan) + 1, 1);
-    if (in == NULL || reported == NULL || refused == NULL) {
-        free(in);
-        free(reported);
-        free(refused);
+    if (in == NULL) {
         return fsn_refusal_set(refusal, FSN_E_NOMEM, NULL, "out of memory");
     }
+    *in = (struct fsn_incidents){.view = view, .events = events, .jobs = jobs};
     snprintf(in->folder, sizeof in->folder, "%s", folder);
     in->most_bytes = FSN_INCIDENTS_BYTES;
-    in->reported = reported;
-    in->refused = refused;
-    in->connections = connections;
-    in->view = view;
-    in->events = events;
-    in->jobs = jobs;
+    in->connections = fsn_plan_connection_count(view->plan);
+    in->reported = calloc((size_t)in->connections + 1, 1);
+    in->refused = calloc((size_t)fsn_plan_subdevice_count(view->plan) + 1, 1);
+    if (in->reported == NULL || in->refused == NULL) {
+        fsn_incidents_free(in);
+        return fsn_refusal_set(refusal, FSN_E_NOMEM, NULL, "out of memory");
+    }
     *incidents = in;
     return FSN_OK;
 }
@@ -279,7 +275,7 @@ static void not_connected(struct fsn_incidents *in, uint32_t number, uint64_t no
 }
 
 /** Every SubDevice works and a connection does not: nobody else would say so. */
-static void look_for_missing(struct fsn_incidents *in, uint64_t now_ns) {
+static void find_missing(struct fsn_incidents *in, uint64_t now_ns) {
     const struct fsn_control_status status = fsn_program_status(in->view->host);
     if (in->view->core == NULL || strcmp(status.state, "running") != 0) {
         in->in_op_ns = 0;
@@ -332,9 +328,9 @@ void fsn_incident_turn(struct fsn_incidents *in, uint64_t now_ns) {
         in->file = NULL;
         tell_result(in, &result);
     }
-    if (now_ns - in->polled_ns >= LOOK_MS * UINT64_C(1000000)) {
+    if (now_ns - in->polled_ns >= POLL_MS * UINT64_C(1000000)) {
         in->polled_ns = now_ns;
-        look_for_missing(in, now_ns);
+        find_missing(in, now_ns);
     }
     if (in->pending.active && in->file == NULL && is_over(in, now_ns)) {
         finish(in);

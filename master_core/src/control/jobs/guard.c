@@ -57,15 +57,11 @@ static bool carries_safety(const struct fsn_plan *plan, uint32_t subdevice) {
 /** Whether an entry with this index lies between two bits of a sync manager. */
 static bool is_between(const struct fsn_plan *plan, uint32_t sm, uint16_t index, uint32_t from,
                        uint32_t to) {
-    const struct fsn_sm_record r = fsn_read_sm(plan, sm);
-    for (uint32_t p = 0; p < r.pdo_count; p++) {
-        const struct fsn_pdo_record pdo = fsn_read_pdo(plan, r.first_pdo + p);
-        for (uint32_t e = 0; e < pdo.entry_count; e++) {
-            const struct fsn_entry_record entry = fsn_read_entry(plan, pdo.first_entry + e);
-            const uint32_t bit = entry.bit_offset;
-            if (entry.index == index && bit >= from && bit < to) {
-                return true;
-            }
+    uint32_t behind;
+    for (uint32_t e = fsn_sm_entries(plan, sm, &behind); e < behind; e++) {
+        const struct fsn_entry_record entry = fsn_read_entry(plan, e);
+        if (entry.index == index && entry.bit_offset >= from && entry.bit_offset < to) {
+            return true;
         }
     }
     return false;

@@ -1,7 +1,6 @@
 #include "control/jobs/history.h"
 
-#include <string.h>
-
+#include "control/base/value.h"
 #include "plan/plan_internal.h"
 
 enum {
@@ -28,30 +27,8 @@ static const struct {
 };
 
 static void put_number(const uint8_t *bytes, uint32_t size, uint8_t kind, struct fsn_json *json) {
-    uint64_t raw = 0;
-    for (uint32_t i = 0; i < size; i++) {
-        raw |= (uint64_t)bytes[i] << (8 * i);
-    }
-    if (kind == FSN_KIND_BOOL) {
-        fsn_json_bool(json, raw != 0);
-    } else if (kind == FSN_KIND_SIGNED) {
-        const uint64_t sign = UINT64_C(1) << (8 * size - 1);
-        const uint64_t wide = (raw ^ sign) - sign;
-        int64_t number;
-        memcpy(&number, &wide, sizeof number);
-        fsn_json_i64(json, number);
-    } else if (kind == FSN_KIND_REAL && size == 4) {
-        const uint32_t bits = (uint32_t)raw;
-        float number;
-        memcpy(&number, &bits, sizeof number);
-        fsn_json_real(json, (double)number);
-    } else if (kind == FSN_KIND_REAL) {
-        double number;
-        memcpy(&number, &raw, sizeof number);
-        fsn_json_real(json, number);
-    } else {
-        fsn_json_u64(json, raw);
-    }
+    const struct fsn_symbol_info number = {.bits = (uint16_t)(8 * size), .kind = kind};
+    fsn_value_write(&number, fsn_value_read(bytes, size), json);
 }
 
 static void put_text(const uint8_t *bytes, uint32_t size, unsigned step, struct fsn_json *json) {
@@ -112,8 +89,7 @@ bool fsn_history_message(const uint8_t *bytes, uint32_t size_bytes, uint32_t id,
     fsn_json_put_u64(json, "time_ns", fsn_get64(bytes + 8));
     fsn_json_put_u64(json, "text_id", fsn_get16(bytes + 6));
     fsn_json_put_text(json, "kind", kind < 3 ? kinds[kind] : "error");
-    fsn_json_key(json, "parameters");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "parameters", '[');
     uint32_t at = MESSAGE_BYTES;
     for (unsigned i = 0; i < flags >> 8; i++) {
         const uint32_t taken = put_parameter(bytes + at, size_bytes - at, json);

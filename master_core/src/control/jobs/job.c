@@ -135,8 +135,7 @@ static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
     }
     const unsigned ring = most > 255 - FIRST_MESSAGE + 1 ? 255 - FIRST_MESSAGE + 1 : most;
     const unsigned first = newest >= FIRST_MESSAGE ? newest - FIRST_MESSAGE + 1u : 0;
-    fsn_json_key(&job->json, "messages");
-    fsn_json_open(&job->json, '[');
+    fsn_json_put_open(&job->json, "messages", '[');
     for (unsigned i = 0; i < ring && newest != 0; i++) {
         uint8_t message[MESSAGE_ROOM];
         job->sub = (uint8_t)(FIRST_MESSAGE + (first + i) % ring);

@@ -14,9 +14,15 @@ struct output {
     uint64_t armed_until; /**< monotonic, nanoseconds */
 };
 
+/** A symbol, to be found by its name. */
+struct named {
+    const char *name;
+    uint32_t symbol;
+};
+
 struct fsn_outputs {
     struct output *output;
-    uint32_t *by_name; /**< symbol numbers, sorted by name */
+    struct named *by_name; /**< sorted */
     uint32_t count;
     struct fsn_core *core; /**< NULL: none */
     bool closed;           /**< a stop is under way */
@@ -26,48 +32,10 @@ struct fsn_outputs {
     size_t noted_count;
 };
 
-static bool is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
-    const uint32_t first = symbol->bit_offset / 8;
-    const uint32_t last = (symbol->bit_offset + symbol->bits - 1u) / 8;
-    struct fsn_copy_info copy;
-    for (uint32_t i = 0; fsn_plan_copy(plan, i, &copy) == FSN_OK; i++) {
-        if (copy.destination_sm == symbol->sm && copy.destination_byte <= last &&
-            first < copy.destination_byte + copy.size_bytes) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/** Sorts symbol numbers by name: a heap sort, for qsort has no place for the context. */
-static void sift(const struct fsn_outputs *o, uint32_t *at, uint32_t root, uint32_t count) {
-    for (uint32_t child; (child = 2 * root + 1) < count; root = child) {
-        const char *left = o->output[at[child]].info.name;
-        if (child + 1 < count && strcmp(left, o->output[at[child + 1]].info.name) < 0) {
-            child++;
-        }
-        if (strcmp(o->output[at[root]].info.name, o->output[at[child]].info.name) >= 0) {
-            return;
-        }
-        const uint32_t swap = at[root];
-        at[root] = at[child];
-        at[child] = swap;
-    }
-}
-
-static void sort_names(struct fsn_outputs *o) {
-    for (uint32_t i = 0; i < o->count; i++) {
-        o->by_name[i] = i;
-    }
-    for (uint32_t i = o->count / 2; i > 0; i--) {
-        sift(o, o->by_name, i - 1, o->count);
-    }
-    for (uint32_t end = o->count; end > 1; end--) {
-        const uint32_t swap = o->by_name[0];
-        o->by_name[0] = o->by_name[end - 1];
-        o->by_name[end - 1] = swap;
-        sift(o, o->by_name, 0, end - 1);
-    }
+static int compare_names(const void *left, const void *right) {
+    const struct named *a = left;
+    const struct named *b = right;
+    return strcmp(a->name, b->name);
 }
 
 struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan) {
@@ -86,9 +54,10 @@ struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan) {
     }
     for (uint32_t i = 0; i < o->count; i++) {
         o->output[i].info = fsn_known_symbol(plan, i);
-        o->output[i].copied = is_copied(plan, &o->output[i].info);
+        o->output[i].copied = fsn_is_copied(plan, &o->output[i].info);
+        o->by_name[i] = (struct named){o->output[i].info.name, i};
     }
-    sort_names(o);
+    qsort(o->by_name, o->count, sizeof *o->by_name, compare_names);
     return o;
 }
 
@@ -168,10 +137,9 @@ uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name) {
     uint32_t high = outputs->count;
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
-        const uint32_t symbol = outputs->by_name[middle];
-        const int order = strcmp(name, outputs->output[symbol].info.name);
+        const int order = strcmp(name, outputs->by_name[middle].name);
         if (order == 0) {
-            return symbol;
+            return outputs->by_name[middle].symbol;
         }
         if (order < 0) {
             high = middle;

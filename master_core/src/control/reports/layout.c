@@ -9,8 +9,7 @@ void fsn_report_name(struct fsn_bus_view *view, struct fsn_json *json, const cha
 
 static void put_sms(struct fsn_bus_view *view, struct fsn_json *json) {
     struct fsn_sm_info info;
-    fsn_json_key(json, "sms");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "sms", '[');
     for (uint32_t sm = 0; fsn_plan_sm(view->plan, sm, &info) == FSN_OK; sm++) {
         const uint32_t byte = fsn_core_sm_base(view->core, sm);
         if (byte == FSN_NONE) {
@@ -33,8 +32,7 @@ static void put_datagrams(struct fsn_bus_view *view, struct fsn_json *json) {
     const uint32_t count = fsn_core_datagram_count(core);
     const bool known =
         fsn_core_record(core, fsn_core_last_cycle(core), NULL, view->taken.wkc, NULL) == FSN_OK;
-    fsn_json_key(json, "datagrams");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "datagrams", '[');
     for (uint32_t d = 0; d < count; d++) {
         const uint32_t byte = fsn_core_datagram_byte(core, d);
         const uint32_t end =
@@ -61,8 +59,7 @@ static void put_place(struct fsn_bus_view *view, struct fsn_json *json,
 
 static void put_copies(struct fsn_bus_view *view, struct fsn_json *json) {
     struct fsn_copy_info copy;
-    fsn_json_key(json, "copies");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "copies", '[');
     for (uint32_t i = 0; fsn_plan_copy(view->plan, i, &copy) == FSN_OK; i++) {
         fsn_json_open(json, '{');
         if (copy.net != NULL && copy.net[0] != 0) {
@@ -74,36 +71,25 @@ static void put_copies(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_close(json, ']');
 }
 
-static void put_known(struct fsn_json *json, const char *key, bool known, uint64_t value) {
-    fsn_json_key(json, key);
-    if (known) {
-        fsn_json_u64(json, value);
-    } else {
-        fsn_json_null(json);
-    }
-}
-
 static void put_way(struct fsn_bus_view *view, struct fsn_json *json, const char *key,
                     uint32_t number) {
     const struct fsn_copy_info copy = fsn_known_copy(view->plan, number);
-    fsn_json_key(json, key);
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, key, '{');
     put_place(view, json, &copy);
     fsn_json_close(json, '}');
 }
 
 static void put_connections(struct fsn_bus_view *view, struct fsn_json *json) {
     struct fsn_connection_info info;
-    fsn_json_key(json, "connections");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "connections", '[');
     for (uint32_t i = 0; fsn_plan_connection(view->plan, i, &info) == FSN_OK; i++) {
         fsn_json_open(json, '{');
         fsn_json_put_text(json, "name", info.name);
         fsn_report_name(view, json, "main", info.main_subdevice);
         fsn_report_name(view, json, "sub", info.sub_subdevice);
-        put_known(json, "connection_id", (info.known & 1) != 0, info.connection_id);
-        put_known(json, "address", (info.known & 2) != 0, info.address);
-        put_known(json, "watchdog_ms", (info.known & 4) != 0, info.watchdog_ms);
+        fsn_json_put_known(json, "connection_id", (info.known & 1) != 0, info.connection_id);
+        fsn_json_put_known(json, "address", (info.known & 2) != 0, info.address);
+        fsn_json_put_known(json, "watchdog_ms", (info.known & 4) != 0, info.watchdog_ms);
         put_way(view, json, "to_sub", info.copy_to_sub);
         put_way(view, json, "to_main", info.copy_to_main);
         fsn_json_close(json, '}');

@@ -9,8 +9,7 @@ static void percentiles(struct fsn_json *json, const struct fsn_histogram *histo
         uint32_t per_million;
     } wanted[] = {
         {"p50", 500000}, {"p90", 900000}, {"p99", 990000}, {"p999", 999000}, {"p9999", 999900}};
-    fsn_json_key(json, "percentiles_ns");
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, "percentiles_ns", '{');
     for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++) {
         fsn_json_put_u64(json, wanted[i].key,
                          fsn_histogram_percentile(histogram, wanted[i].per_million));
@@ -20,15 +19,13 @@ static void percentiles(struct fsn_json *json, const struct fsn_histogram *histo
 
 static void put_histogram(struct fsn_json *json, const char *key,
                           const struct fsn_histogram *histogram) {
-    fsn_json_key(json, key);
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, key, '{');
     fsn_json_put_u64(json, "count", histogram->count);
     fsn_json_put_u64(json, "sum_ns", histogram->sum_ns);
     fsn_json_put_u64(json, "min_ns", histogram->min_ns);
     fsn_json_put_u64(json, "max_ns", histogram->max_ns);
     percentiles(json, histogram);
-    fsn_json_key(json, "buckets");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "buckets", '[');
     for (uint32_t i = 0; i < FSN_BUCKETS; i++) {
         if (histogram->bucket[i] != 0) {
             fsn_json_open(json, '[');
@@ -42,8 +39,7 @@ static void put_histogram(struct fsn_json *json, const char *key,
 }
 
 static void put_statistics(struct fsn_json *json, const struct fsn_statistics *s) {
-    fsn_json_key(json, "statistics");
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, "statistics", '{');
     fsn_json_put_u64(json, "cycles", s->cycles);
     fsn_json_put_u64(json, "overruns", s->overruns);
     fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
@@ -72,8 +68,7 @@ static void put_statistics(struct fsn_json *json, const struct fsn_statistics *s
 }
 
 static void put_direction(struct fsn_json *json, const char *key, const struct fsn_direction *d) {
-    fsn_json_key(json, key);
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, key, '{');
     fsn_json_put_u64(json, "frames", d->frames);
     fsn_json_put_u64(json, "process_data", d->process_data);
     fsn_json_put_u64(json, "failsafe_data", d->failsafe_data);
@@ -126,8 +121,7 @@ static void put_snapshot(struct fsn_bus_view *view, struct fsn_json *json, bool 
         fsn_json_key(json, "statistics");
         fsn_json_null(json);
     }
-    fsn_json_key(json, "connections");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "connections", '[');
     for (uint32_t i = 0; i < connections; i++) {
         put_connection(view, json, i);
     }

@@ -11,14 +11,12 @@ void fsn_report_fingerprint(struct fsn_bus_view *view, struct fsn_json *json) {
     char code[FSN_FINGERPRINT_CODE_BYTES];
     const struct fsn_control_status status = fsn_program_status(view->host);
     fsn_fingerprint_code(made, code);
-    fsn_json_key(json, "fingerprint");
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, "fingerprint", '{');
     fsn_json_put_text(json, "form", FSN_FINGERPRINT_FORM);
     fsn_json_put_text(json, "short", code);
     fsn_json_key(json, "whole");
     fsn_json_hex(json, made->whole, sizeof made->whole);
-    fsn_json_key(json, "sections");
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, "sections", '{');
     for (uint32_t i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
         fsn_json_key(json, fsn_fingerprint_section(i));
         fsn_json_hex(json, made->section[i], sizeof made->section[i]);
@@ -41,8 +39,7 @@ static void short_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
         in_op += seen.al_status == FSN_AL_OP;
         missing += seen.al_status == FSN_AL_NONE;
     }
-    fsn_json_key(json, "subdevices");
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, "subdevices", '{');
     fsn_json_put_u64(json, "planned", count);
     fsn_json_put_u64(json, "in_op", in_op);
     fsn_json_put_u64(json, "missing", missing);
@@ -80,24 +77,10 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     fsn_json_put_bool(json, "free_run", status.free_run);
     fsn_json_put_text(json, "policy", status.policy);
     fsn_json_put_u64(json, "priority", (uint64_t)status.priority);
-    fsn_json_key(json, "cpu");
-    if (status.cpu > 0) {
-        fsn_json_u64(json, (uint64_t)status.cpu - 1);
-    } else {
-        fsn_json_null(json);
-    }
+    fsn_json_put_known(json, "cpu", status.cpu > 0, (uint64_t)status.cpu - 1);
     put_cycle(view, json);
     short_subdevices(view, json);
     fsn_json_put_u64(json, "clients", clients);
-}
-
-static void numbers(struct fsn_json *json, const char *key, const uint8_t *number, size_t count) {
-    fsn_json_key(json, key);
-    fsn_json_open(json, '[');
-    for (size_t i = 0; i < count; i++) {
-        fsn_json_u64(json, number[i]);
-    }
-    fsn_json_close(json, ']');
 }
 
 static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn_json *json) {
@@ -128,9 +111,9 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
         fsn_json_put_u64(json, "product_code", seen.product_code);
         fsn_json_put_u64(json, "revision", seen.revision);
         fsn_json_put_u64(json, "returns", seen.returns);
-        numbers(json, "link", seen.link, FSN_PORTS);
-        numbers(json, "link_lost", seen.link_lost, FSN_PORTS);
-        numbers(json, "rx_errors", seen.rx_errors, FSN_PORTS);
+        fsn_json_put_bytes(json, "link", seen.link, FSN_PORTS);
+        fsn_json_put_bytes(json, "link_lost", seen.link_lost, FSN_PORTS);
+        fsn_json_put_bytes(json, "rx_errors", seen.rx_errors, FSN_PORTS);
     }
     uint64_t stale = 0;
     for (uint32_t sm = 0; view->core != NULL && sm < info.sm_count; sm++) {
@@ -141,8 +124,7 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
 }
 
 void fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
-    fsn_json_key(json, "subdevices");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "subdevices", '[');
     for (uint32_t i = 0; i < fsn_plan_subdevice_count(view->plan); i++) {
         one_subdevice(view, i, json);
     }
@@ -150,8 +132,7 @@ void fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
 }
 
 void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json) {
-    fsn_json_key(json, "symbols");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "symbols", '[');
     for (uint32_t i = 0; i < fsn_plan_symbol_count(view->plan); i++) {
         const struct fsn_symbol_info info = fsn_known_symbol(view->plan, i);
         const struct fsn_output_state state = fsn_outputs_state(view->outputs, i);
@@ -169,12 +150,7 @@ void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json) {
             fsn_json_put_bool(json, "restart_relevant", info.restart_relevant != 0);
             fsn_json_key(json, "stop_value");
             fsn_value_write(&info, info.stop_value, json);
-            fsn_json_key(json, "client");
-            if (state.owner == FSN_NOBODY) {
-                fsn_json_null(json);
-            } else {
-                fsn_json_u64(json, state.owner);
-            }
+            fsn_json_put_known(json, "client", state.owner != FSN_NOBODY, state.owner);
         }
         fsn_json_close(json, '}');
     }

@@ -22,7 +22,6 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
         out->len_bytes -= client->sent;
         client->sent = 0;
     }
-    char *room = out->bytes;
     const size_t limit = FSN_CLIENT_OUT_BYTES + client->long_bytes;
     if (out->len_bytes > limit || len_bytes > limit - out->len_bytes) {
         client->drop_reason = "does not read";
@@ -30,7 +29,7 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
     }
     if (len_bytes > out->room_bytes - out->len_bytes) {
         const size_t wanted = 2 * (out->len_bytes + len_bytes);
-        room = realloc(out->bytes, wanted);
+        char *room = realloc(out->bytes, wanted);
         if (room == NULL) {
             client->drop_reason = "no memory for it";
             return;
@@ -83,8 +82,7 @@ void fsn_client_take_back(struct fsn_services *services, const struct fsn_client
     fsn_json_put_u64(json, "client", client->number);
     fsn_json_put_u64(json, "pid", (uint64_t)client->pid);
     fsn_json_put_text(json, "why", why);
-    fsn_json_key(json, "outputs");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "outputs", '[');
     const size_t taken =
         fsn_outputs_take_back(services->view.outputs, client->number, add_output, services);
     fsn_json_close(json, ']');
@@ -99,8 +97,7 @@ void fsn_client_take_back(struct fsn_services *services, const struct fsn_client
 void fsn_services_close_outputs(struct fsn_services *services) {
     struct fsn_json *json = fsn_event_begin(&services->events, "fallback", fsn_now_ns());
     fsn_json_put_text(json, "why", "stop");
-    fsn_json_key(json, "outputs");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "outputs", '[');
     fsn_outputs_close(services->view.outputs, add_output, services);
     fsn_json_close(json, ']');
     fsn_event_send(&services->events, FSN_LOG_INFO, "outputs have their stop values");

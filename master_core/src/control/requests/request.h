@@ -7,7 +7,8 @@
 struct fsn_request {
     struct fsn_services *services;
     struct fsn_client *client;
-    const char *const *argument; /**< words behind the name of the request */
+    const char *name;
+    const char *const *argument; /**< words behind the name */
     size_t count;
     struct fsn_json *json; /**< the reply, open, "ok" written */
     struct fsn_refusal refusal;
@@ -35,7 +36,7 @@ fsn_status fsn_answer_set(struct fsn_request *request);
 fsn_status fsn_answer_arm(struct fsn_request *request);
 /* stream.c */
 fsn_status fsn_answer_watch(struct fsn_request *request);
-/* transfers.c: begins a job that is named as the request; the client's next lines wait for it. */
-fsn_status fsn_answer_later(struct fsn_request *request, const char *name);
+/* transfers.c: begins a job, for which the client's next lines wait. */
+fsn_status fsn_answer_later(struct fsn_request *request);
 
 #endif

@@ -73,10 +73,8 @@ static fsn_status symbols(struct fsn_request *request) {
 }
 
 static fsn_status lease(struct fsn_request *request) {
-    const char *text = request->argument[0];
     uint64_t ms;
-    const struct fsn_symbol_info number = {.bits = 32, .kind = FSN_KIND_UNSIGNED};
-    if (fsn_value_parse(&number, text, &ms) != NULL || ms > FSN_LEASE_MAX_MS) {
+    if (fsn_value_parse_number(request->argument[0], 32, &ms) != NULL || ms > FSN_LEASE_MAX_MS) {
         return fsn_request_refuse(request, FSN_E_ARG, "0 lets it end with the connection only",
                                   "a lease has 0 to 600000 ms");
     }
@@ -95,30 +93,23 @@ static fsn_status events(struct fsn_request *request) {
     return FSN_OK;
 }
 
-static fsn_status of_program(struct fsn_request *request, enum fsn_program_request wanted) {
+static fsn_status of_program(struct fsn_request *request) {
+    static const char *const names[] = {[FSN_PROGRAM_START] = "start",
+                                        [FSN_PROGRAM_STOP] = "stop",
+                                        [FSN_PROGRAM_RESTART] = "restart",
+                                        [FSN_PROGRAM_SHUTDOWN] = "shutdown"};
     const struct fsn_control_host *host = request->services->view.host;
-    const fsn_status found = host->request(host->self, wanted, &request->refusal);
+    unsigned wanted = 0;
+    while (strcmp(names[wanted], request->name) != 0) {
+        wanted++;
+    }
+    const fsn_status found =
+        host->request(host->self, (enum fsn_program_request)wanted, &request->refusal);
     if (found == FSN_OK) {
         fsn_json_put_text(request->json, "state",
-                          fsn_program_status(host).state); /* events tell how it goes on */
+                          fsn_program_status(host).state); /* events say how it goes on */
     }
     return found;
-}
-
-static fsn_status start(struct fsn_request *request) {
-    return of_program(request, FSN_PROGRAM_START);
-}
-
-static fsn_status stop(struct fsn_request *request) {
-    return of_program(request, FSN_PROGRAM_STOP);
-}
-
-static fsn_status restart(struct fsn_request *request) {
-    return of_program(request, FSN_PROGRAM_RESTART);
-}
-
-static fsn_status shut_down(struct fsn_request *request) {
-    return of_program(request, FSN_PROGRAM_SHUTDOWN);
 }
 
 static fsn_status incident(struct fsn_request *request) {
@@ -157,10 +148,10 @@ static const struct entry requests[] = {
     {"watch", 1, FSN_WORDS, fsn_answer_watch,
      "watch N|off [--image|--typed] [NAME…]: every N-th cycle as a line of JSON; NAME may end in "
      "*"},
-    {"start", 0, 0, start, "start: opens the bus and brings it to OP"},
-    {"stop", 0, 0, stop, "stop: stop values, SAFEOP, bus closed; no emergency stop"},
-    {"restart", 0, 0, restart, "restart: stop, then start"},
-    {"shutdown", 0, 0, shut_down, "shutdown: stop, then the end of the program"},
+    {"start", 0, 0, of_program, "start: opens the bus and brings it to OP"},
+    {"stop", 0, 0, of_program, "stop: stop values, SAFEOP, bus closed; no emergency stop"},
+    {"restart", 0, 0, of_program, "restart: stop, then start"},
+    {"shutdown", 0, 0, of_program, "shutdown: stop, then the end of the program"},
     {"sdo-read", 3, 4, NULL, "sdo-read SUBDEVICE INDEX SUB [TYPE]: an object of a SubDevice"},
     {"sdo-write", 5, 5, NULL, "sdo-write SUBDEVICE INDEX SUB TYPE VALUE: no safety objects"},
     {"sii-read", 1, 1, NULL, "sii-read SUBDEVICE: its SII, in hex"},
@@ -172,8 +163,7 @@ static const struct entry requests[] = {
 enum { REQUESTS = sizeof requests / sizeof requests[0] };
 
 static fsn_status help(struct fsn_request *request) {
-    fsn_json_key(request->json, "requests");
-    fsn_json_open(request->json, '[');
+    fsn_json_put_open(request->json, "requests", '[');
     for (size_t i = 0; i < REQUESTS; i++) {
         fsn_json_text(request->json, requests[i].usage);
     }
@@ -222,18 +212,18 @@ static const struct entry *find_request(const char *name) {
     return NULL;
 }
 
-static fsn_status answer(struct fsn_request *request, const char *name) {
-    const struct entry *entry = find_request(name);
+static fsn_status answer(struct fsn_request *request) {
+    const struct entry *entry = find_request(request->name);
     if (entry == NULL) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG, "help lists the requests",
-                               "there is no request %.100s", name);
+                               "there is no request %.100s", request->name);
     }
     if (request->count < entry->least || request->count > entry->most) {
         return fsn_request_refuse(request, FSN_E_ARG, entry->usage, "wrong number of words");
     }
     if (entry->answer == NULL) {
         request->later = true;
-        return fsn_answer_later(request, name);
+        return fsn_answer_later(request);
     }
     return entry->answer(request);
 }
@@ -257,7 +247,8 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
         request.count = words.count - 1 - tagged;
         request.tag = tag;
         begin(&json, tag, true);
-        found = answer(&request, words.word[tagged]);
+        request.name = words.word[tagged];
+        found = answer(&request);
     }
     const bool later = found == FSN_OK && request.later; /* its job answers, and nobody else */
     if (found == FSN_OK && !later && json.failed) {

@@ -36,8 +36,7 @@ static fsn_status take(struct fsn_bus_view *view, uint64_t number) {
 
 static void put_values(struct fsn_bus_view *view, const struct fsn_stream *stream,
                        struct fsn_json *json) {
-    fsn_json_key(json, "values");
-    fsn_json_open(json, '{');
+    fsn_json_put_open(json, "values", '{');
     for (size_t i = 0; i < stream->count; i++) {
         const struct fsn_symbol_info info = fsn_known_symbol(view->plan, stream->symbols[i]);
         uint64_t raw;
@@ -193,9 +192,8 @@ static fsn_status choose(struct fsn_request *request, size_t first, struct fsn_s
 
 /** N [--image | --typed] [NAME…]. */
 static fsn_status read_stream(struct fsn_request *request, struct fsn_stream *stream) {
-    const struct fsn_symbol_info number = {.bits = 32, .kind = FSN_KIND_UNSIGNED};
     uint64_t every;
-    if (fsn_value_parse(&number, request->argument[0], &every) != NULL || every == 0 ||
+    if (fsn_value_parse_number(request->argument[0], 32, &every) != NULL || every == 0 ||
         every > MOST_EVERY) {
         return fsn_request_refuse(request, FSN_E_ARG,
                                   "watch 1 shows every cycle; watch off ends it",

@@ -17,8 +17,7 @@ static fsn_status refuse(struct fsn_request *request, const char *hint, const ch
 
 static fsn_status read_number(struct fsn_request *request, size_t at, uint16_t bits,
                               uint64_t *number) {
-    const struct fsn_symbol_info type = {.bits = bits, .kind = FSN_KIND_UNSIGNED};
-    const char *wrong = fsn_value_parse(&type, request->argument[at], number);
+    const char *wrong = fsn_value_parse_number(request->argument[at], bits, number);
     return wrong == NULL ? FSN_OK
                          : fsn_refusal_set(&request->refusal, FSN_E_ARG,
                                            "decimal, or with 0x, 0o or 0b before it", "%.60s is %s",
@@ -105,9 +104,9 @@ static const struct {
     {"history", FSN_JOB_HISTORY, NULL},      {"scan", FSN_JOB_SCAN, NULL},
 };
 
-static fsn_status fill(struct fsn_request *request, struct fsn_job *job, const char *name) {
+static fsn_status fill(struct fsn_request *request, struct fsn_job *job) {
     size_t i = 0;
-    while (strcmp(kinds[i].name, name) != 0) {
+    while (strcmp(kinds[i].name, request->name) != 0) {
         i++;
     }
     job->kind = kinds[i].kind;
@@ -121,14 +120,14 @@ static fsn_status fill(struct fsn_request *request, struct fsn_job *job, const c
     return status;
 }
 
-fsn_status fsn_answer_later(struct fsn_request *request, const char *name) {
+fsn_status fsn_answer_later(struct fsn_request *request) {
     struct fsn_job *job = calloc(1, sizeof *job);
     if (job == NULL) {
         return fsn_request_refuse(request, FSN_E_NOMEM, NULL, "out of memory");
     }
     atomic_init(&job->cancelled, false);
     job->client = request->client->number;
-    fsn_status status = fill(request, job, name);
+    fsn_status status = fill(request, job);
     job->json.limit_bytes = job->kind == FSN_JOB_SCAN ? FSN_SURVEY_BYTES : FSN_JOB_ANSWER_BYTES;
     if (status == FSN_OK && request->tag != NULL) {
         job->tag = strdup(request->tag);

@@ -35,8 +35,7 @@ fsn_status fsn_answer_get(struct fsn_request *request) {
         return fsn_request_refuse(request, FSN_E_BUSY, "ask again", "no stable picture of a cycle");
     }
     fsn_json_put_u64(request->json, "cycle", view->statistics.cycles);
-    fsn_json_key(request->json, "values");
-    fsn_json_open(request->json, '{');
+    fsn_json_put_open(request->json, "values", '{');
     for (size_t i = 0; i < request->count; i++) {
         uint32_t symbol;
         struct fsn_symbol_info info = {0};

@@ -60,7 +60,7 @@ void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_byte
 void fsn_control_bus_failed(struct fsn_control *control, const char *text,
                             const struct fsn_bus_subdevice *seen);
 
-/** There is a core now (NULL: none any more). Until the next call with NULL it is looked at. */
+/** There is a core now (NULL: none any more). Until the next call with NULL it is polled. */
 void fsn_control_attach(struct fsn_control *control, struct fsn_core *core);
 
 /** Every output takes its stop value and is closed, until the next attach. */
@@ -69,7 +69,7 @@ void fsn_control_close_outputs(struct fsn_control *control);
 /** Says what to wait for: at most FSN_CONTROL_FDS descriptors, and for how long. */
 size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint64_t *wait_ns);
 
-/** Serves what poll() found, looks at the bus, takes back what silent clients hold. */
+/** Serves what poll() found, polls the bus, takes back what silent clients hold. */
 void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count);
 
 /** A job is done: answers, and frees it. */

@@ -142,8 +142,7 @@ static void put_addresses(const struct found *found, struct fsn_json *json) {
         fsn_json_null(json);
     }
     if (found->addresses > 1) {
-        fsn_json_key(json, "addresses");
-        fsn_json_open(json, '[');
+        fsn_json_put_open(json, "addresses", '[');
         for (uint32_t i = 0; i < found->addresses; i++) {
             fsn_json_u64(json, found->address[i]);
         }
@@ -169,8 +168,7 @@ static void put_connection(const struct found_connection *c, struct fsn_json *js
 }
 
 static void put_side(const struct found *found, struct fsn_json *json, const char *key, bool subs) {
-    fsn_json_key(json, key);
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, key, '[');
     for (uint32_t i = 0; i < found->connections; i++) {
         if ((found->connection[i].side == SIDE_SUB) == subs) {
             put_connection(&found->connection[i], json);

@@ -20,7 +20,7 @@ struct fsn_sii {
     uint32_t size_bytes;
 };
 
-/** One SubDevice being looked at. */
+/** One SubDevice being surveyed. */
 struct fsn_surveyed {
     const struct fsn_survey *survey;
     uint32_t position;

@@ -155,8 +155,7 @@ static void put_state(struct fsn_surveyed *of, struct fsn_json *json) {
 
 static void put_mailbox(const struct fsn_surveyed *of, struct fsn_json *json) {
     static const char *const name[] = {"aoe", "eoe", "coe", "foe", "soe", "voe"};
-    fsn_json_key(json, "mailbox");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "mailbox", '[');
     for (unsigned i = 0; i < 6; i++) {
         if ((of->member.mailbox >> i & 1) != 0) {
             fsn_json_text(json, name[i]);
@@ -168,8 +167,7 @@ static void put_mailbox(const struct fsn_surveyed *of, struct fsn_json *json) {
 
 static void put_ports(const struct fsn_surveyed *of, struct fsn_json *json) {
     const struct fsn_bus_member *m = &of->member;
-    fsn_json_key(json, "ports");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "ports", '[');
     for (unsigned port = 0; port < FSN_PORTS; port++) {
         if ((m->ports >> port & 1) == 0) {
             continue;
@@ -193,8 +191,7 @@ static void put_end(const struct fsn_surveyed *of, struct fsn_json *json) {
     } else {
         fsn_json_null(json);
     }
-    fsn_json_key(json, "problems");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "problems", '[');
     for (uint32_t i = 0; i < of->problems; i++) {
         fsn_json_text(json, of->problem[i]);
     }
@@ -249,8 +246,7 @@ fsn_status fsn_survey_write(const struct fsn_survey *survey, struct fsn_json *js
     fsn_json_put_text(json, "interface", survey->interface != NULL ? survey->interface : "");
     fsn_json_put_text(json, "backend", survey->ops->name);
     fsn_json_put_bool(json, "states_changed", survey->states_changed);
-    fsn_json_key(json, "subdevices");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "subdevices", '[');
     const uint32_t count = acyclic->count(survey->bus);
     bool whole = true;
     for (uint32_t position = 0; whole && position < count && !json->failed; position++) {

@@ -7,7 +7,7 @@
 
 enum { FSN_SURVEY_FORMAT = 1, FSN_SURVEY_BYTES = 16 << 20 /**< longest document */ };
 
-/** A bus to be looked at; it is open or visited. */
+/** A bus to be surveyed; it is open or visited. */
 struct fsn_survey {
     const struct fsn_bus_ops *ops;
     void *bus;
@@ -21,7 +21,7 @@ struct fsn_survey {
 
 /** Writes the keys of the document into an object that is open. A SubDevice that answers only half
  *  gets `problems`.
- *  @retval FSN_E_ABSENT  this bus cannot be looked at.   @retval FSN_E_STATE  broken off.
+ *  @retval FSN_E_ABSENT  this bus cannot be surveyed.   @retval FSN_E_STATE  broken off.
  *  Context: the acyclic thread of the bus; takes seconds. */
 fsn_status fsn_survey_write(const struct fsn_survey *survey, struct fsn_json *json);
 

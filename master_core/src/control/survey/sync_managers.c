@@ -93,8 +93,7 @@ static uint32_t put_pdo(struct fsn_surveyed *of, struct fsn_json *json, const st
     fsn_json_open(json, '{');
     fsn_json_put_u64(json, "index", pdo->index);
     put_name(of, json, pdo->index, outputs);
-    fsn_json_key(json, "entries");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "entries", '[');
     for (uint32_t i = 0; i < pdo->count; i++) {
         const uint32_t entry = pdo->entry[i];
         fsn_json_open(json, '{');
@@ -202,8 +201,7 @@ static void put_process_data(struct fsn_surveyed *of, struct fsn_json *json, con
     const bool objects = read_assignment(of, sm, assigned, &count);
     const bool bus = !objects && of->sii.bytes == NULL && of->survey->ops->acyclic->pdo != NULL;
     fsn_json_put_text(json, "source", objects ? "coe" : "sii");
-    fsn_json_key(json, "pdos");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "pdos", '[');
     bits = objects ? put_object_pdos(of, json, sm, assigned, count)
            : bus   ? put_bus_pdos(of, json, sm)
                    : put_sii_pdos(of, json, sm);
@@ -237,8 +235,7 @@ void fsn_survey_sms(struct fsn_surveyed *of, struct fsn_json *json) {
     uint32_t count = sms_of_sii(&of->sii, sms);
     count = count == 0 ? sms_of_objects(of, sms) : count;
     count = count == 0 ? sms_of_bus(of, sms) : count;
-    fsn_json_key(json, "sms");
-    fsn_json_open(json, '[');
+    fsn_json_put_open(json, "sms", '[');
     for (uint32_t i = 0; i < count; i++) {
         const struct sm *sm = &sms[i];
         fsn_json_open(json, '{');
@@ -252,8 +249,7 @@ void fsn_survey_sms(struct fsn_surveyed *of, struct fsn_json *json) {
                 fsn_json_put_u64(json, "bytes", sm->bytes);
             }
             fsn_json_put_text(json, "source", "sii");
-            fsn_json_key(json, "pdos");
-            fsn_json_open(json, '[');
+            fsn_json_put_open(json, "pdos", '[');
             fsn_json_close(json, ']');
         }
         fsn_json_close(json, '}');
