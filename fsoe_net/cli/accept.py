@@ -17,7 +17,7 @@ from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.project.accept import accept, intervention_rows, reason_rows, record_bytes
-from fsoe_net.project.known import Record
+from fsoe_net.project.known import AcceptedRecord
 from fsoe_net.report.sign_off import Refusal
 
 __all__ = ["command"]
@@ -128,7 +128,7 @@ def _refuse(refusals: tuple[Refusal, ...]) -> None:
     echo(f"no record written: {counted(len(refusals), 'reason')}", err=True)
 
 
-def _say(output: str, record: Acceptance, before: Record | None) -> None:
+def _say(output: str, record: Acceptance, before: AcceptedRecord | None) -> None:
     echo(
         f"{output}: {short_code(record.whole)}, author {record.author.name}, verifier "
         f"{record.verifier.name}, {record.verifier.date}"

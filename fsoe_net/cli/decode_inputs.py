@@ -15,7 +15,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.core.scan import Sighting
 from fsoe_net.errors import InputError
 from fsoe_net.formats.capture.packets import buffered
-from fsoe_net.fsoe.monitor import Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict
 from fsoe_net.fsoe.pdu import safe_data_of
 from fsoe_net.observe.hexframes import follow_frames, parse_frames
 from fsoe_net.observe.names import Naming
@@ -80,7 +80,7 @@ class _Said:
     """What every direction has said last, to leave out what is not new."""
 
     def __init__(self) -> None:
-        self._last: dict[tuple[int, int], tuple[int, bytes, Verdict, int]] = {}
+        self._last: dict[tuple[int, int], tuple[int, bytes, CrcVerdict, int]] = {}
 
     def is_news(self, s: Sighting) -> bool:
         news = s.frame[0], safe_data_of(s.frame), s.verdict, s.state
@@ -106,7 +106,7 @@ def decode_capture(
     out.begin(name)
     try:
         for s in decoder.sightings():
-            out.wrong += s.verdict is Verdict.WRONG
+            out.wrong += s.verdict is CrcVerdict.WRONG
             if not summary and (not changes or said.is_news(s)):
                 out.row(decoder.frame_of(s))
     except InputError as exc:

@@ -10,11 +10,11 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.terminal import echo
-from fsoe_net.core.scan import FoundConnection, Place, ScanCounts
+from fsoe_net.core.scan import FoundConnection, FoundPlace, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.diag.printable import printable
 from fsoe_net.diag.words import counted
-from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, command_text, reset_code_text, safe_data_length, safe_data_of
 from fsoe_net.observe.names import ConnectionNames
 from fsoe_net.project.decode import CaptureFacts, DecodedFrame, Found
@@ -23,9 +23,9 @@ __all__ = ["JsonOutput", "Output", "TextOutput"]
 
 _WAYS = ("main_to_sub", "sub_to_main")
 _ARROWS = ("main > sub", "sub > main")
-_COLOUR = {Verdict.WRONG: "red", Verdict.UNCHECKED: "yellow", Verdict.SAME: None}
-_WORD = {v: v.name.lower() for v in Verdict}
-_CRC_TEXT = _WORD | {Verdict.SAME: "same frame"}
+_COLOUR = {CrcVerdict.WRONG: "red", CrcVerdict.UNCHECKED: "yellow", CrcVerdict.SAME: None}
+_WORD = {v: v.name.lower() for v in CrcVerdict}
+_CRC_TEXT = _WORD | {CrcVerdict.SAME: "same frame"}
 _LINES_AT_ONCE = 500
 _MOST_PARTS = 10_000
 _STATE_TEXT = {state: state.word.replace("_", " ") for state in OutsideState}
@@ -127,12 +127,12 @@ class TextOutput:
                 f"{'CRC':16} {'state':14} safe data\n"
             )
         if typed:
-            self.wrong += row.verdict is Verdict.WRONG
+            self.wrong += row.verdict is CrcVerdict.WRONG
         crc = _CRC_TEXT[row.verdict]
         if row.sequence:
             crc = f"{crc} #{row.sequence}"
         crc = f"{crc:16}"
-        if row.verdict is not Verdict.RIGHT:
+        if row.verdict is not CrcVerdict.RIGHT:
             crc = click.style(crc, fg=_COLOUR[row.verdict])
         place = "" if typed else f"{row.packet:>8} {row.time_ms:>12.3f}  "
         note = printable(f"  {row.note}") if row.note else ""
@@ -230,7 +230,7 @@ def _counts_text(d: DirectionSnapshot) -> str:
     return text
 
 
-def _place_text(place: Place, swapped: bool) -> str:
+def _place_text(place: FoundPlace, swapped: bool) -> str:
     safe = safe_data_length(place.size_bytes)
     way = _ARROWS[place.direction ^ swapped]
     at = f"0x{place.address:08x}"
@@ -284,7 +284,7 @@ class JsonOutput:
         """Write one frame."""
         where = ""
         if row.time_ms is None:
-            self.wrong += row.verdict is Verdict.WRONG
+            self.wrong += row.verdict is CrcVerdict.WRONG
         else:
             where = f'"packet": {row.packet}, "time_ms": {row.time_ms:.6f}, '
         note = f', "note": {json.dumps(row.note)}' if row.note else ""

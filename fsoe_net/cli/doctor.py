@@ -10,11 +10,20 @@ from fsoe_net import __version__
 from fsoe_net.cli.options import INTERFACE, format_option
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
-from fsoe_net.document.model import Column, Document, Lines, Part, Table, Verdict, cell, words
-from fsoe_net.document.model import Level as Shown
+from fsoe_net.document.model import (
+    Column,
+    Document,
+    Level,
+    Lines,
+    Part,
+    Table,
+    Verdict,
+    cell,
+    words,
+)
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.host.doctor import Examination, examine
-from fsoe_net.host.finding import Finding, Level
+from fsoe_net.host.finding import MachineFinding, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
 __all__ = ["command"]
@@ -29,11 +38,11 @@ Nothing is changed. As root it sees more. Exit codes: 0 neither a warning nor wo
 2 wrong use, 3 no Linux or no /proc."""
 
 _LEVELS = {
-    Level.GOOD: Shown.CLEAR,
-    Level.NOTE: Shown.NOTE,
-    Level.WARNING: Shown.WARNING,
-    Level.BAD: Shown.ERROR,
-    Level.UNKNOWN: Shown.OPEN,
+    MachineLevel.GOOD: Level.CLEAR,
+    MachineLevel.NOTE: Level.NOTE,
+    MachineLevel.WARNING: Level.WARNING,
+    MachineLevel.BAD: Level.ERROR,
+    MachineLevel.UNKNOWN: Level.OPEN,
 }
 
 
@@ -75,7 +84,7 @@ def _document(found: Examination) -> Document:
     )
     columns = (Column(""), Column("check"), Column("found", wraps=True))
     parts: list[Part] = [Table(columns=columns, rows=rows)]
-    for level in (Level.BAD, Level.WARNING, Level.NOTE):
+    for level in (MachineLevel.BAD, MachineLevel.WARNING, MachineLevel.NOTE):
         for f in found.findings:
             if f.level is level:
                 parts += _advice(f)
@@ -84,7 +93,7 @@ def _document(found: Examination) -> Document:
     return Document(title=title, lead=tuple(parts))
 
 
-def _advice(finding: Finding) -> list[Part]:
+def _advice(finding: MachineFinding) -> list[Part]:
     """Return what a finding means; commands stay on one line, to be copied."""
     head = Verdict(f"{finding.level.value}[{finding.name}]", _LEVELS[finding.level])
     commands = [
@@ -102,10 +111,10 @@ def _verdict(found: Examination) -> str:
     parts = [
         counted(n, word) if word != "unknown" else f"{n} not known"
         for level, word in (
-            (Level.BAD, "bad finding"),
-            (Level.WARNING, "warning"),
-            (Level.NOTE, "note"),
-            (Level.UNKNOWN, "unknown"),
+            (MachineLevel.BAD, "bad finding"),
+            (MachineLevel.WARNING, "warning"),
+            (MachineLevel.NOTE, "note"),
+            (MachineLevel.UNKNOWN, "unknown"),
         )
         if (n := found.count(level))
     ]

@@ -8,7 +8,7 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.options import FILE, format_option
-from fsoe_net.cli.replay_output import Outcome, outcome_json, print_outcome
+from fsoe_net.cli.replay_output import ReplayOutcome, outcome_json, print_outcome
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError, RecordingError
 from fsoe_net.formats.shared.files import open_file
@@ -52,13 +52,13 @@ def command(ctx: click.Context, files: tuple[str, ...], fmt: str) -> None:
     ctx.exit(int(not all(outcome.replays for outcome in outcomes)))
 
 
-def _replayed(file: str) -> Outcome:
+def _replayed(file: str) -> ReplayOutcome:
     try:
         with open_file(file, regular=False) as stream:
-            return Outcome(file=file, result=replay(file_lines(stream)))
+            return ReplayOutcome(file=file, result=replay(file_lines(stream)))
     except RecordingError as exc:
-        return Outcome(file=file, reason=exc.reason, line=exc.line)
+        return ReplayOutcome(file=file, reason=exc.reason, line=exc.line)
     except InputError as exc:
-        return Outcome(file=file, reason=exc.diagnostics[0].message)
+        return ReplayOutcome(file=file, reason=exc.diagnostics[0].message)
     except OSError as exc:
-        return Outcome(file=file, reason=exc.strerror or str(exc))
+        return ReplayOutcome(file=file, reason=exc.strerror or str(exc))

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
-from fsoe_net.fsoe.recording.difference import Difference, differing_bytes, explain
+from fsoe_net.fsoe.recording.difference import RecordingDifference, differing_bytes, explain
 from fsoe_net.fsoe.recording.model import Answer
 from fsoe_net.fsoe.recording.replay import ReplayResult
 
-__all__ = ["Outcome", "outcome_json", "print_outcome"]
+__all__ = ["ReplayOutcome", "outcome_json", "print_outcome"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class ReplayOutcome:
     """What became of one file; ``reason`` says why it was not read to its end."""
 
     file: str
@@ -28,7 +28,7 @@ class Outcome:
         return self.result is not None and not self.result.differing
 
 
-def print_outcome(outcome: Outcome) -> None:
+def print_outcome(outcome: ReplayOutcome) -> None:
     """Print how a recording replays."""
     result = outcome.result
     if result is None:
@@ -55,7 +55,7 @@ def print_outcome(outcome: Outcome) -> None:
         echo(f"  {more}; {counted(result.compared, 'call')} compared")
 
 
-def outcome_json(outcome: Outcome) -> dict[str, object]:
+def outcome_json(outcome: ReplayOutcome) -> dict[str, object]:
     """Return the same as a JSON document (``docs/reference/json-output.md``)."""
     result = outcome.result
     error = {"line": outcome.line, "message": outcome.reason} if result is None else None
@@ -70,7 +70,7 @@ def outcome_json(outcome: Outcome) -> dict[str, object]:
     }
 
 
-def _difference_json(difference: Difference) -> dict[str, object]:
+def _difference_json(difference: RecordingDifference) -> dict[str, object]:
     row: dict[str, object] = {
         "line": difference.line,
         "step": difference.step,

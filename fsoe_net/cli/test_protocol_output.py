@@ -7,7 +7,7 @@ import click
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.printable import printable
 from fsoe_net.diag.words import counted
-from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep
+from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepOutcome
 
 __all__ = ["PersonAtTerminal", "print_outcome", "print_step"]
 
@@ -47,13 +47,13 @@ def print_outcome(protocol: Protocol, output: str) -> int:
         step.id
         for step in steps
         for seen in (step.emulated, step.live)
-        if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED
+        if seen is not None and seen.outcome is StepOutcome.NOT_AS_EXPECTED
     ]
     machine = f"{len(protocol.open_steps)} of {len(protocol.machine_steps)} open at the machine"
     echo(f"{output}: {counted(len(steps), 'step')}, {machine}")
     tried = [s.emulated for s in steps if s.emulated is not None]
     if tried:
-        left = sum(seen.outcome is Outcome.NOT_RUN for seen in tried)
+        left = sum(seen.outcome is StepOutcome.NOT_RUN for seen in tried)
         echo(f"{len(tried) - left} tried on the emulated bus, {left} not: {EMULATED_NOTE}")
     for name in dict.fromkeys(wrong):
         echo(f"not as expected: {name}")

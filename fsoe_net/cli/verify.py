@@ -11,7 +11,7 @@ from fsoe_net.cli.options import FILE, format_option, master_options, master_soc
 from fsoe_net.cli.terminal import echo
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.known import Known, read_known
-from fsoe_net.project.verify import Compared, compare_known, compare_running
+from fsoe_net.project.verify import Comparison, compare_known, compare_running
 
 __all__ = ["command"]
 
@@ -68,7 +68,7 @@ def command(
     ctx.exit(0 if all(row.same for row in rows) else 1)
 
 
-def _print_text(wanted: Known, rows: list[Compared]) -> None:
+def _print_text(wanted: Known, rows: list[Comparison]) -> None:
     echo(f"{wanted.fingerprint.short}  accepted: {wanted.path}")
     for row in rows:
         verdict = "the same" if row.same else f"DIFFERS in {', '.join(row.sections)}"
@@ -81,7 +81,7 @@ def _print_text(wanted: Known, rows: list[Compared]) -> None:
             echo(f"  {line}")
 
 
-def _print_json(wanted: Known, rows: list[Compared]) -> None:
+def _print_json(wanted: Known, rows: list[Comparison]) -> None:
     document = {
         "same": all(row.same for row in rows),
         "accepted": {"path": wanted.path, **wanted.fingerprint.to_json()},

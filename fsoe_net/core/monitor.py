@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fsoe_net.core.module import compiled
 from fsoe_net.errors import PduSizeError
-from fsoe_net.fsoe.monitor import DirectionCounts, OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, DirectionCounts, OutsideState
 from fsoe_net.fsoe.pdu import frame_length
 
 __all__ = ["CoreMonitor", "frame_fits", "frame_sequence"]
 
-_VERDICTS = tuple(Verdict)
+_VERDICTS = tuple(CrcVerdict)
 
 
 class CoreMonitor:
@@ -58,7 +58,7 @@ class CoreMonitor:
         """Return the number of the next frame of a direction, 0 while it is not known."""
         return int(self._monitor.followed[direction].sequence)
 
-    def frame(self, direction: int, data: bytes, now_ns: int) -> Verdict:
+    def frame(self, direction: int, data: bytes, now_ns: int) -> CrcVerdict:
         """Look at what lies in the image of one direction; see `fsoe_net.fsoe.Monitor.frame`.
 
         Raises:

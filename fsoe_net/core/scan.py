@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from fsoe_net.core.core import direction_snapshot
 from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.core.snapshot import DirectionSnapshot
-from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 
-__all__ = ["FoundConnection", "Place", "ScanCounts", "Scanner", "Sighting"]
+__all__ = ["FoundConnection", "FoundPlace", "ScanCounts", "Scanner", "Sighting"]
 
 _COMMANDS = {
     1: "APRD",
@@ -23,7 +23,7 @@ _COMMANDS = {
     11: "LWR",
     12: "LRW",
 }
-_VERDICTS = tuple(Verdict)
+_VERDICTS = tuple(CrcVerdict)
 _STATES = tuple(OutsideState)
 
 
@@ -38,14 +38,14 @@ class Sighting(NamedTuple):
     packet: int
     connection: int
     direction: int
-    verdict: Verdict
+    verdict: CrcVerdict
     state: OutsideState
     sequence: int
     frame: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class FoundPlace:
     """Where frames of one direction were seen.
 
     Attributes:
@@ -72,7 +72,7 @@ class FoundConnection:
     """A connection that was found; ``roles_certain`` when its start-up was seen."""
 
     connection_id: int
-    places: tuple[Place, ...]
+    places: tuple[FoundPlace, ...]
     roles_certain: bool
     state: OutsideState
     gaps: int
@@ -171,7 +171,7 @@ class Scanner:
         )
 
 
-def _place(p: Any) -> Place:
-    return Place(
+def _place(p: Any) -> FoundPlace:
+    return FoundPlace(
         command=_COMMANDS[p.command], address=p.address, direction=p.way, size_bytes=p.size_bytes
     )

@@ -13,14 +13,14 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import LogicChoice
 from fsoe_net.model.signals import split_name
 
-__all__ = ["EmulatedNetwork", "build_network", "normal_name"]
+__all__ = ["EmulatedDevices", "build_network", "normal_name"]
 
 # Input area of modular devices (ETG.5001). Status bits of a safety drive lie elsewhere (0x2xxx,
 # 0x66xx of the drive profile) and are no e-stop buttons.
 _INPUT_OBJECTS = range(0x6000, 0x6600)
 
 
-class EmulatedNetwork:
+class EmulatedDevices:
     """Devices in bus order, connections in plan order.
 
     Args:
@@ -131,7 +131,7 @@ def normal_name(text: str) -> str:
     return text if parts is None else f"{parts[0]}.0x{parts[1]:04x}:{parts[2]:02x}"
 
 
-def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> EmulatedNetwork:
+def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> EmulatedDevices:
     """Build a device for every SubDevice with an FSoE end or standard inputs.
 
     Args:
@@ -155,4 +155,4 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
         if inputs or sub.name in ports:
             own = ports.get(sub.name, [])
             devices[sub.name] = EmulatedDevice(name=sub.name, ports=own, inputs=inputs)
-    return EmulatedNetwork(setups, devices)
+    return EmulatedDevices(setups, devices)

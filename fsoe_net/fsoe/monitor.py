@@ -16,10 +16,10 @@ from fsoe_net.fsoe.chain import advance, fits_start
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
 
-__all__ = ["DirectionCounts", "Monitor", "OutsideState", "Verdict", "outside_state"]
+__all__ = ["CrcVerdict", "DirectionCounts", "Monitor", "OutsideState", "outside_state"]
 
 
-class Verdict(enum.IntEnum):
+class CrcVerdict(enum.IntEnum):
     """What was found out about one frame; values are those of the C core."""
 
     SAME = 0
@@ -156,7 +156,7 @@ class Monitor:
         """Return the number of the next frame of a direction, 0 while it is not known."""
         return self._sides[direction].sequence
 
-    def frame(self, direction: int, data: bytes, now_ns: int) -> Verdict:
+    def frame(self, direction: int, data: bytes, now_ns: int) -> CrcVerdict:
         """Look at what lies in the image of one direction.
 
         Args:
@@ -169,7 +169,7 @@ class Monitor:
         """
         side = self._sides[direction]
         if data == side.last:
-            return Verdict.SAME
+            return CrcVerdict.SAME
         if len(data) != len(side.last):
             raise PduSizeError(f"{len(data)} bytes; frames here have {len(side.last)}")
         side.last = bytes(data)
@@ -177,27 +177,27 @@ class Monitor:
         counts = side.counts
         _count(counts, pdu, now_ns)
         verdict = self._judge(direction, pdu)
-        counts.right += verdict is Verdict.RIGHT
-        counts.wrong += verdict is Verdict.WRONG
-        counts.unchecked += verdict is Verdict.UNCHECKED
+        counts.right += verdict is CrcVerdict.RIGHT
+        counts.wrong += verdict is CrcVerdict.WRONG
+        counts.unchecked += verdict is CrcVerdict.UNCHECKED
         return verdict
 
-    def _judge(self, direction: int, pdu: Pdu) -> Verdict:
+    def _judge(self, direction: int, pdu: Pdu) -> CrcVerdict:
         if pdu.command == Command.RESET:
             self._clear()
             right = pdu.connection_id == 0 and fits_start(pdu)
-            return Verdict.RIGHT if right else Verdict.WRONG
+            return CrcVerdict.RIGHT if right else CrcVerdict.WRONG
         if pdu.command == Command.SESSION:
             return self._session(direction, pdu)
         if self._last_direction == direction:
             self._lose(direction, pdu)  # the answer passed unseen
-            return Verdict.UNCHECKED
+            return CrcVerdict.UNCHECKED
         if self._sides[direction].sequence == 0:
             return self._search(direction, pdu)
         if self._fits(direction, pdu):
-            return Verdict.RIGHT
+            return CrcVerdict.RIGHT
         self._lose(direction, pdu)
-        return Verdict.WRONG
+        return CrcVerdict.WRONG
 
     def _clear(self) -> None:
         """§3: at every Reset, right or wrong, and when the main starts a session."""
@@ -205,7 +205,7 @@ class Monitor:
             side.own, side.sequence, side.guess = None, 1, 0
         self._last_crc, self._last_direction, self._lost = 0, None, False
 
-    def _session(self, direction: int, pdu: Pdu) -> Verdict:
+    def _session(self, direction: int, pdu: Pdu) -> CrcVerdict:
         """Take a Session frame; the main's first one starts the chain anew at any time (§6 row 9).
 
         One that does not fit leaves a known chain alone: the reply to a session given up before is
@@ -213,15 +213,15 @@ class Monitor:
         """
         side = self._sides[direction]
         if side.sequence and self._fits(direction, pdu):
-            return Verdict.RIGHT
+            return CrcVerdict.RIGHT
         if direction == 0 and fits_start(pdu):
             self._clear()
             self._accept(0, pdu.crcs[0], 1)
-            return Verdict.RIGHT
+            return CrcVerdict.RIGHT
         if side.sequence:
-            return Verdict.WRONG
+            return CrcVerdict.WRONG
         self._last_crc, self._last_direction = pdu.crcs[0], direction
-        return Verdict.UNCHECKED
+        return CrcVerdict.UNCHECKED
 
     def _fits(self, direction: int, pdu: Pdu) -> bool:
         """Check all CRCs with the known number (§3) and go on in the chain."""
@@ -253,7 +253,7 @@ class Monitor:
         self._sides[direction].own = self._last_crc = pdu.crcs[0]
         self._last_direction = direction
 
-    def _search(self, direction: int, pdu: Pdu) -> Verdict:
+    def _search(self, direction: int, pdu: Pdu) -> CrcVerdict:
         """Solve for the number; a second one that follows the first shows that it is right."""
         side = self._sides[direction]
         sequence = (
@@ -269,13 +269,13 @@ class Monitor:
         self._last_direction = direction
         side.guess = advance(sequence) if sequence and whole else 0
         if not whole:
-            return Verdict.WRONG  # the blocks do not fit each other, whatever the chain is
+            return CrcVerdict.WRONG  # the blocks do not fit each other, whatever the chain is
         if not found:
-            return Verdict.UNCHECKED
+            return CrcVerdict.UNCHECKED
         side.sequence, side.guess = side.guess, 0
         self.gaps += self._lost
         self._lost = False
-        return Verdict.RIGHT
+        return CrcVerdict.RIGHT
 
     def _continues(self, side: _Side, pdu: Pdu, sequence: int) -> bool:
         if sequence == side.guess or side.guess == 0:

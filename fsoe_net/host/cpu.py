@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 
-from fsoe_net.host.finding import Check, Level, Seen
+from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.kernel import command_line
 from fsoe_net.host.seam import Host, Unreadable
 
@@ -61,19 +61,21 @@ def isolated_cpus(host: Host) -> set[int]:
     )  # fmt: skip
 
 
-def _isolation(host: Host) -> Iterator[Seen]:
+def _isolation(host: Host) -> Iterator[MachineFacts]:
     online, isolated = online_cpus(host), isolated_cpus(host)
     last = max(online)
     if len(online) == 1:
-        yield Seen(level=Level.WARNING, text="one CPU: cycle, network and all else share it")
+        yield MachineFacts(
+            level=MachineLevel.WARNING, text="one CPU: cycle, network and all else share it"
+        )
         return
     ticking = isolated - cpu_list(command_line(host).get("rcu_nocbs", "") or "")
     full = cpu_list(host.maybe(f"{_FOLDER}/nohz_full") or "")
     words = f"isolcpus=managed_irq,domain,{last} rcu_nocbs={last} irqaffinity="
     words += range_text(online - {last})
     if not isolated:
-        yield Seen(
-            level=Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.NOTE,
             text=f"none of the {len(online)} CPUs is kept free for the cycle",
             now=(
                 "mkdir /sys/fs/cgroup/fsn; cd /sys/fs/cgroup/fsn; "
@@ -83,17 +85,17 @@ def _isolation(host: Host) -> Iterator[Seen]:
             keep=(_GRUB.format(words), f"fsn-master --cpu {last}"),
         )
     elif ticking - full:
-        yield Seen(
-            level=Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.NOTE,
             text=f"CPU {range_text(isolated)} isolated, but RCU callbacks run on them",
             keep=(_GRUB.format(f"rcu_nocbs={range_text(isolated)}"),),
         )
     else:
-        yield Seen(level=Level.GOOD, text=f"CPU {range_text(isolated)} isolated")
+        yield MachineFacts(level=MachineLevel.GOOD, text=f"CPU {range_text(isolated)} isolated")
     allowed = _allowed(host)
     if isolated and allowed is not None and not isolated & allowed:
-        yield Seen(
-            level=Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.NOTE,
             text=f"this shell may use CPU {range_text(allowed)} only: started from here, "
             f"fsn-master --cpu {min(isolated)} may be refused",
             now=(f"taskset -c {min(isolated)} fsn-master …",),
@@ -112,7 +114,7 @@ def _cpus(host: Host) -> list[str]:
     return [f"{_FOLDER}/cpu{n}" for n in sorted(online_cpus(host))]
 
 
-def _frequency(host: Host) -> Iterator[Seen]:
+def _frequency(host: Host) -> Iterator[MachineFacts]:
     by_governor: defaultdict[str, set[int]] = defaultdict(set)
     for folder in _cpus(host):
         governor = host.maybe(f"{folder}/cpufreq/scaling_governor")
@@ -125,10 +127,10 @@ def _frequency(host: Host) -> Iterator[Seen]:
         )
     slow = {name: cpus for name, cpus in by_governor.items() if name != "performance"}
     if not slow:
-        yield Seen(level=Level.GOOD, text="performance on every CPU")
+        yield MachineFacts(level=MachineLevel.GOOD, text="performance on every CPU")
         return
-    yield Seen(
-        level=Level.WARNING,
+    yield MachineFacts(
+        level=MachineLevel.WARNING,
         text="; ".join(f"CPU {range_text(cpus)}: {name}" for name, cpus in sorted(slow.items())),
         now=(f"echo performance | tee {_FOLDER}/cpu*/cpufreq/scaling_governor",),
         keep=(
@@ -138,10 +140,12 @@ def _frequency(host: Host) -> Iterator[Seen]:
     )
 
 
-def _idle(host: Host) -> Iterator[Seen]:
+def _idle(host: Host) -> Iterator[MachineFacts]:
     driver = host.read(f"{_FOLDER}/cpuidle/current_driver")
     if driver in ("none", ""):
-        yield Seen(level=Level.GOOD, text="no idle driver: CPUs halt, but sleep no deeper")
+        yield MachineFacts(
+            level=MachineLevel.GOOD, text="no idle driver: CPUs halt, but sleep no deeper"
+        )
         return
     deepest: tuple[int, str] = (0, "")
     for folder in _cpus(host):
@@ -152,10 +156,12 @@ def _idle(host: Host) -> Iterator[Seen]:
                 deepest = max(deepest, (int(latency or 0), name or state))
     latency_us, name = deepest
     if latency_us <= _DEEP_US:
-        yield Seen(level=Level.GOOD, text=f"{driver}: awake again within {latency_us} us")
+        yield MachineFacts(
+            level=MachineLevel.GOOD, text=f"{driver}: awake again within {latency_us} us"
+        )
         return
-    yield Seen(
-        level=Level.WARNING if latency_us > _VERY_DEEP_US else Level.NOTE,
+    yield MachineFacts(
+        level=MachineLevel.WARNING if latency_us > _VERY_DEEP_US else MachineLevel.NOTE,
         text=f"{driver}: down to {name}, {latency_us} us until a CPU is awake again",
         now=(
             f"for s in {_FOLDER}/cpu*/cpuidle/state*; do "
@@ -165,20 +171,22 @@ def _idle(host: Host) -> Iterator[Seen]:
     )
 
 
-def _siblings(host: Host) -> Iterator[Seen]:
+def _siblings(host: Host) -> Iterator[MachineFacts]:
     if host.read(f"{_FOLDER}/smt/active") == "0":
-        yield Seen(level=Level.GOOD, text="no hyper-threads in use")
+        yield MachineFacts(level=MachineLevel.GOOD, text="no hyper-threads in use")
         return
     isolated, shared = isolated_cpus(host), set()
     for cpu in isolated:
         place = f"{_FOLDER}/cpu{cpu}/topology/thread_siblings_list"
         shared |= cpu_list(host.maybe(place) or "") - isolated
     if isolated and not shared:
-        yield Seen(level=Level.GOOD, text="in use, but isolated cores share with nobody")
+        yield MachineFacts(
+            level=MachineLevel.GOOD, text="in use, but isolated cores share with nobody"
+        )
         return
     text = f"CPU {range_text(shared)} shares a core with an isolated one" if shared else "in use"
-    yield Seen(
-        level=Level.WARNING if shared else Level.NOTE,
+    yield MachineFacts(
+        level=MachineLevel.WARNING if shared else MachineLevel.NOTE,
         text=text,
         now=(
             f"echo 0 > {_FOLDER}/cpu{min(shared)}/online"

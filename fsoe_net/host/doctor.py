@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from fsoe_net.host.cpu import CPU, online_cpus
-from fsoe_net.host.finding import Finding, Level, examined
+from fsoe_net.host.finding import MachineFinding, MachineLevel, examined
 from fsoe_net.host.interface import interface_checks
 from fsoe_net.host.kernel import KERNEL, release
 from fsoe_net.host.machine import MACHINE
@@ -25,16 +25,16 @@ class Examination:
     release: str
     cpus: int
     interface: str | None
-    findings: tuple[Finding, ...]
+    findings: tuple[MachineFinding, ...]
 
     @property
     def healthy(self) -> bool:
         """Whether there is neither a warning nor worse; what is not known does not count."""
-        return not any(f.level in (Level.WARNING, Level.BAD) for f in self.findings)
+        return not any(f.level in (MachineLevel.WARNING, MachineLevel.BAD) for f in self.findings)
 
     def to_json(self, version: str) -> dict[str, object]:
         """Return the stable JSON document (``docs/reference/json-output.md``)."""
-        counts = {level.value: self.count(level) for level in Level}
+        counts = {level.value: self.count(level) for level in MachineLevel}
         return {
             "tool": "fsoe-net",
             "version": version,
@@ -46,7 +46,7 @@ class Examination:
             "findings": [f.to_json() for f in self.findings],
         }
 
-    def count(self, level: Level) -> int:
+    def count(self, level: MachineLevel) -> int:
         """Return how many findings are of this level."""
         return sum(f.level is level for f in self.findings)
 
@@ -74,13 +74,13 @@ def examine(host: Host, *, interface: str | None = None, program: str | None = N
     )
 
 
-def _of_interface(host: Host, interface: str) -> list[Finding]:
+def _of_interface(host: Host, interface: str) -> list[MachineFinding]:
     if not _NAME.fullmatch(interface) or interface in (".", ".."):
         why = "Linux gives interfaces names of 1 to 15 characters without / : and blanks."
         return [
-            Finding(
+            MachineFinding(
                 name="interface.exists",
-                level=Level.BAD,
+                level=MachineLevel.BAD,
                 text=f"{interface!r} is no name of an interface",
                 why=why,
                 now=("ip -br link shows their names",),
@@ -89,6 +89,6 @@ def _of_interface(host: Host, interface: str) -> list[Finding]:
         ]
     first, *rest = interface_checks(interface)
     findings = list(examined(host, first))
-    if any(f.level is Level.BAD and f.text.startswith("there is no") for f in findings):
+    if any(f.level is MachineLevel.BAD and f.text.startswith("there is no") for f in findings):
         return findings  # all else would only say the same again
     return findings + [f for check in rest for f in examined(host, check)]

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass
 
 from fsoe_net.host.seam import Host, Unreadable
 
-__all__ = ["Check", "Finding", "Level", "Seen", "examined"]
+__all__ = ["Check", "MachineFacts", "MachineFinding", "MachineLevel", "examined"]
 
 
-class Level(enum.Enum):
+class MachineLevel(enum.Enum):
     """How a fact of the host bears on real-time EtherCAT."""
 
     GOOD = "good"
@@ -22,25 +22,25 @@ class Level(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class MachineFacts:
     """What one check saw; ``now``: commands that mend it at once, ``keep``: what makes it last."""
 
-    level: Level
+    level: MachineLevel
     text: str
     now: tuple[str, ...] = ()
     keep: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class MachineFinding:
     """One fact of the host with its meaning.
 
     ``name``: which check, stable; ``text``: what was found; ``why``: what it does to the cycle and
-    to the watchdogs of FSoE; ``now`` and ``keep``: as `Seen`.
+    to the watchdogs of FSoE; ``now`` and ``keep``: as `MachineFacts`.
     """
 
     name: str
-    level: Level
+    level: MachineLevel
     text: str
     why: str
     now: tuple[str, ...]
@@ -57,18 +57,18 @@ class Check:
 
     name: str
     why: str
-    look: Callable[[Host], Iterator[Seen]]
+    look: Callable[[Host], Iterator[MachineFacts]]
 
 
-def examined(host: Host, check: Check) -> Iterator[Finding]:
+def examined(host: Host, check: Check) -> Iterator[MachineFinding]:
     """Yield what a check finds."""
-    rows: list[Seen] = []
+    rows: list[MachineFacts] = []
     try:
         rows.extend(check.look(host))
     except Unreadable as why:
-        rows.append(Seen(level=Level.UNKNOWN, text=str(why)))
+        rows.append(MachineFacts(level=MachineLevel.UNKNOWN, text=str(why)))
     for seen in rows:
-        yield Finding(
+        yield MachineFinding(
             name=check.name,
             level=seen.level,
             text=seen.text,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from fsoe_net.host import ethtool
-from fsoe_net.host.finding import Check, Level, Seen
+from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.interrupts import interrupt_checks
 from fsoe_net.host.permissions import PROGRAM
 from fsoe_net.host.seam import Host, Unreadable
@@ -40,12 +40,12 @@ def _folder(host: Host, name: str) -> str:
     return folder
 
 
-def _exists(host: Host, name: str) -> Iterator[Seen]:
+def _exists(host: Host, name: str) -> Iterator[MachineFacts]:
     names = interface_names(host)
     if name not in names:
         others = ", ".join(n for n in names if n != "lo") or "none"
-        yield Seen(
-            level=Level.BAD,
+        yield MachineFacts(
+            level=MachineLevel.BAD,
             text=f"there is no interface {name}; there are: {others}",
             now=("ip -br link shows their names and MAC addresses",),
         )
@@ -54,20 +54,24 @@ def _exists(host: Host, name: str) -> Iterator[Seen]:
     kind = host.number(f"{folder}/type")
     virtual = not host.exists(f"{folder}/device")
     if host.exists(f"{folder}/wireless") or host.exists(f"{folder}/phy80211"):
-        yield Seen(level=Level.BAD, text="a wireless interface: EtherCAT needs a cable")
+        yield MachineFacts(
+            level=MachineLevel.BAD, text="a wireless interface: EtherCAT needs a cable"
+        )
     elif kind == _LOOPBACK:
-        yield Seen(level=Level.BAD, text="the loopback interface")
+        yield MachineFacts(level=MachineLevel.BAD, text="the loopback interface")
     elif kind != _ETHERNET:
-        yield Seen(level=Level.BAD, text=f"no Ethernet interface (hardware type {kind})")
+        yield MachineFacts(
+            level=MachineLevel.BAD, text=f"no Ethernet interface (hardware type {kind})"
+        )
     elif host.exists(f"{folder}/bridge") or host.exists(f"{folder}/bonding"):
-        yield Seen(
-            level=Level.BAD,
+        yield MachineFacts(
+            level=MachineLevel.BAD,
             text="a bridge or bond: name the Ethernet interface below it",
             now=(f"ip -br link show master {name}",),
         )
     else:
-        yield Seen(
-            level=Level.NOTE if virtual else Level.GOOD,
+        yield MachineFacts(
+            level=MachineLevel.NOTE if virtual else MachineLevel.GOOD,
             text=_driver_text(host, name, virtual=virtual),
         )
 
@@ -83,12 +87,12 @@ def _driver_text(host: Host, name: str, *, virtual: bool) -> str:
     return f"{text}: no card, frames stay in this machine" if virtual else text
 
 
-def _state(host: Host, name: str) -> Iterator[Seen]:
+def _state(host: Host, name: str) -> Iterator[MachineFacts]:
     folder = _folder(host, name)
     up = host.number(f"{folder}/flags") & _IFF_UP
     if not up:
-        yield Seen(
-            level=Level.BAD,
+        yield MachineFacts(
+            level=MachineLevel.BAD,
             text="it is down",
             now=(f"ip link set {name} up",),
             keep=(
@@ -98,60 +102,60 @@ def _state(host: Host, name: str) -> Iterator[Seen]:
             ),
         )
     elif host.maybe(f"{folder}/carrier") != "1":
-        yield Seen(
-            level=Level.BAD,
+        yield MachineFacts(
+            level=MachineLevel.BAD,
             text="it is up and has no link",
             now=("cable, power of the first SubDevice, its IN port",),
         )
     else:
-        yield Seen(level=Level.GOOD, text="up, link")
+        yield MachineFacts(level=MachineLevel.GOOD, text="up, link")
 
 
-def _speed(host: Host, name: str) -> Iterator[Seen]:
+def _speed(host: Host, name: str) -> Iterator[MachineFacts]:
     folder = _folder(host, name)
     duplex, text = host.maybe(f"{folder}/duplex"), host.maybe(f"{folder}/speed")
     if duplex is None or text is None or not text.isdecimal():
         raise Unreadable("speed and duplex are not told; an interface without link has none")
     speed = int(text)
     if duplex == "half" or speed < 100:
-        yield Seen(
-            level=Level.BAD,
+        yield MachineFacts(
+            level=MachineLevel.BAD,
             text=f"{speed} Mbit/s, {duplex} duplex; EtherCAT is 100 Mbit/s full duplex",
             now=(f"ethtool -s {name} autoneg on", "another cable"),
         )
     elif duplex != "full":
         raise Unreadable(f"{speed} Mbit/s, duplex {duplex}")
     else:
-        yield Seen(level=Level.GOOD, text=f"{speed} Mbit/s, full duplex")
+        yield MachineFacts(level=MachineLevel.GOOD, text=f"{speed} Mbit/s, full duplex")
 
 
-def _mtu(host: Host, name: str) -> Iterator[Seen]:
+def _mtu(host: Host, name: str) -> Iterator[MachineFacts]:
     mtu = host.number(f"{_folder(host, name)}/mtu")
     if mtu >= _FRAME_BYTES:
-        yield Seen(level=Level.GOOD, text=f"{mtu} bytes")
+        yield MachineFacts(level=MachineLevel.GOOD, text=f"{mtu} bytes")
     else:
-        yield Seen(
-            level=Level.BAD,
+        yield MachineFacts(
+            level=MachineLevel.BAD,
             text=f"{mtu} bytes: frames of more are refused",
             now=(f"ip link set {name} mtu {_FRAME_BYTES}",),
             keep=(f"MTUBytes={_FRAME_BYTES} in the [Link] section of a .link file for {name}",),
         )
 
 
-def _member(host: Host, name: str) -> Iterator[Seen]:
+def _member(host: Host, name: str) -> Iterator[MachineFacts]:
     master = host.target(f"{_folder(host, name)}/master")
     if master is None:
-        yield Seen(level=Level.GOOD, text="in no bridge, bond or team")
+        yield MachineFacts(level=MachineLevel.GOOD, text="in no bridge, bond or team")
     else:
-        yield Seen(
-            level=Level.BAD,
+        yield MachineFacts(
+            level=MachineLevel.BAD,
             text=f"part of {master}: it takes the frames that come back",
             now=(f"ip link set {name} nomaster",),
             keep=(f"take {name} out of {master} where that is configured",),
         )
 
 
-def _addresses(host: Host, name: str) -> Iterator[Seen]:
+def _addresses(host: Host, name: str) -> Iterator[MachineFacts]:
     told = host.seam.command("ip", "-j", "address", "show", "dev", name)
     if told is None:
         raise Unreadable("`ip -j address` is not there or failed")
@@ -162,11 +166,11 @@ def _addresses(host: Host, name: str) -> Iterator[Seen]:
     except (ValueError, KeyError, TypeError, AttributeError) as exc:
         raise Unreadable("`ip -j address` answers in another form") from exc
     if not found:
-        yield Seen(level=Level.GOOD, text="none")
+        yield MachineFacts(level=MachineLevel.GOOD, text="none")
         return
-    yield Seen(
+    yield MachineFacts(
         # A link local address only makes a few frames; a real one has a network behind it.
-        level=Level.NOTE if local else Level.WARNING,
+        level=MachineLevel.NOTE if local else MachineLevel.WARNING,
         text=", ".join(found),
         now=(f"ip address flush dev {name}", f"sysctl -w net.ipv6.conf.{name}.disable_ipv6=1"),
         keep=(
@@ -176,7 +180,7 @@ def _addresses(host: Host, name: str) -> Iterator[Seen]:
     )
 
 
-def _managers(host: Host, name: str) -> Iterator[Seen]:
+def _managers(host: Host, name: str) -> Iterator[MachineFacts]:
     if not host.pids():
         raise Unreadable("/proc shows no processes")
     seen = False
@@ -187,8 +191,8 @@ def _managers(host: Host, name: str) -> Iterator[Seen]:
         state = dict(line.rsplit(":", 1) for line in told.splitlines() if ":" in line).get(name)
         if state not in (None, "unmanaged"):
             seen = True
-            yield Seen(
-                level=Level.WARNING,
+            yield MachineFacts(
+                level=MachineLevel.WARNING,
                 text=f"NetworkManager manages it ({state}): it may send DHCP or take it down",
                 now=(f"nmcli device set {name} managed no",),
                 keep=(
@@ -201,8 +205,8 @@ def _managers(host: Host, name: str) -> Iterator[Seen]:
     state = next((row[12:] for row in link.splitlines() if row.startswith("ADMIN_STATE=")), None)
     if state not in (None, "unmanaged") and "NETWORK_FILE=" in link:
         seen = True
-        yield Seen(
-            level=Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.NOTE,
             text=f"systemd-networkd configures it ({state})",
             now=(f"networkctl status {name} names the file",),
             keep=(
@@ -210,32 +214,32 @@ def _managers(host: Host, name: str) -> Iterator[Seen]:
             ),
         )
     if not seen:
-        yield Seen(level=Level.GOOD, text="no network manager has it")
+        yield MachineFacts(level=MachineLevel.GOOD, text="no network manager has it")
 
 
-def _sockets(host: Host, name: str) -> Iterator[Seen]:
+def _sockets(host: Host, name: str) -> Iterator[MachineFacts]:
     index = host.number(f"{_folder(host, name)}/ifindex")
     rows = [line.split() for line in host.read("/proc/net/packet").splitlines()[1:]]
     inodes = {r[8]: r[3] for r in rows if len(r) > 8 and r[4] in (str(index), "0")}
     if not inodes:
-        yield Seen(level=Level.GOOD, text="nobody has a packet socket on it")
+        yield MachineFacts(level=MachineLevel.GOOD, text="nobody has a packet socket on it")
         return
     owners = _owners(host, set(inodes))
     hidden = len(set(inodes) - {inode for found in owners.values() for inode in found})
     for (pid, command), found in sorted(owners.items()):
         if command == PROGRAM:
-            yield Seen(level=Level.GOOD, text=f"{PROGRAM} (process {pid}) drives it")
+            yield MachineFacts(level=MachineLevel.GOOD, text=f"{PROGRAM} (process {pid}) drives it")
             continue
         sends = any(inodes[inode].lower() == "88a4" for inode in found)
-        yield Seen(
-            level=Level.BAD if sends else Level.WARNING,
+        yield MachineFacts(
+            level=MachineLevel.BAD if sends else MachineLevel.WARNING,
             text=f"{command} (process {pid}) has a packet socket on it"
             + (" for EtherCAT: two MainDevices?" if sends else ""),
             now=(f"kill {pid}",),
         )
     if hidden:
-        yield Seen(
-            level=Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.NOTE,
             text=f"{hidden} packet sockets of processes not seen from here; root sees them",
         )
 
@@ -252,7 +256,7 @@ def _owners(host: Host, inodes: set[str]) -> dict[tuple[int, str], list[str]]:
     return owners
 
 
-def _asked(ask: Callable[[], Iterator[Seen]]) -> Iterator[Seen]:
+def _asked(ask: Callable[[], Iterator[MachineFacts]]) -> Iterator[MachineFacts]:
     """Turn what a driver refuses into a reason."""
     try:
         yield from list(ask())
@@ -260,15 +264,15 @@ def _asked(ask: Callable[[], Iterator[Seen]]) -> Iterator[Seen]:
         raise Unreadable(f"the driver does not say ({exc.strerror})") from exc
 
 
-def _coalescing(host: Host, name: str) -> Iterator[Seen]:
-    def ask() -> Iterator[Seen]:
+def _coalescing(host: Host, name: str) -> Iterator[MachineFacts]:
+    def ask() -> Iterator[MachineFacts]:
         found = ethtool.coalescing(host, name)
         late = found.rx_us if found.rx_frames != 1 else 0
         if not late and not found.adaptive:
-            yield Seen(level=Level.GOOD, text="each frame is told at once")
+            yield MachineFacts(level=MachineLevel.GOOD, text="each frame is told at once")
             return
-        yield Seen(
-            level=Level.WARNING if late > 10 or found.adaptive else Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.WARNING if late > 10 or found.adaptive else MachineLevel.NOTE,
             text=f"a frame is told up to {late} us late"
             + (", and the card chooses by itself (adaptive)" if found.adaptive else ""),
             now=(f"ethtool -C {name} adaptive-rx off adaptive-tx off rx-usecs 0 tx-usecs 0",),
@@ -281,14 +285,14 @@ def _coalescing(host: Host, name: str) -> Iterator[Seen]:
     return _asked(ask)
 
 
-def _offloads(host: Host, name: str) -> Iterator[Seen]:
-    def ask() -> Iterator[Seen]:
+def _offloads(host: Host, name: str) -> Iterator[MachineFacts]:
+    def ask() -> Iterator[MachineFacts]:
         gro, lro = ethtool.generic_receive(host, name), ethtool.large_receive(host, name)
         if not gro and not lro:
-            yield Seen(level=Level.GOOD, text="frames are gathered by nobody")
+            yield MachineFacts(level=MachineLevel.GOOD, text="frames are gathered by nobody")
             return
-        yield Seen(
-            level=Level.WARNING if lro else Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.WARNING if lro else MachineLevel.NOTE,
             text=" and ".join(w for w, on in (("GRO", gro), ("LRO", lro)) if on)
             + " on: meant for TCP; of EtherCAT they gather nothing, but each frame passes there",
             now=(f"ethtool -K {name} gro off lro off",),
@@ -298,14 +302,14 @@ def _offloads(host: Host, name: str) -> Iterator[Seen]:
     return _asked(ask)
 
 
-def _energy(host: Host, name: str) -> Iterator[Seen]:
-    def ask() -> Iterator[Seen]:
+def _energy(host: Host, name: str) -> Iterator[MachineFacts]:
+    def ask() -> Iterator[MachineFacts]:
         found = ethtool.eee(host, name)
         if not found.enabled:
-            yield Seen(level=Level.GOOD, text="off")
+            yield MachineFacts(level=MachineLevel.GOOD, text="off")
             return
-        yield Seen(
-            level=Level.WARNING if found.active else Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.WARNING if found.active else MachineLevel.NOTE,
             text="in use: the link sleeps between frames" if found.active else "on, not in use",
             now=(f"ethtool --set-eee {name} eee off",),
             keep=(f"a udev rule or unit that runs that when {name} appears",),
@@ -314,7 +318,7 @@ def _energy(host: Host, name: str) -> Iterator[Seen]:
     return _asked(ask)
 
 
-def _errors(host: Host, name: str) -> Iterator[Seen]:
+def _errors(host: Host, name: str) -> Iterator[MachineFacts]:
     folder = f"{_folder(host, name)}/statistics"
     kinds = ("rx_errors", "rx_crc_errors", "rx_dropped", "tx_errors", "tx_dropped", "collisions")
     told = {kind: host.maybe(f"{folder}/{kind}") or "" for kind in kinds}
@@ -323,11 +327,11 @@ def _errors(host: Host, name: str) -> Iterator[Seen]:
         raise Unreadable(f"{folder}: no counters")
     found = {kind: n for kind, n in counts.items() if n}
     if not found:
-        yield Seen(level=Level.GOOD, text="none since it came up")
+        yield MachineFacts(level=MachineLevel.GOOD, text="none since it came up")
         return
     physical = any(found.get(k) for k in ("rx_errors", "rx_crc_errors", "collisions"))
-    yield Seen(
-        level=Level.WARNING if physical else Level.NOTE,
+    yield MachineFacts(
+        level=MachineLevel.WARNING if physical else MachineLevel.NOTE,
         text=", ".join(f"{kind} {n}" for kind, n in found.items()),
         now=(f"ip -s link show {name}, twice: do they grow? then cable, plug, grounding",),
     )

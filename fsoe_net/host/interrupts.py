@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from fsoe_net.host.cpu import cpu_list, isolated_cpus, online_cpus, range_text
-from fsoe_net.host.finding import Check, Level, Seen
+from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.permissions import scheduling
 from fsoe_net.host.seam import Host, Unreadable
 
@@ -41,7 +41,7 @@ def _interrupts(host: Host, name: str) -> list[int]:
     return sorted(found)
 
 
-def _affinity(host: Host, name: str) -> Iterator[Seen]:
+def _affinity(host: Host, name: str) -> Iterator[MachineFacts]:
     numbers = _interrupts(host, name)
     cpus: set[int] = set()
     for n in numbers:
@@ -54,17 +54,17 @@ def _affinity(host: Host, name: str) -> Iterator[Seen]:
     online = online_cpus(host)
     wanted = max(isolated_cpus(host), default=max(online))
     if len(cpus) <= 1 or len(online) == 1:
-        yield Seen(level=Level.GOOD, text=text)
+        yield MachineFacts(level=MachineLevel.GOOD, text=text)
         return
-    yield Seen(
-        level=Level.NOTE,
+    yield MachineFacts(
+        level=MachineLevel.NOTE,
         text=f"{text}: replies are taken on any of them",
         now=tuple(f"echo {wanted} > /proc/irq/{n}/smp_affinity_list" for n in numbers[:4]),
         keep=(f"a unit that runs that after boot, or irqaffinity={wanted} on the command line",),
     )
 
 
-def _thread(host: Host, name: str) -> Iterator[Seen]:
+def _thread(host: Host, name: str) -> Iterator[MachineFacts]:
     numbers = _interrupts(host, name)
     threads: dict[int, tuple[str, int]] = {}
     for pid in host.processes("irq/"):
@@ -80,11 +80,11 @@ def _thread(host: Host, name: str) -> Iterator[Seen]:
     low = {pid: p for pid, (policy, p) in threads.items() if policy != "fifo" or p <= 50}
     text = ", ".join(f"process {pid}: {how[0]} {how[1]}" for pid, how in threads.items())
     if not low:
-        yield Seen(level=Level.GOOD, text=text)
+        yield MachineFacts(level=MachineLevel.GOOD, text=text)
         return
     wanted = _MASTER_PRIORITY + 5
-    yield Seen(
-        level=Level.NOTE,
+    yield MachineFacts(
+        level=MachineLevel.NOTE,
         text=f"{text}: no more urgent than the interrupts of every other device",
         now=tuple(f"chrt -f -p {wanted} {pid}" for pid in low),
         keep=("a unit that runs that after boot, or rtirq, or tuned with [scheduler]",),

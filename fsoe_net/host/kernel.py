@@ -7,7 +7,7 @@ import re
 import zlib
 from collections.abc import Iterator
 
-from fsoe_net.host.finding import Check, Level, Seen
+from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
 __all__ = ["KERNEL", "command_line", "kernel_option", "release"]
@@ -45,15 +45,15 @@ def kernel_option(host: Host, name: str) -> str | None:
     return found[1] if found else ""
 
 
-def _preemption(host: Host) -> Iterator[Seen]:
+def _preemption(host: Host) -> Iterator[MachineFacts]:
     version = host.read("/proc/version")
     if host.maybe("/sys/kernel/realtime") == "1" or "PREEMPT_RT" in version:
-        yield Seen(level=Level.GOOD, text="PREEMPT_RT")
+        yield MachineFacts(level=MachineLevel.GOOD, text="PREEMPT_RT")
         return
     model = _model(host, version)
     if model in ("full", "lazy"):
-        yield Seen(
-            level=Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.NOTE,
             text=f"preemption {model}, no PREEMPT_RT: most stalls stay below 1 ms, but nothing "
             "bounds them",
             keep=(_RT,),
@@ -64,8 +64,8 @@ def _preemption(host: Host) -> Iterator[Seen]:
             "configuration can be read; as root more is seen"
         )
     else:
-        yield Seen(
-            level=Level.WARNING,
+        yield MachineFacts(
+            level=MachineLevel.WARNING,
             text=f"preemption {model}: the kernel gives a CPU back only where it likes",
             now=("echo full > /sys/kernel/debug/sched/preempt",) if "DYNAMIC" in version else (),
             keep=(_RT, "or at least: " + _GRUB.format("preempt=full")),
@@ -93,17 +93,17 @@ def _model(host: Host, version: str) -> str | None:
     return None if "PREEMPT_DYNAMIC" in version else "none or voluntary"
 
 
-def _throttling(host: Host) -> Iterator[Seen]:
+def _throttling(host: Host) -> Iterator[MachineFacts]:
     runtime = host.number("/proc/sys/kernel/sched_rt_runtime_us")
     period = host.number("/proc/sys/kernel/sched_rt_period_us")
     if runtime < 0 or runtime >= period:
-        yield Seen(
-            level=Level.GOOD,
+        yield MachineFacts(
+            level=MachineLevel.GOOD,
             text="off; a real-time thread that never sleeps now takes its CPU for good",
         )
         return
     if host.maybe("/proc/sys/kernel/sched_rt_runtime_us") == "0":
-        text, level = "no real-time thread may run at all", Level.BAD
+        text, level = "no real-time thread may run at all", MachineLevel.BAD
     else:
         share = 100 * runtime / period
         text = (
@@ -111,8 +111,8 @@ def _throttling(host: Host) -> Iterator[Seen]:
             f"for the rest of it, up to {(period - runtime) / 1000:g} ms"
         )
         # A cycle that sleeps never comes near 95 %; one that runs free does at once.
-        level = Level.NOTE if share >= 90 else Level.WARNING
-    yield Seen(
+        level = MachineLevel.NOTE if share >= 90 else MachineLevel.WARNING
+    yield MachineFacts(
         level=level,
         text=text,
         now=("sysctl -w kernel.sched_rt_runtime_us=-1",),
@@ -120,33 +120,35 @@ def _throttling(host: Host) -> Iterator[Seen]:
     )
 
 
-def _group_scheduling(host: Host) -> Iterator[Seen]:
+def _group_scheduling(host: Host) -> Iterator[MachineFacts]:
     found = kernel_option(host, "RT_GROUP_SCHED")
     if found is None:
         raise Unreadable("the kernel's configuration can be read neither in /boot nor in /proc")
     if found == "y" and command_line(host).get("rt_group_sched") not in ("0", "off"):
-        yield Seen(
-            level=Level.WARNING,
+        yield MachineFacts(
+            level=MachineLevel.WARNING,
             text="CONFIG_RT_GROUP_SCHED: a control group without a share of its own refuses "
             "SCHED_FIFO with EPERM, also to root",
             keep=(_GRUB.format("rt_group_sched=0") + " (6.16 and later), or another kernel",),
         )
     else:
-        yield Seen(level=Level.GOOD, text="no quota per control group")
+        yield MachineFacts(level=MachineLevel.GOOD, text="no quota per control group")
 
 
-def _clocksource(host: Host) -> Iterator[Seen]:
+def _clocksource(host: Host) -> Iterator[MachineFacts]:
     folder = "/sys/devices/system/clocksource/clocksource0"
     name = host.read(f"{folder}/current_clocksource")
     if name in ("tsc", "arch_sys_counter", "timebase", "riscv_clocksource"):
-        yield Seen(level=Level.GOOD, text=name)
+        yield MachineFacts(level=MachineLevel.GOOD, text=name)
     elif name in ("kvm-clock", "hyperv_clocksource_tsc_page", "xen"):
-        yield Seen(level=Level.NOTE, text=f"{name}: the clock of a hypervisor; it may be corrected")
+        yield MachineFacts(
+            level=MachineLevel.NOTE, text=f"{name}: the clock of a hypervisor; it may be corrected"
+        )
     else:
         usable = host.maybe(f"{folder}/available_clocksource") or ""
         now = (f"echo tsc > {folder}/current_clocksource",) if "tsc" in usable.split() else ()
-        yield Seen(
-            level=Level.WARNING,
+        yield MachineFacts(
+            level=MachineLevel.WARNING,
             text=f"{name}: each reading takes microseconds; the kernel has found the TSC unfit",
             now=now,
             keep=(

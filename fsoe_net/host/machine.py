@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fsoe_net.host.finding import Check, Level, Seen
+from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
 __all__ = ["MACHINE"]
@@ -13,7 +13,7 @@ _STEAL, _FIELDS = 7, 8
 _BAD_STEAL = 0.001
 
 
-def _virtual(host: Host) -> Iterator[Seen]:
+def _virtual(host: Host) -> Iterator[MachineFacts]:
     info = host.read("/proc/cpuinfo")
     flags = next((line for line in info.splitlines() if line.startswith("flags")), "")
     vendor = host.maybe("/sys/class/dmi/id/sys_vendor") or ""
@@ -22,17 +22,17 @@ def _virtual(host: Host) -> Iterator[Seen]:
     names = ("QEMU", "VMware", "innotek", "VirtualBox", "Xen", "Parallels", "Virtual Machine")
     known = [n for n in names if n in vendor or n in product]
     if not (" hypervisor" in flags or known or kind):
-        yield Seen(level=Level.GOOD, text="no sign of a virtual machine")
+        yield MachineFacts(level=MachineLevel.GOOD, text="no sign of a virtual machine")
         return
     found = " ".join(filter(None, (vendor, product))) or kind or "a hypervisor"
-    yield Seen(
-        level=Level.WARNING,
+    yield MachineFacts(
+        level=MachineLevel.WARNING,
         text=f"virtual machine ({found}): its host may take the CPU away at any time",
         keep=("run the bus on real hardware; else pin the virtual CPUs to host CPUs of their own",),
     )
 
 
-def _steal(host: Host) -> Iterator[Seen]:
+def _steal(host: Host) -> Iterator[MachineFacts]:
     words = host.read("/proc/stat").partition("\n")[0].split()[1:]
     if len(words) < _FIELDS or not all(w.isdecimal() for w in words):
         raise Unreadable("/proc/stat has no line of all CPUs in the form of Linux")
@@ -40,24 +40,28 @@ def _steal(host: Host) -> Iterator[Seen]:
     share = times[_STEAL] / max(1, sum(times))
     text = f"{100 * share:.2f} % of the time since boot was taken by the hypervisor"
     if times[_STEAL] == 0:
-        yield Seen(level=Level.GOOD, text="no time was stolen since boot")
+        yield MachineFacts(level=MachineLevel.GOOD, text="no time was stolen since boot")
     elif share < _BAD_STEAL:
-        yield Seen(level=Level.WARNING, text=text, keep=("pin the virtual CPUs on the host",))
+        yield MachineFacts(
+            level=MachineLevel.WARNING, text=text, keep=("pin the virtual CPUs on the host",)
+        )
     else:
-        yield Seen(level=Level.BAD, text=text, keep=("pin the virtual CPUs on the host",))
+        yield MachineFacts(
+            level=MachineLevel.BAD, text=text, keep=("pin the virtual CPUs on the host",)
+        )
 
 
-def _container(host: Host) -> Iterator[Seen]:
+def _container(host: Host) -> Iterator[MachineFacts]:
     kind = host.maybe("/run/systemd/container") or ""
     if host.exists("/.dockerenv"):
         kind = kind or "docker"
     if host.exists("/run/.containerenv"):
         kind = kind or "podman"
     if not kind:
-        yield Seen(level=Level.GOOD, text="no sign of one")
+        yield MachineFacts(level=MachineLevel.GOOD, text="no sign of one")
         return
-    yield Seen(
-        level=Level.NOTE,
+    yield MachineFacts(
+        level=MachineLevel.NOTE,
         text=f"{kind}: limits, capabilities and interfaces are those it was given",
         keep=(
             "docker run --network host --cap-add NET_RAW --cap-add SYS_NICE --cap-add IPC_LOCK "
@@ -66,15 +70,15 @@ def _container(host: Host) -> Iterator[Seen]:
     )
 
 
-def _irqbalance(host: Host) -> Iterator[Seen]:
+def _irqbalance(host: Host) -> Iterator[MachineFacts]:
     if not host.pids():
         raise Unreadable("/proc shows no processes")
     running = host.processes("irqbalance")
     if not running:
-        yield Seen(level=Level.GOOD, text="not running")
+        yield MachineFacts(level=MachineLevel.GOOD, text="not running")
         return
-    yield Seen(
-        level=Level.WARNING,
+    yield MachineFacts(
+        level=MachineLevel.WARNING,
         text=f"process {running[0]} moves interrupts between CPUs, that of the interface included",
         now=("systemctl stop irqbalance",),
         keep=(
@@ -84,14 +88,14 @@ def _irqbalance(host: Host) -> Iterator[Seen]:
     )
 
 
-def _swap(host: Host) -> Iterator[Seen]:
+def _swap(host: Host) -> Iterator[MachineFacts]:
     rows = [line.split() for line in host.read("/proc/swaps").splitlines()[1:] if line.strip()]
     if not rows:
-        yield Seen(level=Level.GOOD, text="none")
+        yield MachineFacts(level=MachineLevel.GOOD, text="none")
         return
     used = sum(int(r[3]) for r in rows if len(r) > 3 and r[3].isdecimal())
-    yield Seen(
-        level=Level.NOTE,
+    yield MachineFacts(
+        level=MachineLevel.NOTE,
         text=f"{', '.join(r[0] for r in rows)}: {used} KiB in use; fsn-master locks its own memory "
         "where it may, its clients do not",
         now=("swapoff -a",),

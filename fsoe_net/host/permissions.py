@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from fsoe_net.host.finding import Check, Level, Seen
+from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
 __all__ = ["CAPABILITIES", "PROGRAM", "permission_checks"]
@@ -71,11 +71,11 @@ def _file_capabilities(host: Host, program: str) -> int:
     return int(permitted) if magic & _EFFECTIVE else 0
 
 
-def _capabilities(host: Host, *, program: str | None) -> Iterator[Seen]:
+def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
     mine = _status(host, "self")
     if program is None:
-        yield Seen(
-            level=Level.WARNING,
+        yield MachineFacts(
+            level=MachineLevel.WARNING,
             text=f"{PROGRAM} is not there",
             now=("fsoe-net install-master",),
             keep=("FSN_MASTER=PATH names one elsewhere",),
@@ -86,22 +86,28 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[Seen]:
     granted = _file_capabilities(host, program)
     ignored = _ignored(host, program, mine)
     if granted and not _lacking(granted) and not ignored:
-        yield Seen(level=Level.GOOD, text=f"{program} has them by its file: no root needed")
+        yield MachineFacts(
+            level=MachineLevel.GOOD, text=f"{program} has them by its file: no root needed"
+        )
     elif granted and ignored:
-        yield Seen(level=Level.BAD, text=f"{program} has them, but {ignored}", keep=(_UNIT,))
+        yield MachineFacts(
+            level=MachineLevel.BAD, text=f"{program} has them, but {ignored}", keep=(_UNIT,)
+        )
     elif mine.ambient & _ALL == _ALL:
-        yield Seen(level=Level.GOOD, text="what is started from here inherits them (ambient)")
+        yield MachineFacts(
+            level=MachineLevel.GOOD, text="what is started from here inherits them (ambient)"
+        )
     elif mine.user == 0 and mine.effective & _ALL == _ALL:
-        yield Seen(
-            level=Level.NOTE,
+        yield MachineFacts(
+            level=MachineLevel.NOTE,
             text=f"root has them here; {program} started by another user lacks {_lacking(granted)}",
             now=mend,
             keep=keep,
         )
     else:
         lacking = _lacking(granted)
-        yield Seen(
-            level=Level.BAD if "NET_RAW" in lacking else Level.WARNING,
+        yield MachineFacts(
+            level=MachineLevel.BAD if "NET_RAW" in lacking else MachineLevel.WARNING,
             text=f"{program} lacks {lacking}",
             now=mend,
             keep=keep,
@@ -126,7 +132,7 @@ def _ignored(host: Host, program: str, mine: _Status) -> str:
     return ""
 
 
-def _limits(host: Host, *, program: str | None) -> Iterator[Seen]:
+def _limits(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
     found = {}
     for line in host.read("/proc/self/limits").splitlines():
         for name in ("Max locked memory", "Max realtime priority"):
@@ -144,8 +150,8 @@ def _limits(host: Host, *, program: str | None) -> Iterator[Seen]:
     if not held >> CAPABILITIES["CAP_SYS_NICE"] & 1 and int(priority) < 80:
         low.append(f"real-time priority up to {priority}, fsn-master asks for 80")
     if low:
-        yield Seen(
-            level=Level.WARNING,
+        yield MachineFacts(
+            level=MachineLevel.WARNING,
             text="; ".join(low),
             now=() if program is None else (_SETCAP.format(program),),
             keep=(
@@ -155,8 +161,8 @@ def _limits(host: Host, *, program: str | None) -> Iterator[Seen]:
             ),
         )
     else:
-        yield Seen(
-            level=Level.GOOD,
+        yield MachineFacts(
+            level=MachineLevel.GOOD,
             text=f"locked memory {memory}, real-time priority {priority}"
             + ("; capabilities lift both" if held & _ALL else ""),
         )
@@ -171,7 +177,7 @@ def scheduling(host: Host, pid: int, thread: int | None = None) -> tuple[str, in
     return _POLICIES.get(int(words[38]), words[38]), int(words[37])
 
 
-def _running(host: Host) -> Iterator[Seen]:
+def _running(host: Host) -> Iterator[MachineFacts]:
     if not host.pids():
         raise Unreadable("/proc shows no processes")
     for pid in host.processes(PROGRAM):
@@ -181,18 +187,20 @@ def _running(host: Host) -> Iterator[Seen]:
         best = max((s for s in how if s[0] in ("fifo", "rr", "deadline")), default=None)
         spare = "as root; capabilities are enough" if status.user == 0 else ""
         if best is None:
-            yield Seen(
-                level=Level.WARNING,
+            yield MachineFacts(
+                level=MachineLevel.WARNING,
                 text=f"process {pid} runs without a real-time thread",
                 keep=("--policy fifo refuses to run with less; capabilities as above",),
             )
         elif spare:
-            yield Seen(level=Level.NOTE, text=f"process {pid} runs {spare}", keep=(_UNIT,))
+            yield MachineFacts(
+                level=MachineLevel.NOTE, text=f"process {pid} runs {spare}", keep=(_UNIT,)
+            )
         else:
             text = f"process {pid}: {best[0]} {best[1]}, user {status.user}"
-            yield Seen(level=Level.GOOD, text=text)
+            yield MachineFacts(level=MachineLevel.GOOD, text=text)
     if not host.processes(PROGRAM):
-        yield Seen(level=Level.GOOD, text="none runs")
+        yield MachineFacts(level=MachineLevel.GOOD, text="none runs")
 
 
 def permission_checks(program: str | None) -> tuple[Check, ...]:

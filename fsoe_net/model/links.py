@@ -13,7 +13,7 @@ from fsoe_net.model.pairing import PairEnd
 from fsoe_net.model.roles import FrameEnd
 
 __all__ = [
-    "Link",
+    "CopyLink",
     "Moves",
     "find_moves",
     "link_answers",
@@ -26,7 +26,7 @@ _VALUES = ("address", "connection_id", "watchdog_ms", "app_parameters")
 
 
 @dataclass(slots=True, kw_only=True)
-class Link:
+class CopyLink:
     """A connection between two pairs of frames, and how it is known."""
 
     main: PairEnd
@@ -90,7 +90,7 @@ def _place(end: DescribedEnd) -> tuple[int, int, int]:
     return (end.subdevice, end.sm_index, end.bit_offset)
 
 
-def link_moves(moves: Moves, ends: Sequence[FrameEnd], path: str) -> list[Link]:
+def link_moves(moves: Moves, ends: Sequence[FrameEnd], path: str) -> list[CopyLink]:
     """Return a link for each connection in the copies; those without known roles stay copies."""
     links = []
     for one, two, copy, back in moves.both:
@@ -104,7 +104,7 @@ def link_moves(moves: Moves, ends: Sequence[FrameEnd], path: str) -> list[Link]:
         where = copy.span.file or path
         line = f":{copy.span.line}" if copy.span.line else ""
         links.append(
-            Link(
+            CopyLink(
                 main=one, sub=two, why=f"copied in both directions by {where}{line}", net=copy.name
             )
         )
@@ -114,7 +114,7 @@ def link_moves(moves: Moves, ends: Sequence[FrameEnd], path: str) -> list[Link]:
 def link_connections(
     rows: Sequence[DescribedConnection],
     ends: Sequence[FrameEnd],
-    links: list[Link],
+    links: list[CopyLink],
     path: str,
     out: FindingList,
 ) -> tuple[list[str], list[PairEnd]]:
@@ -184,7 +184,7 @@ def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
     return all(a == b or a in (None, b"") or b in (None, b"") for a, b in pairs)
 
 
-def _take(link: Link, row: DescribedConnection, path: str) -> None:
+def _take(link: CopyLink, row: DescribedConnection, path: str) -> None:
     """Put what a file says to a link that another one named."""
     if not link.facts.span.file:
         link.facts = _marked(row, path)
@@ -216,7 +216,7 @@ def _link_row(
     row: DescribedConnection,
     main: int,
     ends: Sequence[FrameEnd],
-    links: list[Link],
+    links: list[CopyLink],
     path: str,
 ) -> str:
     assert row.sub is not None  # noqa: S101 - the caller has looked
@@ -227,7 +227,7 @@ def _link_row(
     said = _said(row, main, ends, path)
     if len(fitting) == 1:
         links.append(
-            Link(
+            CopyLink(
                 main=fitting[0][0],
                 sub=fitting[0][1],
                 why=f"{_where(row, path)} names this connection",
@@ -242,7 +242,7 @@ def _link_row(
 
 
 def link_answers(
-    answers: Answers, ends: Sequence[FrameEnd], links: list[Link], out: FindingList
+    answers: Answers, ends: Sequence[FrameEnd], links: list[CopyLink], out: FindingList
 ) -> None:
     """Add the connections of the answers.
 
@@ -291,7 +291,7 @@ def _link_answer(
     row: AnsweredConnection,
     mains: list[FrameEnd],
     sub: FrameEnd,
-    links: list[Link],
+    links: list[CopyLink],
     out: FindingList,
 ) -> None:
     subs = [p for p in sub.pairs if row.sub_slot in (None, p.slot)]
@@ -323,7 +323,7 @@ def _link_answer(
     if len(free) == 1 and (row.slot is not None or len(fitting) == 1):
         main, pair = free[0]
         where = f"{row.span.file}:{row.span.line}" if row.span.line else "your answer"
-        links.append(Link(main=main, sub=pair, why=f"as answered, {where}", facts=_facts(row)))
+        links.append(CopyLink(main=main, sub=pair, why=f"as answered, {where}", facts=_facts(row)))
         return
     _refuse(row, slots, subs, fitting, free, used, out)
 
@@ -334,7 +334,7 @@ def _refuse(
     subs: list[PairEnd],
     fitting: list[tuple[PairEnd, PairEnd]],
     free: list[tuple[PairEnd, PairEnd]],
-    used: dict[tuple[int, int], Link],
+    used: dict[tuple[int, int], CopyLink],
     out: FindingList,
 ) -> None:
     key = "slot" if row.slot is not None else "sub"
@@ -379,7 +379,7 @@ def _facts(row: AnsweredConnection) -> DescribedConnection:
     )
 
 
-def state_facts(link: Link, row: AnsweredConnection, out: FindingList) -> None:
+def state_facts(link: CopyLink, row: AnsweredConnection, out: FindingList) -> None:
     """Put the facts of an answer to a connection.
 
     Args:

@@ -24,7 +24,7 @@ from fsoe_net.model.layout import DeviceLayout, FsoeBlock, layout_of
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import fill_from_library, library_device
 from fsoe_net.model.links import (
-    Link,
+    CopyLink,
     find_moves,
     link_answers,
     link_connections,
@@ -99,7 +99,7 @@ class _Maker:
         self._check_names()
         self._bus = replace(bus, subdevices=tuple(self._filled(bus.subdevices)))
         self._layouts = _layouts(self._bus)
-        self._links: list[Link] = []
+        self._links: list[CopyLink] = []
 
     def _check_names(self) -> None:
         known = ", ".join(self._names) or "none"
@@ -257,11 +257,11 @@ class _Maker:
         pairing = pair_by_lengths(mains, subs, doubtful)
         for main, sub in pairing.settled:
             why = f"settled by lengths: {_bytes(sub)} are there only once on each side"
-            self._add(Link(main=main, sub=sub, why=why), ends)
+            self._add(CopyLink(main=main, sub=sub, why=why), ends)
         for row in pairing.open:
             self._open_pair(row, ends, has_main=bool([r for r in roles.values() if r == "main"]))
 
-    def _add(self, link: Link, ends: list[FrameEnd]) -> None:
+    def _add(self, link: CopyLink, ends: list[FrameEnd]) -> None:
         self._links.append(link)
         several = len(ends[link.sub.subdevice].pairs) > 1
         for row in self._answers.connections:
@@ -313,7 +313,7 @@ class _Maker:
             why = f"more SubInstances than slots of {_bytes(sub)}"
             end.remarks += [f"not connected: {why}", *self._facts_of(sub.subdevice)]
             return
-        link = Link(
+        link = CopyLink(
             main=row.proposed,
             sub=sub,
             why=f"NOT CONFIRMED: {_bytes(sub)} fit {slots}",
@@ -361,7 +361,7 @@ class _Maker:
             findings=tuple(self._out.diagnostics),
         )
 
-    def _address(self, link: Link) -> int | None:
+    def _address(self, link: CopyLink) -> int | None:
         if link.facts.address is not None:
             return link.facts.address
         return self._bus.subdevices[link.sub.subdevice].fsoe_address
@@ -372,7 +372,7 @@ def _bytes(sub: PairEnd) -> str:
 
 
 def _row(
-    link: Link, ends: Sequence[FrameEnd], address: int | None, *, beyond: bool
+    link: CopyLink, ends: Sequence[FrameEnd], address: int | None, *, beyond: bool
 ) -> DescribedConnection:
     several = len(ends[link.sub.subdevice].pairs) + len(ends[link.sub.subdevice].doubtful) > 1
     return replace(
@@ -388,7 +388,7 @@ def _row(
     )
 
 
-def _copies(link: Link) -> list[DescribedCopy]:
+def _copies(link: CopyLink) -> list[DescribedCopy]:
     return [
         DescribedCopy(
             source=_end(source, source.read),

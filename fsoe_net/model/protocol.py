@@ -8,7 +8,15 @@ from dataclasses import dataclass, field
 from fsoe_net.model.acceptance import says_something
 from fsoe_net.model.bus import Located
 
-__all__ = ["EMULATED_NOTE", "AtMachine", "Outcome", "Protocol", "ProtocolStep", "Seen", "StepKind"]
+__all__ = [
+    "EMULATED_NOTE",
+    "AtMachine",
+    "Protocol",
+    "ProtocolStep",
+    "StepKind",
+    "StepOutcome",
+    "StepResult",
+]
 
 EMULATED_NOTE = "EMULATED, not evidence for this machine"
 
@@ -27,7 +35,7 @@ class StepKind(enum.Enum):
         return self is not StepKind.FAULT
 
 
-class Outcome(enum.Enum):
+class StepOutcome(enum.Enum):
     """What came of a step."""
 
     AS_EXPECTED = "as expected"
@@ -36,7 +44,7 @@ class Outcome(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen(Located):
+class StepResult(Located):
     """What a program saw: on the emulated bus, or through a running ``fsn-master``.
 
     Attributes:
@@ -46,7 +54,7 @@ class Seen(Located):
         remark: What was seen besides, or why it was not run.
     """
 
-    outcome: Outcome
+    outcome: StepOutcome
     measured_ms: float | None = None
     time_is: str = ""
     remark: str = ""
@@ -64,7 +72,7 @@ class AtMachine(Located):
         date: When.
     """
 
-    outcome: Outcome | None = None
+    outcome: StepOutcome | None = None
     measured_ms: float | None = None
     remark: str = ""
     by: str = ""
@@ -102,8 +110,8 @@ class ProtocolStep(Located):
     expected: str
     limit_ms: float | None = None
     limit_source: str = ""
-    emulated: Seen | None = None
-    live: Seen | None = None
+    emulated: StepResult | None = None
+    live: StepResult | None = None
     machine: AtMachine = field(default_factory=AtMachine)
 
     @property
@@ -111,7 +119,7 @@ class ProtocolStep(Located):
         """Whether the step still waits for a person: what programs saw never closes it."""
         machine = self.machine
         return self.kind.at_machine and (
-            machine.outcome in (None, Outcome.NOT_RUN)
+            machine.outcome in (None, StepOutcome.NOT_RUN)
             or not says_something(machine.by)
             or not says_something(machine.date)
         )
@@ -130,7 +138,7 @@ class ProtocolStep(Located):
         """
         if not self.kind.at_machine:
             return _otherwise(self.emulated)
-        return self.machine.outcome is Outcome.NOT_AS_EXPECTED or self.is_late
+        return self.machine.outcome is StepOutcome.NOT_AS_EXPECTED or self.is_late
 
     @property
     def is_done(self) -> bool:
@@ -143,8 +151,8 @@ class ProtocolStep(Located):
         return self.is_done and (_otherwise(self.emulated) or _otherwise(self.live))
 
 
-def _otherwise(seen: Seen | None) -> bool:
-    return seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED
+def _otherwise(seen: StepResult | None) -> bool:
+    return seen is not None and seen.outcome is StepOutcome.NOT_AS_EXPECTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

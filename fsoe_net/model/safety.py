@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.model.bus import Located
 
-__all__ = ["Element", "ElementKind", "SafetyFunction"]
+__all__ = ["ElementKind", "SafetyElement", "SafetyFunction"]
 
 
 class ElementKind(enum.Enum):
@@ -21,7 +21,7 @@ class ElementKind(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Element(Located):
+class SafetyElement(Located):
     """One part of a safety function.
 
     Attributes:
@@ -60,7 +60,7 @@ class SafetyFunction(Located):
     name: str
     trigger: str = ""
     reaction: str = ""
-    elements: tuple[Element, ...]
+    elements: tuple[SafetyElement, ...]
     required_reaction_ms: float | None = None
     pl: str = ""
     sil: int | None = None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from fsoe_net.model.bus import Located
 
-__all__ = ["Action", "Expectation", "LogicChoice", "Scenario", "Step"]
+__all__ = ["Action", "Expectation", "LogicChoice", "Scenario", "ScenarioStep"]
 
 
 class Action(enum.Enum):
@@ -59,7 +59,7 @@ _ON_SEGMENT = frozenset(Action) - {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step(Located):
+class ScenarioStep(Located):
     """Something done at a time.
 
     ``target`` is the SubDevice, connection or button, ``other`` the one it is swapped with.
@@ -110,5 +110,5 @@ class Scenario(Located):
     duration_ns: int | None
     initial: Mapping[str, int] = field(default_factory=dict)
     logic: LogicChoice = field(default_factory=LogicChoice)
-    steps: tuple[Step, ...] = ()
+    steps: tuple[ScenarioStep, ...] = ()
     expectations: tuple[Expectation, ...] = ()

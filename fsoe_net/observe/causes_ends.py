@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from fsoe_net.diag.words import counted
-from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, ResetCode, command_text
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
 from fsoe_net.observe.evidence import Evidence, Planned
@@ -159,7 +159,7 @@ def _crc(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
     side = link.sides[_MAIN if reset.by == "sub" else _SUB]
     if side.torn:
         return  # the bytes were altered in the image itself: see causes_places
-    if reset.last_verdict is Verdict.WRONG and e.code == ResetCode.CRC:
+    if reset.last_verdict is CrcVerdict.WRONG and e.code == ResetCode.CRC:
         yield candidate(
             e,
             "frames_damaged",

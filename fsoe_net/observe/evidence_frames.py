@@ -6,7 +6,7 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 
 from fsoe_net.fsoe.chain import fits_start
-from fsoe_net.fsoe.monitor import Monitor, OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_length
 from fsoe_net.observe.incident import Area, Places
 
@@ -40,7 +40,7 @@ class FrameSeen:
     now_ns: int
     direction: int
     data: bytes
-    verdict: Verdict
+    verdict: CrcVerdict
     state: OutsideState
     changed: tuple[int, ...]
 
@@ -61,7 +61,7 @@ class ResetSeen:
     state: OutsideState
     silent_ns: tuple[int, int]
     waiting_for: str
-    last_verdict: Verdict
+    last_verdict: CrcVerdict
     last_command: int
     last_right: bool
 
@@ -172,7 +172,7 @@ class LinkWatch:
         self._begun = [0, 0]
         self.sides = (Side(), Side())
         self._last = [bytes(a.size_bytes) for a in self._areas]
-        self._verdicts = [Verdict.SAME, Verdict.SAME]
+        self._verdicts = [CrcVerdict.SAME, CrcVerdict.SAME]
         self._resets: list[ResetSeen] = []
         self._before: deque[FrameSeen] = deque(maxlen=_KEEP)
         self._after: list[FrameSeen] = []
@@ -240,7 +240,7 @@ class LinkWatch:
         self._begun[direction] += pdu.command == Command.SESSION and fits_start(pdu)
         self._count(side, pdu.command, pdu.connection_id, verdict, legal=legal)
         side.not_zero |= any(data)
-        if verdict is Verdict.WRONG and before in _DATA:
+        if verdict is CrcVerdict.WRONG and before in _DATA:
             side.wrong_in_data += 1
         if before in _DATA and pdu.command in _DATA_COMMANDS and other.last_ns > side.last_ns >= 0:
             wait = now_ns - other.last_ns
@@ -251,7 +251,7 @@ class LinkWatch:
             self._reset(direction, pdu.safe_data[0], before, cycle, now_ns)
         if direction == 0:
             self._listen(pdu.command, pdu.safe_data, new=old[0] != pdu.command)
-        if not legal or verdict is Verdict.WRONG:
+        if not legal or verdict is CrcVerdict.WRONG:
             self._search(direction, image)
         side.last_ns = now_ns
         self._verdicts[direction] = verdict
@@ -269,13 +269,13 @@ class LinkWatch:
         )
 
     def _count(
-        self, side: Side, command: int, connection_id: int, verdict: Verdict, *, legal: bool
+        self, side: Side, command: int, connection_id: int, verdict: CrcVerdict, *, legal: bool
     ) -> None:
         side.frames += 1
-        side.right += verdict is Verdict.RIGHT
-        side.wrong += verdict is Verdict.WRONG
+        side.right += verdict is CrcVerdict.RIGHT
+        side.wrong += verdict is CrcVerdict.WRONG
         side.illegal += not legal
-        side.linked += verdict is Verdict.RIGHT and command != Command.RESET
+        side.linked += verdict is CrcVerdict.RIGHT and command != Command.RESET
         if legal:
             side.commands[command] += 1
             if command not in (Command.RESET, Command.SESSION) and len(side.connection_ids) < 64:
@@ -307,7 +307,7 @@ class LinkWatch:
                 waiting_for="sub" if main.last_ns >= sub.last_ns else "main",
                 last_verdict=self._verdicts[1 - direction],
                 last_command=self._last[1 - direction][0],
-                last_right=self._verdicts[1 - direction] is Verdict.RIGHT,
+                last_right=self._verdicts[1 - direction] is CrcVerdict.RIGHT,
             )
         )
 
@@ -382,7 +382,7 @@ class PairWatch:
 
 def _links(monitor: Monitor, direction: int, data: bytes, now_ns: int) -> bool:
     """Whether a frame other than Reset fits what the other end said before."""
-    right = monitor.frame(direction, data, now_ns) is Verdict.RIGHT
+    right = monitor.frame(direction, data, now_ns) is CrcVerdict.RIGHT
     return right and data[0] != Command.RESET
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.chain import before, is_whole
-from fsoe_net.fsoe.monitor import Monitor, OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
 from fsoe_net.fsoe.pdu import (
     Command,
     Pdu,
@@ -18,7 +18,7 @@ from fsoe_net.fsoe.pdu import (
     safe_data_length,
 )
 
-__all__ = ["HexFrame", "Seen", "follow_frames", "parse_frames"]
+__all__ = ["FollowedFrame", "HexFrame", "follow_frames", "parse_frames"]
 
 _MARKS = {"m": 0, "main": 0, "master": 0, ">": 0, "s": 1, "sub": 1, "slave": 1, "<": 1}
 _BYTE = re.compile(r"(?:0x)?[0-9a-f]{1,2}", re.IGNORECASE)
@@ -36,7 +36,7 @@ class HexFrame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class FollowedFrame:
     """One frame and what is known of it.
 
     Attributes:
@@ -53,7 +53,7 @@ class Seen:
     frame: HexFrame
     pdu: Pdu
     direction: int
-    verdict: Verdict
+    verdict: CrcVerdict
     state: OutsideState
     sequence: int
     lengths: tuple[int, int]
@@ -120,7 +120,7 @@ def _shown(word: str) -> str:
     return repr(word) if len(word) <= _LONG else f"{word[:_LONG]!r}..."
 
 
-def follow_frames(frames: Iterable[HexFrame]) -> Iterator[Seen]:
+def follow_frames(frames: Iterable[HexFrame]) -> Iterator[FollowedFrame]:
     """Follow frames as one conversation.
 
     A frame without a direction is taken for an answer to the one before: the main begins. When the
@@ -146,8 +146,8 @@ def follow_frames(frames: Iterable[HexFrame]) -> Iterator[Seen]:
             )
         pdu = decode_pdu(frame.data)
         verdict = monitor.frame(direction, frame.data, 0)
-        numbered = verdict is Verdict.RIGHT and pdu.command != Command.RESET
-        yield Seen(
+        numbered = verdict is CrcVerdict.RIGHT and pdu.command != Command.RESET
+        yield FollowedFrame(
             frame=frame,
             pdu=pdu,
             direction=direction,
@@ -155,7 +155,7 @@ def follow_frames(frames: Iterable[HexFrame]) -> Iterator[Seen]:
             state=monitor.state,
             sequence=before(monitor.sequence(direction)) if numbered else 0,
             lengths=lengths,
-            note=_note(pdu) if verdict is Verdict.UNCHECKED else "",
+            note=_note(pdu) if verdict is CrcVerdict.UNCHECKED else "",
         )
 
 

@@ -16,7 +16,7 @@ from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_s
 from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.project.known import Record, read_record
+from fsoe_net.project.known import AcceptedRecord, read_record
 from fsoe_net.project.protocol import read_protocol
 from fsoe_net.project.report import since
 from fsoe_net.report.sign_off import Grounds, Reason, Refusal, read_signed_report, sign_off
@@ -36,7 +36,7 @@ def accept(
     justify: Sequence[str] = (),
     interventions: Sequence[tuple[str, str]] = (),
     replaces: str | None = None,
-) -> tuple[Acceptance | None, tuple[Refusal, ...], Record | None]:
+) -> tuple[Acceptance | None, tuple[Refusal, ...], AcceptedRecord | None]:
     """Make the acceptance record of a network.
 
     Args:

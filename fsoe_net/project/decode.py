@@ -7,7 +7,7 @@ from typing import BinaryIO, NamedTuple
 
 from fsoe_net.core.scan import FoundConnection, ScanCounts, Scanner, Sighting
 from fsoe_net.formats.capture.packets import CaptureReader
-from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.observe.names import ConnectionNames, Naming
@@ -41,7 +41,7 @@ class DecodedFrame(NamedTuple):
     number: int
     direction: int
     frame: bytes
-    verdict: Verdict
+    verdict: CrcVerdict
     state: OutsideState
     sequence: int
     note: str

@@ -28,7 +28,7 @@ from fsoe_net.plan.fingerprint import (
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import check_files, whole_network
 
-__all__ = ["Known", "Record", "read_known", "read_record"]
+__all__ = ["AcceptedRecord", "Known", "read_known", "read_record"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +55,7 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Record:
+class AcceptedRecord:
     """An acceptance record with the plan in it, and the fingerprint worked out from that plan."""
 
     source: SourceFile
@@ -102,7 +102,7 @@ def read_known(
     )
 
 
-def read_record(path: str) -> Record:
+def read_record(path: str) -> AcceptedRecord:
     """Read an acceptance record whose fingerprint is that of the plan in it.
 
     Raises:
@@ -114,10 +114,10 @@ def read_record(path: str) -> Record:
     if record is None or held is None:
         raise InputError(f"{path} is no acceptance record that can be used", out.diagnostics)
     plan, fingerprint = held
-    return Record(source=out.sources[0], record=record, plan=plan, fingerprint=fingerprint)
+    return AcceptedRecord(source=out.sources[0], record=record, plan=plan, fingerprint=fingerprint)
 
 
-def _of_record(path: str, found: Record) -> Known:
+def _of_record(path: str, found: AcceptedRecord) -> Known:
     functions = found.record.safety_functions
     return Known(path=path, fingerprint=found.fingerprint, plan=found.plan, functions=functions)
 

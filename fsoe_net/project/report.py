@@ -25,7 +25,7 @@ from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import Checked, library_of, whole_network
 from fsoe_net.project.compare import read_side
-from fsoe_net.project.known import Record
+from fsoe_net.project.known import AcceptedRecord
 from fsoe_net.project.simulate import prepare
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.diff import compare
@@ -110,7 +110,7 @@ def make_report(
     plan: str | None = None,
     scenario: str | None = None,
     against: str | None = None,
-    accepted: Record | None = None,
+    accepted: AcceptedRecord | None = None,
     protocol: str | None = None,
     loading: LoadOptions | None = None,
 ) -> Report:
@@ -246,12 +246,12 @@ def _tried(path: str, resolution: Resolution, plan: Plan | None) -> tuple[Tried,
     return replace(tried_of(source, protocol), notes=notes, fits=not bad), found
 
 
-def _accepted(found: Record, now: Fingerprint | None) -> GivenRecord:
+def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:
     fits = now is not None and now.whole == found.fingerprint.whole
     return GivenRecord(source=found.source, record=found.record, fits=fits)
 
 
-def since(found: Record, resolution: Resolution, now: Plan | None) -> Against:
+def since(found: AcceptedRecord, resolution: Resolution, now: Plan | None) -> Against:
     """Return what has changed since a record was signed, and which steps that calls for."""
     before = side_of_plan(found.plan, found.source.path, found.record.safety_functions)
     return _compared(found.source, before, resolution, found.plan, now)

@@ -14,13 +14,13 @@ from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_plan
 from fsoe_net.report.diff_side import Side
 
-__all__ = ["Compared", "compare_known", "compare_running"]
+__all__ = ["Comparison", "compare_known", "compare_running"]
 
 _SHOWN_LINES = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
+class Comparison:
     """One thing compared with what was accepted.
 
     Attributes:
@@ -41,7 +41,7 @@ class Compared:
         return not self.sections
 
 
-def compare_running(wanted: Known, socket: str) -> Compared:
+def compare_running(wanted: Known, socket: str) -> Comparison:
     """Compare what a running core has loaded with what was accepted.
 
     A bus cycle that is not the one its plan states counts as another section.
@@ -63,11 +63,11 @@ def compare_running(wanted: Known, socket: str) -> Compared:
     return compare_known(wanted, Known(path=socket, fingerprint=fingerprint), note)
 
 
-def compare_known(wanted: Known, given: Known, note: str = "") -> Compared:
+def compare_known(wanted: Known, given: Known, note: str = "") -> Comparison:
     """Compare a network, plan, record or fingerprint with what was accepted."""
     sections = wanted.fingerprint.changed(given.fingerprint)
     lines = tuple(_difference(wanted, given, sections)) if sections else ()
-    return Compared(known=given, note=note, sections=sections, lines=lines)
+    return Comparison(known=given, note=note, sections=sections, lines=lines)
 
 
 def _difference(wanted: Known, given: Known, sections: tuple[str, ...]) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from fsoe_net.model.safety import Element, SafetyFunction
+from fsoe_net.model.safety import SafetyElement, SafetyFunction
 from fsoe_net.report.diff_types import Change, Fact
 
 __all__ = ["compare_functions"]
@@ -43,9 +43,9 @@ def _function(a: SafetyFunction, b: SafetyFunction) -> Iterator[Change]:
             yield from _element(a.name, name, one, new[name])
 
 
-def _elements(function: SafetyFunction) -> dict[str, Element]:
+def _elements(function: SafetyFunction) -> dict[str, SafetyElement]:
     """Return the elements by what they are called, the second of one name with its number."""
-    found: dict[str, Element] = {}
+    found: dict[str, SafetyElement] = {}
     for element in function.elements:
         name = key = f"{element.kind.value} {element.sub or element.name}"
         count = 1
@@ -56,7 +56,7 @@ def _elements(function: SafetyFunction) -> dict[str, Element]:
     return found
 
 
-def _element(function: str, name: str, a: Element, b: Element) -> Iterator[Change]:
+def _element(function: str, name: str, a: SafetyElement, b: SafetyElement) -> Iterator[Change]:
     for what, before, after in (
         ("name", a.name, b.name),
         ("time_ms", a.time_ms, b.time_ms),

@@ -20,7 +20,7 @@ from fsoe_net.document.model import (
     strong,
     words,
 )
-from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Seen
+from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepOutcome, StepResult
 from fsoe_net.plan.fingerprint import short_code
 
 __all__ = ["protocol_document"]
@@ -88,7 +88,7 @@ def _row(step: ProtocolStep) -> tuple[Cell, ...]:
     )
 
 
-def _seen(seen: Seen | None) -> Cell:
+def _seen(seen: StepResult | None) -> Cell:
     if seen is None:
         return ()
     remark = "; ".join(text for text in (seen.time_is, seen.remark) if text)
@@ -103,9 +103,9 @@ def _machine(step: ProtocolStep) -> Cell:
     return (*late, *_result(machine.outcome, machine.measured_ms, machine.remark)) or BLANK
 
 
-def _result(outcome: Outcome | None, measured_ms: float | None, remark: str) -> Cell:
+def _result(outcome: StepOutcome | None, measured_ms: float | None, remark: str) -> Cell:
     items: list[Item] = []
-    if outcome is Outcome.NOT_AS_EXPECTED:
+    if outcome is StepOutcome.NOT_AS_EXPECTED:
         items.append(Verdict(outcome.value, Level.ERROR))
     elif outcome is not None:
         items.append(Text(outcome.value))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, Seen
+from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, StepResult
 from fsoe_net.report.inputs import TestStep, Tried
 
 __all__ = ["tried_of"]
@@ -39,7 +39,7 @@ def _step(s: ProtocolStep) -> TestStep:
     )
 
 
-def _words(seen: Seen | AtMachine | None) -> str:
+def _words(seen: StepResult | AtMachine | None) -> str:
     if seen is None or seen.outcome is None:
         return ""
     said = [getattr(seen, "time_is", ""), seen.remark]

@@ -30,7 +30,7 @@ from fsoe_net.model.acceptance import (
     says_something,
 )
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import Outcome, Protocol, ProtocolStep, StepKind
+from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.model import Plan
@@ -392,7 +392,7 @@ def _is_meant(step: ProtocolStep, subject: str) -> bool:
 def _failures(step: ProtocolStep) -> Iterator[str]:
     """Yield what went wrong, on whatever bus: a fault that an emulation shows is one."""
     for where, seen in (("emulated", step.emulated), ("live", step.live)):
-        if seen is not None and seen.outcome is Outcome.NOT_AS_EXPECTED:
+        if seen is not None and seen.outcome is StepOutcome.NOT_AS_EXPECTED:
             yield f"{where}: not as expected"
     if step.is_late:
         yield f"{step.machine.measured_ms:g} ms at the machine, {step.limit_ms:g} ms allowed"

@@ -10,7 +10,7 @@ from pathlib import Path
 from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.fsoe.pdu import reset_code_text
-from fsoe_net.run.bus_events import ENDS, BusEvents, ConnectionFacts, connection_result
+from fsoe_net.run.bus_events import ENDS, BusEvents, PlannedConnection, connection_result
 from fsoe_net.run.client import Client
 from fsoe_net.run.control_values import BusState, Status
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
@@ -110,7 +110,7 @@ class Attachment:
     def __init__(self, path: str | Path) -> None:
         self._path = str(path)
         self._events = BusEvents(start_ns=time.monotonic_ns())
-        self._facts: tuple[ConnectionFacts, ...] = ()
+        self._facts: tuple[PlannedConnection, ...] = ()
         self._snapshot: LiveSnapshot | None = None
         self._status: Status | None = None
         self._away = ""
@@ -209,7 +209,7 @@ class Attachment:
 
     def _connection(
         self,
-        facts: ConnectionFacts,
+        facts: PlannedConnection,
         wire: ConnectionSnapshot,
         subdevices: dict[str, SubDeviceSnapshot],
         snapshot: LiveSnapshot,
@@ -234,7 +234,7 @@ class Attachment:
         )
 
 
-def _facts(client: Client) -> tuple[ConnectionFacts, ...]:
+def _facts(client: Client) -> tuple[PlannedConnection, ...]:
     """Return names of the connections, and what the plan states where this master tells it."""
     names = client.connections()
     try:
@@ -245,7 +245,7 @@ def _facts(client: Client) -> tuple[ConnectionFacts, ...]:
     for c in names:
         known = stated.get(c.name)
         rows.append(
-            ConnectionFacts(
+            PlannedConnection(
                 name=c.name,
                 net=c.net,
                 main=c.main,

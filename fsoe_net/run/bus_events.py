@@ -11,7 +11,7 @@ from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot
 from fsoe_net.fsoe.pdu import Command, reset_code_text
 from fsoe_net.run.result import ConnectionResult, RunEvent, state_text
 
-__all__ = ["ENDS", "BusEvents", "ConnectionFacts", "connection_result"]
+__all__ = ["ENDS", "BusEvents", "PlannedConnection", "connection_result"]
 
 ENDS = {"main": "MainInstance", "sub": "SubInstance"}
 _MAX_EVENTS = 20_000
@@ -19,7 +19,7 @@ _DATA = {"failsafe data": "data_failsafe", "process data": "data_process"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConnectionFacts:
+class PlannedConnection:
     """What files or a plan state about a connection; ``None``: nobody states it."""
 
     name: str
@@ -96,7 +96,7 @@ def _subdevice_text(event: Mapping[str, Any]) -> str:
 
 
 def connection_result(
-    facts: ConnectionFacts, wire: ConnectionSnapshot, events: BusEvents
+    facts: PlannedConnection, wire: ConnectionSnapshot, events: BusEvents
 ) -> ConnectionResult:
     """Return a connection as the wire shows it now."""
     name = facts.name

@@ -25,7 +25,7 @@ from fsoe_net.fsoe.campaign.trials import (
     run_trials,
     trial_count,
 )
-from fsoe_net.fsoe.campaign.walk import Link, MainFactory, SubFactory
+from fsoe_net.fsoe.campaign.walk import MainFactory, SubFactory, TrialConnection
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.resolve import Resolution
@@ -70,7 +70,7 @@ def campaign_links(
     connection: str | None = None,
     main_factory: MainFactory | None = None,
     sub_factory: SubFactory | None = None,
-) -> tuple[Link, ...]:
+) -> tuple[TrialConnection, ...]:
     """Return the connections of a network, ready for a campaign.
 
     Args:
@@ -91,7 +91,7 @@ def campaign_links(
     cycle_ns = resolution.network.cycle_ns or DEFAULT_CYCLE_NS
     mains = [_main(setup) for setup in setups]
     return tuple(
-        Link(
+        TrialConnection(
             name=name,
             main=main,
             sub=_sub(main),

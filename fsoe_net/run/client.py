@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.control_layout import Layout, read_layout
-from fsoe_net.run.control_link import PROTOCOL, Link
+from fsoe_net.run.control_link import PROTOCOL, ControlLink
 from fsoe_net.run.control_values import (
     BusState,
     HistoryMessage,
@@ -45,7 +45,7 @@ SCAN_S = 600.0
 _SILENT_S = 5.0
 
 
-class Client(Link):
+class Client(ControlLink):
     """A connection to one ``fsn-master``; a context manager. One thread at a time.
 
     Every method raises `ControlRefused` when the request is refused, with the reason and the next

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.model.scenario import Action, Step
+from fsoe_net.model.scenario import Action, ScenarioStep
 from fsoe_net.model.times import TIME_UNITS_NS, time_ns
 
-__all__ = ["Command", "CommandError", "parse_command"]
+__all__ = ["CommandError", "EmulationCommand", "parse_command"]
 
 _WORD = 0xFFFFFFFF
 _HOUR_NS = 3_600 * TIME_UNITS_NS["s"]
@@ -21,13 +21,13 @@ class CommandError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class EmulationCommand:
     """What a line asks for: a step, or with ``None`` what is seen now."""
 
-    step: Step | None
+    step: ScenarioStep | None
 
 
-def parse_command(line: str, number: int) -> Command | None:
+def parse_command(line: str, number: int) -> EmulationCommand | None:
     """Read one line; ``None`` for an empty one or a comment.
 
     Args:
@@ -41,7 +41,7 @@ def parse_command(line: str, number: int) -> Command | None:
     if not words:
         return None
     if words == ["status"]:
-        return Command(step=None)
+        return EmulationCommand(step=None)
     form = _FORMS.get(words[0])
     if form is None:
         near = difflib.get_close_matches(words[0], _KNOWN, n=1)
@@ -50,7 +50,7 @@ def parse_command(line: str, number: int) -> Command | None:
     low, high = form.count
     if not low <= len(words) - 1 <= high:
         raise CommandError(f"write: {words[0]} {form.usage}".rstrip())
-    return Command(step=form.make(words[1:], Span("command", number, 1)))
+    return EmulationCommand(step=form.make(words[1:], Span("command", number, 1)))
 
 
 def _number(text: str, high: int) -> int:
@@ -78,7 +78,7 @@ def _time(text: str, unit: str) -> int:
 @dataclass(frozen=True, slots=True)
 class _Form:
     usage: str
-    make: Callable[[Sequence[str], Span], Step]
+    make: Callable[[Sequence[str], Span], ScenarioStep]
 
     @property
     def count(self) -> tuple[int, int]:
@@ -86,61 +86,65 @@ class _Form:
         return sum(not w.startswith("[") for w in words), len(words)
 
 
-def _target(action: Action) -> Callable[[Sequence[str], Span], Step]:
-    return lambda words, span: Step(span=span, at_ns=0, action=action, target=words[0])
+def _target(action: Action) -> Callable[[Sequence[str], Span], ScenarioStep]:
+    return lambda words, span: ScenarioStep(span=span, at_ns=0, action=action, target=words[0])
 
 
-def _button(action: Action) -> Callable[[Sequence[str], Span], Step]:
-    return lambda _, span: Step(span=span, at_ns=0, action=action, target="reset")
+def _button(action: Action) -> Callable[[Sequence[str], Span], ScenarioStep]:
+    return lambda _, span: ScenarioStep(span=span, at_ns=0, action=action, target="reset")
 
 
-def _values(action: Action, high: int) -> Callable[[Sequence[str], Span], Step]:
-    def make(words: Sequence[str], span: Span) -> Step:
-        return Step(span=span, at_ns=0, action=action, values={words[0]: _number(words[1], high)})
-
-    return make
-
-
-def _times(action: Action) -> Callable[[Sequence[str], Span], Step]:
-    def make(words: Sequence[str], span: Span) -> Step:
-        return Step(span=span, at_ns=0, action=action, values={words[0]: _time(words[1], "ms")})
+def _values(action: Action, high: int) -> Callable[[Sequence[str], Span], ScenarioStep]:
+    def make(words: Sequence[str], span: Span) -> ScenarioStep:
+        return ScenarioStep(
+            span=span, at_ns=0, action=action, values={words[0]: _number(words[1], high)}
+        )
 
     return make
 
 
-def _count(action: Action) -> Callable[[Sequence[str], Span], Step]:
-    def make(words: Sequence[str], span: Span) -> Step:
-        return Step(span=span, at_ns=0, action=action, number=_number(words[0], 1_000_000))
+def _times(action: Action) -> Callable[[Sequence[str], Span], ScenarioStep]:
+    def make(words: Sequence[str], span: Span) -> ScenarioStep:
+        return ScenarioStep(
+            span=span, at_ns=0, action=action, values={words[0]: _time(words[1], "ms")}
+        )
 
     return make
 
 
-def _duration(action: Action, unit: str) -> Callable[[Sequence[str], Span], Step]:
-    def make(words: Sequence[str], span: Span) -> Step:
-        return Step(span=span, at_ns=0, action=action, number=_time(words[0], unit))
+def _count(action: Action) -> Callable[[Sequence[str], Span], ScenarioStep]:
+    def make(words: Sequence[str], span: Span) -> ScenarioStep:
+        return ScenarioStep(span=span, at_ns=0, action=action, number=_number(words[0], 1_000_000))
 
     return make
 
 
-def _swap(words: Sequence[str], span: Span) -> Step:
+def _duration(action: Action, unit: str) -> Callable[[Sequence[str], Span], ScenarioStep]:
+    def make(words: Sequence[str], span: Span) -> ScenarioStep:
+        return ScenarioStep(span=span, at_ns=0, action=action, number=_time(words[0], unit))
+
+    return make
+
+
+def _swap(words: Sequence[str], span: Span) -> ScenarioStep:
     if words[0] == words[1]:
         raise CommandError(f"{words[0]} is swapped with itself; name two")
-    return Step(span=span, at_ns=0, action=Action.SWAP, target=words[0], other=words[1])
+    return ScenarioStep(span=span, at_ns=0, action=Action.SWAP, target=words[0], other=words[1])
 
 
-def _wrong(words: Sequence[str], span: Span) -> Step:
+def _wrong(words: Sequence[str], span: Span) -> ScenarioStep:
     names = ("vendor", "product", "revision")
     values = {n: _number(w, _WORD) for n, w in zip(names, words[1:], strict=False)}
-    return Step(span=span, at_ns=0, action=Action.WRONG, target=words[0], values=values)
+    return ScenarioStep(span=span, at_ns=0, action=Action.WRONG, target=words[0], values=values)
 
 
-def _sdo_abort(words: Sequence[str], span: Span) -> Step:
+def _sdo_abort(words: Sequence[str], span: Span) -> ScenarioStep:
     index, colon, sub = words[1].partition(":")
     values = {"index": _number(index, 0xFFFF), "code": _number(words[2], _WORD)}
     if colon:
         # A subindex is written with two digits everywhere else, 0x1c12:01: no octal number.
         values["sub"] = _number(sub.lstrip("0") or "0" if sub.isdigit() else sub, 0xFF)
-    return Step(span=span, at_ns=0, action=Action.SDO_ABORT, target=words[0], values=values)
+    return ScenarioStep(span=span, at_ns=0, action=Action.SDO_ABORT, target=words[0], values=values)
 
 
 _FORMS = {

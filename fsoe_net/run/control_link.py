@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 
-__all__ = ["PROTOCOL", "Link", "quoted"]
+__all__ = ["PROTOCOL", "ControlLink", "quoted"]
 
 PROTOCOL = 1
 _MAX_LINE = 16 << 20
@@ -24,7 +24,7 @@ _CYCLE_EVENTS = ("values", "image")
 _T = TypeVar("_T")
 
 
-class Link:
+class ControlLink:
     """A connection to one ``fsn-master``; a context manager. One thread at a time.
 
     Args:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink
 from fsoe_net.diag.words import counted
-from fsoe_net.model.scenario import Step
+from fsoe_net.model.scenario import ScenarioStep
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.faults import apply_step
 from fsoe_net.run.live_objects import LiveObjects
-from fsoe_net.run.result import RunEvent, Verdict, is_data
+from fsoe_net.run.result import ExpectationResult, RunEvent, is_data
 from fsoe_net.run.scenario_run import DeviceSide, ScenarioRun
 
 __all__ = ["EmulateResult", "SegmentSession", "serve"]
@@ -32,7 +32,7 @@ class EmulateResult:
     connections: dict[str, str]
     counts: SegmentCounts
     events: tuple[RunEvent, ...]
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[ExpectationResult, ...]
     passed: bool
 
 
@@ -52,7 +52,7 @@ class SegmentSession(ScenarioRun):
         if present:  # what is plugged in starts as after power-on, its FSoE end as well
             self.network.devices[name].power_cycle()
 
-    def _on_bus(self, step: Step) -> None:
+    def _on_bus(self, step: ScenarioStep) -> None:
         apply_step(self.segment, step)
 
     def _set_output(self, name: str, _value: int) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fsoe_net.diag.words import counted
-from fsoe_net.emul.bus import EmulatedNetwork
+from fsoe_net.emul.bus import EmulatedDevices
 from fsoe_net.emul.device import Port
 from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.pdu import reset_code_text
-from fsoe_net.model.scenario import Action, Expectation, Scenario, Step
-from fsoe_net.run.result import RunEvent, Verdict, is_data
+from fsoe_net.model.scenario import Action, Expectation, Scenario, ScenarioStep
+from fsoe_net.run.result import ExpectationResult, RunEvent, is_data
 
 __all__ = ["Engine", "state_word"]
 
@@ -43,13 +43,13 @@ class Engine:
 
     def __init__(
         self,
-        network: EmulatedNetwork,
+        network: EmulatedDevices,
         scenario: Scenario | None,
         *,
         set_present: Callable[[str, bool], None],
         set_output: Callable[[str, int], None],
         set_input: Callable[[str, int], None],
-        on_bus: Callable[[Step], None],
+        on_bus: Callable[[ScenarioStep], None],
     ) -> None:
         self.network = network
         self.events: list[RunEvent] = []
@@ -90,7 +90,7 @@ class Engine:
         if self._scenario is None:
             self._press_once(now_ns)
 
-    def do(self, step: Step, now_ns: int, source: str = "scenario") -> None:
+    def do(self, step: ScenarioStep, now_ns: int, source: str = "scenario") -> None:
         """Do one step that fits the network."""
         self.log(now_ns, source, _step_text(step))
         if step.action is Action.SET:
@@ -211,7 +211,7 @@ class Engine:
                 now_ns, "run", f"the run ended before {left} of {counted(len(self._steps), 'step')}"
             )
 
-    def verdicts(self) -> tuple[Verdict, ...]:
+    def verdicts(self) -> tuple[ExpectationResult, ...]:
         """Return the verdict on every expectation; one that never came due has not held."""
         rows = []
         for number, expectation in enumerate(self._open):
@@ -219,7 +219,7 @@ class Engine:
             if not seen and number not in self._done:
                 seen = "the run ended before"
             rows.append(
-                Verdict(
+                ExpectationResult(
                     place=str(expectation.span),
                     text=_expectation_text(expectation),
                     held=not seen,
@@ -240,7 +240,7 @@ def _values_text(values: object) -> str:
     return ", ".join(f"{k} = {v}" for k, v in dict(values).items())  # type: ignore[call-overload]
 
 
-def _step_text(step: Step) -> str:
+def _step_text(step: ScenarioStep) -> str:
     word = step.action.value
     if step.other:
         return f"{word} {step.target} and {step.other}"

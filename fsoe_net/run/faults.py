@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fsoe_net.core.segment import Segment
-from fsoe_net.model.scenario import Action, Step
+from fsoe_net.model.scenario import Action, ScenarioStep
 
 __all__ = ["apply_step"]
 
 _MS = 1_000_000
 
 
-def apply_step(segment: Segment, step: Step) -> None:
+def apply_step(segment: Segment, step: ScenarioStep) -> None:
     """Do what a step means for the segment; steps that mean nothing to it do nothing.
 
     Raises:
@@ -27,22 +27,22 @@ def apply_step(segment: Segment, step: Step) -> None:
         _ONE[step.action](segment, step)
 
 
-def _swap(segment: Segment, step: Step) -> None:
+def _swap(segment: Segment, step: ScenarioStep) -> None:
     segment.swap(segment.position(step.target), segment.position(step.other))
 
 
-def _wrong(segment: Segment, step: Step) -> None:
+def _wrong(segment: Segment, step: ScenarioStep) -> None:
     v = step.values
     told = v.get("vendor", 0), v.get("product", 0), v.get("revision", 0)
     segment.set_identity(segment.position(step.target), told)
 
 
-def _sdo_abort(segment: Segment, step: Step) -> None:
+def _sdo_abort(segment: Segment, step: ScenarioStep) -> None:
     v, position = step.values, segment.position(step.target)
     segment.set_sdo_abort(position, v.get("index", 0), v.get("sub"), v.get("code", 0))
 
 
-def _cable(segment: Segment, step: Step) -> None:
+def _cable(segment: Segment, step: ScenarioStep) -> None:
     by_name = step.target in segment.names
     position = segment.position(step.target) if by_name else None  # "main"
     segment.set_link(position, step.action is Action.SPLICE)
@@ -60,7 +60,7 @@ _EACH: dict[Action, Callable[[Segment, int, int], None]] = {
     Action.AL_DELAY: lambda segment, at, ms: segment.set_al_delay(at, ms * _MS),
     Action.RX_ERRORS: lambda segment, at, errors: segment.rx_errors(at, 0, errors),
 }
-_ONE: dict[Action, Callable[[Segment, Step], None]] = {
+_ONE: dict[Action, Callable[[Segment, ScenarioStep], None]] = {
     Action.CUT: _cable,
     Action.SPLICE: _cable,
     Action.SWAP: _swap,

@@ -12,7 +12,7 @@ from typing import Any
 
 from fsoe_net.core.core import Core, CorePlan
 from fsoe_net.core.snapshot import DirectionSnapshot, Histogram, Snapshot
-from fsoe_net.emul.bus import EmulatedNetwork
+from fsoe_net.emul.bus import EmulatedDevices
 from fsoe_net.fsoe.pdu import command_text, reset_code_text
 from fsoe_net.fsoe.sub_instance import SubInstance
 from fsoe_net.plan.image import igh_image
@@ -167,7 +167,7 @@ def subdevices_json(
     return rows
 
 
-def fsoe_json(network: EmulatedNetwork) -> list[dict[str, Any]]:
+def fsoe_json(network: EmulatedDevices) -> list[dict[str, Any]]:
     """Return ``fsoe``: what the devices would tell of their FSoE ends over CoE."""
     rows = []
     for device in network.devices.values():

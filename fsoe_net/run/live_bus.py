@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
 from fsoe_net.model.resolve import Connection, Resolution
-from fsoe_net.run.bus_events import BusEvents, ConnectionFacts, connection_result
+from fsoe_net.run.bus_events import BusEvents, PlannedConnection, connection_result
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master
@@ -188,9 +188,9 @@ class _LiveRun:
         )
 
 
-def _facts(connection: Connection) -> ConnectionFacts:
+def _facts(connection: Connection) -> PlannedConnection:
     facts = connection.facts
-    return ConnectionFacts(
+    return PlannedConnection(
         name=connection.name,
         net=connection.net.name,
         main=connection.main.name,

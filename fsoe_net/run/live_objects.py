@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fsoe_net.core.segment import Segment
-from fsoe_net.emul.bus import EmulatedNetwork
+from fsoe_net.emul.bus import EmulatedDevices
 from fsoe_net.emul.device import EmulatedDevice, Port
 from fsoe_net.fsoe.event import State
 
@@ -50,7 +50,7 @@ class LiveObjects:
         network: The devices.
     """
 
-    def __init__(self, segment: Segment, network: EmulatedNetwork) -> None:
+    def __init__(self, segment: Segment, network: EmulatedDevices) -> None:
         self._segment = segment
         self._devices = [
             (segment.position(name), device)

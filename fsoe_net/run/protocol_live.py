@@ -14,7 +14,14 @@ from typing import Any
 from typing import Protocol as Interface
 
 from fsoe_net.diag.words import counted
-from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, Seen, StepKind
+from fsoe_net.model.protocol import (
+    EMULATED_NOTE,
+    Protocol,
+    ProtocolStep,
+    StepKind,
+    StepOutcome,
+    StepResult,
+)
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.run.control_values import NamedConnection, Status
@@ -112,9 +119,9 @@ def run_protocol_live(
     return protocol
 
 
-def _kept(before: Seen | None, now: Seen) -> Seen:
+def _kept(before: StepResult | None, now: StepResult) -> StepResult:
     """A step that is left out this time keeps what was seen when it was run."""
-    if before is not None and now.outcome is Outcome.NOT_RUN:
+    if before is not None and now.outcome is StepOutcome.NOT_RUN:
         return before
     return now
 
@@ -140,7 +147,7 @@ class _Watch:
         self._settle_s = settle_s
         self._clock = clock
 
-    def seen(self, step: ProtocolStep) -> Seen | None:
+    def seen(self, step: ProtocolStep) -> StepResult | None:
         """Return what this step shows; ``None`` when it cannot show anything."""
         if step.kind is StepKind.START_UP:
             return self._start_up(step.subject)
@@ -155,18 +162,18 @@ class _Watch:
     def _states(self) -> dict[str, str]:
         return {c.name: c.seen.state.word for c in self._observer.connections()}
 
-    def _start_up(self, name: str) -> Seen:
+    def _start_up(self, name: str) -> StepResult:
         if name not in self._states():
             return _not_run("fsn-master knows no connection of this name")
         reached = self._until(lambda: is_data(self._states()[name]), self._settle_s)
-        return Seen(
-            outcome=Outcome.AS_EXPECTED if reached else Outcome.NOT_AS_EXPECTED,
+        return StepResult(
+            outcome=StepOutcome.AS_EXPECTED if reached else StepOutcome.NOT_AS_EXPECTED,
             remark=f"now {_words(self._states()[name])}; outputs before a reset are not seen here",
         )
 
     # -- loss -------------------------------------------------------------------------------------
 
-    def _loss(self, step: ProtocolStep) -> Seen:
+    def _loss(self, step: ProtocolStep) -> StepResult:
         own = {c.name for c in connections_of(self._resolution, step.subject)}
         if why := self._unfit(step.subject, own):
             return _not_run(why)
@@ -200,7 +207,7 @@ class _Watch:
         left: bool,
         back: bool,
         stayed: int,
-    ) -> Seen:
+    ) -> StepResult:
         words = [f"{stayed} of {counted(len(before), 'connection')} in Data without it"]
         if idle := sorted(n for n in own if before[n] == "data_failsafe"):
             words.append(f"{', '.join(idle)} sent FailSafeData before, so outputs were off already")
@@ -224,8 +231,8 @@ class _Watch:
         if late:
             words.append(f"later than {step.limit_ms:g} ms")
         fine = left and back and not late
-        return Seen(
-            outcome=Outcome.AS_EXPECTED if fine else Outcome.NOT_AS_EXPECTED,
+        return StepResult(
+            outcome=StepOutcome.AS_EXPECTED if fine else StepOutcome.NOT_AS_EXPECTED,
             measured_ms=took,
             time_is=""
             if took is None
@@ -294,5 +301,5 @@ def _words(state: str) -> str:
     )
 
 
-def _not_run(why: str) -> Seen:
-    return Seen(outcome=Outcome.NOT_RUN, remark=why)
+def _not_run(why: str) -> StepResult:
+    return StepResult(outcome=StepOutcome.NOT_RUN, remark=why)

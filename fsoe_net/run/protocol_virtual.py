@@ -8,10 +8,10 @@ from dataclasses import replace
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult
-from fsoe_net.model.protocol import Outcome, Protocol, ProtocolStep, Seen, StepKind
+from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind, StepOutcome, StepResult
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import ElementKind, SafetyFunction
-from fsoe_net.model.scenario import Action, Scenario, Step
+from fsoe_net.model.scenario import Action, Scenario, ScenarioStep
 from fsoe_net.run.campaign import campaign_links, run_campaign
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.result import is_data
@@ -82,7 +82,7 @@ class _Emulation:
         )
         self._watchdog_ns = max(s.watchdog_ms for s in first.network.setups) * _MS
 
-    def seen(self, step: ProtocolStep) -> Seen:
+    def seen(self, step: ProtocolStep) -> StepResult:
         """Try one step."""
         if step.kind is StepKind.START_UP:
             return self._start_up(step)
@@ -95,7 +95,7 @@ class _Emulation:
         functions = {f.name: f for f in self._resolution.network.safety_functions}
         return self._trigger(step, functions[step.subject])
 
-    def _session(self, steps: Iterable[Step]) -> Session:
+    def _session(self, steps: Iterable[ScenarioStep]) -> Session:
         scenario = Scenario(
             span=Span("test protocol"), path="", duration_ns=None, steps=tuple(steps)
         )
@@ -103,14 +103,16 @@ class _Emulation:
             self._resolution, self._plan_bytes, scenario, session_ids=counted_session_ids()
         )
 
-    def _start_up(self, step: ProtocolStep) -> Seen:
+    def _start_up(self, step: ProtocolStep) -> StepResult:
         reached = self._to_data_ns.get(step.subject)
         if reached is None:
-            return Seen(outcome=Outcome.NOT_AS_EXPECTED, remark="never reached Data")
+            return StepResult(outcome=StepOutcome.NOT_AS_EXPECTED, remark="never reached Data")
         if self._early:
-            return Seen(outcome=Outcome.NOT_AS_EXPECTED, remark="an output was on before a reset")
-        return Seen(
-            outcome=Outcome.AS_EXPECTED,
+            return StepResult(
+                outcome=StepOutcome.NOT_AS_EXPECTED, remark="an output was on before a reset"
+            )
+        return StepResult(
+            outcome=StepOutcome.AS_EXPECTED,
             measured_ms=reached / _MS,
             time_is=self._time_is("from the first bus cycle until Data"),
         )
@@ -120,11 +122,11 @@ class _Emulation:
 
     # -- trigger ----------------------------------------------------------------------------------
 
-    def _trigger(self, step: ProtocolStep, function: SafetyFunction) -> Seen:
+    def _trigger(self, step: ProtocolStep, function: SafetyFunction) -> StepResult:
         slowest = 0
         for phase in range(_PHASES):
             found = self._triggered(function, self._act_ns + phase * self._cycle_ns)
-            if isinstance(found, Seen):
+            if isinstance(found, StepResult):
                 return found
             slowest = max(slowest, found)
         return _within(
@@ -137,7 +139,7 @@ class _Emulation:
             f"longest of {_PHASES} tries, each a bus cycle later",
         )
 
-    def _triggered(self, function: SafetyFunction, act_ns: int) -> Seen | int:
+    def _triggered(self, function: SafetyFunction, act_ns: int) -> StepResult | int:
         network = self._session(()).network
         inputs = _subs(function, ElementKind.INPUT)
         outputs = _subs(function, ElementKind.OUTPUT)
@@ -166,7 +168,7 @@ class _Emulation:
 
     def _reaction(
         self, session: Session, names: Iterable[str], act_ns: int, end_ns: int
-    ) -> Seen | int:
+    ) -> StepResult | int:
         """Return the time from an action until all outputs are off, ns; they must stay off."""
         watched: list[str] = []
         off_ns: int | None = None
@@ -178,20 +180,20 @@ class _Emulation:
             elif off_ns is None:
                 off_ns = now if not _on(session, watched) else None
             elif again := _on(session, watched):
-                return Seen(
-                    outcome=Outcome.NOT_AS_EXPECTED,
+                return StepResult(
+                    outcome=StepOutcome.NOT_AS_EXPECTED,
                     measured_ms=(off_ns - act_ns) / _MS,
                     time_is=self._time_is("until it went off"),
                     remark=f"{again[0]} came on again without a reset",
                 )
         if off_ns is None:
             left = ", ".join(_on(session, watched)[:3])
-            return Seen(outcome=Outcome.NOT_AS_EXPECTED, remark=f"still on: {left}")
+            return StepResult(outcome=StepOutcome.NOT_AS_EXPECTED, remark=f"still on: {left}")
         return off_ns - act_ns
 
     # -- loss -------------------------------------------------------------------------------------
 
-    def _loss(self, step: ProtocolStep) -> Seen:
+    def _loss(self, step: ProtocolStep) -> StepResult:
         name = step.subject
         act_ns = self._act_ns
         back_ns = act_ns + 2 * self._watchdog_ns + 2 * _SETTLE_NS
@@ -215,12 +217,12 @@ class _Emulation:
             if port.setup.connection.main.name in mains
         ]
         found = self._reaction(session, names, act_ns, end_ns)
-        if isinstance(found, Seen):
+        if isinstance(found, StepResult):
             return found
         words = "from the last bus cycle with it until all safe outputs of its logic are 0"
         return _within(step, found, self._time_is(words), "one try")
 
-    def _bystander(self, session: Session, end_ns: int) -> Seen:
+    def _bystander(self, session: Session, end_ns: int) -> StepResult:
         network, came_on, before = session.network, False, 0
         for now in _cycles(session, end_ns):
             count = len(_on(session, network.safe_outputs))
@@ -229,14 +231,14 @@ class _Emulation:
         stayed = sum(
             is_data(state_word(main, network.subs[name])) for name, main in network.mains.items()
         )
-        return Seen(
-            outcome=Outcome.NOT_AS_EXPECTED if came_on else Outcome.AS_EXPECTED,
+        return StepResult(
+            outcome=StepOutcome.NOT_AS_EXPECTED if came_on else StepOutcome.AS_EXPECTED,
             remark=f"{stayed} of {counted(len(network.mains), 'connection')} in Data without it",
         )
 
     # -- faults -----------------------------------------------------------------------------------
 
-    def _fault(self, step: ProtocolStep) -> Seen:
+    def _fault(self, step: ProtocolStep) -> StepResult:
         links = campaign_links(self._resolution)
         if step.subject == EXHAUSTIVE:  # every frame of a size: one connection of each will do
             sizes = {(c.main.safe_out_bytes, c.main.safe_in_bytes): c for c in reversed(links)}
@@ -246,8 +248,8 @@ class _Emulation:
         if result.interrupted:
             raise KeyboardInterrupt
         (row,) = result.classes
-        return Seen(
-            outcome=Outcome.AS_EXPECTED if row.passed else Outcome.NOT_AS_EXPECTED,
+        return StepResult(
+            outcome=StepOutcome.AS_EXPECTED if row.passed else StepOutcome.NOT_AS_EXPECTED,
             measured_ms=row.latency_max_ns / _MS if row.detected else None,
             time_is="the longest from a fault until it was detected" if row.detected else "",
             remark=_counts(row),
@@ -280,21 +282,21 @@ def _subs(function: SafetyFunction, kind: ElementKind) -> list[str]:
 
 def _step(
     at_ns: int, action: Action, target: str = "", values: dict[str, int] | None = None
-) -> Step:
-    return Step(
+) -> ScenarioStep:
+    return ScenarioStep(
         span=Span("test protocol"), at_ns=at_ns, action=action, target=target, values=values or {}
     )
 
 
-def _not_run(why: str) -> Seen:
-    return Seen(outcome=Outcome.NOT_RUN, remark=why)
+def _not_run(why: str) -> StepResult:
+    return StepResult(outcome=StepOutcome.NOT_RUN, remark=why)
 
 
-def _within(step: ProtocolStep, took_ns: int, time_is: str, remark: str) -> Seen:
+def _within(step: ProtocolStep, took_ns: int, time_is: str, remark: str) -> StepResult:
     took = took_ns / _MS
     late = step.limit_ms is not None and took > step.limit_ms
-    return Seen(
-        outcome=Outcome.NOT_AS_EXPECTED if late else Outcome.AS_EXPECTED,
+    return StepResult(
+        outcome=StepOutcome.NOT_AS_EXPECTED if late else StepOutcome.AS_EXPECTED,
         measured_ms=took,
         time_is=time_is,
         remark=f"later than {step.limit_ms:g} ms; {remark}" if late else remark,

@@ -11,10 +11,10 @@ from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 __all__ = [
     "BusResult",
     "ConnectionResult",
+    "ExpectationResult",
     "Run",
     "RunEvent",
     "RunUpdate",
-    "Verdict",
     "is_data",
     "state_text",
 ]
@@ -86,7 +86,7 @@ class ConnectionResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class ExpectationResult:
     """An expectation of the scenario and whether it held."""
 
     place: str
@@ -119,7 +119,7 @@ class Run:
     statistics: Statistics
     events: tuple[RunEvent, ...]
     events_lost: int
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[ExpectationResult, ...]
     passed: bool
     bus: BusResult = BusResult()
     subdevices: tuple[SubDeviceSnapshot, ...] = ()

@@ -7,12 +7,12 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span, sort_diagnostics
-from fsoe_net.emul.bus import EmulatedNetwork, normal_name
+from fsoe_net.emul.bus import EmulatedDevices, normal_name
 from fsoe_net.model.bus import Located
-from fsoe_net.model.scenario import Action, Scenario, Step
+from fsoe_net.model.scenario import Action, Scenario, ScenarioStep
 from fsoe_net.plan.model import Plan, PlanSymbol
 
-__all__ = ["Names", "check_scenario", "check_step"]
+__all__ = ["ScenarioNames", "check_scenario", "check_step"]
 
 _SIGNED = 2
 _HOUR_MS = 3_600_000
@@ -25,7 +25,7 @@ _Range = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Names:
+class ScenarioNames:
     """What a scenario may name in one network; values of signals with their range."""
 
     safe_inputs: Mapping[str, _Range]
@@ -40,7 +40,7 @@ class Names:
     """Whether the bus is an emulated segment, with cables and mailboxes."""
 
     @classmethod
-    def of(cls, network: EmulatedNetwork, plan: Plan, *, segment: bool = False) -> Names:
+    def of(cls, network: EmulatedDevices, plan: Plan, *, segment: bool = False) -> ScenarioNames:
         """Collect the names of a network and of the plan its core has loaded."""
         return cls(
             safe_inputs={n: _bits(p.sends[n].bits) for n, p in network.safe_inputs.items()},
@@ -75,7 +75,7 @@ def _owned(symbol: PlanSymbol, plan: Plan) -> bool:
     )
 
 
-def check_scenario(scenario: Scenario, names: Names) -> list[Diagnostic]:
+def check_scenario(scenario: Scenario, names: ScenarioNames) -> list[Diagnostic]:
     """Return what does not fit: unknown names (FSN116) and values that fit no bits (FSN113)."""
     check = _Check(names)
     check.values(scenario.initial, names.safe_inputs, "safe input", scenario)
@@ -93,7 +93,7 @@ def check_scenario(scenario: Scenario, names: Names) -> list[Diagnostic]:
     return sort_diagnostics(check.found)
 
 
-def check_step(step: Step, names: Names) -> list[Diagnostic]:
+def check_step(step: ScenarioStep, names: ScenarioNames) -> list[Diagnostic]:
     """Return what does not fit in one step."""
     check = _Check(names)
     check.step(step)
@@ -102,10 +102,10 @@ def check_step(step: Step, names: Names) -> list[Diagnostic]:
 
 @dataclass(slots=True)
 class _Check:
-    names: Names
+    names: ScenarioNames
     found: list[Diagnostic] = field(default_factory=list)
 
-    def step(self, step: Step) -> None:
+    def step(self, step: ScenarioStep) -> None:
         if step.action.needs_segment:
             self._segment_step(step)
             return
@@ -124,7 +124,7 @@ class _Check:
         elif step.action is Action.FSOE_ADDRESS:
             self.values(step.values, dict.fromkeys(names.subs, (1, 0xFFFF)), "SubInstance", step)
 
-    def _segment_step(self, step: Step) -> None:
+    def _segment_step(self, step: ScenarioStep) -> None:
         names, span = self.names, step.at(step.action.value)
         if not names.segment:
             message = f"{step.action.value} needs cables, mailboxes and frames; a run has none"

@@ -12,11 +12,11 @@ from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.emul.bus import build_network
 from fsoe_net.errors import CoreError
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.model.scenario import LogicChoice, Scenario, Step
+from fsoe_net.model.scenario import LogicChoice, Scenario, ScenarioStep
 from fsoe_net.plan.codec import decode_plan
-from fsoe_net.run.commands import Command, CommandError, parse_command
+from fsoe_net.run.commands import CommandError, EmulationCommand, parse_command
 from fsoe_net.run.engine import Engine
-from fsoe_net.run.scenario_check import Names, check_scenario, check_step
+from fsoe_net.run.scenario_check import ScenarioNames, check_scenario, check_step
 
 __all__ = ["DEFAULT_CYCLE_NS", "DeviceSide", "ScenarioRun"]
 
@@ -98,7 +98,7 @@ class ScenarioRun(abc.ABC):
             return []
         return check_scenario(self.scenario, self.names())
 
-    def do_command(self, line: str, number: int, now_ns: int) -> Command | None:
+    def do_command(self, line: str, number: int, now_ns: int) -> EmulationCommand | None:
         """Do what a line says, as a step of a scenario at this moment.
 
         Args:
@@ -123,9 +123,9 @@ class ScenarioRun(abc.ABC):
                 raise CommandError(str(fault)) from fault
         return command
 
-    def names(self) -> Names:
+    def names(self) -> ScenarioNames:
         """Return what a scenario may name here."""
-        return Names.of(self.network, self.records, segment=self.has_segment)
+        return ScenarioNames.of(self.network, self.records, segment=self.has_segment)
 
     @property
     def engine(self) -> Engine:
@@ -150,7 +150,7 @@ class ScenarioRun(abc.ABC):
         """Set a standard output."""
 
     @abc.abstractmethod
-    def _on_bus(self, step: Step) -> None:
+    def _on_bus(self, step: ScenarioStep) -> None:
         """Do what a step means for the bus itself."""
 
     def _set_input(self, name: str, value: int) -> None:

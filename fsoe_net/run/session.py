@@ -14,7 +14,7 @@ from fsoe_net.core.snapshot import ConnectionSnapshot, Snapshot
 from fsoe_net.emul.device import Port
 from fsoe_net.fsoe.event import State
 from fsoe_net.fsoe.pdu import reset_code_text
-from fsoe_net.model.scenario import Step
+from fsoe_net.model.scenario import ScenarioStep
 from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.run.capture import BusCapture
 from fsoe_net.run.engine import state_word
@@ -57,7 +57,7 @@ class Session(ScenarioRun):
     def _set_output(self, name: str, value: int) -> None:
         self.core.set_output(self.plan.symbols[name], value)
 
-    def _on_bus(self, _step: Step) -> None:
+    def _on_bus(self, _step: ScenarioStep) -> None:
         """The emulated bus carries process data only: nothing to do."""
 
     def connections(self, snapshot: Snapshot) -> tuple[ConnectionResult, ...]:

@@ -9,7 +9,7 @@ from fsoe_net.model.acceptance import says_something
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.model.resolve import Connection, Resolution
-from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 
 __all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
 
@@ -36,7 +36,7 @@ class Quantity:
 class ElementRow:
     """One element with what is known about it."""
 
-    element: Element
+    element: SafetyElement
     time: Quantity
     pfh: Quantity
 
@@ -177,7 +177,7 @@ def _between(
     return tuple(found), apart
 
 
-def _row(element: Element, subs: dict[str, SubDevice], library: Library) -> ElementRow:
+def _row(element: SafetyElement, subs: dict[str, SubDevice], library: Library) -> ElementRow:
     sub = subs.get(element.sub)
     device = None
     if sub is not None and sub.device is not None:
@@ -190,7 +190,7 @@ def _row(element: Element, subs: dict[str, SubDevice], library: Library) -> Elem
 
 
 def _quantity(
-    element: Element,
+    element: SafetyElement,
     stated: float | None,
     unit: str,
     device: LibraryDevice | None,

@@ -30,7 +30,7 @@ from fsoe_net.cli import (
 from fsoe_net.cli import live_bus as cli_live_bus
 from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.model.protocol import Outcome, Seen
+from fsoe_net.model.protocol import StepOutcome, StepResult
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.project import protocol
@@ -152,10 +152,10 @@ def test_an_interrupted_campaign(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 
 
 def test_steps_that_went_wrong_are_named_at_the_end(capsys: pytest.CaptureFixture[str]):
-    bad = Seen(outcome=Outcome.NOT_AS_EXPECTED)
+    bad = StepResult(outcome=StepOutcome.NOT_AS_EXPECTED)
     steps = (
         Facts(id="loss io", emulated=bad, live=bad),
-        Facts(id="loss io2", emulated=None, live=Seen(outcome=Outcome.AS_EXPECTED)),
+        Facts(id="loss io2", emulated=None, live=StepResult(outcome=StepOutcome.AS_EXPECTED)),
     )
     tried: Any = Facts(steps=steps, open_steps=(), machine_steps=steps)
     assert test_protocol_output.print_outcome(tried, "x.yaml") == 1

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from fsoe_net.cli import decode_output, explain, monitor_output, write
-from fsoe_net.core.scan import FoundConnection, Place, ScanCounts
+from fsoe_net.core.scan import FoundConnection, FoundPlace, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.diag.diagnostic import Diagnostic, Edit, Span
 from fsoe_net.document.write_terminal import document_text
@@ -59,8 +59,8 @@ def test_why_no_connection_was_found(counts: dict[str, int], text: str):
 
 def found(**changes: Any) -> FoundConnection:
     places = (
-        Place(command="FPWR", address=0x1100_03E9, direction=0, size_bytes=6),
-        Place(command="LRW", address=0x40, direction=1, size_bytes=7),
+        FoundPlace(command="FPWR", address=0x1100_03E9, direction=0, size_bytes=6),
+        FoundPlace(command="LRW", address=0x40, direction=1, size_bytes=7),
     )
     connection = FoundConnection(
         connection_id=5, places=places, roles_certain=False, state=OutsideState.DATA_PROCESS,

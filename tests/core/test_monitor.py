@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
 from fsoe_net.errors import PduSizeError
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
-from fsoe_net.fsoe.monitor import Monitor, OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
 from fsoe_net.fsoe.pdu import SAFE_SIZES, decode_pdu, frame_length
 
 sizes = st.sampled_from([1, 2, 4, 6, 14, 126])
@@ -85,7 +85,7 @@ def frames_of(out, inn, cycles, seed=0, **changes):
 def test_whole_life_is_right(out, inn, seed):
     both = Both(out, inn)
     for way, frame in frames_of(out, inn, 60, seed):
-        assert both.frame(way, frame) is Verdict.RIGHT
+        assert both.frame(way, frame) is CrcVerdict.RIGHT
     assert both.python.gaps == 0
 
 
@@ -96,8 +96,8 @@ def test_joins_at_any_time(out, inn, seed, skip):
     rows = frames_of(out, inn, 60, seed)[skip % 50 :]
     both = Both(out, inn)
     verdicts = [both.frame(way, frame) for way, frame in rows]
-    assert Verdict.WRONG not in verdicts
-    assert set(verdicts[5:]) == {Verdict.RIGHT}
+    assert CrcVerdict.WRONG not in verdicts
+    assert set(verdicts[5:]) == {CrcVerdict.RIGHT}
     assert both.python.gaps == 0
 
 
@@ -133,8 +133,8 @@ def test_finds_the_chain_again_after_a_gap(out, inn, lost):
     for way, frame in rows[:at]:
         both.frame(way, frame)
     rest = [both.frame(way, frame) for way, frame in rows[at + lost :]]
-    assert rest[0] is (Verdict.UNCHECKED if lost % 2 else Verdict.WRONG)
-    assert set(rest[5:]) == {Verdict.RIGHT}
+    assert rest[0] is (CrcVerdict.UNCHECKED if lost % 2 else CrcVerdict.WRONG)
+    assert set(rest[5:]) == {CrcVerdict.RIGHT}
     assert both.python.gaps == 1
 
 
@@ -144,9 +144,9 @@ def test_wrong_frame_then_reset_is_no_gap():
     for way, frame in rows[:20]:
         both.frame(way, frame)
     way, frame = rows[20]
-    assert both.frame(way, frame[:3] + bytes((frame[3] ^ 1,)) + frame[4:]) is Verdict.WRONG
+    assert both.frame(way, frame[:3] + bytes((frame[3] ^ 1,)) + frame[4:]) is CrcVerdict.WRONG
     again = [both.frame(way, frame) for way, frame in frames_of(2, 2, 20)]
-    assert set(again) == {Verdict.RIGHT}
+    assert set(again) == {CrcVerdict.RIGHT}
     assert both.python.gaps == 0
     assert both.python.counts(way).wrong == 1
 
@@ -156,9 +156,9 @@ def test_stale_session_reply_does_not_lose_the_chain():
     both = Both(2, 2)
     stale = bytes.fromhex("4e9999 f576 0000")
     for way, frame in frames_of(2, 2, 20)[:12]:
-        assert both.frame(way, frame) is Verdict.RIGHT
+        assert both.frame(way, frame) is CrcVerdict.RIGHT
         if frame[0] == 0x4E and way == TO_SUB:
-            assert both.frame(TO_MAIN, stale) is Verdict.WRONG
+            assert both.frame(TO_MAIN, stale) is CrcVerdict.WRONG
     assert both.python.counts(TO_MAIN).wrong == 1
 
 
@@ -171,7 +171,7 @@ def test_counts_resets_and_their_codes():
     counts = both.python.counts(TO_SUB)
     assert (counts.resets, counts.reset_code, counts.right) == (1, 4, 2)
     assert both.python.state is OutsideState.RESET
-    assert both.frame(TO_SUB, reset("2a0400 a635 0000")) is Verdict.WRONG
+    assert both.frame(TO_SUB, reset("2a0400 a635 0000")) is CrcVerdict.WRONG
 
 
 def test_length_of_the_other_direction_is_refused():
@@ -182,5 +182,5 @@ def test_length_of_the_other_direction_is_refused():
 
 def test_zeros_before_the_first_frame_are_no_frame():
     both = Both(1, 1)
-    assert both.frame(TO_SUB, bytes(6)) is Verdict.SAME
+    assert both.frame(TO_SUB, bytes(6)) is CrcVerdict.SAME
     assert both.python.counts(TO_SUB).frames == 0

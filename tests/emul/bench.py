@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fsoe_net.emul.bus import EmulatedNetwork, build_network
+from fsoe_net.emul.bus import EmulatedDevices, build_network
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.fsoe.event import Event, EventKind
 from fsoe_net.model.resolve import Resolution, resolve
@@ -50,7 +50,7 @@ class Bench:
     """
 
     resolution: Resolution
-    network: EmulatedNetwork
+    network: EmulatedDevices
     io: dict[str, Io]
     now_ns: int = 0
     tamper: dict[str, Tamper] = field(default_factory=dict)

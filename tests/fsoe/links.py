@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import CampaignConfig
-from fsoe_net.fsoe.campaign.walk import Link
+from fsoe_net.fsoe.campaign.walk import TrialConnection
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 
 DRAWN = [name for name in CATALOGUE if name != "bit_errors"]
@@ -13,7 +13,7 @@ SIZES = [(1, 1), (2, 2), (6, 4), (1, 14)]
 
 def make_link(
     out=2, inn=2, *, app=b"", watchdog_ms=20, cycle_ns=1_000_000, delay=(1, 1), **factories
-) -> Link:
+) -> TrialConnection:
     def main(connection_id, address):
         return MainConfig(
             connection_id=connection_id,
@@ -24,7 +24,7 @@ def make_link(
             app_parameters=app,
         )
 
-    return Link(
+    return TrialConnection(
         name=f"link {out}x{inn}",
         main=main(0xABCD, 0x1234),
         sub=SubConfig(

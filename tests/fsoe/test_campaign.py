@@ -16,7 +16,7 @@ from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.campaign import trials as campaign_module
 from fsoe_net.fsoe.campaign.shrink import shrink
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, merge, run_trials
-from fsoe_net.fsoe.campaign.walk import Link
+from fsoe_net.fsoe.campaign.walk import TrialConnection
 from fsoe_net.fsoe.pdu import Command, decode_pdu
 from fsoe_net.fsoe.recording.replay import replay
 
@@ -120,7 +120,7 @@ def test_no_suitable_point(monkeypatch):
 def test_sizes_of_a_link_must_agree():
     link = make_link(2, 2)
     with pytest.raises(ConfigError, match="differ"):
-        Link(name="x", main=link.main, sub=make_link(2, 4).sub, other=link.other)
+        TrialConnection(name="x", main=link.main, sub=make_link(2, 4).sub, other=link.other)
 
 
 # ------------------------------------------------------------------ ends with something forgotten

@@ -9,16 +9,16 @@ from fsoe.links import SIZES, make_config, make_link
 from fsoe_net.fsoe.campaign.channel import Way
 from fsoe_net.fsoe.campaign.faults import Swap
 from fsoe_net.fsoe.campaign.injection import Injection
-from fsoe_net.fsoe.campaign.judge import Outcome, judge
+from fsoe_net.fsoe.campaign.judge import TrialOutcome, judge
 from fsoe_net.fsoe.campaign.statistics import count_interval
 from fsoe_net.fsoe.campaign.trials import run_trials
-from fsoe_net.fsoe.campaign.walk import Link, Walker
+from fsoe_net.fsoe.campaign.walk import TrialConnection, Walker
 from fsoe_net.fsoe.campaign.witness import Witness, collision
 from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.pdu import Command, decode_pdu
 
 
-def _scene_in_data(link: Link, number: int = 0):
+def _scene_in_data(link: TrialConnection, number: int = 0):
     walker, rng = Walker(link, 1), random.Random(number)
     return walker.scene(number, rng, data_to=Way(number % 2))
 
@@ -40,9 +40,9 @@ def test_a_true_collision_is_shown_to_be_one(sizes):
         start = scene.channel.cycle
         swap = Swap(way=scene.way, start=start, until=start + 1, frame=frame)
         finding = judge(scene, Injection(faults=(swap,), chance=2**-16), link.watchdog_ns)
-        wanted = Outcome.TOLERATED if frame == scene.frame else Outcome.COLLISION
+        wanted = TrialOutcome.TOLERATED if frame == scene.frame else TrialOutcome.COLLISION
         assert finding.verdict is wanted, finding.reason
-        assert finding.exposed is (wanted is Outcome.COLLISION)
+        assert finding.exposed is (wanted is TrialOutcome.COLLISION)
 
 
 def test_a_collision_is_none_with_another_conn_id_or_command():

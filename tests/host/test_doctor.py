@@ -8,11 +8,11 @@ from cli.tool import fsn
 from host.made_up import CAPABILITIES, CLOCKS, CPUS, MASTER, good, status
 
 from fsoe_net.host.doctor import examine
-from fsoe_net.host.finding import Level
+from fsoe_net.host.finding import MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
 ROOT = Path(__file__).parents[2]
-EVERY_WARNING = (Level.WARNING, Level.BAD)
+EVERY_WARNING = (MachineLevel.WARNING, MachineLevel.BAD)
 
 
 def look(made, interface="eth1", program=MASTER):
@@ -26,7 +26,9 @@ def found(made, name, **more):
 
 def test_a_good_host_has_nothing_to_mend(tmp_path):
     seen = look(good(tmp_path))
-    assert [(f.name, f.level, f.text) for f in seen.findings if f.level is not Level.GOOD] == []
+    assert [
+        (f.name, f.level, f.text) for f in seen.findings if f.level is not MachineLevel.GOOD
+    ] == []
     assert seen.healthy
     assert (seen.release, seen.cpus) == ("6.12.1-rt1", 4)
     assert all(f.why and not f.now and not f.keep for f in seen.findings)
@@ -165,7 +167,7 @@ def test_one_thing_wrong_is_one_finding(files, expected, tmp_path):
     made = good(tmp_path)
     made.write(files)
     seen = look(made)
-    wrong = [f for f in seen.findings if f.level is not Level.GOOD]
+    wrong = [f for f in seen.findings if f.level is not MachineLevel.GOOD]
     assert [(f.name, f.level.value) for f in wrong] == [(name, level)]
     assert text in wrong[0].text
     assert mend in " ".join(wrong[0].now + wrong[0].keep)
@@ -198,7 +200,7 @@ def test_what_the_driver_says(code, words, expected, tmp_path):
 def test_a_driver_that_says_nothing_is_not_known(tmp_path):
     made = good(tmp_path)
     made.seam.driver = {}
-    unknown = {f.name for f in look(made).findings if f.level is Level.UNKNOWN}
+    unknown = {f.name for f in look(made).findings if f.level is MachineLevel.UNKNOWN}
     assert unknown == {"interface.coalescing", "interface.offloads", "interface.eee"}
     assert look(made).healthy
     assert "Operation not supported" in found(made, "interface.eee").text
@@ -227,17 +229,17 @@ def test_capabilities(granted, mine, level, text, tmp_path):
 
 def test_no_master_is_a_warning(tmp_path):
     seen = found(good(tmp_path), "master.capabilities", program=None)
-    assert (seen.level, seen.now) == (Level.WARNING, ("fsoe-net install-master",))
+    assert (seen.level, seen.now) == (MachineLevel.WARNING, ("fsoe-net install-master",))
 
 
 def test_limits_count_only_without_capabilities(tmp_path):
     made = good(tmp_path)
     low = "Max locked memory 8388608 8388608 bytes\nMax realtime priority 0 0"
     made.write({"proc/self/limits": low})
-    assert found(made, "master.limits").level is Level.GOOD
+    assert found(made, "master.limits").level is MachineLevel.GOOD
     made.seam.granted = None
     seen = found(made, "master.limits")
-    assert seen.level is Level.WARNING
+    assert seen.level is MachineLevel.WARNING
     assert "8192 KiB" in seen.text
     assert "priority up to 0" in seen.text
     assert "LimitRTPRIO=99" in " ".join(seen.keep)
@@ -290,11 +292,11 @@ def test_managers_and_addresses(tmp_path):
     made.process(20, "NetworkManager")
     made.seam.commands["nmcli"] = "eth1:connected\nlo:unmanaged\n"
     seen = found(made, "interface.manager")
-    assert (seen.level, seen.now) == (Level.WARNING, ("nmcli device set eth1 managed no",))
+    assert (seen.level, seen.now) == (MachineLevel.WARNING, ("nmcli device set eth1 managed no",))
     made.seam.commands["nmcli"] = "eth1:unmanaged\n"
-    assert found(made, "interface.manager").level is Level.GOOD
+    assert found(made, "interface.manager").level is MachineLevel.GOOD
     del made.seam.commands["nmcli"]
-    assert found(made, "interface.manager").level is Level.UNKNOWN
+    assert found(made, "interface.manager").level is MachineLevel.UNKNOWN
     address = {"local": "fe80::1", "prefixlen": 64, "scope": "link"}
     for rows, level in (
         ([address], "note"),
@@ -304,7 +306,7 @@ def test_managers_and_addresses(tmp_path):
         assert found(made, "interface.address").level.value == level
     for told in ("{}", "[1]", "nonsense", "[", '[{"addr_info":[{}]}]', None):
         made.seam.commands["ip"] = told
-        assert found(made, "interface.address").level in (Level.UNKNOWN, Level.GOOD)
+        assert found(made, "interface.address").level in (MachineLevel.UNKNOWN, MachineLevel.GOOD)
 
 
 def test_a_bond_and_a_slow_interrupt_thread(tmp_path):
@@ -312,7 +314,7 @@ def test_a_bond_and_a_slow_interrupt_thread(tmp_path):
     made.link("sys/class/net/eth1/master", "../br0")
     made.process(90, "irq/40-eth1", policy=1, priority=50)
     made.process(91, "irqbalance")
-    seen = {f.name: f for f in look(made).findings if f.level is not Level.GOOD}
+    seen = {f.name: f for f in look(made).findings if f.level is not MachineLevel.GOOD}
     assert set(seen) == {"interface.member", "interface.irq_thread", "machine.irqbalance"}
     assert "part of br0" in seen["interface.member"].text
     assert seen["interface.irq_thread"].now == ("chrt -f -p 85 90",)
@@ -321,14 +323,14 @@ def test_a_bond_and_a_slow_interrupt_thread(tmp_path):
 def test_an_interface_that_is_not_there_is_told_once(tmp_path):
     rows = [f for f in look(good(tmp_path), "eth7").findings if f.name.startswith("interface")]
     assert [(f.level, f.text) for f in rows] == [
-        (Level.BAD, "there is no interface eth7; there are: eth1")
+        (MachineLevel.BAD, "there is no interface eth7; there are: eth1")
     ]
 
 
 @pytest.mark.parametrize("name", ["", "..", "../../etc", "a b", "x" * 16, "eth1/statistics"])
 def test_strange_names(name, tmp_path):
     rows = [f for f in look(good(tmp_path), name).findings if f.name.startswith("interface")]
-    assert [f.level for f in rows] == [Level.BAD]
+    assert [f.level for f in rows] == [MachineLevel.BAD]
 
 
 def test_a_container_without_sys(tmp_path):
@@ -337,8 +339,8 @@ def test_a_container_without_sys(tmp_path):
     seen = look(made)
     assert seen.healthy
     rows = {f.name: f for f in seen.findings}
-    assert rows["cpu.idle"].level is Level.UNKNOWN
-    assert rows["interface.state"].level is Level.UNKNOWN
+    assert rows["cpu.idle"].level is MachineLevel.UNKNOWN
+    assert rows["interface.state"].level is MachineLevel.UNKNOWN
     assert "sysfs is missing" in rows["interface.state"].text
 
 
@@ -349,7 +351,7 @@ def test_unreadable_files_are_named_with_the_reason(tmp_path):
     (made.root / "proc/swaps").mkdir()
     assert found(made, "machine.swap").text == "/proc/swaps: Is a directory"
     seen = found(made, "kernel.rt_throttling")
-    assert (seen.level, "holds 'many', no number" in seen.text) == (Level.UNKNOWN, True)
+    assert (seen.level, "holds 'many', no number" in seen.text) == (MachineLevel.UNKNOWN, True)
 
 
 def test_nothing_there_at_all(tmp_path):

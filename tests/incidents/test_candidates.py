@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, ResetCode
 from fsoe_net.observe import causes_bus, causes_ends, causes_places
 from fsoe_net.observe.candidate import Candidate
@@ -73,7 +73,7 @@ def reset(**changes: Any) -> ResetSeen:
         state=OutsideState.DATA_PROCESS,
         silent_ns=(MS, MS),
         waiting_for="sub",
-        last_verdict=Verdict.WRONG,
+        last_verdict=CrcVerdict.WRONG,
         last_command=Command.PROCESS_DATA,
         last_right=False,
     )

@@ -14,7 +14,7 @@ from fsoe_net.formats.own.acceptance import is_acceptance, parse_acceptance
 from fsoe_net.formats.own.write_acceptance import write_acceptance
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.acceptance import Acceptance, JustifiedFinding
-from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 from fsoe_net.plan.accepted import accepted_plan
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.fingerprint import fingerprint_of, safety_text
@@ -78,7 +78,7 @@ def _functions(draw: st.DrawFn) -> SafetyFunction:
         pl=draw(st.sampled_from(("", "a", "e"))),
         sil=draw(st.none() | st.integers(1, 3)),
         elements=tuple(
-            Element(
+            SafetyElement(
                 kind=kind,
                 sub=draw(st.just("") | _WORDS),
                 name=draw(_WORDS),

@@ -16,7 +16,7 @@ from fsoe_net.formats.capture import read as capture
 from fsoe_net.formats.capture import ring as capture_ring
 from fsoe_net.formats.capture.datagrams import datagrams
 from fsoe_net.formats.capture.read import load_capture
-from fsoe_net.formats.capture.sdo import SdoAbort, SdoFollower, SdoValue
+from fsoe_net.formats.capture.sdo import CapturedSdo, SdoAbort, SdoFollower
 from fsoe_net.formats.capture.sii import SiiReads
 from fsoe_net.formats.shared.files import Collector
 
@@ -34,7 +34,7 @@ def sdo(command: int, index: int = 0x1C12, sub: int = 1, data: bytes = b"\0\0\0\
 ASK = mailbox(2, sdo(0x40))
 ASK_SEGMENT = mailbox(2, sdo(0x60))
 WRITE = mailbox(2, sdo(0x21, data=struct.pack("<I", 8)))
-TOLD = SdoValue(index=0x1C12, subindex=1, data=b"\1\0\0\0", written=False, complete=False)
+TOLD = CapturedSdo(index=0x1C12, subindex=1, data=b"\1\0\0\0", written=False, complete=False)
 ANSWER = mailbox(3, sdo(0x43, data=b"\1\0\0\0"))
 LONG = mailbox(3, sdo(0x41, data=struct.pack("<I", 8)))
 

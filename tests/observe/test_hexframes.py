@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.errors import InputError
-from fsoe_net.fsoe.monitor import Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict
 from fsoe_net.observe.hexframes import follow_frames, parse_frames
 
 RESET = "2a0000c42d0000"
@@ -58,26 +58,26 @@ def test_main_is_marked(mark):
 
 
 def test_a_whole_start_up_is_right():
-    assert verdicts(START_UP) == [Verdict.RIGHT] * 16
-    assert verdicts(START_UP.replace("M", "").replace("S", "")) == [Verdict.RIGHT] * 16
+    assert verdicts(START_UP) == [CrcVerdict.RIGHT] * 16
+    assert verdicts(START_UP.replace("M", "").replace("S", "")) == [CrcVerdict.RIGHT] * 16
     assert [s.sequence for s in follow_frames(frames(START_UP))][:6] == [0, 0, 1, 1, 2, 2]
 
 
 def test_one_changed_bit_is_wrong_there():
     text = START_UP.replace("643412dd7acdab", "643412dd7bcdab")
-    assert verdicts(text)[:8] == [Verdict.RIGHT] * 7 + [Verdict.WRONG]
+    assert verdicts(text)[:8] == [CrcVerdict.RIGHT] * 7 + [CrcVerdict.WRONG]
 
 
 def test_directions_of_different_lengths_need_no_mark():
     bench = Bench(2, 6).to_data()
     seen = list(follow_frames(frames("\n".join(frame.hex() for frame in bench.log))))
-    assert {s.verdict for s in seen} == {Verdict.RIGHT}
+    assert {s.verdict for s in seen} == {CrcVerdict.RIGHT}
     assert {(len(s.frame.data), s.direction) for s in seen} == {(7, 0), (15, 1)}
 
 
 def test_a_single_frame_says_what_it_can():
     (data,) = follow_frames(frames("3603001234 0100".replace(" ", "")))
-    assert data.verdict is Verdict.UNCHECKED
+    assert data.verdict is CrcVerdict.UNCHECKED
     assert data.note == "the CRC depends on the frame before, which is missing"
     long = Bench(6, 6).to_data().log[-1]
     (whole,) = follow_frames(frames(long.hex()))

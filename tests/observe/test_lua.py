@@ -13,7 +13,7 @@ from run.support import ESTOP, ROBOT, needs_core, resolution_of, session_of
 
 from fsoe_net.core.scan import Scanner
 from fsoe_net.formats.capture.packets import read_capture
-from fsoe_net.fsoe.monitor import Monitor, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, Monitor
 from fsoe_net.fsoe.pdu import Command, safe_data_of
 from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.observe.lua import _quoted, lua_dissector
@@ -152,9 +152,9 @@ def by_monitor(made: Made) -> list[tuple]:
             for direction in (1, 0) if restarts else (0, 1):
                 frame = shown[direction]
                 verdict = monitor.frame(direction, frame, 0)
-                if verdict is Verdict.SAME:
+                if verdict is CrcVerdict.SAME:
                     continue
-                numbered = verdict is Verdict.RIGHT and frame[0] != Command.RESET
+                numbered = verdict is CrcVerdict.RIGHT and frame[0] != Command.RESET
                 sequence = (monitor.sequence(direction) - 1 or 0xFFFF) if numbered else 0
                 state = monitor.state.word.replace("_", " ")
                 word = verdict.name.lower()

@@ -10,7 +10,7 @@ from observe.traffic import FPRD, LRD, LRW, LWR, MAC, Bus, datagram, packet
 
 from fsoe_net.core.scan import Scanner
 from fsoe_net.formats.capture.packets import read_capture
-from fsoe_net.fsoe.monitor import OutsideState, Verdict
+from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, frame_length
 
 SIZES = [(1, 1), (2, 2), (1, 6), (6, 1), (4, 14), (14, 14), (2, 1)]
@@ -36,7 +36,7 @@ def test_start_up_is_found_whole(out, inn, noise):
     assert found.roles_certain
     assert found.state is OutsideState.DATA_PROCESS
     assert found.gaps == 0
-    assert {s.verdict for s in seen} == {Verdict.RIGHT}
+    assert {s.verdict for s in seen} == {CrcVerdict.RIGHT}
     # The first packet only shows what was there before; from then on every frame is there once.
     assert [(s.direction, s.frame) for s in seen] == bus.sent[-len(seen) :]
     assert len(seen) >= len(bus.sent) - 2
@@ -57,8 +57,8 @@ def test_running_connection_is_found(out, inn, noise):
     assert not found.roles_certain
     ways = {(s.direction, s.frame) for s in seen}
     assert ways <= set(bus.sent[before - 2 :])
-    assert all(s.verdict is not Verdict.WRONG for s in seen)
-    assert all(s.verdict is Verdict.RIGHT for s in seen[8:])
+    assert all(s.verdict is not CrcVerdict.WRONG for s in seen)
+    assert all(s.verdict is CrcVerdict.RIGHT for s in seen[8:])
     assert all(s.sequence for s in seen[8:])
 
 
@@ -85,9 +85,9 @@ def test_a_connection_is_checked_whichever_end_answers_within_a_packet(out, inn,
         (found,) = scanner.connections()
         assert found.connection_id == 7
         verdicts = [s.verdict for s in sightings]
-        assert Verdict.WRONG not in verdicts
-        assert verdicts.count(Verdict.UNCHECKED) <= 8
-        assert verdicts.count(Verdict.RIGHT) > 40
+        assert CrcVerdict.WRONG not in verdicts
+        assert verdicts.count(CrcVerdict.UNCHECKED) <= 8
+        assert verdicts.count(CrcVerdict.RIGHT) > 40
 
 
 def test_places_and_copies_are_named():
@@ -115,7 +115,7 @@ def test_roles_are_corrected_by_a_start_up():
     (found,) = scanner.connections()
     assert found.roles_certain
     assert {p.address - 0x1000 for p in found.places if p.direction == 0} == {20, 100}
-    assert {s.verdict for s in seen} == {Verdict.RIGHT}
+    assert {s.verdict for s in seen} == {CrcVerdict.RIGHT}
     sessions = [s for s in seen if s.frame[0] == Command.SESSION]
     assert sessions[0].direction == 0
 
@@ -134,7 +134,7 @@ def test_roles_are_corrected_by_a_start_up():
 def test_every_way_of_carrying_process_data(wrap):
     scanner, seen = run(Bus(2, 4), 80, wrap=wrap)
     assert len(scanner.connections()) == 1
-    assert {s.verdict for s in seen} == {Verdict.RIGHT}
+    assert {s.verdict for s in seen} == {CrcVerdict.RIGHT}
 
 
 def test_frames_on_their_way_out_are_left_out():
@@ -145,7 +145,7 @@ def test_frames_on_their_way_out_are_left_out():
         stale = image[:60] + bytes(7) + image[67:]
         seen += scanner.packet(packet(datagram(LRW, 0, stale, 0)), 2 * cycle)
         seen += scanner.packet(packet(datagram(LRW, 0, image, 3)), 2 * cycle + 1)
-    assert {s.verdict for s in seen} == {Verdict.RIGHT}
+    assert {s.verdict for s in seen} == {CrcVerdict.RIGHT}
     assert scanner.counts().unanswered == 80
 
 
@@ -168,7 +168,7 @@ def test_a_damaged_frame_is_shown_where_it_is():
         if cycle == 71:
             image[60 + 3] ^= 0x10
         seen += scanner.packet(packet(datagram(LRW, 0, bytes(image), 3)), cycle * 1_000_000)
-    wrong = [s for s in seen if s.verdict is Verdict.WRONG]
+    wrong = [s for s in seen if s.verdict is CrcVerdict.WRONG]
     assert [(s.packet, s.direction) for s in wrong] == [(72, 1)]
 
 

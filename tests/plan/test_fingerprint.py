@@ -16,7 +16,7 @@ from networks import PLAIN, example, resolved
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 from fsoe_net.plan.codec import decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import (
@@ -304,8 +304,8 @@ def test_how_a_number_is_written_changes_nothing(folder: Path, old: str, new: st
 
 def test_order_of_functions_does_not_matter_that_of_elements_does() -> None:
     span = Span("x")
-    first = Element(span=span, kind=ElementKind.INPUT, name="a b%ü\n")
-    second = Element(span=span, kind=ElementKind.OUTPUT, name="c")
+    first = SafetyElement(span=span, kind=ElementKind.INPUT, name="a b%ü\n")
+    second = SafetyElement(span=span, kind=ElementKind.OUTPUT, name="c")
     f = SafetyFunction(span=span, name="f", elements=(first, second))
     g = SafetyFunction(span=span, name="g", elements=())
     assert safety_text((f, g)) == safety_text((g, f))

@@ -19,7 +19,7 @@ from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.resolve import resolve
-from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 from fsoe_net.plan.accepted import accepted_plan
 from fsoe_net.plan.codec import decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
@@ -344,7 +344,9 @@ def test_the_plan_in_a_record_is_worked_out_anew(said: Said) -> None:
     functions = (
         SafetyFunction(
             name="e-stop",
-            elements=(Element(kind=ElementKind.LOGIC, name="el1918", sub="el1918", time_ms=2.0),),
+            elements=(
+                SafetyElement(kind=ElementKind.LOGIC, name="el1918", sub="el1918", time_ms=2.0),
+            ),
         ),
     )
     plan = replace(compile_plan(example("estop")), safety_sha256=safety_sha256(functions))

@@ -11,7 +11,7 @@ from report.made import TIMED, inputs_of
 
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import AtMachine, Outcome, Protocol, ProtocolStep, StepKind
+from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.formats import render_report
 from fsoe_net.report.protocol_steps import tried_of
@@ -23,7 +23,7 @@ DAY = "2026-11-21"
 
 def done(step: ProtocolStep, **more: object) -> ProtocolStep:
     """Return the step as a person filled it in."""
-    values = {"outcome": Outcome.AS_EXPECTED, "measured_ms": 1.0, "by": "A. Meier", "date": DAY}
+    values = {"outcome": StepOutcome.AS_EXPECTED, "measured_ms": 1.0, "by": "A. Meier", "date": DAY}
     return replace(step, machine=AtMachine(**{**values, **more}))
 
 

@@ -27,7 +27,7 @@ from fsoe_net.document.write_markdown import _table
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE
-from fsoe_net.model.protocol import Outcome
+from fsoe_net.model.protocol import StepOutcome
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.observe.lua import lua_dissector
@@ -157,7 +157,7 @@ def test_a_table_without_rows_is_none():
 def test_a_protocol_with_failed_and_disputed_steps():
     protocol, _ = protocol_of(timed())
     first, second, *rest = protocol.steps
-    failed = replace(DONE, outcome=Outcome.NOT_AS_EXPECTED, remark="it <stayed> on")
+    failed = replace(DONE, outcome=StepOutcome.NOT_AS_EXPECTED, remark="it <stayed> on")
     steps = (replace(first, machine=failed), replace(second, machine=DONE), *rest)
     page = document_html(protocol_document(replace(protocol, steps=steps), version="0"))
     assert "<p><b>4 of 6 steps open at the machine, 1 not as expected.</b></p>" in page

@@ -12,7 +12,7 @@ from report.signed import done, grounds_of, record_of, report_with, signed_repor
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import InputError
 from fsoe_net.model.acceptance import Intervention, SignedBy, same_person
-from fsoe_net.model.protocol import AtMachine, Outcome, Seen, StepKind
+from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome, StepResult
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.sign_off import Grounds, Reason, read_signed_report, sign_off
 
@@ -239,7 +239,7 @@ def test_what_the_report_does_not_tell_is_told() -> None:
 @pytest.mark.parametrize("kind", [StepKind.START_UP, StepKind.TRIGGER, StepKind.LOSS])
 @pytest.mark.parametrize(
     "machine",
-    [{"outcome": None}, {"outcome": Outcome.NOT_RUN}, {"by": ""}, {"date": ""}],
+    [{"outcome": None}, {"outcome": StepOutcome.NOT_RUN}, {"by": ""}, {"date": ""}],
     ids=str,
 )
 def test_a_step_nobody_did_is_open(kind: StepKind, machine: dict[str, object]) -> None:
@@ -266,13 +266,15 @@ def test_what_failed_is_never_let_pass() -> None:
     for kind in (StepKind.TRIGGER, StepKind.LOSS):
         name = "loss *" if kind is StepKind.LOSS else "trigger estop"
         reasons = [Reason(subject=name, reason="never mind", by="B. Kaya")]
-        grounds = with_step(grounds_of(reasons=reasons), kind, outcome=Outcome.NOT_AS_EXPECTED)
+        grounds = with_step(grounds_of(reasons=reasons), kind, outcome=StepOutcome.NOT_AS_EXPECTED)
         assert "not as expected at the machine" in refused(grounds)[0]
 
 
 def test_what_an_emulation_shows_to_fail_stands_against_it_but_never_for_it() -> None:
     grounds = grounds_of()
-    bad, good = (Seen(outcome=o) for o in (Outcome.NOT_AS_EXPECTED, Outcome.AS_EXPECTED))
+    bad, good = (
+        StepResult(outcome=o) for o in (StepOutcome.NOT_AS_EXPECTED, StepOutcome.AS_EXPECTED)
+    )
     for column in ("emulated", "live"):
         steps = tuple(replace(s, **{column: bad}) for s in grounds.protocol.steps)
         failing = replace(grounds, protocol=replace(grounds.protocol, steps=steps))

@@ -6,13 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from fsoe_net.formats.own.network import load_network
-from fsoe_net.model.protocol import AtMachine, Outcome, Protocol, ProtocolStep, StepKind
+from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run.protocol import make_protocol
 
 TIMED = Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml"
-DONE = AtMachine(outcome=Outcome.AS_EXPECTED, measured_ms=61.5, by="A. Person", date="2026-11-21")
+DONE = AtMachine(
+    outcome=StepOutcome.AS_EXPECTED, measured_ms=61.5, by="A. Person", date="2026-11-21"
+)
 
 
 def timed() -> Resolution:

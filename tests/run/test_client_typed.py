@@ -12,7 +12,7 @@ from wires import missing, run_inside
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.run.client import Client
-from fsoe_net.run.console.names import Names
+from fsoe_net.run.console.names import SymbolNames
 from fsoe_net.run.control_values import BusState
 from fsoe_net.run.sockets import control_socket, find_socket
 from fsoe_net.testing.fake_master import FakeMaster
@@ -57,7 +57,7 @@ def test_state_and_values(master, client):
 def test_a_subdevice_may_have_points_in_its_name(client, name, interface, entry):
     symbol = replace(client.symbols()[0], name=name, interface=interface)
     assert (symbol.subdevice, symbol.entry) == ("cell.drive", entry)
-    assert Names([symbol]).some("cell.drive") == [name]
+    assert SymbolNames([symbol]).some("cell.drive") == [name]
 
 
 def test_values_are_written_as_the_protocol_has_them(master, client):

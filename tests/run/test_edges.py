@@ -21,7 +21,7 @@ from fsoe_net.emul.bus import build_network
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import Resolution, resolve
-from fsoe_net.model.scenario import Action, Step
+from fsoe_net.model.scenario import Action, ScenarioStep
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run import build_master, sockets
 from fsoe_net.run.bus_events import BusEvents
@@ -34,7 +34,7 @@ from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_objects import _parameters_at
 from fsoe_net.run.packet_socket import _SO_TIMESTAMPNS, _TIME, PacketSocket, _time_ns
 from fsoe_net.run.protocol import _merged
-from fsoe_net.run.scenario_check import Names, check_step
+from fsoe_net.run.scenario_check import ScenarioNames, check_step
 from fsoe_net.run.session import Session, counted_session_ids
 
 HERE = Span("x", 1, 1)
@@ -199,7 +199,7 @@ def test_what_a_step_does_to_a_segment(
     action: Action, more: dict[str, Any], told: tuple[Any, ...] | None
 ):
     segment: Any = Recorder()
-    apply_step(segment, Step(span=HERE, at_ns=0, action=action, **more))
+    apply_step(segment, ScenarioStep(span=HERE, at_ns=0, action=action, **more))
     assert segment.told == ([] if told is None else [told])
 
 
@@ -212,11 +212,11 @@ def test_what_a_step_does_to_a_segment(
     ],
 )
 def test_what_a_step_may_name_on_a_segment(action: Action, more: dict[str, Any], text: str):
-    names = Names(
+    names = ScenarioNames(
         safe_inputs={}, safe_outputs={}, inputs={}, outputs={}, subdevices=frozenset("a"),
         devices=frozenset(), connections=frozenset(), subs=frozenset(), segment=True,
     )  # fmt: skip
-    found = check_step(Step(span=HERE, at_ns=0, action=action, **more), names)
+    found = check_step(ScenarioStep(span=HERE, at_ns=0, action=action, **more), names)
     assert "".join(d.message for d in found) == text
 
 

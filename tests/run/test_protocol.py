@@ -13,7 +13,7 @@ from run.support import ESTOP, needs_core, resolution_of
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig
-from fsoe_net.model.protocol import Outcome, Seen, StepKind
+from fsoe_net.model.protocol import StepKind, StepOutcome, StepResult
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.run import protocol_virtual
 from fsoe_net.run.protocol_virtual import run_protocol_virtual
@@ -45,7 +45,7 @@ def test_the_emulated_bus_measures_and_closes_no_step() -> None:
     empty, plan = protocol_of(resolution)
     wanted = only(empty, StepKind.START_UP, StepKind.TRIGGER, StepKind.LOSS)
     done = run_protocol_virtual(wanted, resolution, plan)
-    assert [s.emulated.outcome for s in done.steps if s.emulated] == [Outcome.AS_EXPECTED] * 6
+    assert [s.emulated.outcome for s in done.steps if s.emulated] == [StepOutcome.AS_EXPECTED] * 6
     steps = by_id(done)
     times = {name: s.emulated.measured_ms for name, s in steps.items() if s.emulated}
     said = {name: s.emulated.time_is for name, s in steps.items() if s.emulated}
@@ -67,7 +67,7 @@ def test_a_reaction_that_comes_too_late_is_said() -> None:
     trigger = replace(by_id(empty)["trigger estop"], limit_ms=1.0)
     (step,) = run_protocol_virtual(replace(empty, steps=(trigger,)), resolution, plan).steps
     assert step.emulated is not None
-    assert step.emulated.outcome is Outcome.NOT_AS_EXPECTED
+    assert step.emulated.outcome is StepOutcome.NOT_AS_EXPECTED
     assert step.emulated.remark.startswith("later than 1 ms")
 
 
@@ -79,7 +79,7 @@ def test_faults_are_counted_per_class() -> None:
     done = run_protocol_virtual(replace(empty, steps=tuple(wanted)), resolution, plan, faults=20)
     for step in done.steps:
         assert step.emulated is not None
-        assert step.emulated.outcome is Outcome.AS_EXPECTED
+        assert step.emulated.outcome is StepOutcome.AS_EXPECTED
         assert step.emulated.remark.startswith("20 faults: ")
         assert "0 wrongly accepted" in step.emulated.remark
 
@@ -112,7 +112,7 @@ def test_a_function_without_emulated_inputs_stays_open_with_the_reason() -> None
     empty, plan = protocol_of(resolution)
     (step,) = run_protocol_virtual(only(empty, StepKind.TRIGGER), resolution, plan).steps
     assert step.emulated is not None
-    assert step.emulated.outcome is Outcome.NOT_RUN
+    assert step.emulated.outcome is StepOutcome.NOT_RUN
     assert "no emulated safe input bits" in step.emulated.remark
 
 
@@ -180,8 +180,8 @@ def test_an_output_that_comes_on_again(monkeypatch: pytest.MonkeyPatch) -> None:
         act_ns=10_000_000,
         end_ns=20_000_000,
     )
-    assert found == Seen(
-        outcome=Outcome.NOT_AS_EXPECTED,
+    assert found == StepResult(
+        outcome=StepOutcome.NOT_AS_EXPECTED,
         measured_ms=0.0,
         time_is="until it went off",
         remark="a came on again without a reset",

@@ -18,7 +18,7 @@ from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.formats.own.protocol import load_protocol
 from fsoe_net.formats.own.write_protocol import write_protocol
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, Seen
+from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, StepOutcome, StepResult
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.protocol_document import protocol_document
@@ -177,12 +177,12 @@ def test_a_step_stays_open_without_name_and_date() -> None:
     assert not replace(step, machine=DONE).is_open
     assert replace(step, machine=replace(DONE, by="")).is_open
     assert replace(step, machine=replace(DONE, date="")).is_open
-    assert replace(step, machine=replace(DONE, outcome=Outcome.NOT_RUN)).is_open
+    assert replace(step, machine=replace(DONE, outcome=StepOutcome.NOT_RUN)).is_open
     assert replace(step, machine=replace(DONE, outcome=None)).is_open
 
 
-FINE = Seen(outcome=Outcome.AS_EXPECTED, measured_ms=5.0)
-WRONG = replace(FINE, outcome=Outcome.NOT_AS_EXPECTED)
+FINE = StepResult(outcome=StepOutcome.AS_EXPECTED, measured_ms=5.0)
+WRONG = replace(FINE, outcome=StepOutcome.NOT_AS_EXPECTED)
 
 
 def test_what_programs_saw_closes_no_step() -> None:
@@ -199,7 +199,7 @@ def test_a_step_that_failed_is_never_done() -> None:
     trigger = by_id(protocol)["trigger estop"]
     fine = replace(trigger, machine=DONE)
     assert fine.is_done
-    failed = replace(trigger, machine=replace(DONE, outcome=Outcome.NOT_AS_EXPECTED))
+    failed = replace(trigger, machine=replace(DONE, outcome=StepOutcome.NOT_AS_EXPECTED))
     assert (failed.is_open, failed.is_failed, failed.is_done) == (False, True, False)
     unsigned = replace(failed, machine=replace(failed.machine, by=""))
     assert (unsigned.is_open, unsigned.is_failed) == (True, True)

@@ -11,7 +11,7 @@ import pytest
 from run.protocols import by_id, protocol_of, timed
 
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.model.protocol import EMULATED_NOTE, Outcome, Protocol, ProtocolStep, StepKind
+from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of, fingerprint_of_sections
 from fsoe_net.run.protocol_live import run_protocol_live
@@ -154,7 +154,7 @@ def test_each_loss_is_confirmed_watched_and_measured() -> None:
     for name in ("start-up logic-io", "loss io", "loss logic"):
         seen = steps[name].live
         assert seen is not None
-        assert seen.outcome is Outcome.AS_EXPECTED
+        assert seen.outcome is StepOutcome.AS_EXPECTED
         assert seen.remark.startswith("soem on eth1; ")
         assert "outputs" in seen.remark  # what it did not see
     loss = steps["loss io"].live
@@ -174,7 +174,7 @@ def test_a_live_reaction_that_comes_too_late_is_said() -> None:
     steps = live(Person(Bus(protocol.plan_sha256, react_ns=200 * CYCLE_NS)), protocol)
     seen = steps["loss io"].live
     assert seen is not None
-    assert (seen.outcome, seen.measured_ms) == (Outcome.NOT_AS_EXPECTED, 201)
+    assert (seen.outcome, seen.measured_ms) == (StepOutcome.NOT_AS_EXPECTED, 201)
     assert "later than 200 ms" in seen.remark
 
 
@@ -191,7 +191,7 @@ def test_without_confirmation_or_deed_a_loss_is_not_run(more: dict[str, Any], re
     person = Person(Bus(protocol.plan_sha256), **more)
     seen = live(person, protocol)["loss io"].live
     assert seen is not None
-    assert seen.outcome is Outcome.NOT_RUN
+    assert seen.outcome is StepOutcome.NOT_RUN
     assert seen.remark.endswith(remark)
     assert bool(person.told) is person.confirms
 
@@ -210,7 +210,7 @@ def test_a_connection_that_is_not_in_data_is_said() -> None:
     steps = live(person, protocol)
     seen = steps["start-up logic-io2"].live
     assert seen is not None
-    assert seen.outcome is Outcome.NOT_AS_EXPECTED
+    assert seen.outcome is StepOutcome.NOT_AS_EXPECTED
     assert "loss io2" not in person.asked
     loss = steps["loss io2"].live
     assert loss is not None
@@ -334,7 +334,7 @@ def test_a_connection_that_fsn_master_does_not_know(monkeypatch: pytest.MonkeyPa
     ):
         seen = steps[name].live
         assert seen is not None
-        assert (seen.outcome, seen.remark) == (Outcome.NOT_RUN, remark)
+        assert (seen.outcome, seen.remark) == (StepOutcome.NOT_RUN, remark)
 
 
 def test_a_bus_that_changes_while_a_person_walks() -> None:

@@ -12,7 +12,7 @@ from wires import command_inside, missing
 
 from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.fsoe.event import State
-from fsoe_net.model.scenario import Action, Step
+from fsoe_net.model.scenario import Action, ScenarioStep
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run.commands import CommandError, parse_command
 from fsoe_net.run.emulate import SegmentSession
@@ -202,7 +202,7 @@ def test_another_address_is_told():
 def test_another_address_ends_with_code_6():
     """In a run as well: the SubInstance refuses the address it was not given."""
     session = estop(Session)
-    session.engine.do(Step(at_ns=0, action=Action.FSOE_ADDRESS, values={"ek1914": 77}), 0)
+    session.engine.do(ScenarioStep(at_ns=0, action=Action.FSOE_ADDRESS, values={"ek1914": 77}), 0)
     result = run_virtual(session, 100_000_000)
     assert result.connections[0].last_reset_code == 6
     assert result.connections[0].state != "data_process"

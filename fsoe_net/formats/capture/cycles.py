@@ -12,10 +12,9 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from fsoe_net.formats.capture.datagrams import Command, Datagram
+from fsoe_net.formats.capture.datagrams import Datagram, DatagramCommand
 from fsoe_net.fsoe.monitor import Monitor
-from fsoe_net.fsoe.pdu import Command as FsoeCommand
-from fsoe_net.fsoe.pdu import safe_data_length
+from fsoe_net.fsoe.pdu import Command, safe_data_length
 
 __all__ = ["ENOUGH_FRAMES", "Cycles", "CyclicWindow", "FramePlace"]
 
@@ -25,8 +24,11 @@ _REMEMBERED = 6  # frames a copy may lie behind its source, and a lost packet be
 _MOST_WINDOWS = 4096
 _MOST_MONITORS = 256
 _SHARE = 0.9  # of new frames at the destination that have to come from the source
-_INPUTS, _OUTPUTS = (Command.LRD, Command.LRW), (Command.LWR, Command.LRW)
-_COMMANDS = frozenset(int(c) for c in FsoeCommand)
+_INPUTS, _OUTPUTS = (
+    (DatagramCommand.LRD, DatagramCommand.LRW),
+    (DatagramCommand.LWR, DatagramCommand.LRW),
+)
+_COMMANDS = frozenset(int(c) for c in Command)
 
 
 class FramePlace(NamedTuple):
@@ -151,7 +153,7 @@ class Cycles:
         if frame == row.last:
             return
         row.last = frame
-        if frame[0] not in _COMMANDS or frame[0] == FsoeCommand.RESET:
+        if frame[0] not in _COMMANDS or frame[0] == Command.RESET:
             return  # Resets of all connections look alike
         row.changes += 1
         for source, seen in self._sources.items():

@@ -12,7 +12,7 @@ import enum
 import struct
 from typing import NamedTuple
 
-__all__ = ["Command", "Datagram", "datagrams"]
+__all__ = ["Datagram", "DatagramCommand", "datagrams"]
 
 _ETHERCAT, _IPV4, _VLANS, _UDP_PORT = 0x88A4, 0x0800, (0x8100, 0x88A8, 0x9100), 0x88A4
 _MOST_TAGS = 4
@@ -21,7 +21,7 @@ _COMMANDS_TYPE = 1
 _LENGTH, _MORE = 0x07FF, 0x8000
 
 
-class Command(enum.IntEnum):
+class DatagramCommand(enum.IntEnum):
     """What a datagram asks for: a SubDevice by ring position, by station address, all, logical."""
 
     APRD, APWR, APRW = 1, 2, 3

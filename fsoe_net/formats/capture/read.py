@@ -18,7 +18,7 @@ from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
 from fsoe_net.formats.capture.cycles import Cycles, FramePlace
-from fsoe_net.formats.capture.datagrams import Command, datagrams
+from fsoe_net.formats.capture.datagrams import DatagramCommand, datagrams
 from fsoe_net.formats.capture.device import describe_station
 from fsoe_net.formats.capture.packets import CaptureReader
 from fsoe_net.formats.capture.ring import Ring
@@ -39,7 +39,7 @@ __all__ = [
     "read_stream",
 ]
 
-_LOGICAL = (Command.LRD, Command.LWR, Command.LRW)
+_LOGICAL = (DatagramCommand.LRD, DatagramCommand.LWR, DatagramCommand.LRW)
 _AGAIN = "capture from before the MainDevice starts until some seconds of OP have passed"
 
 
@@ -222,7 +222,8 @@ class _Capture:
         rows = [w for w in self._cycles.windows.values() if w.returned]
         rows.sort(key=lambda w: -w.seen)
         shown = ", ".join(
-            f"{Command(w.command).name} 0x{w.logical:08x} with {w.length} bytes" for w in rows[:4]
+            f"{DatagramCommand(w.command).name} 0x{w.logical:08x} with {w.length} bytes"
+            for w in rows[:4]
         )
         message = "no SubDevice is shown"
         if shown:

@@ -7,7 +7,7 @@ their number less the position; a broadcast, sent with 0, comes back with their 
 
 from __future__ import annotations
 
-from fsoe_net.formats.capture.datagrams import Command, Datagram
+from fsoe_net.formats.capture.datagrams import Datagram, DatagramCommand
 from fsoe_net.formats.capture.sii import SII_REGISTERS
 from fsoe_net.formats.capture.station import FMMUS, MANAGERS, Station
 
@@ -16,10 +16,15 @@ __all__ = ["Ring"]
 _STATION_ADDRESS, _AL_CONTROL = 0x0010, 0x0120
 _SII_CONTROL = 0x0502
 _MOST_STATIONS = 8192
-_POSITIONAL = (Command.APRD, Command.APWR, Command.APRW, Command.ARMW)
-_BROADCAST = (Command.BRD, Command.BWR, Command.BRW)
-_READS = (Command.APRD, Command.FPRD)
-_WRITES = (Command.APWR, Command.FPWR)
+_POSITIONAL = (
+    DatagramCommand.APRD,
+    DatagramCommand.APWR,
+    DatagramCommand.APRW,
+    DatagramCommand.ARMW,
+)
+_BROADCAST = (DatagramCommand.BRD, DatagramCommand.BWR, DatagramCommand.BRW)
+_READS = (DatagramCommand.APRD, DatagramCommand.FPRD)
+_WRITES = (DatagramCommand.APWR, DatagramCommand.FPWR)
 _KNOWN = frozenset({*_POSITIONAL, *_BROADCAST, *_READS, *_WRITES})
 
 
@@ -70,11 +75,11 @@ class Ring:
             return
         if command in _WRITES:
             station.wrote(datagram.register, datagram.data, packet)
-            if command == Command.APWR and datagram.register == _STATION_ADDRESS:
+            if command == DatagramCommand.APWR and datagram.register == _STATION_ADDRESS:
                 self._assign(station, datagram.data, packet)
         elif command in _READS:
             station.read(datagram.register, datagram.data, packet)
-            if command == Command.APRD and datagram.register == _STATION_ADDRESS:
+            if command == DatagramCommand.APRD and datagram.register == _STATION_ADDRESS:
                 self._assign(station, datagram.data, packet)
         self.changed |= station.changed
 
@@ -86,23 +91,25 @@ class Ring:
         end = datagram.register + len(datagram.data)
         if datagram.register >= SII_REGISTERS.stop or end <= SII_REGISTERS.start:
             return
-        if datagram.command == Command.FPWR and datagram.address in self._by_address:
+        if datagram.command == DatagramCommand.FPWR and datagram.address in self._by_address:
             self._by_address[datagram.address].sii.lost()
-        elif datagram.command in (Command.APWR, Command.BWR):
+        elif datagram.command in (DatagramCommand.APWR, DatagramCommand.BWR):
             for station in self.stations:
                 station.sii.lost()
 
     def _broadcast(self, datagram: Datagram, packet: int) -> None:
         self.count = datagram.address or None
         register, data = datagram.register, datagram.data
-        if datagram.command == Command.BWR:
+        if datagram.command == DatagramCommand.BWR:
             kept = register in FMMUS or register in MANAGERS or register == _AL_CONTROL
             if kept and len(self._for_all) < len(FMMUS):
                 self._for_all[register] = data
             for station in self.stations:
                 station.wrote(register, data, packet)
             self.changed = True
-        elif datagram.command == Command.BRD and register == _SII_CONTROL and len(data) >= 2:
+        elif (
+            datagram.command == DatagramCommand.BRD and register == _SII_CONTROL and len(data) >= 2
+        ):
             for station in self.stations:
                 station.sii.status(data[0] | data[1] << 8)
 

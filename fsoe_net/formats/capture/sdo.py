@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-__all__ = ["SdoAbort", "SdoFollower", "SdoValue"]
+__all__ = ["CapturedSdo", "SdoAbort", "SdoFollower"]
 
 _COE, _REQUEST, _RESPONSE = 3, 2, 3
 _MAX_BYTES = 1 << 16
@@ -19,7 +19,7 @@ _UPLOADED_SEGMENT, _DOWNLOADED_SEGMENT, _UPLOADED, _DOWNLOADED = 0, 1, 2, 3  # a
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SdoValue:
+class CapturedSdo:
     """A transfer that was finished; ``subindex`` is the first one of a complete access."""
 
     index: int
@@ -94,7 +94,7 @@ class SdoFollower:
                 now.segment, now.last = _segment(body), bool(body[0] & 1)
         return None
 
-    def response(self, mailbox: bytes) -> SdoValue | SdoAbort | None:
+    def response(self, mailbox: bytes) -> CapturedSdo | SdoAbort | None:
         """Take what the MainDevice read from a mailbox."""
         found = _service(mailbox)
         if found is None or found[0] != _RESPONSE or self._now is None:
@@ -120,14 +120,14 @@ class SdoFollower:
             _take_first(now, body)
         self._now = now
 
-    def _answered(self, now: _Transfer, body: bytes) -> SdoValue | None:
+    def _answered(self, now: _Transfer, body: bytes) -> CapturedSdo | None:
         now.started = True
         if not now.written:
             _take_first(now, body)
         enough = now.size is not None and len(now.data) >= now.size
         return self._done(now) if enough else None
 
-    def _continued(self, now: _Transfer, kind: int, body: bytes) -> SdoValue | None:
+    def _continued(self, now: _Transfer, kind: int, body: bytes) -> CapturedSdo | None:
         now.toggle = None
         if now.written and kind == _DOWNLOADED_SEGMENT:
             now.data += now.segment
@@ -141,11 +141,11 @@ class SdoFollower:
             return None
         return self._done(now) if now.last else None
 
-    def _done(self, now: _Transfer) -> SdoValue | None:
+    def _done(self, now: _Transfer) -> CapturedSdo | None:
         self._now = None
         if now.size is not None and len(now.data) < now.size:
             return None
-        return SdoValue(
+        return CapturedSdo(
             index=now.index,
             subindex=now.subindex,
             data=bytes(now.data[: now.size]),

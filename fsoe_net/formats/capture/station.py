@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from fsoe_net.formats.capture.sdo import SdoAbort, SdoFollower, SdoValue
+from fsoe_net.formats.capture.sdo import CapturedSdo, SdoAbort, SdoFollower
 from fsoe_net.formats.capture.sii import SII_REGISTERS, SiiReads
 from fsoe_net.model.bus import Direction
 
-__all__ = ["MAPPINGS", "Fmmu", "Manager", "Station"]
+__all__ = ["MAPPINGS", "CapturedFmmu", "Manager", "Station"]
 
 FMMUS, MANAGERS = range(0x0600, 0x0700), range(0x0800, 0x0880)
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
@@ -45,7 +45,7 @@ class Manager:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fmmu:
+class CapturedFmmu:
     """An FMMU that maps whole bytes, and is active."""
 
     logical: int
@@ -130,7 +130,7 @@ class Station:
                     # Status and PDI bytes of a sync manager come and go.
                     self.changed |= area is not MANAGERS or place & 7 not in (5, 7)
 
-    def _finish(self, found: SdoValue | SdoAbort | None, packet: int) -> None:
+    def _finish(self, found: CapturedSdo | SdoAbort | None, packet: int) -> None:
         if isinstance(found, SdoAbort):
             layout = found.index in _ASSIGNMENTS or any(found.index in m for m in MAPPINGS)
             if found.written and layout and len(self.aborts) < _MOST_ABORTS:
@@ -138,7 +138,7 @@ class Station:
         elif found is not None:
             self._store(found, packet)
 
-    def _store(self, value: SdoValue, packet: int) -> None:
+    def _store(self, value: CapturedSdo, packet: int) -> None:
         width = _width(value.index)
         if width is None:
             if value.written:
@@ -154,7 +154,7 @@ class Station:
                 self.places[value.index] = packet
                 self.changed = True
 
-    def _download(self, value: SdoValue, packet: int) -> None:
+    def _download(self, value: CapturedSdo, packet: int) -> None:
         if self._asked_state is None or self._asked_state >= _OPERATIONAL:
             self.late += 1
         elif value.complete or len(value.data) not in _PLAIN_BYTES:
@@ -186,7 +186,7 @@ class Station:
             )
         return found
 
-    def fmmus(self) -> tuple[Fmmu, ...]:
+    def fmmus(self) -> tuple[CapturedFmmu, ...]:
         """Return the active FMMUs that map whole bytes."""
         found = []
         for at in range(FMMUS.start, FMMUS.stop, 16):
@@ -196,7 +196,7 @@ class Station:
             length = int.from_bytes(row[4:6], "little")
             if length and row[11] in (1, 2):
                 found.append(
-                    Fmmu(
+                    CapturedFmmu(
                         logical=int.from_bytes(row[:4], "little"),
                         length=length,
                         physical=int.from_bytes(row[8:10], "little"),
@@ -256,7 +256,7 @@ def _width(index: int) -> int | None:
     return 0 if index == _NAME else None
 
 
-def _parts(value: SdoValue, width: int) -> dict[int, bytes]:
+def _parts(value: CapturedSdo, width: int) -> dict[int, bytes]:
     """Take a complete access apart: the count in 16 bits, or in 8, then entries of one width."""
     if not width:
         return {value.subindex: value.data[:_MOST_BYTES]}

@@ -10,7 +10,14 @@ from fsoe_net.formats.own.protocol_entry import check_entry
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, load_yaml
-from fsoe_net.model.protocol import AtMachine, Outcome, Protocol, ProtocolStep, Seen, StepKind
+from fsoe_net.model.protocol import (
+    AtMachine,
+    Protocol,
+    ProtocolStep,
+    StepKind,
+    StepOutcome,
+    StepResult,
+)
 
 __all__ = ["load_protocol"]
 
@@ -77,13 +84,13 @@ def _step(node: MapNode, out: Collector) -> ProtocolStep:
     )
 
 
-def _seen(node: Node | None, out: Collector) -> Seen | None:
+def _seen(node: Node | None, out: Collector) -> StepResult | None:
     if not isinstance(node, MapNode):
         return None
-    return Seen(
+    return StepResult(
         span=node.span,
         fields=node.places(),
-        outcome=Outcome(_text(node, "result")),
+        outcome=StepOutcome(_text(node, "result")),
         measured_ms=_ms(node, "measured_ms", out),
         time_is=_text(node, "time_is"),
         remark=_text(node, "remark"),
@@ -95,7 +102,7 @@ def _machine(node: MapNode, out: Collector) -> AtMachine:
     return AtMachine(
         span=node.span,
         fields=node.places(),
-        outcome=Outcome(result) if result else None,
+        outcome=StepOutcome(result) if result else None,
         measured_ms=_ms(node, "measured_ms", out),
         remark=_text(node, "remark"),
         by=_text(node, "by"),

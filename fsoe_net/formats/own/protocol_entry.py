@@ -7,7 +7,7 @@ from datetime import date
 
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.acceptance import says_something
-from fsoe_net.model.protocol import AtMachine, Outcome, ProtocolStep
+from fsoe_net.model.protocol import AtMachine, ProtocolStep, StepOutcome
 
 __all__ = ["check_entry"]
 
@@ -33,7 +33,7 @@ def check_entry(step: ProtocolStep, out: Collector) -> None:
         )
         return
     _check_date(step, out)
-    if step.is_late and machine.outcome is Outcome.AS_EXPECTED:
+    if step.is_late and machine.outcome is StepOutcome.AS_EXPECTED:
         out.add(
             "FSN161",
             machine.at("measured_ms"),

@@ -7,7 +7,7 @@ import math
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode
-from fsoe_net.model.safety import Element, ElementKind, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 
 __all__ = ["safety_functions_from_yaml"]
 
@@ -65,14 +65,14 @@ def _required(node: MapNode, out: Collector) -> tuple[str, int | None]:
     return level, sil
 
 
-def _element(node: MapNode, out: Collector) -> Element | None:
+def _element(node: MapNode, out: Collector) -> SafetyElement | None:
     kind = _KINDS.get(node.text("kind") or "")
     time_ms = _positive(node, "time_ms", _MOST_MS, "ms", out)
     pfh = _positive(node, "pfh_per_hour", 1.0, "per hour", out)
     sub = node.text("sub") or ""
     if kind is None:
         return None  # the schema has said so
-    return Element(
+    return SafetyElement(
         span=node.span,
         fields=node.places(),
         kind=kind,

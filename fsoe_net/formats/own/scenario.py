@@ -12,7 +12,7 @@ from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, load_yaml
-from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, Step
+from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, ScenarioStep
 
 __all__ = ["load_scenario"]
 
@@ -114,7 +114,7 @@ def _names(node: object, key: str) -> tuple[str, ...] | None:
     return tuple(i.text for i in items.items if isinstance(i, ScalarNode))
 
 
-def _steps(node: MapNode, out: Collector) -> list[Step]:
+def _steps(node: MapNode, out: Collector) -> list[ScenarioStep]:
     at_ms = _ms(node, "at_ms", out)
     if at_ms is None:
         return []
@@ -128,7 +128,7 @@ def _steps(node: MapNode, out: Collector) -> list[Step]:
         )
     rows = [(a, step_arguments(node, a, _values(node, a.value, out), out)) for a in actions]
     return [
-        Step(
+        ScenarioStep(
             span=node.span,
             fields=_deep_places(node, action.value),
             at_ns=round(at_ms * 1e6),

@@ -28,7 +28,7 @@ _FIELDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepArguments:
-    """What an action acts on; see `fsoe_net.model.scenario.Step`."""
+    """What an action acts on; see `fsoe_net.model.scenario.ScenarioStep`."""
 
     target: str = ""
     other: str = ""

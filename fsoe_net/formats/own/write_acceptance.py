@@ -11,7 +11,7 @@ import yaml
 
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.safety import Element, SafetyFunction
+from fsoe_net.model.safety import SafetyElement, SafetyFunction
 
 __all__ = ["write_acceptance"]
 
@@ -85,7 +85,7 @@ def _function(f: SafetyFunction) -> dict[str, Any]:
     )
 
 
-def _element(e: Element) -> dict[str, Any]:
+def _element(e: SafetyElement) -> dict[str, Any]:
     return _stated(
         {
             "kind": e.kind.value,

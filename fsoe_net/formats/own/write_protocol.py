@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, Seen
+from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepResult
 
 __all__ = ["write_protocol"]
 
@@ -58,7 +58,7 @@ def _step(step: ProtocolStep) -> dict[str, Any]:
     return row
 
 
-def _seen(seen: Seen | None) -> dict[str, Any] | None:
+def _seen(seen: StepResult | None) -> dict[str, Any] | None:
     if seen is None:
         return None
     return {

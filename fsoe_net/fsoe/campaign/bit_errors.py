@@ -7,7 +7,7 @@ from itertools import combinations
 from math import comb
 
 from fsoe_net.fsoe.campaign.channel import Way
-from fsoe_net.fsoe.campaign.walk import Link
+from fsoe_net.fsoe.campaign.walk import TrialConnection
 from fsoe_net.fsoe.crc import block_crc
 from fsoe_net.fsoe.pdu import frame_length
 
@@ -61,12 +61,12 @@ def _way_count(size: int) -> tuple[int, int]:
     return one * (blocks if blocks <= _FEW_BLOCKS else 1), 8 * size + comb(8 * size, 2)
 
 
-def bit_error_count(link: Link) -> int:
+def bit_error_count(link: TrialConnection) -> int:
     """Return how many bit errors there are: see `bit_error`."""
     return sum(sum(_way_count(frame_length(size))) for size in link.sizes)
 
 
-def bit_error(link: Link, number: int) -> tuple[Way, int]:
+def bit_error(link: TrialConnection, number: int) -> tuple[Way, int]:
     """Return direction and mask of bit error ``number``, see `Flip`.
 
     First all patterns of fewer bits than `code_distance` within a block: in each of one or two

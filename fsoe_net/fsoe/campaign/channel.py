@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.campaign.departure import Departure
-from fsoe_net.fsoe.campaign.tables import Table
+from fsoe_net.fsoe.campaign.tables import StateTable
 from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.instance import Instance
 from fsoe_net.fsoe.pdu import Command
@@ -181,7 +181,7 @@ class Channel:
         delay_cycles: tuple[int, int] = (1, 1),
         application: Application | None = None,
         session_ids: Sequence[SessionIds] = (),
-        tables: tuple[Table | None, Table | None] = (None, None),
+        tables: tuple[StateTable | None, StateTable | None] = (None, None),
     ) -> None:
         if cycle_ns < 1 or min(delay_cycles) < 1:
             raise ConfigError("cycle and delays must be at least 1")
@@ -275,7 +275,9 @@ class Channel:
         if table is not None and hasattr(self.ends[way], "enable"):
             table.enabled = wish
 
-    def _compare(self, way: Way, table: Table, image: bytes | None, answer: bytes | None) -> None:
+    def _compare(
+        self, way: Way, table: StateTable, image: bytes | None, answer: bytes | None
+    ) -> None:
         found = table.call(self.now_ns, image, answer)
         if found is None:
             end = self.ends[way]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from fsoe_net.fsoe.campaign.channel import Application, Fault, Way
 from fsoe_net.fsoe.campaign.faults import Flip, Swap
-from fsoe_net.fsoe.campaign.walk import Link, Scene, Walker, other_link
+from fsoe_net.fsoe.campaign.walk import Scene, TrialConnection, Walker, other_link
 from fsoe_net.fsoe.pdu import Command
 
 __all__ = [
@@ -57,7 +57,7 @@ class Injection:
 class Strangers:
     """Frames of other connections of the same sizes, for those classes in which they stray."""
 
-    def __init__(self, link: Link, seed: int) -> None:
+    def __init__(self, link: TrialConnection, seed: int) -> None:
         self._walkers = [Walker(other_link(link, same_id=same), seed) for same in (False, True)]
 
     def frames(self, way: Way, number: int, *, same_id: bool) -> tuple[bytes, ...]:

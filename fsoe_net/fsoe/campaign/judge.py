@@ -12,7 +12,7 @@ from fsoe_net.fsoe.campaign.walk import Scene
 from fsoe_net.fsoe.campaign.witness import Collision, Witness, collision
 from fsoe_net.fsoe.pdu import Command, decode_pdu
 
-__all__ = ["FAILURES", "Finding", "Outcome", "judge"]
+__all__ = ["FAILURES", "TrialFinding", "TrialOutcome", "judge"]
 
 _RESET, _SESSION = int(Command.RESET), int(Command.SESSION)
 _PROCESS_DATA = int(Command.PROCESS_DATA)
@@ -22,7 +22,7 @@ _MISWIRED_CYCLES = 20_000  # more than the start-up with the longest usual param
 _ENDS = ("sub", "main")
 
 
-class Outcome(enum.Enum):
+class TrialOutcome(enum.Enum):
     """What became of a fault."""
 
     DETECTED = "detected"
@@ -37,11 +37,11 @@ class Outcome(enum.Enum):
     """An end did otherwise than its state table: no Reset, another code, too early, too late."""
 
 
-FAILURES = (Outcome.WRONGLY_ACCEPTED, Outcome.WRONG_REACTION)
+FAILURES = (TrialOutcome.WRONGLY_ACCEPTED, TrialOutcome.WRONG_REACTION)
 
 
 @dataclass(slots=True, kw_only=True)  # not frozen: made a million times
-class Finding:
+class TrialFinding:
     """Outcome on one fault.
 
     Attributes:
@@ -54,7 +54,7 @@ class Finding:
         proof: Why a collision is one.
     """
 
-    verdict: Outcome
+    verdict: TrialOutcome
     code: int | None = None
     latency_ns: int = 0
     exposed: bool = False
@@ -85,21 +85,21 @@ class _Run:
         self.begun, self.exposed = False, injection.former
         self.quiet = 0
 
-    def finding(self) -> Finding:
+    def finding(self) -> TrialFinding:
         stays, first = self.injection.stays, None
         while self.channel.cycle < self.limit:
             found = self._turn()
-            if stays and found is not None and found.verdict is Outcome.DETECTED:
+            if stays and found is not None and found.verdict is TrialOutcome.DETECTED:
                 first = first or found
                 found = None
             if stays and first is not None and self.channel.cycle >= self.over:
                 return first
             if found is not None:
-                both = self.patient and found.verdict is Outcome.DETECTED
+                both = self.patient and found.verdict is TrialOutcome.DETECTED
                 return self._both_ends(found) if both else found
-        return self._found(Outcome.DETECTED)  # silent, and no data valid
+        return self._found(TrialOutcome.DETECTED)  # silent, and no data valid
 
-    def _both_ends(self, found: Finding) -> Finding:
+    def _both_ends(self, found: TrialFinding) -> TrialFinding:
         """Run on until the end that has not noticed yet gives its data up too."""
         ends = self.channel.ends
         for end in ends:
@@ -109,9 +109,11 @@ class _Run:
                     return later
         return found
 
-    def _found(self, verdict: Outcome, code: int | None = None, reason: str = "") -> Finding:
+    def _found(
+        self, verdict: TrialOutcome, code: int | None = None, reason: str = ""
+    ) -> TrialFinding:
         started = self.turn_ns if self.started_ns is None else self.started_ns
-        return Finding(
+        return TrialFinding(
             verdict=verdict,
             code=code,
             latency_ns=self.turn_ns - started,
@@ -119,16 +121,18 @@ class _Run:
             reason=reason,
         )
 
-    def _turn(self) -> Finding | None:
+    def _turn(self) -> TrialFinding | None:
         found = self._judged_turn()
         departed = self.channel.departed
         if departed is None or (found is not None and found.verdict in FAILURES):
             return found
         way, departure = departed
-        verdict = Outcome.WRONGLY_ACCEPTED if departure.accepted else Outcome.WRONG_REACTION
+        verdict = (
+            TrialOutcome.WRONGLY_ACCEPTED if departure.accepted else TrialOutcome.WRONG_REACTION
+        )
         return self._found(verdict, reason=f"the {_ENDS[way]}: {departure.text}")
 
-    def _judged_turn(self) -> Finding | None:
+    def _judged_turn(self) -> TrialFinding | None:
         channel = self.channel
         way = channel.way
         self.turn_ns = channel.cycle * channel.cycle_ns
@@ -150,7 +154,7 @@ class _Run:
         found = self._answered(way, shown, sent)
         if found is None and end.data_valid:
             found = self._data(way, end.received_safe_data)
-        elif found is not None and found.verdict is Outcome.DETECTED and end.data_valid:
+        elif found is not None and found.verdict is TrialOutcome.DETECTED and end.data_valid:
             return self._wrong(way, "data valid after the end has left state Data")
         return found
 
@@ -166,7 +170,7 @@ class _Run:
                 self.exposed = self.exposed or _exposed(shown, clean, before)
         return shown, sent
 
-    def _answered(self, way: Way, shown: bytes | None, sent: bytes) -> Finding | None:
+    def _answered(self, way: Way, shown: bytes | None, sent: bytes) -> TrialFinding | None:
         """Judge a frame that was sent in answer to what was shown."""
         due = self.channel.newest(way)
         to_reset = shown is not None and shown[:1] == b"\x2a"
@@ -174,9 +178,9 @@ class _Run:
         if sent[0] == _RESET:
             if usual_reset and sent[1] == 0:
                 return None  # the acknowledgement of a Reset that was sent
-            return self._found(Outcome.DETECTED, sent[1])
+            return self._found(TrialOutcome.DETECTED, sent[1])
         if sent[0] == _SESSION and self._restarts(way, shown, due, usual_reset):
-            return self._found(Outcome.DETECTED)
+            return self._found(TrialOutcome.DETECTED)
         if shown == due or (sent[0] == _SESSION and (usual_reset or way is Way.TO_SUB)):
             return self._settled(way)
         return None if self.injection.signed else self._accepted(way, shown, due)
@@ -191,7 +195,7 @@ class _Run:
             return due[0] != _SESSION
         return not usual_reset and shown[0] != _SESSION  # a Reset, or the watchdog in state Reset
 
-    def _accepted(self, way: Way, shown: bytes | None, due: bytes | None) -> Finding:
+    def _accepted(self, way: Way, shown: bytes | None, due: bytes | None) -> TrialFinding:
         """An end went on after a frame that is not the one due: was it bound to?"""
         channel = self.channel
         witness = Witness(
@@ -203,21 +207,21 @@ class _Run:
             right = shown if self.injection.former else due
             proof = collision(witness.chain, _ENDS[way], shown, right)
             if proof is not None:
-                found = self._found(Outcome.COLLISION)
+                found = self._found(TrialOutcome.COLLISION)
                 found.proof = proof
                 return found
         return self._wrong(way, f"accepted {frame_text(shown)} instead of {frame_text(due)}")
 
-    def _settled(self, way: Way) -> Finding | None:
+    def _settled(self, way: Way) -> TrialFinding | None:
         if self.channel.cycle <= self.over:
             self.started_ns = None  # all was in time so far
             return None
         self.right[way] += 1
         if min(self.right) >= _SETTLED:
-            return self._found(Outcome.TOLERATED)
+            return self._found(TrialOutcome.TOLERATED)
         return None
 
-    def _data(self, way: Way, data: bytes) -> Finding | None:
+    def _data(self, way: Way, data: bytes) -> TrialFinding | None:
         """Valid data after a right frame must be those of the frame."""
         if self.miswired:
             return self._wrong(way, "valid data from an end it does not belong to")
@@ -227,7 +231,7 @@ class _Run:
             return None
         return self._wrong(way, f"valid data {short_hex(data)} were not sent")
 
-    def _held(self, way: Way, data: bytes) -> Finding | None:
+    def _held(self, way: Way, data: bytes) -> TrialFinding | None:
         """Between two answers the valid data stay, and not for longer than the watchdog."""
         if data != self.known[way]:
             return self._wrong(way, f"took data {short_hex(data)} without an answer")
@@ -236,8 +240,8 @@ class _Run:
             return self._wrong(way, f"data still valid after {age_ns / 1e6:g} ms")
         return None
 
-    def _wrong(self, way: Way, text: str) -> Finding:
-        return self._found(Outcome.WRONGLY_ACCEPTED, reason=f"the {_ENDS[way]}: {text}")
+    def _wrong(self, way: Way, text: str) -> TrialFinding:
+        return self._found(TrialOutcome.WRONGLY_ACCEPTED, reason=f"the {_ENDS[way]}: {text}")
 
 
 def _exposed(shown: bytes | None, clean: bytes | None, before: bytes | None) -> bool:
@@ -253,7 +257,7 @@ def _exposed(shown: bytes | None, clean: bytes | None, before: bytes | None) -> 
     )
 
 
-def judge(scene: Scene, injection: Injection, watchdog_ns: int) -> Finding:
+def judge(scene: Scene, injection: Injection, watchdog_ns: int) -> TrialFinding:
     """Put a fault into a channel and watch both ends until the verdict is clear.
 
     Args:

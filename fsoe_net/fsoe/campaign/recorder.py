@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from fsoe_net.fsoe.campaign.channel import Channel, Peer, SessionIds, Way
-from fsoe_net.fsoe.campaign.walk import Link
+from fsoe_net.fsoe.campaign.walk import TrialConnection
 from fsoe_net.fsoe.chain import fits_start
 from fsoe_net.fsoe.event import EventKind
 from fsoe_net.fsoe.instance import Instance
@@ -95,7 +95,7 @@ class Recorder:
         channel: The channel, to be run.
     """
 
-    def __init__(self, link: Link, seed: int) -> None:
+    def __init__(self, link: TrialConnection, seed: int) -> None:
         self._link = link
         channel = link.channel(seed)
         foreign = (link.sub_factory is not None, link.main_factory is not None)

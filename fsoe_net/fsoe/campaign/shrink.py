@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from fsoe_net.fsoe.campaign.channel import Fault, Way
 from fsoe_net.fsoe.campaign.faults import Alternate, Flip, Swap, shortened
 from fsoe_net.fsoe.campaign.injection import Injection
-from fsoe_net.fsoe.campaign.judge import FAILURES, Finding, judge
+from fsoe_net.fsoe.campaign.judge import FAILURES, TrialFinding, judge
 from fsoe_net.fsoe.campaign.recorder import Recorder
 from fsoe_net.fsoe.campaign.trials import Case
-from fsoe_net.fsoe.campaign.walk import Link, Scene
+from fsoe_net.fsoe.campaign.walk import Scene, TrialConnection
 
 __all__ = ["Shrunk", "shrink"]
 
@@ -48,7 +48,7 @@ class _Point:
 class _Bench:
     """Repeats the run of one connection from power-up with given faults."""
 
-    def __init__(self, link: Link, *, patient: bool) -> None:
+    def __init__(self, link: TrialConnection, *, patient: bool) -> None:
         self._link, self._patient = link, patient
         self.points = list(self._clean())
 
@@ -65,7 +65,7 @@ class _Bench:
                 return
             channel.turn()
 
-    def run(self, faults: tuple[Fault, ...]) -> tuple[Finding, Recorder]:
+    def run(self, faults: tuple[Fault, ...]) -> tuple[TrialFinding, Recorder]:
         recorder = Recorder(self._link, _SEED)
         channel = recorder.channel
         start = min(fault.start for fault in faults)

@@ -22,7 +22,7 @@ from fsoe_net.fsoe.pdu import (
     reset_code_text,
 )
 
-__all__ = ["MainTable", "SubTable", "Table"]
+__all__ = ["MainTable", "StateTable", "SubTable"]
 
 _RESET, _SESSION = int(Command.RESET), int(Command.SESSION)
 _CONNECTION, _PARAMETER = int(Command.CONNECTION), int(Command.PARAMETER)
@@ -52,7 +52,7 @@ def _fits_start(pdu: Pdu) -> bool:
     return block_crcs(0, 1, pdu) == pdu.crcs
 
 
-class Table:
+class StateTable:
     """One end's table; `MainTable` and `SubTable` hold the rows.
 
     Args:
@@ -265,7 +265,7 @@ class Table:
         return Departure(text=f"{self.same_ids} sessions in a row have the id {session_id.hex()}")
 
 
-class MainTable(Table):
+class MainTable(StateTable):
     """§5."""
 
     def __init__(self, config: MainConfig, *, grace_ns: int) -> None:
@@ -361,7 +361,7 @@ class MainTable(Table):
             self.start_ns = now_ns
 
 
-class SubTable(Table):
+class SubTable(StateTable):
     """§6."""
 
     def __init__(self, config: SubConfig, *, grace_ns: int) -> None:

@@ -19,10 +19,10 @@ from fsoe_net.fsoe.campaign.channel import Channel, Way
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE, FaultClass
 from fsoe_net.fsoe.campaign.faults import Flip
 from fsoe_net.fsoe.campaign.injection import Injection, Strangers
-from fsoe_net.fsoe.campaign.judge import FAILURES, Finding, Outcome, judge
+from fsoe_net.fsoe.campaign.judge import FAILURES, TrialFinding, TrialOutcome, judge
 from fsoe_net.fsoe.campaign.odd_main import OddMain
 from fsoe_net.fsoe.campaign.statistics import count_interval
-from fsoe_net.fsoe.campaign.walk import Link, Scene, Walker, miswired
+from fsoe_net.fsoe.campaign.walk import Scene, TrialConnection, Walker, miswired
 from fsoe_net.fsoe.campaign.witness import Collision
 
 __all__ = [
@@ -53,7 +53,7 @@ _MAX_DRAWS = 100
 class CampaignConfig:
     """The connections of a campaign; trials are dealt out to them in turn."""
 
-    links: tuple[Link, ...]
+    links: tuple[TrialConnection, ...]
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -158,22 +158,22 @@ class ClassResult:
         """Whether no end failed, the rate is plausible and not too many were tolerated."""
         return not self.failed and self.rate_ok and self.tolerated <= self.most_tolerated
 
-    def add(self, finding: Finding, link: Link, chance: float | None) -> None:
+    def add(self, finding: TrialFinding, link: TrialConnection, chance: float | None) -> None:
         """Count one trial."""
         self.injected += 1
         if finding.exposed and chance is not None:
             self.exposed += 1
             self.expected += chance
-            self.exposed_collisions += finding.verdict is Outcome.COLLISION
-        if finding.verdict is Outcome.DETECTED:
+            self.exposed_collisions += finding.verdict is TrialOutcome.COLLISION
+        if finding.verdict is TrialOutcome.DETECTED:
             self.detected += 1
             self.codes[-1 if finding.code is None else finding.code] += 1
             self._latency(finding.latency_ns, finding.latency_ns / link.watchdog_ns)
-        elif finding.verdict is Outcome.TOLERATED:
+        elif finding.verdict is TrialOutcome.TOLERATED:
             self.tolerated += 1
-        elif finding.verdict is Outcome.COLLISION:
+        elif finding.verdict is TrialOutcome.COLLISION:
             self.collisions += 1
-        elif finding.verdict is Outcome.WRONGLY_ACCEPTED:
+        elif finding.verdict is TrialOutcome.WRONGLY_ACCEPTED:
             self.wrongly_accepted += 1
         else:
             self.wrong_reactions += 1
@@ -233,7 +233,7 @@ _SUMS = (
 class Case:
     """One trial made ready: a point of a run and what happens there."""
 
-    link: Link
+    link: TrialConnection
     scene: Scene
     injection: Injection
 
@@ -241,7 +241,7 @@ class Case:
 class _Lane:
     """The trials of one connection and one class."""
 
-    def __init__(self, link: Link, seed: int, name: str) -> None:
+    def __init__(self, link: TrialConnection, seed: int, name: str) -> None:
         self.link, self.classes = link, _classes(name)
         self.exhaustive, self.miswires = name == EXHAUSTIVE, name == _ADDRESSING
         self.odd = name == _PARAMETERS
@@ -290,7 +290,7 @@ class _Lane:
         case.scene.channel.tables = (case.scene.channel.tables[Way.TO_SUB], None)
         return case
 
-    def _from_power_up(self, link: Link, seed: int) -> Case:
+    def _from_power_up(self, link: TrialConnection, seed: int) -> Case:
         if self._wrong is None:
             self._wrong = link.channel(seed)
         self._wrong = link.again(self._wrong, seed)
@@ -346,7 +346,7 @@ class Trials:
 
     def __init__(self, config: CampaignConfig, name: str) -> None:
         self.name = name
-        links: Sequence[Link] = config.links
+        links: Sequence[TrialConnection] = config.links
         if name == EXHAUSTIVE:
             links = _different_sizes(links)
         self._lanes = [_Lane(link, config.seed, name) for link in links]
@@ -363,7 +363,7 @@ class Trials:
             trial -= count
         raise ConfigError("there are not so many bit errors")
 
-    def run(self, trial: int) -> tuple[Case, Finding]:
+    def run(self, trial: int) -> tuple[Case, TrialFinding]:
         """Run one trial."""
         case = self.case(trial)
         return case, judge(case.scene, case.injection, case.link.watchdog_ns)
@@ -375,7 +375,7 @@ class Trials:
             yield from range(trials.start + (first - trials.start) % step, trials.stop, step)
 
 
-def _different_sizes(links: Sequence[Link]) -> list[Link]:
+def _different_sizes(links: Sequence[TrialConnection]) -> list[TrialConnection]:
     """Return one connection for each pair of sizes: the bit errors of others are the same."""
     return list({link.sizes: link for link in reversed(links)}.values())[::-1]
 

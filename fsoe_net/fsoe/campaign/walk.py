@@ -24,7 +24,16 @@ from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import Command
 from fsoe_net.fsoe.sub_instance import SubInstance
 
-__all__ = ["STARTUP_SHARE", "Link", "Scene", "Spot", "Walk", "Walker", "miswired", "other_link"]
+__all__ = [
+    "STARTUP_SHARE",
+    "Scene",
+    "Spot",
+    "TrialConnection",
+    "Walk",
+    "Walker",
+    "miswired",
+    "other_link",
+]
 
 _DATA_COMMANDS = frozenset({int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA)})
 _DATA_SPOTS = 96  # turns with a new frame in state Data per run
@@ -39,7 +48,7 @@ SubFactory = Callable[[SubConfig], Peer]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Link:
+class TrialConnection:
     """A connection to try faults on.
 
     Args:
@@ -178,7 +187,7 @@ class Walk:
 class _StartUp:
     """A start-up up to the first frames of state Data."""
 
-    def __init__(self, link: Link, channel: Channel) -> None:
+    def __init__(self, link: TrialConnection, channel: Channel) -> None:
         self.fork = all(can_fork(end) for end in channel.ends)
         self.spots: list[Spot] = []
         seen: set[Way] = set()
@@ -234,7 +243,7 @@ class Walker:
         ConfigError: In a call: the two ends never reach state Data.
     """
 
-    def __init__(self, link: Link, seed: int) -> None:
+    def __init__(self, link: TrialConnection, seed: int) -> None:
         self.link, self._watchdog_cycles = link, link.watchdog_cycles
         self._key = f"{seed}/{link.name}"
         rng = random.Random(self._key)  # noqa: S311 - repeatable is the point
@@ -359,12 +368,12 @@ class Walker:
         )
 
 
-def miswired(link: Link) -> Link:
+def miswired(link: TrialConnection) -> TrialConnection:
     """Return a link whose main belongs to another sub: it asks for another address."""
     return replace(link, name=f"{link.name}/miswired", main=link.other)
 
 
-def other_link(link: Link, *, same_id: bool) -> Link:
+def other_link(link: TrialConnection, *, same_id: bool) -> TrialConnection:
     """Return the connection whose frames stray into a link.
 
     Args:
@@ -379,7 +388,7 @@ def other_link(link: Link, *, same_id: bool) -> Link:
         app_parameter_bytes=len(main.app_parameters),
     )
     kind = "twin" if same_id else "other"
-    return Link(
+    return TrialConnection(
         name=f"{link.name}/{kind}",
         main=main,
         sub=sub,

@@ -15,7 +15,7 @@ from fsoe_net.fsoe.recording.model import Answer
 
 __all__ = [
     "Compared",
-    "Difference",
+    "RecordingDifference",
     "byte_names",
     "differing",
     "differing_bytes",
@@ -45,7 +45,7 @@ class Compared:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
+class RecordingDifference:
     """One value in which our end and the recorded one differ.
 
     Attributes:
@@ -144,7 +144,7 @@ def _answer_text(answer: Answer) -> str:
     return f"{shown}, data {answer.data.hex(' ')} {data}"
 
 
-def explain(difference: Difference) -> list[str]:
+def explain(difference: RecordingDifference) -> list[str]:
     """Return the lines that tell a person what happened at a difference."""
     call = difference.call
     if call is None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 
-__all__ = ["Answer", "Call", "Order", "OrderKind", "Recording", "SideName", "Skip", "Step"]
+__all__ = ["Answer", "Call", "Order", "OrderKind", "RecordedStep", "Recording", "SideName", "Skip"]
 
 
 class SideName(enum.Enum):
@@ -92,7 +92,7 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class RecordedStep:
     """One bus cycle: orders, then a call of each end.
 
     Attributes:
@@ -141,4 +141,4 @@ class Recording:
     sub: SubConfig
     first_ids: dict[SideName, int]
     bus_cycle_us: int
-    lines: Iterator[tuple[int, Step | Skip]]
+    lines: Iterator[tuple[int, RecordedStep | Skip]]

@@ -17,10 +17,10 @@ from fsoe_net.fsoe.recording.model import (
     Call,
     Order,
     OrderKind,
+    RecordedStep,
     Recording,
     SideName,
     Skip,
-    Step,
 )
 from fsoe_net.fsoe.recording.rows import Row, rows, short
 
@@ -102,7 +102,7 @@ class _Reader:
         self.number: int | None = None  # of the step before
         self.skipped = False  # after a skip the numbers may go on from its end
 
-    def lines(self, others: Iterator[Row]) -> Iterator[tuple[int, Step | Skip]]:
+    def lines(self, others: Iterator[Row]) -> Iterator[tuple[int, RecordedStep | Skip]]:
         for row in others:
             kind = row.get("type", str)
             if kind == "step":
@@ -122,12 +122,12 @@ class _Reader:
         self.skipped = True
         return Skip(cycles=row.number(key, 0, _MAX_SKIP_CYCLES), sha256=sha256.lower())
 
-    def _step(self, row: Row) -> Step:
+    def _step(self, row: Row) -> RecordedStep:
         time_us = row.number("time_us", 0, _MAX_TIME_US)
         if time_us < self.time_us:
             raise row.error(f"'time_us' goes back from {self.time_us} to {time_us}")
         self.time_us = time_us
-        return Step(
+        return RecordedStep(
             number=self._number(row),
             time_us=time_us,
             quirk=row.given("quirk"),

@@ -26,7 +26,7 @@ from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length
 from fsoe_net.fsoe.recording.difference import (
     Compared,
-    Difference,
+    RecordingDifference,
     differing,
     frame_text,
     value_text,
@@ -36,16 +36,16 @@ from fsoe_net.fsoe.recording.model import (
     Call,
     Order,
     OrderKind,
+    RecordedStep,
     Recording,
     SideName,
     Skip,
-    Step,
 )
 from fsoe_net.fsoe.recording.reader import read_recording
 from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.fsoe.sub_instance import SubInstance
 
-__all__ = ["Difference", "ReplayResult", "replay", "replay_file"]
+__all__ = ["RecordingDifference", "ReplayResult", "replay", "replay_file"]
 
 _KEPT_DIFFERENCES = 100
 
@@ -61,12 +61,12 @@ class ReplayResult:
         tolerated: Calls that differ with good reason.
     """
 
-    differences: list[Difference] = field(default_factory=list)
+    differences: list[RecordingDifference] = field(default_factory=list)
     differing: int = 0
     compared: int = 0
     tolerated: int = 0
 
-    def add(self, difference: Difference) -> None:
+    def add(self, difference: RecordingDifference) -> None:
         """Count a difference; of a long recording that differs everywhere the first are kept."""
         self.differing += 1
         if len(self.differences) < _KEPT_DIFFERENCES:
@@ -184,7 +184,7 @@ class _Replay:
                 self._step(what)
         return self.result
 
-    def _step(self, step: Step) -> None:
+    def _step(self, step: RecordedStep) -> None:
         self.step_number, self.time_us = step.number, step.time_us
         for order in step.orders:
             self.sides[order.side].carry_out(order)
@@ -193,7 +193,7 @@ class _Replay:
         if step.sub_frame is not None:
             self.sub_frame = step.sub_frame
 
-    def _compare(self, side: _Side, step: Step, call: Call) -> None:
+    def _compare(self, side: _Side, step: RecordedStep, call: Call) -> None:
         """Run one call of one end and note what differs."""
         before, state_before = side.chain(), side.end.state.value
         expected, got = call.expected, side.step(step.time_us, call)
@@ -218,7 +218,7 @@ class _Replay:
         )
         for name in names:
             self.result.add(
-                Difference(
+                RecordingDifference(
                     line=self.line,
                     step=step.number,
                     side=side.name.label,
@@ -247,7 +247,7 @@ class _Replay:
         sub.end.take_events()
         if digest.hexdigest() != skip.sha256:
             self.result.add(
-                Difference(
+                RecordingDifference(
                     line=self.line,
                     step=self.step_number,
                     side="both",

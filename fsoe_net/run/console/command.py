@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from fsoe_net.errors import ConsoleError
 from fsoe_net.run.console.keeper import Keeper
-from fsoe_net.run.console.names import Names
+from fsoe_net.run.console.names import SymbolNames
 
 __all__ = ["CommandForm", "Room", "options", "table", "usage"]
 
@@ -27,7 +27,7 @@ class Room(Protocol):
     def note(self, text: str) -> None:
         """Print a line beside the answer, on standard error."""
 
-    def names(self) -> Names:
+    def names(self) -> SymbolNames:
         """Return the symbols of the plan."""
 
     def forget(self) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, options, table, usage
-from fsoe_net.run.console.names import Names, batches, number, seconds, shown
+from fsoe_net.run.console.names import SymbolNames, batches, number, seconds, shown
 from fsoe_net.run.control_values import Symbol, Value, Values, WatchedCycle
 
 __all__ = ["VALUE_COMMANDS"]
@@ -91,7 +91,7 @@ def _set(room: Room, words: Sequence[str]) -> None:
     room.out(f"{done} set: {' '.join(values)}" if done <= 8 else f"{done} outputs set")
 
 
-def _pairs(names: Names, words: Sequence[str]) -> dict[str, str]:
+def _pairs(names: SymbolNames, words: Sequence[str]) -> dict[str, str]:
     """Return names and values; behind ``all`` or a SubDevice stand its entries."""
     values: dict[str, str] = {}
     scope = ""
@@ -111,7 +111,7 @@ def _pairs(names: Names, words: Sequence[str]) -> dict[str, str]:
     return values
 
 
-def _targets(names: Names, scope: str, name: str) -> list[str]:
+def _targets(names: SymbolNames, scope: str, name: str) -> list[str]:
     if scope:
         return names.outputs_of(scope, name)
     found = names.some(name)

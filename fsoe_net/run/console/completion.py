@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fsoe_net.run.console.names import Names
+from fsoe_net.run.console.names import SymbolNames
 from fsoe_net.run.control_values import BusState
 
 __all__ = ["complete"]
@@ -22,7 +22,12 @@ _TYPES += ["real32", "real64", "string", "hex"]
 
 
 def complete(
-    before: str, word: str, names: Names, *, commands: Sequence[str], macros: Mapping[str, str]
+    before: str,
+    word: str,
+    names: SymbolNames,
+    *,
+    commands: Sequence[str],
+    macros: Mapping[str, str],
 ) -> list[str]:
     """Return what the word may become.
 
@@ -39,7 +44,11 @@ def complete(
 
 
 def _behind(
-    words: list[str], word: str, names: Names, macros: Mapping[str, str], commands: Sequence[str]
+    words: list[str],
+    word: str,
+    names: SymbolNames,
+    macros: Mapping[str, str],
+    commands: Sequence[str],
 ) -> list[str]:
     name = words[0]
     subdevices = list(names.subdevices)
@@ -64,7 +73,7 @@ def _behind(
     return [*known, *subdevices, "all", "--typed", *more]
 
 
-def _set(words: list[str], names: Names) -> list[str]:
+def _set(words: list[str], names: SymbolNames) -> list[str]:
     scope = next((w for w in reversed(words[1:]) if w == "all" or w in names.subdevices), "")
     outputs = [s for s in names.symbols if s.is_output]
     if not scope:
@@ -72,7 +81,7 @@ def _set(words: list[str], names: Names) -> list[str]:
     return [s.entry for s in outputs if scope in ("all", s.subdevice)]
 
 
-def _condition(words: list[str], names: Names) -> list[str]:
+def _condition(words: list[str], names: SymbolNames) -> list[str]:
     if words == ["wait"]:
         return ["until"]
     asked = words[2:] if words[0] == "wait" else words[1:]

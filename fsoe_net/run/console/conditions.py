@@ -9,7 +9,7 @@ from typing import Any
 
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.run.client import Client
-from fsoe_net.run.console.names import Names, number, shown, value_of
+from fsoe_net.run.console.names import SymbolNames, number, shown, value_of
 from fsoe_net.run.control_values import BusState, Value
 
 __all__ = ["FORMS", "Condition", "condition"]
@@ -37,7 +37,7 @@ class Condition:
     look: Callable[[Client], tuple[bool, str]]
 
 
-def condition(words: Sequence[str], names: Callable[[], Names]) -> Condition:
+def condition(words: Sequence[str], names: Callable[[], SymbolNames]) -> Condition:
     """Return what these words ask.
 
     Raises:
@@ -90,7 +90,7 @@ def _connection(name: str, state: str) -> Callable[[Client], tuple[bool, str]]:
 
 
 def _value(
-    words: Sequence[str], names: Callable[[], Names], typed: bool
+    words: Sequence[str], names: Callable[[], SymbolNames], typed: bool
 ) -> Callable[[Client], tuple[bool, str]]:
     rest = list(words[1:])
     mask = None
@@ -117,7 +117,7 @@ def _value(
     return look
 
 
-def _plain(value: Value, name: str, known: Names) -> str:
+def _plain(value: Value, name: str, known: SymbolNames) -> str:
     return " = ".join(shown(value, known.by_name.get(name)).split("  "))
 
 

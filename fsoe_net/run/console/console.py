@@ -16,8 +16,8 @@ from fsoe_net.run.console.commands_device import DEVICE_COMMANDS
 from fsoe_net.run.console.commands_flow import FLOW_COMMANDS
 from fsoe_net.run.console.commands_values import VALUE_COMMANDS
 from fsoe_net.run.console.keeper import Keeper
-from fsoe_net.run.console.names import Names
-from fsoe_net.run.console.script import Command, ScriptError, expand, parse
+from fsoe_net.run.console.names import SymbolNames
+from fsoe_net.run.console.script import ConsoleCommand, ScriptError, expand, parse
 
 __all__ = ["COMMANDS", "Console"]
 
@@ -62,7 +62,7 @@ class Console:
         self._out = out
         self._note = note
         self._notes_level = notes_level
-        self._names: Names | None = None
+        self._names: SymbolNames | None = None
         self._events: deque[dict[str, Any]] = deque(maxlen=_MOST_EVENTS)
         self._directories: list[Path] = [Path()]
         self._depth = 0
@@ -77,10 +77,10 @@ class Console:
         """Print a line beside the answer."""
         self._note(text)
 
-    def names(self) -> Names:
+    def names(self) -> SymbolNames:
         """Return the symbols of the plan."""
         if self._names is None:
-            self._names = Names(self.keeper.call(lambda client: client.symbols()))
+            self._names = SymbolNames(self.keeper.call(lambda client: client.symbols()))
         return self._names
 
     def forget(self) -> None:
@@ -215,7 +215,7 @@ class Console:
         is_usage = isinstance(error, ScriptError)
         return _Located(f"{name}:{line}:{column}: {error}", is_usage=is_usage)
 
-    def _check(self, commands: Sequence[Command]) -> None:
+    def _check(self, commands: Sequence[ConsoleCommand]) -> None:
         """Refuse a script with a word that is no command.
 
         Raises:
@@ -230,7 +230,7 @@ class Console:
             if command.name not in known:
                 raise ScriptError(_unknown(command.name, known), command.line, command.column)
 
-    def _do(self, command: Command, arguments: Sequence[str], *, inside: bool) -> None:
+    def _do(self, command: ConsoleCommand, arguments: Sequence[str], *, inside: bool) -> None:
         words = expand(command, arguments, self.macros, inside=inside)
         name, rest = words[0].text, [word.text for word in words[1:]]
         form = COMMANDS.get(name)

@@ -11,7 +11,7 @@ from fsoe_net.errors import ConsoleError
 from fsoe_net.model.times import time_ns
 from fsoe_net.run.control_values import Symbol, Value
 
-__all__ = ["Names", "batches", "number", "object_address", "seconds", "shown", "value_of"]
+__all__ = ["SymbolNames", "batches", "number", "object_address", "seconds", "shown", "value_of"]
 
 _MOST_S = 7 * 24 * 3600.0
 _WORDS = {"true": True, "on": True, "false": False, "off": False}
@@ -20,7 +20,7 @@ _MOST_NAMES = 200  # of 256 words and 8192 bytes of a request
 _MOST_BYTES = 7_000
 
 
-class Names:
+class SymbolNames:
     """The symbols of the plan and the ways to write them.
 
     ``drive_1.0x6040:00``, ``drive_1.0x6040`` when it has one subindex only, ``drive_1.velocity``

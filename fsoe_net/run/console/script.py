@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError
 
-__all__ = ["Command", "ScriptError", "Word", "expand", "parse"]
+__all__ = ["ConsoleCommand", "ScriptError", "Word", "expand", "parse"]
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _VARIABLE = re.compile(r"\$(\$|\*|[0-9]|[A-Za-z_][A-Za-z0-9_]*)")
@@ -52,7 +52,7 @@ class Word:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class ConsoleCommand:
     """The words of one command; at least one."""
 
     words: tuple[Word, ...]
@@ -69,20 +69,20 @@ class Command:
         return self.words[0].column
 
 
-def parse(text: str) -> list[Command]:
+def parse(text: str) -> list[ConsoleCommand]:
     """Return the commands of a text of one line or more.
 
     Raises:
         ScriptError: A quote without an end, a control character, a ``let`` without its text.
     """
-    found: list[Command] = []
+    found: list[ConsoleCommand] = []
     for number, line in enumerate(text.split("\n"), 1):
         found += _line(line, number)
     return found
 
 
-def _line(text: str, number: int, *, inside_let: bool = False) -> list[Command]:
-    found: list[Command] = []
+def _line(text: str, number: int, *, inside_let: bool = False) -> list[ConsoleCommand]:
+    found: list[ConsoleCommand] = []
     words: list[Word] = []
     at = 0
     while at < len(text):
@@ -91,7 +91,7 @@ def _line(text: str, number: int, *, inside_let: bool = False) -> list[Command]:
         elif text[at] == "#":
             break
         elif text[at] == ";":
-            found += [Command(tuple(words), number)] if words else []
+            found += [ConsoleCommand(tuple(words), number)] if words else []
             words = []
             at += 1
         else:
@@ -103,7 +103,7 @@ def _line(text: str, number: int, *, inside_let: bool = False) -> list[Command]:
                     raise ScriptError("a let inside a let", number, word.column)
                 words += _let(text, at, number)
                 break
-    return found + ([Command(tuple(words), number)] if words else [])
+    return found + ([ConsoleCommand(tuple(words), number)] if words else [])
 
 
 def _word(text: str, start: int, line: int) -> tuple[Word, int]:
@@ -146,7 +146,7 @@ def _let(text: str, at: int, line: int) -> list[Word]:
 
 
 def expand(
-    command: Command, arguments: Sequence[str], macros: Mapping[str, str], *, inside: bool
+    command: ConsoleCommand, arguments: Sequence[str], macros: Mapping[str, str], *, inside: bool
 ) -> tuple[Word, ...]:
     """Return the words of a command with ``$1``, ``$*`` and ``$NAME`` replaced.
 
