@@ -345,20 +345,20 @@ static bool poll_between(void *self) {
 
 /** Does one transfer, when one waits. */
 static void do_transfer(struct runner *runner, bool polling) {
-    const struct fsn_job_means means = {.core = polling ? runner->core : NULL,
-                                        .ops = runner->backend->ops,
-                                        .bus = runner->bus,
-                                        .plan = runner->plan,
-                                        .interface = runner->options->interface,
-                                        .between = poll_between,
-                                        .self = runner};
+    const struct fsn_job_context context = {.core = polling ? runner->core : NULL,
+                                            .ops = runner->backend->ops,
+                                            .bus = runner->bus,
+                                            .plan = runner->plan,
+                                            .interface = runner->options->interface,
+                                            .between = poll_between,
+                                            .self = runner};
     pthread_mutex_lock(&runner->lock);
     struct fsn_job *job = take(&runner->waiting);
     pthread_mutex_unlock(&runner->lock);
     if (job == NULL) {
         return;
     }
-    fsn_job_run(job, &means);
+    fsn_job_run(job, &context);
     pthread_mutex_lock(&runner->lock);
     put(&runner->done, job);
     pthread_mutex_unlock(&runner->lock);

@@ -112,12 +112,12 @@ static void submit(void *self, struct fsn_job *job) {
 }
 
 static void do_job(void) {
-    const struct fsn_job_means means = {
+    const struct fsn_job_context context = {
         .core = rig.core, .ops = &ops, .bus = rig.bus, .plan = rig.plan};
     struct fsn_job *job = pending;
     pending = NULL;
     if (job != NULL) {
-        fsn_job_run(job, &means);
+        fsn_job_run(job, &context);
         fsn_control_job_done(rig.control, job);
     }
 }

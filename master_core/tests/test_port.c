@@ -289,7 +289,7 @@ static void filters_tell_frames_apart(void) {
     CHECK(passes(0x0346, TAG, 0x80, 44, 60) == 0 && passes(0x0246, TAG - 1, 0x80, 44, 60) == 0);
 
     set_up();
-    CHECK(fsn_port_open_ear("eth7", TAG, &fd, &fault) == FSN_OK && fd == FD);
+    CHECK(fsn_port_open_foreign("eth7", TAG, &fd, &fault) == FSN_OK && fd == FD);
     CHECK(passes(0x0246, TAG, 0x80, 44, 60) == 0 && passes(0x0246, TAG, 1, 44, 60) == 0);
     CHECK(passes(0x0246, TAG ^ 1, 1, 44, 60) == 64 && passes(0x0101, TAG, 1, 44, 60) == 64);
 }
@@ -310,7 +310,7 @@ static void sockets_are_set_up(void) {
     CHECK(fsn_port_open("eth7", TAG, false, &fd, &fault) == FSN_OK);
     CHECK(strcmp(os.options, "room=4194304 bypass=1 all in=1 ") == 0);
     set_up();
-    CHECK(fsn_port_open_ear("eth7", TAG, &fd, &fault) == FSN_OK && fd == FD);
+    CHECK(fsn_port_open_foreign("eth7", TAG, &fd, &fault) == FSN_OK && fd == FD);
     CHECK(strcmp(os.options, "room=0 in=1 ") == 0 && bound->sll_protocol == htons(0x88A4));
 }
 
@@ -321,10 +321,10 @@ static fsn_status open_it(void) {
     return status;
 }
 
-static fsn_status open_ear(void) {
+static fsn_status open_foreign(void) {
     int fd = 5;
-    const fsn_status status = fsn_port_open_ear("eth7", TAG, &fd, &fault);
-    CHECK(fsn_port_open_ear("eth7", TAG, &fd, NULL) == status && fd == -1);
+    const fsn_status status = fsn_port_open_foreign("eth7", TAG, &fd, &fault);
+    CHECK(fsn_port_open_foreign("eth7", TAG, &fd, NULL) == status && fd == -1);
     return status;
 }
 
@@ -336,7 +336,7 @@ static fsn_status listen_to_it(void) {
 
 /** Whatever opens a raw socket says the same when it cannot. */
 static void refusals_are_reported(void) {
-    static fsn_status (*const opens[])(void) = {open_it, open_ear, listen_to_it};
+    static fsn_status (*const opens[])(void) = {open_it, open_foreign, listen_to_it};
     for (size_t i = 0; i < 3; i++) {
         set_up();
         os.no_interface = true;
@@ -412,9 +412,9 @@ static void others_are_heard(void) {
     CHECK(fsn_port_listen("eth7", 250000000, &fault) == FSN_E_BUS_BUSY && os.packets == 4000);
     set_up();
     os.counted = 17;
-    CHECK(fsn_port_heard(FD) == 17);
+    CHECK(fsn_port_count_foreign(FD) == 17);
     os.getsockopt_fails = EBADF;
-    CHECK(fsn_port_heard(FD) == 0);
+    CHECK(fsn_port_count_foreign(FD) == 0);
 }
 
 static void a_frame_is_tried(void) {

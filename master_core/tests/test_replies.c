@@ -356,22 +356,22 @@ static void submit(void *self, struct fsn_job *job) {
     waiting = job;
 }
 
-static struct fsn_job_means means_of(void) {
-    return (struct fsn_job_means){.core = on.core,
-                                  .ops = &on.ops,
-                                  .bus = &on,
-                                  .plan = on.plan,
-                                  .interface = "eth0",
-                                  .between = between};
+static struct fsn_job_context context_of(void) {
+    return (struct fsn_job_context){.core = on.core,
+                                    .ops = &on.ops,
+                                    .bus = &on,
+                                    .plan = on.plan,
+                                    .interface = "eth0",
+                                    .between = between};
 }
 
 /** The acyclic thread. */
 static void do_job(void) {
-    const struct fsn_job_means means = means_of();
+    const struct fsn_job_context context = context_of();
     struct fsn_job *job = waiting;
     waiting = NULL;
     if (job != NULL) {
-        fsn_job_run(job, &means);
+        fsn_job_run(job, &context);
         later_s = 0;
         fsn_control_job_done(on.control, job);
     }
@@ -478,9 +478,9 @@ static void ask_for_fsoe(void) {
         fsn_client_put(on.client, "{\"none\":true}\n", 14);
         return;
     }
-    const struct fsn_job_means means = means_of();
+    const struct fsn_job_context context = context_of();
     waiting = NULL;
-    fsn_job_run(job, &means);
+    fsn_job_run(job, &context);
     char text[64];
     snprintf(text, sizeof text, "{\"status\":%d,\"fsoe\":", (int)job->status);
     fsn_client_put(on.client, text, strlen(text));

@@ -303,7 +303,7 @@ static bool is_open(const struct fsn_plan *plan, const struct fsn_symbol_info *s
     const uint32_t first = symbol->bit_offset / 8;
     const uint32_t last = (symbol->bit_offset + symbol->bits - 1u) / 8;
     return symbol->output != 0 && fsn_read_sm(plan, symbol->sm).direction == FSN_OUTPUT &&
-           fsn_touch_of(plan, symbol->sm, first, last - first + 1) == FSN_TOUCH_NONE &&
+           fsn_overlap_of(plan, symbol->sm, first, last - first + 1) == FSN_OVERLAP_NONE &&
            !fsn_is_copied(plan, symbol);
 }
 

@@ -203,8 +203,8 @@ fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *o
     return FSN_OK;
 }
 
-fsn_status fsn_port_open_ear(const char *interface, uint16_t tag, int *out,
-                             struct fsn_fault *fault) {
+fsn_status fsn_port_open_foreign(const char *interface, uint16_t tag, int *out,
+                                 struct fsn_fault *fault) {
     unsigned number;
     const fsn_status status = open_raw(interface, out, &number, fault);
     if (status != FSN_OK) {
@@ -221,7 +221,7 @@ fsn_status fsn_port_open_ear(const char *interface, uint16_t tag, int *out,
     return FSN_OK;
 }
 
-uint32_t fsn_port_heard(int socket) {
+uint32_t fsn_port_count_foreign(int socket) {
     struct tpacket_stats counted = {0}; /* reading them begins anew */
     socklen_t size = sizeof counted;
     return getsockopt(socket, SOL_PACKET, PACKET_STATISTICS, &counted, &size) == 0

@@ -28,13 +28,13 @@ fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *s
  *  the cyclic frames. */
 fsn_status fsn_port_filter_acyclic(int socket, uint16_t tag);
 
-/** Opens a socket for fsn_port_heard().
+/** Opens a socket for fsn_port_count_foreign().
  *  @param[out] socket  to be closed by the caller; -1 on refusal. */
-fsn_status fsn_port_open_ear(const char *interface, uint16_t tag, int *socket,
-                             struct fsn_fault *fault);
+fsn_status fsn_port_open_foreign(const char *interface, uint16_t tag, int *socket,
+                                 struct fsn_fault *fault);
 
 /** Returns how many EtherCAT frames that are not ours came in since the last call. */
-uint32_t fsn_port_heard(int socket);
+uint32_t fsn_port_count_foreign(int socket);
 
 /** Makes sure that nobody else of this host's network namespace uses the interface with us.
  *  @param[out] lock  to be kept open as long as the interface is used; -1 on refusal.

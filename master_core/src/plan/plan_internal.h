@@ -136,7 +136,8 @@ struct fsn_at {
 };
 
 /** Refuses the record: `field` is the byte in it, `rule` a static sentence. */
-fsn_status fsn_no(const struct fsn_at *at, fsn_status status, uint32_t field, const char *rule);
+fsn_status fsn_refuse_record(const struct fsn_at *at, fsn_status status, uint32_t field,
+                             const char *rule);
 
 /** Whether this is the offset of a string. */
 bool fsn_string_ok(const struct fsn_plan *plan, uint32_t offset);
@@ -148,8 +149,9 @@ fsn_status fsn_prove_layout(const struct fsn_plan *plan, struct fsn_fault *fault
 fsn_status fsn_prove_copies(const struct fsn_plan *plan, struct fsn_fault *fault);
 
 /** How a range of bytes meets the FSoE blocks of its sync manager. */
-enum fsn_touch { FSN_TOUCH_NONE, FSN_TOUCH_EXACT, FSN_TOUCH_PART };
-enum fsn_touch fsn_touch_of(const struct fsn_plan *plan, uint32_t sm, uint32_t byte, uint32_t size);
+enum fsn_overlap { FSN_OVERLAP_NONE, FSN_OVERLAP_EXACT, FSN_OVERLAP_PART };
+enum fsn_overlap fsn_overlap_of(const struct fsn_plan *plan, uint32_t sm, uint32_t byte,
+                                uint32_t size);
 
 /** Whether a copy writes a byte of this symbol. */
 bool fsn_is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol);

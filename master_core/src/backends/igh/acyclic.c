@@ -156,13 +156,13 @@ static fsn_status igh_visit(void *context, bool *states_changed, struct fsn_faul
     }
     const fsn_status status = igh_find(bus, fault);
     if (status != FSN_OK) {
-        igh_let_go(bus);
+        igh_release(bus);
     }
     return status;
 }
 
 static void igh_quit(void *context) {
-    igh_let_go(context);
+    igh_release(context);
 }
 
 const struct fsn_bus_acyclic igh_acyclic = {

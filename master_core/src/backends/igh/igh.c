@@ -68,7 +68,7 @@ static fsn_status igh_create(const struct fsn_live_options *options, void **out,
 }
 
 /** Deactivation before release: it ends the exchange and has IgH bring all SubDevices to PREOP. */
-void igh_let_go(struct fsn_igh *bus) {
+void igh_release(struct fsn_igh *bus) {
     if (bus->master != NULL) {
         if (bus->active) {
             (void)ecrt_master_deactivate(bus->master);
@@ -91,7 +91,7 @@ static void igh_free(void *context) {
     if (bus == NULL) {
         return;
     }
-    igh_let_go(bus);
+    igh_release(bus);
     fsn_nodes_free(&bus->all);
     free(bus);
 }
@@ -197,7 +197,7 @@ static fsn_status igh_open(void *context, const struct fsn_plan *plan,
     bus->cycle_ns = fsn_live_cycle_ns(bus->cycle_ns, plan);
     const fsn_status status = open_steps(bus, plan, fault);
     if (status != FSN_OK) {
-        igh_let_go(bus);
+        igh_release(bus);
         return status;
     }
     for (uint32_t n = 0; n < bus->all.count; n++) {
@@ -210,7 +210,7 @@ static fsn_status igh_open(void *context, const struct fsn_plan *plan,
 }
 
 static void igh_close(void *context) {
-    igh_let_go(context);
+    igh_release(context);
 }
 
 static fsn_status igh_state(void *context, uint32_t subdevice, struct fsn_bus_subdevice *seen) {

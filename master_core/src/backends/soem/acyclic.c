@@ -273,7 +273,7 @@ static fsn_status soem_visit(void *context, bool *states_changed, struct fsn_fau
         status = soem_find(bus, fault);
     }
     if (status != FSN_OK) {
-        soem_let_go(bus);
+        soem_release(bus);
         return status;
     }
     reach_preop(bus);
@@ -281,7 +281,7 @@ static fsn_status soem_visit(void *context, bool *states_changed, struct fsn_fau
 }
 
 static void soem_quit(void *context) {
-    soem_let_go(context);
+    soem_release(context);
 }
 
 const struct fsn_bus_acyclic soem_acyclic = {

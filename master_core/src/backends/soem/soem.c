@@ -16,17 +16,18 @@ enum { LISTEN_NS = 60000000, MBX_COE = 0x04 };
 /* -- helpers -------------------------------------------------------------------------------- */
 
 /** Here, since every exchange beside the cycle begins with it, however long they take together. */
-static void hear(struct fsn_soem *bus) {
+static void count_foreign(struct fsn_soem *bus) {
     for (size_t i = 0; i < FSN_WIRE_PORTS; i++) {
-        if (bus->ears[i] >= 0) {
-            atomic_fetch_add_explicit(&bus->frames.wire.foreign, fsn_port_heard(bus->ears[i]),
+        if (bus->foreign_sockets[i] >= 0) {
+            atomic_fetch_add_explicit(&bus->frames.wire.foreign,
+                                      fsn_port_count_foreign(bus->foreign_sockets[i]),
                                       memory_order_relaxed);
         }
     }
 }
 
 void soem_drain(struct fsn_soem *bus) {
-    hear(bus);
+    count_foreign(bus);
     const int sockets[] = {bus->port.sockhandle,
                            bus->redundant[0] != '\0' ? bus->redundant_port.sockhandle : -1};
     for (size_t i = 0; i < sizeof sockets / sizeof sockets[0]; i++) {
@@ -84,7 +85,8 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
     bus->cycle_ns = options->cycle_ns;
     bus->wait_ns = options->receive_wait_ns;
     bus->dc_every = options->dc_every;
-    bus->sockets[0] = bus->sockets[1] = bus->ears[0] = bus->ears[1] = bus->lock = -1;
+    bus->sockets[0] = bus->sockets[1] = bus->foreign_sockets[0] = bus->foreign_sockets[1] =
+        bus->lock = -1;
     bus->tag = fsn_port_tag(bus->interface);
     fsn_nodes_init(&bus->all);
     *out = bus;
@@ -98,10 +100,10 @@ static void close_socket(int *socket) {
     *socket = -1;
 }
 
-void soem_let_go(struct fsn_soem *bus) {
+void soem_release(struct fsn_soem *bus) {
     for (unsigned port = 0; port < FSN_WIRE_PORTS; port++) {
         close_socket(&bus->sockets[port]);
-        close_socket(&bus->ears[port]);
+        close_socket(&bus->foreign_sockets[port]);
     }
     fsn_frames_free(&bus->frames);
     if (bus->nic_open) {
@@ -116,7 +118,7 @@ static void soem_free(void *context) {
     if (bus == NULL) {
         return;
     }
-    soem_let_go(bus);
+    soem_release(bus);
     fsn_nodes_free(&bus->all);
     free(bus);
 }
@@ -210,7 +212,8 @@ static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
     for (size_t i = 0; i < FSN_WIRE_PORTS && interface[i][0] != '\0' && status == FSN_OK; i++) {
         status = fsn_port_open(interface[i], bus->tag, stamp, &bus->sockets[i], fault);
         status = status != FSN_OK ? status
-                                  : fsn_port_open_ear(interface[i], bus->tag, &bus->ears[i], fault);
+                                  : fsn_port_open_foreign(interface[i], bus->tag,
+                                                          &bus->foreign_sockets[i], fault);
     }
     return status;
 }
@@ -252,7 +255,7 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
     status = status != FSN_OK ? status : make_wire(bus, fault);
     status = status != FSN_OK ? status : fsn_nodes_check(&bus->all, bus, configure, fault);
     if (status != FSN_OK) {
-        soem_let_go(bus);
+        soem_release(bus);
         return status;
     }
     *layout = fsn_image_layout(&bus->frames.image, bus->frames.bytes);
@@ -268,7 +271,7 @@ static void soem_close(void *context) {
         ecx_writestate(&bus->context, 0);
         ecx_statecheck(&bus->context, 0, states[i], 20000);
     }
-    soem_let_go(bus);
+    soem_release(bus);
 }
 
 static void soem_receive(void *context, struct fsn_bus_input *input) {

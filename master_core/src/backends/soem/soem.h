@@ -56,10 +56,10 @@ struct fsn_soem {
     ec_eepromFMMUt eeprom_fmmu;
     ec_eepromPDOt eeprom_pdo;
     bool nic_open;
-    int lock;                    /**< -1, or what keeps others off the interface */
-    int sockets[FSN_WIRE_PORTS]; /**< of the cycle */
-    int ears[FSN_WIRE_PORTS];    /**< hear another MainDevice */
-    uint16_t tag;                /**< in the source address of all our frames */
+    int lock;                            /**< -1, or what keeps others off the interface */
+    int sockets[FSN_WIRE_PORTS];         /**< of the cycle */
+    int foreign_sockets[FSN_WIRE_PORTS]; /**< hear another MainDevice */
+    uint16_t tag;                        /**< in the source address of all our frames */
 
     struct fsn_frames frames;
     struct fsn_nodes all;
@@ -116,7 +116,7 @@ fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Opens SOEM's sockets. */
 fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Closes everything that was opened. */
-void soem_let_go(struct fsn_soem *bus);
+void soem_release(struct fsn_soem *bus);
 
 /** Throws away what waits for SOEM. Nothing is under way when this is called, so it is the answer
  * to a frame that SOEM has given up. It tells answers apart by an index modulo 16 only: after a

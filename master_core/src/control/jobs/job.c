@@ -17,7 +17,7 @@ enum {
 /** A job being done. */
 struct doing {
     struct fsn_job *job;
-    const struct fsn_job_means *means;
+    const struct fsn_job_context *context;
 };
 
 static bool is_late(const struct fsn_job *job) {
@@ -27,7 +27,7 @@ static bool is_late(const struct fsn_job *job) {
 static bool goes_on(void *self) {
     const struct doing *d = self;
     return !atomic_load(&d->job->cancelled) && !is_late(d->job) &&
-           (d->means->between == NULL || d->means->between(d->means->self));
+           (d->context->between == NULL || d->context->between(d->context->self));
 }
 
 static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, fsn_status status,
@@ -84,8 +84,8 @@ static fsn_status read_object(struct doing *d, uint32_t *abort_code) {
         return FSN_E_NOMEM;
     }
     struct fsn_transfer transfer = transfer_of(d, room, FSN_SDO_BYTES);
-    const fsn_status status = sii ? fsn_core_sii_read(d->means->core, job->subdevice, &transfer)
-                                  : fsn_core_upload(d->means->core, job->subdevice, &transfer);
+    const fsn_status status = sii ? fsn_core_sii_read(d->context->core, job->subdevice, &transfer)
+                                  : fsn_core_upload(d->context->core, job->subdevice, &transfer);
     if (status == FSN_OK && sii) {
         fsn_json_put_hex(&job->json, "data", room, transfer.size_bytes);
         fsn_json_put_u64(&job->json, "bytes", transfer.size_bytes);
@@ -100,7 +100,7 @@ static fsn_status read_object(struct doing *d, uint32_t *abort_code) {
 static fsn_status write_object(struct doing *d, uint32_t *abort_code) {
     struct fsn_job *job = d->job;
     struct fsn_transfer transfer = transfer_of(d, job->data, job->data_bytes);
-    const fsn_status status = fsn_core_download(d->means->core, job->subdevice, &transfer);
+    const fsn_status status = fsn_core_download(d->context->core, job->subdevice, &transfer);
     *abort_code = transfer.abort_code;
     fsn_json_put_u64(&job->json, "bytes", job->data_bytes);
     return status;
@@ -109,7 +109,7 @@ static fsn_status write_object(struct doing *d, uint32_t *abort_code) {
 static fsn_status write_alias(struct doing *d) {
     fsn_json_put_u64(&d->job->json, "alias", d->job->alias);
     fsn_json_put_text(&d->job->json, "used", "after the next power-on of the SubDevice");
-    return fsn_core_alias_write(d->means->core, d->job->subdevice, d->job->alias);
+    return fsn_core_alias_write(d->context->core, d->job->subdevice, d->job->alias);
 }
 
 /** A byte of 0x10F3. */
@@ -117,7 +117,7 @@ static fsn_status read_byte(struct doing *d, uint8_t sub, uint8_t *byte, uint32_
     uint8_t bytes[8] = {0};
     d->job->sub = sub;
     struct fsn_transfer transfer = transfer_of(d, bytes, sizeof bytes);
-    const fsn_status status = fsn_core_upload(d->means->core, d->job->subdevice, &transfer);
+    const fsn_status status = fsn_core_upload(d->context->core, d->job->subdevice, &transfer);
     *abort_code = transfer.abort_code;
     *byte = bytes[0];
     return status;
@@ -140,7 +140,7 @@ static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
         uint8_t message[MESSAGE_ROOM];
         job->sub = (uint8_t)(FIRST_MESSAGE + (first + i) % ring);
         struct fsn_transfer transfer = transfer_of(d, message, sizeof message);
-        status = fsn_core_upload(d->means->core, job->subdevice, &transfer);
+        status = fsn_core_upload(d->context->core, job->subdevice, &transfer);
         if (status == FSN_OK) {
             (void)fsn_history_message(message, transfer.size_bytes, job->sub, &job->json);
         } else if (status != FSN_E_BUS_SDO) { /* an empty place may be refused */
@@ -155,10 +155,10 @@ static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
 }
 
 static struct fsn_survey survey_of(struct doing *d) {
-    return (struct fsn_survey){.ops = d->means->ops,
-                               .bus = d->means->bus,
-                               .plan = d->means->plan,
-                               .interface = d->means->interface,
+    return (struct fsn_survey){.ops = d->context->ops,
+                               .bus = d->context->bus,
+                               .plan = d->context->plan,
+                               .interface = d->context->interface,
                                .between = goes_on,
                                .self = d};
 }
@@ -208,22 +208,22 @@ static fsn_status write_answer(struct doing *d, uint32_t *abort_code) {
     return status;
 }
 
-void fsn_job_run(struct fsn_job *job, const struct fsn_job_means *means) {
-    struct doing d = {job, means};
+void fsn_job_run(struct fsn_job *job, const struct fsn_job_context *context) {
+    struct doing d = {job, context};
     uint32_t abort_code = 0;
     job->status = FSN_E_STATE;
     job->until_ns = job->kind == FSN_JOB_SCAN ? 0 : fsn_now_ns() + MOST_S * UINT64_C(1000000000);
     if (atomic_load(&job->cancelled)) {
         return;
     }
-    if (means->core != NULL) {
+    if (context->core != NULL) {
         job->status = write_answer(&d, &abort_code);
     }
     if (job->status == FSN_OK && job->json.failed) {
         job->status = FSN_E_SPACE;
     }
     if (job->status != FSN_OK) {
-        fault_text(job, means->plan, job->status, abort_code);
+        fault_text(job, context->plan, job->status, abort_code);
     }
 }
 

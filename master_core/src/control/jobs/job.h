@@ -42,7 +42,7 @@ struct fsn_job {
 };
 
 /** What a job is done with. All in the acyclic thread. */
-struct fsn_job_means {
+struct fsn_job_context {
     struct fsn_core *core; /**< NULL: the bus is stopped by now */
     const struct fsn_bus_ops *ops;
     void *bus;
@@ -54,7 +54,7 @@ struct fsn_job_means {
 };
 
 /** Does it; afterwards json, or status and refusal, are filled in. */
-void fsn_job_run(struct fsn_job *job, const struct fsn_job_means *means);
+void fsn_job_run(struct fsn_job *job, const struct fsn_job_context *context);
 
 void fsn_job_free(struct fsn_job *job);
 

@@ -30,10 +30,10 @@ bool fsn_bus_view_init(struct fsn_bus_view *view, const struct fsn_plan *plan,
 
 static void free_images(struct fsn_bus_view *view) {
     free(view->image);
-    free(view->taken.image);
-    free(view->taken.wkc);
+    free(view->recorded.image);
+    free(view->recorded.wkc);
     view->image = NULL;
-    view->taken = (struct fsn_taken){0};
+    view->recorded = (struct fsn_recorded){0};
 }
 
 void fsn_bus_view_free(struct fsn_bus_view *view) {
@@ -47,9 +47,9 @@ void fsn_bus_view_free(struct fsn_bus_view *view) {
 static bool make_images(struct fsn_bus_view *view, const struct fsn_core *core) {
     const size_t bytes = (size_t)fsn_core_image_bytes(core) + 1;
     view->image = malloc(bytes);
-    view->taken.image = malloc(bytes);
-    view->taken.wkc = calloc(fsn_core_datagram_count(core), sizeof *view->taken.wkc);
-    return view->image != NULL && view->taken.image != NULL && view->taken.wkc != NULL;
+    view->recorded.image = malloc(bytes);
+    view->recorded.wkc = calloc(fsn_core_datagram_count(core), sizeof *view->recorded.wkc);
+    return view->image != NULL && view->recorded.image != NULL && view->recorded.wkc != NULL;
 }
 
 void fsn_bus_view_attach(struct fsn_bus_view *view, struct fsn_core *core) {

@@ -7,7 +7,7 @@
 #include "fsn/core.h"
 
 /** One cycle taken out of the recorder. */
-struct fsn_taken {
+struct fsn_recorded {
     uint64_t cycle; /**< 0: none */
     struct fsn_cycle record;
     struct fsn_wkc *wkc; /**< room for one per datagram */
@@ -24,7 +24,7 @@ struct fsn_bus_view {
     struct fsn_statistics statistics;   /**< room for snapshots; with the next two */
     struct fsn_connection_status *connections;
     uint8_t *image;
-    struct fsn_taken taken;
+    struct fsn_recorded recorded;
     struct fsn_bus_subdevice *subdevice; /**< last state of each SubDevice of the plan */
     bool subdevices_known;               /**< they were read once */
 };

@@ -31,7 +31,7 @@ static void put_datagrams(struct fsn_bus_view *view, struct fsn_json *json) {
     const struct fsn_core *core = view->core;
     const uint32_t count = fsn_core_datagram_count(core);
     const bool known =
-        fsn_core_record(core, fsn_core_last_cycle(core), NULL, view->taken.wkc, NULL) == FSN_OK;
+        fsn_core_record(core, fsn_core_last_cycle(core), NULL, view->recorded.wkc, NULL) == FSN_OK;
     fsn_json_put_open(json, "datagrams", '[');
     for (uint32_t d = 0; d < count; d++) {
         const uint32_t byte = fsn_core_datagram_byte(core, d);
@@ -41,7 +41,7 @@ static void put_datagrams(struct fsn_bus_view *view, struct fsn_json *json) {
         fsn_json_put_u64(json, "byte", byte);
         fsn_json_put_u64(json, "bytes", end - byte);
         if (known) {
-            fsn_json_put_u64(json, "expected_wkc", view->taken.wkc[d].expected);
+            fsn_json_put_u64(json, "expected_wkc", view->recorded.wkc[d].expected);
         }
         fsn_json_close(json, '}');
     }

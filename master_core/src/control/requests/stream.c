@@ -24,13 +24,13 @@ void fsn_stream_end(struct fsn_client *client) {
 
 /** Takes a cycle out of the recorder, for all clients that want the same one. */
 static fsn_status take(struct fsn_bus_view *view, uint64_t number) {
-    struct fsn_taken *taken = &view->taken;
-    if (taken->cycle == number) {
+    struct fsn_recorded *recorded = &view->recorded;
+    if (recorded->cycle == number) {
         return FSN_OK;
     }
     const fsn_status found =
-        fsn_core_record(view->core, number, &taken->record, NULL, taken->image);
-    taken->cycle = found == FSN_OK ? number : 0;
+        fsn_core_record(view->core, number, &recorded->record, NULL, recorded->image);
+    recorded->cycle = found == FSN_OK ? number : 0;
     return found;
 }
 
@@ -40,7 +40,7 @@ static void put_values(struct fsn_bus_view *view, const struct fsn_stream *strea
     for (size_t i = 0; i < stream->count; i++) {
         const struct fsn_symbol_info info = fsn_known_symbol(view->plan, stream->symbols[i]);
         uint64_t raw;
-        if (fsn_core_read_symbol(view->core, view->taken.image, stream->symbols[i], &raw) ==
+        if (fsn_core_read_symbol(view->core, view->recorded.image, stream->symbols[i], &raw) ==
             FSN_OK) {
             fsn_json_key(json, info.name);
             (stream->typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, json);
@@ -50,10 +50,10 @@ static void put_values(struct fsn_bus_view *view, const struct fsn_stream *strea
 }
 
 static void put_image(struct fsn_bus_view *view, struct fsn_json *json) {
-    fsn_json_put_u64(json, "expected_wkc", view->taken.record.expected_wkc);
-    fsn_json_put_u64(json, "actual_wkc", view->taken.record.actual_wkc);
+    fsn_json_put_u64(json, "expected_wkc", view->recorded.record.expected_wkc);
+    fsn_json_put_u64(json, "actual_wkc", view->recorded.record.actual_wkc);
     fsn_json_key(json, "image");
-    fsn_json_hex(json, view->taken.image, fsn_core_image_bytes(view->core));
+    fsn_json_hex(json, view->recorded.image, fsn_core_image_bytes(view->core));
 }
 
 /** Writes the taken cycle as one line. */
@@ -64,8 +64,8 @@ static void put_line(struct fsn_services *services, struct fsn_client *client) {
     fsn_json_clear(json);
     fsn_json_open(json, '{');
     fsn_json_put_text(json, "event", stream->image ? "image" : "values");
-    fsn_json_put_u64(json, "cycle", view->taken.record.cycle);
-    fsn_json_put_u64(json, "now_ns", view->taken.record.now_ns);
+    fsn_json_put_u64(json, "cycle", view->recorded.record.cycle);
+    fsn_json_put_u64(json, "now_ns", view->recorded.record.now_ns);
     if (stream->skipped > 0) {
         fsn_json_put_u64(json, "skipped", stream->skipped);
     }
