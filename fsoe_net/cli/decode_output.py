@@ -221,8 +221,10 @@ def _counts_text(d: DirectionSnapshot) -> str:
     text = (
         f"{counted(d.frames, 'frame')}: {d.right} right, {d.wrong} wrong, {d.unchecked} unchecked"
     )
-    if d.cycle_max_ns:
-        low, mean, high = (n / 1e6 for n in (d.cycle_min_ns, d.cycle_mean_ns, d.cycle_max_ns))
+    if d.interval_max_ns:
+        low, mean, high = (
+            n / 1e6 for n in (d.interval_min_ns, d.interval_mean_ns, d.interval_max_ns)
+        )
         text += f"; every {low:.3f} … {mean:.3f} … {high:.3f} ms"
     if d.resets:
         text += f"; {counted(d.resets, 'reset')}, last {d.reset_code}: "
@@ -383,8 +385,8 @@ def _counts_json(d: DirectionSnapshot) -> dict[str, object]:
         "resets": d.resets,
         "reset_code": d.reset_code if d.resets else None,
         "cycle_ms": {
-            "min": d.cycle_min_ns / 1e6,
-            "mean": d.cycle_mean_ns / 1e6,
-            "max": d.cycle_max_ns / 1e6,
+            "min": d.interval_min_ns / 1e6,
+            "mean": d.interval_mean_ns / 1e6,
+            "max": d.interval_max_ns / 1e6,
         },
     }

@@ -23,8 +23,8 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.document.write_terminal import TerminalView
 from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.report.cycle_times import times_table, timing_csv, timing_picture
-from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 from fsoe_net.run.result import ConnectionResult, Run, RunEvent, RunUpdate, state_text
 
 __all__ = [

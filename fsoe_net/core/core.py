@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 from fsoe_net.core.module import compiled, fault_text, raise_status
@@ -383,35 +385,12 @@ class Core:
 
 
 def _statistics(ffi: Any, lib: Any, s: Any) -> Statistics:
-    def histogram(h: Any) -> Histogram:
-        return _histogram(ffi, lib, h)
-
-    return Statistics(
-        cycles=s.cycles,
-        overruns=s.overruns,
-        wkc_errors=s.wkc_errors,
-        lost_frames=s.lost_frames,
-        old_replies=s.old_replies,
-        foreign_frames=s.foreign_frames,
-        unsent_frames=s.unsent_frames,
-        send_errno=s.send_errno,
-        bytes_copied=s.bytes_copied,
-        now_ns=s.now_ns,
-        dc_time_ns=s.dc_time_ns,
-        events_lost=s.events_lost,
-        expected_wkc=s.expected_wkc,
-        actual_wkc=s.actual_wkc,
-        copies=s.copies,
-        merged_copies=s.merged_copies,
-        realtime=bool(s.realtime),
-        locked=bool(s.locked),
-        latency=histogram(s.latency),
-        period=histogram(s.period),
-        work=histogram(s.work),
-        copy=histogram(s.copy),
-        round_trip=histogram(s.round_trip),
-        dc_offset=histogram(s.dc_offset),
-    )
+    read: dict[str, Callable[[Any], Any]] = {
+        "int": int,
+        "bool": bool,
+        "Histogram": lambda h: _histogram(ffi, lib, h),
+    }
+    return Statistics(**{f.name: read[str(f.type)](getattr(s, f.name)) for f in fields(Statistics)})
 
 
 def _histogram(ffi: Any, lib: Any, h: Any) -> Histogram:
@@ -420,8 +399,8 @@ def _histogram(ffi: Any, lib: Any, h: Any) -> Histogram:
 
     return Histogram(
         count=h.count,
+        sum_ns=h.sum_ns,
         min_ns=h.min_ns,
-        mean_ns=h.sum_ns // h.count if h.count else 0,
         p50_ns=percentile(500_000),
         p99_ns=percentile(990_000),
         p999_ns=percentile(999_000),
@@ -432,23 +411,7 @@ def _histogram(ffi: Any, lib: Any, h: Any) -> Histogram:
 
 def direction_snapshot(d: Any) -> DirectionSnapshot:
     """Return the values of a `struct fsn_direction`."""
-    return DirectionSnapshot(
-        command=d.command,
-        connection_id=d.connection_id,
-        reset_code=d.reset_code,
-        frames=d.frames,
-        process_data=d.process_data,
-        failsafe_data=d.failsafe_data,
-        right=d.right,
-        wrong=d.wrong,
-        unchecked=d.unchecked,
-        resets=d.resets,
-        last_new_ns=d.last_new_ns,
-        cycle_last_ns=d.interval_last_ns,
-        cycle_min_ns=d.interval_min_ns,
-        cycle_mean_ns=d.interval_sum_ns // d.intervals if d.intervals else 0,
-        cycle_max_ns=d.interval_max_ns,
-    )
+    return DirectionSnapshot(**{f.name: getattr(d, f.name) for f in fields(DirectionSnapshot)})
 
 
 def _connection(c: Any) -> ConnectionSnapshot:

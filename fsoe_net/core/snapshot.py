@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from fsoe_net.fsoe.monitor import OutsideState
 
@@ -29,12 +29,22 @@ class Histogram:
 
     count: int
     min_ns: int
-    mean_ns: int
+    sum_ns: int
     p50_ns: int
     p99_ns: int
     p999_ns: int
     max_ns: int
     buckets: tuple[tuple[int, int], ...]
+
+    @property
+    def mean_ns(self) -> int:
+        """The mean of all times; 0 without any."""
+        return self.sum_ns // self.count if self.count else 0
+
+    def to_json(self) -> dict[str, object]:
+        """Return the stable JSON form."""
+        row = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "sum_ns"}
+        return row | {"mean_ns": self.mean_ns}
 
     def at_most(self, per_million: int) -> int:
         """Return the time that a share of all times does not exceed, ns, as the core does.
@@ -97,10 +107,21 @@ class Statistics:
     round_trip: Histogram
     dc_offset: Histogram
 
+    @property
+    def histograms(self) -> dict[str, Histogram]:
+        """The histograms by name."""
+        rows = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {name: row for name, row in rows.items() if isinstance(row, Histogram)}
+
+    def to_json(self) -> dict[str, object]:
+        """Return the stable JSON form."""
+        rows = {f.name: getattr(self, f.name) for f in fields(self)}
+        return rows | {name: h.to_json() for name, h in self.histograms.items()}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionSnapshot:
-    """One direction of a connection; ``cycle_*`` is the time between new data frames.
+    """One direction of a connection; ``interval_*`` is the time between new data frames.
 
     ``right``, ``wrong`` and ``unchecked`` count frames by their CRCs, see `Verdict`.
     """
@@ -116,10 +137,16 @@ class DirectionSnapshot:
     unchecked: int
     resets: int
     last_new_ns: int
-    cycle_last_ns: int
-    cycle_min_ns: int
-    cycle_mean_ns: int
-    cycle_max_ns: int
+    interval_last_ns: int
+    interval_min_ns: int
+    interval_max_ns: int
+    interval_sum_ns: int
+    intervals: int
+
+    @property
+    def interval_mean_ns(self) -> int:
+        """The mean of all intervals; 0 without any."""
+        return self.interval_sum_ns // self.intervals if self.intervals else 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,6 +157,7 @@ class ConnectionSnapshot:
     to_sub: DirectionSnapshot
     to_main: DirectionSnapshot
     gaps: int
+    """Times the chain was lost and found again without a Reset: frames passed unseen."""
 
     @property
     def resets(self) -> int:
@@ -138,8 +166,6 @@ class ConnectionSnapshot:
         Each is answered by a Reset of the other end, so the end that has sent more is counted.
         """
         return max(self.to_sub.resets - 1, self.to_main.resets - 1, 0)
-
-    """Times the chain was lost and found again without a Reset: frames passed unseen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,9 +6,10 @@ import os
 from collections.abc import Iterator
 
 from fsoe_net.diag.words import counted
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
 from fsoe_net.observe.evidence import Evidence
-from fsoe_net.observe.incident import SubDeviceSeen, TriggerKind
+from fsoe_net.observe.incident import TriggerKind
 
 __all__ = ["bus_causes"]
 
@@ -34,6 +35,7 @@ def _other_main(e: Evidence) -> Iterator[Candidate]:
     """Somebody else sends EtherCAT frames: whatever else is seen may come of it."""
     if not e.bus.foreign_frames:
         return
+    c = e.head.counters
     yield candidate(
         e,
         "other_main_device",
@@ -41,7 +43,7 @@ def _other_main(e: Evidence) -> Iterator[Candidate]:
         f"{counted(e.bus.foreign_frames, 'EtherCAT frame')} of another MainDevice within "
         f"{ms(e.bus.last_ns - e.bus.first_ns)}, beside {counted(e.bus.cycles, 'cycle')} of "
         f"this one",
-        f"{e.head.counters.foreign_frames} since the start" if e.head.counters.cycles else "",
+        f"{c.foreign_frames} since the start" if c is not None and c.cycles else "",
     )
 
 
@@ -84,10 +86,19 @@ def _own(e: Evidence, names: list[str]) -> list[str]:
 def _unsent(e: Evidence) -> str:
     """Return how many frames the system did not send, and why; an empty text without any."""
     c = e.head.counters
+    if c is None or not c.unsent_frames:
+        return ""
     why = os.strerror(min(c.send_errno, _MOST_ERRNO))
-    return (
-        f"{counted(c.unsent_frames, 'frame')} could not be sent: {why}" if c.unsent_frames else ""
-    )
+    return f"{counted(c.unsent_frames, 'frame')} could not be sent: {why}"
+
+
+def _scheduling(e: Evidence) -> Iterator[str]:
+    """Yield what the counters say of how the cyclic thread is scheduled."""
+    c = e.head.counters
+    if c is not None and c.overruns:
+        yield f"{counted(c.overruns, 'overrun')} since the start"
+    if c is not None and not c.realtime and e.head.backend != "emulated":
+        yield "no real-time policy"
 
 
 def _wkc(e: Evidence) -> list[str]:
@@ -102,7 +113,7 @@ def _wkc(e: Evidence) -> list[str]:
     ]
 
 
-def _when(e: Evidence, gone: list[SubDeviceSeen]) -> list[str]:
+def _when(e: Evidence, gone: list[SubDeviceSnapshot]) -> list[str]:
     names = {s.name for s in gone}
     return [
         f"event {ms(abs(e.moment_ns - v.now_ns))} "
@@ -237,10 +248,7 @@ def _cycle(e: Evidence) -> Iterator[Candidate]:
         f"{counted(len(slow), 'late cycle')} in the {ms(end - start)} before the moment, "
         f"{ms(total)} in all; "
         f"the watchdog is {ms(watchdog)}",
-        f"{counted(e.head.counters.overruns, 'overrun')} since the start"
-        if e.head.counters.overruns
-        else "",
-        "" if e.head.counters.realtime or e.head.backend == "emulated" else "no real-time policy",
+        *_scheduling(e),
     ]
     if worst.extra_ns >= watchdog // 3 and 2 * worst.extra_ns > total:
         several = e.stopped()

@@ -90,7 +90,7 @@ def _silence(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
             f"so it is for all {counted(len(own), 'connection')} of {plan.main}"
             if all_quiet and len(own) > 1
             else "",
-            f"{plan.main} is in {device.al}" if device and device.al else "",
+            f"{plan.main} is in {device.al}" if device and device.known else "",
         )
     elif main.frames and not sub.not_zero:
         told = ", ".join(f"{command_text(c)} {n}x" for c, n in main.commands.most_common(3))

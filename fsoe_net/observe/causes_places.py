@@ -369,7 +369,7 @@ def _waits_in_vain(link: LinkFacts) -> bool:
 
 def _slots_disagree(e: Evidence, one: str, two: str) -> bool:
     """Whether two connections lie the other way round in what their main sends and receives."""
-    places = {p.name: p for p in e.head.places}
+    places = {p.name: p for p in e.head.layout.connections}
     a, b = places[one], places[two]
     sends = a.to_sub.source_byte < b.to_sub.source_byte
     takes = a.to_main.destination_byte < b.to_main.destination_byte

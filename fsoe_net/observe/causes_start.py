@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.observe.candidate import Candidate, any_of, candidate
 from fsoe_net.observe.causes_places import swapped, swapped_key
 from fsoe_net.observe.evidence import Evidence
-from fsoe_net.observe.incident import SubDeviceSeen, TriggerKind
-from fsoe_net.observe.incident_values import clean
+from fsoe_net.observe.incident import TriggerKind
+from fsoe_net.observe.json_object import clean
 
 __all__ = ["start_causes"]
 
@@ -48,7 +49,7 @@ def start_causes(e: Evidence) -> Iterator[Candidate]:
             yield _one(e, seen, _while_running(e, seen))
 
 
-def _while_running(e: Evidence, seen: SubDeviceSeen) -> int:
+def _while_running(e: Evidence, seen: SubDeviceSnapshot) -> int:
     """Return how well it fits that a SubDevice is not as planned, while the bus runs.
 
     What was found in its place is a fact, and those behind it may be gone with it.
@@ -126,7 +127,7 @@ def _owner(e: Evidence, text: str, device: str) -> str:
     return names[0] if names else ""
 
 
-def _kind(seen: SubDeviceSeen) -> str:
+def _kind(seen: SubDeviceSnapshot) -> str:
     """Return the cause that the bus's own words about a SubDevice name, or an empty text."""
     words = {
         "does not answer": "device_missing",
@@ -139,22 +140,22 @@ def _kind(seen: SubDeviceSeen) -> str:
     return words.get(seen.found, "")
 
 
-def _one(e: Evidence, seen: SubDeviceSeen, score: int, fault: str = "") -> Candidate:
+def _one(e: Evidence, seen: SubDeviceSnapshot, score: int, fault: str = "") -> Candidate:
     key = _kind(seen)
-    if key == "wrong_device" and seen.identity[:2] == e.type_of(seen.name):
+    if key == "wrong_device" and seen.identity == e.type_of(seen.name):
         key = "wrong_revision"
     found = f"{seen.name}: {seen.found}" + (f": {seen.detail}" if seen.detail else "")
     code = f"AL status code of {seen.name}: 0x{seen.al_code:04x}" if seen.al_code else ""
     return candidate(e, key, score, found, code, fault, device=seen.name)
 
 
-def _exchanged(e: Evidence, wrong: list[SubDeviceSeen], fault: str) -> Iterator[Candidate]:
+def _exchanged(e: Evidence, wrong: list[SubDeviceSnapshot], fault: str) -> Iterator[Candidate]:
     """Two SubDevices of which each stands where the other one should."""
     for one in wrong:
         partners = [
             two.name
             for two in wrong
-            if one.identity[:2] == e.type_of(two.name) != e.type_of(one.name) == two.identity[:2]
+            if one.identity == e.type_of(two.name) != e.type_of(one.name) == two.identity
         ]
         if partners:
             other = any_of(partners)

@@ -6,21 +6,18 @@ import re
 from dataclasses import dataclass, replace
 
 from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.observe.bus_documents import LayoutConnection, LayoutCopy, SubDeviceSnapshot
 from fsoe_net.observe.evidence_cycles import BusFacts, BusWatch
 from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, PairWatch, ResetSeen
 from fsoe_net.observe.incident import (
-    Area,
     FsoeFacts,
     FsoeSetting,
     IncidentEvent,
     IncidentHead,
-    LinkSeen,
-    Places,
-    SubDeviceSeen,
     TriggerKind,
 )
 from fsoe_net.observe.incident_read import IncidentReader
-from fsoe_net.observe.incident_values import clean
+from fsoe_net.observe.json_object import clean
 from fsoe_net.plan.model import NONE, Plan
 
 __all__ = ["Evidence", "Planned", "gather"]
@@ -76,11 +73,6 @@ class Evidence:
         return self.links.get(self.name)
 
     @property
-    def seen(self) -> LinkSeen | None:
-        """The connection it is about as the MainDevice counted."""
-        return next((c for c in self.head.connections if c.name == self.name), None)
-
-    @property
     def reset(self) -> ResetSeen | None:
         """The Reset with which the connection left Data, from its frames."""
         if self.link is None or self.head.trigger.kind is not TriggerKind.LEFT_DATA:
@@ -127,7 +119,7 @@ class Evidence:
         length = max(3 * (self.watchdog_ns or 100_000_000) // 2, 20_000_000)
         return self.moment_ns - length, self.moment_ns
 
-    def subdevice(self, name: str) -> SubDeviceSeen | None:
+    def subdevice(self, name: str) -> SubDeviceSnapshot | None:
         """Return what the bus knew of a SubDevice."""
         return next((s for s in self.head.subdevices if s.name == name), None)
 
@@ -182,7 +174,7 @@ class Evidence:
             if e.event == event and e.now_ns >= start_ns and (end_ns is None or e.now_ns <= end_ns)
         ]
 
-    def lost_subdevices(self) -> list[SubDeviceSeen]:
+    def lost_subdevices(self) -> list[SubDeviceSnapshot]:
         """Return the SubDevices that did not answer when the file was written, in bus order.
 
         Where another device was found there is one.
@@ -214,7 +206,10 @@ def gather(reader: IncidentReader) -> Evidence:
     moment = head.trigger.now_ns
     name = head.trigger.connection or _of_subdevice(planned, head.trigger.subdevice)
     bus = BusWatch(head.cycle_ns or (head.plan.cycle_ns if head.plan else 0))
-    taken = frozenset((a.source_byte, a.size_bytes) for p in head.places for a in _areas(p))
+    frames = head.layout.connections
+    taken = frozenset(
+        (copy.source_byte, copy.size_bytes) for c in frames for copy in (c.to_sub, c.to_main)
+    )
     watches = {
         p.name: LinkWatch(
             p,
@@ -222,9 +217,9 @@ def gather(reader: IncidentReader) -> Evidence:
             bounds=(_bounds(head, p.to_sub), _bounds(head, p.to_main)),
             taken=taken,
         )
-        for p in head.places
+        for p in frames
     }
-    pairs = _pairs(head.places, watches, name)
+    pairs = _pairs(frames, watches, name)
     image: bytes | None = None
     for record in reader:
         bus.cycle(record)
@@ -271,16 +266,13 @@ def _at_moment(head: IncidentHead) -> IncidentHead:
     return replace(head, subdevices=rows)
 
 
-def _areas(places: Places) -> tuple[Area, Area]:
-    return places.to_sub, places.to_main
-
-
-def _bounds(head: IncidentHead, area: Area) -> tuple[int, int]:
+def _bounds(head: IncidentHead, frame: LayoutCopy) -> tuple[int, int]:
     """Return the sync manager a frame comes from: first byte and the one behind the last."""
-    for first, size in head.areas:
-        if first <= area.source_byte < first + size:
-            return first, min(first + size, head.image_bytes)
-    return area.source_byte, area.source_byte + area.size_bytes
+    for sm in head.layout.sms:
+        end = sm.offset_bytes + sm.size_bytes
+        if sm.offset_bytes <= frame.source_byte < end:
+            return sm.offset_bytes, min(end, head.layout.image_bytes)
+    return frame.source_byte, frame.source_byte + frame.size_bytes
 
 
 def _of_subdevice(planned: dict[str, Planned], subdevice: str) -> str:
@@ -300,7 +292,9 @@ def _first_bad(links: dict[str, LinkFacts]) -> str:
     return next(iter(links), "")
 
 
-def _pairs(places: tuple[Places, ...], watches: dict[str, LinkWatch], name: str) -> list[PairWatch]:
+def _pairs(
+    places: tuple[LayoutConnection, ...], watches: dict[str, LinkWatch], name: str
+) -> list[PairWatch]:
     """Pair the ends of the connection of the trigger with those of others."""
     pairs: list[PairWatch] = []
     mine = watches.get(name)

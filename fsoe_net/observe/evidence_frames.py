@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fsoe_net.fsoe.chain import fits_start
 from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_length
-from fsoe_net.observe.incident import Area, Places
+from fsoe_net.observe.bus_documents import LayoutConnection, LayoutCopy
 
 __all__ = [
     "FrameSeen",
@@ -154,7 +154,7 @@ class LinkWatch:
 
     def __init__(
         self,
-        places: Places,
+        places: LayoutConnection,
         moment_ns: int,
         *,
         bounds: tuple[tuple[int, int], tuple[int, int]],
@@ -386,7 +386,7 @@ def _links(monitor: Monitor, direction: int, data: bytes, now_ns: int) -> bool:
     return right and data[0] != Command.RESET
 
 
-def _sizes(area: Area) -> list[int]:
+def _sizes(area: LayoutCopy) -> list[int]:
     """Lengths a frame may have, the planned one first."""
     others = (n for n in range(6, _LONGEST_SEARCHED + 1) if is_frame_length(n))
     return [area.size_bytes, *(n for n in others if n != area.size_bytes)]

@@ -10,21 +10,16 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.core.snapshot import Histogram
+from fsoe_net.core.snapshot import Statistics
+from fsoe_net.observe.bus_documents import Layout, NamedConnection, SubDeviceSnapshot
 from fsoe_net.plan.model import Plan
 
 __all__ = [
-    "Area",
-    "Counters",
     "CycleRecord",
-    "DirectionSeen",
     "FsoeFacts",
     "FsoeSetting",
     "IncidentEvent",
     "IncidentHead",
-    "LinkSeen",
-    "Places",
-    "SubDeviceSeen",
     "Trigger",
     "TriggerKind",
 ]
@@ -65,75 +60,6 @@ class Trigger:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Counters:
-    """Statistics of the cyclic thread that matter here; histograms are those it has filled."""
-
-    cycles: int = 0
-    overruns: int = 0
-    wkc_errors: int = 0
-    lost_frames: int = 0
-    old_replies: int = 0
-    foreign_frames: int = 0
-    unsent_frames: int = 0
-    send_errno: int = 0
-    expected_wkc: int = 0
-    actual_wkc: int = 0
-    realtime: bool = False
-    histograms: Mapping[str, Histogram]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DirectionSeen:
-    """One direction of a connection since the start; times between new data frames."""
-
-    frames: int = 0
-    wrong: int = 0
-    resets: int = 0
-    reset_code: int = 0
-    interval_mean_ns: int = 0
-    interval_max_ns: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkSeen:
-    """One connection as the MainDevice saw it when the file was written."""
-
-    name: str
-    main: str
-    sub: str
-    state: str
-    to_sub: DirectionSeen
-    to_main: DirectionSeen
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SubDeviceSeen:
-    """One SubDevice as the bus knew it; ``al`` is a word, ``none`` when it does not answer.
-
-    ``found`` and ``detail`` are the bus's own words; ``known`` is false when it never looked.
-    ``identity``: vendor, product and revision as found.
-    """
-
-    name: str
-    position: int
-    known: bool
-    al: str
-    al_code: int
-    found: str
-    detail: str
-    returns: int
-    stale_cycles: int
-    identity: tuple[int, int, int]
-    link_lost: tuple[int, ...]
-    rx_errors: tuple[int, ...]
-
-    @property
-    def answers(self) -> bool:
-        """Whether it answered at the end; true when nobody looked."""
-        return not self.known or self.al != "none"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class IncidentEvent:
     """One event as subscribers were told; ``keys`` are its further values as text."""
 
@@ -142,24 +68,6 @@ class IncidentEvent:
     level: str
     text: str
     keys: Mapping[str, str]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Area:
-    """Where the frames of one direction lie in the process image."""
-
-    source_byte: int
-    destination_byte: int
-    size_bytes: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Places:
-    """Both directions of one connection in the process image."""
-
-    name: str
-    to_sub: Area
-    to_main: Area
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,8 +112,7 @@ class CycleRecord:
 class IncidentHead:
     """First line of the file. ``plan`` is ``None`` when its bytes cannot be used: see ``remarks``.
 
-    ``places`` are those of the layout the bus had, ``areas`` its sync managers as first byte and
-    length; both empty when it had none.
+    ``counters`` are ``None`` and the layout is empty when the bus did not open.
     """
 
     utc: str
@@ -217,12 +124,10 @@ class IncidentHead:
     plan: Plan | None
     cycle_ns: int
     trigger: Trigger
-    counters: Counters
-    connections: tuple[LinkSeen, ...]
-    subdevices: tuple[SubDeviceSeen, ...]
+    counters: Statistics | None
+    connections: tuple[NamedConnection, ...]
+    subdevices: tuple[SubDeviceSnapshot, ...]
     events: tuple[IncidentEvent, ...]
-    image_bytes: int
-    places: tuple[Places, ...]
-    areas: tuple[tuple[int, int], ...]
+    layout: Layout
     fsoe: tuple[FsoeFacts, ...]
     remarks: tuple[str, ...] = ()

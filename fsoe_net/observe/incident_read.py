@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 from fsoe_net.errors import IncidentError
 from fsoe_net.observe.incident import CycleRecord, IncidentHead
 from fsoe_net.observe.incident_head import head_of
-from fsoe_net.observe.incident_values import Values
+from fsoe_net.observe.json_object import JsonObject
 
 __all__ = ["IncidentReader"]
 
@@ -55,7 +55,7 @@ class IncidentReader:
             if line.startswith(b"{") and not line.endswith(b"\n"):
                 reason = f"the head is cut off: {document}"
             raise IncidentError(reason, name, 1)
-        self.head: IncidentHead = head_of(Values(document, name, 1))
+        self.head: IncidentHead = head_of(JsonObject(document, name, 1))
 
     def __iter__(self) -> Iterator[CycleRecord]:
         """Yield the cycles in file order; `cut` is right once this has ended."""
@@ -95,7 +95,7 @@ class IncidentReader:
         if isinstance(row, str):
             ends = "" if line.endswith(b"\n") else "cut off in the middle of a line: "
             raise IncidentError(ends + row, self._name, number)
-        values = Values(row, self._name, number)
+        values = JsonObject(row, self._name, number)
         if "end" in row:
             told = values.whole("cycles", missing=self.cycles)
             if told != self.cycles:
@@ -119,15 +119,15 @@ class IncidentReader:
             image=image,
         )
 
-    def _image(self, values: Values) -> bytes:
+    def _image(self, values: JsonObject) -> bytes:
         text = values.text("image")
         try:
             image = bytes.fromhex(text)
         except ValueError as exc:
             raise values.bad("image", "is no hex") from exc
-        if self.head.image_bytes and len(image) != self.head.image_bytes:
+        if self.head.layout.image_bytes and len(image) != self.head.layout.image_bytes:
             raise values.bad(
-                "image", f"has {len(image)} bytes, the layout says {self.head.image_bytes}"
+                "image", f"has {len(image)} bytes, the layout says {self.head.layout.image_bytes}"
             )
         return image
 

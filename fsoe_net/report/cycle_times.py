@@ -41,7 +41,7 @@ _STYLE = (
 
 def _histograms(statistics: Statistics) -> list[tuple[str, Histogram]]:
     """Return the histograms by name, in a fixed order."""
-    return [(name, getattr(statistics, name)) for name in _NAMES]
+    return list(statistics.histograms.items())
 
 
 def timing_csv(statistics: Statistics) -> str:

@@ -18,9 +18,9 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.model.scan import Scan
 
 if TYPE_CHECKING:
+    from fsoe_net.observe.bus_documents import BusSnapshot
     from fsoe_net.observe.incident import IncidentHead
     from fsoe_net.run.control_values import Status
-    from fsoe_net.run.live_snapshot import LiveSnapshot
 
 __all__ = [
     "Evidence",
@@ -86,7 +86,7 @@ class LiveEvidence:
 
     socket: str
     status: Status
-    snapshot: LiveSnapshot
+    snapshot: BusSnapshot
     names: tuple[str, ...]
 
 
@@ -162,7 +162,9 @@ def _period(row: Mapping[str, Any]) -> Histogram | None:
     """
     if not row.get("count"):
         return None
-    values = {f.name: int(row[f.name]) for f in fields(Histogram) if f.name != "buckets"}
+    keys = [f.name for f in fields(Histogram) if f.name not in ("sum_ns", "buckets")]
+    values = {key: int(row[key]) for key in keys}
+    values["sum_ns"] = int(row["mean_ns"]) * values["count"]  # a run states the mean alone
     buckets = tuple((int(floor), int(times)) for floor, times in row["buckets"])
     floors = [floor for floor, _ in buckets]
     if floors != sorted(set(floors)) or sum(times for _, times in buckets) != values["count"]:
@@ -211,5 +213,5 @@ def longest_round_trips(
             seen(row.name, row.cycle_max)
     if live is not None and live.status.backend != "emulated":
         for name, c in zip(live.names, live.snapshot.cycle.connections, strict=False):
-            seen(name, max(c.to_sub.cycle_max_ns, c.to_main.cycle_max_ns) / 1e6)
+            seen(name, max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns) / 1e6)
     return longest

@@ -210,7 +210,9 @@ def _signs(window: Window) -> tuple[str, ...]:
 
 
 def _timing(facts: IncidentFacts) -> list[Part]:
-    histograms = facts.evidence.head.counters.histograms
+    counters = facts.evidence.head.counters
+    histograms = {} if counters is None else counters.histograms
+    histograms = {name: h for name, h in histograms.items() if h.count}
     wanted = [k for k in ("period", "round_trip", "latency", "work") if k in histograms][:2]
     parts: list[Part] = [
         Picture(

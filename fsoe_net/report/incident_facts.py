@@ -245,7 +245,7 @@ def _links(e: Evidence) -> list[LinkRow]:
         seen = next((c for c in e.head.connections if c.name == name), None)
         if link is None and seen is None:
             continue
-        state = link.state_at_moment.word if link else seen.state if seen else ""
+        state = link.state_at_moment.word if link else seen.seen.state.word if seen else ""
         rows.append(
             LinkRow(
                 name=name,

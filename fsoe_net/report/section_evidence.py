@@ -247,14 +247,14 @@ def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]
     rows = tuple(
         (
             cell(strong(c.name)),
-            cell(_state_words(c.state)),
+            cell(_state_words(c.seen.state.word)),
             tuple(
                 stated(d.wrong, f"wrong frames {to}", path)
-                for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
+                for d, to in ((c.seen.to_sub, "to sub"), (c.seen.to_main, "to main"))
             ),
             tuple(
                 stated(d.interval_max_ns / 1e6, f"ms {to}", path)
-                for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
+                for d, to in ((c.seen.to_sub, "to sub"), (c.seen.to_main, "to main"))
             ),
         )
         for c in head.connections
@@ -296,8 +296,8 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
         (
             cell(strong(name)),
             cell(_state_words(c.state.word)),
-            cell(_seen(max(c.to_sub.cycle_mean_ns, c.to_main.cycle_mean_ns), source)),
-            cell(_seen(max(c.to_sub.cycle_max_ns, c.to_main.cycle_max_ns), source)),
+            cell(_seen(max(c.to_sub.interval_mean_ns, c.to_main.interval_mean_ns), source)),
+            cell(_seen(max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns), source)),
             cell(stated(c.to_sub.wrong + c.to_main.wrong, "frames", source)),
             cell(stated(c.to_sub.resets + c.to_main.resets, "resets", source)),
         )

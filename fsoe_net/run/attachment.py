@@ -10,10 +10,10 @@ from pathlib import Path
 from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.fsoe.pdu import reset_code_text
+from fsoe_net.observe.bus_documents import BusSnapshot, SubDeviceSnapshot
 from fsoe_net.run.bus_events import ENDS, BusEvents, PlannedConnection, connection_result
 from fsoe_net.run.client import Client
 from fsoe_net.run.control_values import BusState, Status
-from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.result import ConnectionResult, RunEvent, is_data
 
 __all__ = ["Attachment", "BusView", "WatchedConnection"]
@@ -65,7 +65,7 @@ class BusView:
     away: str
     status: Status | None
     connections: tuple[WatchedConnection, ...]
-    snapshot: LiveSnapshot | None
+    snapshot: BusSnapshot | None
     current: bool
     now_s: float
     events: tuple[RunEvent, ...]
@@ -91,7 +91,7 @@ class BusView:
             "duration_ms": self.now_s * 1000,
             "connections": [c.to_json() for c in self.connections],
             "subdevices": [] if snapshot is None else [asdict(s) for s in snapshot.subdevices],
-            "statistics": None if snapshot is None else asdict(snapshot.cycle.statistics),
+            "statistics": None if snapshot is None else snapshot.cycle.statistics.to_json(),
             "events": [asdict(e) for e in self.events],
             "events_lost": self.events_lost,
         }
@@ -111,7 +111,7 @@ class Attachment:
         self._path = str(path)
         self._events = BusEvents(start_ns=time.monotonic_ns())
         self._facts: tuple[PlannedConnection, ...] = ()
-        self._snapshot: LiveSnapshot | None = None
+        self._snapshot: BusSnapshot | None = None
         self._status: Status | None = None
         self._away = ""
         self._missed = 0
@@ -212,10 +212,10 @@ class Attachment:
         facts: PlannedConnection,
         wire: ConnectionSnapshot,
         subdevices: dict[str, SubDeviceSnapshot],
-        snapshot: LiveSnapshot,
+        snapshot: BusSnapshot,
     ) -> WatchedConnection:
         now_ns = snapshot.cycle.statistics.now_ns
-        longest_ms = max(wire.to_sub.cycle_max_ns, wire.to_main.cycle_max_ns) / 1e6
+        longest_ms = max(wire.to_sub.interval_max_ns, wire.to_main.interval_max_ns) / 1e6
         ends = [subdevices.get(name) for name in (facts.main, facts.sub)]
         silent = [
             (now_ns - d.last_new_ns) / 1e6 if d.frames and now_ns >= d.last_new_ns else None

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import TypeVar
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.run.control_layout import Layout, read_layout
+from fsoe_net.observe.bus_documents import (
+    BusSnapshot,
+    Layout,
+    NamedConnection,
+    SubDeviceSnapshot,
+    read_connections,
+    read_layout,
+    read_snapshot,
+    read_subdevice,
+)
+from fsoe_net.observe.json_object import JsonObject, ReplyObject
 from fsoe_net.run.control_link import PROTOCOL, ControlLink
 from fsoe_net.run.control_values import (
     BusState,
     HistoryMessage,
-    NamedConnection,
     ScanReply,
     SdoValue,
     Status,
@@ -20,7 +30,6 @@ from fsoe_net.run.control_values import (
     Value,
     Values,
     WatchedCycle,
-    read_connections,
     read_history,
     read_scan,
     read_sdo,
@@ -30,12 +39,6 @@ from fsoe_net.run.control_values import (
     read_values,
     read_watched,
 )
-from fsoe_net.run.live_snapshot import (
-    LiveSnapshot,
-    SubDeviceSnapshot,
-    read_snapshot,
-    read_subdevice,
-)
 
 __all__ = ["PROTOCOL", "Client"]
 
@@ -43,6 +46,7 @@ ACYCLIC_S = 70.0
 """fsn-master ends a mailbox exchange after 60 s; others may stand before it."""
 SCAN_S = 600.0
 _SILENT_S = 5.0
+_T = TypeVar("_T")
 
 
 class Client(ControlLink):
@@ -64,23 +68,22 @@ class Client(ControlLink):
         """Return the state of program and bus."""
         return self._read(self.request("status"), read_status)
 
-    def snapshot(self) -> LiveSnapshot:
+    def snapshot(self) -> BusSnapshot:
         """Return counters, connections and SubDevices of one cycle.
 
         Raises:
             ControlRefused: The bus is stopped.
         """
-        return self._read(self.request("snapshot"), read_snapshot)
+        return self._document("snapshot", read_snapshot)
 
     def connections(self) -> tuple[NamedConnection, ...]:
         """Return the FSoE connections with their names; raises as `snapshot`."""
-        return self._read(self.request("snapshot"), read_connections)
+        return self._document("snapshot", read_connections)
 
     def subdevices(self) -> tuple[SubDeviceSnapshot, ...]:
         """Return what is known about each SubDevice."""
-        return self._read(
-            self.request("subdevices"),
-            lambda reply: tuple(read_subdevice(row) for row in reply["subdevices"]),
+        return self._document(
+            "subdevices", lambda reply: tuple(map(read_subdevice, reply.children("subdevices")))
         )
 
     def symbols(self) -> tuple[Symbol, ...]:
@@ -89,7 +92,10 @@ class Client(ControlLink):
 
     def layout(self) -> Layout:
         """Return where everything lies in the process image."""
-        return self._read(self.request("layout"), read_layout)
+        return self._document("layout", read_layout)
+
+    def _document(self, request: str, read: Callable[[JsonObject], _T]) -> _T:
+        return self._read(self.request(request), lambda reply: read(ReplyObject(reply)))
 
     def get(self, *names: str, typed: bool = False) -> Values:
         """Return values of one cycle, raw or with factor and offset."""

@@ -11,15 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
-from fsoe_net.run.live_snapshot import read_connection
 
 __all__ = [
     "BusState",
     "HistoryMessage",
-    "NamedConnection",
     "ScanReply",
     "SdoValue",
     "Status",
@@ -27,7 +24,6 @@ __all__ = [
     "Value",
     "Values",
     "WatchedCycle",
-    "read_connections",
     "read_history",
     "read_scan",
     "read_sdo",
@@ -153,17 +149,6 @@ class WatchedCycle:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NamedConnection:
-    """An FSoE connection as seen on the wire, with its names of the plan."""
-
-    name: str
-    net: str
-    main: str
-    sub: str
-    seen: ConnectionSnapshot
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SdoValue:
     """An object that was read; ``value`` is ``None`` when no type was given."""
 
@@ -257,20 +242,6 @@ def read_watched(event: Mapping[str, Any], dropped: int = 0) -> WatchedCycle:
         image=None if image is None else bytes.fromhex(image),
         expected_wkc=int(event.get("expected_wkc", 0)),
         actual_wkc=int(event.get("actual_wkc", 0)),
-    )
-
-
-def read_connections(reply: Mapping[str, Any]) -> tuple[NamedConnection, ...]:
-    """Return the connections of a ``snapshot`` reply."""
-    return tuple(
-        NamedConnection(
-            name=str(row["name"]),
-            net=str(row["net"]),
-            main=str(row["main"]),
-            sub=str(row["sub"]),
-            seen=read_connection(row),
-        )
-        for row in reply["connections"]
     )
 
 

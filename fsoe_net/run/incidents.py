@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import threading
 from collections import deque
 from dataclasses import dataclass, field
@@ -15,10 +16,9 @@ from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.observe.incident import CycleRecord, TriggerKind
 from fsoe_net.observe.incident_write import incident_name, write_incident
-from fsoe_net.run.incident_head import (
+from fsoe_net.run.emulated_documents import (
     fsoe_json,
     layout_json,
-    plan_text,
     snapshot_json,
     subdevices_json,
 )
@@ -252,7 +252,7 @@ class IncidentRecorder:
             "version": __version__,
             "interface": "",
             "backend": "emulated",
-            "plan": plan_text(session.plan_bytes),
+            "plan": base64.b64encode(session.plan_bytes).decode("ascii"),
             "plan_file": "",
             "plan_sha256": session.plan_sha256,
             "fingerprint": session.plan.fingerprint().to_json()
@@ -271,7 +271,9 @@ class IncidentRecorder:
             opened.head
             | snapshot_json(session.core.snapshot(), session.records)
             | {
-                "subdevices": subdevices_json(session.records, session.absent, session.returns),
+                "subdevices": subdevices_json(
+                    session.core, session.records, session.absent, session.returns
+                ),
                 "events": list(self._events),
                 "layout": layout_json(
                     session.core,

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
 from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.observe.bus_documents import BusSnapshot, SubDeviceSnapshot
 from fsoe_net.run.bus_events import BusEvents, PlannedConnection, connection_result
 from fsoe_net.run.client import Client
-from fsoe_net.run.live_snapshot import LiveSnapshot, SubDeviceSnapshot
 from fsoe_net.run.master import Master
 from fsoe_net.run.result import BusResult, ConnectionResult, Run, RunUpdate, is_data
 
@@ -72,7 +72,7 @@ class _LiveRun:
         self._facts = tuple(_facts(c) for c in resolution.connections)
         self._events = BusEvents(start_ns=time.monotonic_ns())
         self._client: Client | None = None
-        self._last: LiveSnapshot | None = None
+        self._last: BusSnapshot | None = None
         self._begin_ns: int | None = None
         self._end_ns: int | None = None
 
@@ -153,7 +153,7 @@ class _LiveRun:
             self._begin_ns = time.monotonic_ns()
         return True
 
-    def _update(self, snapshot: LiveSnapshot) -> RunUpdate:
+    def _update(self, snapshot: BusSnapshot) -> RunUpdate:
         return RunUpdate(
             connections=self._connections(snapshot),
             statistics=snapshot.cycle.statistics,
@@ -161,11 +161,11 @@ class _LiveRun:
             now_s=(time.monotonic_ns() - self._events.start_ns) / 1e9,
         )
 
-    def _connections(self, snapshot: LiveSnapshot) -> tuple[ConnectionResult, ...]:
+    def _connections(self, snapshot: BusSnapshot) -> tuple[ConnectionResult, ...]:
         rows = zip(self._facts, snapshot.cycle.connections, strict=True)
         return tuple(connection_result(facts, wire, self._events) for facts, wire in rows)
 
-    def _result(self, snapshot: LiveSnapshot, current: bool) -> Run:
+    def _result(self, snapshot: BusSnapshot, current: bool) -> Run:
         events, end_ns = self._events, self._end_ns or time.monotonic_ns()
         if not current:
             events.log("run", "the bus was not running at the end; what is shown was seen last")

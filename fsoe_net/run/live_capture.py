@@ -8,10 +8,10 @@ import time
 from pathlib import Path
 
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.observe.bus_documents import Layout
 from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.observe.wire import RebuiltFrames
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_layout import Layout
 from fsoe_net.run.packet_socket import PacketSocket
 
 __all__ = ["LiveCapture"]

@@ -23,10 +23,10 @@ from fsoe_net.model.protocol import (
     StepResult,
 )
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.observe.bus_documents import NamedConnection, SubDeviceSnapshot
 from fsoe_net.plan.fingerprint import Fingerprint
-from fsoe_net.run.control_values import NamedConnection, Status
+from fsoe_net.run.control_values import Status
 from fsoe_net.run.in_use import check_in_use, emulated_bus
-from fsoe_net.run.live_snapshot import SubDeviceSnapshot
 from fsoe_net.run.protocol import connections_of
 from fsoe_net.run.protocol_times import LossTimes
 from fsoe_net.run.result import is_data

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from fsoe_net.core.snapshot import Statistics
-from fsoe_net.run.live_snapshot import SubDeviceSnapshot
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 
 __all__ = [
     "BusResult",
@@ -139,7 +139,7 @@ class Run:
             "result": "pass" if self.passed else "fail",
             "connections": [asdict(c) for c in self.connections],
             "subdevices": [asdict(s) for s in self.subdevices],
-            "statistics": asdict(self.statistics),
+            "statistics": self.statistics.to_json(),
             "expectations": [asdict(v) for v in self.verdicts],
             "events": [asdict(e) for e in self.events],
             "events_lost": self.events_lost,

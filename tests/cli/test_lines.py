@@ -25,12 +25,12 @@ MS = 1_000_000
 COUNTS = ScanCounts(packets=0, ethercat=0, malformed=0, datagrams=0, unanswered=0, dropped=0)
 WAY = DirectionSnapshot(
     command=0x36, connection_id=5, reset_code=0, frames=2, process_data=0, failsafe_data=0,
-    right=0, wrong=0, unchecked=2, resets=0, last_new_ns=1, cycle_last_ns=0, cycle_min_ns=0,
-    cycle_mean_ns=0, cycle_max_ns=0,
+    right=0, wrong=0, unchecked=2, resets=0, last_new_ns=1, interval_last_ns=0, interval_min_ns=0,
+    interval_max_ns=0, interval_sum_ns=0, intervals=0,
 )  # fmt: skip
 RESET = replace(
     WAY, right=7, wrong=1, frames=8, unchecked=0, resets=2, reset_code=5,
-    cycle_min_ns=3 * MS, cycle_mean_ns=4 * MS, cycle_max_ns=9 * MS,
+    interval_min_ns=3 * MS, interval_max_ns=9 * MS, interval_sum_ns=20 * MS, intervals=5,
 )  # fmt: skip
 
 

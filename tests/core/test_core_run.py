@@ -61,8 +61,8 @@ def test_states_events_and_cycle_time() -> None:
     assert (seen.to_sub.frames, seen.to_sub.resets, seen.to_sub.reset_code) == (5, 1, 5)
     assert (seen.to_sub.process_data, seen.to_sub.failsafe_data) == (2, 1)
     assert (seen.to_sub.command, seen.to_sub.connection_id) == (0x36, 7)
-    assert seen.to_sub.cycle_min_ns == seen.to_sub.cycle_max_ns == 4_000_000
-    assert seen.to_sub.cycle_mean_ns == seen.to_sub.cycle_last_ns == 4_000_000
+    assert seen.to_sub.interval_min_ns == seen.to_sub.interval_max_ns == 4_000_000
+    assert seen.to_sub.interval_mean_ns == seen.to_sub.interval_last_ns == 4_000_000
     events = rig.core.events()
     assert [e.after.word for e in events] == ["reset", "session", "data_failsafe", "data_process"]
     assert [e.before for e in events[1:]] == [e.after for e in events[:-1]]

@@ -11,17 +11,19 @@ import pytest
 from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, ResetCode
 from fsoe_net.observe import causes_bus, causes_ends, causes_places
+from fsoe_net.observe.bus_documents import (
+    Layout,
+    LayoutConnection,
+    LayoutCopy,
+    SubDeviceSnapshot,
+)
 from fsoe_net.observe.candidate import Candidate
 from fsoe_net.observe.evidence import Evidence, Planned
 from fsoe_net.observe.evidence_cycles import BusWatch, SlowCycle
 from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, ResetSeen, Side
 from fsoe_net.observe.incident import (
-    Area,
-    Counters,
     CycleRecord,
     IncidentHead,
-    Places,
-    SubDeviceSeen,
     Trigger,
     TriggerKind,
 )
@@ -29,8 +31,10 @@ from fsoe_net.observe.incident import (
 MS = 1_000_000
 MOMENT = 1000 * MS
 WATCHDOG = "the watchdog is 100 ms"
-AREA = Area(source_byte=0, destination_byte=0, size_bytes=6)
-PLACES = Places(name="a", to_sub=AREA, to_main=replace(AREA, source_byte=6, destination_byte=6))
+AREA = LayoutCopy(source_byte=0, destination_byte=0, size_bytes=6)
+PLACES = LayoutConnection(
+    name="a", to_sub=AREA, to_main=replace(AREA, source_byte=6, destination_byte=6)
+)
 
 
 def planned(name: str, main: str = "logic") -> Planned:
@@ -80,8 +84,8 @@ def reset(**changes: Any) -> ResetSeen:
     return replace(facts, **changes)
 
 
-def device(name: str, position: int, **changes: Any) -> SubDeviceSeen:
-    facts = SubDeviceSeen(
+def device(name: str, position: int, **changes: Any) -> SubDeviceSnapshot:
+    facts = SubDeviceSnapshot(
         name=name,
         position=position,
         known=True,
@@ -91,7 +95,11 @@ def device(name: str, position: int, **changes: Any) -> SubDeviceSeen:
         detail="",
         returns=0,
         stale_cycles=0,
-        identity=(0, 0, 0),
+        alias=0,
+        vendor_id=0,
+        product_code=0,
+        revision=0,
+        link=(),
         link_lost=(),
         rx_errors=(),
     )
@@ -114,7 +122,7 @@ def evidence(
     code: int | None = None,
     by: str = "",
     kind: TriggerKind = TriggerKind.LEFT_DATA,
-    subdevices: tuple[SubDeviceSeen, ...] = (),
+    subdevices: tuple[SubDeviceSnapshot, ...] = (),
     bus: dict[str, Any] | None = None,
     pairings: tuple[Pairing, ...] = (),
 ) -> Evidence:
@@ -129,13 +137,11 @@ def evidence(
         plan=None,
         cycle_ns=MS,
         trigger=Trigger(kind=kind, connection="a", reset_by=by, reset_code=code, now_ns=MOMENT),
-        counters=Counters(histograms={}),
+        counters=None,
         connections=(),
         subdevices=subdevices,
         events=(),
-        image_bytes=12,
-        places=(PLACES,),
-        areas=(),
+        layout=Layout(image_bytes=12, sms=(), datagrams=(), copies=(), connections=(PLACES,)),
         fsoe=(),
     )
     facts = replace(BusWatch(MS).facts(), cycles=1000, last_ns=MOMENT, **(bus or {}))

@@ -175,7 +175,7 @@ def test_a_bad_cycle_ends_the_reading_there(line, message):
     ("limit", "most", "row", "message"),
     [
         ("incident_read._HEAD_BYTES", 1 << 20, {"x": "x" * (1 << 20)}, "longer than 1 MiB"),
-        ("incident_values._MOST_ROWS", 3, {"events": [{}] * 4}, "events has more than 3 entries"),
+        ("json_object._MOST_ROWS", 3, {"events": [{}] * 4}, "events has more than 3 entries"),
     ],
 )
 def test_more_than_a_head_may_hold(monkeypatch, limit, most, row, message):

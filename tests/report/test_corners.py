@@ -124,7 +124,7 @@ def test_collisions_of_a_campaign():
 
 def test_times_that_were_not_measured(monkeypatch: pytest.MonkeyPatch):
     empty = Histogram(
-        count=0, min_ns=0, mean_ns=0, p50_ns=0, p99_ns=0, p999_ns=0, max_ns=0, buckets=()
+        count=0, min_ns=0, sum_ns=0, p50_ns=0, p99_ns=0, p999_ns=0, max_ns=0, buckets=()
     )
     monkeypatch.setattr(cycle_times, "_histograms", lambda _: [("work", empty)])
     nothing: Any = None

@@ -30,7 +30,8 @@ COMMON, LATE, LATEST = 917_504, 1_048_576, 4_194_304
 def histogram(common: int, late: int, latest: int) -> Histogram:
     rows = ((COMMON, common), (LATE, late), (LATEST, latest))
     return Histogram(
-        count=common + late + latest, min_ns=950_000, mean_ns=1_000_001, p50_ns=1_048_575,
+        count=common + late + latest, min_ns=950_000,
+        sum_ns=1_000_001 * (common + late + latest), p50_ns=1_048_575,
         p99_ns=1_048_575, p999_ns=1_048_575, max_ns=5_000_000,
         buckets=tuple(row for row in rows if row[1]),
     )  # fmt: skip
@@ -125,7 +126,7 @@ def test_a_bucket_is_a_quarter_of_its_octave(floor: int, end: int) -> None:
     ],
 )
 def test_a_histogram_that_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, Any]) -> None:
-    row = dataclasses.asdict(histogram(4, 1, 0))
+    row = histogram(4, 1, 0).to_json()
     document = {
         "mode": "live", "plan_sha256": "00", "duration_ms": 1, "result": "pass", "connections": [],
         "statistics": {"cycles": 5, "overruns": 0, "wkc_errors": 0, "period": row},

@@ -27,8 +27,8 @@ from fsoe_net.run import build_master, sockets
 from fsoe_net.run.bus_events import BusEvents
 from fsoe_net.run.device import stdout_to_stderr
 from fsoe_net.run.emulate import serve
+from fsoe_net.run.emulated_documents import fsoe_json
 from fsoe_net.run.faults import apply_step
-from fsoe_net.run.incident_head import fsoe_json
 from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.run.live_objects import _parameters_at

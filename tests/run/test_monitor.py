@@ -296,8 +296,8 @@ def test_a_capture_outlives_its_master(master, tmp_path):
     capture = LiveCapture(tmp_path / "c.pcapng", str(master.path), None)
     master.close()
     master.subscribed.clear()
-    image = {"event": "image", "cycle": 1, "now_ns": 1, "image": "00"}
-    master.layout |= {"image_bytes": 1, "datagrams": [{"byte": 0, "bytes": 1}]}
+    image = {"event": "image", "cycle": 1, "now_ns": 1, "image": "00" * 6}
+    master.layout |= {"image_bytes": 6, "datagrams": [{"byte": 0, "bytes": 6}]}
     master.images = [image]
     master.reopen()
     came = threading.Event()
@@ -311,8 +311,10 @@ def test_a_capture_outlives_its_master(master, tmp_path):
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
 def test_a_full_disk_ends_the_capture_only(master, tmp_path):
-    master.images = [{"event": "image", "cycle": n, "now_ns": 1, "image": "00"} for n in range(900)]
-    master.layout |= {"image_bytes": 1, "datagrams": [{"byte": 0, "bytes": 1}]}
+    master.images = [
+        {"event": "image", "cycle": n, "now_ns": 1, "image": "00" * 6} for n in range(900)
+    ]
+    master.layout |= {"image_bytes": 6, "datagrams": [{"byte": 0, "bytes": 6}]}
     capture = LiveCapture("/dev/full", str(master.path), None)
     capture.stop()
     assert capture.fault == "No space left on device"
@@ -328,7 +330,7 @@ def test_bars_show_a_single_late_cycle():
 
     buckets = ((1024, 1_000_000), (1500, 5), (4096, 1))
     seen = Histogram(
-        count=1, min_ns=1, mean_ns=1, p50_ns=1, p99_ns=1, p999_ns=1, max_ns=1, buckets=buckets
+        count=1, min_ns=1, sum_ns=1, p50_ns=1, p99_ns=1, p999_ns=1, max_ns=1, buckets=buckets
     )
     lines = timing_bars(seen, width=10)
     assert [line.split()[0] for line in lines] == ["1.02", "2.05", "4.1"]

@@ -49,7 +49,7 @@ class WatchedMaster:
         self.state = "running"
         self.wire = {"outside": 6, "gaps": 0, "to_sub": direction(), "to_main": direction()}
         self.subdevices = [subdevice("logic"), subdevice("drive")]
-        self.layout = {"image_bytes": 0, "sms": [], "datagrams": [], "copies": []}
+        self.layout = {"image_bytes": 6, "sms": [], "datagrams": [], "copies": []}
         self.watchdog_ms = 100
         self.images = []
         self.known = {"hello", "events", "status", "snapshot", "layout", "watch"}
@@ -112,6 +112,7 @@ class WatchedMaster:
         statistics |= {name: histogram() for name in HISTOGRAMS} | {"now_ns": 1000 * MS}
         statistics["latency"] = histogram((8_000, 10), (16_000, 5), (2_000_000, 1))
         statistics |= {"cycles": 1000, "expected_wkc": 6, "actual_wkc": 6}
+        statistics |= {"realtime": True, "locked": True}
         names = {"name": "c1", "net": "n", "main": "logic", "sub": "drive"}
         return {
             "statistics": statistics,

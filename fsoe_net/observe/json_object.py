@@ -1,4 +1,4 @@
-"""Values out of JSON that somebody else may have written: types and ranges are looked at."""
+"""JsonObject of JSON that another program has written: types and ranges are checked."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from fsoe_net.errors import IncidentError
 
-__all__ = ["Values", "clean"]
+__all__ = ["JsonObject", "ReplyObject", "clean"]
 
 _MOST = (1 << 64) - 1
 _MOST_ROWS = 100_000
@@ -24,8 +24,8 @@ def clean(text: str, most: int = _TEXT) -> str:
     return kept if len(text) <= most else f"{kept}..."
 
 
-class Values:
-    """The values of one JSON object, and where it stands.
+class JsonObject:
+    """The values of one JSON object, and where it is. What is absent or null is 0 or empty.
 
     Args:
         row: The object.
@@ -39,7 +39,7 @@ class Values:
         self._at = name, line
         self._path = path
 
-    def bad(self, key: str, reason: str) -> IncidentError:
+    def bad(self, key: str, reason: str) -> Exception:
         """Return the error for a value; the caller raises it."""
         return IncidentError(f"{self._path}{key} {reason}", *self._at)
 
@@ -59,6 +59,14 @@ class Values:
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST:
             raise self.bad(key, "is missing" if value is None else "is no whole number from 0 on")
         return value
+
+    def count(self, key: str) -> int:
+        """Return a whole number; absent is 0."""
+        return self.whole(key, missing=0)
+
+    def empty(self) -> JsonObject:
+        """Return an object without values in the same place; nothing in it is missed."""
+        return JsonObject({}, *self._at, self._path)
 
     def optional(self, key: str) -> int | None:
         """Return a whole number, or ``None`` when it is absent or null."""
@@ -102,21 +110,21 @@ class Values:
             found.append((row[0], row[1]))
         return tuple(found)
 
-    def child(self, key: str) -> Values:
+    def child(self, key: str) -> JsonObject:
         """Return an object; absent or null is an empty one."""
         value = self._row.get(key)
         if value is None:
             value = {}
         if not isinstance(value, dict):
             raise self.bad(key, "is no object")
-        return Values(value, *self._at, f"{self._path}{key}.")
+        return type(self)(value, *self._at, f"{self._path}{key}.")
 
-    def children(self, key: str) -> Iterator[Values]:
+    def children(self, key: str) -> Iterator[JsonObject]:
         """Yield the objects of a list; absent or null is an empty one."""
         for number, value in enumerate(self._list(key)):
             if not isinstance(value, dict):
                 raise self.bad(f"{key}[{number}]", "is no object")
-            yield Values(value, *self._at, f"{self._path}{key}[{number}].")
+            yield type(self)(value, *self._at, f"{self._path}{key}[{number}].")
 
     def plain(self) -> dict[str, str]:
         """Return numbers and texts as texts that are fit to print; the rest is left out."""
@@ -135,3 +143,40 @@ class Values:
         if len(value) > _MOST_ROWS:
             raise self.bad(key, f"has more than {_MOST_ROWS} entries")
         return value
+
+
+class ReplyObject(JsonObject):
+    """The values of a reply of a running program: each that is read has to be there.
+
+    Texts stay as they are; whoever prints them makes them printable.
+    """
+
+    def __init__(
+        self, row: Mapping[str, Any], name: str = "reply", line: int = 0, path: str = ""
+    ) -> None:
+        super().__init__(row, name, line, path)
+
+    def bad(self, key: str, reason: str) -> Exception:
+        """Return the error for a value."""
+        return ValueError(f"{self._path}{key} {reason}")
+
+    def count(self, key: str) -> int:
+        """Return a whole number."""
+        return self.whole(key)
+
+    def label(self, key: str) -> str:
+        """Return a text."""
+        if key not in self._row:
+            raise self.bad(key, "is missing")
+        return self.text(key)
+
+    def flag(self, key: str) -> bool:
+        """Return a boolean."""
+        if key not in self._row:
+            raise self.bad(key, "is missing")
+        return super().flag(key)
+
+    def _list(self, key: str) -> list[Any]:
+        if key not in self._row:
+            raise self.bad(key, "is missing")
+        return super()._list(key)

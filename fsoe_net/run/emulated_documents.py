@@ -1,38 +1,31 @@
-"""What a session on the emulated bus knows at the moment of an incident, as `fsn-master` tells it.
+"""What a session on the emulated bus knows, in the documents that `fsn-master` writes.
 
-The keys are those of the requests ``snapshot`` and ``layout`` (``docs/reference``).
+The keys are those of the requests ``snapshot`` and ``layout`` (``docs/reference``); what an
+emulated run does not know is ``null`` or left out. `fsoe_net.observe.bus_documents` reads them.
 """
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Collection, Mapping
-from dataclasses import asdict
+from dataclasses import fields
 from typing import Any
 
 from fsoe_net.core.core import Core, CorePlan
-from fsoe_net.core.snapshot import DirectionSnapshot, Histogram, Snapshot
+from fsoe_net.core.snapshot import DirectionSnapshot, Histogram, Snapshot, Statistics
 from fsoe_net.emul.bus import EmulatedDevices
 from fsoe_net.fsoe.pdu import command_text, reset_code_text
 from fsoe_net.fsoe.sub_instance import SubInstance
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import Plan, PlanCopy
 
-__all__ = ["fsoe_json", "layout_json", "plan_text", "snapshot_json", "subdevices_json"]
-
-_HISTOGRAMS = ("latency", "period", "work", "copy", "round_trip", "dc_offset")
-
-
-def plan_text(data: bytes) -> str:
-    """Return the bytes of a plan as base64."""
-    return base64.b64encode(data).decode("ascii")
+__all__ = ["fsoe_json", "layout_json", "snapshot_json", "subdevices_json"]
 
 
 def snapshot_json(snapshot: Snapshot, plan: Plan) -> dict[str, Any]:
     """Return ``statistics`` and ``connections``."""
-    statistics = asdict(snapshot.statistics)
-    for name in _HISTOGRAMS:
-        statistics[name] = _histogram(getattr(snapshot.statistics, name))
+    statistics = _counters(snapshot.statistics)
+    for name, histogram in snapshot.statistics.histograms.items():
+        statistics[name] = _histogram(histogram)
     connections = [
         {
             "name": row.name,
@@ -50,38 +43,19 @@ def snapshot_json(snapshot: Snapshot, plan: Plan) -> dict[str, Any]:
     return {"statistics": statistics, "connections": connections}
 
 
+def _counters(row: Statistics | DirectionSnapshot | Histogram) -> dict[str, Any]:
+    return {f.name: getattr(row, f.name) for f in fields(row)}
+
+
 def _histogram(h: Histogram) -> dict[str, Any]:
-    return {
-        "count": h.count,
-        "sum_ns": h.mean_ns * h.count,
-        "min_ns": h.min_ns,
-        "max_ns": h.max_ns,
-        "percentiles_ns": {"p50": h.p50_ns, "p99": h.p99_ns, "p999": h.p999_ns},
-        "buckets": [list(row) for row in h.buckets],
-    }
+    row = _counters(h)
+    percentiles = {name: row.pop(f"{name}_ns") for name in ("p50", "p99", "p999")}
+    return row | {"percentiles_ns": percentiles, "buckets": [list(b) for b in h.buckets]}
 
 
 def _direction(d: DirectionSnapshot) -> dict[str, Any]:
-    # The snapshot holds the mean only; with one interval more than none it stays right.
-    intervals = max(0, d.process_data + d.failsafe_data - 1) if d.cycle_mean_ns else 0
-    return {
-        "frames": d.frames,
-        "process_data": d.process_data,
-        "failsafe_data": d.failsafe_data,
-        "right": d.right,
-        "wrong": d.wrong,
-        "unchecked": d.unchecked,
-        "resets": d.resets,
-        "last_new_ns": d.last_new_ns,
-        "interval_last_ns": d.cycle_last_ns,
-        "interval_min_ns": d.cycle_min_ns,
-        "interval_max_ns": d.cycle_max_ns,
-        "interval_sum_ns": d.cycle_mean_ns * intervals,
-        "intervals": intervals,
-        "connection_id": d.connection_id,
-        "command": d.command,
+    return _counters(d) | {
         "command_text": command_text(d.command) if d.command else "",
-        "reset_code": d.reset_code,
         "reset_text": reset_code_text(d.reset_code) if d.resets else "",
     }
 
@@ -137,12 +111,13 @@ def layout_json(core: Core, core_plan: CorePlan, plan: Plan, image_bytes: int) -
 
 
 def subdevices_json(
-    plan: Plan, absent: Collection[str], returns: Mapping[str, int]
+    core: Core, plan: Plan, absent: Collection[str], returns: Mapping[str, int]
 ) -> list[dict[str, Any]]:
     """Return ``subdevices``: on the emulated bus a SubDevice answers or it does not."""
     rows = []
     for number, sub in enumerate(plan.subdevices):
         gone = sub.name in absent
+        sms = range(sub.first_sm, sub.first_sm + sub.sm_count)
         rows.append(
             {
                 "number": number,
@@ -151,17 +126,17 @@ def subdevices_json(
                 "position": sub.position,
                 "known": True,
                 "al": "none" if gone else "OP",
-                "al_code": 0,
+                "al_code": None,
                 "found_text": "does not answer" if gone else "the SubDevice of the plan",
                 "detail": "",
                 "vendor_id": sub.vendor_id,
                 "product_code": sub.product_code,
                 "revision": sub.revision_low,
                 "returns": returns.get(sub.name, 0),
-                "link": [],
-                "link_lost": [],
-                "rx_errors": [],
-                "stale_cycles": 0,
+                "link": None,
+                "link_lost": None,
+                "rx_errors": None,
+                "stale_cycles": sum(core.stale_cycles(sm) for sm in sms),
             }
         )
     return rows
