@@ -16,23 +16,13 @@ enum {
     MORE = 0x8000,
 };
 
-static void put16(uint8_t *at, uint32_t value) {
-    at[0] = (uint8_t)value;
-    at[1] = (uint8_t)(value >> 8);
-}
-
-static void put32(uint8_t *at, uint32_t value) {
-    put16(at, value);
-    put16(at + 2, value >> 16);
-}
-
 static void write_head(struct fsn_wire_frame *frame) {
     /* Everybody, from a locally administered address; EtherCAT looks at neither. */
     static const uint8_t ethernet[] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x02,
                                        0x46, 0x53, 0x4E, 0x00, 0x01, 0x88, 0xA4};
     memcpy(frame->sent, ethernet, sizeof ethernet);
-    put16(frame->sent + 14, (frame->len_bytes - 16) | 0x1000);
-    put16(frame->sent + FSN_WIRE_NOP + 6, FSN_WIRE_MARK_BYTES | MORE);
+    fsn_put16(frame->sent + 14, (frame->len_bytes - 16) | 0x1000);
+    fsn_put16(frame->sent + FSN_WIRE_NOP + 6, FSN_WIRE_MARK_BYTES | MORE);
 }
 
 /** Fills one frame: where it lies in the image is known already. */
@@ -42,12 +32,12 @@ static void build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc) 
     write_head(frame);
     uint8_t *lrw = frame->sent + FSN_WIRE_LRW;
     lrw[0] = CMD_LRW;
-    put32(lrw + 2, logical);
-    put16(lrw + 6, frame->size_bytes | (with_dc ? MORE : 0));
+    fsn_put32(lrw + 2, logical);
+    fsn_put16(lrw + 6, frame->size_bytes | (with_dc ? MORE : 0));
     if (with_dc) {
         frame->dc = lrw_end;
-        put16(frame->sent + lrw_end + 4, DC_TIME);
-        put16(frame->sent + lrw_end + 6, DC_BYTES);
+        fsn_put16(frame->sent + lrw_end + 4, DC_TIME);
+        fsn_put16(frame->sent + lrw_end + 6, DC_BYTES);
     }
 }
 

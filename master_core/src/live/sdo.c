@@ -32,29 +32,19 @@ struct exchange {
     uint32_t sdo_bytes; /**< its length, at least 1 */
 };
 
-static void put16(uint8_t *at, uint32_t value) {
-    at[0] = (uint8_t)value;
-    at[1] = (uint8_t)(value >> 8);
-}
-
-static void put32(uint8_t *at, uint32_t value) {
-    put16(at, value);
-    put16(at + 2, value >> 16);
-}
-
 /** Begins a request; returns where its SDO goes. */
 static uint8_t *begin(struct exchange *x, uint32_t sdo_bytes) {
     memset(x->request, 0, sizeof x->request);
-    put16(x->request, COE_BYTES + sdo_bytes);
+    fsn_put16(x->request, COE_BYTES + sdo_bytes);
     x->request[5] = (uint8_t)(TYPE_COE | (x->mailbox->next_counter(x->mailbox->context) & 7) << 4);
-    put16(x->request + HEADER_BYTES, SERVICE_REQUEST << 12);
+    fsn_put16(x->request + HEADER_BYTES, SERVICE_REQUEST << 12);
     return x->request + BODY;
 }
 
 static uint8_t *begin_object(struct exchange *x, uint8_t command, uint32_t more_bytes) {
     uint8_t *sdo = begin(x, SDO_BYTES + more_bytes);
     sdo[0] = command;
-    put16(sdo + 1, x->transfer->index);
+    fsn_put16(sdo + 1, x->transfer->index);
     sdo[3] = x->transfer->sub;
     return sdo;
 }
@@ -104,7 +94,7 @@ static fsn_status ask(struct exchange *x, bool named) {
 
 /** Tells the SubDevice that the transfer is over; nobody answers that. */
 static fsn_status give_up(struct exchange *x, fsn_status status) {
-    put32(begin_object(x, ABORT, 0) + 4, ABORT_GENERAL);
+    fsn_put32(begin_object(x, ABORT, 0) + 4, ABORT_GENERAL);
     (void)x->mailbox->send(x->mailbox->context, x->request);
     return status;
 }
@@ -238,7 +228,7 @@ fsn_status fsn_sdo_download(const struct fsn_mailbox *mailbox, struct fsn_transf
         const uint32_t room = mailbox->out_bytes - BODY - (uint32_t)SDO_BYTES;
         now = size < room ? size : room;
         uint8_t *sdo = begin_object(&x, DOWNLOAD_WITH_SIZE, now);
-        put32(sdo + 4, size);
+        fsn_put32(sdo + 4, size);
         memcpy(sdo + SDO_BYTES, transfer->data, now);
     }
     const fsn_status status = ask(&x, true);

@@ -7,6 +7,7 @@
 
 #include "fsn/plan.h"
 #include "plan/records.h"
+#include "rt/bytes.h"
 
 enum {
     FSN_HEADER_BYTES = 32,
@@ -35,18 +36,6 @@ struct fsn_plan {
 
 /** Size of one record of a section, bytes. */
 extern const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_SAFETY + 1];
-
-static inline uint16_t fsn_get16(const uint8_t *p) {
-    return (uint16_t)(p[0] | (p[1] << 8));
-}
-
-static inline uint32_t fsn_get32(const uint8_t *p) {
-    return (uint32_t)p[0] | ((uint32_t)p[1] << 8) | ((uint32_t)p[2] << 16) | ((uint32_t)p[3] << 24);
-}
-
-static inline uint64_t fsn_get64(const uint8_t *p) {
-    return (uint64_t)fsn_get32(p) | ((uint64_t)fsn_get32(p + 4) << 32);
-}
 
 /** First byte of a record; the caller has checked the number. */
 static inline const uint8_t *fsn_record(const struct fsn_plan *plan, uint32_t section,
@@ -136,8 +125,8 @@ struct fsn_at {
 };
 
 /** Refuses the record: `field` is the byte in it, `rule` a static sentence. */
-fsn_status fsn_refuse_record(const struct fsn_at *at, fsn_status status, uint32_t field,
-                             const char *rule);
+fsn_status fsn_refuse_at(const struct fsn_at *at, fsn_status status, uint32_t field,
+                         const char *rule);
 
 /** Whether this is the offset of a string. */
 bool fsn_string_ok(const struct fsn_plan *plan, uint32_t offset);

@@ -15,27 +15,27 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
     for (; at.number < plan->count[FSN_SEC_BLOCK]; at.number++) {
         const struct fsn_block_record r = fsn_read_block(plan, at.number);
         if (r.sm >= plan->count[FSN_SEC_SM]) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_REFERENCE, FSN_AT(block, sm),
-                                     "the block's sync manager does not exist");
+            return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(block, sm),
+                                 "the block's sync manager does not exist");
         }
         if (!fsn_fsoe_is_frame_length(r.frame_bytes) ||
             r.safe_bytes != safe_bytes_of(r.frame_bytes)) {
-            return fsn_refuse_record(
+            return fsn_refuse_at(
                 &at, FSN_E_PLAN_VALUE, FSN_AT(block, frame_bytes),
                 "an FSoE frame has 6 bytes or 3 + 4 k up to 255, and safe data to match");
         }
         const uint32_t size = fsn_read_sm(plan, r.sm).bits / 8; /* whole bytes only */
         if (r.byte_offset > size || r.frame_bytes > size - r.byte_offset) {
-            return fsn_refuse_record(&at, FSN_E_COPY_RANGE, FSN_AT(block, byte_offset),
-                                     "the block ends behind its sync manager");
+            return fsn_refuse_at(&at, FSN_E_COPY_RANGE, FSN_AT(block, byte_offset),
+                                 "the block ends behind its sync manager");
         }
         if (at.number > 0 && (r.sm < last_sm || (r.sm == last_sm && r.byte_offset < last_end))) {
-            return fsn_refuse_record(&at, FSN_E_COPY_OVERLAP, FSN_AT(block, byte_offset),
-                                     "blocks overlap or are not sorted by sync manager and offset");
+            return fsn_refuse_at(&at, FSN_E_COPY_OVERLAP, FSN_AT(block, byte_offset),
+                                 "blocks overlap or are not sorted by sync manager and offset");
         }
         if (r.copied > 1) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_RESERVED, FSN_AT(block, copied),
-                                     "a flag of the block is unknown");
+            return fsn_refuse_at(&at, FSN_E_PLAN_RESERVED, FSN_AT(block, copied),
+                                 "a flag of the block is unknown");
         }
         last_sm = r.sm;
         last_end = r.byte_offset + r.frame_bytes;
@@ -114,45 +114,44 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
     for (; at.number < plan->count[FSN_SEC_SYMBOL]; at.number++) {
         const struct fsn_symbol_record r = fsn_read_symbol(plan, at.number);
         if (!fsn_string_ok(plan, r.name)) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_STRING, FSN_AT(symbol, name),
-                                     "the name lies outside the strings");
+            return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(symbol, name),
+                                 "the name lies outside the strings");
         }
         if (r.sm >= plan->count[FSN_SEC_SM]) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_REFERENCE, FSN_AT(symbol, sm),
-                                     "the symbol's sync manager does not exist");
+            return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(symbol, sm),
+                                 "the symbol's sync manager does not exist");
         }
         if (r.flags > 3 || r.reserved != 0) {
-            return fsn_refuse_record(
+            return fsn_refuse_at(
                 &at, FSN_E_PLAN_RESERVED, FSN_AT(symbol, flags),
                 "a flag of the symbol is unknown or its reserved field is not zero");
         }
         const struct fsn_sm_record sm = fsn_read_sm(plan, r.sm);
         if (r.bits == 0 || r.bits > 64 || r.kind > 4 ||
             (r.flags & 1u) != (sm.direction == FSN_OUTPUT)) {
-            return fsn_refuse_record(
+            return fsn_refuse_at(
                 &at, FSN_E_PLAN_VALUE, FSN_AT(symbol, bits),
                 "a symbol has 1 to 64 bits, a known type and the direction of its sync manager");
         }
         if (r.bit_offset > sm.bits || r.bits > sm.bits - r.bit_offset) {
-            return fsn_refuse_record(&at, FSN_E_COPY_RANGE, FSN_AT(symbol, bit_offset),
-                                     "the symbol ends behind its sync manager");
+            return fsn_refuse_at(&at, FSN_E_COPY_RANGE, FSN_AT(symbol, bit_offset),
+                                 "the symbol ends behind its sync manager");
         }
         if (!is_stop_value_ok(&r)) {
-            return fsn_refuse_record(
+            return fsn_refuse_at(
                 &at, FSN_E_PLAN_VALUE, FSN_AT(symbol, stop_value),
                 "a stop value has the bits of its output, and is 0 for an input and for "
                 "what is restart relevant");
         }
         if (!is_scale_ok(&r)) {
-            return fsn_refuse_record(
-                &at, FSN_E_PLAN_VALUE, FSN_AT(symbol, factor),
-                "factor and offset are finite numbers, and the factor is not 0");
+            return fsn_refuse_at(&at, FSN_E_PLAN_VALUE, FSN_AT(symbol, factor),
+                                 "factor and offset are finite numbers, and the factor is not 0");
         }
         const uint32_t first = r.bit_offset / 8;
         const uint32_t last = (r.bit_offset + r.bits - 1) / 8;
         if (fsn_overlap_of(plan, r.sm, first, last - first + 1) != FSN_OVERLAP_NONE) {
-            return fsn_refuse_record(&at, FSN_E_COPY_FRAME, FSN_AT(symbol, bit_offset),
-                                     "a symbol must not touch an FSoE block");
+            return fsn_refuse_at(&at, FSN_E_COPY_FRAME, FSN_AT(symbol, bit_offset),
+                                 "a symbol must not touch an FSoE block");
         }
     }
     return FSN_OK;
@@ -177,20 +176,20 @@ static struct end destination_of(const struct fsn_copy_record *copy) {
 static fsn_status prove_end(const struct fsn_at *at, const struct end end, uint8_t direction,
                             uint32_t bits) {
     if (end.sm >= at->plan->count[FSN_SEC_SM]) {
-        return fsn_refuse_record(at, FSN_E_PLAN_REFERENCE, end.at_sm,
-                                 "the copy's sync manager does not exist");
+        return fsn_refuse_at(at, FSN_E_PLAN_REFERENCE, end.at_sm,
+                             "the copy's sync manager does not exist");
     }
     const struct fsn_sm_record sm = fsn_read_sm(at->plan, end.sm);
     if (sm.direction != direction || sm.registered != 1) {
-        return fsn_refuse_record(at, FSN_E_COPY_DIRECTION, end.at_sm,
-                                 "a copy reads a registered input and writes a registered output");
+        return fsn_refuse_at(at, FSN_E_COPY_DIRECTION, end.at_sm,
+                             "a copy reads a registered input and writes a registered output");
     }
     if (end.bit % 8 != 0) {
-        return fsn_refuse_record(at, FSN_E_COPY_ALIGN, end.at_bit, "a copy starts on a byte");
+        return fsn_refuse_at(at, FSN_E_COPY_ALIGN, end.at_bit, "a copy starts on a byte");
     }
     if (end.bit > sm.bits || bits > sm.bits - end.bit) {
-        return fsn_refuse_record(at, FSN_E_COPY_RANGE, end.at_bit,
-                                 "the copy ends behind its sync manager");
+        return fsn_refuse_at(at, FSN_E_COPY_RANGE, end.at_bit,
+                             "the copy ends behind its sync manager");
     }
     return FSN_OK;
 }
@@ -199,17 +198,16 @@ static fsn_status prove_copy_frame(const struct fsn_at *at, const struct fsn_cop
     const uint32_t size = copy->bits / 8;
     const bool fsoe = copy->kind == FSN_COPY_FSOE;
     if (fsoe && !fsn_fsoe_is_frame_length(size)) {
-        return fsn_refuse_record(at, FSN_E_COPY_FRAME, FSN_AT(copy, bits),
-                                 "no FSoE frame has this length");
+        return fsn_refuse_at(at, FSN_E_COPY_FRAME, FSN_AT(copy, bits),
+                             "no FSoE frame has this length");
     }
     const struct end ends[] = {source_of(copy), destination_of(copy)};
     for (size_t i = 0; i < 2; i++) {
         const enum fsn_overlap overlap =
             fsn_overlap_of(at->plan, ends[i].sm, ends[i].bit / 8, size);
         if (overlap == FSN_OVERLAP_PART || (overlap == FSN_OVERLAP_EXACT && !fsoe)) {
-            return fsn_refuse_record(
-                at, FSN_E_COPY_FRAME, ends[i].at_sm,
-                "a copy must cover a whole FSoE block as an FSoE copy, or none");
+            return fsn_refuse_at(at, FSN_E_COPY_FRAME, ends[i].at_sm,
+                                 "a copy must cover a whole FSoE block as an FSoE copy, or none");
         }
     }
     return FSN_OK;
@@ -219,8 +217,8 @@ static fsn_status prove_one_copy(const struct fsn_at *at) {
     const struct fsn_plan *plan = at->plan;
     const struct fsn_copy_record r = fsn_read_copy(plan, at->number);
     if (r.bits == 0 || r.bits % 8 != 0) {
-        return fsn_refuse_record(at, FSN_E_COPY_ALIGN, FSN_AT(copy, bits),
-                                 "a copy has at least one whole byte");
+        return fsn_refuse_at(at, FSN_E_COPY_ALIGN, FSN_AT(copy, bits),
+                             "a copy has at least one whole byte");
     }
     fsn_status status = prove_end(at, source_of(&r), FSN_INPUT, r.bits);
     if (status == FSN_OK) {
@@ -230,21 +228,21 @@ static fsn_status prove_one_copy(const struct fsn_at *at) {
         return status;
     }
     if (!fsn_string_ok(plan, r.net)) {
-        return fsn_refuse_record(at, FSN_E_PLAN_STRING, FSN_AT(copy, net),
-                                 "the net's name lies outside the strings");
+        return fsn_refuse_at(at, FSN_E_PLAN_STRING, FSN_AT(copy, net),
+                             "the net's name lies outside the strings");
     }
     if (r.kind != FSN_COPY_FSOE && r.kind != FSN_COPY_STANDARD) {
-        return fsn_refuse_record(at, FSN_E_PLAN_VALUE, FSN_AT(copy, kind),
-                                 "the kind of the copy is unknown");
+        return fsn_refuse_at(at, FSN_E_PLAN_VALUE, FSN_AT(copy, kind),
+                             "the kind of the copy is unknown");
     }
     if (r.reserved != 0) {
-        return fsn_refuse_record(at, FSN_E_PLAN_RESERVED, FSN_AT(copy, reserved),
-                                 "a reserved field of the copy is not zero");
+        return fsn_refuse_at(at, FSN_E_PLAN_RESERVED, FSN_AT(copy, reserved),
+                             "a reserved field of the copy is not zero");
     }
     const bool known = r.connection < plan->count[FSN_SEC_CONNECTION];
     if (r.kind == FSN_COPY_FSOE ? !known : r.connection != FSN_NONE) {
-        return fsn_refuse_record(at, FSN_E_COPY_PAIR, FSN_AT(copy, connection),
-                                 "an FSoE copy names its connection, a standard copy none");
+        return fsn_refuse_at(at, FSN_E_COPY_PAIR, FSN_AT(copy, connection),
+                             "an FSoE copy names its connection, a standard copy none");
     }
     return prove_copy_frame(at, &r);
 }
@@ -262,7 +260,7 @@ static fsn_status prove_copies(const struct fsn_plan *plan, struct fsn_fault *fa
         const uint32_t sm = r.destination_sm;
         const uint32_t bit = r.destination_bit;
         if (at.number > 0 && (sm < last_sm || (sm == last_sm && bit < last_end))) {
-            return fsn_refuse_record(
+            return fsn_refuse_at(
                 &at, FSN_E_COPY_OVERLAP, FSN_AT(copy, destination_sm),
                 "two copies write the same byte, or copies are not sorted by destination");
         }
@@ -278,20 +276,20 @@ static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint3
                                   uint32_t from, uint32_t to, uint32_t safe_bytes) {
     const struct fsn_plan *plan = at->plan;
     if (number >= plan->count[FSN_SEC_COPY]) {
-        return fsn_refuse_record(at, FSN_E_PLAN_REFERENCE, field,
-                                 "the connection's copy does not exist");
+        return fsn_refuse_at(at, FSN_E_PLAN_REFERENCE, field,
+                             "the connection's copy does not exist");
     }
     const struct fsn_copy_record copy = fsn_read_copy(plan, number);
     if (copy.kind != FSN_COPY_FSOE || copy.connection != at->number ||
         fsn_read_sm(plan, copy.source_sm).subdevice != from ||
         fsn_read_sm(plan, copy.destination_sm).subdevice != to) {
-        return fsn_refuse_record(
+        return fsn_refuse_at(
             at, FSN_E_COPY_PAIR, field,
             "the copy is not this connection's FSoE copy between its two SubDevices");
     }
     if (safe_bytes_of(copy.bits / 8) != safe_bytes) {
-        return fsn_refuse_record(at, FSN_E_PLAN_VALUE, field,
-                                 "the safe data do not match the length of the copy");
+        return fsn_refuse_at(at, FSN_E_PLAN_VALUE, field,
+                             "the safe data do not match the length of the copy");
     }
     return FSN_OK;
 }
@@ -301,15 +299,15 @@ static fsn_status prove_connections(const struct fsn_plan *plan, struct fsn_faul
     for (; at.number < plan->count[FSN_SEC_CONNECTION]; at.number++) {
         const struct fsn_connection_record r = fsn_read_connection(plan, at.number);
         if (!fsn_string_ok(plan, r.name) || !fsn_string_ok(plan, r.net)) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_STRING, FSN_AT(connection, name),
-                                     "a name lies outside the strings");
+            return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(connection, name),
+                                 "a name lies outside the strings");
         }
         if (r.main == r.sub) {
-            return fsn_refuse_record(&at, FSN_E_COPY_PAIR, FSN_AT(connection, main),
-                                     "main and sub are the same SubDevice");
+            return fsn_refuse_at(&at, FSN_E_COPY_PAIR, FSN_AT(connection, main),
+                                 "main and sub are the same SubDevice");
         }
         if (r.known > 7 || r.reserved != 0) {
-            return fsn_refuse_record(
+            return fsn_refuse_at(
                 &at, FSN_E_PLAN_RESERVED, FSN_AT(connection, known),
                 "a flag of the connection is unknown or its reserved field is not zero");
         }
@@ -336,8 +334,8 @@ static fsn_status prove_owners(const struct fsn_plan *plan, struct fsn_fault *fa
         }
         const struct fsn_connection_record c = fsn_read_connection(plan, copy.connection);
         if (c.copy_to_sub != at.number && c.copy_to_main != at.number) {
-            return fsn_refuse_record(&at, FSN_E_COPY_PAIR, FSN_AT(copy, connection),
-                                     "the connection does not name this copy as one of its two");
+            return fsn_refuse_at(&at, FSN_E_COPY_PAIR, FSN_AT(copy, connection),
+                                 "the connection does not name this copy as one of its two");
         }
     }
     return FSN_OK;

@@ -2,8 +2,8 @@
  *  SubDevices look like. Section by section; a later one relies on what the earlier have shown. */
 #include "plan/plan_internal.h"
 
-fsn_status fsn_refuse_record(const struct fsn_at *at, fsn_status status, uint32_t field,
-                             const char *rule) {
+fsn_status fsn_refuse_at(const struct fsn_at *at, fsn_status status, uint32_t field,
+                         const char *rule) {
     const uint8_t *r = fsn_record(at->plan, at->section, at->number);
     return fsn_refuse(at->fault, status, at->section, at->number,
                       (uint32_t)(r - at->plan->bytes) + field, rule);
@@ -45,23 +45,23 @@ static fsn_status prove_subdevices(const struct fsn_plan *plan, struct fsn_fault
     for (; at.number < plan->count[FSN_SEC_SUBDEVICE]; at.number++) {
         const struct fsn_subdevice_record r = fsn_read_subdevice(plan, at.number);
         if (!fsn_string_ok(plan, r.name)) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_STRING, FSN_AT(subdevice, name),
-                                     "the name lies outside the strings");
+            return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(subdevice, name),
+                                 "the name lies outside the strings");
         }
         if (r.revision_low > r.revision_high) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_VALUE, FSN_AT(subdevice, revision_low),
-                                     "the lowest revision is above the highest");
+            return fsn_refuse_at(&at, FSN_E_PLAN_VALUE, FSN_AT(subdevice, revision_low),
+                                 "the lowest revision is above the highest");
         }
         if (!tiles(r.first_sm, r.sm_count, &sms, plan->count[FSN_SEC_SM])) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_REFERENCE, FSN_AT(subdevice, first_sm),
-                                     "sync managers do not follow those of the SubDevice before");
+            return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(subdevice, first_sm),
+                                 "sync managers do not follow those of the SubDevice before");
         }
         if (!tiles(r.first_sdo, r.sdo_count, &sdos, plan->count[FSN_SEC_SDO])) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_REFERENCE, FSN_AT(subdevice, first_sdo),
-                                     "start-up SDOs do not follow those of the SubDevice before");
+            return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(subdevice, first_sdo),
+                                 "start-up SDOs do not follow those of the SubDevice before");
         }
         if (r.in_copy > 1 || r.reserved != 0) {
-            return fsn_refuse_record(
+            return fsn_refuse_at(
                 &at, FSN_E_PLAN_RESERVED, FSN_AT(subdevice, in_copy),
                 "a flag of the SubDevice is unknown or its reserved field is not zero");
         }
@@ -80,12 +80,12 @@ static fsn_status prove_sdos(const struct fsn_plan *plan, struct fsn_fault *faul
         const struct fsn_sdo_record r = fsn_read_sdo(plan, at.number);
         const uint8_t size = r.size_bytes;
         if (size != 1 && size != 2 && size != 4 && size != 8) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_VALUE, FSN_AT(sdo, size_bytes),
-                                     "an SDO has 1, 2, 4 or 8 bytes");
+            return fsn_refuse_at(&at, FSN_E_PLAN_VALUE, FSN_AT(sdo, size_bytes),
+                                 "an SDO has 1, 2, 4 or 8 bytes");
         }
         if (r.reserved != 0) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_RESERVED, FSN_AT(sdo, reserved),
-                                     "a reserved field of the SDO is not zero");
+            return fsn_refuse_at(&at, FSN_E_PLAN_RESERVED, FSN_AT(sdo, reserved),
+                                 "a reserved field of the SDO is not zero");
         }
     }
     return FSN_OK;
@@ -98,23 +98,23 @@ static fsn_status prove_entries(struct fsn_at *at, uint32_t first, uint32_t coun
     for (at->number = first; at->number < first + count; at->number++) {
         const struct fsn_entry_record r = fsn_read_entry(at->plan, at->number);
         if (r.bit_offset != *bit) {
-            return fsn_refuse_record(at, FSN_E_PLAN_LAYOUT, FSN_AT(entry, bit_offset),
-                                     "the entry does not start where the one before ends");
+            return fsn_refuse_at(at, FSN_E_PLAN_LAYOUT, FSN_AT(entry, bit_offset),
+                                 "the entry does not start where the one before ends");
         }
         if (r.registered > 1 || r.reserved != 0) {
-            return fsn_refuse_record(
+            return fsn_refuse_at(
                 at, FSN_E_PLAN_RESERVED, FSN_AT(entry, registered),
                 "a flag of the entry is unknown or its reserved field is not zero");
         }
         if (r.kind > 4 || (r.registered == 1 && r.index == 0)) {
-            return fsn_refuse_record(at, FSN_E_PLAN_VALUE, FSN_AT(entry, kind),
-                                     "the type is unknown, or padding is registered");
+            return fsn_refuse_at(at, FSN_E_PLAN_VALUE, FSN_AT(entry, kind),
+                                 "the type is unknown, or padding is registered");
         }
         *bit += r.bits;
         *registered = *registered || r.registered == 1;
         if (*bit > FSN_MAX_SM_BITS) {
-            return fsn_refuse_record(at, FSN_E_PLAN_LAYOUT, FSN_AT(entry, bits),
-                                     "the sync manager has more than 1486 bytes");
+            return fsn_refuse_at(at, FSN_E_PLAN_LAYOUT, FSN_AT(entry, bits),
+                                 "the sync manager has more than 1486 bytes");
         }
     }
     return FSN_OK;
@@ -128,16 +128,16 @@ static fsn_status prove_pdos(const struct fsn_at *sm, uint32_t first, uint32_t c
         at.number = n;
         const struct fsn_pdo_record r = fsn_read_pdo(at.plan, n);
         if (r.reserved != 0) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_RESERVED, FSN_AT(pdo, reserved),
-                                     "a reserved field of the PDO is not zero");
+            return fsn_refuse_at(&at, FSN_E_PLAN_RESERVED, FSN_AT(pdo, reserved),
+                                 "a reserved field of the PDO is not zero");
         }
         if (r.bit_offset != *bit) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_LAYOUT, FSN_AT(pdo, bit_offset),
-                                     "the PDO does not start where the one before ends");
+            return fsn_refuse_at(&at, FSN_E_PLAN_LAYOUT, FSN_AT(pdo, bit_offset),
+                                 "the PDO does not start where the one before ends");
         }
         if (!tiles(r.first_entry, r.entry_count, entries, at.plan->count[FSN_SEC_ENTRY])) {
-            return fsn_refuse_record(&at, FSN_E_PLAN_REFERENCE, FSN_AT(pdo, first_entry),
-                                     "entries do not follow those of the PDO before");
+            return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(pdo, first_entry),
+                                 "entries do not follow those of the PDO before");
         }
         const fsn_status status = prove_entries(&at, r.first_entry, r.entry_count, bit, registered);
         if (status != FSN_OK) {
@@ -151,23 +151,23 @@ static fsn_status prove_one_sm(const struct fsn_at *at, uint32_t owner, int prev
                                uint32_t *pdos, uint32_t *entries) {
     const struct fsn_sm_record r = fsn_read_sm(at->plan, at->number);
     if (r.subdevice != owner) {
-        return fsn_refuse_record(at, FSN_E_PLAN_REFERENCE, FSN_AT(sm, subdevice),
-                                 "the sync manager belongs to another SubDevice");
+        return fsn_refuse_at(at, FSN_E_PLAN_REFERENCE, FSN_AT(sm, subdevice),
+                             "the sync manager belongs to another SubDevice");
     }
     if (r.index > 15 || (int)r.index <= previous_index || r.direction < FSN_OUTPUT ||
         r.direction > FSN_INPUT || r.watchdog > 2) {
-        return fsn_refuse_record(
+        return fsn_refuse_at(
             at, FSN_E_PLAN_VALUE, FSN_AT(sm, index),
             "SM number, direction or watchdog is not allowed, or SM numbers do not rise");
     }
     if (r.registered > 1 || r.reserved != 0) {
-        return fsn_refuse_record(
+        return fsn_refuse_at(
             at, FSN_E_PLAN_RESERVED, FSN_AT(sm, registered),
             "a flag of the sync manager is unknown or its reserved field is not zero");
     }
     if (!tiles(r.first_pdo, r.pdo_count, pdos, at->plan->count[FSN_SEC_PDO])) {
-        return fsn_refuse_record(at, FSN_E_PLAN_REFERENCE, FSN_AT(sm, first_pdo),
-                                 "PDOs do not follow those of the sync manager before");
+        return fsn_refuse_at(at, FSN_E_PLAN_REFERENCE, FSN_AT(sm, first_pdo),
+                             "PDOs do not follow those of the sync manager before");
     }
     uint32_t bits = 0;
     bool registered = false;
@@ -176,9 +176,8 @@ static fsn_status prove_one_sm(const struct fsn_at *at, uint32_t owner, int prev
         return status;
     }
     if (bits != r.bits || registered != (r.registered == 1)) {
-        return fsn_refuse_record(
-            at, FSN_E_PLAN_LAYOUT, FSN_AT(sm, bits),
-            "the entries do not add up to length and flags of the sync manager");
+        return fsn_refuse_at(at, FSN_E_PLAN_LAYOUT, FSN_AT(sm, bits),
+                             "the entries do not add up to length and flags of the sync manager");
     }
     return FSN_OK;
 }

@@ -8,6 +8,8 @@
 #include <sys/socket.h>
 #include <time.h>
 
+#include "rt/bytes.h"
+
 enum {
     /* One cycle reads at most this many packets per port, so that a flood cannot hold it up; enough
      * to throw away what a second of standing still has left behind. */
@@ -16,20 +18,6 @@ enum {
     CMD_FRMW = 14,
     DATAGRAM_HEAD = 10,
 };
-
-static uint32_t get32(const uint8_t *p) {
-    return (uint32_t)p[0] | ((uint32_t)p[1] << 8) | ((uint32_t)p[2] << 16) | ((uint32_t)p[3] << 24);
-}
-
-static void put32(uint8_t *p, uint32_t value) {
-    for (unsigned i = 0; i < 4; i++) {
-        p[i] = (uint8_t)(value >> (8 * i));
-    }
-}
-
-static uint32_t counter_at(const uint8_t *p) {
-    return (uint32_t)p[0] | ((uint32_t)p[1] << 8);
-}
 
 static uint64_t clock_ns(clockid_t clock) {
     struct timespec now;
@@ -60,8 +48,8 @@ void fsn_wire_send(struct fsn_wire *wire) {
     const uint16_t station = atomic_load_explicit(&wire->dc_station, memory_order_relaxed);
     for (uint32_t f = 0; f < wire->frame_count; f++) {
         struct fsn_wire_frame *frame = &wire->frames[f];
-        put32(frame->sent + FSN_WIRE_MARK, wire->run);
-        put32(frame->sent + FSN_WIRE_MARK + 4, wire->cycle);
+        fsn_put32(frame->sent + FSN_WIRE_MARK, wire->run);
+        fsn_put32(frame->sent + FSN_WIRE_MARK + 4, wire->cycle);
         if (f < wire->datagram_count) {
             memcpy(frame->sent + FSN_WIRE_DATA, wire->image + frame->image_byte, frame->size_bytes);
         }
@@ -110,7 +98,7 @@ static enum taken take(struct fsn_wire *wire, const uint8_t *packet, uint32_t le
     const uint32_t number = (uint32_t)(index - FSN_WIRE_FIRST_INDEX) % FSN_WIRE_FRAMES;
     const uint32_t port = (uint32_t)(index - FSN_WIRE_FIRST_INDEX) / FSN_WIRE_FRAMES;
     if (number >= wire->frame_count || wire->sockets[port] < 0 ||
-        get32(packet + FSN_WIRE_MARK) != wire->run) {
+        fsn_get32(packet + FSN_WIRE_MARK) != wire->run) {
         return FOREIGN;
     }
     struct fsn_wire_frame *frame = &wire->frames[number];
@@ -120,7 +108,7 @@ static enum taken take(struct fsn_wire *wire, const uint8_t *packet, uint32_t le
         !same_head(frame->sent + FSN_WIRE_LRW, packet + FSN_WIRE_LRW, index)) {
         return FOREIGN;
     }
-    if (get32(packet + FSN_WIRE_MARK + 4) != wire->cycle || frame->back[port]) {
+    if (fsn_get32(packet + FSN_WIRE_MARK + 4) != wire->cycle || frame->back[port]) {
         return OLD;
     }
     if (frame->dc != 0 && !same_head(frame->sent + frame->dc, packet + frame->dc, index)) {
@@ -168,7 +156,7 @@ static uint32_t counter_of(const struct fsn_wire_frame *frame) {
     uint32_t sum = 0;
     for (uint32_t port = 0; port < FSN_WIRE_PORTS; port++) {
         if (frame->back[port]) {
-            sum += counter_at(frame->reply[port] + FSN_WIRE_DATA + frame->size_bytes);
+            sum += fsn_get16(frame->reply[port] + FSN_WIRE_DATA + frame->size_bytes);
         }
     }
     return sum;
@@ -265,8 +253,8 @@ static void read_dc(const struct fsn_wire_frame *frame, struct fsn_bus_input *in
     }
     for (uint32_t port = 0; port < FSN_WIRE_PORTS; port++) {
         const uint8_t *at = frame->reply[port] + frame->dc + DATAGRAM_HEAD;
-        if (frame->back[port] && counter_at(at + 8) > 0) {
-            input->dc_time_ns = get32(at) | ((uint64_t)get32(at + 4) << 32);
+        if (frame->back[port] && fsn_get16(at + 8) > 0) {
+            input->dc_time_ns = fsn_get32(at) | ((uint64_t)fsn_get32(at + 4) << 32);
             return;
         }
     }

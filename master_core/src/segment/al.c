@@ -4,8 +4,8 @@
 #include <string.h>
 
 static void set_state(struct esc *esc, uint8_t state, uint16_t code) {
-    esc_put16(esc->memory + REG_AL_STATUS, state);
-    esc_put16(esc->memory + REG_AL_CODE, code);
+    fsn_put16(esc->memory + REG_AL_STATUS, state);
+    fsn_put16(esc->memory + REG_AL_CODE, code);
 }
 
 void esc_al_error(struct esc *esc, uint8_t state, uint16_t code) {

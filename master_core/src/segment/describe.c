@@ -46,7 +46,7 @@ static void end_category(struct writer *w, size_t start) {
     if ((w->at - start) % 2 != 0) {
         put8(w, 0);
     }
-    esc_put16(w->bytes + start - 2, (uint32_t)(w->at - start) / 2);
+    fsn_put16(w->bytes + start - 2, (uint32_t)(w->at - start) / 2);
 }
 
 static void put_strings(struct writer *w, const char *name) {
@@ -116,21 +116,21 @@ static void put_pdos(struct writer *w, const struct fsn_plan *plan, uint32_t sm)
 }
 
 static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bool has_mailbox) {
-    esc_put16(w->bytes, 0x0005); /* PDI control */
-    esc_put16(w->bytes + 8, info->position == 0 || info->alias != 0 ? info->alias : 0);
+    fsn_put16(w->bytes, 0x0005); /* PDI control */
+    fsn_put16(w->bytes + 8, info->position == 0 || info->alias != 0 ? info->alias : 0);
     w->bytes[14] = fsn_eeprom_checksum(w->bytes);
-    esc_put32(w->bytes + 16, info->vendor_id);
-    esc_put32(w->bytes + 20, info->product_code);
-    esc_put32(w->bytes + 24, info->revision_low);
+    fsn_put32(w->bytes + 16, info->vendor_id);
+    fsn_put32(w->bytes + 20, info->product_code);
+    fsn_put32(w->bytes + 24, info->revision_low);
     if (has_mailbox) {
-        esc_put16(w->bytes + 0x30, MAILBOX_IN);
-        esc_put16(w->bytes + 0x32, MAILBOX_BYTES);
-        esc_put16(w->bytes + 0x34, MAILBOX_OUT);
-        esc_put16(w->bytes + 0x36, MAILBOX_BYTES);
-        esc_put16(w->bytes + 0x38, 0x0004); /* CoE */
+        fsn_put16(w->bytes + 0x30, MAILBOX_IN);
+        fsn_put16(w->bytes + 0x32, MAILBOX_BYTES);
+        fsn_put16(w->bytes + 0x34, MAILBOX_OUT);
+        fsn_put16(w->bytes + 0x36, MAILBOX_BYTES);
+        fsn_put16(w->bytes + 0x38, 0x0004); /* CoE */
     }
-    esc_put16(w->bytes + 0x7C, (uint32_t)(w->room / 128) - 1); /* KiBit, less one */
-    esc_put16(w->bytes + 0x7E, 1);
+    fsn_put16(w->bytes + 0x7C, (uint32_t)(w->room / 128) - 1); /* KiBit, less one */
+    fsn_put16(w->bytes + 0x7E, 1);
     w->at = 0x80;
 }
 

@@ -97,8 +97,8 @@ bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_by
         return false;
     }
     if (touches(address, size_bytes, REG_DC_TIME, 8)) {
-        esc_put64(esc->memory + REG_DC_TIME,
-                  local_time(esc) + esc_get64(esc->memory + REG_DC_OFFSET));
+        fsn_put64(esc->memory + REG_DC_TIME,
+                  local_time(esc) + fsn_get64(esc->memory + REG_DC_OFFSET));
     }
     esc_sm_before_read(esc, address, size_bytes);
     read_bytes(esc, address, data, size_bytes, or_in);
@@ -124,8 +124,8 @@ static void clear_counters(struct esc *esc, uint16_t address, uint16_t size_byte
 
 /** Time after which outputs are missed, from the divider and the limit in the registers. */
 static void load_watchdog(struct esc *esc) {
-    const uint64_t divider = esc_get16(esc->memory + REG_WD_DIVIDER) + 2u;
-    esc->watchdog_ns = divider * 40u * esc_get16(esc->memory + REG_WD_PROCESS_DATA);
+    const uint64_t divider = fsn_get16(esc->memory + REG_WD_DIVIDER) + 2u;
+    esc->watchdog_ns = divider * 40u * fsn_get16(esc->memory + REG_WD_PROCESS_DATA);
 }
 
 /** Registers do something when they are written. */
@@ -193,8 +193,8 @@ static void physical(struct esc *esc, struct datagram *d, bool read, bool write,
 
 static bool is_addressed(const struct esc *esc, uint16_t station) {
     const bool alias_enabled = (esc->memory[REG_DL_CONTROL + 3] & 1) != 0;
-    return station == esc_get16(esc->memory + REG_STATION) ||
-           (alias_enabled && station == esc_get16(esc->memory + REG_ALIAS));
+    return station == fsn_get16(esc->memory + REG_STATION) ||
+           (alias_enabled && station == fsn_get16(esc->memory + REG_ALIAS));
 }
 
 /** Read by one, written by all others: spreads the time of the reference clock. */
@@ -256,9 +256,9 @@ void esc_pass(struct esc *esc, struct datagram *d) {
 void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns) {
     const uint64_t arrival = arrival_ns + esc->clock_offset_ns;
     const uint64_t back = return_ns + esc->clock_offset_ns;
-    esc_put32(esc->memory + REG_DC_RECEIVE, (uint32_t)arrival);
-    esc_put32(esc->memory + REG_DC_RECEIVE + 4, (uint32_t)back);
-    esc_put64(esc->memory + REG_DC_EPU_TIME, arrival);
+    fsn_put32(esc->memory + REG_DC_RECEIVE, (uint32_t)arrival);
+    fsn_put32(esc->memory + REG_DC_RECEIVE + 4, (uint32_t)back);
+    fsn_put64(esc->memory + REG_DC_EPU_TIME, arrival);
 }
 
 void esc_idle(struct esc *esc, uint64_t now_ns) {
@@ -284,10 +284,10 @@ uint8_t esc_state(const struct esc *esc) {
 /** In EEPROM and object dictionary, where MainDevices compare it. */
 static void show_identity(struct esc *esc, const struct esc_identity *identity) {
     for (uint8_t i = 0; i < 3; i++) {
-        esc_put32(esc->sii + 16 + 4 * (size_t)i, identity->numbers[i]);
+        fsn_put32(esc->sii + 16 + 4 * (size_t)i, identity->numbers[i]);
         const struct object *object = objects_find(&esc->objects, 0x1018, (uint8_t)(i + 1));
         if (object != NULL) {
-            esc_put32(objects_value(&esc->objects, object), identity->numbers[i]);
+            fsn_put32(objects_value(&esc->objects, object), identity->numbers[i]);
         }
     }
 }
@@ -304,9 +304,9 @@ void esc_power_on(struct esc *esc) {
     m[0x0008] = 0x0C; /* DC, 64 bits wide */
     m[REG_AL_STATUS] = AL_INIT;
     m[REG_WD_STATUS] = 1;
-    esc_put16(m + REG_WD_DIVIDER, 0x09C2); /* 100 us */
-    esc_put16(m + 0x0410, 1000);
-    esc_put16(m + REG_WD_PROCESS_DATA, 1000); /* 100 ms */
+    fsn_put16(m + REG_WD_DIVIDER, 0x09C2); /* 100 us */
+    fsn_put16(m + 0x0410, 1000);
+    fsn_put16(m + REG_WD_PROCESS_DATA, 1000); /* 100 ms */
     memcpy(m + REG_ALIAS, esc->sii + 8, 2);
     m[REG_SII_CONTROL] = 0x40; /* reads give 8 bytes */
     m[0x0140] = 5;             /* SPI */

@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "rt/bytes.h"
 #include "segment/objects.h"
 
 enum {
@@ -216,27 +217,5 @@ bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t 
 /** Mailbox: a message has come in; an answer is to go out (mailbox.c). */
 void esc_mailbox_in(struct esc *esc);
 void esc_mailbox_out(struct esc *esc);
-
-static inline uint16_t esc_get16(const uint8_t *at) {
-    return (uint16_t)(at[0] | (at[1] << 8));
-}
-static inline uint32_t esc_get32(const uint8_t *at) {
-    return (uint32_t)esc_get16(at) | ((uint32_t)esc_get16(at + 2) << 16);
-}
-static inline void esc_put16(uint8_t *at, uint32_t value) {
-    at[0] = (uint8_t)value;
-    at[1] = (uint8_t)(value >> 8);
-}
-static inline void esc_put32(uint8_t *at, uint32_t value) {
-    esc_put16(at, value);
-    esc_put16(at + 2, value >> 16);
-}
-static inline void esc_put64(uint8_t *at, uint64_t value) {
-    esc_put32(at, (uint32_t)value);
-    esc_put32(at + 4, (uint32_t)(value >> 32));
-}
-static inline uint64_t esc_get64(const uint8_t *at) {
-    return (uint64_t)esc_get32(at) | ((uint64_t)esc_get32(at + 4) << 32);
-}
 
 #endif

@@ -8,11 +8,11 @@ enum { CMD_LRD = 10, CMD_LWR = 11, CMD_LRW = 12 };
 static bool get_fmmu(const struct esc *esc, unsigned number, struct esc_fmmu *fmmu) {
     const uint8_t *r = esc->memory + REG_FMMU + 16 * number;
     *fmmu = (struct esc_fmmu){
-        .logical = esc_get32(r),
-        .length = esc_get16(r + 4),
+        .logical = fsn_get32(r),
+        .length = fsn_get16(r + 4),
         .start_bit = r[6] & 7,
         .end_bit = r[7] & 7,
-        .physical = esc_get16(r + 8),
+        .physical = fsn_get16(r + 8),
         .physical_bit = r[10] & 7,
         .read = (r[11] & 1) != 0,
         .write = (r[11] & 2) != 0,

@@ -40,7 +40,7 @@ static bool pass_datagram(struct fsn_segment *s, const struct span *span, uint8_
     if (len < DATAGRAM_HEAD + 2) {
         return false;
     }
-    const uint16_t flags = esc_get16(at + 6);
+    const uint16_t flags = fsn_get16(at + 6);
     const uint16_t size = flags & 0x07FF;
     *more = (flags & 0x8000) != 0;
     *used = (size_t)DATAGRAM_HEAD + size + 2;
@@ -49,11 +49,11 @@ static bool pass_datagram(struct fsn_segment *s, const struct span *span, uint8_
     }
     struct datagram d = {
         .command = at[0],
-        .position = esc_get16(at + 2),
-        .offset = esc_get16(at + 4),
+        .position = fsn_get16(at + 2),
+        .offset = fsn_get16(at + 4),
         .data = at + DATAGRAM_HEAD,
         .size_bytes = size,
-        .counter = esc_get16(at + DATAGRAM_HEAD + size),
+        .counter = fsn_get16(at + DATAGRAM_HEAD + size),
     };
     for (uint32_t place = span->first; place < span->end; place++) {
         struct esc *esc = esc_at(s, place);
@@ -64,16 +64,16 @@ static bool pass_datagram(struct fsn_segment *s, const struct span *span, uint8_
         latch(s, span);
     }
     if (d.command < CMD_LRD || d.command > CMD_LRW) {
-        esc_put16(at + 2, d.position);
+        fsn_put16(at + 2, d.position);
     }
-    esc_put16(at + DATAGRAM_HEAD + size, d.counter);
+    fsn_put16(at + DATAGRAM_HEAD + size, d.counter);
     s->counts.datagrams++;
     return true;
 }
 
 static bool pass_datagrams(struct fsn_segment *s, const struct span *span, uint8_t *frame,
                            size_t len) {
-    size_t left = esc_get16(frame + MAC_BYTES + 2) & 0x07FF;
+    size_t left = fsn_get16(frame + MAC_BYTES + 2) & 0x07FF;
     if (left > len - FRAME_HEAD) {
         return false;
     }
@@ -95,7 +95,7 @@ static bool pass_datagrams(struct fsn_segment *s, const struct span *span, uint8
 
 static bool is_ethercat(const uint8_t *frame, size_t len) {
     return len >= FRAME_HEAD && frame[MAC_BYTES] == 0x88 && frame[MAC_BYTES + 1] == 0xA4 &&
-           esc_get16(frame + MAC_BYTES + 2) >> 12 == 1;
+           fsn_get16(frame + MAC_BYTES + 2) >> 12 == 1;
 }
 
 static bool is_lost(struct fsn_segment *s) {

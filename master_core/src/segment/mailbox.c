@@ -32,7 +32,7 @@ static uint8_t *sm(struct esc *esc, unsigned number) {
 
 /** Longest answer that fits into SM1. */
 static uint32_t room(struct esc *esc) {
-    const uint32_t length = esc_get16(sm(esc, 1) + 2);
+    const uint32_t length = fsn_get16(sm(esc, 1) + 2);
     return length < ESC_MAILBOX_BYTES ? length : ESC_MAILBOX_BYTES;
 }
 
@@ -41,7 +41,7 @@ static uint8_t *begin(struct esc *esc, uint8_t type, uint32_t body_bytes) {
     uint8_t *a = esc->answer;
     memset(a, 0, sizeof esc->answer);
     esc->mailbox_counter = (uint8_t)(esc->mailbox_counter % 7 + 1);
-    esc_put16(a, body_bytes);
+    fsn_put16(a, body_bytes);
     a[5] = (uint8_t)(type | (esc->mailbox_counter << 4));
     esc->answer_bytes = (uint16_t)(HEADER_BYTES + body_bytes);
     return a + HEADER_BYTES;
@@ -50,9 +50,9 @@ static uint8_t *begin(struct esc *esc, uint8_t type, uint32_t body_bytes) {
 static uint8_t *begin_sdo(struct esc *esc, uint8_t command, uint16_t index, uint8_t sub,
                           uint32_t more_bytes) {
     uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + SDO_BYTES + more_bytes);
-    esc_put16(body, SERVICE_RESPONSE << 12);
+    fsn_put16(body, SERVICE_RESPONSE << 12);
     body[2] = command;
-    esc_put16(body + 3, index);
+    fsn_put16(body + 3, index);
     body[5] = sub;
     return body + 6;
 }
@@ -60,7 +60,7 @@ static uint8_t *begin_sdo(struct esc *esc, uint8_t command, uint16_t index, uint
 static void abort_sdo(struct esc *esc, uint16_t index, uint8_t sub, uint32_t code) {
     uint8_t *data = begin_sdo(esc, 0x80, index, sub, 0);
     esc->answer[HEADER_BYTES + 1] = SERVICE_REQUEST << 4; /* an abort is a request */
-    esc_put32(data, code);
+    fsn_put32(data, code);
     esc->transfer.active = false;
 }
 
@@ -109,7 +109,7 @@ static void upload(struct esc *esc, uint8_t command, uint16_t index, uint8_t sub
     const uint32_t space = room(esc) - HEADER_BYTES - COE_BYTES - SDO_BYTES;
     const uint32_t now = t->size_bytes < space ? t->size_bytes : space;
     uint8_t *data = begin_sdo(esc, (uint8_t)(0x41 | kept), index, sub, now);
-    esc_put32(data, t->size_bytes);
+    fsn_put32(data, t->size_bytes);
     memcpy(data + 4, t->data, now);
     t->done = now;
     t->active = now < t->size_bytes;
@@ -134,7 +134,7 @@ static void upload_segment(struct esc *esc, uint8_t command) {
     const uint32_t now = left < space ? left : space;
     const uint32_t shown = now < 7 ? 7 : now; /* a segment has at least 7 bytes */
     uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + 1 + shown);
-    esc_put16(body, SERVICE_RESPONSE << 12);
+    fsn_put16(body, SERVICE_RESPONSE << 12);
     body[2] = (uint8_t)((t->toggle ? 0x10 : 0) | (now == left ? 1 : 0) | ((shown - now) << 1));
     memcpy(body + 3, t->data + t->done, now);
     t->done += now;
@@ -178,7 +178,7 @@ static void finish_download(struct esc *esc, uint16_t index, uint8_t sub, bool c
 
 static void download(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
     const uint8_t command = sdo[0];
-    const uint16_t index = esc_get16(sdo + 1);
+    const uint16_t index = fsn_get16(sdo + 1);
     const uint8_t sub = sdo[3];
     const bool complete = (command & COMPLETE_ACCESS) != 0;
     if ((command & 2) != 0) { /* expedited */
@@ -187,7 +187,7 @@ static void download(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
         return;
     }
     struct transfer *t = &esc->transfer;
-    const uint32_t size = esc_get32(sdo + 4);
+    const uint32_t size = fsn_get32(sdo + 4);
     const uint32_t given = sdo_bytes - SDO_BYTES;
     if (size > sizeof t->data) {
         abort_sdo(esc, index, sub, ABORT_MEMORY);
@@ -242,7 +242,7 @@ static void download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_b
         }
     }
     uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + SDO_BYTES);
-    esc_put16(body, SERVICE_RESPONSE << 12);
+    fsn_put16(body, SERVICE_RESPONSE << 12);
     body[2] = (uint8_t)(0x20 | (command & 0x10));
 }
 
@@ -260,7 +260,7 @@ static bool aborts_on_demand(struct esc *esc, uint16_t index, uint8_t sub) {
 
 static void take_sdo(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
     const uint8_t command = sdo[0] >> 5;
-    if ((command == 1 || command == 2) && aborts_on_demand(esc, esc_get16(sdo + 1), sdo[3])) {
+    if ((command == 1 || command == 2) && aborts_on_demand(esc, fsn_get16(sdo + 1), sdo[3])) {
         return;
     }
     switch (command) {
@@ -273,7 +273,7 @@ static void take_sdo(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
         return;
     case 2:
         esc->transfer = (struct transfer){0};
-        upload(esc, sdo[0], esc_get16(sdo + 1), sdo[3]);
+        upload(esc, sdo[0], fsn_get16(sdo + 1), sdo[3]);
         return;
     case 3:
         upload_segment(esc, sdo[0]);
@@ -282,26 +282,26 @@ static void take_sdo(struct esc *esc, const uint8_t *sdo, uint32_t sdo_bytes) {
         esc->transfer = (struct transfer){0}; /* the MainDevice gave up: no answer */
         return;
     default:
-        abort_sdo(esc, esc_get16(sdo + 1), sdo[3], ABORT_COMMAND);
+        abort_sdo(esc, fsn_get16(sdo + 1), sdo[3], ABORT_COMMAND);
     }
 }
 
 static void refuse(struct esc *esc, uint16_t detail) {
     uint8_t *body = begin(esc, TYPE_ERROR, 4);
-    esc_put16(body, 1);
-    esc_put16(body + 2, detail);
+    fsn_put16(body, 1);
+    fsn_put16(body + 2, detail);
 }
 
 static void refuse_information(struct esc *esc) {
     uint8_t *body = begin(esc, TYPE_COE, COE_BYTES + 8);
-    esc_put16(body, SERVICE_INFORMATION << 12);
+    fsn_put16(body, SERVICE_INFORMATION << 12);
     body[2] = 7; /* SDO information error */
-    esc_put32(body + 6, ABORT_COMMAND);
+    fsn_put32(body + 6, ABORT_COMMAND);
 }
 
 void esc_mailbox_in(struct esc *esc) {
-    const uint16_t start = esc_get16(sm(esc, 0));
-    const uint32_t length = esc_get16(sm(esc, 0) + 2);
+    const uint16_t start = fsn_get16(sm(esc, 0));
+    const uint32_t length = fsn_get16(sm(esc, 0) + 2);
     uint8_t message[ESC_MAILBOX_BYTES + SDO_BYTES] = {0};
     const uint32_t taken = length < ESC_MAILBOX_BYTES ? length : ESC_MAILBOX_BYTES;
     if ((uint32_t)start + taken > ESC_MEMORY_BYTES || esc_state(esc) == AL_INIT) {
@@ -313,7 +313,7 @@ void esc_mailbox_in(struct esc *esc) {
     if (room(esc) < HEADER_BYTES + COE_BYTES + SDO_BYTES) {
         return; /* SM1 has been written since PREOP: no answer fits */
     }
-    const uint32_t body = esc_get16(message);
+    const uint32_t body = fsn_get16(message);
     const uint8_t type = message[5] & 0x0F;
     const uint8_t service = message[HEADER_BYTES + 1] >> 4;
     if (body + HEADER_BYTES > taken || body < COE_BYTES) {
@@ -332,8 +332,8 @@ void esc_mailbox_in(struct esc *esc) {
 
 void esc_mailbox_out(struct esc *esc) {
     uint8_t *registers = sm(esc, 1);
-    const uint16_t start = esc_get16(registers);
-    const uint32_t length = esc_get16(registers + 2);
+    const uint16_t start = fsn_get16(registers);
+    const uint32_t length = fsn_get16(registers + 2);
     if (esc->answer_bytes == 0 || esc->now_ns < esc->answer_due_ns ||
         (registers[5] & SM_FULL) != 0 || (registers[6] & 1) == 0 ||
         (uint32_t)start + length > ESC_MEMORY_BYTES || esc->answer_bytes > length) {

@@ -206,7 +206,7 @@ uint8_t fsn_segment_al_status(struct fsn_segment *s, uint32_t position, uint16_t
     if (position < s->count && s->present[position]) {
         status = s->escs[position].memory[REG_AL_STATUS];
         if (code != NULL) {
-            *code = esc_get16(s->escs[position].memory + REG_AL_CODE);
+            *code = fsn_get16(s->escs[position].memory + REG_AL_CODE);
         }
     }
     pthread_mutex_unlock(&s->lock);

@@ -21,7 +21,7 @@ static uint8_t sii_byte(const struct esc *esc, uint64_t at) {
 
 /** Only the alias and the checksum of its block can be written; used after the next power-on. */
 static bool write_alias(struct esc *esc) {
-    const uint64_t at = 2 * (uint64_t)esc_get32(esc->memory + REG_SII_ADDRESS);
+    const uint64_t at = 2 * (uint64_t)fsn_get32(esc->memory + REG_SII_ADDRESS);
     if (at != ALIAS && at != CHECKSUM) {
         return false;
     }
@@ -36,7 +36,7 @@ void esc_sii_command(struct esc *esc) {
     control[1] &= (uint8_t)~(COMMAND_MASK | ERROR_MASK | 0x80);
     control[0] |= 0x40; /* 8 bytes per read */
     if (command == COMMAND_READ) {
-        const uint64_t word = esc_get32(esc->memory + REG_SII_ADDRESS);
+        const uint64_t word = fsn_get32(esc->memory + REG_SII_ADDRESS);
         for (unsigned i = 0; i < 8; i++) {
             esc->memory[REG_SII_DATA + i] = sii_byte(esc, 2 * word + i);
         }

@@ -8,8 +8,8 @@ enum { SM_FULL = 0x08 };
 static bool get_sm(const struct esc *esc, unsigned number, struct esc_sm *sm) {
     const uint8_t *r = esc->memory + REG_SM + 8 * number;
     *sm = (struct esc_sm){
-        .start = esc_get16(r),
-        .length = esc_get16(r + 2),
+        .start = fsn_get16(r),
+        .length = fsn_get16(r + 2),
         .number = (uint8_t)number,
         .mailbox = (r[4] & 3) == 2,
         .from_device = (r[4] & 0x0C) == 0,

@@ -39,7 +39,7 @@ static void show_ports(struct esc *esc, uint8_t ports) {
         }
     }
     esc->ports = ports;
-    esc_put16(esc->memory + REG_DL_STATUS, dl_status(ports));
+    fsn_put16(esc->memory + REG_DL_STATUS, dl_status(ports));
 }
 
 void segment_rewire(struct fsn_segment *s) {

@@ -13,11 +13,6 @@ enum {
     SM_INPUT = 0x20,
 };
 
-static void put16(uint8_t *at, uint32_t value) {
-    at[0] = (uint8_t)value;
-    at[1] = (uint8_t)(value >> 8);
-}
-
 /* -- objects -------------------------------------------------------------------------------- */
 
 static fsn_status write_sdos(struct fsn_soem *bus, struct node *node) {
@@ -75,8 +70,8 @@ static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
         control &= (uint8_t)(0xFF - SM_WATCHDOG);
     }
     uint8_t bytes[SM_BYTES] = {0};
-    put16(bytes, *physical);
-    put16(bytes + 2, fsn_sm_bytes(bus->all.plan, sm));
+    fsn_put16(bytes, *physical);
+    fsn_put16(bytes + 2, fsn_sm_bytes(bus->all.plan, sm));
     bytes[4] = control;
     bytes[6] = fsn_sm_bytes(bus->all.plan, sm) > 0;
     return write_register(bus, node, (uint16_t)(ECT_REG_SM0 + SM_BYTES * number), bytes, SM_BYTES)
@@ -86,11 +81,11 @@ static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
 
 static void fill_fmmu(uint8_t *bytes, uint32_t logical, uint32_t size, uint16_t physical,
                       bool output) {
-    put16(bytes, logical);
-    put16(bytes + 2, logical >> 16);
-    put16(bytes + 4, size);
+    fsn_put16(bytes, logical);
+    fsn_put16(bytes + 2, logical >> 16);
+    fsn_put16(bytes + 4, size);
     bytes[7] = 7; /* from bit 0 to bit 7 */
-    put16(bytes + 8, physical);
+    fsn_put16(bytes + 8, physical);
     bytes[11] = output ? 2 : 1;
     bytes[12] = 1;
 }

@@ -18,9 +18,9 @@ enum { LISTEN_NS = 60000000, MBX_COE = 0x04 };
 /** Here, since every exchange beside the cycle begins with it, however long they take together. */
 static void count_foreign(struct fsn_soem *bus) {
     for (size_t i = 0; i < FSN_WIRE_PORTS; i++) {
-        if (bus->foreign_sockets[i] >= 0) {
+        if (bus->foreign[i] >= 0) {
             atomic_fetch_add_explicit(&bus->frames.wire.foreign,
-                                      fsn_port_count_foreign(bus->foreign_sockets[i]),
+                                      fsn_port_count_foreign(bus->foreign[i]),
                                       memory_order_relaxed);
         }
     }
@@ -85,8 +85,7 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
     bus->cycle_ns = options->cycle_ns;
     bus->wait_ns = options->receive_wait_ns;
     bus->dc_every = options->dc_every;
-    bus->sockets[0] = bus->sockets[1] = bus->foreign_sockets[0] = bus->foreign_sockets[1] =
-        bus->lock = -1;
+    bus->sockets[0] = bus->sockets[1] = bus->foreign[0] = bus->foreign[1] = bus->lock = -1;
     bus->tag = fsn_port_tag(bus->interface);
     fsn_nodes_init(&bus->all);
     *out = bus;
@@ -103,7 +102,7 @@ static void close_socket(int *socket) {
 void soem_release(struct fsn_soem *bus) {
     for (unsigned port = 0; port < FSN_WIRE_PORTS; port++) {
         close_socket(&bus->sockets[port]);
-        close_socket(&bus->foreign_sockets[port]);
+        close_socket(&bus->foreign[port]);
     }
     fsn_frames_free(&bus->frames);
     if (bus->nic_open) {
@@ -211,9 +210,9 @@ static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
     fsn_status status = FSN_OK;
     for (size_t i = 0; i < FSN_WIRE_PORTS && interface[i][0] != '\0' && status == FSN_OK; i++) {
         status = fsn_port_open(interface[i], bus->tag, stamp, &bus->sockets[i], fault);
-        status = status != FSN_OK ? status
-                                  : fsn_port_open_foreign(interface[i], bus->tag,
-                                                          &bus->foreign_sockets[i], fault);
+        status = status != FSN_OK
+                     ? status
+                     : fsn_port_open_foreign(interface[i], bus->tag, &bus->foreign[i], fault);
     }
     return status;
 }

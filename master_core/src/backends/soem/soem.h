@@ -56,10 +56,10 @@ struct fsn_soem {
     ec_eepromFMMUt eeprom_fmmu;
     ec_eepromPDOt eeprom_pdo;
     bool nic_open;
-    int lock;                            /**< -1, or what keeps others off the interface */
-    int sockets[FSN_WIRE_PORTS];         /**< of the cycle */
-    int foreign_sockets[FSN_WIRE_PORTS]; /**< hear another MainDevice */
-    uint16_t tag;                        /**< in the source address of all our frames */
+    int lock;                    /**< -1, or what keeps others off the interface */
+    int sockets[FSN_WIRE_PORTS]; /**< of the cycle */
+    int foreign[FSN_WIRE_PORTS]; /**< hear another MainDevice */
+    uint16_t tag;                /**< in the source address of all our frames */
 
     struct fsn_frames frames;
     struct fsn_nodes all;

@@ -2,6 +2,7 @@
 
 #include "control/base/object_value.h"
 
+#include <ctype.h>
 #include <string.h>
 
 #include "control/base/value.h"
@@ -40,10 +41,9 @@ bool fsn_data_type_read(const char *text, struct fsn_data_type *type) {
 }
 
 static int digit(char c) {
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                                  : -1;
+    static const char digits[] = "0123456789abcdef";
+    const char *found = c != 0 ? strchr(digits, tolower((unsigned char)c)) : NULL;
+    return found != NULL ? (int)(found - digits) : -1;
 }
 
 static const char *parse_hex(const char *text, uint8_t *bytes, uint32_t *size_bytes) {

@@ -163,17 +163,8 @@ static struct fsn_survey survey_of(struct doing *d) {
                                .self = d};
 }
 
-static fsn_status scan(struct doing *d) {
-    const struct fsn_survey survey = survey_of(d);
-    return fsn_survey_write(&survey, &d->job->json);
-}
-
-static fsn_status read_fsoe(struct doing *d) {
-    const struct fsn_survey survey = survey_of(d);
-    return fsn_survey_planned_fsoe(&survey, &d->job->json);
-}
-
 static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
+    const struct fsn_survey survey = survey_of(d);
     *abort_code = 0;
     switch (d->job->kind) {
     case FSN_JOB_WRITE:
@@ -183,9 +174,9 @@ static fsn_status do_it(struct doing *d, uint32_t *abort_code) {
     case FSN_JOB_HISTORY:
         return read_history(d, abort_code);
     case FSN_JOB_SCAN:
-        return scan(d);
+        return fsn_survey_write(&survey, &d->job->json);
     case FSN_JOB_FSOE:
-        return read_fsoe(d);
+        return fsn_survey_planned_fsoe(&survey, &d->job->json);
     default:
         return read_object(d, abort_code);
     }
