@@ -6,12 +6,18 @@ description before had any. Descriptions that contradict each other are refused.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from fsoe_net.errors import InputError
 from fsoe_net.model.bus import Device
-from fsoe_net.model.description import DescribedEnd, DescribedSubDevice, Description
+from fsoe_net.model.description import (
+    DescribedConnection,
+    DescribedCopy,
+    DescribedEnd,
+    DescribedSubDevice,
+    Description,
+)
 
 __all__ = ["fill_devices", "has_layout", "join_buses"]
 
@@ -67,43 +73,53 @@ def _joined(first: Description, other: Description, notes: list[str]) -> Descrip
         else:
             numbers[number] = places[place] = len(subs)
             subs.append(sub)
-    copies = first.copies
-    if not copies and other.copies:
-        usable = [
-            c
-            for c in other.copies
-            if c.source.subdevice in numbers and c.destination.subdevice in numbers
-        ]
-        copies = tuple(
-            replace(c, source=_moved(c.source, numbers), destination=_moved(c.destination, numbers))
-            for c in usable
-        )
-        if len(copies) < len(other.copies):
-            notes.append(f"{other.path}: copies without known SubDevices are left out")
-    elif other.copies:
-        notes.append(f"{other.path}: its copies are left out; those of {first.path} are taken")
-    connections = first.connections
-    if not connections and other.connections:
-        connections = tuple(
-            replace(c, main=numbers[c.main], sub=numbers[c.sub])
-            for c in other.connections
-            if c.main in numbers and c.sub in numbers
-        )
-        if len(connections) < len(other.connections):
-            notes.append(f"{other.path}: connections without known SubDevices are left out")
-    elif other.connections:
-        notes.append(f"{other.path}: its connections are left out; {first.path} has some")
     return replace(
         first,
         subdevices=tuple(subs),
-        copies=copies,
-        connections=connections,
+        copies=_joined_copies(first, other, numbers, notes),
+        connections=_joined_connections(first, other, numbers, notes),
         cycle_us=first.cycle_us or other.cycle_us,
         truncated=first.truncated or other.truncated,
     )
 
 
-def _moved(end: DescribedEnd, numbers: dict[int, int]) -> DescribedEnd:
+def _joined_copies(
+    first: Description, other: Description, numbers: Mapping[int, int], notes: list[str]
+) -> tuple[DescribedCopy, ...]:
+    """Return the copies of the first description that has some."""
+    if first.copies:
+        if other.copies:
+            notes.append(f"{other.path}: its copies are left out; those of {first.path} are taken")
+        return first.copies
+    copies = tuple(
+        replace(c, source=_moved(c.source, numbers), destination=_moved(c.destination, numbers))
+        for c in other.copies
+        if {c.source.subdevice, c.destination.subdevice} <= numbers.keys()
+    )
+    if len(copies) < len(other.copies):
+        notes.append(f"{other.path}: copies without known SubDevices are left out")
+    return copies
+
+
+def _joined_connections(
+    first: Description, other: Description, numbers: Mapping[int, int], notes: list[str]
+) -> tuple[DescribedConnection, ...]:
+    """Return the connections of the first description that has some."""
+    if first.connections:
+        if other.connections:
+            notes.append(f"{other.path}: its connections are left out; {first.path} has some")
+        return first.connections
+    connections = tuple(
+        replace(c, main=numbers[c.main], sub=numbers[c.sub])
+        for c in other.connections
+        if c.main is not None and c.sub is not None and {c.main, c.sub} <= numbers.keys()
+    )
+    if len(connections) < len(other.connections):
+        notes.append(f"{other.path}: connections without known SubDevices are left out")
+    return connections
+
+
+def _moved(end: DescribedEnd, numbers: Mapping[int, int]) -> DescribedEnd:
     return replace(end, subdevice=numbers[end.subdevice])
 
 
@@ -121,8 +137,12 @@ def _name(sub: DescribedSubDevice) -> str:
     return name or sub.order
 
 
-def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> DescribedSubDevice:
-    """Return the SubDevice with what the other one knows in addition."""
+def _refuse_another_type(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> None:
+    """Refuse two device types at one place.
+
+    Raises:
+        InputError: Vendor or product differ.
+    """
     for key, word in (("vendor_id", "vendor"), ("product_code", "product")):
         one, two = getattr(sub.device, key), getattr(other.device, key)
         if one and two and one != two:
@@ -130,6 +150,11 @@ def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> De
                 f"{_shown(sub)}: {word} 0x{one:08x}, but 0x{two:08x} in {path}; "
                 "are these files of one bus?"
             )
+
+
+def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> DescribedSubDevice:
+    """Return the SubDevice with what the other one knows in addition."""
+    _refuse_another_type(sub, other, path)
     device = sub.device
     if not has_layout(device) and has_layout(other.device):
         device = replace(
@@ -152,6 +177,20 @@ def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> De
         module_ident=sub.module_ident or other.module_ident,
         start=sub.start or other.start,
     )
+
+
+def _filled_by_type(
+    sub: DescribedSubDevice, row: DescribedSubDevice, path: str, notes: list[str]
+) -> DescribedSubDevice:
+    """Return a SubDevice with the process data of its type; its own revision stays."""
+    if sub.revision is not None and row.revision not in (None, sub.revision):
+        notes.append(
+            f"{_shown(sub)}: revision 0x{sub.revision:08x} is not in {path}; the process data "
+            f"of 0x{row.revision:08x} are taken"
+        )
+    if not has_layout(row.device):
+        notes.append(f"{_shown(sub)}: {path} names the device and no process data")
+    return replace(_filled(sub, row, path), revision=sub.revision)
 
 
 def fill_devices(bus: Description, types: Sequence[Description], notes: list[str]) -> Description:
@@ -177,16 +216,8 @@ def fill_devices(bus: Description, types: Sequence[Description], notes: list[str
         _, row, path = (exact or same)[0]
         if has_layout(sub.device):
             subs.append(replace(sub, start=sub.start or row.start))
-            continue
-        if not exact and sub.revision is not None and row.revision is not None:
-            notes.append(
-                f"{_shown(sub)}: revision 0x{sub.revision:08x} is not in {path}; the process data "
-                f"of 0x{row.revision:08x} are taken"
-            )
-        if not has_layout(row.device):
-            notes.append(f"{_shown(sub)}: {path} names the device and no process data")
-        filled = _filled(sub, row, path)
-        subs.append(replace(filled, revision=sub.revision))
+        else:
+            subs.append(_filled_by_type(sub, row, path, notes))
     notes += [
         f"{path}: no SubDevice is {_type(row)}; it is left out"
         for n, (row, path) in enumerate(rows)

@@ -9,6 +9,7 @@ from fsoe_net.diag.diagnostic import FindingList, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.answers import AnsweredConnection, Answers
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd, Description
+from fsoe_net.model.layout import FsoeBlock
 from fsoe_net.model.pairing import PairEnd
 from fsoe_net.model.roles import FrameEnd
 
@@ -22,6 +23,7 @@ __all__ = [
     "state_facts",
 ]
 
+_FrameAt = tuple[PairEnd, FsoeBlock]
 _VALUES = ("address", "connection_id", "watchdog_ms", "app_parameters")
 
 
@@ -55,12 +57,7 @@ class Moves:
 
 def find_moves(bus: Description, ends: Sequence[FrameEnd]) -> Moves:
     """Find the connections in the copies of a bus, whichever end is the MainInstance."""
-    places = {
-        (e.number, block.sm_index, 8 * block.byte_offset): (pair, block)
-        for e in ends
-        for pair in (*e.pairs, *e.doubtful)
-        for block in (pair.written, pair.read)
-    }
+    places = _frame_places(ends)
     moves = Moves()
     found: dict[tuple[tuple[int, int], tuple[int, int]], DescribedCopy] = {}
     pairs: dict[tuple[int, int], PairEnd] = {}
@@ -84,6 +81,16 @@ def find_moves(bus: Description, ends: Sequence[FrameEnd]) -> Moves:
             moves.both.append((pairs[one], pairs[two], copy, back))
     moves.rest.sort(key=bus.copies.index)
     return moves
+
+
+def _frame_places(ends: Sequence[FrameEnd]) -> dict[tuple[int, int, int], _FrameAt]:
+    """Return the frames by SubDevice, sync manager and bit."""
+    places = {}
+    for end in ends:
+        for pair in (*end.pairs, *end.doubtful):
+            for block in (pair.written, pair.read):
+                places[end.number, block.sm_index, 8 * block.byte_offset] = (pair, block)
+    return places
 
 
 def _place(end: DescribedEnd) -> tuple[int, int, int]:
@@ -145,15 +152,9 @@ def link_connections(
             continue
         if ends[main].role != "main":
             continue
-        same = [
-            k
-            for k in links
-            if (k.main.subdevice, k.sub.subdevice) == (main, row.sub)
-            and row.slot in (None, k.main.slot)
-            and _agree(k.facts, row)
-        ]
-        if same:
-            _take(same[0], row, path)
+        same = next((link for link in links if _is_same(link, main, row)), None)
+        if same is not None:
+            _take(same, row, path)
             continue
         bare = [e.name for e in (ends[main], ends[row.sub]) if not e.pairs and not e.doubtful]
         if bare:
@@ -174,6 +175,13 @@ def link_connections(
                 "answers",
             )
     return problems, disputed
+
+
+def _is_same(link: CopyLink, main: int, row: DescribedConnection) -> bool:
+    """Whether a file speaks of this connection."""
+    if (link.main.subdevice, link.sub.subdevice) != (main, row.sub):
+        return False
+    return row.slot in (None, link.main.slot) and _agree(link.facts, row)
 
 
 def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
@@ -258,18 +266,24 @@ def link_answers(
         main = None if row.main is None else _named(row, "main", row.main, by_name, out)
         if sub is None or (main is None and row.main is not None):
             continue
-        mains = [e for e in ends if e.role == "main"] if main is None else [main]
-        if any(e.role != "main" for e in mains) or sub.role != "sub":
-            other = next((e for e in mains if e.role != "main"), sub)
-            which = "main" if other is not sub else "sub"
-            out.add(
-                "FSN156",
-                row.at(which),
-                f"{other.name} is no {'Main' if which == 'main' else 'Sub'}Instance here",
-                hint="main: in the answers says which SubDevices are MainInstances",
-            )
-            continue
-        _link_answer(row, mains, sub, links, out)
+        if _has_roles(row, main, sub, out):
+            mains = [e for e in ends if e.role == "main"] if main is None else [main]
+            _link_answer(row, mains, sub, links, out)
+
+
+def _has_roles(
+    row: AnsweredConnection, main: FrameEnd | None, sub: FrameEnd, out: FindingList
+) -> bool:
+    """Report an end that has the other role."""
+    if main is not None and main.role != "main":
+        key, text = "main", f"{main.name} is no MainInstance here"
+    elif sub.role != "sub":
+        key, text = "sub", f"{sub.name} is no SubInstance here"
+    else:
+        return True
+    hint = "main: in the answers says which SubDevices are MainInstances"
+    out.add("FSN156", row.at(key), text, hint=hint)
+    return False
 
 
 def _named(
@@ -296,36 +310,43 @@ def _link_answer(
 ) -> None:
     subs = [p for p in sub.pairs if row.sub_slot in (None, p.slot)]
     slots = [p for e in mains for p in e.pairs if row.slot in (None, p.slot)]
-    if not subs or not slots:
-        key, end, pairs = ("slot", mains, slots) if subs else ("sub_slot", [sub], subs)
-        names = " and ".join(f"{e.name} has {_range(e)}" for e in end) or "no MainInstance is known"
-        what = "a slot" if getattr(row, key) is None else f"{key} {getattr(row, key)}"
-        assert not pairs  # noqa: S101 - that is why
-        out.add("FSN155", row.at(key), f"{what} is not there", hint=names)
+    if not subs:
+        _no_slot(row, "sub_slot", [sub], out)
+        return
+    if not slots:
+        _no_slot(row, "slot", mains, out)
         return
     known = [k for k in links if k.sub in subs]
-    if known and (len(subs) == 1 or any(k.main in slots for k in known)):
-        link = next((k for k in known if k.main in slots), None)
-        if link is None:
-            wrong = known[0]
-            out.add(
-                "FSN156",
-                row.at("slot" if row.slot is not None else "main"),
-                f"{sub.name} is connected to another slot: slot {wrong.main.slot}, {wrong.why}",
-                hint="correct the answer, or the file that says so",
-            )
-        else:
-            state_facts(link, row, out)
+    same = next((k for k in known if k.main in slots), None)
+    if same is not None:
+        state_facts(same, row, out)
+        return
+    if known and len(subs) == 1:
+        wrong = known[0]
+        out.add(
+            "FSN156",
+            row.at("slot" if row.slot is not None else "main"),
+            f"{sub.name} is connected to another slot: slot {wrong.main.slot}, {wrong.why}",
+            hint="correct the answer, or the file that says so",
+        )
         return
     used = {k.main.key: k for k in links}
+    taken = [k.sub for k in links]
     fitting = [(m, s) for m in slots for s in subs if m.fits(s)]
-    free = [(m, s) for m, s in fitting if m.key not in used and s not in [k.sub for k in links]]
+    free = [(m, s) for m, s in fitting if m.key not in used and s not in taken]
     if len(free) == 1 and (row.slot is not None or len(fitting) == 1):
         main, pair = free[0]
         where = f"{row.span.file}:{row.span.line}" if row.span.line else "your answer"
         links.append(CopyLink(main=main, sub=pair, why=f"as answered, {where}", facts=_facts(row)))
         return
     _refuse(row, slots, subs, fitting, free, used, out)
+
+
+def _no_slot(row: AnsweredConnection, key: str, ends: Sequence[FrameEnd], out: FindingList) -> None:
+    names = " and ".join(f"{e.name} has {_range(e)}" for e in ends) or "no MainInstance is known"
+    stated = getattr(row, key)
+    what = "a slot" if stated is None else f"{key} {stated}"
+    out.add("FSN155", row.at(key), f"{what} is not there", hint=names)
 
 
 def _refuse(

@@ -98,20 +98,23 @@ def _take(
     end.beyond = bool(answer) and any(key not in regular for key in likely)
     pairs = _all_pairs(guesses, end.number) if end.beyond else pair_ends(layout, end.number)
     unsure = [p for p in pairs if p.written.key in likely or p.read.key in likely]
+    sure = [p for p in pairs if p not in unsure]
     if answer is None:
-        end.pairs, end.doubtful = tuple(p for p in pairs if p not in unsure), tuple(unsure)
+        end.pairs, end.doubtful = tuple(sure), tuple(unsure)
+        end.likely = tuple(likely.values())
         if likely:
             end.question = _ask_frames(end, sub, list(likely.values()))
     else:
-        end.pairs = tuple(p for p in pairs if answer or p not in unsure)
-    if answer is None:
-        end.likely = tuple(likely.values())
-    else:
+        end.pairs = tuple(pairs if answer else sure)
         verdict = "taken" if answer else "left out"
-        end.remarks += [
-            f"likely FSoE frame, {verdict} as answered: {where_is(g.block)}"
-            for g in likely.values()
-        ]
+        for guess in likely.values():
+            where = where_is(guess.block)
+            end.remarks.append(f"likely FSoE frame, {verdict} as answered: {where}")
+    _remark(end, layout)
+
+
+def _remark(end: FrameEnd, layout: DeviceLayout) -> None:
+    """Name what looks like a frame and is not used."""
     if not end.beyond:
         end.remarks += [
             f"FSoE frame that none in the other direction belongs to, not used: {where_is(b)}"
@@ -177,19 +180,16 @@ def give_roles(
         answers: Name them.
         told: Roles that connections of the files tell, by number of the SubDevice.
     """
-    mains = None if answers.main is None else {w.text for w in answers.main}
-    open_ends = []
-    for end in ends:
-        pairs = (*end.pairs, *end.doubtful)
-        if mains is not None:
+    if answers.main is not None:
+        mains = {w.text for w in answers.main}
+        for end in ends:
             end.role = "main" if end.name in mains else "sub"
-            continue
-        lengths = tuple(p.lengths for p in pairs)
-        end.role = told.get(end.number, "") or library_role(
-            subdevices[end.number], lengths, library
-        )
-        if pairs and not end.role:
-            open_ends.append(end)
+        return None
+    for end in ends:
+        lengths = tuple(p.lengths for p in (*end.pairs, *end.doubtful))
+        known = library_role(subdevices[end.number], lengths, library)
+        end.role = told.get(end.number, "") or known
+    open_ends = [e for e in ends if not e.role and (e.pairs or e.doubtful)]
     if not open_ends:
         return None
     if len(open_ends) == 1 and _only_choice(open_ends[0], ends):

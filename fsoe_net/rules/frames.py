@@ -5,7 +5,7 @@ from __future__ import annotations
 from fsoe_net.diag.diagnostic import Edit, Fix, Related
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import is_frame_length
-from fsoe_net.model.bus import Direction
+from fsoe_net.model.bus import Direction, Entry
 from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.layout import FsoeBlock, SmLayout
 from fsoe_net.model.network import TransferKind
@@ -143,32 +143,35 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
     """Say what stands where a CRC or the connection ID should, if anything looks like a frame."""
     if end.placed is None or not is_frame_length(size):
         return None
+    entry, base = end.placed.entry, end.placed.bit_offset
     starts = {p.bit_offset: p.entry for p in sm.placed}
-    base = end.placed.bit_offset
     words = [2] if size == 6 else list(range(3, size - 2, 4))
     expected = [(b, "CRC") for b in words] + [(size - 2, "connection ID")]
     found = [starts.get(base + 8 * byte) for byte, _ in expected]
     good = [e is not None and e.bits == 16 and not e.is_gap for e in found]
-    others = [
-        p.entry
-        for p in sm.placed
-        if base < p.bit_offset < base + 8 * size and p.entry.index == end.placed.entry.index
-    ]
-    addresses = [e.address for e in found if e is not None]
-    repeated = [a for a in addresses if addresses.count(a) > 1]
-    if all(good) and repeated:
-        return f"{repeated[0]} stands twice"
-    foreign = [e for e in found if e is not None and e.index != end.placed.entry.index]
-    if all(good) and foreign and len(foreign) < len(found):
-        return f"{foreign[0].address} stands where a CRC is expected"
-    if all(good) or not others:
+    if all(good):
+        return _wrong_word([e for e in found if e is not None], entry.index)
+    inside = range(base + 1, base + 8 * size)
+    if not any(p.bit_offset in inside and p.entry.index == entry.index for p in sm.placed):
         return None
     byte, what = expected[good.index(False)]
-    entry = found[good.index(False)]
-    there = (
-        f"{entry.address} of {counted(entry.bits, 'bit')} stands" if entry else "no entry starts"
-    )
+    other = found[good.index(False)]
+    there = "no entry starts"
+    if other is not None:
+        there = f"{other.address} of {counted(other.bits, 'bit')} stands"
     return f"{there} where the {what} is expected (byte {byte})"
+
+
+def _wrong_word(words: list[Entry], index: int) -> str | None:
+    """Say which of the words of a frame with this index is twice or of another index."""
+    addresses = [e.address for e in words]
+    repeated = [a for a in addresses if addresses.count(a) > 1]
+    if repeated:
+        return f"{repeated[0]} stands twice"
+    foreign = [e for e in words if e.index != index]
+    if foreign and len(foreign) < len(words):
+        return f"{foreign[0].address} stands where a CRC is expected"
+    return None
 
 
 def _sizes(ctx: Context, row: ResolvedTransfer) -> None:

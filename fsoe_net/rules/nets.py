@@ -9,7 +9,7 @@ from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.layout import FsoeBlock
-from fsoe_net.model.network import Net, TransferKind
+from fsoe_net.model.network import ConnectionFacts, Net, TransferKind
 from fsoe_net.model.resolve import Connection, main_instance_of, partner_block, shared_modules
 from fsoe_net.rules.context import (
     Context,
@@ -119,9 +119,7 @@ def _names(ctx: Context) -> None:
 
 def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None:
     used = sorted({m for row in rows for m in module_pair(row)})
-    span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
-    stated = net.safety_master
-    if stated is not None and stated not in ctx.names:
+    if net.safety_master is not None and net.safety_master not in ctx.names:
         _unknown_master(ctx, net, rows, used)
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
@@ -135,19 +133,26 @@ def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None
             hint=f"add safety_master: with one of {few(_known(ctx, used), 20)}",
         )
         return
+    _foreign_rows(ctx, net, rows, main)
+
+
+def _foreign_rows(ctx: Context, net: Net, rows: list[ResolvedTransfer], main: str | None) -> None:
+    """FSN219: transfers that do not touch the MainInstance of their net."""
+    span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
+    ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     # Of a transfer with an unknown end nobody knows which net it belongs to.
     sure = [r for r in rows if module_pair(r).issubset(ctx.names)]
     foreign = [r for r in sure if main not in module_pair(r)]
     shared = shared_modules(ends).intersection(ctx.names)
-    if foreign and len(shared) == 1 and stated is not None:
+    if foreign and len(shared) == 1 and net.safety_master is not None:
         # All transfers meet in one SubDevice, only not in the one that is stated.
         ctx.unsure_nets.add(id(net))
         other = shared.pop()
         ctx.add(
             "FSN219",
             span,
-            f"{stated} is stated as safety master, but all transfers of net {net.name!r} meet in "
-            f"{other}",
+            f"{net.safety_master} is stated as safety master, but all transfers of net "
+            f"{net.name!r} meet in {other}",
             hint=f"write {other}",
         )
         return
@@ -286,14 +291,6 @@ def _facts(ctx: Context) -> None:
             continue
         if id(net) in ctx.unsure_nets or named in ctx.blamed_pairs or named in singles:
             continue
-        if is_main_device(fact.main):
-            hint = "name the safety terminal on the bus that holds the MainInstance"
-        elif (fact.sub, fact.main) in pairs:
-            hint = "main and sub look exchanged"
-        else:
-            close = ours.of(f"{fact.main}-{fact.sub}")
-            known = few([f"{main}-{sub}" for main, sub in sorted(pairs)], 20)
-            hint = f"did you mean {close}?" if close else f"connections: {known or 'none'}"
         keys = [("slot", fact.slot), ("sub_slot", fact.sub_slot)]
         stated = ", ".join(f"{key} {value}" for key, value in keys if value is not None)
         slot = f" ({stated})" if stated else ""
@@ -301,8 +298,21 @@ def _facts(ctx: Context) -> None:
             "FSN227",
             fact.at("main"),
             f"net {net.name!r} has no pair of transfers between {fact.main} and {fact.sub}{slot}",
-            hint=hint,
+            hint=_meant(fact, pairs, ours),
         )
+
+
+def _meant(fact: ConnectionFacts, pairs: set[tuple[str, str]], ours: Guesses) -> str:
+    """Return the hint about facts of a connection that is not there."""
+    if is_main_device(fact.main):
+        return "name the safety terminal on the bus that holds the MainInstance"
+    if (fact.sub, fact.main) in pairs:
+        return "main and sub look exchanged"
+    close = ours.of(f"{fact.main}-{fact.sub}")
+    if close:
+        return f"did you mean {close}?"
+    known = few([f"{main}-{sub}" for main, sub in sorted(pairs)], 20)
+    return f"connections: {known or 'none'}"
 
 
 def _unserved(ctx: Context) -> None:

@@ -269,23 +269,19 @@ class _Side:
 
     def _assignment(self, number: int, span: Span, ours: list[Pdo], theirs: list[Pdo]) -> None:
         """FSN433, FSN437: which PDOs a sync manager carries, and in which order."""
-        facts, here = self.facts, {p.index for p in ours}
-        blocked = {e for i in here if i in facts for e in facts[i].excludes}
-        blocked |= {i for i, f in facts.items() if f.excludes & here}
-        if self.is_type:
-            for pdo in theirs:
-                if pdo.index in here or not (f := facts.get(pdo.index)) or not f.mandatory:
-                    continue
-                self.add(
-                    "FSN437",
-                    span,
-                    f"PDO 0x{pdo.index:04x} is mandatory on SM{number} by {self.source} and not "
-                    "assigned",
-                    pdo.span,
-                    sm=(number,),
-                    hint="assign it; a device whose mandatory PDO is missing does not start",
-                )
-                blocked.add(pdo.index)
+        here = {p.index for p in ours}
+        missing = [p for p in theirs if p.index not in here and self._is_mandatory(p)]
+        for pdo in missing:
+            self.add(
+                "FSN437",
+                span,
+                f"PDO 0x{pdo.index:04x} is mandatory on SM{number} by {self.source} and not "
+                "assigned",
+                pdo.span,
+                sm=(number,),
+                hint="assign it; a device whose mandatory PDO is missing does not start",
+            )
+        blocked = self._excluded_by(here) | {p.index for p in missing}
         mine = [p.index for p in ours]
         other = [p.index for p in theirs if p.index in here or p.index not in blocked]
         if mine == other:
@@ -302,6 +298,20 @@ class _Side:
             sm=(number,),
             severity=self._assignment_severity(unknown),
         )
+
+    def _is_mandatory(self, pdo: Pdo) -> bool:
+        facts = self.facts.get(pdo.index)
+        return self.is_type and facts is not None and facts.mandatory
+
+    def _excluded_by(self, here: set[int]) -> set[int]:
+        """Return the PDOs that cannot be assigned beside these, whichever of both says so."""
+        found: set[int] = set()
+        for index, facts in self.facts.items():
+            if index in here:
+                found |= facts.excludes
+            if facts.excludes & here:
+                found.add(index)
+        return found
 
     def _assignment_severity(self, unknown: list[int]) -> Severity | None:
         if not self.is_type:

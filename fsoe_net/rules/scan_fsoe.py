@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import FindingList, Related
@@ -99,21 +99,19 @@ def _addresses(
     for fact in stated:
         if fact.address is not None and fact.sub in found:
             facts.setdefault(fact.sub, fact)
-    told: dict[str, int] = {}
+    read: dict[str, int] = {}
     for name, fact in facts.items():
-        fsoe = found[name].fsoe
-        own = [] if fsoe is None else list(fsoe.addresses)
-        own = own or [r.address for r in given.get(name, ()) if r.address]  # 0: not known so far
+        own = _own_addresses(found[name], given.get(name, ()))
         if own:
-            told[name] = fact.address if fact.address in own else own[0]
-    wrong = [name for name in told if told[name] != facts[name].address]
+            read[name] = fact.address if fact.address in own else own[0]
+    wrong = [name for name in read if read[name] != facts[name].address]
     done: set[str] = set()
     for name in wrong:
         if name in done:
             continue
         fact = facts[name]
-        owner = next((n for n in facts if n != name and facts[n].address == told[name]), None)
-        if owner in wrong and told[owner] == fact.address:
+        owner = next((n for n in facts if n != name and facts[n].address == read[name]), None)
+        if owner in wrong and read[owner] == fact.address:
             done |= {name, owner}
             _exchanged(out, fact, facts[owner], found)
             continue
@@ -121,12 +119,19 @@ def _addresses(
         out.add(
             "FSN508",
             fact.at("address"),
-            f"{name} (position {found[name].position}) has FSoE address {told[name]}{whose}; the "
+            f"{name} (position {found[name].position}) has FSoE address {read[name]}{whose}; the "
             f"network says {fact.address}",
             hint="set it at the device, or write it here and in the safety project; the connection "
             "is refused (error 6) while they differ",
         )
-    return [fact for name, fact in facts.items() if name not in told]
+    return [fact for name, fact in facts.items() if name not in read]
+
+
+def _own_addresses(there: ScannedSubDevice, given: Sequence[ScannedConnection]) -> list[int]:
+    """Return the FSoE addresses of a SubDevice; without its own those its MainInstance names."""
+    if there.fsoe is not None and there.fsoe.addresses:
+        return list(there.fsoe.addresses)
+    return [row.address for row in given if row.address]  # 0: not known so far
 
 
 def _exchanged(
