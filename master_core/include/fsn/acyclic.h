@@ -84,7 +84,7 @@ struct fsn_bus_acyclic {
     /** Writes one word of the SII. */
     fsn_status (*sii_write)(void *bus, uint32_t position, uint32_t offset, uint16_t word);
     /** Process data that the bus knows without objects: PDO `pdo` of a sync manager.
-     *  @retval FSN_E_ARG  there is none.   NULL: the SII tells. */
+     *  @retval FSN_E_ARG  there is none.   NULL: the SII says. */
     fsn_status (*pdo)(void *bus, uint32_t position, uint8_t sm, uint32_t pdo, uint16_t *index,
                       bool *output, uint32_t *entries, uint32_t room, uint32_t *count);
 };
@@ -104,7 +104,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_upload(struct fsn_core *core, uint32_t 
 FSN_API FSN_MUST_USE fsn_status fsn_core_download(struct fsn_core *core, uint32_t subdevice,
                                                   struct fsn_transfer *transfer);
 
-/** Reads the SII up to the end of its categories, at most size_bytes; `size_bytes` tells how much.
+/** Reads the SII up to the end of its categories, at most size_bytes; `size_bytes` says how much.
  *  Context: the thread that calls fsn_core_poll(). May block for seconds; calls `between`. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_sii_read(struct fsn_core *core, uint32_t subdevice,
                                                   struct fsn_transfer *transfer);

@@ -35,7 +35,7 @@ struct fsn_wkc {
 struct fsn_bus_input {
     struct fsn_wkc *wkc; /**< one per datagram; to be filled */
     /** One per sync manager: set to 1 where an input holds the bytes of an earlier cycle. Leave it
-     *  0 where the mapping does not allow to know; the working counter then tells it alone. */
+     *  0 where the mapping does not allow to know; only the working counter then shows it. */
     uint8_t *sm_stale;
     uint32_t lost_frames;    /**< frames of the last send() that have not come back */
     uint32_t old_replies;    /**< replies to earlier frames, thrown away */

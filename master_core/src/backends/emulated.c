@@ -41,7 +41,7 @@ static void publish(struct mailbox *box, const uint8_t *bytes) {
     box->writer = old & NUMBER;
 }
 
-/** Newest whole buffer; `fresh` tells whether it was published since the last call. */
+/** Newest whole buffer; `fresh`: whether it was published since the last call. */
 static const uint8_t *newest(struct mailbox *box, bool *fresh) {
     *fresh = false;
     if ((atomic_load_explicit(&box->middle, memory_order_relaxed) & FRESH) != 0) {

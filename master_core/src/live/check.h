@@ -33,7 +33,7 @@ bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_i
 fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
                           const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]);
 
-/** Compares the FSoE address of a SubInstance with the plan, where both tell it.
+/** Compares the FSoE address of a SubInstance with the plan, where both know it.
  *  @param[in]  subdevice  its number in the plan.
  *  @param[in]  objects    NULL: it has no CoE.
  *  @param[out] readable   whether it could be read.

@@ -1,4 +1,4 @@
-/** Objects in which SubDevices tell of their FSoE connections. */
+/** Objects in which SubDevices describe their FSoE connections. */
 #ifndef FSN_LIVE_FSOE_OBJECTS_H
 #define FSN_LIVE_FSOE_OBJECTS_H
 

@@ -22,7 +22,7 @@ struct fsn_image {
 fsn_status fsn_image_create(const struct fsn_plan *plan, uint32_t datagram_bytes,
                             struct fsn_image *image);
 
-/** What a bus tells the core of an image that lies at `bytes`. */
+/** What a bus reports to the core of an image that lies at `bytes`. */
 struct fsn_bus_layout fsn_image_layout(const struct fsn_image *image, uint8_t *bytes);
 
 /** Frees the arrays; also of an image that is all zeros. */

@@ -92,7 +92,7 @@ static fsn_status ask(struct exchange *x, bool named) {
     return FSN_E_BUS_STATE;
 }
 
-/** Tells the SubDevice that the transfer is over; nobody answers that. */
+/** Ends the transfer for the SubDevice; nobody answers that. */
 static fsn_status give_up(struct exchange *x, fsn_status status) {
     fsn_put32(begin_object(x, ABORT, 0) + 4, ABORT_GENERAL);
     (void)x->mailbox->send(x->mailbox->context, x->request);

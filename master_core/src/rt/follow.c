@@ -242,7 +242,7 @@ bool fsn_monitor_sub_first(const struct fsn_monitor *monitor, const uint8_t *to_
         const uint8_t before = monitor->status.direction[FSN_TO_SUB].command;
         return to_sub[0] == FSN_CMD_SESSION && (before == FSN_CMD_RESET || before == 0);
     }
-    /* A restart is right at any time, so it does not tell the order; other frames of the main do.
+    /* A restart is right at any time, so it does not show the order; other frames of the main do.
      */
     const bool restart = to_sub[0] == FSN_CMD_RESET || to_sub[0] == FSN_CMD_SESSION;
     return (restart || try_frame(monitor, FSN_TO_SUB, to_sub) != FSN_VERDICT_RIGHT) &&

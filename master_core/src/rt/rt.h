@@ -139,7 +139,7 @@ void fsn_rt_push_event(struct fsn_rt *rt, const struct fsn_event *event);
 /** Publishes statistics, connections and image. */
 void fsn_rt_publish(struct fsn_rt *rt);
 
-/** Keeps the cycle that has just run, and tells that there is one more. */
+/** Keeps the cycle that has just run, and shows that there is one more. */
 void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns);
 
 /** One bus cycle. `timed` reads the clock around copy and cycle; off in virtual time. */

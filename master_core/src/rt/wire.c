@@ -27,7 +27,7 @@ static uint64_t clock_ns(clockid_t clock) {
 
 /* -- sending -------------------------------------------------------------------------------- */
 
-/** Writes port and frame number into every datagram; they tell replies apart. */
+/** Writes port and frame number into every datagram; they distinguish replies. */
 static void set_index(struct fsn_wire_frame *frame, uint8_t index) {
     frame->sent[FSN_WIRE_NOP + 1] = index;
     frame->sent[FSN_WIRE_LRW + 1] = index;

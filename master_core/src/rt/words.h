@@ -1,5 +1,5 @@
 /** Bytes as relaxed 8-byte words: how the cyclic thread shows them to readers that it never waits
- *  for. A sequence beside the words tells a reader whether they were of one piece. */
+ *  for. A sequence beside the words shows a reader whether they were of one piece. */
 #ifndef FSN_WORDS_H
 #define FSN_WORDS_H
 

@@ -142,7 +142,7 @@ static bool show(struct fsn_monitor *monitor, bool sub_first, const struct shown
     return wrong;
 }
 
-/** Which end came first in a packet with frames of both. Nothing in a packet tells it until the
+/** Which end came first in a packet with frames of both. Nothing in a packet shows it until the
  *  chain is known: then both orders go on, until one of them forms a chain. */
 static bool sub_came_first(struct found *f, const struct shown *const frames[2]) {
     if (!f->unsure) {

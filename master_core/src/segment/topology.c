@@ -1,4 +1,4 @@
-/** Cables and ports: which SubDevices a frame reaches, and what they tell of their neighbours. */
+/** Cables and ports: which SubDevices a frame reaches, and what they report of their neighbours. */
 #include "segment/segment_internal.h"
 
 enum {

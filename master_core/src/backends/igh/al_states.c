@@ -204,7 +204,7 @@ static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master
     return true;
 }
 
-/** While IgH scans, it knows nobody; only the working counters tell who is lost. */
+/** While IgH scans, it knows nobody; only the working counters show who is lost. */
 static void lose_silent(struct fsn_igh *bus) {
     for (uint32_t n = 0; n < bus->all.count; n++) {
         if (bus->nodes[n].known.was_in_op && is_silent(&bus->nodes[n])) {

@@ -24,7 +24,7 @@ static uint64_t clock_ns(clockid_t clock) {
 
 /* -- receiving ------------------------------------------------------------------------------ */
 
-/** Without success nothing has come in, and the domains tell so. */
+/** Without success nothing has come in, and the domains show it. */
 static void receive_frames(struct fsn_igh *bus) {
     int result = -EINTR;
     for (int tries = 0; result == -EINTR && tries < TRIES; tries++) {
@@ -106,8 +106,8 @@ void igh_receive(void *context, struct fsn_bus_input *input) {
         move(bus, a, input);
         any = any || bus->areas[a].complete;
     }
-    /* IgH does not tell how many frames it made of the datagrams; when nothing came back, at least
-     * one is lost. */
+    /* IgH does not report how many frames it made of the datagrams; when nothing came back, at
+     * least one is lost. */
     input->lost_frames = !any;
     count_silence(bus);
     read_clock(bus, input);

@@ -77,7 +77,7 @@ static fsn_status wait_for_scan(struct fsn_igh *bus, ec_master_info_t *master,
     for (int ms = 0; ms < SCAN_MS; ms += PAUSE_MS) {
         const int result = ecrt_master(bus->master, master);
         if (result != 0 && result != -EINTR) {
-            return igh_refuse_call(fault, result, "IgH does not tell what it knows");
+            return igh_refuse_call(fault, result, "IgH does not report its SubDevices");
         }
         if (result == 0 && master->scan_busy == 0) {
             return FSN_OK;

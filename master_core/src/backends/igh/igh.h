@@ -52,7 +52,7 @@ struct igh_area {
     uint32_t sm, node;
     uint32_t image_byte, size_bytes;
     bool output;
-    bool queued; /**< in the last send(): otherwise its domain tells of an earlier cycle */
+    bool queued; /**< in the last send(): otherwise its domain is of an earlier cycle */
     bool complete;
     ec_domain_t *domain;
     uint8_t *data;
@@ -106,7 +106,7 @@ bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slav
 /** Start-up SDOs, process data and FSoE address of one SubDevice, before the master is active.
  *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS  `seen` of the node says more. */
 fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node);
-/** Tells IgH what to do with a SubDevice whenever it finds it, and makes the domains. */
+/** Configures what IgH does with a SubDevice whenever it finds it, and makes the domains. */
 fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node);
 /** Compares the FSoE address with the plan.
  *  @param[out] readable  whether it could be read. */

@@ -98,7 +98,7 @@ static fsn_status soem_member(void *context, uint32_t position, struct fsn_bus_m
     }
     m->errors_known = true;
     for (unsigned port = 0; port < FSN_PORTS; port++) {
-        /* Communication on the port, as 0x0111 tells in its odd bits. */
+        /* Communication on the port, as the odd bits of 0x0111 show. */
         m->link[port] = (links[1] >> (2 * port + 1) & 1) != 0;
         m->rx_errors[port] = errors[2 * port];
         m->link_lost[port] = errors[LINK_LOST + port];

@@ -119,7 +119,7 @@ fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault);
 void soem_release(struct fsn_soem *bus);
 
 /** Throws away what waits for SOEM. Nothing is under way when this is called, so it is the answer
- * to a frame that SOEM has given up. It tells answers apart by an index modulo 16 only: after a
+ * to a frame that SOEM has given up. It distinguishes answers by an index modulo 16 only: after a
  * stall each of them would pass for the answer to a later frame, for good. */
 void soem_drain(struct fsn_soem *bus);
 /** Asks for an AL state and waits for it, milliseconds. */

@@ -53,8 +53,8 @@ void fsn_incident_subdevice(struct fsn_incidents *incidents, uint32_t number,
 /** Keeps an event line for the next file. */
 void fsn_incident_event(struct fsn_incidents *incidents, const char *json, size_t len_bytes);
 
-/** To be called in every turn: ends windows, sees connections that do not come to Data, tells what
- *  has been written. */
+/** To be called in every turn: ends windows, sees connections that do not come to Data, reports
+ * what has been written. */
 void fsn_incident_turn(struct fsn_incidents *incidents, uint64_t now_ns);
 
 /** A job is done; it may be the one that read the FSoE values of the SubDevices. */

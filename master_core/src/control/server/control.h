@@ -75,7 +75,7 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
 /** A job is done: answers, and frees it. */
 void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job);
 
-/** Tells subscribers and the log that the state of the program has changed. */
+/** Sends subscribers and the log an event: the state of the program has changed. */
 void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,
                                const char *text);
 

@@ -25,7 +25,7 @@ struct fsn_survey {
  *  Context: the acyclic thread of the bus; takes seconds. */
 fsn_status fsn_survey_write(const struct fsn_survey *survey, struct fsn_json *json);
 
-/** Writes an array: what each planned SubDevice that answers tells of its FSoE addresses and
+/** Writes an array: what each planned SubDevice that answers reports of its FSoE addresses and
  *  connections. Returns and context as above. */
 fsn_status fsn_survey_planned_fsoe(const struct fsn_survey *survey, struct fsn_json *json);
 

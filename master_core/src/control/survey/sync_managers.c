@@ -212,7 +212,7 @@ static void put_process_data(struct fsn_surveyed *of, struct fsn_json *json, con
     fsn_json_put_u64(json, "bytes", (bits + 7) / 8);
 }
 
-/** Without SII and objects only the bus can tell which there are. */
+/** Without SII and objects only the bus knows which there are. */
 static uint32_t sms_of_bus(const struct fsn_surveyed *of, struct sm sms[FSN_SURVEY_SMS]) {
     const struct fsn_survey *s = of->survey;
     uint32_t count = 0;
