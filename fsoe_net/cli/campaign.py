@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import tempfile
@@ -20,7 +19,6 @@ from fsoe_net.cli.write import check_target
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, class_names
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.report.campaign import to_json, to_markdown, to_text
 from fsoe_net.run.campaign import (
     campaign_links,
     run_campaign,
@@ -129,11 +127,7 @@ def command(
             result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
         elapsed_s = time.monotonic() - start_s
         saved, broken = save_recordings(result, save_dir)
-    if fmt == "json":
-        text = json.dumps(to_json(result, saved), indent=2, ensure_ascii=False)
-    else:
-        text = (to_markdown if fmt == "markdown" else to_text)(result, saved)
-    write_report(text, output, overwrite=overwrite)
+    write_report(result, saved, fmt, output, overwrite=overwrite)
     print_end(result, elapsed_s, output)
     if broken is not None:
         raise broken

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, show
+from fsoe_net.document.write_markdown import document_markdown
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.formats.shared.write_files import STDOUT, write_whole
-from fsoe_net.report.campaign import Saved
+from fsoe_net.report.campaign import Saved, campaign_document, to_json
 from fsoe_net.run.campaign import (
     CampaignResult,
     save_failures,
@@ -16,15 +19,27 @@ from fsoe_net.run.campaign import (
 __all__ = ["print_end", "save_recordings", "write_report"]
 
 
-def write_report(text: str, output: str | None, *, overwrite: bool) -> None:
+def write_report(
+    result: CampaignResult, saved: Saved, fmt: str, output: str | None, *, overwrite: bool
+) -> None:
     """Write a report to a file, or print it where there is none or it cannot be written."""
+    document = campaign_document(result, saved)
+    if fmt == "text" and output is None:
+        show(document, width=100)
+        return
+    if fmt == "json":
+        text = json.dumps(to_json(result, saved), indent=2, ensure_ascii=False) + "\n"
+    elif fmt == "markdown":
+        text = document_markdown(document)
+    else:
+        text = document_text(document)
     if output is None:
-        echo(text)
+        echo(text, nl=False)
         return
     try:
-        write_whole(output, f"{text}\n".encode(), overwrite=overwrite)
+        write_whole(output, text.encode(), overwrite=overwrite)
     except (EnvironmentFault, InputError):
-        echo(text)  # not lost for a full disk, or a file made meanwhile
+        echo(text, nl=False)  # not lost for a full disk, or a file made meanwhile
         raise
 
 

@@ -8,12 +8,12 @@ import click
 
 from fsoe_net.cli.options import FILE, format_option
 from fsoe_net.cli.output import print_diagnostics
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.library import load_library
 from fsoe_net.model.library import Library, LibraryDevice
-from fsoe_net.report.device_page import device_json, device_list_text, device_text
+from fsoe_net.report.device_page import device_json, device_list, device_text
 
 __all__ = ["command"]
 
@@ -49,14 +49,14 @@ def command(name: str | None, own: tuple[str, ...], fmt: str) -> None:
     if errors:
         raise InputError("a device file cannot be used", errors)
     print_diagnostics(found, err=True)
-    shown = library.devices if name is None else (_named(library, name),)
+    found_devices = library.devices if name is None else (_named(library, name),)
     if fmt == "json":
-        rows = [device_json(d) for d in shown]
+        rows = [device_json(d) for d in found_devices]
         echo(json.dumps({"devices": rows}, indent=2, ensure_ascii=False))
     elif name is None:
-        echo("\n".join(device_list_text(shown)))
+        show(device_list(found_devices))
     else:
-        echo("\n".join(device_text(shown[0])))
+        echo("\n".join(device_text(found_devices[0])))
 
 
 def _named(library: Library, name: str) -> LibraryDevice:

@@ -9,7 +9,7 @@ import click
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import format_option, output_option
 from fsoe_net.cli.output import print_diagnostics
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.pause import without_collector
@@ -20,7 +20,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.image import igh_text
 from fsoe_net.plan.model import Plan
-from fsoe_net.plan.show import plan_json, plan_text
+from fsoe_net.plan.show import plan_document, plan_json
 from fsoe_net.project.check import check_files, whole_network
 
 __all__ = ["command"]
@@ -95,4 +95,4 @@ def _show(plan: Plan, image: str | None, fmt: str) -> None:
     elif image == "igh":
         echo(igh_text(plan))
     else:
-        echo(plan_text(plan))
+        show(plan_document(plan))

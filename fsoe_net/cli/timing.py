@@ -10,14 +10,14 @@ import click
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, Time, format_option, overwrite_option
 from fsoe_net.cli.output import exit_code, print_diagnostics
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.files import open_file
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.project.check import check_files, library_of, whole_network
-from fsoe_net.report.budget import budget_document, budget_picture, budget_text
+from fsoe_net.report.budget import budget_document, budget_json, budget_picture
 from fsoe_net.report.evidence import measured_ms
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import make_budget
@@ -116,10 +116,10 @@ def command(
         picture = budget_picture(budget, f"Reaction times of {resolution.network.name}")
         write_whole(plot, picture.encode("utf-8"), overwrite=overwrite)
     if fmt == "json":
-        echo(json.dumps(budget_document(budget), indent=2, ensure_ascii=False))
+        echo(json.dumps(budget_json(budget), indent=2, ensure_ascii=False))
     else:
-        echo(budget_text(budget))
-        echo("")
+        show(budget_document(budget))
+        echo()
     print_diagnostics(found, err=fmt == "json")
     ctx.exit(exit_code(found))
 

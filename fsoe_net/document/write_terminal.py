@@ -71,6 +71,8 @@ class TerminalView:
         d = self._document
         if d.title:
             yield Text(_safe(d.title), style="bold")
+        if d.subtitle:
+            yield Text(_safe(d.subtitle), style="dim")
         if d.verdict is not None:
             yield _text((d.verdict,))
         begun = bool(d.title or d.verdict)
@@ -83,7 +85,8 @@ class TerminalView:
                 yield Text()
             begun = True
             yield Text(_safe(section.title), style="bold")
-            yield Text("─" * Text(section.title).cell_len, style="dim")
+            line = min(Text(section.title).cell_len, options.max_width)
+            yield Text("─" * line, style="dim")
             yield from _parts(section.parts, console, options)
 
 

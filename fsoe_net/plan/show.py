@@ -6,11 +6,13 @@ import hashlib
 from dataclasses import asdict
 
 from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Cell, Column, Document, Part, Table, cell, words
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.image import igh_image
-from fsoe_net.plan.model import NONE, Plan, PlanCopy
+from fsoe_net.plan.model import NONE, Plan, PlanConnection, PlanCopy
 
-__all__ = ["copy_end", "entry_at", "plan_json", "plan_text"]
+__all__ = ["copy_end", "entry_at", "plan_document", "plan_json", "plan_text"]
 
 
 def copy_end(plan: Plan, sm_number: int, bit: int) -> str:
@@ -32,55 +34,72 @@ def entry_at(plan: Plan, sm_number: int, bit: int) -> str:
 
 
 def plan_text(plan: Plan) -> str:
-    """Return the plan as a table: connections, then copies with names, offsets and lengths."""
+    """Return `plan_document` as text."""
+    return document_text(plan_document(plan), width=None).rstrip("\n")
+
+
+def plan_document(plan: Plan) -> Document:
+    """Return the plan for people: connections, then copies with names, offsets and lengths."""
     cycle = f"{plan.cycle_ns / 1000:g} us" if plan.cycle_ns else "not stated"
     fingerprint = fingerprint_of(plan)
-    lines = [
-        f"plan format {plan.format}, {counted(len(plan.subdevices), 'SubDevice')}, "
-        f"{counted(len(plan.copies), 'copy')}, "
-        f"{sum(c.size_bytes for c in plan.copies)} bytes per cycle, bus cycle {cycle}",
-        f"fingerprint {fingerprint.short} ({fingerprint.whole})",
-        f"SHA-256 {hashlib.sha256(plan.to_bytes()).hexdigest()}",
-        "",
+    parts: list[Part] = [
+        words(
+            f"plan format {plan.format}, {counted(len(plan.subdevices), 'SubDevice')}, "
+            f"{counted(len(plan.copies), 'copy')}, "
+            f"{sum(c.size_bytes for c in plan.copies)} bytes per cycle, bus cycle {cycle}"
+        ),
+        words(f"fingerprint {fingerprint.short} ({fingerprint.whole})"),
+        words(f"SHA-256 {hashlib.sha256(plan.to_bytes()).hexdigest()}"),
     ]
-    rows = [["connection", "main", "sub", "ConnID", "address", "watchdog", "safe bytes"]]
-    for c in plan.connections:
-        watchdog = "-" if c.watchdog_ms is None else f"{c.watchdog_ms} ms"
-        rows.append(
-            [
-                c.name,
-                plan.subdevices[c.main].name,
-                plan.subdevices[c.sub].name,
-                "-" if c.connection_id is None else str(c.connection_id),
-                "-" if c.address is None else str(c.address),
-                watchdog,
-                f"{c.safe_to_sub} to sub, {c.safe_to_main} to main",
-            ]
-        )
-    lines += [*_table(rows), ""] if plan.connections else []
-    rows = [["#", "bytes", "from", "to", "connection"]]
-    rows += [_copy_row(plan, number, copy) for number, copy in enumerate(plan.copies)]
-    return "\n".join([*lines, *_table(rows)])
+    if plan.connections:
+        rows = tuple(_connection_row(plan, c) for c in plan.connections)
+        parts.append(Table(name="connections", columns=_CONNECTIONS, rows=rows))
+    copies = tuple(_copy_row(plan, number, copy) for number, copy in enumerate(plan.copies))
+    return Document(lead=(*parts, Table(name="copies", columns=_COPIES, rows=copies)))
 
 
-def _copy_row(plan: Plan, number: int, copy: PlanCopy) -> list[str]:
+_CONNECTIONS = (
+    Column("connection"),
+    Column("main", rank=4),
+    Column("sub", rank=5),
+    Column("ConnID", number=True, rank=1),
+    Column("address", number=True, rank=2),
+    Column("watchdog", number=True, rank=3),
+    Column("safe bytes", rank=6),
+)
+_COPIES = (
+    Column("#", number=True, rank=3),
+    Column("bytes", number=True, rank=1),
+    Column("from"),
+    Column("to"),
+    Column("connection", rank=2),
+)
+
+
+def _connection_row(plan: Plan, c: PlanConnection) -> tuple[Cell, ...]:
+    texts = (
+        c.name,
+        plan.subdevices[c.main].name,
+        plan.subdevices[c.sub].name,
+        "-" if c.connection_id is None else str(c.connection_id),
+        "-" if c.address is None else str(c.address),
+        "-" if c.watchdog_ms is None else f"{c.watchdog_ms} ms",
+        f"{c.safe_to_sub} to sub, {c.safe_to_main} to main",
+    )
+    return tuple(cell(text) for text in texts)
+
+
+def _copy_row(plan: Plan, number: int, copy: PlanCopy) -> tuple[Cell, ...]:
     name = "standard data"
     if copy.connection != NONE:
         name = plan.connections[copy.connection].name
-    return [
-        str(number),
-        str(copy.size_bytes),
-        copy_end(plan, copy.source_sm, copy.source_bit),
-        copy_end(plan, copy.destination_sm, copy.destination_bit),
-        name,
-    ]
-
-
-def _table(rows: list[list[str]]) -> list[str]:
-    widths = [max(len(row[n]) for row in rows) for n in range(len(rows[0]))]
-    return [
-        "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]
+    return (
+        cell(str(number)),
+        cell(str(copy.size_bytes)),
+        cell(copy_end(plan, copy.source_sm, copy.source_bit)),
+        cell(copy_end(plan, copy.destination_sm, copy.destination_bit)),
+        cell(name),
+    )
 
 
 def plan_json(plan: Plan) -> dict[str, object]:

@@ -8,7 +8,16 @@ from typing import Any
 
 from fsoe_net.diag.words import counted
 from fsoe_net.document.markup import escape, svg_text
-from fsoe_net.document.model import outward
+from fsoe_net.document.model import (
+    Column,
+    Document,
+    Part,
+    Section,
+    Table,
+    cell,
+    outward,
+    words,
+)
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.formulas import PartTimes
@@ -16,7 +25,7 @@ from fsoe_net.timing.handshake import broken
 from fsoe_net.timing.reaction import FunctionBudget, Reaction, with_cycle
 from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
 
-__all__ = ["budget_document", "budget_picture", "budget_text", "reaction_pictures"]
+__all__ = ["budget_document", "budget_json", "budget_picture", "reaction_pictures"]
 
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 250, 64, 210, 30, 44
 _CYCLES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 8.0, 10.0)
@@ -45,28 +54,34 @@ _STYLE = (
 
 # -- text -----------------------------------------------------------------------------------------
 _HANDSHAKE = "FSoE handshake counted"
+_WATCHDOGS = (
+    Column("connection"),
+    Column("watchdog", number=True, rank=1),
+    Column("least", number=True, rank=3),
+    Column("greatest: printed", number=True, rank=4),
+    Column("handshake counted", number=True, rank=5),
+    Column("margin", number=True, rank=6),
+    Column("lost cycles", number=True, rank=8),
+    Column("verdict", rank=2, wraps=True),
+    Column("functions", rank=7, wraps=True),
+)
+_ELEMENTS = (
+    Column("part"),
+    Column("element"),
+    Column("time", number=True),
+    Column("PFH_D", number=True, rank=1),
+    Column("source", rank=2, wraps=True),
+)
+_TIMES = (Column("response time"), Column("longest", number=True), Column("counted by", rank=1))
 
 
-def budget_text(budget: Budget) -> str:
+def budget_document(budget: Budget) -> Document:
     """Return watchdogs as a table, then each safety function with every part of its sum."""
-    lines = [_assumptions(budget), ""]
-    heads = ("connection", "watchdog", "least", "greatest: printed", "handshake counted", "margin")
-    rows = [[*heads, "lost cycles", "verdict", "functions"]]
-    for c in budget.connections:
-        rows.append(
-            [
-                c.connection.name,
-                _ms(c.configured),
-                _limit(c.least, _up),
-                _limit(c.printed, _down),
-                _limit(c.handshake, _down),
-                "-" if c.margin is None else f"{c.margin:.1f}x",
-                "-" if c.lost_frames is None else str(c.lost_frames),
-                "EMPTY: no watchdog fits" if c.empty else c.verdict,
-                ", ".join(c.functions) or "-",
-            ]
-        )
-    lines += _columns(rows)
+    rows = tuple(tuple(cell(text) for text in _watchdog(c)) for c in budget.connections)
+    lead: list[Part] = [
+        words(_assumptions(budget)),
+        Table(name="watchdogs", columns=_WATCHDOGS, rows=rows),
+    ]
     for c in budget.connections:
         for word, limit, way in (
             ("at least", c.least, _up),
@@ -74,12 +89,24 @@ def budget_text(budget: Budget) -> str:
             ("at most", c.handshake, _down),
         ):
             if limit is not None:
-                lines.append(f"  {c.connection.name} {word} {_limit(limit, way)}: {limit.why}")
-    for row in budget.functions:
-        lines += ["", *_function_lines(row)]
+                lead.append(words(f"{c.connection.name} {word} {_limit(limit, way)}: {limit.why}"))
     if not budget.functions:
-        lines += ["", "no safety_functions in the network file: nothing is judged"]
-    return "\n".join(lines)
+        lead.append(words("no safety_functions in the network file: nothing is judged"))
+    return Document(lead=tuple(lead), sections=tuple(_function(f) for f in budget.functions))
+
+
+def _watchdog(c: ConnectionBudget) -> tuple[str, ...]:
+    return (
+        c.connection.name,
+        _ms(c.configured),
+        _limit(c.least, _up),
+        _limit(c.printed, _down),
+        _limit(c.handshake, _down),
+        "-" if c.margin is None else f"{c.margin:.1f}x",
+        "-" if c.lost_frames is None else str(c.lost_frames),
+        "EMPTY: no watchdog fits" if c.empty else c.verdict,
+        ", ".join(c.functions) or "-",
+    )
 
 
 def _assumptions(budget: Budget) -> str:
@@ -88,45 +115,43 @@ def _assumptions(budget: Budget) -> str:
     return f"{cycle}, {counted(budget.copy_cycles, 'bus cycle')} per direction, {drift}"
 
 
-def _function_lines(row: FunctionBudget) -> list[str]:
-    f, r = row.function, row.reaction
-    title = f"{f.name}: {f.trigger or '?'} -> {f.reaction or '?'}"
-    cells = [
-        [
-            f"  {e.element.kind.value}",
-            e.element.name,
-            _quantity(e.time),
-            _quantity(e.pfh),
-            e.time.source or e.pfh.source or "no source",
-        ]
-        for e in row.parts.rows
-    ]
-    lines = [title, *_columns(cells)]
-    if r is not None:
-        both = " and ".join(
-            f"{w} {_up(v)}" for w, v in (("input", r.worst_input), ("output", r.worst_output)) if v
+def _function(row: FunctionBudget) -> Section:
+    f = row.function
+    elements = tuple(
+        (
+            cell(e.element.kind.value),
+            cell(e.element.name),
+            cell(_quantity(e.time)),
+            cell(_quantity(e.pfh)),
+            cell(e.time.source or e.pfh.source or "no source"),
         )
-        times = [
-            ["  error-free", _up(r.error_free), "ETG.5100 9.3"],
-            ["  worst case, one failure", _up(r.worst_etg), f"ETG.5100 9.3 ({both or 'no bus'})"],
-            ["  typical", _up(r.typical), "Beckhoff"],
-            ["  worst case, two watchdogs", _up(r.worst_beckhoff), "Beckhoff"],
-            ["  error-free, waits for the turn", _up(r.polled), _HANDSHAKE],
-            ["  one connection breaks", _up(r.broken), _HANDSHAKE],
-            ["  both lost and late at will", _up(r.disturbed), f"{_HANDSHAKE}; not in the verdict"],
-        ]
-        lines += _columns(times)
+        for e in row.parts.rows
+    )
+    parts: list[Part] = [Table(name="elements", columns=_ELEMENTS, rows=elements)]
+    if row.reaction is not None:
+        times = tuple(tuple(cell(text) for text in time) for time in _times(row.reaction))
+        parts.append(Table(name="times", columns=_TIMES, rows=times))
     required = f.required_reaction_ms
-    lines.append(f"  required {_ms(required)}: {row.verdict}" if required else f"  {row.verdict}")
+    parts.append(words(f"required {_ms(required)}: {row.verdict}" if required else row.verdict))
     limit = "" if row.pfh.limit is None else f" of {row.pfh.limit:.0e} 1/h"
     fsoe = f", {row.pfh.fsoe:.2e} of it for FSoE" if row.pfh.fsoe else ""
-    lines.append(f"  PFH_D {row.pfh.total:.2e} 1/h{limit}{fsoe}: {row.pfh.verdict}")
-    return lines
+    parts.append(words(f"PFH_D {row.pfh.total:.2e} 1/h{limit}{fsoe}: {row.pfh.verdict}"))
+    title = f"{f.name}: {f.trigger or '?'} -> {f.reaction or '?'}"
+    return Section(key=f.name, title=title, parts=tuple(parts))
 
 
-def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)).rstrip() for r in rows]
+def _times(r: Reaction) -> list[tuple[str, str, str]]:
+    sides = (("input", r.worst_input), ("output", r.worst_output))
+    both = " and ".join(f"{side} {_up(value)}" for side, value in sides if value)
+    return [
+        ("error-free", _up(r.error_free), "ETG.5100 9.3"),
+        ("worst case, one failure", _up(r.worst_etg), f"ETG.5100 9.3 ({both or 'no bus'})"),
+        ("typical", _up(r.typical), "Beckhoff"),
+        ("worst case, two watchdogs", _up(r.worst_beckhoff), "Beckhoff"),
+        ("error-free, waits for the turn", _up(r.polled), _HANDSHAKE),
+        ("one connection breaks", _up(r.broken), _HANDSHAKE),
+        ("both lost and late at will", _up(r.disturbed), f"{_HANDSHAKE}; not in the verdict"),
+    ]
 
 
 def _ms(value: float | None) -> str:
@@ -157,31 +182,31 @@ def _quantity(quantity: Quantity) -> str:
 # -- JSON -----------------------------------------------------------------------------------------
 
 
-def budget_document(budget: Budget) -> dict[str, Any]:
+def budget_json(budget: Budget) -> dict[str, Any]:
     """Return the budget as plain data; times in ms, PFH per hour, ``None`` for what is open."""
     return {
         "cycle_ms": budget.cycle,
         "copy_cycles": budget.copy_cycles,
         "drift": budget.drift,
-        "connections": [_connection_document(c) for c in budget.connections],
-        "functions": [_function_document(f) for f in budget.functions],
+        "connections": [_connection_json(c) for c in budget.connections],
+        "functions": [_function_json(f) for f in budget.functions],
     }
 
 
-def _limit_document(limit: Limit | None) -> dict[str, Any] | None:
+def _limit_json(limit: Limit | None) -> dict[str, Any] | None:
     return None if limit is None else {"ms": limit.ms, "why": limit.why}
 
 
-def _connection_document(c: ConnectionBudget) -> dict[str, Any]:
+def _connection_json(c: ConnectionBudget) -> dict[str, Any]:
     return {
         "name": c.connection.name,
         "watchdog_ms": c.configured,
         "round_trip_ms": c.round_trip,
         "measured_round_trip_ms": c.measured,
-        "least": _limit_document(c.least),
-        "greatest": _limit_document(c.greatest),
-        "greatest_printed": _limit_document(c.printed),
-        "greatest_handshake": _limit_document(c.handshake),
+        "least": _limit_json(c.least),
+        "greatest": _limit_json(c.greatest),
+        "greatest_printed": _limit_json(c.printed),
+        "greatest_handshake": _limit_json(c.handshake),
         "empty": c.empty,
         "judgement": c.judgement.value,
         "verdict": c.verdict,
@@ -192,11 +217,11 @@ def _connection_document(c: ConnectionBudget) -> dict[str, Any]:
     }
 
 
-def _quantity_document(q: Quantity) -> dict[str, Any]:
+def _quantity_json(q: Quantity) -> dict[str, Any]:
     return {"value": q.value, "unit": q.unit, "source": q.source, "unverified": not q.answered_for}
 
 
-def _function_document(row: FunctionBudget) -> dict[str, Any]:
+def _function_json(row: FunctionBudget) -> dict[str, Any]:
     f, r = row.function, row.reaction
     reaction = None
     if r is not None:
@@ -224,8 +249,8 @@ def _function_document(row: FunctionBudget) -> dict[str, Any]:
                 "kind": e.element.kind.value,
                 "sub": e.element.sub or None,
                 "name": e.element.name,
-                "time": _quantity_document(e.time),
-                "pfh": _quantity_document(e.pfh),
+                "time": _quantity_json(e.time),
+                "pfh": _quantity_json(e.pfh),
             }
             for e in row.parts.rows
         ],

@@ -1,35 +1,53 @@
-"""Reports of a fault campaign: table for the screen, Markdown, JSON."""
+"""Reports of a fault campaign: a document for people, and JSON."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
 from typing import Any
 
 from fsoe_net import __version__
+from fsoe_net.document.model import (
+    Bullets,
+    Column,
+    Document,
+    Level,
+    Lines,
+    Part,
+    Table,
+    Verdict,
+    cell,
+)
 from fsoe_net.fsoe.campaign.bit_errors import code_distance
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, ClassResult
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.run.campaign import CampaignResult
 
-__all__ = ["Saved", "to_json", "to_markdown", "to_text"]
+__all__ = ["Saved", "campaign_document", "to_json"]
 
 Saved = Mapping[tuple[str, int], str]
 """Recordings of failing cases: class and trial, file."""
 
-_WIDTH = 110
-_HEAD = (
-    "class",
-    "injected",
-    "detected",
-    "tolerated",
-    "collisions",
-    "plausible",
-    "wrong",
-    "latency mean",
-    "max",
-    "max / watchdog",
+_CLASSES = (
+    Column("class"),
+    Column("injected", number=True, rank=5),
+    Column("detected", number=True, rank=6),
+    Column("tolerated", number=True, rank=2),
+    Column("collisions", number=True, rank=3),
+    Column("plausible", number=True, rank=7),
+    Column("wrong", number=True, rank=1),
+    Column("latency mean", number=True, rank=8),
+    Column("max", number=True, rank=4),
+    Column("max / watchdog", number=True, rank=9),
+)
+_CONNECTIONS = (
+    Column("connection"),
+    *(
+        Column(title, number=True, rank=rank)
+        for rank, title in enumerate(
+            ("ConnID", "address", "bytes out", "bytes in", "watchdog", "bus cycle"), 1
+        )
+    ),
 )
 
 
@@ -140,55 +158,41 @@ def _cells(row: ClassResult) -> list[str]:
     ]
 
 
-def to_text(result: CampaignResult, saved: Saved | None = None) -> str:
-    """Return the report for a screen."""
-    rows = [list(_HEAD), *(_cells(row) for row in result.classes)]
-    widths = [max(len(row[n]) for row in rows) for n in range(len(_HEAD))]
-    lines = [
-        "  ".join(
-            cell.ljust(width) if n == 0 else cell.rjust(width)
-            for n, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
-    notes = [
-        textwrap.fill(note, _WIDTH, subsequent_indent="  ", break_on_hyphens=False)
-        for note in _notes(result)
-    ]
-    return "\n".join([*lines, "", *notes, *_failures(result, saved or {}), "", _verdict(result)])
-
-
-def to_markdown(result: CampaignResult, saved: Saved | None = None) -> str:
-    """Return the report as a Markdown page."""
-    links = [
-        f"| {link.name} | {link.main.connection_id} | {link.main.address} | {link.sizes[0]} "
-        f"| {link.sizes[1]} | {link.main.watchdog_ms} ms | {link.cycle_ns / 1e6:g} ms |"
+def campaign_document(result: CampaignResult, saved: Saved | None = None) -> Document:
+    """Return the report for people."""
+    connections = tuple(
+        (
+            cell(link.name),
+            cell(str(link.main.connection_id)),
+            cell(str(link.main.address)),
+            cell(str(link.sizes[0])),
+            cell(str(link.sizes[1])),
+            cell(f"{link.main.watchdog_ms} ms"),
+            cell(f"{link.cycle_ns / 1e6:g} ms"),
+        )
         for link in result.config.links
+    )
+    classes = tuple(tuple(cell(text) for text in _cells(row)) for row in result.classes)
+    codes = tuple((cell(r.name), cell(_codes(r))) for r in result.classes if r.detected)
+    parts: list[Part] = [
+        Table(name="connections", columns=_CONNECTIONS, rows=connections),
+        Table(name="classes", columns=_CLASSES, rows=classes),
+        Table(
+            name="codes",
+            columns=(Column("class"), Column("detected by", wraps=True)),
+            rows=codes,
+        ),
+        Bullets(tuple(cell(note) for note in _notes(result))),
     ]
-    return "\n".join(
-        [
-            "# Fault campaign",
-            "",
-            f"fsoe-net {__version__}, seed {result.config.seed}, {result.faults} faults per class.",
-            "",
-            "| connection | ConnID | address | bytes out | bytes in | watchdog | bus cycle |",
-            "|---|---|---|---|---|---|---|",
-            *links,
-            "",
-            "| " + " | ".join(_HEAD) + " |",
-            "|---" + "|---:" * (len(_HEAD) - 1) + "|",
-            *("| " + " | ".join(_cells(row)) + " |" for row in result.classes),
-            "",
-            "| class | detected by |",
-            "|---|---|",
-            *(f"| {row.name} | {_codes(row)} |" for row in result.classes if row.detected),
-            "",
-            *(f"* {note}" for note in _notes(result)),
-            "",
-            *(f"    {line}" for line in _failures(result, saved or {})),
-            "",
-            _verdict(result),
-        ]
+    failures = _failures(result, saved or {})
+    if failures:
+        parts.append(Lines(tuple(failures)))
+    return Document(
+        title="Fault campaign",
+        subtitle=f"seed {result.config.seed}, {result.faults} faults per class",
+        version=__version__,
+        verdict=_verdict(result),
+        lead=tuple(parts),
     )
 
 
@@ -250,7 +254,7 @@ def _rate_note(row: ClassResult) -> str:
     )
 
 
-def _verdict(result: CampaignResult) -> str:
+def _verdict(result: CampaignResult) -> Verdict:
     rows = result.classes
     parts = [
         f"{count} {what}"
@@ -265,7 +269,7 @@ def _verdict(result: CampaignResult) -> str:
     if not all(row.rate_ok for row in rows):
         parts.append("collisions are not as many as the CRC allows")
     if parts:
-        return f"FAILED: {', '.join(parts)}"
+        return Verdict(f"FAILED: {', '.join(parts)}", Level.ERROR)
     if result.interrupted:
-        return "incomplete: nothing wrongly accepted so far"
-    return "passed: nothing wrongly accepted, every reaction right"
+        return Verdict("incomplete: nothing wrongly accepted so far", Level.OPEN)
+    return Verdict("passed: nothing wrongly accepted, every reaction right", Level.CLEAR)

@@ -5,23 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Column, Document, Table, cell, words
 from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.library import LibraryDevice, LibraryMapping
 
-__all__ = ["device_json", "device_list_text", "device_text"]
+__all__ = ["device_json", "device_list", "device_text"]
 
 
-def device_list_text(devices: Iterable[LibraryDevice]) -> list[str]:
-    """Return a line for each device, with the lengths of its frames."""
-    rows = [
-        (d.name, "/".join(d.roles), sizes or "by project", d.about)
-        for d in devices
-        for sizes in [", ".join(dict.fromkeys(_sizes(m) for m in d.mappings))]
-    ]
-    wide = [max(len(r[n]) for r in rows) for n in range(3)]
-    lines = ["frame bytes: MainDevice to device / device to MainDevice", ""]
-    lines += ["  ".join((*(r[n].ljust(wide[n]) for n in range(3)), r[3])) for r in rows]
-    return lines
+def device_list(devices: Iterable[LibraryDevice]) -> Document:
+    """Return a row for each device, with the lengths of its frames."""
+    columns = (
+        Column("device"),
+        Column("roles", rank=2),
+        Column("frames", rank=1),
+        Column("", wraps=True),
+    )
+    rows = []
+    for d in devices:
+        sizes = ", ".join(dict.fromkeys(_sizes(m) for m in d.mappings))
+        texts = (d.name, "/".join(d.roles), sizes or "by project", d.about)
+        rows.append(tuple(cell(text) for text in texts))
+    head = words("frame bytes: MainDevice to device / device to MainDevice")
+    return Document(lead=(head, Table(name="devices", columns=columns, rows=tuple(rows))))
 
 
 def _sizes(mapping: LibraryMapping) -> str:

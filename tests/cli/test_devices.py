@@ -14,7 +14,7 @@ def test_the_list_has_every_device_once():
     done = fsn("devices")
     assert (done.returncode, done.stderr) == (0, "")
     files = sorted((Path(fsoe_net.__file__).parent / "devices").glob("*.yaml"))
-    assert len(done.stdout.splitlines()) == len(files) + 2
+    assert len(done.stdout.splitlines()) == len(files) + 3
     assert "EL6900               main      6 x 6/6" in done.stdout
 
 

@@ -108,7 +108,7 @@ def row(**changes: Any) -> Any:
 )
 def test_the_verdict_of_a_campaign(rows: list[Any], interrupted: bool, verdict: str):
     result: Any = Facts(classes=rows, interrupted=interrupted)
-    assert campaign._verdict(result) == verdict
+    assert campaign._verdict(result).word == verdict
 
 
 def test_collisions_of_a_campaign():

@@ -10,11 +10,13 @@ from networks import EXAMPLES, example
 from run.children import none_left
 
 from fsoe_net.cli.main import main
+from fsoe_net.document.write_markdown import document_markdown
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import CampaignConfig
 from fsoe_net.fsoe.recording.replay import replay_file
-from fsoe_net.report.campaign import to_json, to_markdown, to_text
+from fsoe_net.report.campaign import campaign_document, to_json
 from fsoe_net.run import campaign as campaign_module
 from fsoe_net.run.campaign import campaign_links, run_campaign, save_failures
 from fsoe_net.run.device import device_factory
@@ -84,7 +86,7 @@ def test_interrupted_campaigns_tell_what_was_done(monkeypatch):
     assert result.interrupted
     (row,) = result.classes
     assert (row.name, row.injected) == ("loss", 100)
-    assert "incomplete" in to_text(result)
+    assert "incomplete" in text_of(result)
     assert to_json(result)["passed"] is False
 
 
@@ -122,6 +124,10 @@ def test_devices_that_raise_are_named_also_from_another_process():
         run_campaign(config, ("loss",), 20, jobs=2)
 
 
+def text_of(*arguments) -> str:
+    return document_text(campaign_document(*arguments), width=None)
+
+
 def test_failing_cases_are_saved(tmp_path):
     config = _config(sub_factory=device_factory("fsoe.devices:ignores_crc"))
     result = run_campaign(config, ("corruption", "loss"), 60, jobs=1)
@@ -130,7 +136,7 @@ def test_failing_cases_are_saved(tmp_path):
     assert {name for name, _ in saved} == {"corruption"}
     for path in saved.values():
         assert replay_file(path).differences
-    assert "-> " in to_text(result, {key: str(path) for key, path in saved.items()})
+    assert "-> " in text_of(result, {key: str(path) for key, path in saved.items()})
 
 
 def test_reports(tmp_path):
@@ -154,14 +160,14 @@ def test_reports(tmp_path):
         assert total == row["injected"] == 200
         coded = sum(row["reset_codes"].values()) + row["detected_without_code"]
         assert coded == row["detected"]
-    page = to_markdown(result)
+    page = document_markdown(campaign_document(result))
     assert "| corruption | 200 |" in page
-    assert "| el6910-drive_2 | 4 | 202 | 4 | 14 | 100 ms | 1 ms |" in page
-    assert page.endswith("passed: nothing wrongly accepted, every reaction right")
+    assert "| el6910-drive\\_2 | 4 | 202 | 4 | 14 | 100 ms | 1 ms |" in page
+    assert "**○ passed: nothing wrongly accepted, every reaction right**" in page
     row = result.classes[0]
     row.exposed_collisions = row.collisions = 9
-    assert "9 collisions, 0.00 expected" in to_text(result)
-    assert "collisions are not as many" in to_text(result)
+    assert "9 collisions, 0.00 expected" in text_of(result)
+    assert "collisions are not as many" in text_of(result)
 
 
 # ----------------------------------------------------------------------------------- the command
@@ -183,12 +189,18 @@ def fsn(monkeypatch, capsys):
 def test_text(fsn):
     code, out, err = fsn(NETWORK, "--faults", "late_cycle,loss", "--cycles", "64")
     assert code == 0
-    assert out.splitlines()[0].split() == [
+    assert out.splitlines()[:3] == [
+        "Fault campaign",
+        "seed 0, 64 faults per class",
+        "passed: nothing wrongly accepted, every reaction right",
+    ]
+    rows = [line.split() for line in out.splitlines()]
+    head = next(n for n, row in enumerate(rows) if row[:2] == ["class", "injected"])
+    assert rows[head] == [
         *("class", "injected", "detected", "tolerated", "collisions", "plausible", "wrong"),
         *("latency", "mean", "max", "max", "/", "watchdog"),
     ]
-    assert out.splitlines()[1].split() == ["late_cycle", *("64", "0", "64", "0", "-", "0"), *"---"]
-    assert out.endswith("passed: nothing wrongly accepted, every reaction right\n")
+    assert rows[head + 1] == ["late_cycle", *("64", "0", "64", "0", "-", "0"), *"---"]
     assert err.startswith("128 faults in ")
 
 

@@ -11,11 +11,12 @@ from networks import PLAIN
 from said import Said
 
 from fsoe_net.document.model import outward
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.library import Library
 from fsoe_net.model.resolve import Resolution, resolve
-from fsoe_net.report.budget import budget_text
+from fsoe_net.report.budget import budget_document
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import Budget, make_budget
 from fsoe_net.timing.elements import Apart
@@ -385,7 +386,7 @@ def test_bounds_are_shown_on_their_safe_side(resolution_of: Maker):
     """A greatest watchdog of 109.98 ms is no 110.0 ms, and 62.04 ms are no 62.0 ms."""
     functions = FUNCTION.replace("time_ms: 20", "time_ms: 20.02")
     budget = make_budget(resolution_of(functions), NONE)
-    text = budget_text(budget)
+    text = document_text(budget_document(budget), width=None)
     row = next(c for c in budget.connections if c.printed is not None)
     assert row.printed is not None
     shown = float(text.split("at most ", 1)[1].split(" ms")[0])

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from fsoe_net.document.model import Column, Document, Table, cell
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import ConsoleError
 from fsoe_net.run.console.keeper import Keeper
 from fsoe_net.run.console.names import SymbolNames
@@ -77,9 +79,8 @@ def options(words: Sequence[str], *known: str) -> tuple[list[str], set[str]]:
 
 def table(rows: Sequence[Sequence[str]], *head: str) -> list[str]:
     """Return rows as lines with even columns."""
-    lines = [head, *rows] if head else list(rows)
-    widths = [max(len(row[i]) for row in lines) for i in range(len(lines[0]))] if lines else []
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in lines
-    ]
+    if not rows:
+        return []
+    columns = tuple(Column(title) for title in head or [""] * len(rows[0]))
+    cells = tuple(tuple(cell(text) for text in row) for row in rows)
+    return document_text(Document(lead=(Table(columns=columns, rows=cells),))).splitlines()
