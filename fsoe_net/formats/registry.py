@@ -97,7 +97,7 @@ class Format:
     Attributes:
         kind: Value of ``convert --from``.
         title: What a file of it is, with its article.
-        expects: What such a file looks like; says why another one is none.
+        expects: What such a file looks like; shown when no reader knows a file.
         yields: What it is read for.
         read: ``module:function``, which takes a `Source`, a `Collector` and ``name=`` and returns a
             `Description` or ``None``; empty where it yields a network.

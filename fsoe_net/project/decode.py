@@ -75,7 +75,7 @@ class _Named:
         self._known: dict[int, tuple[ConnectionNames | None, bool]] = {}
 
     def of(self, sighting: Sighting) -> tuple[ConnectionNames | None, bool]:
-        # A start-up tells the roles for certain, so the guess is taken back.
+        # A start-up shows the roles for certain, so the guess is taken back.
         if sighting.connection not in self._known or sighting.frame[0] == Command.SESSION:
             found = self._scanner.connections()[sighting.connection]
             self._known[sighting.connection] = self._naming.find_in(found)

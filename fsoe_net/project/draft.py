@@ -43,7 +43,7 @@ class Draft:
     Attributes:
         proposal: ``None`` while nobody has said what is on the ring.
         name: Name of the network.
-        questions: To be asked, the first one first.
+        questions: Open questions, the first one first.
         findings: Wrong answers.
         notes: What was assumed or left out.
         inputs: What it was made from.
@@ -70,9 +70,9 @@ class Draft:
                 if c.sub is not None and getattr(c, key) is None
             ]
             if subs:
-                found.append(f"{what} not told: {', '.join(dict.fromkeys(subs))}")
+                found.append(f"{what} not given: {', '.join(dict.fromkeys(subs))}")
         if bus.cycle_us is None:
-            found.append("bus cycle not told: cycle_us")
+            found.append("bus cycle not given: cycle_us")
         return tuple(found)
 
     def files(self) -> Written:

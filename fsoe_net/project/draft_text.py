@@ -67,8 +67,8 @@ def _device(proposal: Proposal, number: int) -> tuple[str, ...]:
     path = sub.device.path
     notes = proposal.notes.get(number, ())
     head = f"{sub.order or sub.name}{f', from {path}' if path else ''}"
-    told = proposal.remarks.get(number, ())
-    library = [r for r in told if r.startswith(("process data from the device", "source: "))]
+    remarks = proposal.remarks.get(number, ())
+    library = [r for r in remarks if r.startswith(("process data from the device", "source: "))]
     return (
         head,
         *library,
@@ -87,7 +87,7 @@ def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
     if sub.serial:
         facts.append(f"serial {sub.serial}")
     if sub.fsoe_address is not None:
-        facts.append(f"FSoE address {sub.fsoe_address}, as the device tells")
+        facts.append(f"FSoE address {sub.fsoe_address}, as the device reports")
     return (*lines, *facts, *proposal.remarks.get(number, ()))
 
 

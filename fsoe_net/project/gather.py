@@ -25,7 +25,7 @@ __all__ = ["Gathered", "gather"]
 _MOST_FILES = 2000
 _DEEPEST = 5
 _HEAD_BYTES = 4096
-# What a network still lacks is no mistake here: it is what this command is for.
+# What a network still lacks is not a mistake here: it is what this command is for.
 _LACKING = {"FSN125", "FSN223"}
 # A driver stops there; the SubDevice is known all the same.
 _TOLERATED = {"FSN120"}
@@ -114,7 +114,9 @@ def _files_in(folder: str, out: Collector) -> list[str]:
         if len(found) > _MOST_FILES:
             raise InputError(f"{folder} holds more than {_MOST_FILES} files; name those of the bus")
     if not found:
-        out.add("FSN158", Span(folder), "the folder is empty", hint="name files that tell of a bus")
+        out.add(
+            "FSN158", Span(folder), "the folder is empty", hint="name files that describe a bus"
+        )
     return _without_parts(found)
 
 
@@ -253,7 +255,7 @@ def _read_root(
     except InputError as exc:
         if not in_folder:
             raise
-        found.out.add("FSN158", Span(path), f"left out: {exc}", hint="mend it, or name the others")
+        found.out.add("FSN158", Span(path), f"left out: {exc}", hint="fix it, or name the others")
     return brought
 
 

@@ -112,7 +112,7 @@ def read_record(path: str) -> AcceptedRecord:
     record = load_acceptance(path, out)
     held = None if record is None else accepted_plan(record, out)
     if record is None or held is None:
-        raise InputError(f"{path} is no acceptance record that can be used", out.diagnostics)
+        raise InputError(f"{path} is not an acceptance record that can be used", out.diagnostics)
     plan, fingerprint = held
     return AcceptedRecord(source=out.sources[0], record=record, plan=plan, fingerprint=fingerprint)
 

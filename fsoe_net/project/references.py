@@ -1,4 +1,4 @@
-"""Other files a network is compared with: told apart from its own by content, then read."""
+"""Other files a network is compared with, known by content."""
 
 from __future__ import annotations
 

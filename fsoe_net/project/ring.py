@@ -1,6 +1,6 @@
 """A ring out of answers: device types of ESI, SII, slave YAML and the device library in an order.
 
-Without a file that says what is on the bus only a person can tell.
+Without a file that says what is on the bus only a person can say it.
 """
 
 from __future__ import annotations

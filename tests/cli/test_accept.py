@@ -170,7 +170,7 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
         assert not (folder / "a.yaml").exists()
     assert (folder / "there.yaml").read_text("utf-8") == "mine"
     for more, wanted in (
-        (["--replaces", "timed.yaml"], "timed.yaml is no acceptance record"),
+        (["--replaces", "timed.yaml"], "timed.yaml is not an acceptance record"),
         (["--justify", "@absent.txt"], "absent.txt"),
         (["--replaces", "absent.yaml"], "absent.yaml"),
         (["-o", "there.yaml"], "there.yaml exists; name another file, or replace it with"),

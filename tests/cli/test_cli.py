@@ -232,7 +232,7 @@ def test_a_cycle_written_in_milliseconds_is_told(tmp_path: Path):
     (tmp_path / "n.yaml").write_text(text.replace("cycle_us: 1000", "cycle_us: 1"), "utf-8")
     done = fsn("check", "n.yaml", cwd=tmp_path)
     assert done.returncode == 1
-    assert "error[FSN130]: cycle_us 1 is no possible bus cycle" in done.stdout
+    assert "error[FSN130]: cycle_us 1 is not a possible bus cycle" in done.stdout
     assert "1 ms is cycle_us: 1000" in done.stdout
 
 

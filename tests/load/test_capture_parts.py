@@ -202,7 +202,7 @@ def test_downloads_that_no_file_can_hold():
     made.datagram(FPWR, TERMINAL, 0x0120, b"\x02\0")
     made.download(TERMINAL, 0x8000, 0, b"\2\0\1\0", complete=True)
     made.download(TERMINAL, 0x8001, 1, b"123")
-    assert "2 SDO downloads are no plain 1, 2, 4 or 8 bytes; left out" in notes(made)
+    assert "2 SDO downloads are not plain 1, 2, 4 or 8 bytes; left out" in notes(made)
 
 
 def test_a_sync_manager_that_was_switched_off_is_none():

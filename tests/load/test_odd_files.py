@@ -163,25 +163,25 @@ def test_lines_of_a_dump_that_are_no_rows():
 
 def test_plain_words():
     assert binary_of(b"0x01, 02\n03 " + b"04 " * 16) == b"\1\2\3" + b"\4" * 16
-    with pytest.raises(InputError, match="a word of the text is no byte in hexadecimal"):
+    with pytest.raises(InputError, match="a word of the text is not a byte in hexadecimal"):
         binary_of(b"01 " * 16 + b"0g")
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (b":0200000001FD\n" + END, "line 1 is no whole record"),
-        (record(0, b"\1\2") + b":zz\n" + END, "line 2 is no whole record"),
+        (b":0200000001FD\n" + END, "line 1 is not a whole record"),
+        (record(0, b"\1\2") + b":zz\n" + END, "line 2 is not a whole record"),
         (intel_hex(IMAGE)[:-15], "cut off"),
         (intel_hex(IMAGE).replace(b":10001000", b":10001001"), "line 2: the checksum"),
         (
             b"\r\n".join(intel_hex(IMAGE).splitlines()[:2] + intel_hex(IMAGE).splitlines()[3:]),
             "0x20",
         ),
-        (intel_hex(IMAGE)[:70], "line 2 is no whole record"),
+        (intel_hex(IMAGE)[:70], "line 2 is not a whole record"),
         (hexdump(IMAGE).replace(b"00000020 ", b"00000030 "), "line 3: it begins at 0x30"),
         (hexdump(IMAGE).replace(b"00000020 ", b"fffffff0 "), "beyond any such image"),
-        (hexdump(IMAGE).replace(b"00000020 ", b"oops "), "line 3 is no line of a dump"),
+        (hexdump(IMAGE).replace(b"00000020 ", b"oops "), "line 3 is not a line of a dump"),
         (b"00000000 00 01 02 03\n*\nffffffff\n", "beyond any such image"),
     ],
 )

@@ -214,7 +214,7 @@ def test_two_masters_and_a_frame_that_leaves_the_ring():
         (
             'ProductCode="#x1afe3052"',
             'ProductCode="#x1afe305200"',
-            ("FSN141", "ProductCode '#x1afe305200' of EL6910 is no number from 0 to 4294967295"),
+            ("FSN141", "ProductCode '#x1afe305200' of EL6910 is not a number from 0 to 4294967295"),
         ),
         ("^RxPDO^FSOE", "^RxPDO^FSOG", ("FSN145", "no variable is Device 1 (EtherCAT) ^ Term 1")),
         (

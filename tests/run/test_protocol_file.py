@@ -51,7 +51,7 @@ def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
         ("id: loss io2", "id: loss io", "twice"),
         ("emulated: null", "emulatd: null", "emulatd"),
         ("date: ''", "date: 21.11.2026", "such as 2026-11-21"),
-        ("date: ''", "date: 2026-02-30", "is no date"),
+        ("date: ''", "date: 2026-02-30", "is not a date"),
         ("    measured_ms: ''", "    measured_ms: 61,5", "61,5"),
     ],
 )

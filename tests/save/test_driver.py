@@ -149,7 +149,7 @@ def test_the_main_instance_is_never_guessed(tmp_path: Path):
     two = bus(1)
     written = write_network(two)
     assert "safety_master" not in written.files["network.yaml"]
-    assert any("MainInstance is not told" in n for n in written.notes)
+    assert any("MainInstance is not known" in n for n in written.notes)
     known = replace(two, connections=(DescribedConnection(main=0, sub=1, address=3),))
     text = write_network(known).files["network.yaml"]
     assert "safety_master: logic" in text

@@ -88,7 +88,7 @@ def test_slots_follow_the_place_in_the_logic_not_the_order_of_the_copies():
 def test_no_connection_is_guessed():
     written = write_lcec(bus(1))
     assert back(written).connections == ()
-    assert any("MainInstance is not told" in n for n in written.notes)
+    assert any("MainInstance is not known" in n for n in written.notes)
     known = replace(bus(1), connections=(DescribedConnection(main=0, sub=1, watchdog_ms=5),))
     written = write_lcec(known)
     assert [(c.main, c.sub) for c in back(written).connections] == [(0, 1)]

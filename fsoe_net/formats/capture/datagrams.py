@@ -54,7 +54,7 @@ def datagrams(packet: bytes) -> tuple[list[Datagram], bool] | None:
         packet: From the destination MAC on.
 
     Returns:
-        ``None`` when the packet is none of EtherCAT.
+        ``None`` when the packet is not EtherCAT.
     """
     start = _begin(packet)
     if start is None:

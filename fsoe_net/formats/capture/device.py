@@ -38,21 +38,21 @@ def describe_station(station: Station, path: str, out: Collector) -> DescribedSu
     Args:
         station: What was seen.
         path: The capture.
-        out: Takes FSN153 for what the capture does not tell, FSN154 where PDOs do not fill the
+        out: Takes FSN153 for what the capture does not show, FSN154 where PDOs do not fill the
             room that the MainDevice has given them.
     """
     read = _Read(station, path, Span(path, station.packet, 1))
-    told, damage = Collector(), Collector()
+    findings, damage = Collector(), Collector()
     data, whole = station.sii.image()
     image = read_sii_categories(data, read.span, damage)
     from_sii = describe_sii(image, path, read.span, damage)
     read.notes += [f"its EEPROM: {d.message}" for d in damage.diagnostics]
-    managers = _managers(read, from_sii if whole else None, told)
+    managers = _managers(read, from_sii if whole else None, findings)
     layout = _settled(read, managers)
     vendor, product, revision, serial = (_identity(read, name) for name in _IDENTITY)
     name, order = image.names()
-    _judge(read, told, vendor is None or product is None)
-    out.diagnostics += told.diagnostics
+    _judge(read, findings, vendor is None or product is None)
+    out.diagnostics += findings.diagnostics
     assigned = {p.index for sm in layout for p in sm.pdos or ()}
     return DescribedSubDevice(
         name=name or station.name(),
@@ -81,13 +81,13 @@ def _identity(read: _Read, name: str) -> int | None:
     """Return a number of the identity: of the EEPROM, else of object 0x1018."""
     word, subindex = _IDENTITY[name]
     stored = read.station.sii.number(word)
-    told = read.station.object_number(0x1018, subindex)
-    if stored is not None and told is not None and stored != told:
-        read.notes.append(f"{name} is 0x{stored:08x} in the EEPROM and 0x{told:08x} in 0x1018")
-    return told if stored is None else stored
+    in_object = read.station.object_number(0x1018, subindex)
+    if stored is not None and in_object is not None and stored != in_object:
+        read.notes.append(f"{name} is 0x{stored:08x} in the EEPROM and 0x{in_object:08x} in 0x1018")
+    return in_object if stored is None else stored
 
 
-def _judge(read: _Read, told: Collector, nameless: bool) -> None:
+def _judge(read: _Read, findings: Collector, nameless: bool) -> None:
     """Say what is missing, in one finding for the SubDevice."""
     station = read.station
     lacking = list(read.unknown)
@@ -101,7 +101,7 @@ def _judge(read: _Read, told: Collector, nameless: bool) -> None:
     if station.late:
         read.notes.append(f"{station.late} SDO downloads outside of the start-up are left out")
     if station.odd:
-        read.notes.append(f"{station.odd} SDO downloads are no plain 1, 2, 4 or 8 bytes; left out")
+        read.notes.append(f"{station.odd} SDO downloads are not plain 1, 2, 4 or 8 bytes; left out")
     for abort, packet in station.aborts:
         read.notes.append(
             f"packet {packet}: it refused a write to 0x{abort.index:04x}:{abort.subindex:02x} "
@@ -109,7 +109,7 @@ def _judge(read: _Read, told: Collector, nameless: bool) -> None:
         )
     if lacking:
         read.notes += [f"not in the capture: {what}" for what in lacking]
-        told.add(
+        findings.add(
             "FSN153",
             read.span,
             f"{_who(station)}: the capture does not show {', '.join(lacking)}",
@@ -127,7 +127,7 @@ def _who(station: Station) -> str:
 
 
 def _managers(
-    read: _Read, from_sii: DescribedSubDevice | None, told: Collector
+    read: _Read, from_sii: DescribedSubDevice | None, findings: Collector
 ) -> list[tuple[SyncManager, Manager | None]]:
     station = read.station
     registers = station.managers()
@@ -144,7 +144,7 @@ def _managers(
         in_eeprom = sii is not None and bool(sii.pdos) and not registers
         if row is None and not listed and not in_eeprom:
             continue
-        pdos = _pdos(read, number, listed, sii, row, told)
+        pdos = _pdos(read, number, listed, sii, row, findings)
         direction = _direction(row, sii, pdos, listed)
         if direction is None or (pdos is None and row is None and not has_mailbox):
             continue
@@ -206,7 +206,7 @@ def _pdos(
     listed: tuple[int, ...] | None,
     sii: SyncManager | None,
     row: Manager | None,
-    told: Collector,
+    findings: Collector,
 ) -> tuple[Pdo, ...] | None:
     """Return the PDOs of a sync manager: of the object dictionary, else of the EEPROM."""
     if listed is None:
@@ -226,7 +226,7 @@ def _pdos(
         read.unknown.append(f"the entries of PDO {', '.join(missing)}")
         return None
     if row is not None and _bytes(pdos) != row.length:
-        told.add(
+        findings.add(
             "FSN154",
             _place(read, 0x1C10 + number),
             f"{_who(read.station)}: SM{number} has {row.length} bytes, its PDOs have "

@@ -31,7 +31,7 @@ _PCAPNG = b"\x0a\x0d\x0d\x0a"
 _GZIP = b"\x1f\x8b"
 _GZIP_TELLS = 64
 _ETHERNET = 1
-_MOST_BYTES = 1 << 24  # of a packet or block; more is no length but damage
+_MOST_BYTES = 1 << 24  # of a packet or block; more is not a length but damage
 _LATEST_NS = 1 << 63
 _MOST_UNPACKED = 100  # times its packed size: cycles of a bus are packed to a tenth
 _ALWAYS_UNPACKED = 1 << 24  # bytes
@@ -42,7 +42,7 @@ _TSRESOL, _TSOFFSET = 9, 14
 def is_capture(head: bytes) -> bool:
     """Whether these first bytes of a file are those of a capture, packed with gzip or not.
 
-    Of a packed file a few bytes do not tell what is in it; then it may be one.
+    Of a packed file a few bytes do not show what is in it; then it may be one.
     """
     if head[:2] == _GZIP and len(head) > _GZIP_TELLS:
         try:
@@ -118,7 +118,7 @@ class CaptureReader:
         self, time_ns: int, interface: int, data: bytes, original: int
     ) -> tuple[int, int, bytes]:
         if not 0 <= time_ns < _LATEST_NS:
-            raise _DamageError("the time of the next one is none after 1970")
+            raise _DamageError("the time of the next one is not after 1970")
         self.packets += 1
         self.cut += len(data) < original
         return time_ns, interface, data
@@ -127,7 +127,7 @@ class CaptureReader:
 
     def _pcap(self, order: str, unit_ns: int) -> Iterator[tuple[int, int, bytes]]:
         _, _, _, _, _, link = struct.unpack(order + "HHiIII", self._exactly(20, "its header"))
-        link &= 0xFFFF  # the upper bits tell of a checksum behind each packet
+        link &= 0xFFFF  # the upper bits announce a checksum behind each packet
         if link != _ETHERNET:
             raise InputError(_no_ethernet(self._name, {link}))
         record = struct.Struct(order + "IIII")
@@ -137,7 +137,7 @@ class CaptureReader:
                 raise _DamageError("the file ends inside the head of a packet")
             seconds, fraction, size, original = record.unpack(head)
             if size > _MOST_BYTES:  # fractions beyond a second are seen in the wild
-                raise _DamageError("what follows is no packet")
+                raise _DamageError("what follows is not a packet")
             data = self._exactly(size, "a packet")
             time_ns = seconds * 1_000_000_000 + fraction * unit_ns
             yield self._packet(time_ns, 0, data, original)

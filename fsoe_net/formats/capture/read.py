@@ -1,6 +1,6 @@
 """A capture of EtherCAT, pcap or pcapng, into a description of the bus.
 
-What a MainDevice does in its start-up tells what stands on the bus: it gives station addresses in
+What a MainDevice does in its start-up shows what is on the bus: it gives station addresses in
 ring order, reads EEPROMs and objects, writes PDO assignments, sync managers and FMMUs. Packets are
 read one by one, and only the state they leave behind is kept.
 """
@@ -80,7 +80,7 @@ def load_capture_content(
     Args:
         source: Path of a pcap or pcapng file, packed with gzip or not, or its bytes.
         out: Takes FSN150 when there is no EtherCAT in it, FSN151 where the file is damaged, FSN152
-            for packets of which only the beginning was kept, FSN153 for what it does not tell,
+            for packets of which only the beginning was kept, FSN153 for what it does not show,
             FSN154 for PDOs that do not fit. The line of a place is the number of the packet.
         name: Name shown when ``source`` is bytes.
     """

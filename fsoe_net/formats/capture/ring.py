@@ -1,4 +1,4 @@
-"""All SubDevices of a capture: who is meant by an address, and what was asked of all of them.
+"""All SubDevices of a capture: who is meant by an address, and what was requested of all of them.
 
 A datagram counts once it has come back, which its working counter shows: its copy on the way out
 has 0. Auto-increment addresses are counted on by every SubDevice they pass, so what comes back is

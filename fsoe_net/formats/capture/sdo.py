@@ -14,7 +14,7 @@ __all__ = ["CapturedSdo", "SdoAbort", "SdoFollower"]
 _COE, _REQUEST, _RESPONSE = 3, 2, 3
 _MAX_BYTES = 1 << 16
 _ABORT = 4
-_DOWNLOAD_SEGMENT, _DOWNLOAD, _UPLOAD, _UPLOAD_SEGMENT = 0, 1, 2, 3  # asked for
+_DOWNLOAD_SEGMENT, _DOWNLOAD, _UPLOAD, _UPLOAD_SEGMENT = 0, 1, 2, 3  # requested
 _UPLOADED_SEGMENT, _DOWNLOADED_SEGMENT, _UPLOADED, _DOWNLOADED = 0, 1, 2, 3  # answered
 
 
@@ -45,10 +45,10 @@ class _Transfer:
     subindex: int
     written: bool
     complete: bool
-    size: int | None = None  # not told
+    size: int | None = None  # not given
     started: bool = False  # the first answer has come
     data: bytearray = field(default_factory=bytearray)
-    toggle: int | None = None  # of the segment that was asked for
+    toggle: int | None = None  # of the segment that was requested
     segment: bytes = b""
     last: bool = False
 
@@ -70,7 +70,7 @@ class SdoFollower:
     """Follows the transfers with one SubDevice, one at a time as the mailbox has it.
 
     A mailbox that is read or written again changes nothing: answers count once, and only where
-    they fit what was asked for.
+    they fit what was requested.
     """
 
     def __init__(self) -> None:

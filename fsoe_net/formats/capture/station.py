@@ -56,12 +56,12 @@ class CapturedFmmu:
 
 @dataclass(slots=True)
 class Station:
-    """What the MainDevice and one SubDevice told each other.
+    """What the MainDevice and one SubDevice exchanged.
 
     Attributes:
         number: A name for it while the capture is read.
         packet: Number of the packet where it was seen first.
-        position: In the ring, where an auto-increment access told it.
+        position: In the ring, where an auto-increment access shows it.
         address: Station address.
         objects: Values by index and subindex; of a complete access the parts.
         places: Packet of the last value of an object, by index.
@@ -207,7 +207,7 @@ class Station:
 
     @property
     def alias(self) -> int:
-        """Configured station alias: of the register, else of the EEPROM; 0 where neither tells."""
+        """Configured station alias: of the register, else of the EEPROM, else 0."""
         row = self._bytes(_ALIAS, 2)
         return int.from_bytes(row, "little") if row is not None else self.sii.words.get(4, 0)
 

@@ -64,7 +64,7 @@ def load_eni(source: Source, out: Collector, *, name: str = "<eni>") -> Descript
 
 
 def load_eni_images(source: Source, out: Collector, *, name: str = "<eni>") -> EniImages | None:
-    """Read an ENI and where its images are; ``None`` when the file does not tell.
+    """Read an ENI and where its images are; ``None`` when the file does not say.
 
     Args:
         source: Path, or the bytes of the file.
@@ -148,7 +148,7 @@ class _Reader:
             self._out.add(
                 "FSN142",
                 self._parts.copies[0].span,
-                "no FMMU and cyclic command tell what the bits of these CopyInfos count from",
+                "no FMMU and cyclic command show what the bits of these CopyInfos count from",
                 hint="export the full ENI, with cyclic commands and start-up commands",
             )
         elif self._parts.copies:

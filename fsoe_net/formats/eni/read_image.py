@@ -70,7 +70,7 @@ def header_bits(slaves: list[EniSlave], parts: EniParts, out: Collector) -> int 
     the datagram header leave 10 bytes there, others none.
 
     Returns:
-        The one constant; ``None`` when nothing tells, or with FSN142 when the file disagrees with
+        The one constant; ``None`` when it is not known, or with FSN142 when the file disagrees with
         itself.
     """
     first: dict[int, Window] = {}
@@ -237,7 +237,7 @@ def copies_of(
         parts: The file.
         maps: Where process data lie.
         out: Takes FSN145 and FSN149.
-        placed: Every SubDevice has its place; else a copy to nowhere is no finding of its own.
+        placed: Every SubDevice has its place; else a copy to nowhere is not a finding of its own.
     """
     copies: list[DescribedCopy] = []
     if not placed:

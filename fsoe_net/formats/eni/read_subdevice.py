@@ -122,7 +122,7 @@ def _of_managers(process_data: Element | None, name: str, high: int) -> dict[int
 
 
 def _mailbox(element: Element | None) -> MailboxFacts | None:
-    out = Collector()  # no rule reads a mailbox, so an odd one is no finding
+    out = Collector()  # no rule reads a mailbox, so an odd one is not a finding
     windows = []
     for names in (("Send",), ("Recv", "Receive")):
         window = next((w for n in names if element is not None and (w := element.first(n))), None)
@@ -319,7 +319,7 @@ def _hex(element: Element | None, out: Collector) -> bytes:
         out.add(
             "FSN141",
             element.value_span,
-            "this is no hexadecimal data",
+            "this is not hexadecimal data",
             hint="two digits for each byte, lowest byte first",
         )
         return b""

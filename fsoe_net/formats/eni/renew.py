@@ -32,7 +32,7 @@ def renewed_eni(bus: Description, path: str, notes: list[str]) -> bytes:
     if errors:
         raise InputError("nothing written", sort_diagnostics(errors))
     if data is None or images is None:
-        raise InputError(f"nothing written: {path} does not tell where its process data are")
+        raise InputError(f"nothing written: {path} does not say where its process data are")
     copies = renumbered_copies(bus, images.description)
     rows = []
     for copy in copies:

@@ -51,7 +51,7 @@ class EsiRow:
 
     Attributes:
         kind: ``device`` or ``module``.
-        vendor: Vendor ID; 0 when the file does not tell.
+        vendor: Vendor ID; 0 when the file does not say.
         product: Product code, or the ident of a module.
         revision: ``None`` for a module, or when the file leaves it open.
         type: Order number such as ``EL1904``.
@@ -234,7 +234,7 @@ class _Scan:
         self._parser.StartDoctypeDeclHandler = self._doctype
         defer = getattr(self._parser, "SetReparseDeferralEnabled", None)
         if defer is not None:
-            defer(False)  # what ends a piece is told before the next one begins
+            defer(False)  # what ends a piece is reported before the next one begins
         self._look()
 
     def run(self) -> EsiCatalogue | None:
@@ -307,7 +307,7 @@ class _Scan:
             self.encoding = encoding
 
     def _doctype(self, *_arguments: object) -> None:
-        """Refuse the declaration; expat tells of it behind its name, so its start is searched."""
+        """Refuse the declaration; expat reports it behind its name, so its start is searched."""
         behind = self._parser.CurrentByteIndex + self._left_out
         span = self._span(max(self._data.rfind(b"<!DOCTYPE", 0, behind), 0))
         hint = "delete <!DOCTYPE …>; entities are not used"
@@ -386,7 +386,9 @@ class _Scan:
         number = esi_number(text)
         if number is None or not 0 <= number <= 0xFFFFFFFF:
             hint = "write it as 2 or #x00000002"
-            self.out.add("FSN111", self._here(), f"vendor ID {text[:40]!r} is no number", hint=hint)
+            self.out.add(
+                "FSN111", self._here(), f"vendor ID {text[:40]!r} is not a number", hint=hint
+            )
             return
         self._vendor_id = number
 
@@ -430,7 +432,7 @@ class _Scan:
         number = esi_number(text)
         if number is not None and 0 <= number <= 0xFFFFFFFF:
             return number
-        message = f"{key} {text[:40]!r} of {what} {row.type[:80]!r} is no number of 32 bits"
+        message = f"{key} {text[:40]!r} of {what} {row.type[:80]!r} is not a number of 32 bits"
         self.out.add("FSN111", row.span, message, hint="write it as #x07703052")
         return None
 

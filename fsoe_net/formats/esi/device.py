@@ -361,7 +361,7 @@ class _DeviceReader:
         text = element.attributes.get("StartAddress", "")
         start = esi_number(text)
         if start is not None and not 0 <= start <= 0xFFFF:
-            message = f"StartAddress {text.strip()[:40]!r} is no address; it is left out"
+            message = f"StartAddress {text.strip()[:40]!r} is not an address; it is left out"
             hint = "an address is 0 to #xffff"
             self._out.add("FSN111", element.span, message, hint=hint, severity=Severity.WARNING)
             return None
@@ -378,7 +378,7 @@ class _DeviceReader:
         word = modes[0].first("AssignActivate")
         number = esi_number(word.text) if word is not None else 0
         if word is not None and (number is None or not 0 <= number <= 0xFFFF):
-            message = f"AssignActivate {word.text.strip()[:40]!r} is no number; 0 is taken"
+            message = f"AssignActivate {word.text.strip()[:40]!r} is not a number; 0 is taken"
             hint = "write it as #x0300"
             self._out.add("FSN111", word.value_span, message, hint=hint, severity=Severity.WARNING)
             return 0

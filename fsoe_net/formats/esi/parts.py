@@ -120,7 +120,7 @@ class PartReader:
             return None
         number = esi_number(text)
         if number is None or not 0 <= number <= 31:
-            message = f"Sm {text[:40]!r} is no sync manager"
+            message = f"Sm {text[:40]!r} is not a sync manager"
             self._wrong("FSN113", element.span, message, "write a number from 0 to 31")
             return None
         return number
@@ -161,7 +161,7 @@ class PartReader:
         if not index or child is None or not flag(child, "DependOnSlot"):
             return index
         if index + step > 0xFFFF:
-            message = f"0x{index:04x} plus 0x{step:x} of its slot is no object index"
+            message = f"0x{index:04x} plus 0x{step:x} of its slot is not an object index"
             self._wrong("FSN113", child.value_span, message, "look at the increments of <Slots>")
             return None
         return index + step
@@ -174,7 +174,7 @@ class PartReader:
             return None
         number = esi_number(child.text)
         if number is None:
-            message = f"{key} {child.text.strip()[:40]!r} is no number"
+            message = f"{key} {child.text.strip()[:40]!r} is not a number"
             self._wrong("FSN111", child.value_span, message, "write 6656 or #x1a00")
             return None
         if not low <= number <= high:
@@ -208,7 +208,7 @@ class PartReader:
         try:
             data = bytes.fromhex(text)
         except ValueError:
-            message = f"data {text[:40]!r} of a start-up SDO are no hex digits"
+            message = f"data {text[:40]!r} of a start-up SDO are not hex digits"
             self._wrong("FSN111", element.span, message, "write each byte as two hex digits")
             return None
         if len(data) in _SDO_SIZES and not flag(element, "CompleteAccess"):
@@ -231,7 +231,7 @@ def slot_places(slots: Element | None, out: Collector, most: int) -> list[SlotPl
     Args:
         slots: The element ``Slots`` of a device.
         out: Takes FSN111 for numbers that cannot be read.
-        most: Places that are asked for; those behind the last default module are left out beyond.
+        most: Places that are requested; those behind the last default module are left out beyond.
     """
     if slots is None:
         return []
@@ -276,7 +276,7 @@ def _attribute(element: Element, key: str, default: int, out: Collector) -> int:
         return default
     number = esi_number(text)
     if number is None or not 0 <= number <= 0xFFFF:
-        message = f"{key} {text[:40]!r} is no number; {default} is taken"
+        message = f"{key} {text[:40]!r} is not a number; {default} is taken"
         hint = "write 1 or #x1"
         out.add("FSN111", element.span, message, hint=hint, severity=Severity.WARNING)
         return default

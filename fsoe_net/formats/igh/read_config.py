@@ -1,4 +1,4 @@
-"""``ethercat config -v`` and ``ethercat domains -v``: what a running master was told."""
+"""``ethercat config -v`` and ``ethercat domains -v``: what a running master was given."""
 
 from __future__ import annotations
 

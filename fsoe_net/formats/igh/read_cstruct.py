@@ -131,7 +131,7 @@ def _in_table(line: Line, table: _Table, text: Pasted) -> bool:
     elif _COMMENT.match(shown) or (table.kind == "sync" and _LAST.match(shown)):
         pass
     elif shown.startswith("{"):
-        text.cut(line, f"{shown[:60]!r} is no row of table {table.name}")
+        text.cut(line, f"{shown[:60]!r} is not a row of table {table.name}")
         return False
     else:
         text.strange(line, "`ethercat cstruct`", _STARTS)

@@ -1,7 +1,7 @@
 """A description as a C header: tables for the IgH master, or the same tables in plain C.
 
 The tables have the shape that ``ethercat cstruct`` prints, so they can be read back. Nothing in
-them is cast away, and a table that a program does not use is no warning: a function refers to it.
+them is cast away, and a table that a program does not use gives no warning: a function uses it.
 """
 
 from __future__ import annotations

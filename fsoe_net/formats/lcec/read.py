@@ -89,7 +89,7 @@ def _number(
         out.add(
             "FSN141",
             element.span,
-            f"{key}={text[:40]!r} of <{element.name}> is no number",
+            f"{key}={text[:40]!r} of <{element.name}> is not a number",
             hint=f"write it {kind}",
         )
         return None

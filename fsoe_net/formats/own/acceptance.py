@@ -145,7 +145,7 @@ def _date(node: MapNode, out: Collector) -> str:
     try:
         date.fromisoformat(text)
     except ValueError:
-        out.add("FSN162", node.at("date"), f"{text!r} is no date", hint="write YYYY-MM-DD")
+        out.add("FSN162", node.at("date"), f"{text!r} is not a date", hint="write YYYY-MM-DD")
     return text
 
 

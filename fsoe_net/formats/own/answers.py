@@ -1,4 +1,4 @@
-"""The answers file of ``fsoe-net init``: what a user knows and the other files do not tell."""
+"""The answers file of ``fsoe-net init``: what a user knows and the other files do not say."""
 
 from __future__ import annotations
 

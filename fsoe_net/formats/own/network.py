@@ -223,7 +223,7 @@ class _Assembly:
             self.out.add(
                 "FSN130",
                 root.at("cycle_us"),
-                f"cycle_us {root.text('cycle_us')} is no possible bus cycle",
+                f"cycle_us {root.text('cycle_us')} is not a possible bus cycle",
                 hint="write the cycle in microseconds: 1 ms is cycle_us: 1000",
             )
             return None

@@ -21,7 +21,7 @@ def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, fr
     """Return the bytes with the edits in them, and which edits were made.
 
     An edit is left out when another one wants something else at the same place, when its place
-    does not hold a plain scalar of its key, or when its key is none of a transfer.
+    does not hold a plain scalar of its key, or when its key is not one of a transfer.
 
     Args:
         data: The file, as it was when its findings were made.

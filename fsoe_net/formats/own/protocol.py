@@ -116,7 +116,7 @@ def _ms(node: MapNode, key: str, out: Collector) -> float | None:
         return None
     hint = "write a time in ms, 0 or more, such as 61.5"
     if not _NUMBER.fullmatch(text):
-        out.add("FSN111", node.at(key), f"{key} {text!r} is no number", hint=hint)
+        out.add("FSN111", node.at(key), f"{key} {text!r} is not a number", hint=hint)
         return None
     value = float(text)
     if not 0 <= value <= _MAX_MS:

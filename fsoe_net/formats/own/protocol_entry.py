@@ -69,6 +69,6 @@ def _check_date(step: ProtocolStep, out: Collector) -> None:
         out.add(
             "FSN161",
             step.machine.at("date"),
-            f"step {step.id}: {text!r} is no date",
+            f"step {step.id}: {text!r} is not a date",
             hint="write year, month and day, such as 2026-11-21",
         )

@@ -22,7 +22,7 @@ def safety_functions_from_yaml(root: MapNode, out: Collector) -> tuple[SafetyFun
 
     Args:
         root: The network file; its structure has been checked.
-        out: Takes FSN111 for what is no number, FSN113 for what is outside its range.
+        out: Takes FSN111 for what is not a number, FSN113 for what is outside its range.
     """
     found = (_function(node, out) for node in root.maps("safety_functions"))
     return tuple(f for f in found if f is not None)
@@ -57,7 +57,7 @@ def _required(node: MapNode, out: Collector) -> tuple[str, int | None]:
         out.add(
             "FSN113",
             node.at("pl"),
-            f"performance level {level!r} is none of a … e",
+            f"performance level {level!r} is not one of a … e",
             hint="write pl: d, or sil: 2",
         )
         level = ""

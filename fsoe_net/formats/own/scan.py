@@ -75,7 +75,7 @@ def _damaged(out: Collector) -> bool:
 
 
 def _no_number(text: str) -> NoReturn:
-    raise ValueError(f"{text} is no number of JSON")
+    raise ValueError(f"{text} is not a number of JSON")
 
 
 def _parse(data: bytes, file: str, out: Collector) -> MapNode | None:
@@ -214,11 +214,11 @@ def _pdo(node: MapNode, out: Collector) -> ScannedPdo:
 def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:
     address = _int(node, "address", _U16, out)
     items = node.get("addresses")
-    told = [
+    reported = [
         read_int(i, out, what="addresses", low=0, high=_U16, reader=Reader.OWN)
         for i in (items.items if isinstance(items, SeqNode) else ())
     ]
-    addresses = dict.fromkeys(a for a in (address, *told) if a is not None)
+    addresses = dict.fromkeys(a for a in (address, *reported) if a is not None)
     return ScannedFsoe(
         span=node.span,
         fields=node.places(),

@@ -1,4 +1,4 @@
-"""A scan as a description: SubDevices in ring order, and what devices told of FSoE."""
+"""A scan as a description: SubDevices in ring order, and what devices report of FSoE."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["describe_scan"]
 def describe_scan(scan: Scan, path: str) -> Description:
     """Return what a scan says.
 
-    A connection that a MainInstance tells of names its SubInstance by FSoE address; it is left out
+    A connection that a MainInstance reports names its SubInstance by FSoE address; it is left out
     where that address is not that of exactly one other SubDevice.
 
     Args:

@@ -76,12 +76,14 @@ def _ms(node: MapNode, key: str, out: Collector, factor: float = 1) -> float | N
 
 
 def _time(item: Node | None, out: Collector, *, what: str, factor: float = 1) -> float | None:
-    """Return a time in milliseconds, or ``None`` with a finding; ``nan`` is no time either."""
+    """Return a time in milliseconds, or ``None`` with a finding; ``nan`` is not a time either."""
     value = read_float(item, out, what=what)
     if value is None or item is None:
         return None
     if not 0 <= value * factor <= _MAX_MS:
-        out.add("FSN113", item.span, f"{what} {value:g} is no possible time", hint="0 … one week")
+        out.add(
+            "FSN113", item.span, f"{what} {value:g} is not a possible time", hint="0 … one week"
+        )
         return None
     return value * factor
 

@@ -44,7 +44,7 @@ def step_arguments(
     Args:
         node: The step.
         action: One that stands in it.
-        values: Its value as a map of names to numbers, empty when it is none.
+        values: Its value as a map of names to numbers, empty when it is not a map.
         out: Takes FSN111 … FSN114 and FSN106.
     """
     key = action.value

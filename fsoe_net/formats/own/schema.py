@@ -58,7 +58,7 @@ _CONFUSED = {
 
 
 _ASKED_FOR = frozenset({"acceptance", "protocol", "scenario"})  # an option says what it should be
-_NAMED = {  # told apart by keys; what it is, and what takes it
+_NAMED = {  # by their keys; what it is, and what takes it
     "protocol": ("a test protocol", "`fsoe-net report NETWORK --protocol FILE` takes it"),
     "acceptance": ("an acceptance record", "`fsoe-net verify NETWORK --accepted FILE` takes it"),
     "network": ("a network", "`fsoe-net check FILE` takes it"),
@@ -112,8 +112,8 @@ def schema_keys(name: str) -> frozenset[str]:
 def check_structure(root: MapNode, name: str, out: Collector) -> bool:
     """Add a finding for each unknown, missing or wrongly typed key of a document.
 
-    Of very many unknown keys the first are told, each compared with those that are known; then the
-    file is refused, for every further guess costs time and helps nobody.
+    Of very many unknown keys the first are reported, each compared with those that are known; then
+    the file is refused, for every further guess costs time and helps nobody.
 
     Args:
         root: The document.

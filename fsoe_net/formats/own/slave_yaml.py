@@ -49,7 +49,7 @@ def load_device(
         out.add(
             "FSN140",
             named_at,
-            f"{os.fspath(path)!r} is no slave YAML; its keys are: {keys}",
+            f"{os.fspath(path)!r} is not a slave YAML; its keys are: {keys}",
             hint="name the file with vendor_id, rpdo and tpdo of this device",
         )
         return None
@@ -147,7 +147,7 @@ def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
 
 
 def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
-    """Read an item of ``data_mapping``; ``None`` when it is no run of bits in the entry."""
+    """Read an item of ``data_mapping``; ``None`` when it is not a run of bits in the entry."""
     word = node.text("type") or ""
     bits = type_bits(word, node.at("type"), out) if word else None
     first = _int(node, "addr_offset", 0xFFFF, out) or 0
@@ -317,12 +317,12 @@ def _check_sdo_value(node: MapNode, word: str, size: int, value: int, out: Colle
         )
     elif not -(2**31) <= value < 2**31:
         signed = value - 2 ** (8 * size)
-        mend = f"write {signed}, the same bytes" if word in ("uint32", "int32") else ""
+        hint = f"write {signed}, the same bytes" if word in ("uint32", "int32") else ""
         out.add(
             "FSN418",
             node.at("value"),
             f"value {value} is above 0x7fffffff: the driver reads a signed 32-bit number and "
             "stops with an exception",
             severity=Severity.WARNING,
-            hint=mend,
+            hint=hint,
         )

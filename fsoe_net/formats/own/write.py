@@ -106,7 +106,7 @@ class NetworkFiles:
         for number, sub in enumerate(self._description.subdevices):
             name = self._names[number]
             text = self._slave_yaml(sub.device, name, frozenset(needed.get(number, ())))
-            # Without an identity two types look alike: the order number tells them apart.
+            # Without an identity two types look alike: the order number differs.
             key = (text, "" if sub.device.product_code else sub.order.casefold())
             if key not in by_text:
                 path = by_text[key] = f"devices/{words[number]}.yaml"

@@ -194,7 +194,7 @@ def read_address(params: Params, name: str, out: Collector) -> int | None:
     out.add(
         "FSN131",
         span,
-        f"{name} {_short(text)!r} is no plain decimal number: {reads}",
+        f"{name} {_short(text)!r} is not a plain decimal number: {reads}",
         severity=Severity.WARNING if agree else Severity.ERROR,
         hint=f"write {meant}" if meant is not None else "write a whole number from 0 up",
     )
@@ -235,7 +235,7 @@ def _stoul(text: str) -> str:
 
 
 def read_frequency(params: Params, out: Collector) -> float:
-    """Return ``control_frequency`` in Hz: 100 when absent, 0 with FSN130 when it is none."""
+    """Return ``control_frequency`` in Hz: 100 when absent, 0 with FSN130 when impossible."""
     text = params.text("control_frequency")
     if text is None:
         return 100.0
@@ -248,7 +248,7 @@ def read_frequency(params: Params, out: Collector) -> float:
     out.add(
         "FSN130",
         params.span("control_frequency"),
-        f"control_frequency {_short(text)!r} is no possible frequency above zero",
+        f"control_frequency {_short(text)!r} is not a possible frequency above zero",
         hint=f"write {number.group()}" if possible and number else "write it in Hz, such as 1000",
     )
     return 0.0

@@ -70,7 +70,7 @@ class DriverSystem(Located):
         name: Name of the block.
         plugin: As written, or ``None``.
         master_id: Number of the EtherCAT master.
-        control_frequency: In Hz; 100 when absent, 0 when it is no possible frequency.
+        control_frequency: In Hz; 100 when absent, 0 when it is not a possible frequency.
         transfer_file: Text of ``transfer_config``, else of ``fsoe_config``, else ``None``.
         transfer_key: Which of the two it was.
         modules: All joints, then gpios, then sensors, each in document order.

@@ -127,7 +127,7 @@ def _child_environment() -> dict[str, str]:
 def _request(
     path: str, options: LoadOptions, shares: list[str], readable: list[str] | None
 ) -> dict[str, Any]:
-    """Return what the child is asked; ``readable`` is ``None`` for a trusted file."""
+    """Return the request to the child; ``readable`` is ``None`` for a trusted file."""
     given = os.environ if options.trust_xacro else options.xacro_env
     return {
         "file": path,

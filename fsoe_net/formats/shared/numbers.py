@@ -99,16 +99,16 @@ def _disputed(
     elif _LEADING_ZERO.match(text):
         return _leading_zero(text, node.span, out, what=what, reader=reader)
     elif _HEX.match(text):  # with 0X: all others are agreed on
-        _misread(text, node.span, out, what=what, mend="0x" + text[2:])
+        _misread(text, node.span, out, what=what, meant="0x" + text[2:])
     elif reader is Reader.ENDPOINT:
-        _misread(text, node.span, out, what=what, mend=_mend_of(text))
+        _misread(text, node.span, out, what=what, meant=_meant(text))
     elif any(d.code == "FSN111" and d.span == node.span for d in out.diagnostics):
         return None  # the schema has said so
     else:
         out.add(
             "FSN112" if re.search(r"[0-9]", text) else "FSN111",
             node.span,
-            f"{what} {text!r} is no integer",
+            f"{what} {text!r} is not an integer",
             hint=_hint_of(text, what, low, high),
         )
     return None
@@ -150,21 +150,21 @@ def _leading_zero(
     return octal if reader is Reader.SLAVE else decimal
 
 
-def _misread(text: str, span: Span, out: Collector, *, what: str, mend: str) -> None:
+def _misread(text: str, span: Span, out: Collector, *, what: str, meant: str) -> None:
     value = driver_endpoint_number(text)
     read = "throws an exception" if value is None else f"takes it for 0x{value:04x} ({value})"
     out.add(
         "FSN112",
         span,
         f"{what} {text!r} is misread by the driver, which {read}",
-        hint=f"write {mend}" if mend else "write it as 0x6000",
+        hint=f"write {meant}" if meant else "write it as 0x6000",
     )
 
 
 def _hint_of(text: str, what: str, low: int, high: int) -> str:
-    """Say how to write a number that is none: the one that was meant, or what is allowed."""
-    if mend := _mend_of(text):
-        return f"write {mend}"
+    """Say how to write what is not a number: the one that was meant, or what is allowed."""
+    if meant := _meant(text):
+        return f"write {meant}"
     if re.match(r"\s*0[xX]", text):
         return "hexadecimal digits are 0 … 9 and a … f"
     if what == "index":
@@ -173,7 +173,7 @@ def _hint_of(text: str, what: str, low: int, high: int) -> str:
     return f"write a whole number{span}"
 
 
-def _mend_of(text: str) -> str:
+def _meant(text: str) -> str:
     """Guess the number that was meant."""
     text = re.sub(r"(?<=[0-9a-fA-F])_(?=[0-9a-fA-F])", "", text)
     for pattern, base in (
@@ -230,7 +230,7 @@ def read_float(node: Node | None, out: Collector, *, what: str) -> float | None:
     out.add(
         "FSN111",
         node.span,
-        f"{what} {text!r} is no number",
+        f"{what} {text!r} is not a number",
         hint=hint,
     )
     return None

@@ -80,7 +80,7 @@ def xml_number(
         if len(out.diagnostics) >= _MOST_FINDINGS:
             return None
         shown = text if len(text) <= 40 else text[:37] + "..."
-        why = "is no number" if value is None else f"is outside {low} ... {high}"
+        why = "is not a number" if value is None else f"is outside {low} ... {high}"
         out.add(
             "FSN141",
             element.value_span,

@@ -78,14 +78,14 @@ class Pasted:
         if _LEFT_OUT.match(text):
             self.cut(line, f"{text[:20]!r} stands for lines that were left out")
         elif known and line.last:
-            self.cut(line, f"{text[:60]!r} is no whole line")
+            self.cut(line, f"{text[:60]!r} is not a whole line")
         elif known and self.last_good is not None and self._strange == 0:
             self._strange += 1
             shown = text if len(text) <= 60 else text[:57] + "..."
             self.out.add(
                 "FSN147",
                 line.span,
-                f"{shown!r} is no line of {what}",
+                f"{shown!r} is not a line of {what}",
                 hint="paste the output again, unchanged; this line was left out",
             )
 

@@ -18,7 +18,7 @@ STDOUT = "-"
 def write_whole(output: str | os.PathLike[str], data: bytes, *, overwrite: bool) -> None:
     """Write a file: one that a full disk cuts off must not replace a good one.
 
-    ``-`` is standard output. A link stays a link. What is no regular file, such as ``/dev/null``
+    ``-`` is standard output. A link stays a link. What is not a regular file, such as ``/dev/null``
     or a named pipe, is written to: giving its name to a new file would take it from every other
     program.
 

@@ -46,7 +46,7 @@ class Written:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CopyGroup:
-    """The copies of one MainInstance. ``main`` is ``None`` where the copies do not tell it."""
+    """The copies of one MainInstance. ``main`` is ``None`` where the copies do not show it."""
 
     name: str
     main: int | None
@@ -246,7 +246,7 @@ def copy_groups(
         main = next(iter(found)) if len(found) == 1 and frames else None
         if main is None and frames:
             notes.append(
-                f"net {name}: which SubDevice is the MainInstance is not told; add safety_master"
+                f"net {name}: which SubDevice is the MainInstance is not known; add safety_master"
             )
         groups.append(CopyGroup(name=name, main=main, copies=tuple(copies)))
     return tuple(groups)

@@ -222,7 +222,7 @@ class _Builder:
         raise _Refused
 
     def _doctype(self, *_arguments: object) -> None:
-        """Refuse the declaration; expat tells of it behind its name, so its start is searched."""
+        """Refuse the declaration; expat reports it behind its name, so its start is searched."""
         before = self._data[: self._parser.CurrentByteIndex]
         start = before.rfind(b"<!DOCTYPE")
         span = None
@@ -279,7 +279,7 @@ class _Builder:
 def xml_hint(
     error: expat.ExpatError, data: bytes, at: int, still_open: tuple[str, int] | None
 ) -> str:
-    """Name the mend for what expat stumbled over.
+    """Say how to fix what expat stumbled over.
 
     Args:
         error: What expat says.

@@ -84,7 +84,7 @@ class MapNode:
     place: int
     pairs: dict[str, Node] = field(default_factory=dict)
     key_places: list[int] = field(default_factory=list)  # in the order of ``pairs``
-    _spans: dict[str, Span] | None = None  # of the keys, once somebody has asked
+    _spans: dict[str, Span] | None = None  # of the keys, made on the first request
 
     @property
     def span(self) -> Span:
@@ -116,7 +116,7 @@ class MapNode:
         return Places(self.pairs)
 
     def maps(self, key: str) -> list[MapNode]:
-        """Return the maps in the list under a key; nothing when it is no list."""
+        """Return the maps in the list under a key; nothing when it is not a list."""
         node = self.pairs.get(key)
         if not isinstance(node, SeqNode):
             return []
@@ -136,7 +136,7 @@ Node = ScalarNode | SeqNode | MapNode
 
 
 class Places(Mapping[str, Span]):
-    """The place of each value of a map, made when it is asked for: most never are."""
+    """The place of each value of a map, made on request: most never are."""
 
     __slots__ = ("_pairs",)
 

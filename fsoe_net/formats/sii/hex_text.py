@@ -40,7 +40,7 @@ def binary_of(data: bytes) -> bytes:
     try:
         return bytes(int(w, 16) for w in words)
     except ValueError:
-        raise InputError("a word of the text is no byte in hexadecimal") from None
+        raise InputError("a word of the text is not a byte in hexadecimal") from None
 
 
 def _of_intel(lines: list[str]) -> bytes:
@@ -57,7 +57,7 @@ def _of_intel(lines: list[str]) -> bytes:
         except ValueError:
             row = b""
         if not line.startswith(":") or len(row) < 5 or len(row) != row[0] + 5:
-            raise InputError(f"line {number} is no whole record of Intel HEX")
+            raise InputError(f"line {number} is not a whole record of Intel HEX")
         if sum(row) & 0xFF:
             raise InputError(f"line {number}: the checksum of the record is wrong")
         kind, body = row[3], row[4:-1]
@@ -82,7 +82,7 @@ def _of_dump(lines: list[str]) -> bytes:
         match = _ROW.match(text)
         if match is None:
             if text:
-                raise InputError(f"line {number} is no line of a dump")
+                raise InputError(f"line {number} is not a line of a dump")
             continue
         at = int(match[1], 16)
         if repeated:

@@ -1,4 +1,4 @@
-"""Bodies of SII categories: strings, general, PDOs. What does not fit is told, never an exception.
+"""Bodies of SII categories: strings, general, PDOs. What does not fit is reported.
 
 A PDO is a header of 8 bytes and entries of 8 bytes each; strings are named by number:
 

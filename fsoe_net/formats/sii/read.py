@@ -279,7 +279,7 @@ def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out:
         image.fmmus = tuple(body)
     elif kind == _SM:
         image.managers = _sync_managers(body)
-        fault = "its length is no multiple of 8 bytes" if len(body) % 8 else ""
+        fault = "its length is not a multiple of 8 bytes" if len(body) % 8 else ""
     elif kind == _DC:
         rows = range(0, len(body) - 23, 24)
         image.assign_activate = tuple(int.from_bytes(body[n + 14 : n + 16], "little") for n in rows)

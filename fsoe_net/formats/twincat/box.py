@@ -247,7 +247,7 @@ class _BoxReader:
             self._add(
                 "FSN141",
                 self._own.span,
-                f"{key} {text[:40]!r} of {self.box_name()} is no number from 0 to {high}",
+                f"{key} {text[:40]!r} of {self.box_name()} is not a number from 0 to {high}",
                 hint="open the project in TwinCAT and save it again",
             )
             return None

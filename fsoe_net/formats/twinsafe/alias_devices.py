@@ -59,7 +59,7 @@ class Alias:
 
     @property
     def device(self) -> str:
-        """Name of the box that it was made of, where its name tells."""
+        """Name of the box that it was made of, where its name says it."""
         return self.name.partition(" - Module")[0]
 
     @property
