@@ -15,18 +15,18 @@ __all__ = ["HASH_BYTES", "RECORDS", "STRING_BYTES", "Field", "Record"]
 STRING_BYTES = 1
 HASH_BYTES = 32
 
-# Type: code of `struct`, and how the page calls it. A flag is bit 0 of its field.
-_TYPES = {
-    "u8": ("B", "u8"),
-    "u16": ("H", "u16"),
-    "u32": ("I", "u32"),
-    "u64": ("Q", "u64"),
-    "s64": ("q", "i64"),
-    "f64": ("d", "f64"),
-    "string": ("I", "string"),
-    "flag8": ("B", "u8"),
-    "flag16": ("H", "u16"),
-    "flag32": ("I", "u32"),
+# Type: code of `struct`. A flag is bit 0 of its field.
+_CODES = {
+    "u8": "B",
+    "u16": "H",
+    "u32": "I",
+    "u64": "Q",
+    "i64": "q",
+    "f64": "d",
+    "string": "I",
+    "flag8": "B",
+    "flag16": "H",
+    "flag32": "I",
 }
 RESERVED = "reserved"
 
@@ -42,12 +42,7 @@ class Field:
     @property
     def code(self) -> str:
         """The letter of `struct`."""
-        return _TYPES[self.type][0]
-
-    @property
-    def shown_type(self) -> str:
-        """The type as the page names it."""
-        return _TYPES[self.type][1]
+        return _CODES[self.type]
 
     @property
     def size(self) -> int:
@@ -57,12 +52,10 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """All records of one section: its number, what it is called, its fields."""
+    """All records of one section."""
 
     number: int
     name: str
-    title: str
-    plural: str
     fields: tuple[Field, ...]
 
     @property
@@ -82,9 +75,9 @@ class Record:
         return struct.Struct("<" + "".join(codes))
 
 
-def _record(number: int, name: str, title: str, plural: str, fields: str) -> Record:
+def _record(number: int, name: str, fields: str) -> Record:
     rows = (line.split(None, 2) for line in fields.strip().splitlines())
-    return Record(number, name, title, plural, tuple(Field(*row) for row in rows))
+    return Record(number, name, tuple(Field(*row) for row in rows))
 
 
 _SUBDEVICE = """
@@ -135,7 +128,7 @@ _SDO = """
     u8     subindex        subindex
     u8     size_bytes      size in bytes: 1, 2, 4 or 8
     u32    reserved        reserved, 0
-    s64    value           value, sign-extended
+    i64    value           value, sign-extended
 """
 _SYMBOL = """
     string name            name, unique: `subdevice.interface`, else `subdevice.0x6010:01`
@@ -183,13 +176,13 @@ _CONNECTION = """
     u32    reserved        reserved, 0
 """
 RECORDS = (
-    _record(1, "subdevice", "SubDevice", "SubDevices", _SUBDEVICE),
-    _record(2, "sm", "Sync manager", "sync managers", _SYNC_MANAGER),
-    _record(3, "pdo", "PDO", "PDOs", _PDO),
-    _record(4, "entry", "Entry", "entries", _ENTRY),
-    _record(5, "sdo", "Start-up SDO", "start-up SDOs", _SDO),
-    _record(6, "symbol", "Symbol", "symbols", _SYMBOL),
-    _record(7, "block", "FSoE block", "FSoE blocks", _BLOCK),
-    _record(8, "copy", "Copy", "copies", _COPY),
-    _record(9, "connection", "Connection", "connections", _CONNECTION),
+    _record(1, "subdevice", _SUBDEVICE),
+    _record(2, "sm", _SYNC_MANAGER),
+    _record(3, "pdo", _PDO),
+    _record(4, "entry", _ENTRY),
+    _record(5, "sdo", _SDO),
+    _record(6, "symbol", _SYMBOL),
+    _record(7, "block", _BLOCK),
+    _record(8, "copy", _COPY),
+    _record(9, "connection", _CONNECTION),
 )

@@ -6,6 +6,7 @@ import hashlib
 import random
 import struct
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.compile import compile_plan, stop_value
 from fsoe_net.plan.image import igh_image
-from fsoe_net.plan.model import Plan
+from fsoe_net.plan.model import Plan, PlanSdo
 from fsoe_net.plan.show import plan_json, plan_text
 from fsoe_net.project.check import check_files
 
@@ -43,6 +44,22 @@ def test_golden_bytes(name: str):
 def test_decode_is_the_inverse(name: str):
     plan = compile_plan(example(name))
     assert decode_plan(plan.to_bytes()) == plan
+
+
+@pytest.mark.parametrize(
+    ("value", "back"),
+    [(-1, -1), (-(1 << 63), -(1 << 63)), ((1 << 63) - 1, (1 << 63) - 1), ((1 << 64) - 1, -1)],
+)
+def test_the_value_of_an_sdo_has_64_bits_with_or_without_a_sign(value: int, back: int):
+    plan = compile_plan(example("estop"))
+    first, *others = plan.subdevices
+    last = replace(others[-1], first_sdo=0, sdo_count=1)
+    sdo = PlanSdo(index=0x8000, subindex=1, size_bytes=8, value=value)
+    plan = replace(plan, subdevices=(first, *others[:-1], last), sdos=(sdo,))
+    data = plan.to_bytes()
+    assert (back & 0xFFFFFFFFFFFFFFFF).to_bytes(8, "little") in data
+    assert decode_plan(data) == replace(plan, sdos=(replace(sdo, value=back),))
+    CorePlan.load(data)
 
 
 @pytest.mark.parametrize(
