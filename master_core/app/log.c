@@ -38,7 +38,7 @@ static struct {
     pthread_mutex_t lock; /**< held for what does not wait only */
     bool known;
     bool socket; /**< send() leaves the waiting to us */
-    bool polled; /**< nothing else says whether it would wait: ask before each piece */
+    bool polled; /**< nothing else says whether it would wait: polled before each piece */
     int fd;
     char *rest; /**< of a line that was taken in part, or NULL */
     size_t rest_bytes, rest_at;

@@ -1,4 +1,4 @@
-/** The life of the program: opening, running, stopping, as clients, signals and time ask for. */
+/** The life of the program: opening, running, stopping, as clients, signals and time require. */
 #ifndef FSN_APP_MASTER_H
 #define FSN_APP_MASTER_H
 

@@ -69,7 +69,7 @@ static bool is_ours(const struct exchange *x) {
 
 /** Sends and waits for the SDO that answers.
  *  @param[in] named  whether the answer names the object; those to segments do not. */
-static fsn_status ask(struct exchange *x, bool named) {
+static fsn_status exchange_sdo(struct exchange *x, bool named) {
     if (!x->mailbox->send(x->mailbox->context, x->request)) {
         return FSN_E_BUS_MISSING;
     }
@@ -118,7 +118,7 @@ static bool goes_on(const struct fsn_transfer *t) {
 static fsn_status take_segment(struct exchange *x, uint32_t *done, uint32_t size, bool toggle,
                                bool *last) {
     begin(x, SDO_BYTES)[0] = (uint8_t)(UPLOAD_SEGMENT | (toggle ? TOGGLE : 0));
-    const fsn_status status = ask(x, false);
+    const fsn_status status = exchange_sdo(x, false);
     if (status != FSN_OK) {
         return status;
     }
@@ -159,7 +159,7 @@ fsn_status fsn_sdo_upload(const struct fsn_mailbox *mailbox, struct fsn_transfer
         return FSN_E_ABSENT;
     }
     (void)begin_object(&x, UPLOAD, 0);
-    const fsn_status status = ask(&x, true);
+    const fsn_status status = exchange_sdo(&x, true);
     if (status != FSN_OK) {
         return status;
     }
@@ -201,7 +201,7 @@ static fsn_status give_segments(struct exchange *x, uint32_t done) {
         uint8_t *sdo = begin(x, 1 + shown);
         sdo[0] = (uint8_t)((toggle ? TOGGLE : 0) | (now == left ? 1 : 0) | (shown - now) << 1);
         memcpy(sdo + 1, t->data + done, now);
-        const fsn_status status = ask(x, false);
+        const fsn_status status = exchange_sdo(x, false);
         if (status != FSN_OK) {
             return status;
         }
@@ -231,7 +231,7 @@ fsn_status fsn_sdo_download(const struct fsn_mailbox *mailbox, struct fsn_transf
         fsn_put32(sdo + 4, size);
         memcpy(sdo + SDO_BYTES, transfer->data, now);
     }
-    const fsn_status status = ask(&x, true);
+    const fsn_status status = exchange_sdo(&x, true);
     if (status != FSN_OK) {
         return status;
     }

@@ -44,7 +44,7 @@ static void note_errors(struct fsn_igh *bus, struct igh_node *node, const uint8_
     pthread_mutex_unlock(&bus->all.lock);
 }
 
-static void ask(struct igh_node *node, enum igh_register what, uint64_t now_ns) {
+static void request_register(struct igh_node *node, enum igh_register what, uint64_t now_ns) {
     int result = 0;
     if (what == IGH_REG_AL) {
         result = ecrt_reg_request_read(node->request, REG_STATUS, IGH_AL_BYTES);
@@ -69,7 +69,7 @@ static void poll_registers(struct fsn_igh *bus, struct igh_node *node, bool leav
     if (node->requested != IGH_REG_NONE && state == EC_REQUEST_BUSY) {
         /* The same again: should it be answered after all, the answer fits. */
         if (now_ns - node->known.requested_ns > STUCK_NS) {
-            ask(node, node->requested, now_ns);
+            request_register(node, node->requested, now_ns);
         }
         return;
     }
@@ -79,9 +79,10 @@ static void poll_registers(struct fsn_igh *bus, struct igh_node *node, bool leav
         note_errors(bus, node, ecrt_reg_request_data(node->request));
     }
     if (leaving) {
-        ask(node, node->requested == IGH_REG_CONTROL ? IGH_REG_AL : IGH_REG_CONTROL, now_ns);
+        request_register(node, node->requested == IGH_REG_CONTROL ? IGH_REG_AL : IGH_REG_CONTROL,
+                         now_ns);
     } else {
-        ask(node, node->requested == IGH_REG_AL ? IGH_REG_ERRORS : IGH_REG_AL, now_ns);
+        request_register(node, node->requested == IGH_REG_AL ? IGH_REG_ERRORS : IGH_REG_AL, now_ns);
     }
 }
 
@@ -215,7 +216,7 @@ static void lose_silent(struct fsn_igh *bus) {
 
 /* -- leaving -------------------------------------------------------------------------------- */
 
-/** ecrt.h has no way to ask for a state below OP: deactivation is all it offers, and that ends the
+/** ecrt.h has no way to request a state below OP: deactivation is all it offers, and that ends the
  *  exchange of process data at once. So AL control is written through a register request while the
  *  cycle goes on, and AL status is read back. IgH sees a SubDevice that is not where it brought it
  * and will bring it up anew, from INIT on; seen once outside OP is therefore enough, and the caller

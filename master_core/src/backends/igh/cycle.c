@@ -87,7 +87,7 @@ static void count_silence(struct fsn_igh *bus) {
  *  follows it. */
 static void read_clock(struct fsn_igh *bus, struct fsn_bus_input *input) {
     uint32_t low = 0;
-    if (!bus->dc_asked || ecrt_master_reference_clock_time(bus->master, &low) != 0) {
+    if (!bus->dc_requested || ecrt_master_reference_clock_time(bus->master, &low) != 0) {
         return;
     }
     const int32_t apart = (int32_t)(low - (uint32_t)bus->app_ns);
@@ -132,7 +132,7 @@ static void tell_time(struct fsn_igh *bus) {
                                        : bus->app_ns + (now_ns - bus->app_set_ns);
     bus->app_set_ns = now_ns;
     (void)ecrt_master_application_time(bus->master, bus->app_ns);
-    bus->dc_asked =
+    bus->dc_requested =
         bus->dc_every > 0 && bus->dc_left == 0 && ecrt_master_sync_slave_clocks(bus->master) == 0;
     bus->dc_left = bus->dc_left > 0 ? bus->dc_left - 1 : bus->dc_every - (bus->dc_every > 0);
 }

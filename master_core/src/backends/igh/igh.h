@@ -74,7 +74,7 @@ struct fsn_igh {
 
     /* Of the cyclic thread. */
     uint32_t dc_left;
-    bool sent, dc_asked;
+    bool sent, dc_requested;
     bool uses_time;      /**< somebody needs the time of the application */
     uint64_t app_ns;     /**< time of the application in the last send() */
     uint64_t app_set_ns; /**< CLOCK_MONOTONIC of that */

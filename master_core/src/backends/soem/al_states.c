@@ -223,7 +223,7 @@ static void keep_reference(struct fsn_soem *bus) {
 /* -- towards a state
  * -------------------------------------------------------------------------------- */
 
-static void ask(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t now_ns) {
+static void request_state(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_t now_ns) {
     ec_slavet *s = &bus->slaves[node->slave];
     s->state = (uint16)(state | EC_STATE_ACK);
     ecx_writestate(&bus->context, node->slave);
@@ -257,7 +257,7 @@ static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_
     if (state == FSN_AL_INIT || state == FSN_AL_BOOT) {
         node->configured = false;
         if (state == FSN_AL_BOOT) {
-            ask(bus, node, FSN_AL_INIT, now_ns);
+            request_state(bus, node, FSN_AL_INIT, now_ns);
             return;
         }
         soem_prepare_mailbox(bus, node->slave);
@@ -267,10 +267,11 @@ static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_
         return;
     }
     if (state == FSN_AL_SAFEOP && !node->configured) {
-        ask(bus, node, FSN_AL_PREOP, now_ns); /* it came back without losing power: all anew */
+        request_state(bus, node, FSN_AL_PREOP,
+                      now_ns); /* it came back without losing power: all anew */
         return;
     }
-    ask(bus, node, above(state), now_ns);
+    request_state(bus, node, above(state), now_ns);
 }
 
 /** Returns whether the SubDevice is where it shall be. */
@@ -302,9 +303,9 @@ static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint
         return false;
     }
     if (state > goal) {
-        ask(bus, node, goal, now_ns);
+        request_state(bus, node, goal, now_ns);
     } else if (error) {
-        ask(bus, node, state, now_ns); /* acknowledges the error */
+        request_state(bus, node, state, now_ns); /* acknowledges the error */
     } else {
         lift(bus, node, state, now_ns);
     }

@@ -56,7 +56,7 @@ void fsn_bus_view_attach(struct fsn_bus_view *view, struct fsn_core *core) {
     free_images(view);
     view->core = core;
     if (core != NULL && !make_images(view, core)) {
-        view->core = NULL; /* as good as stopped for those who ask */
+        view->core = NULL; /* the bus counts as stopped then */
     }
     fsn_outputs_attach(view->outputs, view->core);
     memset(view->subdevice, 0, fsn_plan_subdevice_count(view->plan) * sizeof *view->subdevice);
