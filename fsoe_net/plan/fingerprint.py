@@ -1,7 +1,7 @@
 """The fingerprint of a plan: SHA-256 over a canonical text of everything safety-relevant in it.
 
 The text is described line by line in ``docs/reference/fingerprint.md``; the C core makes the same
-from the tables it has loaded (``master_core/src/fingerprint.c``), and neither asks the other.
+from the tables it has loaded (``master_core/src/plan/fingerprint.c``), and neither asks the other.
 """
 
 from __future__ import annotations
