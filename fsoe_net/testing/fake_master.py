@@ -10,9 +10,12 @@ import socket
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+
+from fsoe_net.core.snapshot import Statistics
 
 __all__ = ["FakeMaster"]
 
@@ -36,15 +39,8 @@ _HISTOGRAM: Row = {
     "percentiles_ns": {"p50": 1_000_000, "p99": 1_010_000, "p999": 1_010_000},
     "buckets": [[917_504, 2]],
 }  # fmt: skip
-_COUNTERS = (
-    "cycles", "overruns", "wkc_errors", "lost_frames", "old_replies", "foreign_frames",
-    "unsent_frames", "send_errno",
-    "bytes_copied", "now_ns", "dc_time_ns", "events_lost", "expected_wkc", "actual_wkc", "copies",
-    "merged_copies",
-)  # fmt: skip
-_TIMES = ("latency", "period", "work", "copy", "round_trip", "dc_offset")
-STATISTICS: Row = dict.fromkeys(_COUNTERS, 0) | dict.fromkeys(_TIMES, _HISTOGRAM)
-STATISTICS |= {"realtime": True, "locked": True}
+_VALUES = {"int": 0, "bool": True, "Histogram": _HISTOGRAM}
+STATISTICS: Row = {f.name: _VALUES[str(f.type)] for f in fields(Statistics)}
 SUBDEVICE: Row = {
     "name": "drive_1", "alias": 0, "position": 0, "known": True, "al": "OP", "al_code": 0,
     "found_text": "the planned one", "detail": "", "vendor_id": 2, "product_code": 3,
