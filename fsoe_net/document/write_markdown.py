@@ -36,10 +36,12 @@ MARKS = {
 def document_markdown(document: Document) -> str:
     """Return the document as Markdown text."""
     d = document
-    made = [w for w in (_words(d.subtitle), f"made with fsoe-net {_words(d.version)}") if w]
-    if d.seal:
-        made.insert(1, f"fingerprint {_code(d.seal)}")
-    lines = [f"# {_words(d.title)}", "", ", ".join(made), ""]
+    facts = [
+        _words(d.subtitle),
+        f"fingerprint {_code(d.seal)}" if d.seal else "",
+        f"made with fsoe-net {_words(d.version)}" if d.version else "",
+    ]
+    lines = [f"# {_words(d.title)}", "", ", ".join(fact for fact in facts if fact), ""]
     if d.verdict is not None:
         lines += [f"**{_inline(d.verdict)}**", ""]
     for part in d.lead:
@@ -70,7 +72,7 @@ def _part(part: Part, *, depth: int) -> list[str]:
 def _running(items: Sequence[Item]) -> str:
     """Return running text; what begins it does not make a heading, a list or a quotation of it."""
     text = "".join(_inline(i) for i in items)
-    return re.sub(r"^(\s*)([-+>]|\d+(?=[.)]))", r"\1\\\2", text)
+    return re.sub(r"^(\s*\d*)([-+>.)])", r"\1\\\2", text)
 
 
 def _table(table: Table) -> list[str]:
