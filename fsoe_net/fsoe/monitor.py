@@ -50,11 +50,17 @@ class OutsideState(enum.IntEnum):
         return self.name.lower()
 
     @property
+    def text(self) -> str:
+        """The words of `fsn-master` in replies, events and incident files: ``process data``."""
+        return _TEXTS.get(self.name, self.word)
+
+    @property
     def in_data(self) -> bool:
         """Whether it is Data, with ProcessData or FailSafeData."""
         return self in (OutsideState.DATA_FAILSAFE, OutsideState.DATA_PROCESS)
 
 
+_TEXTS = {"DATA_FAILSAFE": "failsafe data", "DATA_PROCESS": "process data"}
 _DATA = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _LAGGING = (
     (Command.RESET, OutsideState.RESET),

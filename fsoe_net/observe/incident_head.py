@@ -7,6 +7,7 @@ import binascii
 import hashlib
 
 from fsoe_net.errors import PlanFormatError
+from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.observe.bus_documents import (
     read_connections,
     read_layout,
@@ -109,7 +110,7 @@ def _trigger(row: JsonObject) -> Trigger:
 
 def _state(word: str) -> str:
     """Return a state word of ours for one of `fsn-master`."""
-    return {"process data": "data_process", "failsafe data": "data_failsafe"}.get(word, word)
+    return {state.text: state.word for state in OutsideState}.get(word, word)
 
 
 def _event(row: JsonObject) -> IncidentEvent:

@@ -77,7 +77,9 @@ def fingerprint(inputs: ReportInputs) -> ReportSection:
         title=title,
         parts=(
             Paragraph((Text(_MADE_FROM),)),
-            Table(name="fingerprint", columns=(Column("Section"), Column("Hash")), rows=tuple(rows)),
+            Table(
+                name="fingerprint", columns=(Column("Section"), Column("Hash")), rows=tuple(rows)
+            ),
         ),
         points=(
             Point(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot
+from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.fsoe.pdu import Command, reset_code_text
 from fsoe_net.run.result import ConnectionResult, RunEvent, state_text
 
@@ -15,7 +16,7 @@ __all__ = ["ENDS", "BusEvents", "PlannedConnection", "connection_result"]
 
 ENDS = {"main": "MainInstance", "sub": "SubInstance"}
 _MAX_EVENTS = 20_000
-_DATA = {"failsafe data": "data_failsafe", "process data": "data_process"}
+_DATA = {state.text: state.word for state in OutsideState if state.in_data}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,7 @@ def snapshot_json(snapshot: Snapshot, plan: Plan) -> dict[str, Any]:
             "main": plan.subdevices[row.main].name,
             "sub": plan.subdevices[row.sub].name,
             "outside": seen.state.value,
-            "state": seen.state.word,
+            "state": seen.state.text,
             "gaps": seen.gaps,
             "to_sub": _direction(seen.to_sub),
             "to_main": _direction(seen.to_main),

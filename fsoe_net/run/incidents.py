@@ -180,11 +180,11 @@ class IncidentRecorder:
         left = event.before.in_data and not event.after.in_data
         keys: dict[str, Any] = {
             "connection": name,
-            "before": event.before.word,
-            "after": event.after.word,
+            "before": event.before.text,
+            "after": event.after.text,
         }
         reset = event.after is OutsideState.RESET and bool(event.by)
-        text = f"connection {name}: {event.before.word} -> {event.after.word}"
+        text = f"connection {name}: {event.before.text} -> {event.after.text}"
         if reset:
             code = reset_code_text(event.reset_code)
             keys |= {"reset_by": event.by, "reset_code": event.reset_code, "reset_text": code}
@@ -202,7 +202,7 @@ class IncidentRecorder:
         for number, row in enumerate(snapshot.connections):
             if row.state.in_data or number in self._had_data:
                 continue
-            text = f"connection {names[number]} is in {row.state.word}, not in Data"
+            text = f"connection {names[number]} is in {row.state.text}, not in Data"
             never = CoreEvent(
                 now_ns=now_ns,
                 connection=number,
@@ -239,7 +239,7 @@ class IncidentRecorder:
         }
         if event is not None:
             trigger["connection"] = session.plan.connection_names[event.connection]
-            trigger |= {"before": event.before.word, "after": event.after.word}
+            trigger |= {"before": event.before.text, "after": event.after.text}
             if event.by and event.after is OutsideState.RESET:
                 trigger |= {
                     "reset_by": event.by,
