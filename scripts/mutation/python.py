@@ -41,7 +41,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "plan": ("plan", "core/test_core_plan.py", "cli/test_fingerprint.py", "cli/test_accept.py"),
     "fsoe": ("fsoe", "core/test_monitor.py"),
     "timing": ("timing", "diagnostics", "cli/test_timing.py"),
-    "formats": ("load", "save", "diagnostics", "cli/test_convert.py", "cli/test_write.py"),
+    "formats": ("formats", "diagnostics", "cli/test_convert.py", "cli/test_write.py"),
     "project": ("cli", "report", "test_library.py"),
     "model": ("model", "diagnostics", "rules", "cli/test_init.py"),
     "report": ("report", "cli/test_report.py", "cli/test_report_protocol.py", "cli/test_diff.py"),

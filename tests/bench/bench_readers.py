@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_files import DATA
 from described import bus
-from load.texts import PDOS
+from formats.texts import PDOS
 
 from fsoe_net.formats.eni.read import load_eni
 from fsoe_net.formats.eni.write import write_eni

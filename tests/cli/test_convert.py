@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from load.startup import LOGIC, TERMINAL, Startup, startup
-from load.texts import XML
+from formats.startup import LOGIC, TERMINAL, Startup, startup
+from formats.texts import XML
 from networks import PLAIN
 from observe.traffic import Bus
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 from cli.tool import fsn
-from load.texts import TWO_PDOS
+from formats.texts import TWO_PDOS
 from networks import PLAIN
 
 ROOT = Path(__file__).parents[2]

@@ -19,11 +19,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
 
+from formats import texts, twincat_text
+from formats.sii_image import category, image, strings
+from formats.startup import startup
 from fsoe.pair import Bench
 from fsoe.recorded import own_run, recording_text
-from load import texts, twincat_text
-from load.sii_image import category, image, strings
-from load.startup import startup
 
 from fsoe_net.core.core import CorePlan
 from fsoe_net.core.scan import Scanner
@@ -64,7 +64,8 @@ __all__ = ["TARGETS", "Target", "mutated"]
 ROOT = Path(__file__).parents[2]
 ESTOP = ROOT / "examples" / "estop"
 EL6910 = ROOT / "examples" / "el6910"
-URDF = ROOT / "tests" / "load" / "urdf"
+URDF = ROOT / "tests" / "formats" / "urdf"
+ESI = URDF.with_name("esi")
 CASES = ROOT / "tests" / "diagnostics" / "base"
 
 
@@ -344,7 +345,9 @@ TARGETS = {
     "hex": Target(run=_hex, seeds=_hexes),
     "capture": Target(run=_capture, seeds=_captures),
     "startup": Target(run=_startup, seeds=_startups),
-    "esi": Target(run=_esi, seeds=_files(*sorted((ROOT / "tests" / "load" / "esi").glob("*.xml")))),
+    "esi": Target(
+        run=_esi, seeds=_files(*sorted(ESI.glob("*.xml")))
+    ),
     "sii": Target(run=_sii, seeds=_siis),
     "eni": Target(run=_eni, seeds=_files(CASES / "bus.eni.xml")),
     "igh-text": Target(

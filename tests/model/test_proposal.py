@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from load.test_other_tools import TWINSAFE
+from formats.test_other_tools import TWINSAFE
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.own.library import builtin_library

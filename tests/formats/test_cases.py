@@ -2,7 +2,7 @@
 
 `cases.yaml` holds what is changed (each pair: text to find, text to put there; the first only) and
 all that is said: findings with place and hint, notes of SubDevices. Run this file to write it anew,
-and read the difference: ``PYTHONPATH=tests python tests/load/test_cases.py``.
+and read the difference: ``PYTHONPATH=tests python tests/formats/test_cases.py``.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import pytest
 import yaml
 from cases_file import write_cases
 from described import bus
-from load.esi_text import esi_text, module_text
-from load.texts import CONFIG, LCEC, PDOS, ROS_SLAVES, SLAVES, SOEM, TWINSAFE, XML, cstruct
-from load.twincat_text import alias, box, machine
+from formats.esi_text import esi_text, module_text
+from formats.texts import CONFIG, LCEC, PDOS, ROS_SLAVES, SLAVES, SOEM, TWINSAFE, XML, cstruct
+from formats.twincat_text import alias, box, machine
 
 from fsoe_net.formats.eni.read import load_eni
 from fsoe_net.formats.eni.write import write_eni

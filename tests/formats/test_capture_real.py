@@ -136,7 +136,7 @@ def captured(who, where, network, path):
     if reason := missing():
         pytest.skip(reason)
     for _ in range(ATTEMPTS):
-        done = run_program("load/capture_rig.py", who, where, network, path)
+        done = run_program("formats/capture_rig.py", who, where, network, path)
         if done.returncode == 0:
             return json.loads(done.stdout.splitlines()[-1])
     pytest.fail(f"{ATTEMPTS} times: {done.stderr}")

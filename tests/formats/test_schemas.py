@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import yaml
 from data_files import ROOT
+from formats.inventions import documents
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
-from load.inventions import documents
 from referencing import Registry, Resource
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity

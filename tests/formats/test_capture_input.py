@@ -7,7 +7,7 @@ import struct
 import tracemalloc
 
 import pytest
-from load.startup import (
+from formats.startup import (
     FPWR,
     FRAMES,
     IN_START,

@@ -6,8 +6,8 @@ import struct
 from pathlib import Path
 
 import pytest
-from load.sii_image import category, image
-from load.texts import PDOS, SLAVES
+from formats.sii_image import category, image
+from formats.texts import PDOS, SLAVES
 
 from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.registry import read_foreign

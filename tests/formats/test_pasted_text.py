@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from data_files import need
-from load.texts import (
+from formats.texts import (
     CONFIG,
     DOMAINS,
     PDOS,

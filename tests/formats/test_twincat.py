@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from load import twincat_text as tc
+from formats import twincat_text as tc
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.recognise import find_format

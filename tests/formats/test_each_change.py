@@ -9,9 +9,9 @@ from pathlib import Path
 import changed
 import pytest
 from diagnostics.test_cases import HERE
-from load.test_answers import GOOD as ANSWERS
-from load.test_cases import KINDS
-from load.texts import DOMAINS, SLAVES_V
+from formats.test_answers import GOOD as ANSWERS
+from formats.test_cases import KINDS
+from formats.texts import DOMAINS, SLAVES_V
 from said import Said
 
 from fsoe_net.formats.capture.read import load_capture

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 
-from load.sii_image import category, image, strings
+from formats.sii_image import category, image, strings
 from observe.traffic import Bus, datagram, packet
 
 APRD, APWR, FPRD, FPWR, BRD, BWR, LRW = 1, 2, 4, 5, 7, 8, 12

@@ -8,8 +8,8 @@ import os
 import struct
 
 import pytest
-from load.startup import BRD, FPRD, FPWR, LOGIC, TERMINAL, Startup, sii
-from load.test_capture_input import described, expected, layout, read
+from formats.startup import BRD, FPRD, FPWR, LOGIC, TERMINAL, Startup, sii
+from formats.test_capture_input import described, expected, layout, read
 from observe.traffic import datagram, packet
 
 from fsoe_net.formats.capture import read as capture

@@ -10,7 +10,7 @@ import changed
 import pytest
 from described import bus
 from diagnostics.test_cases import HERE
-from load.texts import LCEC
+from formats.texts import LCEC
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.eni.read import load_eni
@@ -97,4 +97,4 @@ def test_each_change(name: str, way: str, tmp_path: Path, monkeypatch: pytest.Mo
             file.write_text(text, "utf-8")
             yield change, changed.whole(write(read_at))
 
-    changed.compare(__file__, f"{name}-{way}", results())
+    changed.compare(__file__, f"written-{name}-{way}", results())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from data_files import need
-from load.texts import LCEC, ROS_SLAVES, TWINSAFE
+from formats.texts import LCEC, ROS_SLAVES, TWINSAFE
 
 from fsoe_net.formats.lcec.read import load_lcec
 from fsoe_net.formats.ros_slaves.read import load_ros_slaves

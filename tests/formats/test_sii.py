@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 from data_files import listed, need
 from described import described_devices
+from formats.sii_image import category, image, image_of, strings
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from load.sii_image import category, image, image_of, strings
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector

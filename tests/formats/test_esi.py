@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from data_files import listed, need
 from described import described_devices
+from formats.esi_text import device_text, esi_text, module_text
 from hypothesis import given, settings
-from load.esi_text import device_text, esi_text, module_text
 
 from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
 from fsoe_net.formats.shared.files import Collector

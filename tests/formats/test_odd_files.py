@@ -8,7 +8,7 @@ import random
 import zipfile
 
 import pytest
-from load.sii_image import category, image
+from formats.sii_image import category, image
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.recognise import find_format

@@ -8,7 +8,7 @@ import json
 
 import pytest
 from bench.big_esi import write_big_esi
-from load.esi_text import esi_text, module_text
+from formats.esi_text import esi_text, module_text
 
 from fsoe_net.formats.esi import read as esi_module
 from fsoe_net.formats.esi.cache import cache_folder
