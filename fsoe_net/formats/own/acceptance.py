@@ -14,7 +14,7 @@ from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
-from fsoe_net.formats.shared.numbers import Reader, read_int
+from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
 from fsoe_net.model.acceptance import (
     Acceptance,
@@ -121,7 +121,7 @@ def _map(node: MapNode, key: str) -> MapNode:
 
 
 def _count(node: MapNode, key: str, out: Collector) -> int:
-    return read_int(node.get(key), out, what=key, low=0, high=_MANY, reader=Reader.OWN) or 0
+    return own_int(node, key, _MANY, out) or 0
 
 
 def _hash(node: MapNode, key: str, out: Collector) -> str:

@@ -6,7 +6,7 @@ import os
 
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.numbers import Reader, read_int
+from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, parse_yaml
 from fsoe_net.model.answers import AnsweredConnection, AnsweredDevice, AnsweredWord, Answers
 
@@ -45,7 +45,7 @@ def parse_answers(data: bytes, file: str, out: Collector) -> Answers | None:
         span=root.span,
         fields=root.places(),
         name=root.text("name") or "",
-        cycle_us=_int(root, "cycle_us", 4_000_000, out, low=1),
+        cycle_us=own_int(root, "cycle_us", 4_000_000, out, low=1),
         subdevices=tuple(_device(n, out) for n in root.maps("subdevices")),
         main=None if main is None else tuple(_words(main)),
         process_data=_by_name(root, "process_data"),
@@ -60,9 +60,9 @@ def _device(node: MapNode, out: Collector) -> AnsweredDevice:
         fields=node.places(),
         type=(node.text("type") or "").strip(),
         name=(node.text("name") or "").strip(),
-        count=_int(node, "count", _MOST, out, low=1) or 1,
-        position=_int(node, "position", _U16, out),
-        revision=_int(node, "revision", _U32, out),
+        count=own_int(node, "count", _MOST, out, low=1) or 1,
+        position=own_int(node, "position", _U16, out),
+        revision=own_int(node, "revision", _U32, out),
     )
 
 
@@ -72,11 +72,11 @@ def _connection(node: MapNode, out: Collector) -> AnsweredConnection:
         fields=node.places(),
         sub=node.text("sub") or "",
         main=node.text("main"),
-        slot=_int(node, "slot", 255, out),
-        sub_slot=_int(node, "sub_slot", 255, out),
-        address=_int(node, "address", _U16, out),
-        connection_id=_int(node, "connection_id", _U16, out),
-        watchdog_ms=_int(node, "watchdog_ms", _U16, out),
+        slot=own_int(node, "slot", 255, out),
+        sub_slot=own_int(node, "sub_slot", 255, out),
+        address=own_int(node, "address", _U16, out),
+        connection_id=own_int(node, "connection_id", _U16, out),
+        watchdog_ms=own_int(node, "watchdog_ms", _U16, out),
     )
 
 
@@ -98,7 +98,3 @@ def _by_name(root: MapNode, key: str) -> dict[str, AnsweredWord]:
         for name, value in node.pairs.items()
         if isinstance(value, ScalarNode)
     }
-
-
-def _int(node: MapNode, key: str, high: int, out: Collector, *, low: int = 0) -> int | None:
-    return read_int(node.get(key), out, what=key, low=low, high=high, reader=Reader.OWN)

@@ -12,7 +12,7 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
+from fsoe_net.formats.shared.numbers import own_int, read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.library import (
@@ -133,8 +133,8 @@ def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
             span=row.span,
             fields=row.places(),
             order=row.text("order") or "",
-            vendor_id=_int(row, "vendor_id", _U32, out) or 0,
-            product_code=_int(row, "product_code", _U32, out) or 0,
+            vendor_id=own_int(row, "vendor_id", _U32, out) or 0,
+            product_code=own_int(row, "product_code", _U32, out) or 0,
         )
         for row in root.maps("identities")
     )
@@ -169,29 +169,29 @@ def _mapping(node: MapNode, out: Collector) -> LibraryMapping:
             LibraryFrame(
                 span=row.span,
                 fields=row.places(),
-                sm_index=_int(row, "sm", 15, out) or 0,
-                byte_offset=_int(row, "byte", _U16, out) or 0,
-                frame_bytes=_int(row, "frame_bytes", _U8, out) or 0,
-                safe_bytes=_int(row, "safe_bytes", _U8, out) or 0,
+                sm_index=own_int(row, "sm", 15, out) or 0,
+                byte_offset=own_int(row, "byte", _U16, out) or 0,
+                frame_bytes=own_int(row, "frame_bytes", _U8, out) or 0,
+                safe_bytes=own_int(row, "safe_bytes", _U8, out) or 0,
             )
             for row in node.maps("frames")
         ),
         restart_relevant=_addresses(node, out),
-        revision_from=_int(node, "revision_from", _U32, out),
-        revision_to=_int(node, "revision_to", _U32, out),
-        module_ident=_int(node, "module_ident", _U32, out),
+        revision_from=own_int(node, "revision_from", _U32, out),
+        revision_to=own_int(node, "revision_to", _U32, out),
+        module_ident=own_int(node, "module_ident", _U32, out),
         notes=_texts(node, "notes"),
     )
 
 
 def _manager(node: MapNode, out: Collector) -> SyncManager:
-    front = _int(node, "first_byte", _U16, out) or 0
+    front = own_int(node, "first_byte", _U16, out) or 0
     padding = Entry(span=node.at("first_byte"), index=0, subindex=0, bits=8)
     unknown = (Pdo(span=node.at("first_byte"), index=0, entries=(padding,) * front),)
     return SyncManager(
         span=node.span,
         fields=node.places(),
-        index=_int(node, "sm", 15, out) or 0,
+        index=own_int(node, "sm", 15, out) or 0,
         direction=Direction(node.text("direction") or "output"),
         carries=None,
         pdos=(unknown if front else ())
@@ -199,7 +199,7 @@ def _manager(node: MapNode, out: Collector) -> SyncManager:
             Pdo(
                 span=row.span,
                 fields=row.places(),
-                index=_int(row, "index", _U16, out) or 0,
+                index=own_int(row, "index", _U16, out) or 0,
                 entries=_entries(row, out),
             )
             for row in node.maps("pdos")
@@ -254,10 +254,6 @@ def _figure(node: MapNode, out: Collector) -> LibraryFigure:
         value=read_float(node.get("value"), out, what="value") or 0.0,
         source=node.text("source") or "",
     )
-
-
-def _int(node: MapNode, key: str, high: int, out: Collector) -> int | None:
-    return read_int(node.get(key), out, what=key, low=0, high=high, reader=Reader.OWN)
 
 
 def _texts(node: MapNode, key: str) -> tuple[str, ...]:

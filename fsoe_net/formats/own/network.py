@@ -25,7 +25,7 @@ from fsoe_net.formats.own.schema import (
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
+from fsoe_net.formats.shared.numbers import own_int, read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.layout import layout_of
@@ -232,11 +232,8 @@ class _Assembly:
     def _subdevice(self, node: MapNode) -> SubDevice | None:
         name = node.text("name")
         config = node.text("config")
-        own = Reader.OWN
-        alias = read_int(node.get("alias"), self.out, what="alias", low=0, high=0xFFFF, reader=own)
-        position = read_int(
-            node.get("position"), self.out, what="position", low=0, high=0xFFFF, reader=own
-        )
+        alias = own_int(node, "alias", 0xFFFF, self.out)
+        position = own_int(node, "position", 0xFFFF, self.out)
         if "position" not in node.pairs and "alias" not in node.pairs:
             self.out.add(
                 "FSN110",
@@ -254,9 +251,7 @@ class _Assembly:
             alias=alias or 0,
             position=position or 0,
             device=self._device(config, node.span.file, node.at("config")),
-            revision=read_int(
-                node.get("revision"), self.out, what="revision", low=0, high=2**32 - 1, reader=own
-            ),
+            revision=own_int(node, "revision", 0xFFFFFFFF, self.out),
         )
 
     def _device(self, config: str, named_in: str, named_at: Span) -> Device | None:

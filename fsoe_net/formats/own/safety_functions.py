@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
+from fsoe_net.formats.shared.numbers import own_int, read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode
 from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 
@@ -61,7 +61,7 @@ def _required(node: MapNode, out: Collector) -> tuple[str, int | None]:
             hint="write pl: d, or sil: 2",
         )
         level = ""
-    sil = read_int(node.get("sil"), out, what="sil", low=1, high=_MOST_SIL, reader=Reader.OWN)
+    sil = own_int(node, "sil", _MOST_SIL, out, low=1)
     return level, sil
 
 

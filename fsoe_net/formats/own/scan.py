@@ -11,7 +11,7 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostic
 from fsoe_net.diag.printable import printable
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.numbers import Reader, read_int
+from fsoe_net.formats.shared.numbers import Reader, own_int, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
 from fsoe_net.model.scan import (
     Scan,
@@ -147,16 +147,16 @@ def _subdevice(node: MapNode, out: Collector) -> ScannedSubDevice:
     return ScannedSubDevice(
         span=node.span,
         fields=node.places(),
-        position=_int(node, "position", _U16, out) or 0,
-        alias=_int(node, "alias", _U16, out) or 0,
-        vendor_id=_int(node, "vendor_id", _U32, out),
-        product_code=_int(node, "product_code", _U32, out),
-        revision=_int(node, "revision", _U32, out),
-        serial=_int(node, "serial", _U32, out),
+        position=own_int(node, "position", _U16, out) or 0,
+        alias=own_int(node, "alias", _U16, out) or 0,
+        vendor_id=own_int(node, "vendor_id", _U32, out),
+        product_code=own_int(node, "product_code", _U32, out),
+        revision=own_int(node, "revision", _U32, out),
+        serial=own_int(node, "serial", _U32, out),
         name=_text(node, "name"),
-        al_status=_int(node, "al_status", _U16, out),
+        al_status=own_int(node, "al_status", _U16, out),
         al=_text(node, "al"),
-        al_code=_int(node, "al_code", _U16, out),
+        al_code=own_int(node, "al_code", _U16, out),
         mailbox=_texts(node, "mailbox"),
         dc=_truth(node, "dc"),
         ports=tuple(_port(p, out) for p in node.maps("ports")),
@@ -171,10 +171,10 @@ def _port(node: MapNode, out: Collector) -> ScannedPort:
     return ScannedPort(
         span=node.span,
         fields=node.places(),
-        port=_int(node, "port", 3, out) or 0,
+        port=own_int(node, "port", 3, out) or 0,
         link=_truth(node, "link"),
-        link_lost=_int(node, "link_lost", _U32, out) or 0,
-        rx_errors=_int(node, "rx_errors", _U32, out) or 0,
+        link_lost=own_int(node, "link_lost", _U32, out) or 0,
+        rx_errors=own_int(node, "rx_errors", _U32, out) or 0,
     )
 
 
@@ -182,10 +182,10 @@ def _sm(node: MapNode, out: Collector) -> ScannedSm:
     return ScannedSm(
         span=node.span,
         fields=node.places(),
-        index=_int(node, "sm", _U8, out) or 0,
+        index=own_int(node, "sm", _U8, out) or 0,
         kind=_text(node, "kind"),
-        start_byte=_int(node, "start", _U16, out),
-        size_bytes=_int(node, "bytes", _U16, out),
+        start_byte=own_int(node, "start", _U16, out),
+        size_bytes=own_int(node, "bytes", _U16, out),
         source=_text(node, "source"),
         pdos=_list(node, "pdos", tuple(_pdo(p, out) for p in node.maps("pdos"))),
     )
@@ -196,23 +196,23 @@ def _pdo(node: MapNode, out: Collector) -> ScannedPdo:
         ScannedEntry(
             span=item.span,
             fields=item.places(),
-            index=_int(item, "index", _U16, out) or 0,
-            subindex=_int(item, "subindex", _U8, out) or 0,
-            bits=_int(item, "bits", _U16, out) or 0,
+            index=own_int(item, "index", _U16, out) or 0,
+            subindex=own_int(item, "subindex", _U8, out) or 0,
+            bits=own_int(item, "bits", _U16, out) or 0,
         )
         for item in node.maps("entries")
     )
     return ScannedPdo(
         span=node.span,
         fields=node.places(),
-        index=_int(node, "index", _U16, out) or 0,
+        index=own_int(node, "index", _U16, out) or 0,
         name=_text(node, "name"),
         entries=_list(node, "entries", entries),
     )
 
 
 def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:
-    address = _int(node, "address", _U16, out)
+    address = own_int(node, "address", _U16, out)
     items = node.get("addresses")
     reported = [
         read_int(i, out, what="addresses", low=0, high=_U16, reader=Reader.OWN)
@@ -234,11 +234,11 @@ def _connections(node: MapNode, key: str, out: Collector) -> tuple[ScannedConnec
         ScannedConnection(
             span=row.span,
             fields=row.places(),
-            object_index=_int(row, "object", _U16, out) or 0,
-            address=_int(row, "address", _U16, out),
-            connection_id=_int(row, "connection_id", _U16, out),
-            watchdog_ms=_int(row, "watchdog_ms", _U16, out),
-            state=_int(row, "state", _U16, out),
+            object_index=own_int(row, "object", _U16, out) or 0,
+            address=own_int(row, "address", _U16, out),
+            connection_id=own_int(row, "connection_id", _U16, out),
+            watchdog_ms=own_int(row, "watchdog_ms", _U16, out),
+            state=own_int(row, "state", _U16, out),
         )
         for row in node.maps(key)
     )
@@ -247,10 +247,6 @@ def _connections(node: MapNode, key: str, out: Collector) -> tuple[ScannedConnec
 def _list(node: MapNode, key: str, rows: tuple[_T, ...]) -> tuple[_T, ...] | None:
     """Return the rows, or ``None`` when the document has no such list."""
     return rows if isinstance(node.get(key), SeqNode) else None
-
-
-def _int(node: MapNode, key: str, high: int, out: Collector) -> int | None:
-    return read_int(node.get(key), out, what=key, low=0, high=high, reader=Reader.OWN)
 
 
 def _truth(node: MapNode, key: str) -> bool | None:

@@ -10,13 +10,14 @@ from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span, sort_d
 from fsoe_net.formats.own.scenario_steps import step_arguments
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.numbers import Reader, read_float, read_int
+from fsoe_net.formats.shared.numbers import Reader, own_int, read_float, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, load_yaml
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, ScenarioStep
 
 __all__ = ["load_scenario"]
 
 _MAX_MS = 7 * 24 * 3600 * 1000.0
+_MOST_RESETS = 10**9
 _INTEGER = re.compile(r"[+-]?[0-9]+\Z|0[xX][0-9a-fA-F]+\Z")
 _ASKED = ("state", "safe_outputs", "outputs", "min_resets", "max_resets")
 
@@ -164,8 +165,8 @@ def _expectation(node: MapNode, out: Collector) -> Expectation | None:
         state=node.text("state") or "",
         safe_outputs=_values(node, "safe_outputs", out),
         outputs_on=outputs in ("on", "true") if outputs else None,
-        min_resets=_count(node, "min_resets", out),
-        max_resets=_count(node, "max_resets", out),
+        min_resets=own_int(node, "min_resets", _MOST_RESETS, out),
+        max_resets=own_int(node, "max_resets", _MOST_RESETS, out),
     )
     if not any(key in node.pairs for key in _ASKED):
         out.add(
@@ -175,10 +176,6 @@ def _expectation(node: MapNode, out: Collector) -> Expectation | None:
             hint=f"add one of: {', '.join(_ASKED)}",
         )
     return expectation
-
-
-def _count(node: MapNode, key: str, out: Collector) -> int | None:
-    return read_int(node.get(key), out, what=key, low=0, high=10**9, reader=Reader.OWN)
 
 
 def _window(node: MapNode, out: Collector) -> tuple[int, int] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.numbers import Reader, read_int
+from fsoe_net.formats.shared.numbers import Reader, own_int, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 from fsoe_net.model.scenario import Action
 
@@ -58,7 +58,7 @@ def step_arguments(
         numbers = {
             name: number
             for name, high in _FIELDS[action].items()
-            if (number := _field(inner, name, high, out)) is not None
+            if (number := own_int(inner, name, high, out)) is not None
         }
         return StepArguments(target=inner.text("subdevice") or "", values=numbers)
     if action is Action.SWAP:
@@ -73,7 +73,3 @@ def _swapped(node: Node | None, out: Collector) -> StepArguments:
     if node is not None and len(names) == 2 and first == second:
         out.add("FSN113", node.span, f"{first} is swapped with itself", hint="name two")
     return StepArguments(target=first, other=second)
-
-
-def _field(node: MapNode, name: str, high: int, out: Collector) -> int | None:
-    return read_int(node.get(name), out, what=name, low=0, high=high, reader=Reader.OWN)

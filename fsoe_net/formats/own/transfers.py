@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.formats.own.schema import nearest_key
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.numbers import Reader, read_int, warn_decimal_index
+from fsoe_net.formats.shared.numbers import Reader, own_int, read_int, warn_decimal_index
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode
 from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, Transfer, TransferKind
 
@@ -164,11 +164,8 @@ _FACTS = ("address", "connection_id", "watchdog_ms", "app_parameters", "unconfir
 def _connection(node: MapNode, out: Collector) -> ConnectionFacts | None:
     main, sub = node.text("main"), node.text("sub")
 
-    def number(key: str) -> int | None:
-        return read_int(node.get(key), out, what=key, low=0, high=0xFFFF, reader=Reader.OWN)
-
-    facts = {key: number(key) for key in _FACTS[:3]}
-    slots = {key: number(key) for key in ("slot", "sub_slot")}
+    facts = {key: own_int(node, key, 0xFFFF, out) for key in _FACTS[:3]}
+    slots = {key: own_int(node, key, 0xFFFF, out) for key in ("slot", "sub_slot")}
     parameters = _parameters(node, out)
     if main is None or sub is None or any(slots[k] is None for k in slots if k in node.pairs):
         return None

@@ -15,9 +15,16 @@ import re
 
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.yaml_tree import Node, ScalarNode
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode
 
-__all__ = ["Reader", "driver_endpoint_number", "read_float", "read_int", "warn_decimal_index"]
+__all__ = [
+    "Reader",
+    "driver_endpoint_number",
+    "own_int",
+    "read_float",
+    "read_int",
+    "warn_decimal_index",
+]
 
 
 class Reader(enum.Enum):
@@ -87,6 +94,11 @@ def read_int(
         )
         return None
     return value
+
+
+def own_int(node: MapNode, key: str, high: int, out: Collector, *, low: int = 0) -> int | None:
+    """Return the number under a key of a file of our own; see `read_int`."""
+    return read_int(node.get(key), out, what=key, low=low, high=high, reader=Reader.OWN)
 
 
 def _disputed(
