@@ -126,31 +126,36 @@ def _table(table: Table) -> str:
         f"<th{_numeric(c.number)}>{escape(c.title)}{_raised(sources.head(n))}</th>"
         for n, c in enumerate(table.columns)
     )
-    rows = []
-    for row in table.rows:
-        cells = []
-        for n, (column, cell) in enumerate(zip(table.columns, row, strict=True)):
-            label = f' data-head="{escape(column.title + sources.head(n))}"'
-            cells.append(f"<td{_numeric(column.number)}{label}>{_cell(cell, sources, n)}</td>")
-        rows.append(f"<tr>{''.join(cells)}</tr>")
-    blank = any(i for row in table.rows for c in row for i in c if _is_blank(i))
+    rows = "".join(f"<tr>{_row(table, row, sources)}</tr>" for row in table.rows)
     shares = "".join(f'<col style="width:{c.share}%">' for c in table.columns if c.share)
-    shares = f"<colgroup>{shares}</colgroup>" if shares else ""
-    kind = " ".join(w for w, used in (("sign", blank), ("fixed", shares)) if used)
-    parts = [
-        f'<table class="{f"data {kind}".strip()}">{shares}'
-        f"<thead><tr>{heads}</tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table>"
-    ]
+    kinds = ["data"]
+    if any(_is_blank(item) for row in table.rows for cell in row for item in cell):
+        kinds.append("sign")
+    if shares:
+        kinds.append("fixed")
+        shares = f"<colgroup>{shares}</colgroup>"
+    return (
+        f'<table class="{" ".join(kinds)}">{shares}<thead><tr>{heads}</tr></thead>'
+        f"<tbody>{rows}</tbody></table>{_below(table, sources)}"
+    )
+
+
+def _row(table: Table, row: Sequence[Cell], sources: Sources) -> str:
+    cells = []
+    for n, (column, cell) in enumerate(zip(table.columns, row, strict=True)):
+        label = f' data-head="{escape(column.title + sources.head(n))}"'
+        cells.append(f"<td{_numeric(column.number)}{label}>{_cell(cell, sources, n)}</td>")
+    return "".join(cells)
+
+
+def _below(table: Table, sources: Sources) -> str:
     below = []
     if table.remark:
         below.append(escape(table.remark))
     if sources.legend:
         legend = "; ".join(f"<sup>{mark}</sup> {escape(text)}" for mark, text in sources.legend)
         below.append(f"Sources: {legend}.")
-    if below:
-        parts.append(f'<p class="below">{"<br>".join(below)}</p>')
-    return "".join(parts)
+    return f'<p class="below">{"<br>".join(below)}</p>' if below else ""
 
 
 def _is_blank(item: Item) -> bool:

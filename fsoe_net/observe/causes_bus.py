@@ -9,6 +9,7 @@ from fsoe_net.diag.words import counted
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
 from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.evidence_cycles import BadCycles
 from fsoe_net.observe.incident import TriggerKind
 
 __all__ = ["bus_causes"]
@@ -53,25 +54,32 @@ def _gone(e: Evidence) -> Iterator[Candidate]:
     everybody = len(gone) == sum(s.known for s in e.head.subdevices)
     if not gone or (everybody and _is_late(e)):
         return  # frames that come back late have been everywhere
-    mine = _own(e, [s.name for s in gone])
-    first = gone[0]
-    known = sorted((s for s in e.head.subdevices if s.known), key=lambda s: s.position)
-    behind = [s for s in known if s.position >= first.position]
-    before = [s for s in known if s.position < first.position]
-    names = ", ".join(s.name for s in gone[:6]) + (", ..." if len(gone) > 6 else "")
-    facts = [f"does not answer: {names}", _unsent(e), *_wkc(e), *_when(e, gone)]
-    detail = next((s.detail for s in gone if s.detail), "")
+    first, several = gone[0], len(gone) > 1
+    score = 92 if _own(e, [s.name for s in gone]) else 45
+    facts = [*_facts_of_gone(e, gone), *_when(e, gone)]
     facts.append(f"the bus says of {first.name}: {first.detail}" if first.detail else "")
-    score = 92 if mine else 45
-    if "link behind" in detail or (len(behind) == len(gone) and len(gone) > 1):
-        other = before[-1].name if before else "the MainDevice"
-        line = "all devices from there on are gone" if len(gone) > 1 else ""
+    known = [s for s in e.head.subdevices if s.known]
+    behind = [s for s in known if s.position >= first.position]
+    if _names_a_link(gone) or (several and len(behind) == len(gone)):
+        before = [s for s in known if s.position < first.position]
+        other = max(before, key=lambda s: s.position).name if before else "the MainDevice"
+        line = "all devices from there on are gone" if several else ""
         yield candidate(e, "cable_cut", score + 4, line, *facts, device=first.name, other=other)
-        if len(gone) > 1:
+        if several:
             yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
         return
     seen = min(gone, key=lambda s: s.name not in _ends(e))
     yield candidate(e, "device_lost", score, *facts, device=seen.name)
+
+
+def _facts_of_gone(e: Evidence, gone: list[SubDeviceSnapshot]) -> list[str]:
+    names = ", ".join(s.name for s in gone[:6]) + (", ..." if len(gone) > 6 else "")
+    return [f"does not answer: {names}", _unsent(e), *_wkc(e)]
+
+
+def _names_a_link(gone: list[SubDeviceSnapshot]) -> bool:
+    """Whether what the bus says first of one of them is that the link before it is down."""
+    return "link behind" in next((s.detail for s in gone if s.detail), "")
 
 
 def _ends(e: Evidence) -> tuple[str, ...]:
@@ -183,53 +191,72 @@ def _is_late(e: Evidence) -> bool:
 def _lost_frames(e: Evidence) -> Iterator[Candidate]:
     """Bursts in which nobody's data came back, and which ended."""
     start, end = e.window_ns
-    bursts = [
-        r
-        for r in e.bus.short_between(start, end)
-        if r.least == 0 and r.expected and not (e.bus.open_short and r is e.bus.short[-1])
-    ]
+    bursts = [r for r in e.bus.short_between(start, end) if _is_burst(r) and not _goes_on(e, r)]
     lost = e.bus.lost_between(start, end)
     if not bursts and not lost:
         return
-    there, back = _late(e)
+    there, _ = _late(e)
     missing = max(there, sum(r.cycles for r in bursts)) * e.bus.cycle_ns
     watchdog = e.watchdog_ns or 100_000_000
-    errors = {s.name: sum(s.rx_errors) for s in e.head.subdevices if sum(s.rx_errors)}
-    first = next(iter(errors), "")
-    everywhere = [r for r in e.bus.short if r.least == 0 and r.expected]
     facts = [
         f"around the moment {counted(len(bursts) or len(lost), 'burst')}, {ms(missing)} "
-        f"without data, the "
-        f"watchdog is {ms(watchdog)}",
-        f"in the whole file {counted(len(everywhere), 'burst')}, the longest "
-        f"{ms(max(r.length_ns for r in everywhere))}"
-        if everywhere
-        else "",
+        f"without data, the watchdog is {ms(watchdog)}",
+        _in_the_whole_file(e),
     ]
-    late = _is_late(e)
-    if late:
-        few = 62 if there >= 2 else 32
-        yield candidate(
-            e,
-            "late_replies",
-            # A frame that comes back has been everywhere: no cable explains it.
-            94 if there * e.bus.cycle_ns >= watchdog // 4 else few,
-            f"{there} cycles without their frames around the moment, {back} replies that came "
-            f"later; in the whole file {e.bus.lost_frames} and {e.bus.old_replies}",
-            *facts,
-        )
-    if late and 2 * there * e.bus.cycle_ns >= missing:
-        return  # what is missing came back later
-    score = 84 if missing >= watchdog // 4 else 60 if missing >= 2 * e.bus.cycle_ns else 30
+    if _is_late(e):
+        yield _late_replies(e, watchdog, facts)
+        if 2 * there * e.bus.cycle_ns >= missing:
+            return  # what is missing came back later
+    errors = {s.name: sum(s.rx_errors) for s in e.head.subdevices if sum(s.rx_errors)}
+    first = next(iter(errors), "")
     yield candidate(
         e,
         "lost_frames",
-        score + (6 if errors else 0),
+        _lost_score(missing, watchdog, e.bus.cycle_ns) + (6 if errors else 0),
         *facts,
         f"{counted(e.bus.lost_frames, 'frame')} counted as lost" if e.bus.lost_frames else "",
         _unsent(e),
         f"receive errors are counted first at {first} ({errors[first]})" if first else "",
     )
+
+
+def _late_replies(e: Evidence, watchdog_ns: int, facts: list[str]) -> Candidate:
+    there, back = _late(e)
+    score = 62 if there >= 2 else 32
+    if there * e.bus.cycle_ns >= watchdog_ns // 4:
+        score = 94  # a frame that comes back has been everywhere: no cable explains it
+    return candidate(
+        e,
+        "late_replies",
+        score,
+        f"{there} cycles without their frames around the moment, {back} replies that came "
+        f"later; in the whole file {e.bus.lost_frames} and {e.bus.old_replies}",
+        *facts,
+    )
+
+
+def _is_burst(run: BadCycles) -> bool:
+    """Whether no SubDevice answered in a run of cycles."""
+    return run.least == 0 and run.expected > 0
+
+
+def _goes_on(e: Evidence, run: BadCycles) -> bool:
+    """Whether a run of cycles lasts to the end of the file."""
+    return e.bus.open_short and run is e.bus.short[-1]
+
+
+def _in_the_whole_file(e: Evidence) -> str:
+    everywhere = [r for r in e.bus.short if _is_burst(r)]
+    if not everywhere:
+        return ""
+    longest = max(r.length_ns for r in everywhere)
+    return f"in the whole file {counted(len(everywhere), 'burst')}, the longest {ms(longest)}"
+
+
+def _lost_score(missing_ns: int, watchdog_ns: int, cycle_ns: int) -> int:
+    if missing_ns >= watchdog_ns // 4:
+        return 84
+    return 60 if missing_ns >= 2 * cycle_ns else 30
 
 
 def _cycle(e: Evidence) -> Iterator[Candidate]:
