@@ -314,14 +314,14 @@ def _svg(panels: Sequence[str], title: str, head: int = 34) -> str:
     body = "".join(
         f'<g transform="translate(0 {head + n * _HEIGHT})">{p}</g>' for n, p in enumerate(panels)
     )
-    told = svg_text(20, 22, title, "start") if head else ""
+    heading = svg_text(20, 22, title, "start") if head else ""
     if not panels:
         body = svg_text(20, 80, "no safety function has a reaction time", "start")
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="budget" viewBox="0 0 {_WIDTH} {height}" '
         f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
         f"<style>{_STYLE}</style>"
-        f'<rect class="back" width="{_WIDTH}" height="{height}"/>{told}'
+        f'<rect class="back" width="{_WIDTH}" height="{height}"/>{heading}'
         f"{body}</svg>\n"
     )
 

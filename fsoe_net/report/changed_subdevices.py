@@ -1,7 +1,7 @@
 """Which SubDevices differ between two plans, by everything that makes the fingerprint.
 
 A difference by meaning leaves out what says nothing to people, as the type of an entry. Steps of a
-test protocol must not be left out for that, so it is asked here once more, by the canonical text.
+test protocol must not be left out for that, so it is checked here by the canonical text.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 SubDevices are paired by name, then by place and identity, then by identity in order, then by place
 (an exchanged device). Entries are followed by their address, so that data which merely moved are
-told from data that came and went. Facts that one side does not have are not compared, and said so.
+kept apart from data that came and went. Facts that one side does not have are not compared, and
+said so.
 """
 
 from __future__ import annotations

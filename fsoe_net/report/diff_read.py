@@ -67,14 +67,14 @@ def _manager(sm: SmLayout, *, restart: bool, watchdogs: bool) -> SideManager:
         if not p.entry.is_gap
     )
     frames = tuple(SideFrame(b.command.address, b.byte_offset, b.frame_bytes) for b in sm.blocks)
-    told = watchdogs or sm.sm.watchdog is not Watchdog.DEFAULT
+    is_stated = watchdogs or sm.sm.watchdog is not Watchdog.DEFAULT
     return SideManager(
         index=sm.sm.index,
         direction=sm.sm.direction.value,
         bits=sm.bits if sm.complete else None,
         entries=entries if sm.complete else None,
         frames=frames,
-        watchdog=sm.sm.watchdog.value if told else None,
+        watchdog=sm.sm.watchdog.value if is_stated else None,
     )
 
 

@@ -151,8 +151,8 @@ def _sentence(e: Evidence) -> str:
     """Say in one sentence what happened, without any cause."""
     trigger = e.head.trigger
     if trigger.kind is TriggerKind.BUS_FAILED:
-        told = trigger.text.removeprefix("the bus does not open: ") or "no reason was told"
-        return f"At {_when(e)} the bus did not open: {told}."
+        reason = trigger.text.removeprefix("the bus does not open: ") or "no reason was reported"
+        return f"At {_when(e)} the bus did not open: {reason}."
     if trigger.kind is TriggerKind.REFUSED:
         return f"At {_when(e)} the bus reported: {trigger.text}."
     if trigger.kind is TriggerKind.REQUEST:
@@ -187,12 +187,12 @@ def _end(e: Evidence, by: str) -> str:
 
 
 def _last_reset(e: Evidence) -> str:
-    told = [r for r in e.link.resets if r.code] if e.link else []
-    if not told:
+    errors = [r for r in e.link.resets if r.code] if e.link else []
+    if not errors:
         return ", and nobody reset it with an error"
-    last = told[-1]
+    last = errors[-1]
     return (
-        f"; {counted(len(told), 'reset')} with an error, the last by the {_end(e, last.by)} "
+        f"; {counted(len(errors), 'reset')} with an error, the last by the {_end(e, last.by)} "
         f"with code "
         f"{last.code}, {reset_code_text(last.code)}"
     )

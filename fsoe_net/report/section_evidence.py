@@ -1,4 +1,4 @@
-"""Blocks 8 and 9: what the machine itself has told, and what was tried."""
+"""Blocks 8 and 9: what the machine itself reports, and what was tried."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
     others = [
         e.source.path
         for e in inputs.evidence
-        for told in (e.run, e.incident)
-        if told is not None and told.plan_sha256 != _plan_sha256(inputs)
+        for source in (e.run, e.incident)
+        if source is not None and source.plan_sha256 != _plan_sha256(inputs)
     ]
     points += [Point(PointKind.OPEN, f"{path} is from another plan") for path in others]
     real = [e for e in inputs.evidence if e.run is None or not e.run.emulated]

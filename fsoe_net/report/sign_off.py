@@ -1,6 +1,6 @@
 """Whether a configuration can be signed off, and the record of it.
 
-What is asked for: a report of this very configuration without errors, each warning justified by
+What is required: a report of this very configuration without errors, each warning justified by
 name and reason, a test protocol of it whose steps a person has done at the machine, and a verifier
 who is not the author (IEC 62061 clause 9; ISO 13849-2 clause 4.1 speaks of independent persons).
 """
@@ -143,15 +143,15 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
     Raises:
         InputError: There is no JSON form among the files, or it is none.
     """
-    told = [(source, data) for source, data in files if data.lstrip()[:1] == b"{"]
-    if len(told) != 1:
+    documents = [(source, data) for source, data in files if data.lstrip()[:1] == b"{"]
+    if len(documents) != 1:
         names = ", ".join(source.path for source, _ in files)
         raise InputError(
-            f"{names}: {'no' if not told else 'more than one'} report in JSON; write it with "
+            f"{names}: {'no' if not documents else 'more than one'} report in JSON; write it with "
             "`fsoe-net report … -o report.json` beside the page, with the same options, and name "
             "both with --report"
         )
-    source, data = told[0]
+    source, data = documents[0]
     try:
         document = json.loads(data)
         whole = str((document["fingerprint"] or {}).get("whole", ""))
@@ -263,9 +263,9 @@ def _people(g: Grounds, out: _Gathered) -> None:
 
 def _report(g: Grounds, whole: str, out: _Gathered) -> None:
     if g.report.whole != whole:
-        told = g.report.whole[:16].upper() or "none"
+        code = g.report.whole[:16].upper() or "none"
         out.refuse(
-            f"the report is not of this configuration: its fingerprint begins with {told}, that of "
+            f"the report is not of this configuration: its fingerprint begins with {code}, that of "
             f"the network with {whole[:16].upper()}",
             "write the report anew, and have it signed",
         )
@@ -294,11 +294,11 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
 
 
 def _findings(g: Grounds, out: _Gathered) -> None:
-    told = Counter((f.code, f.level, f.message) for f in g.report.findings)
+    reported = Counter((f.code, f.level, f.message) for f in g.report.findings)
     for d in g.diagnostics:
         key = d.code, d.level, d.message
-        told[key] -= 1
-        if d.level is not Severity.INFO and told[key] < 0:
+        reported[key] -= 1
+        if d.level is not Severity.INFO and reported[key] < 0:
             out.refuse(
                 f"{d.code} at {d.span} is not in the report: {d.message}",
                 "write the report anew from the files of today, and have it signed",

@@ -82,8 +82,8 @@ def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str],
         if other_name or change.kind == "removed" or len(here) < _ENDS.get(change.area, 1):
             return None
         if change.area in _ENDS:
-            told = f"{change.before} {change.after}"  # an end that is another one now
-            here |= {name for name, word in words.items() if word.search(told)}
+            both = f"{change.before} {change.after}"  # an end that is another one now
+            here |= {name for name, word in words.items() if word.search(both)}
         subdevices |= here
     return subdevices, functions
 

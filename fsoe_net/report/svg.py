@@ -165,8 +165,8 @@ def _byte_row(
     entry = entry_at(plan, sm_number, 8 * first)
     last = first + size - 1
     shown = name if len(name) <= 9 else name[:8] + "…"
-    told = str(first) if size == 1 else f"{first} … {last}"
-    wide = 6.2 * len(told)
+    label = str(first) if size == 1 else f"{first} … {last}"
+    wide = 6.2 * len(label)
     middle = left + unit * (first + size / 2)
     middle = min(max(middle, left + wide / 2 - 4), left + room - wide / 2 + 4)
     end = 6.2 * len(str(total)) + 8
@@ -184,7 +184,7 @@ def _byte_row(
         + f'<rect x="{left + unit * first:g}" y="{y + 10:g}" width="{unit * size:g}" height="16" '
         f'style="fill:{colour}"/>'
         + cells
-        + svg_text(middle, y + 38, told, "middle", "tiny")
+        + svg_text(middle, y + 38, label, "middle", "tiny")
         + (
             svg_text(left, y + 38, "0", "start", "tiny")
             if first and middle - wide / 2 > left + 14

@@ -345,9 +345,7 @@ TARGETS = {
     "hex": Target(run=_hex, seeds=_hexes),
     "capture": Target(run=_capture, seeds=_captures),
     "startup": Target(run=_startup, seeds=_startups),
-    "esi": Target(
-        run=_esi, seeds=_files(*sorted(ESI.glob("*.xml")))
-    ),
+    "esi": Target(run=_esi, seeds=_files(*sorted(ESI.glob("*.xml")))),
     "sii": Target(run=_sii, seeds=_siis),
     "eni": Target(run=_eni, seeds=_files(CASES / "bus.eni.xml")),
     "igh-text": Target(

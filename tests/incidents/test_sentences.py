@@ -34,7 +34,7 @@ RESETS = Facts(
         ),
         (
             evidence(TriggerKind.BUS_FAILED, utc=""),
-            "At unknown time the bus did not open: no reason was told.",
+            "At unknown time the bus did not open: no reason was reported.",
         ),
         (
             evidence(TriggerKind.REFUSED, text="0x1C12: refused"),
