@@ -208,7 +208,7 @@ def _connection_lines(
     if names and not _is_where_expected(c, names):
         yield "  named by ConnID and lengths; the addresses are not those of the IgH MainDevice"
     if not c.roles_certain and not names:
-        yield "  main and sub are told apart by their numbers; no start-up was seen"
+        yield "  main and sub are distinguished by their numbers; no start-up was seen"
 
 
 def _is_where_expected(found: FoundConnection, names: ConnectionNames) -> bool:

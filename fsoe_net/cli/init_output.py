@@ -17,12 +17,12 @@ __all__ = ["write_network"]
 def write_network(made: Draft, folder: Path, *, overwrite: bool) -> bool:
     """Write the network and check it; return whether it has an error."""
     assert made.proposal is not None  # noqa: S101 - no question about the ring is open
-    told = [
+    shown = [
         d
         for d in (*made.inputs.found.out.diagnostics, *made.findings)
         if d.level is not Severity.INFO
     ]
-    print_diagnostics(sort_diagnostics(told), err=True)
+    print_diagnostics(sort_diagnostics(shown), err=True)
     written = made.files()
     description = made.proposal.bus
     made.save(folder, overwrite=overwrite)

@@ -48,7 +48,7 @@ def command(
 ) -> None:
     """Read what is on a bus: identities, states, process data, FSoE values.
 
-    A running fsn-master is asked, and nothing on the bus changes. Without one, every SubDevice goes
+    A running fsn-master answers, and nothing on the bus changes. Without one, every SubDevice goes
     to PREOP; what that means is said before, and asked.
     """
     if overwrite and output is None:

@@ -11,8 +11,8 @@ from fsoe_net.core.module import compiled, fault_text, raise_status
 from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
+    CycleImage,
     DirectionSnapshot,
-    Glance,
     Histogram,
     Snapshot,
     Statistics,
@@ -277,7 +277,7 @@ class Core:
             connections=tuple(_connection(connections[n]) for n in range(count)),
         )
 
-    def glance(self) -> Glance:
+    def cycle_image(self) -> CycleImage:
         """Return number, counters and process image of one cycle; cheaper than `snapshot`.
 
         Raises:
@@ -290,7 +290,7 @@ class Core:
             self._lib.fsn_core_snapshot(self._pointer, s, ffi.NULL, image),
             "snapshot",
         )
-        return Glance(
+        return CycleImage(
             cycle=s.cycles,
             now_ns=s.now_ns,
             expected_wkc=s.expected_wkc,

@@ -203,11 +203,11 @@ class Segment:
         Raises:
             CoreError: No such SubDevice.
         """
-        told = self._ffi.NULL
+        pointer = self._ffi.NULL
         if identity is not None:
-            told = self._ffi.new("struct fsn_segment_identity *")
-            told.vendor_id, told.product_code, told.revision = identity
-        status = self._lib.fsn_segment_set_identity(self._pointer, position, told)
+            pointer = self._ffi.new("struct fsn_segment_identity *")
+            pointer.vendor_id, pointer.product_code, pointer.revision = identity
+        status = self._lib.fsn_segment_set_identity(self._pointer, position, pointer)
         raise_status(status, "identity")
 
     def set_sdo_abort(self, position: int, index: int, sub: int | None, code: int) -> None:

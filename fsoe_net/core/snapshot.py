@@ -9,8 +9,8 @@ from fsoe_net.fsoe.monitor import OutsideState
 __all__ = [
     "ConnectionSnapshot",
     "CoreEvent",
+    "CycleImage",
     "DirectionSnapshot",
-    "Glance",
     "Histogram",
     "Snapshot",
     "Statistics",
@@ -192,7 +192,7 @@ class CoreEvent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Glance:
+class CycleImage:
     """What a recorder takes of one cycle: its number, counters so far, and the process image."""
 
     cycle: int

@@ -76,7 +76,7 @@ class SubConfig:
         safe_out_bytes: Safe data bytes from main to sub, which this end receives.
         safe_in_bytes: Safe data bytes from sub to main, which this end sends.
         app_parameter_bytes: Expected length of the application parameters.
-        verify: Asked when the parameters are complete; returns 0 to accept, else the reset code
+        verify: Called when the parameters are complete; returns 0 to accept, else the reset code
             9, 11 or 0x80 … 0xFF; any other value is sent as 11. ``None`` accepts all.
 
     Raises:

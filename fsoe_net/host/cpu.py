@@ -51,12 +51,12 @@ def online_cpus(host: Host) -> set[int]:
 
 def isolated_cpus(host: Host) -> set[int]:
     """Return the CPUs that the scheduler puts nothing on by itself."""
-    asked = command_line(host).get("isolcpus", "")
+    isolcpus = command_line(host).get("isolcpus", "")
     flags = ("domain,", "nohz,", "managed_irq,")
-    while asked.startswith(flags):
-        asked = asked.partition(",")[2]
+    while isolcpus.startswith(flags):
+        isolcpus = isolcpus.partition(",")[2]
     return (
-        cpu_list(host.maybe(f"{_FOLDER}/isolated") or asked)
+        cpu_list(host.maybe(f"{_FOLDER}/isolated") or isolcpus)
         | cpu_list(host.maybe("/sys/fs/cgroup/cpuset.cpus.isolated") or "")
     )  # fmt: skip
 

@@ -20,7 +20,7 @@ _NAME = re.compile(r"[^\s/:]{1,15}", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examination:
-    """What was found on a host. ``interface``: ``None`` when none was asked for."""
+    """What was found on a host. ``interface``: ``None`` when none was named."""
 
     release: str
     cpus: int

@@ -115,7 +115,7 @@ def _speed(host: Host, name: str) -> Iterator[MachineFacts]:
     folder = _folder(host, name)
     duplex, text = host.maybe(f"{folder}/duplex"), host.maybe(f"{folder}/speed")
     if duplex is None or text is None or not text.isdecimal():
-        raise Unreadable("speed and duplex are not told; an interface without link has none")
+        raise Unreadable("speed and duplex are not reported; an interface without link has none")
     speed = int(text)
     if duplex == "half" or speed < 100:
         yield MachineFacts(
@@ -156,11 +156,11 @@ def _member(host: Host, name: str) -> Iterator[MachineFacts]:
 
 
 def _addresses(host: Host, name: str) -> Iterator[MachineFacts]:
-    told = host.seam.command("ip", "-j", "address", "show", "dev", name)
-    if told is None:
+    output = host.seam.command("ip", "-j", "address", "show", "dev", name)
+    if output is None:
         raise Unreadable("`ip -j address` is not there or failed")
     try:
-        rows = [a for link in json.loads(told or "[]") for a in link.get("addr_info", [])]
+        rows = [a for link in json.loads(output or "[]") for a in link.get("addr_info", [])]
         found = [f"{a['local']}/{a['prefixlen']}" for a in rows]
         local = all(a.get("scope") == "link" for a in rows)
     except (ValueError, KeyError, TypeError, AttributeError) as exc:
@@ -185,10 +185,10 @@ def _managers(host: Host, name: str) -> Iterator[MachineFacts]:
         raise Unreadable("/proc shows no processes")
     seen = False
     if host.processes("NetworkManager"):
-        told = host.seam.command("nmcli", "-t", "-f", "DEVICE,STATE", "device")
-        if told is None:
+        output = host.seam.command("nmcli", "-t", "-f", "DEVICE,STATE", "device")
+        if output is None:
             raise Unreadable("NetworkManager runs, but `nmcli` does not answer")
-        state = dict(line.rsplit(":", 1) for line in told.splitlines() if ":" in line).get(name)
+        state = dict(line.rsplit(":", 1) for line in output.splitlines() if ":" in line).get(name)
         if state not in (None, "unmanaged"):
             seen = True
             yield MachineFacts(
@@ -269,11 +269,11 @@ def _coalescing(host: Host, name: str) -> Iterator[MachineFacts]:
         found = ethtool.coalescing(host, name)
         late = found.rx_us if found.rx_frames != 1 else 0
         if not late and not found.adaptive:
-            yield MachineFacts(level=MachineLevel.GOOD, text="each frame is told at once")
+            yield MachineFacts(level=MachineLevel.GOOD, text="each frame is seen at once")
             return
         yield MachineFacts(
             level=MachineLevel.WARNING if late > 10 or found.adaptive else MachineLevel.NOTE,
-            text=f"a frame is told up to {late} us late"
+            text=f"a frame is seen up to {late} us late"
             + (", and the card chooses by itself (adaptive)" if found.adaptive else ""),
             now=(f"ethtool -C {name} adaptive-rx off adaptive-tx off rx-usecs 0 tx-usecs 0",),
             keep=(
@@ -321,8 +321,8 @@ def _energy(host: Host, name: str) -> Iterator[MachineFacts]:
 def _errors(host: Host, name: str) -> Iterator[MachineFacts]:
     folder = f"{_folder(host, name)}/statistics"
     kinds = ("rx_errors", "rx_crc_errors", "rx_dropped", "tx_errors", "tx_dropped", "collisions")
-    told = {kind: host.maybe(f"{folder}/{kind}") or "" for kind in kinds}
-    counts = {kind: int(text) for kind, text in told.items() if text.isdecimal()}
+    output = {kind: host.maybe(f"{folder}/{kind}") or "" for kind in kinds}
+    counts = {kind: int(text) for kind, text in output.items() if text.isdecimal()}
     if not counts:
         raise Unreadable(f"{folder}: no counters")
     found = {kind: n for kind, n in counts.items() if n}

@@ -19,7 +19,7 @@ def _interrupts(host: Host, name: str) -> list[int]:
     """Return the interrupt numbers of an interface.
 
     Raises:
-        Unreadable: None can be told.
+        Unreadable: None can be read.
     """
     folder = f"/sys/class/net/{name}/device"
     if not host.exists(folder):

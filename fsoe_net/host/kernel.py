@@ -77,9 +77,9 @@ def _model(host: Host, version: str) -> str | None:
     chosen = re.search(r"\((\w+)\)", host.maybe("/sys/kernel/debug/sched/preempt") or "")
     if chosen:
         return chosen[1]
-    asked = command_line(host).get("preempt", "")
-    if "PREEMPT_DYNAMIC" in version and asked in ("none", "voluntary", "full", "lazy"):
-        return asked
+    stated = command_line(host).get("preempt", "")
+    if "PREEMPT_DYNAMIC" in version and stated in ("none", "voluntary", "full", "lazy"):
+        return stated
     for option, model in (
         ("PREEMPT_NONE", "none"),
         ("PREEMPT_VOLUNTARY", "voluntary"),

@@ -97,7 +97,7 @@ class Host:
         try:
             with open(self.path(path), "rb", buffering=0) as file:
                 data = bytearray()
-                # In pieces: some files of /proc allocate a buffer as large as what is asked for.
+                # In pieces: some files of /proc allocate a buffer as large as the read.
                 while len(data) < _MOST_BYTES and (more := file.read(1 << 16)):
                     data += more
                 return bytes(data)

@@ -65,7 +65,7 @@ class Answers(Located):
         process_data: Mapping of the device library to take, by SubDevice.
         frames: Whether the likely frames of a SubDevice are FSoE frames.
         connections: Connections and what is known about them.
-        passed: Questions that were asked and left open.
+        passed: Questions that a person has left open.
     """
 
     name: str = ""

@@ -42,7 +42,7 @@ class Direction(enum.Enum):
 
 
 class Watchdog(enum.Enum):
-    """Sync manager watchdog as the master is told; DEFAULT leaves the SII setting."""
+    """Sync manager watchdog as the MainDevice sets it; DEFAULT leaves the SII setting."""
 
     DEFAULT = "default"
     ENABLE = "enable"

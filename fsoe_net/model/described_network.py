@@ -42,7 +42,8 @@ def describe(network: NetworkConfig) -> Description:
         )
     resolution = resolve(network)
     for trouble in resolution.troubles:
-        raise InputError(f"{trouble.facts.span}: {trouble.hitch.value}; run fsoe-net check first")
+        place = trouble.facts.span
+        raise InputError(f"{place}: {trouble.obstacle.value}; run fsoe-net check first")
     for net in resolution.network.nets:
         for stated in net.connections:
             if stated.unconfirmed is not None:  # no other format could say so

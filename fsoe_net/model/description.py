@@ -139,7 +139,7 @@ class DescribedSubDevice(Located):
         revision: Revision number; a device type may leave it open.
         serial: Serial number.
         module_ident: Modules chosen for the slots, in order, for modular devices.
-        fsoe_address: FSoE address the device told of itself.
+        fsoe_address: FSoE address that the device itself reports.
         truncated: The source ends in the middle of this SubDevice.
         notes: What a reader had to assume, in words, for people.
         facts: What is said beside the process data; no part of a comparison.

@@ -25,10 +25,10 @@ from fsoe_net.model.network import (
 )
 from fsoe_net.model.slots import FramePair, frame_pairs
 
-__all__ = ["ConnectionTrouble", "Expansion", "Hitch", "expand"]
+__all__ = ["ConnectionTrouble", "Expansion", "Obstacle", "expand"]
 
 
-class Hitch(enum.Enum):
+class Obstacle(enum.Enum):
     """Why no transfers can be made from a connection."""
 
     MODULE = "no SubDevice has this name"
@@ -51,7 +51,7 @@ class ConnectionTrouble:
     Attributes:
         net: The net, as `Resolution.network` has it.
         facts: The connection.
-        hitch: Why.
+        obstacle: Why.
         key: Key of the connection it hangs on, e.g. ``sub_slot``.
         pairs: Frame pairs to tell of: those of this device, or those that could be meant.
         partners: With LENGTHS the pairs of the SubInstance.
@@ -61,7 +61,7 @@ class ConnectionTrouble:
 
     net: Net
     facts: ConnectionFacts
-    hitch: Hitch
+    obstacle: Obstacle
     key: str = "main"
     pairs: tuple[FramePair, ...] = ()
     partners: tuple[FramePair, ...] = ()
@@ -94,7 +94,7 @@ class _Refusal(Exception):
 
     def __init__(
         self,
-        hitch: Hitch,
+        obstacle: Obstacle,
         key: str = "main",
         *,
         pairs: tuple[FramePair, ...] = (),
@@ -102,13 +102,13 @@ class _Refusal(Exception):
         name: str = "",
         other: Located | None = None,
     ) -> None:
-        super().__init__(hitch.value)
-        self.hitch, self.key, self.name, self.other = hitch, key, name, other
+        super().__init__(obstacle.value)
+        self.obstacle, self.key, self.name, self.other = obstacle, key, name, other
         self.pairs, self.partners = pairs, partners
 
 
 @dataclass(slots=True, kw_only=True)
-class _Wish:
+class _Request:
     """A connection to make transfers of, with the frames it may mean."""
 
     net: Net
@@ -174,21 +174,21 @@ class _Expander:
         """Make what can be made, net by net, in the order of the file."""
         refused: dict[int, _Refusal] = {}
         silent: set[int] = set()
-        wishes: list[_Wish] = []
+        requests: list[_Request] = []
         mains: dict[int, str] = {}
         for net in self._network.nets:
-            self._collect(net, wishes, refused, silent, mains)
-        reserved = self._reserved(wishes)
+            self._collect(net, requests, refused, silent, mains)
+        reserved = self._reserved(requests)
         made: dict[int, tuple[ConnectionFacts, tuple[Transfer, Transfer]]] = {}
-        for wish in wishes:
+        for request in requests:
             try:
-                couple = self._choose(wish, reserved)
-                made[id(wish.facts)] = self._make(wish, couple)
+                couple = self._choose(request, reserved)
+                made[id(request.facts)] = self._make(request, couple)
             except _Refusal as refusal:
-                refused[id(wish.facts)] = refusal
+                refused[id(request.facts)] = refusal
                 continue
-            for frame in wish.frames(couple):
-                self._used.setdefault(frame, wish.facts)
+            for frame in request.frames(couple):
+                self._used.setdefault(frame, request.facts)
         return self._result(made, refused, silent, mains)
 
     def _result(
@@ -223,7 +223,7 @@ class _Expander:
                         ConnectionTrouble(
                             net=done,
                             facts=facts,
-                            hitch=why.hitch,
+                            obstacle=why.obstacle,
                             key=why.key,
                             pairs=why.pairs,
                             partners=why.partners,
@@ -243,7 +243,7 @@ class _Expander:
     def _collect(
         self,
         net: Net,
-        wishes: list[_Wish],
+        requests: list[_Request],
         refused: dict[int, _Refusal],
         silent: set[int],
         mains: dict[int, str],
@@ -255,14 +255,14 @@ class _Expander:
                 silent.add(id(facts))
                 continue
             try:
-                wish = self._wish(net, facts, mains)
+                request = self._request(net, facts, mains)
             except _Refusal as refusal:
                 refused[id(facts)] = refusal
                 continue
-            if wish is None:
+            if request is None:
                 silent.add(id(facts))
             else:
-                wishes.append(wish)
+                requests.append(request)
 
     def _is_stated(self, net: Net, facts: ConnectionFacts) -> bool:
         """Whether the net has transfers of this connection, which then only states facts."""
@@ -294,7 +294,7 @@ class _Expander:
             found |= {(name, b.key) for pair in pairs if pair.slot == slot for b in pair.blocks}
         return found
 
-    def _wish(self, net: Net, facts: ConnectionFacts, mains: dict[int, str]) -> _Wish | None:
+    def _request(self, net: Net, facts: ConnectionFacts, mains: dict[int, str]) -> _Request | None:
         """Return what a connection may mean; ``None`` when something else has gone wrong before.
 
         Raises:
@@ -304,31 +304,31 @@ class _Expander:
             if name not in self._by_name and self._network.partial:
                 return None
             if name not in self._by_name:
-                raise _Refusal(Hitch.MODULE, key, name=name)
+                raise _Refusal(Obstacle.MODULE, key, name=name)
         if facts.main == facts.sub:
-            raise _Refusal(Hitch.SAME, "sub", name=facts.sub)
+            raise _Refusal(Obstacle.SAME, "sub", name=facts.sub)
         main_name, said = self._main_of(net, mains)
         if main_name is None:
             return None
         if main_name != facts.main:
-            raise _Refusal(Hitch.NOT_MAIN, "main", name=main_name, other=said)
+            raise _Refusal(Obstacle.NOT_MAIN, "main", name=main_name, other=said)
         main, sub = self._by_name[facts.main], self._by_name[facts.sub]
         if main.device is None or sub.device is None:
             return None
         if main.master_id != sub.master_id:
-            raise _Refusal(Hitch.MASTERS, "sub")
-        wish = _Wish(net=net, facts=facts, main=main, sub=sub)
+            raise _Refusal(Obstacle.MASTERS, "sub")
+        request = _Request(net=net, facts=facts, main=main, sub=sub)
         ours = self._eligible(main, facts.slot, "main", "slot")
         theirs = self._eligible(sub, facts.sub_slot, "sub", "sub_slot")
-        wish.couples = [(one, two) for one, two in product(ours, theirs) if one.fits(two)]
-        if not wish.couples:
+        request.couples = [(one, two) for one, two in product(ours, theirs) if one.fits(two)]
+        if not request.couples:
             raise _Refusal(
-                Hitch.LENGTHS,
+                Obstacle.LENGTHS,
                 "slot" if facts.slot is not None else "main",
                 pairs=self._pairs(main),
                 partners=tuple(theirs),
             )
-        return wish
+        return request
 
     def _main_of(self, net: Net, mains: dict[int, str]) -> tuple[str | None, Located]:
         """Return the MainInstance of a net and what says so; no name when that is wrong itself."""
@@ -363,29 +363,29 @@ class _Expander:
         """
         pairs = self._pairs(sub)
         if not pairs:
-            raise _Refusal(Hitch.NO_FRAMES, key, name=sub.name)
+            raise _Refusal(Obstacle.NO_FRAMES, key, name=sub.name)
         if slot is not None:
             if slot >= len(pairs):
-                raise _Refusal(Hitch.NO_SLOT, slot_key, pairs=pairs, name=sub.name)
+                raise _Refusal(Obstacle.NO_SLOT, slot_key, pairs=pairs, name=sub.name)
             if not pairs[slot].matched:
-                raise _Refusal(Hitch.UNMATCHED, slot_key, pairs=(pairs[slot],), name=sub.name)
+                raise _Refusal(Obstacle.UNMATCHED, slot_key, pairs=(pairs[slot],), name=sub.name)
             return [pairs[slot]]
         matched = [pair for pair in pairs if pair.matched]
         if not matched:
-            raise _Refusal(Hitch.UNMATCHED, key, pairs=pairs[:1], name=sub.name)
+            raise _Refusal(Obstacle.UNMATCHED, key, pairs=pairs[:1], name=sub.name)
         return matched
 
     # -- which frames -----------------------------------------------------------------------------
 
-    def _reserved(self, wishes: list[_Wish]) -> dict[_Frame, list[ConnectionFacts]]:
+    def _reserved(self, requests: list[_Request]) -> dict[_Frame, list[ConnectionFacts]]:
         """Return the frames that connections name by their slots."""
         reserved: dict[_Frame, list[ConnectionFacts]] = defaultdict(list)
-        for wish in wishes:
-            for frame in self._stated_frames(wish.facts) or ():
-                reserved[frame].append(wish.facts)
+        for request in requests:
+            for frame in self._stated_frames(request.facts) or ():
+                reserved[frame].append(request.facts)
         return reserved
 
-    def _choose(self, wish: _Wish, reserved: dict[_Frame, list[ConnectionFacts]]) -> _Couple:
+    def _choose(self, request: _Request, reserved: dict[_Frame, list[ConnectionFacts]]) -> _Couple:
         """Return the one pair of frame pairs that a connection can mean.
 
         Raises:
@@ -397,37 +397,39 @@ class _Expander:
             used = self._used.get(frame)
             if used is not None and (early or isinstance(used, Transfer)):
                 return used
-            others = [f for f in reserved.get(frame, ()) if f is not wish.facts]
+            others = [f for f in reserved.get(frame, ()) if f is not request.facts]
             return others[0] if others and not early else None
 
-        unused = (c for c in wish.couples if not any(user(f, early=False) for f in wish.frames(c)))
-        free = list(islice(unused, _MOST_NAMED)) or wish.couples[:1]
+        unused = (
+            c for c in request.couples if not any(user(f, early=False) for f in request.frames(c))
+        )
+        free = list(islice(unused, _MOST_NAMED)) or request.couples[:1]
         if len(free) > 1:
             ours = {main.slot for main, _ in free}
             if len(ours) > 1:
                 pairs = {main.slot: main for main, _ in free}
-                key, name = "main", wish.main.name
+                key, name = "main", request.main.name
             else:
                 pairs = {sub.slot: sub for _, sub in free}
-                key, name = "sub", wish.sub.name
-            raise _Refusal(Hitch.SEVERAL, key, pairs=tuple(pairs.values()), name=name)
-        for frame in wish.frames(free[0]):
+                key, name = "sub", request.sub.name
+            raise _Refusal(Obstacle.SEVERAL, key, pairs=tuple(pairs.values()), name=name)
+        for frame in request.frames(free[0]):
             other = user(frame, early=True)
             if other is not None:
-                key = "main" if frame[0] == wish.main.name else "sub"
+                key = "main" if frame[0] == request.main.name else "sub"
                 pair = free[0][0] if key == "main" else free[0][1]
                 stated = f"{key}_slot" if key == "sub" else "slot"
-                at = stated if stated in wish.facts.fields else key
-                raise _Refusal(Hitch.USED, at, pairs=(pair,), name=frame[0], other=other)
+                at = stated if stated in request.facts.fields else key
+                raise _Refusal(Obstacle.USED, at, pairs=(pair,), name=frame[0], other=other)
         return free[0]
 
     def _make(
-        self, wish: _Wish, couple: _Couple
+        self, request: _Request, couple: _Couple
     ) -> tuple[ConnectionFacts, tuple[Transfer, Transfer]]:
         main, sub = couple
-        facts = replace(wish.facts, slot=main.slot, sub_slot=sub.slot)
-        to_main = self._transfer(facts, wish.sub, sub.sends, wish.main, main.takes)
-        to_sub = self._transfer(facts, wish.main, main.sends, wish.sub, sub.takes)
+        facts = replace(request.facts, slot=main.slot, sub_slot=sub.slot)
+        to_main = self._transfer(facts, request.sub, sub.sends, request.main, main.takes)
+        to_sub = self._transfer(facts, request.main, main.sends, request.sub, sub.takes)
         return facts, (to_main, to_sub)
 
     def _transfer(
@@ -457,5 +459,5 @@ class _Expander:
         )
         found = self._finder.end(end).block
         if found is None or found.key != block.key:
-            raise _Refusal(Hitch.HIDDEN, key, name=str(end))
+            raise _Refusal(Obstacle.HIDDEN, key, name=str(end))
         return end

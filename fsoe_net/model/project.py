@@ -58,7 +58,7 @@ def match_project(
 ) -> MatchedProject:
     """Match by name; else by order number where the ring and the project have one of it.
 
-    Equal devices are told apart by slots, where a file of the ring and the project have the same
+    Equal devices are distinguished by slots, where a file of the ring and the project have the same
     kind of device in each slot of the one logic.
 
     Args:

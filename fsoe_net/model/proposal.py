@@ -1,7 +1,7 @@
-"""A network proposed from whatever files tell, with what is open and what has to be asked.
+"""A network proposed from whatever files there are, with open points and questions.
 
 What files know of copies and connections settles pairs; then answers; then lengths, where they
-leave one way only. The rest is proposed as unconfirmed, or not at all. Nothing is asked twice: the
+leave one way only. The rest is proposed as unconfirmed, or not at all. No question comes twice: the
 caller adds an answer and proposes again.
 """
 
@@ -193,22 +193,22 @@ class _Maker:
 
     def _told(self, both: Sequence[tuple[PairEnd, PairEnd, object, object]]) -> dict[int, str]:
         """Return the roles that connections tell, and who talks to several others."""
-        told: dict[int, str] = {}
+        known: dict[int, str] = {}
         for row in self._bus.connections:
             for number, role in ((row.main, "main"), (row.sub, "sub")):
                 if number is not None:
-                    told.setdefault(number, role)
+                    known.setdefault(number, role)
         partners: dict[int, set[int]] = {}
         for one, two, *_ in both:
             partners.setdefault(one.subdevice, set()).add(two.subdevice)
             partners.setdefault(two.subdevice, set()).add(one.subdevice)
         for number, others in partners.items():
             if len(others) > 1 and not any(len(partners[o]) > 1 for o in others):
-                told.setdefault(number, "main")
+                known.setdefault(number, "main")
         for number, others in partners.items():
-            if any(told.get(o) == "main" for o in others):
-                told.setdefault(number, "sub")
-        return told
+            if any(known.get(o) == "main" for o in others):
+                known.setdefault(number, "sub")
+        return known
 
     def _check_mains(self, ends: list[FrameEnd]) -> None:
         by_name = {e.name: e for e in ends}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.ends import Finder, Layouts, ResolvedEnd, ResolvedTransfer
-from fsoe_net.model.expand import ConnectionTrouble, Hitch, expand
+from fsoe_net.model.expand import ConnectionTrouble, Obstacle, expand
 from fsoe_net.model.layout import DeviceLayout
 from fsoe_net.model.network import ConnectionFacts, Net, NetworkConfig, TransferKind
 from fsoe_net.model.slots import frame_pairs, slot_numbers
@@ -248,7 +248,7 @@ class _Pairing:
             ConnectionTrouble(
                 net=net,
                 facts=fact,
-                hitch=Hitch.SEVERAL,
+                obstacle=Obstacle.SEVERAL,
                 key=key,
                 pairs=tuple(p for p in pairs if p.slot in numbers),
                 name=there.name,

@@ -169,7 +169,7 @@ def give_roles(
     subdevices: Sequence[DescribedSubDevice],
     library: Library,
     answers: Answers,
-    told: dict[int, str],
+    stated: dict[int, str],
 ) -> Question | None:
     """Give each end its role, and return the question about those that nothing tells.
 
@@ -178,7 +178,7 @@ def give_roles(
         subdevices: The SubDevices.
         library: Knows MainInstances.
         answers: Name them.
-        told: Roles that connections of the files tell, by number of the SubDevice.
+        stated: Roles that connections of the files state, by number of the SubDevice.
     """
     if answers.main is not None:
         mains = {w.text for w in answers.main}
@@ -188,7 +188,7 @@ def give_roles(
     for end in ends:
         lengths = tuple(p.lengths for p in (*end.pairs, *end.doubtful))
         known = library_role(subdevices[end.number], lengths, library)
-        end.role = told.get(end.number, "") or known
+        end.role = stated.get(end.number, "") or known
     open_ends = [e for e in ends if not e.role and (e.pairs or e.doubtful)]
     if not open_ends:
         return None

@@ -60,8 +60,10 @@ def frame_pairs(layout: DeviceLayout) -> tuple[FramePair, ...]:
     for slot, (sends, takes) in enumerate(zip_longest(inputs, outputs)):
         matched = sends is not None and takes is not None
         if sends is not None and takes is not None:
-            told = layout.partners.get(takes.key)
-            matched = told == sends.key or (even and told is None and sends.key not in with_partner)
+            partner = layout.partners.get(takes.key)
+            matched = partner == sends.key or (
+                even and partner is None and sends.key not in with_partner
+            )
         rows.append(FramePair(slot=slot, sends=sends, takes=takes, matched=matched))
     return tuple(rows)
 

@@ -32,8 +32,8 @@ def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerpri
         out.add("FSN162", place, text, hint=mend)
         return None
     found = fingerprint_of(plan)
-    told = {name: record.sections.get(name) for name in SECTIONS}
-    wrong = [name for name in SECTIONS if told[name] != found.sections[name]]
+    stated = {name: record.sections.get(name) for name in SECTIONS}
+    wrong = [name for name in SECTIONS if stated[name] != found.sections[name]]
     if wrong or record.whole != found.whole:
         where = f"section {', '.join(wrong)}" if wrong else "the whole"
         text = f"the fingerprint in this record is not that of its plan: {where}"

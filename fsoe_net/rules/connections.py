@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fsoe_net.diag.diagnostic import Related
 from fsoe_net.diag.words import counted
-from fsoe_net.model.expand import ConnectionTrouble, Hitch
+from fsoe_net.model.expand import ConnectionTrouble, Obstacle
 from fsoe_net.model.network import Net, Transfer
 from fsoe_net.model.slots import FramePair
 from fsoe_net.rules.context import Context, few, nearest
@@ -56,22 +56,22 @@ def check_drivers(ctx: Context, runtime: Runtime) -> None:
 
 
 def _say(ctx: Context, trouble: ConnectionTrouble) -> None:
-    match trouble.hitch:
-        case Hitch.MODULE:
+    match trouble.obstacle:
+        case Obstacle.MODULE:
             _module(ctx, trouble)
-        case Hitch.SAME | Hitch.NOT_MAIN:
+        case Obstacle.SAME | Obstacle.NOT_MAIN:
             _main(ctx, trouble)
-        case Hitch.MASTERS:
+        case Obstacle.MASTERS:
             _masters(ctx, trouble)
-        case Hitch.NO_FRAMES | Hitch.NO_SLOT:
+        case Obstacle.NO_FRAMES | Obstacle.NO_SLOT:
             _no_slot(ctx, trouble)
-        case Hitch.UNMATCHED | Hitch.HIDDEN:
+        case Obstacle.UNMATCHED | Obstacle.HIDDEN:
             _unmatched(ctx, trouble)
-        case Hitch.LENGTHS:
+        case Obstacle.LENGTHS:
             _lengths(ctx, trouble)
-        case Hitch.SEVERAL:
+        case Obstacle.SEVERAL:
             _several(ctx, trouble)
-        case Hitch.USED:
+        case Obstacle.USED:
             _used(ctx, trouble)
 
 
@@ -101,7 +101,7 @@ def _module(ctx: Context, trouble: ConnectionTrouble) -> None:
 
 def _main(ctx: Context, trouble: ConnectionTrouble) -> None:
     facts = trouble.facts
-    if trouble.hitch is Hitch.SAME:
+    if trouble.obstacle is Obstacle.SAME:
         ctx.add(
             "FSN239",
             facts.at("sub"),
@@ -141,7 +141,7 @@ def _masters(ctx: Context, trouble: ConnectionTrouble) -> None:
 
 def _no_slot(ctx: Context, trouble: ConnectionTrouble) -> None:
     facts, name, pairs = trouble.facts, trouble.name, trouble.pairs
-    if trouble.hitch is Hitch.NO_FRAMES:
+    if trouble.obstacle is Obstacle.NO_FRAMES:
         ctx.add(
             "FSN235",
             facts.at(trouble.key),
@@ -163,7 +163,7 @@ def _no_slot(ctx: Context, trouble: ConnectionTrouble) -> None:
 
 def _unmatched(ctx: Context, trouble: ConnectionTrouble) -> None:
     name, hint = trouble.name, "write the two transfers out"
-    if trouble.hitch is Hitch.HIDDEN:
+    if trouble.obstacle is Obstacle.HIDDEN:
         message = f"{name} is mapped twice, and a driver would get the other place than the frame"
         hint = "map it once"
     else:

@@ -140,7 +140,7 @@ def _sync_manager_watchdog(ctx: Context, cycle_ms: float) -> None:
             "FSN425",
             network.at("cycle_us" if "cycle_us" in network.fields else "control_frequency"),
             f"the bus cycle is {cycle_ms:g} ms; the sync manager watchdog of {few(names)} expires "
-            f"after {_SM_WATCHDOG_MS} ms unless the device was told another time, and the "
+            f"after {_SM_WATCHDOG_MS} ms unless another time is set, and the "
             "SubDevice leaves OP (AL status 0x001b)",
             hint=f"a bus cycle well below {_SM_WATCHDOG_MS} ms, as FSoE needs anyway",
         )

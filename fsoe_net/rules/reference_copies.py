@@ -68,7 +68,7 @@ class _Seen:
     """Copies of the file by their first transfer, transfers with a finding, bytes written here."""
 
     used: dict[int, ResolvedTransfer]
-    told: set[int]
+    reported: set[int]
     covered: set[_Byte]
 
 
@@ -121,7 +121,7 @@ def _transfer(
         elif missing:
             text = f"only {counted(size - missing, 'byte')} of it are copied"
     if text:
-        seen.told.add(id(row))
+        seen.reported.add(id(row))
         _other(out, row, f"{text} in {file.path}", there)
 
 
@@ -148,7 +148,7 @@ def _longer(
     copy = file.copies[number]
     size = (copy.bits + 7) // 8
     more = sum(_byte(subs, copy.destination, n) not in seen.covered for n in range(size))
-    if more and id(row) not in seen.told:
+    if more and id(row) not in seen.reported:
         text = f"{counted(size, 'byte')} are copied in {file.path}, {more} of them by no transfer"
         _other(out, row, text, copy.span)
 
@@ -197,9 +197,9 @@ def check_slots(
         if found is None or other is None or subs[other].name == connection.sub.name:
             continue
         wrong[connection.main.name, slot] = (connection, subs[other].name, found)
-    told: set[str] = set()
+    reported: set[str] = set()
     for (main, slot), (connection, partner, found) in wrong.items():
-        if connection.sub.name in told:
+        if connection.sub.name in reported:
             continue
         back = [
             c.sub.name
@@ -208,7 +208,7 @@ def check_slots(
         ]
         more = ""
         if back == [partner]:
-            told.add(partner)
+            reported.add(partner)
             more = ", and the other way round"
         out.add(
             "FSN444",

@@ -185,7 +185,7 @@ def _place(connection: Connection, key: str) -> Span:
 
 
 def _slots(project: _Project, pairs: _Pairs, *, whole: bool) -> None:
-    """Compare the order of slots; a missing connection alone, which is told, moves the others."""
+    """Compare the order of slots; a missing one, which is reported, moves the others."""
     rows = sorted(
         (
             (c.slot, row.slot, c, row)
@@ -202,7 +202,7 @@ def _slots(project: _Project, pairs: _Pairs, *, whole: bool) -> None:
     }
     for slot, (there, c, row) in list(wrong.items()):
         if slot not in wrong:
-            continue  # told with its partner
+            continue  # reported with its partner
         text = f"{c.main.name} with {c.sub.name} uses slot {slot}, slot {there}"
         partner = wrong.get(there)
         if partner is not None and partner[0] == slot:

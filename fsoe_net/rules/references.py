@@ -1,7 +1,7 @@
 """FSN431 … FSN447: a network against other files that describe the same devices or bus.
 
 One cause is one finding: what follows from another device, another place or other process data is
-not told again at copies and connections. What a file does not say is not held against anybody.
+not reported again at copies and connections. What a file does not say is no difference.
 """
 
 from __future__ import annotations

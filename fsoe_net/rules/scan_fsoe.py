@@ -84,7 +84,7 @@ def _given(there: ScannedSubDevice, *, is_main: bool) -> list[ScannedConnection]
 
     Not every device tells on which side of a connection it is; the network does.
     """
-    assert there.fsoe is not None  # noqa: S101  (asked by the caller)
+    assert there.fsoe is not None  # noqa: S101  (checked by the caller)
     return [*there.fsoe.given, *(() if is_main else there.fsoe.connections)]
 
 
@@ -237,21 +237,21 @@ def _compare(
     by_sub: bool = False,
 ) -> None:
     wrong = [
-        (fact, planned, told)
+        (fact, planned, found)
         for fact, row in pairs
         if (planned := value.planned(fact)) is not None
-        and (told := value.found(row)) is not None
-        and planned != told
+        and (found := value.found(row)) is not None
+        and planned != found
     ]
     done: set[int] = set()
-    for number, (fact, planned, told) in enumerate(wrong):
+    for number, (fact, planned, found) in enumerate(wrong):
         if number in done:
             continue
         crossed = next(
             (
                 n
                 for n in range(number + 1, len(wrong))
-                if value.key != "watchdog_ms" and wrong[n][1:] == (told, planned)
+                if value.key != "watchdog_ms" and wrong[n][1:] == (found, planned)
             ),
             None,
         )
@@ -261,13 +261,13 @@ def _compare(
             out.add(
                 value.code,
                 fact.at(value.key),
-                f"{main}: the {value.what}s of {fact.sub} and {other.sub} are exchanged, {told} "
-                f"and {planned}; the network says {planned} and {told}",
+                f"{main}: the {value.what}s of {fact.sub} and {other.sub} are exchanged, {found} "
+                f"and {planned}; the network says {planned} and {found}",
                 hint="correct them here or in the safety project",
                 related=(Related(span=other.at(value.key), message=f"{other.sub}"),),
             )
             continue
-        has = f"has {value.what} {told}{value.unit}"
+        has = f"has {value.what} {found}{value.unit}"
         whose = f"{fact.sub} {has}, given by {main}" if by_sub else f"{main} {has} for {fact.sub}"
         out.add(
             value.code,

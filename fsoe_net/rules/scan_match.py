@@ -68,8 +68,8 @@ class _Rows:
         if not self.same(sub, found):
             return _OTHER
         stated = self.addresses.get(sub.name)
-        told = found.fsoe.addresses if found.fsoe is not None else ()
-        return _ADDRESS if stated is not None and told and stated not in told else 0
+        read = found.fsoe.addresses if found.fsoe is not None else ()
+        return _ADDRESS if stated is not None and read and stated not in read else 0
 
     def is_plain(self, found: ScannedSubDevice) -> bool:
         """Whether nobody minds that the network does not name it."""

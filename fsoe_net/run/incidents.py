@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net import __version__
-from fsoe_net.core.snapshot import CoreEvent, Glance
+from fsoe_net.core.snapshot import CoreEvent, CycleImage
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.observe.incident import CycleRecord, TriggerKind
@@ -87,7 +87,7 @@ class IncidentRecorder:
         self._ring = _Ring()
         self._events: deque[dict[str, Any]] = deque(maxlen=_MOST_EVENTS)
         self._open: _Open | None = None
-        self._last: Glance | None = None
+        self._last: CycleImage | None = None
         self._absent: frozenset[str] = frozenset()
         self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
@@ -102,7 +102,7 @@ class IncidentRecorder:
     def cycle(self, now_ns: int) -> None:
         """Take the cycle that has just run; ``now_ns`` is the time of the run."""
         core = self._session.core
-        seen = core.glance()
+        seen = core.cycle_image()
         if self._last is None or seen.cycle != self._last.cycle:
             self._keep(seen)
         if self._base_ns is None:
@@ -131,7 +131,7 @@ class IncidentRecorder:
             thread.join()
         self._tell(now_ns)
 
-    def _keep(self, seen: Glance) -> None:
+    def _keep(self, seen: CycleImage) -> None:
         last = self._last
         short = seen.actual_wkc != seen.expected_wkc
         self._ring.add(

@@ -47,7 +47,7 @@ class PartTimes:
         input: T_I, of the SubDevice that reads the sensor.
         logic: T_L, of the safety logic.
         output: T_O, of the SubDevice that drives the actuator.
-        actuator: T_A, until the machine is in the state that was asked for.
+        actuator: T_A, until the machine is in the requested state.
         cycle: T_Com, the EtherCAT cycle.
         cycles_in: Bus cycles a frame needs from the input to the logic, the k of the sources: 2
             when it is copied in the cycle in which it arrived, 3 when one cycle later; 0 when both
@@ -113,8 +113,8 @@ def watchdog_output(t: PartTimes) -> float:
 def error_free(t: PartTimes) -> float:
     """Return T_SFR, the longest response while nothing fails (ETG.5100 9.3).
 
-    Assumes that a value is sent in the next cycle of the part that has it. FSoE sends when it is
-    asked: `polled_error_free`.
+    Assumes that a value is sent in the next cycle of the part that has it. FSoE is
+    polled: `polled_error_free`.
     """
     return (
         2 * t.sensor

@@ -81,7 +81,7 @@ def found(**changes: Any) -> FoundConnection:
   main > sub  at FPWR station 0x03e9 offset 0x1100, 6 bytes with 1 safe byte
   sub > main  at LRW 0x00000040, 7 bytes with 2 safe bytes
   no CRC could be checked: too few frames of both ends in a row
-  main and sub are told apart by their numbers; no start-up was seen""",
+  main and sub are distinguished by their numbers; no start-up was seen""",
         ),
         (
             found(roles_certain=True, places=(), to_sub=RESET, gaps=1),

@@ -22,7 +22,7 @@ from fsoe_net.fsoe.campaign.faults import (
     compose,
     shortened,
 )
-from fsoe_net.fsoe.campaign.injection import Strangers
+from fsoe_net.fsoe.campaign.injection import ForeignFrames
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials, trial_count
 from fsoe_net.fsoe.campaign.walk import Walker
 from fsoe_net.fsoe.pdu import Command, frame_length
@@ -121,18 +121,18 @@ def test_what_changes_when_is_told_in_advance():
 def test_the_catalogue_draws_in_every_corner():
     """No class fails at any point of a run, the very first frames included."""
     link = make_link(1, 1, app=b"ab")
-    strangers, rng = Strangers(link, 1), random.Random(2)
+    foreign, rng = ForeignFrames(link, 1), random.Random(2)
     walker = Walker(link, 1)
     walk = walker.walk(0)
     assert walk.startup[0].frame[0] == Command.RESET
     for name in DRAWN:
         for _ in range(300 if name != "parameters" else 0):
             scene = walker.scene(0, rng)
-            made = CATALOGUE[name].make(rng, scene, strangers, 0)
+            made = CATALOGUE[name].make(rng, scene, foreign, 0)
             assert made is None or made.faults
     for name in ("bit_errors", "parameters"):
         with pytest.raises(ConfigError, match="not drawn"):
-            CATALOGUE[name].make(rng, scene, strangers, 0)
+            CATALOGUE[name].make(rng, scene, foreign, 0)
 
 
 # ------------------------------------------------------------------------------------ bit errors

@@ -17,7 +17,7 @@ from fsoe.links import make_link
 from fsoe_net.fsoe.campaign.channel import Way
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.faults import Flip, Freeze, Swap
-from fsoe_net.fsoe.campaign.injection import Strangers
+from fsoe_net.fsoe.campaign.injection import ForeignFrames
 from fsoe_net.fsoe.campaign.recorder import Recorder
 from fsoe_net.fsoe.campaign.shrink import shrink
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials
@@ -56,7 +56,7 @@ def test_a_start_up_replays(turns):
 @pytest.mark.parametrize("cycle", [3, 9, 40])
 def test_each_class_of_faults_replays(name, cycle):
     link = make_link(2, 4)
-    strangers, rng = Strangers(link, 1), random.Random(cycle)
+    foreign, rng = ForeignFrames(link, 1), random.Random(cycle)
     recorder = Recorder(link, 5)
     channel = recorder.channel
     channel.run(cycle)
@@ -71,7 +71,7 @@ def test_each_class_of_faults_replays(name, cycle):
         index=len(frames) - 1,
         watchdog_cycles=20,
     )
-    drawn = (CATALOGUE[name].make(rng, scene, strangers, 0) for _ in range(64))
+    drawn = (CATALOGUE[name].make(rng, scene, foreign, 0) for _ in range(64))
     made = next((one for one in drawn if one is not None), None)
     if made is None:
         pytest.skip("this class has no case at this point of a run")

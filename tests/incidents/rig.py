@@ -80,14 +80,14 @@ class Wire:
 
 
 class CoreProxy:
-    """A core whose glances somebody changes."""
+    """A core whose cycle images somebody changes."""
 
     def __init__(self, core: Any, change: Callable[[Any], Any]) -> None:
         self._core = core
         self._change = change
 
-    def glance(self) -> Any:
-        return self._change(self._core.glance())
+    def cycle_image(self) -> Any:
+        return self._change(self._core.cycle_image())
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._core, name)
@@ -138,7 +138,7 @@ class Rig:
         ports = self.session._ports
         ports[device] = Wire(ports[device], **hands)  # type: ignore[assignment,arg-type]
 
-    def glances(self, change: Callable[[Any], Any]) -> None:
+    def cycle_images(self, change: Callable[[Any], Any]) -> None:
         """Change what the recorder sees of the cycles."""
         self.session.core = CoreProxy(self.session.core, change)  # type: ignore[assignment]
 

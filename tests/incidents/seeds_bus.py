@@ -51,11 +51,11 @@ def late_replies(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp, watchdog(16)), tmp, steps=steps)
     late = {"count": 0}
 
-    def count(glance: Any) -> Any:
-        late["count"] += glance.actual_wkc == 0
-        return replace(glance, lost_frames=late["count"], old_replies=max(0, late["count"] - 1))
+    def count(image: Any) -> Any:
+        late["count"] += image.actual_wkc == 0
+        return replace(image, lost_frames=late["count"], old_replies=max(0, late["count"] - 1))
 
-    rig.glances(count)
+    rig.cycle_images(count)
     rig.run(1_700)
     return rig.end()
 
@@ -91,21 +91,21 @@ def second_writer_in_the_image(tmp: Path) -> Path:
     def write(sm: int, data: bytes) -> bytes:
         return data[:1] + b"\xff" + data[2:] if rig.now_ns > 500 * MS and sm == 2 else data
 
-    def torn(glance: Any) -> Any:
-        image = glance.image
+    def torn(cycle: Any) -> Any:
+        image = cycle.image
         if rig.now_ns > 500 * MS:
             image = image[:1] + b"\xff" + image[2:]
-        return replace(glance, image=image)
+        return replace(cycle, image=image)
 
     rig.wire("ek1914", outputs=write)
-    rig.glances(torn)
+    rig.cycle_images(torn)
     rig.run(1_700)
     return rig.end()
 
 
 def foreign_frames(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp)
-    rig.glances(
+    rig.cycle_images(
         lambda g: replace(
             g,
             actual_wkc=g.actual_wkc + 3 * (400 * MS < rig.now_ns < 800 * MS),

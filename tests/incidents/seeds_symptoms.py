@@ -64,7 +64,7 @@ def coalesced(tmp: Path) -> Path:
             old_replies=whole * 15,
         )
 
-    rig.glances(handfuls)
+    rig.cycle_images(handfuls)
     for name in EVERYBODY:
         rig.runs(name, lambda now: now < 500 * MS or now // MS % 16 == 15)
     rig.run(2_000)
@@ -121,7 +121,7 @@ def commissioning_laptop(tmp: Path) -> Path:
     """States change by themselves after somebody plugged in a laptop with the maker's tool."""
     rig = Rig(network(CELL, tmp), tmp)
     rig.runs("drive_1", lambda now: now < 500 * MS)
-    rig.glances(lambda g: replace(g, foreign_frames=max(0, rig.now_ns // MS - 300) // 10))
+    rig.cycle_images(lambda g: replace(g, foreign_frames=max(0, rig.now_ns // MS - 300) // 10))
     rig.run(1_700)
     return found(rig.end(), "drive_1", al="PREOP")
 

@@ -129,7 +129,7 @@ def every_reply_late(answers: bool) -> Callable[[Path], Path]:
                 glance, actual_wkc=wkc, lost_frames=cycles, old_replies=max(0, cycles - 2)
             )
 
-        rig.glances(late)
+        rig.cycle_images(late)
         for name in EVERYBODY:
             rig.runs(name, lambda now: now < 500 * MS)
         rig.run(1_700)
@@ -143,7 +143,7 @@ def second_main_device(frames_per_s: int, what: str) -> Callable[[Path], Path]:
 
     def seed(tmp: Path) -> Path:
         rig = Rig(network(CELL, tmp), tmp, steps=what)
-        rig.glances(
+        rig.cycle_images(
             lambda g: replace(
                 g, foreign_frames=max(0, rig.now_ns // MS - 450) * frames_per_s // 1000
             )

@@ -15,7 +15,7 @@ from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.own.write import write_network
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SubDevice, SyncManager
 from fsoe_net.model.described_network import describe
-from fsoe_net.model.expand import Hitch
+from fsoe_net.model.expand import Obstacle
 from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, NetworkConfig, Transfer
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.slots import frame_pairs
@@ -145,8 +145,8 @@ def ends(resolution: Resolution) -> list[tuple[str, str, int]]:
     ]
 
 
-def hitches(network: NetworkConfig) -> list[tuple[Hitch, str]]:
-    return [(t.hitch, t.key) for t in resolve(network).troubles]
+def obstacles(network: NetworkConfig) -> list[tuple[Obstacle, str]]:
+    return [(t.obstacle, t.key) for t in resolve(network).troubles]
 
 
 @st.composite
@@ -231,13 +231,13 @@ def test_a_subdevice_whose_name_ends_in_a_counter_keeps_names_apart():
 
 def test_a_slot_may_be_left_out_when_only_one_is_left():
     network = bus(TWO, facts("left", sub_slot=0), facts("left", 0, 1), facts("left", 9))
-    assert hitches(network) == [(Hitch.SEVERAL, "main"), (Hitch.NO_SLOT, "slot")]
+    assert obstacles(network) == [(Obstacle.SEVERAL, "main"), (Obstacle.NO_SLOT, "slot")]
     small = {"logic": device((1, 1), (1, 1)), "left": device((1, 1), (1, 1))}
     found = resolve(bus(small, facts("left"), facts("left", 1, 0)))
     assert [(c.slot, c.sub_slot) for c in found.connections] == [(0, 1), (1, 0)]
-    assert hitches(bus(small, facts("left", 0), facts("left", 1))) == [
-        (Hitch.SEVERAL, "sub"),
-        (Hitch.SEVERAL, "sub"),
+    assert obstacles(bus(small, facts("left", 0), facts("left", 1))) == [
+        (Obstacle.SEVERAL, "sub"),
+        (Obstacle.SEVERAL, "sub"),
     ]
 
 
@@ -245,29 +245,29 @@ def test_sizes_leave_only_one_slot():
     devices = {"logic": device((1, 1), (14, 4)), "drive": device((4, 14))}
     (found,) = resolve(bus(devices, facts("drive"))).connections
     assert (found.slot, found.sub_slot) == (1, 0)
-    assert hitches(bus(devices, facts("drive", 0))) == [(Hitch.LENGTHS, "slot")]
+    assert obstacles(bus(devices, facts("drive", 0))) == [(Obstacle.LENGTHS, "slot")]
     turned = {**devices, "drive": device((14, 4))}
-    assert hitches(bus(turned, facts("drive"))) == [(Hitch.LENGTHS, "main")]
+    assert obstacles(bus(turned, facts("drive"))) == [(Obstacle.LENGTHS, "main")]
 
 
 def test_frames_are_used_once():
     devices = {"logic": device((1, 1), (1, 1)), "a": device((1, 1)), "b": device((1, 1))}
-    assert hitches(bus(devices, facts("a", 0), facts("b", 0))) == [(Hitch.USED, "main")]
-    assert hitches(bus(devices, facts("a", 0), facts("a", 1))) == [(Hitch.USED, "sub")]
+    assert obstacles(bus(devices, facts("a", 0), facts("b", 0))) == [(Obstacle.USED, "main")]
+    assert obstacles(bus(devices, facts("a", 0), facts("a", 1))) == [(Obstacle.USED, "sub")]
     third = {**devices, "c": device((1, 1))}
     full = bus(third, facts("a", 0), facts("b", 1), facts("c"))
-    assert hitches(full) == [(Hitch.USED, "main")]
+    assert obstacles(full) == [(Obstacle.USED, "main")]
     one, other = bus(devices, facts("a", 0)), bus(devices, facts("a", 0), name="other")
     two = replace(one, nets=one.nets + other.nets)
-    assert hitches(two) == [(Hitch.USED, "main")]
+    assert obstacles(two) == [(Obstacle.USED, "main")]
 
 
 def test_pdos_in_two_orders_are_no_slot():
     mixed = device((1, 1), (1, 1))
     outputs, inputs = mixed.sync_managers
     mixed = replace(mixed, sync_managers=(outputs, replace(inputs, pdos=inputs.pdos[::-1])))
-    assert hitches(bus({"logic": mixed, "a": device((1, 1))}, facts("a", 0))) == [
-        (Hitch.UNMATCHED, "slot")
+    assert obstacles(bus({"logic": mixed, "a": device((1, 1))}, facts("a", 0))) == [
+        (Obstacle.UNMATCHED, "slot")
     ]
 
 
@@ -276,7 +276,7 @@ def test_a_frame_in_one_direction_is_no_slot():
     outputs, inputs = cut.sync_managers
     cut = replace(cut, sync_managers=(outputs, replace(inputs, pdos=inputs.pdos[:1])))
     devices = {"logic": cut, "a": device((1, 1))}
-    assert hitches(bus(devices, facts("a", 1))) == [(Hitch.UNMATCHED, "slot")]
+    assert obstacles(bus(devices, facts("a", 1))) == [(Obstacle.UNMATCHED, "slot")]
     assert [c.slot for c in resolve(bus(devices, facts("a"))).connections] == [0]
 
 
@@ -285,8 +285,8 @@ def test_frames_behind_an_unknown_layout_have_no_number():
     outputs, inputs = dark.sync_managers
     hole = (Pdo(index=0x1601, entries=()), *outputs.pdos[1:])
     dark = replace(dark, sync_managers=(replace(outputs, pdos=(outputs.pdos[0], *hole)), inputs))
-    assert hitches(bus({"logic": dark, "a": device((1, 1))}, facts("a", 1))) == [
-        (Hitch.UNMATCHED, "slot")
+    assert obstacles(bus({"logic": dark, "a": device((1, 1))}, facts("a", 1))) == [
+        (Obstacle.UNMATCHED, "slot")
     ]
 
 
@@ -300,8 +300,8 @@ def test_an_entry_a_driver_finds_elsewhere_is_refused():
     outputs, inputs = double.sync_managers
     early = Pdo(index=0x15FF, entries=(Entry(index=0x7000, subindex=1, bits=8),))
     double = replace(double, sync_managers=(replace(outputs, pdos=(early, *outputs.pdos)), inputs))
-    assert hitches(bus({"logic": double, "a": device((1, 1))}, facts("a"))) == [
-        (Hitch.HIDDEN, "main")
+    assert obstacles(bus({"logic": double, "a": device((1, 1))}, facts("a"))) == [
+        (Obstacle.HIDDEN, "main")
     ]
 
 
@@ -311,7 +311,7 @@ def test_without_safety_master_the_connections_say_it():
     assert found.network.nets[0].safety_master == "logic"
     assert [c.main.name for c in found.connections] == ["logic"]
     turned = ConnectionFacts(main="a", sub="logic")
-    assert hitches(bus(devices, turned)) == [(Hitch.NOT_MAIN, "main")]
+    assert obstacles(bus(devices, turned)) == [(Obstacle.NOT_MAIN, "main")]
 
 
 def test_transfers_and_shorthand_in_one_net():
@@ -467,4 +467,4 @@ def test_slots_of_transfers_are_those_of_the_frames():
     assert (found.troubles, found.unmatched_facts) == ((), ())
     unclear = replace(net, connections=(facts("left"),))
     (trouble,) = resolve(replace(made, nets=(unclear,))).troubles
-    assert (trouble.hitch, [p.slot for p in trouble.pairs]) == (Hitch.SEVERAL, [1, 3])
+    assert (trouble.obstacle, [p.slot for p in trouble.pairs]) == (Obstacle.SEVERAL, [1, 3])

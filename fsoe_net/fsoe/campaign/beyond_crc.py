@@ -10,8 +10,8 @@ from fsoe_net.fsoe.campaign.faults import Flip, Forge, Freeze, Replay
 from fsoe_net.fsoe.campaign.injection import (
     CRC_CHANCE,
     DATA_COMMANDS,
+    ForeignFrames,
     Injection,
-    Strangers,
     below,
     between,
     span,
@@ -24,7 +24,9 @@ from fsoe_net.fsoe.pdu import Command, assemble, safe_data_length
 __all__ = ["make_edge", "make_enable", "make_forged", "make_former"]
 
 
-def make_forged(rng: random.Random, scene: Scene, _strangers: Strangers, _number: int) -> Injection:
+def make_forged(
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
+) -> Injection:
     """One field wrong, every CRC right: what only the tables of §5 and §6 refuse."""
     way, start, until = span(scene, 1)
     plain = Forge(way=way, start=start, until=until)
@@ -71,7 +73,7 @@ def _data_bytes(frame: bytes) -> int:
 
 
 def make_former(
-    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
     """The frames of a former start-up again, or six starts of a session in a row."""
     way, start, until = span(scene, 48)
@@ -101,7 +103,7 @@ def _starts(way: Way, size: int, rng: random.Random) -> tuple[bytes, ...]:
 
 
 def make_edge(
-    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
     """The frame comes one cycle before the receiver's watchdog expires, then, or one after."""
     if not scene.in_data:
@@ -116,7 +118,7 @@ def make_edge(
 
 
 def make_enable(
-    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
     """The applications enable nothing any more, or leave the enable alone over a Reset."""
     if not scene.in_data:

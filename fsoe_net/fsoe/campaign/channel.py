@@ -269,11 +269,11 @@ class Channel:
         if hands_off is not None and self.cycle >= hands_off:
             feed(data, None)
             return
-        wish = enabled and self._in_data[way]
-        feed(data, wish)
+        enable = enabled and self._in_data[way]
+        feed(data, enable)
         table = self.tables[way]
         if table is not None and hasattr(self.ends[way], "enable"):
-            table.enabled = wish
+            table.enabled = enable
 
     def _compare(
         self, way: Way, table: StateTable, image: bytes | None, answer: bytes | None

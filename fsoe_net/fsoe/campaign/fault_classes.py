@@ -25,9 +25,9 @@ from fsoe_net.fsoe.campaign.faults import (
 from fsoe_net.fsoe.campaign.injection import (
     CRC_CHANCE,
     DATA_COMMANDS,
+    ForeignFrames,
     Injection,
     Make,
-    Strangers,
     below,
     between,
     flip,
@@ -66,7 +66,7 @@ class FaultClass:
 
 
 def _make_corruption(
-    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection:
     size = len(scene.frame)
     cycles = 1 if below(rng, 2) else 4
@@ -87,7 +87,7 @@ def _older(rng: random.Random, scene: Scene, most: int) -> bytes | None:
 
 
 def _make_repetition(
-    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
     if scene.index == 0:
         return None
@@ -99,7 +99,7 @@ def _make_repetition(
 
 
 def _make_sequence(
-    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
     """Two frames swapped: one that comes later, then the one it took the place of."""
     ahead = scene.index + between(rng, 1, 9)
@@ -122,14 +122,18 @@ def _ways(rng: random.Random, scene: Scene) -> tuple[Way, ...]:
     return (scene.way,) if rng.random() < 0.5 else tuple(Way)
 
 
-def _make_loss(rng: random.Random, scene: Scene, _strangers: Strangers, _number: int) -> Injection:
+def _make_loss(
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
+) -> Injection:
     _, start, until = span(scene, _gap(rng, scene))
     ways = _ways(rng, scene)
     faults = compose(*(Freeze(way=way, start=start, until=until) for way in ways))
     return Injection(faults=faults, patient=True)
 
 
-def _make_delay(rng: random.Random, scene: Scene, _strangers: Strangers, _number: int) -> Injection:
+def _make_delay(
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
+) -> Injection:
     late = _gap(rng, scene)
     _, start, until = span(scene, 3 * late + 8)
     ways = _ways(rng, scene)
@@ -138,14 +142,14 @@ def _make_delay(rng: random.Random, scene: Scene, _strangers: Strangers, _number
 
 
 def _make_insertion(
-    rng: random.Random, scene: Scene, strangers: Strangers, number: int
+    rng: random.Random, scene: Scene, foreign: ForeignFrames, number: int
 ) -> Injection:
-    frames = strangers.frames(scene.way, number, same_id=below(rng, 4) != 0)
+    frames = foreign.frames(scene.way, number, same_id=below(rng, 4) != 0)
     return swap(scene, rng.choice(frames), between(rng, 1, 4), CRC_CHANCE)
 
 
 def _make_masquerade(
-    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection:
     frame, kind = scene.frame, below(rng, 16)
     size = len(frame)
@@ -163,42 +167,46 @@ def _make_masquerade(
 
 
 def _make_addressing(
-    rng: random.Random, scene: Scene, strangers: Strangers, number: int
+    rng: random.Random, scene: Scene, foreign: ForeignFrames, number: int
 ) -> Injection:
     """The frame of another connection at the same point of its own run, and for some time."""
-    frames = strangers.frames(scene.way, number, same_id=False)
+    frames = foreign.frames(scene.way, number, same_id=False)
     return swap(scene, frames[min(scene.index, len(frames) - 1)], between(rng, 1, 64))
 
 
 def _make_stale(
-    rng: random.Random, scene: Scene, _strangers: Strangers, _number: int
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
     frame = _older(rng, scene, 8)
     return None if frame is None else swap(scene, frame, between(rng, 1, 3), CRC_CHANCE)
 
 
-def _make_torn(rng: random.Random, scene: Scene, _strangers: Strangers, _number: int) -> Injection:
+def _make_torn(
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
+) -> Injection:
     way, start, until = span(scene, between(rng, 1, 3))
     head = between(rng, 2, len(scene.frame) - 2)  # command and ConnID are mostly equal
     return Injection(faults=(Torn(way=way, start=start, until=until, head_bytes=head),))
 
 
-def _make_crossed(rng: random.Random, scene: Scene, strangers: Strangers, number: int) -> Injection:
+def _make_crossed(
+    rng: random.Random, scene: Scene, foreign: ForeignFrames, number: int
+) -> Injection:
     cycles = between(rng, 1, 12)
     parts = []
     for way in Way if below(rng, 2) else (scene.way,):
-        frames = strangers.frames(way, number, same_id=False)
+        frames = foreign.frames(way, number, same_id=False)
         frame = frames[min(scene.index, len(frames) - 1)]
         start = scene.channel.cycle
         parts.append(Swap(way=way, start=start, until=start + cycles, frame=frame))
     return Injection(faults=compose(*parts))
 
 
-def _make_slip(rng: random.Random, scene: Scene, strangers: Strangers, number: int) -> Injection:
+def _make_slip(rng: random.Random, scene: Scene, foreign: ForeignFrames, number: int) -> Injection:
     way, start, until = span(scene, between(rng, 1, 4))
     shift = between(rng, 1, len(scene.frame)) * rng.choice((-1, 1))
     beside = (
-        rng.choice(strangers.frames(way, number, same_id=False))
+        rng.choice(foreign.frames(way, number, same_id=False))
         if below(rng, 2)
         else rng.choice((b"\0", b"\xff", scene.frame))
     )
@@ -206,18 +214,20 @@ def _make_slip(rng: random.Random, scene: Scene, strangers: Strangers, number: i
     return Injection(faults=(slip,))
 
 
-def _make_late(rng: random.Random, scene: Scene, _strangers: Strangers, _number: int) -> Injection:
+def _make_late(
+    rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
+) -> Injection:
     way, start, until = span(scene, between(rng, 2, 6))
     return Injection(faults=(Late(way=way, start=start, until=until, cycles=1),))
 
 
 def _make_double(
-    rng: random.Random, scene: Scene, strangers: Strangers, number: int
+    rng: random.Random, scene: Scene, foreign: ForeignFrames, number: int
 ) -> Injection | None:
     if below(rng, 2):
         frame: bytes | None = _older(rng, scene, 8)
     else:
-        frame = rng.choice(strangers.frames(scene.way, number, same_id=bool(below(rng, 2))))
+        frame = rng.choice(foreign.frames(scene.way, number, same_id=bool(below(rng, 2))))
     if frame is None:
         return None
     way, start, until = span(scene, between(rng, 2, 12))
@@ -226,7 +236,7 @@ def _make_double(
 
 
 def _enumerated(
-    _rng: random.Random, _scene: Scene, _strangers: Strangers, _number: int
+    _rng: random.Random, _scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
     raise ConfigError("cases of this class are not drawn for a point of a run")
 

@@ -14,9 +14,9 @@ from fsoe_net.fsoe.pdu import Command
 __all__ = [
     "CRC_CHANCE",
     "DATA_COMMANDS",
+    "ForeignFrames",
     "Injection",
     "Make",
-    "Strangers",
     "below",
     "between",
     "flip",
@@ -54,7 +54,7 @@ class Injection:
     application: Application | None = None
 
 
-class Strangers:
+class ForeignFrames:
     """Frames of other connections of the same sizes, for those classes in which they stray."""
 
     def __init__(self, link: TrialConnection, seed: int) -> None:
@@ -65,7 +65,7 @@ class Strangers:
         return self._walkers[same_id].walk(number % 16).frames[way]
 
 
-Make = Callable[[random.Random, Scene, Strangers, int], Injection | None]
+Make = Callable[[random.Random, Scene, ForeignFrames, int], Injection | None]
 
 
 def below(rng: random.Random, end: int) -> int:

@@ -217,17 +217,17 @@ class StateTable:
     def _gave_up(
         self, codes: tuple[int, ...], received: bytes | None, sent: Pdu | None, before: bytes | None
     ) -> Departure | None:
-        asked = f"Reset {codes[0]} ({reset_code_text(codes[0])}) is due"
+        due = f"Reset {codes[0]} ({reset_code_text(codes[0])}) is due"
         if codes[0] != 5:
-            asked += f" after {frame_text(received)}"
+            due += f" after {frame_text(received)}"
         if sent is None:
             if before is not None and before[0] == _RESET and before[1] in codes:
                 return None  # the same Reset again; its image does not change
-            return Departure(text=f"sends nothing, {asked}")
+            return Departure(text=f"sends nothing, {due}")
         if sent.command != _RESET:
-            return Departure(text=f"goes on with {describe(sent)}, {asked}", accepted=True)
+            return Departure(text=f"goes on with {describe(sent)}, {due}", accepted=True)
         if sent.safe_data[0] not in codes:
-            return Departure(text=f"sends Reset {sent.safe_data[0]}, {asked}")
+            return Departure(text=f"sends Reset {sent.safe_data[0]}, {due}")
         if not _fits_start(sent) or sent.connection_id:
             return Departure(text=f"sends a Reset with another CRC or ConnID: {describe(sent)}")
         return None
@@ -372,7 +372,7 @@ class SubTable(StateTable):
             grace_ns=grace_ns,
         )
         self.config = config
-        self.told = b""
+        self.received = b""
         self.told_watchdog_ns = 0
 
     def _fall(self, *codes: int) -> Due:
@@ -437,18 +437,18 @@ class SubTable(StateTable):
         if not self._receive(pdu):
             return (4,)
         if state is State.SESSION:
-            self.state, self.connection_id, self.told = State.CONNECTION, pdu.connection_id, b""
+            self.state, self.connection_id, self.received = State.CONNECTION, pdu.connection_id, b""
         elif state is State.CONNECTION and command == _PARAMETER:
-            self.state, self.told = State.PARAMETER, b""
+            self.state, self.received = State.PARAMETER, b""
         elif state is State.PARAMETER and command in _DATA:
             self.state, self.watchdog_ns = State.DATA, self.told_watchdog_ns
         return ()
 
     def _allowed(self) -> tuple[int, ...]:
         if self.state is State.CONNECTION:
-            return (_PARAMETER,) if len(self.told) >= _CONNECTION_BYTES else (_CONNECTION,)
+            return (_PARAMETER,) if len(self.received) >= _CONNECTION_BYTES else (_CONNECTION,)
         if self.state is State.PARAMETER:
-            whole = len(self.told) >= _COMM_BYTES + self.config.app_parameter_bytes
+            whole = len(self.received) >= _COMM_BYTES + self.config.app_parameter_bytes
             return _DATA if whole else (_PARAMETER,)
         return _DATA
 
@@ -461,13 +461,13 @@ class SubTable(StateTable):
         return ()
 
     def _wrong_connection(self) -> tuple[int, ...]:
-        connection_id, address = struct.unpack_from("<HH", self.told)
+        connection_id, address = struct.unpack_from("<HH", self.received)
         if connection_id != self.connection_id:
             return (3,)
         return (6,) if address != self.config.address else ()
 
     def _wrong_parameters(self) -> tuple[int, ...]:
-        length, watchdog_ms, app_bytes = struct.unpack_from("<HHH", self.told)
+        length, watchdog_ms, app_bytes = struct.unpack_from("<HHH", self.received)
         self.told_watchdog_ns = watchdog_ms * 1_000_000
         if length != 2:
             return (8,)
@@ -477,14 +477,14 @@ class SubTable(StateTable):
 
     def _echo(self, pdu: Pdu) -> Due:
         chunk = pdu.safe_data[: self.chunk_bytes]
-        if self.state is State.PARAMETER and not self.told:
+        if self.state is State.PARAMETER and not self.received:
             chunk = chunk[: _COMM_BYTES + self.config.app_parameter_bytes]
-        self.told += chunk
+        self.received += chunk
         return Due((), (pdu.command,), chunk, self._early() if self.grace_ns else ())
 
     def _early(self) -> tuple[int, ...]:
-        """§14 item 4: an end may refuse what it is told at once; and parameters of its own."""
+        """§14 item 4: an end may refuse what it receives at once; and parameters of its own."""
         if self.state is State.PARAMETER:
-            whole = len(self.told) >= _COMM_BYTES + self.config.app_parameter_bytes
+            whole = len(self.received) >= _COMM_BYTES + self.config.app_parameter_bytes
             return (*_OWN_CODES, *self._wrong_parameters()) if whole else ()
-        return self._wrong_connection() if len(self.told) >= _CONNECTION_BYTES else ()
+        return self._wrong_connection() if len(self.received) >= _CONNECTION_BYTES else ()

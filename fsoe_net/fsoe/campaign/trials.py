@@ -18,7 +18,7 @@ from fsoe_net.fsoe.campaign.bit_errors import bit_error, bit_error_count
 from fsoe_net.fsoe.campaign.channel import Channel, Way
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE, FaultClass
 from fsoe_net.fsoe.campaign.faults import Flip
-from fsoe_net.fsoe.campaign.injection import Injection, Strangers
+from fsoe_net.fsoe.campaign.injection import ForeignFrames, Injection
 from fsoe_net.fsoe.campaign.judge import FAILURES, TrialFinding, TrialOutcome, judge
 from fsoe_net.fsoe.campaign.odd_main import OddMain
 from fsoe_net.fsoe.campaign.statistics import count_interval
@@ -248,7 +248,7 @@ class _Lane:
         self._startup_share = max(row.startup_share for row in self.classes)
         self._odd = replace(link, name=f"{link.name}/odd", main_factory=OddMain)
         self._wrong: Channel | None = None
-        self.walker, self.strangers = Walker(link, seed), Strangers(link, seed)
+        self.walker, self.foreign = Walker(link, seed), ForeignFrames(link, seed)
         text = f"{seed}/{link.name}/{name}"
         self._key = int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "little")
         self._rng = random.Random()  # noqa: S311 - repeatable is the point
@@ -309,7 +309,7 @@ class _Lane:
     def _draw(self, rng: random.Random, scene: Scene, walk: int) -> Injection | None:
         drawn = []
         for row in self.classes:
-            injection = row.make(rng, scene, self.strangers, walk)
+            injection = row.make(rng, scene, self.foreign, walk)
             if injection is None:
                 return None
             drawn.append(injection)
@@ -381,7 +381,7 @@ def _different_sizes(links: Sequence[TrialConnection]) -> list[TrialConnection]:
 
 
 def trial_count(config: CampaignConfig, name: str, faults: int) -> int:
-    """Return how many trials a class has: ``faults``, or all bit errors whatever is asked for."""
+    """Return how many trials a class has: ``faults``, or that of all bit errors."""
     if name != EXHAUSTIVE:
         return faults
     return sum(bit_error_count(link) for link in _different_sizes(config.links))

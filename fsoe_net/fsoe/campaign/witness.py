@@ -1,7 +1,7 @@
 """Proves from the frames alone that a receiver had to accept a frame: all its CRCs fit by accident.
 
 The receiver's chain is followed through what it saw and sent, and the CRC of each block computed
-from the fourteen bytes of §2; the receiver is not asked.
+from the fourteen bytes of §2; without the receiver.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ class Order:
 
     Attributes:
         side: Whom it concerns.
-        kind: What is asked.
+        kind: What is called.
         data: Safe data of DATA, else empty.
         number: Session id of SESSION and POWER_CYCLE (``None``: as before), code of VERIFY.
     """
@@ -127,7 +127,7 @@ class Skip:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """The configuration of a recorded run and its lines, read as they are asked for.
+    """The configuration of a recorded run and its lines, read when they are needed.
 
     Attributes:
         main: Configuration of the MainInstance.
