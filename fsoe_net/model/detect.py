@@ -227,12 +227,13 @@ def _names(command: Placed, words: list[Entry], inside: list[Entry]) -> tuple[in
     named = [n for n in (command.entry.name, *checks) if n]
     if not named:
         return 0, []
-    said = [n for n in checks if _CRC.search(n) or _CONNECTION.search(n)]
     every = [command.pdo.name, *named, *(e.name for e in inside)]
-    fsoe = next((n for n in every if _FSOE.search(n)), None)
-    if said or fsoe is not None or (len(named) == 1 and _COMMAND.search(named[0])):
-        example = said[0] if said else fsoe or named[0]
-        return 10, [f"names speak of FSoE, such as {example[:40]!r}"]
+    speaking = [n for n in checks if _CRC.search(n) or _CONNECTION.search(n)]
+    speaking += [n for n in every if _FSOE.search(n)]
+    if len(named) == 1 and _COMMAND.search(named[0]):
+        speaking.append(named[0])
+    if speaking:
+        return 10, [f"names speak of FSoE, such as {speaking[0][:40]!r}"]
     return -40, [f"no name speaks of FSoE, CRC or connection: {', '.join(named[:3])[:80]}"]
 
 

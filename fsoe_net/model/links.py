@@ -62,14 +62,17 @@ def find_moves(bus: Description, ends: Sequence[FrameEnd]) -> Moves:
     found: dict[tuple[tuple[int, int], tuple[int, int]], DescribedCopy] = {}
     pairs: dict[tuple[int, int], PairEnd] = {}
     for copy in bus.copies:
-        hit = [places.get(_place(end)) for end in (copy.source, copy.destination)]
-        ok = [h for h in hit if h is not None and 8 * h[1].frame_bytes == copy.bits]
-        whole = len(ok) == 2 and copy.fsoe is not False
-        key = (ok[0][0].key, ok[1][0].key) if whole else None
-        pairs.update({h[0].key: h[0] for h in ok})
+        at = [places.get(_place(end)) for end in (copy.source, copy.destination)]
+        hit = [h for h in at if h is not None]
+        whole = [pair for pair, block in hit if 8 * block.frame_bytes == copy.bits]
+        pairs.update({pair.key: pair for pair in whole})
+        if copy.fsoe is False:
+            moves.rest.append(copy)
+            continue
+        key = (whole[0].key, whole[1].key) if len(whole) == 2 else None
         if key is None or key in found:
             moves.rest.append(copy)
-            moves.touched |= {h[0].key for h in hit if h is not None and copy.fsoe is not False}
+            moves.touched |= {pair.key for pair, _ in hit}
         else:
             found[key] = copy
     for (one, two), copy in found.items():

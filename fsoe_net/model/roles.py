@@ -92,10 +92,8 @@ def _take(
     answers: Answers,
 ) -> None:
     likely = {g.block.key: g for g in guesses if not g.sure}
-    regular = {b.key for m in layout.managers for b in m.blocks}
-    word = answers.frames.get(end.name)
-    answer = None if word is None else word.text.casefold() not in ("no", "n", "false")
-    end.beyond = bool(answer) and any(key not in regular for key in likely)
+    answer = _answer(answers, end.name)
+    end.beyond = bool(answer) and not likely.keys() <= _regular(layout)
     pairs = _all_pairs(guesses, end.number) if end.beyond else pair_ends(layout, end.number)
     unsure = [p for p in pairs if p.written.key in likely or p.read.key in likely]
     sure = [p for p in pairs if p not in unsure]
@@ -111,6 +109,16 @@ def _take(
             where = where_is(guess.block)
             end.remarks.append(f"likely FSoE frame, {verdict} as answered: {where}")
     _remark(end, layout)
+
+
+def _answer(answers: Answers, name: str) -> bool | None:
+    """Return whether the likely frames of a SubDevice are some; ``None``: nobody has said."""
+    word = answers.frames.get(name)
+    return None if word is None else word.text.casefold() not in ("no", "n", "false")
+
+
+def _regular(layout: DeviceLayout) -> set[tuple[int, int]]:
+    return {b.key for m in layout.managers for b in m.blocks}
 
 
 def _remark(end: FrameEnd, layout: DeviceLayout) -> None:

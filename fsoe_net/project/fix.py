@@ -39,22 +39,19 @@ class Fixes:
             InputError: A file has changed since it was read.
         """
         hashes = {source.path: source.sha256 for source in sources}
-        before = {
-            path: _unchanged(path, hashes[path])
-            for path in dict.fromkeys(e.span.file for d in found for e in d.edits)
-            if path in hashes and path != STDIN
-        }
+        named = dict.fromkeys(e.span.file for d in found for e in d.edits)
+        own = [path for path in named if path in hashes and path != STDIN]
+        before = {path: _unchanged(path, hashes[path]) for path in own}
         after: dict[str, bytes] = {}
         made: set[Edit] = set()
         for path, data in before.items():
-            fitting = [d for d in found if d.edits and all(e.span.file == path for e in d.edits)]
-            after[path], edits = _patched(data, path, fitting)
+            fitting = [d for d in found if {e.span.file for e in d.edits} == {path}]
+            patched, edits = _patched(data, path, fitting)
             made |= edits
-        return cls(
-            before=before,
-            after={path: data for path, data in after.items() if data != before[path]},
-            fixed=sum(bool(d.edits) and set(d.edits) <= made for d in found),
-        )
+            if patched != data:
+                after[path] = patched
+        fixed = sum(bool(d.edits) and set(d.edits) <= made for d in found)
+        return cls(before=before, after=after, fixed=fixed)
 
     def diff(self) -> str:
         """Return the change as a unified diff; empty when there is none."""

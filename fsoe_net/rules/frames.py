@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from fsoe_net.diag.diagnostic import Edit, Fix, Related
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import is_frame_length
@@ -145,8 +147,7 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
         return None
     entry, base = end.placed.entry, end.placed.bit_offset
     starts = {p.bit_offset: p.entry for p in sm.placed}
-    words = [2] if size == 6 else list(range(3, size - 2, 4))
-    expected = [(b, "CRC") for b in words] + [(size - 2, "connection ID")]
+    expected = [(b, "CRC") for b in _crc_bytes(size)] + [(size - 2, "connection ID")]
     found = [starts.get(base + 8 * byte) for byte, _ in expected]
     good = [e is not None and e.bits == 16 and not e.is_gap for e in found]
     if all(good):
@@ -160,6 +161,11 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
     if other is not None:
         there = f"{other.address} of {counted(other.bits, 'bit')} stands"
     return f"{there} where the {what} is expected (byte {byte})"
+
+
+def _crc_bytes(size: int) -> Sequence[int]:
+    """Return where the CRCs of a frame stand."""
+    return [2] if size == 6 else range(3, size - 2, 4)
 
 
 def _wrong_word(words: list[Entry], index: int) -> str | None:

@@ -322,26 +322,24 @@ def _unserved(ctx: Context) -> None:
         return
     used = ctx.used_blocks()
     blamed = set().union(*ctx.blamed_pairs)
-    touched = {name for name, _ in used}
+    served = {name for name, _ in used}
     frames_of = {id(layout): layout.blocks for _, layout, _ in ctx.devices()}
     without: list[SubDevice] = []
     for sub, layout in zip(network.subdevices, ctx.resolution.layouts, strict=True):
         frames = frames_of.get(id(layout), ())
         if not frames or sub.name in blamed:
             continue
-        if sub.name not in touched:
+        if sub.name not in served:
             without.append(sub)
             continue
-        idle = [block for block in frames if (sub.name, block.key) not in used]
-        if not idle:
-            continue
-        names = few([b.command.address for b in idle])
-        ctx.add(
-            "FSN232",
-            sub.span,
-            f"{sub.name}: no transfer serves the FSoE frames at {names}",
-            hint="fine for unused slots; else add the transfers",
-        )
+        idle = [b.command.address for b in frames if (sub.name, b.key) not in used]
+        if idle:
+            ctx.add(
+                "FSN232",
+                sub.span,
+                f"{sub.name}: no transfer serves the FSoE frames at {few(idle)}",
+                hint="fine for unused slots; else add the transfers",
+            )
     if without:
         ctx.add(
             "FSN232",

@@ -203,15 +203,9 @@ class FakeMaster:
         if name == "events":
             self._peers[peer] = rest == ["on"]
         if name == "set":
-            for pair in rest:
-                target, _, value = pair.rpartition("=")
-                row = next((r for r in self.symbols if target in _names_of(r)), None)
-                if row is None or not row["open"]:
-                    return {"ok": False, "error": "FSN_E_CLOSED", "text": f"{target} is closed"}
-                self.values[target] = (
-                    int(value, 0) if value[:1].isdigit() and "." not in value else value
-                )
-                row["client"] = number
+            closed = self._set(rest, number)
+            if closed:
+                return {"ok": False, "error": "FSN_E_CLOSED", "text": f"{closed} is closed"}
         answers: Row = {
             "hello": {"protocol": 1, "client": number, "lease_ms": 1000},
             "status": STATUS | {"state": self.state},
@@ -235,6 +229,18 @@ class FakeMaster:
         } | {n: {"state": self.state} for n in ("start", "stop", "restart", "shutdown")}
         found: Row = answers.get(name, {})
         return {"ok": True} | found
+
+    def _set(self, pairs: Sequence[str], number: int) -> str:
+        """Set values for a client; return the name that is closed, empty when none is."""
+        for pair in pairs:
+            target, _, value = pair.rpartition("=")
+            row = next((r for r in self.symbols if target in _names_of(r)), None)
+            if row is None or not row["open"]:
+                return target
+            is_number = value[:1].isdigit() and "." not in value
+            self.values[target] = int(value, 0) if is_number else value
+            row["client"] = number
+        return ""
 
     def _watched(self, words: Sequence[str]) -> Iterator[Row]:
         """Watched cycles, behind the reply."""
