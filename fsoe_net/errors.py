@@ -152,7 +152,7 @@ class ConsoleError(FsnError):
 
     Args:
         message: What is wrong, and the next step.
-        is_usage: The command is written wrongly: nothing was asked of ``fsn-master``.
+        is_usage: The command is written wrongly: nothing was sent to ``fsn-master``.
     """
 
     exit_code = 1

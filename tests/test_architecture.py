@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,16 @@ def test_a_command_keeps_options_and_printing():
             assert len(text.splitlines()) <= 150, path
         used = set(re.findall(r"fsoe_net\.cli\.(\w+)", text)) & commands
         assert path.stem == "main" or not used - {path.stem}, path
+
+
+def test_a_class_name_has_one_meaning():
+    """Of public names; what is private is read in its own module only."""
+    names = Counter(
+        name
+        for path in MODULES
+        for name in re.findall(r"^class ([A-Za-z]\w*)", path.read_text("utf-8"), re.MULTILINE)
+    )
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_check_needs_neither_compiled_part_nor_heavy_imports():

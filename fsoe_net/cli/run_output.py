@@ -238,7 +238,7 @@ def _verdicts(result: Run) -> list[Paragraph]:
 def write_timing(
     result: Run, stats: str | None, plot: str | None, *, text: bool, overwrite: bool
 ) -> None:
-    """Write the files that were asked for, and print percentiles when ``text`` is wanted.
+    """Write the requested files, and print percentiles when ``text`` is wanted.
 
     Raises:
         EnvironmentFault: A file cannot be written.

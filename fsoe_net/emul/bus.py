@@ -78,7 +78,7 @@ class EmulatedDevices:
         port.sends[name].write(port.safe, value)
 
     def set_good(self, name: str) -> None:
-        """Set a safe input to 1, unless it follows what the device is told.
+        """Set a safe input to 1, unless it follows what the device receives.
 
         Raises:
             KeyError: No safe input of that name.

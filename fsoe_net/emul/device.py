@@ -50,7 +50,7 @@ class Port:
     sends: dict[str, Signal]
     safe: bytearray
     mirrored: list[str] = field(default_factory=list)
-    """Values a SubInstance sends as it receives them: what a drive was told, it reports."""
+    """Values a SubInstance sends as it receives them: what a drive received, it reports."""
 
     @property
     def is_main(self) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.observe.causes_table import CAUSES
-from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.evidence import IncidentEvidence
 
 __all__ = ["Candidate", "any_of", "candidate", "code_text", "ms"]
 
@@ -26,7 +26,7 @@ class Candidate:
 
 
 def candidate(
-    e: Evidence, key: str, score: int, *evidence: str, device: str = "", other: str = ""
+    e: IncidentEvidence, key: str, score: int, *evidence: str, device: str = "", other: str = ""
 ) -> Candidate:
     """Return a candidate with its texts filled in.
 

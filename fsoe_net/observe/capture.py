@@ -21,7 +21,7 @@ class CaptureWriter:
 
     Args:
         path: The file.
-        comment: What a reader should know, told with file and interface; Wireshark shows it.
+        comment: What a reader should know, beside file and interface; Wireshark shows it.
         interface: Name of the interface.
 
     Raises:

@@ -9,7 +9,7 @@ from fsoe_net.observe.causes_bus import bus_causes
 from fsoe_net.observe.causes_ends import end_causes
 from fsoe_net.observe.causes_places import place_causes
 from fsoe_net.observe.causes_start import start_causes
-from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.evidence import IncidentEvidence
 
 __all__ = ["LIKELY", "Verdicts", "judge"]
 
@@ -27,7 +27,7 @@ class Verdicts:
     others: tuple[Candidate, ...]
 
 
-def judge(e: Evidence) -> Verdicts:
+def judge(e: IncidentEvidence) -> Verdicts:
     """Return the causes that fit the evidence; each cause once, with its best score."""
     best: dict[str, Candidate] = {}
     for rule in (start_causes, place_causes, bus_causes, end_causes):

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from fsoe_net.diag.words import counted
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
-from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_cycles import BadCycles
 from fsoe_net.observe.incident import TriggerKind
 
@@ -19,7 +19,7 @@ _TENTH_MS = 100_000
 _MOST_ERRNO = 4095
 
 
-def bus_causes(e: Evidence) -> Iterator[Candidate]:
+def bus_causes(e: IncidentEvidence) -> Iterator[Candidate]:
     """Yield what fits of the causes on the bus."""
     if e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return
@@ -32,7 +32,7 @@ def bus_causes(e: Evidence) -> Iterator[Candidate]:
     yield from _foreign(e)
 
 
-def _other_main(e: Evidence) -> Iterator[Candidate]:
+def _other_main(e: IncidentEvidence) -> Iterator[Candidate]:
     """Somebody else sends EtherCAT frames: whatever else is seen may come of it."""
     if not e.bus.foreign_frames:
         return
@@ -48,7 +48,7 @@ def _other_main(e: Evidence) -> Iterator[Candidate]:
     )
 
 
-def _gone(e: Evidence) -> Iterator[Candidate]:
+def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
     """SubDevices that do not answer any more."""
     gone = e.lost_subdevices()
     everybody = len(gone) == sum(s.known for s in e.head.subdevices)
@@ -72,7 +72,7 @@ def _gone(e: Evidence) -> Iterator[Candidate]:
     yield candidate(e, "device_lost", score, *facts, device=seen.name)
 
 
-def _facts_of_gone(e: Evidence, gone: list[SubDeviceSnapshot]) -> list[str]:
+def _facts_of_gone(e: IncidentEvidence, gone: list[SubDeviceSnapshot]) -> list[str]:
     names = ", ".join(s.name for s in gone[:6]) + (", ..." if len(gone) > 6 else "")
     return [f"does not answer: {names}", _unsent(e), *_wkc(e)]
 
@@ -82,16 +82,16 @@ def _names_a_link(gone: list[SubDeviceSnapshot]) -> bool:
     return "link behind" in next((s.detail for s in gone if s.detail), "")
 
 
-def _ends(e: Evidence) -> tuple[str, ...]:
+def _ends(e: IncidentEvidence) -> tuple[str, ...]:
     return (e.plan.main, e.plan.sub) if e.plan else ()
 
 
-def _own(e: Evidence, names: list[str]) -> list[str]:
+def _own(e: IncidentEvidence, names: list[str]) -> list[str]:
     """Return those of some devices that are ends of the connection it is about."""
     return [name for name in names if name in _ends(e)]
 
 
-def _unsent(e: Evidence) -> str:
+def _unsent(e: IncidentEvidence) -> str:
     """Return how many frames the system did not send, and why; an empty text without any."""
     c = e.head.counters
     if c is None or not c.unsent_frames:
@@ -100,7 +100,7 @@ def _unsent(e: Evidence) -> str:
     return f"{counted(c.unsent_frames, 'frame')} could not be sent: {why}"
 
 
-def _scheduling(e: Evidence) -> Iterator[str]:
+def _scheduling(e: IncidentEvidence) -> Iterator[str]:
     """Yield what the counters say of how the cyclic thread is scheduled."""
     c = e.head.counters
     if c is not None and c.overruns:
@@ -109,7 +109,7 @@ def _scheduling(e: Evidence) -> Iterator[str]:
         yield "no real-time policy"
 
 
-def _wkc(e: Evidence) -> list[str]:
+def _wkc(e: IncidentEvidence) -> list[str]:
     bus = e.bus
     if not bus.short:
         return []
@@ -121,7 +121,7 @@ def _wkc(e: Evidence) -> list[str]:
     ]
 
 
-def _when(e: Evidence, gone: list[SubDeviceSnapshot]) -> list[str]:
+def _when(e: IncidentEvidence, gone: list[SubDeviceSnapshot]) -> list[str]:
     names = {s.name for s in gone}
     return [
         f"event {ms(abs(e.moment_ns - v.now_ns))} "
@@ -131,7 +131,7 @@ def _when(e: Evidence, gone: list[SubDeviceSnapshot]) -> list[str]:
     ][-2:]
 
 
-def _back(e: Evidence) -> Iterator[Candidate]:
+def _back(e: IncidentEvidence) -> Iterator[Candidate]:
     """SubDevices that were gone for a while."""
     start = e.window_ns[0]
     everybody = {s.name for s in e.head.subdevices if s.known}
@@ -153,7 +153,7 @@ def _back(e: Evidence) -> Iterator[Candidate]:
     yield candidate(e, "device_interrupted", score, *facts, *_wkc(e), device=device)
 
 
-def _state(e: Evidence) -> Iterator[Candidate]:
+def _state(e: IncidentEvidence) -> Iterator[Candidate]:
     """SubDevices that answer, but are not in OP."""
     for seen in e.head.subdevices:
         if not seen.known or not seen.answers or seen.al == "OP":
@@ -173,7 +173,7 @@ def _state(e: Evidence) -> Iterator[Candidate]:
         )
 
 
-def _late(e: Evidence) -> tuple[int, int]:
+def _late(e: IncidentEvidence) -> tuple[int, int]:
     """Return the cycles without their frames around the moment, and the replies that came late."""
     lost = e.bus.lost_between(*e.window_ns)
     if not lost:
@@ -182,13 +182,13 @@ def _late(e: Evidence) -> tuple[int, int]:
     return sum(r.cycles for r in lost), late
 
 
-def _is_late(e: Evidence) -> bool:
+def _is_late(e: IncidentEvidence) -> bool:
     """Whether what counts as lost came back later."""
     lost, late = _late(e)
     return lost > 0 and 2 * late >= lost
 
 
-def _lost_frames(e: Evidence) -> Iterator[Candidate]:
+def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
     """Bursts in which nobody's data came back, and which ended."""
     start, end = e.window_ns
     bursts = [r for r in e.bus.short_between(start, end) if _is_burst(r) and not _goes_on(e, r)]
@@ -220,7 +220,7 @@ def _lost_frames(e: Evidence) -> Iterator[Candidate]:
     )
 
 
-def _late_replies(e: Evidence, watchdog_ns: int, facts: list[str]) -> Candidate:
+def _late_replies(e: IncidentEvidence, watchdog_ns: int, facts: list[str]) -> Candidate:
     there, back = _late(e)
     score = 62 if there >= 2 else 32
     if there * e.bus.cycle_ns >= watchdog_ns // 4:
@@ -240,12 +240,12 @@ def _is_burst(run: BadCycles) -> bool:
     return run.least == 0 and run.expected > 0
 
 
-def _goes_on(e: Evidence, run: BadCycles) -> bool:
+def _goes_on(e: IncidentEvidence, run: BadCycles) -> bool:
     """Whether a run of cycles lasts to the end of the file."""
     return e.bus.open_short and run is e.bus.short[-1]
 
 
-def _in_the_whole_file(e: Evidence) -> str:
+def _in_the_whole_file(e: IncidentEvidence) -> str:
     everywhere = [r for r in e.bus.short if _is_burst(r)]
     if not everywhere:
         return ""
@@ -259,7 +259,7 @@ def _lost_score(missing_ns: int, watchdog_ns: int, cycle_ns: int) -> int:
     return 60 if missing_ns >= 2 * cycle_ns else 30
 
 
-def _cycle(e: Evidence) -> Iterator[Candidate]:
+def _cycle(e: IncidentEvidence) -> Iterator[Candidate]:
     """Cycles that came late."""
     start, end = e.window_ns
     slow = [s for s in e.bus.slow_between(start, end) if s.extra_ns >= 2 * _TENTH_MS]
@@ -289,7 +289,7 @@ def _cycle(e: Evidence) -> Iterator[Candidate]:
         yield candidate(e, "cycle_overruns", 35, *facts)
 
 
-def _foreign(e: Evidence) -> Iterator[Candidate]:
+def _foreign(e: IncidentEvidence) -> Iterator[Candidate]:
     """Frames that are not ours."""
     start, end = e.window_ns
     much = [r for r in e.bus.short_between(start, end) if r.least > r.expected > 0]

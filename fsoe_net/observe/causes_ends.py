@@ -9,18 +9,18 @@ from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, ResetCode, command_text
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
-from fsoe_net.observe.evidence import Evidence, Planned
+from fsoe_net.observe.evidence import IncidentEvidence, Planned
 from fsoe_net.observe.evidence_frames import LinkFacts, ResetSeen
 from fsoe_net.observe.incident import TriggerKind
 
-__all__ = ["end_causes", "told_codes"]
+__all__ = ["end_causes", "reported_codes"]
 
 _SUB, _MAIN = 1, 0
 _DATA_COMMANDS = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _PARAMETER_CODES = range(ResetCode.COMM_PARAMETER_LENGTH, ResetCode.APP_PARAMETER + 1)
 
 
-def told_codes(e: Evidence) -> Counter[tuple[str, int]]:
+def reported_codes(e: IncidentEvidence) -> Counter[tuple[str, int]]:
     """Return who reset with which code: that of the moment, or all while it never came to Data."""
     codes: Counter[tuple[str, int]] = Counter()
     if e.left_data:
@@ -34,12 +34,12 @@ def told_codes(e: Evidence) -> Counter[tuple[str, int]]:
     return codes
 
 
-def end_causes(e: Evidence) -> Iterator[Candidate]:
+def end_causes(e: IncidentEvidence) -> Iterator[Candidate]:
     """Yield what fits of the causes in the ends."""
     link = e.link
     if link is None or e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return
-    codes = told_codes(e)
+    codes = reported_codes(e)
     yield from _parameters(e, codes)
     yield from _silence(e, link)
     if e.left_data:
@@ -50,29 +50,29 @@ def end_causes(e: Evidence) -> Iterator[Candidate]:
     yield from _failsafe(e, link)
 
 
-def _parameters(e: Evidence, codes: Counter[tuple[str, int]]) -> Iterator[Candidate]:
+def _parameters(e: IncidentEvidence, codes: Counter[tuple[str, int]]) -> Iterator[Candidate]:
     for (by, code), times in codes.items():
         if by != "sub" or not (code in _PARAMETER_CODES or code >= 0x80):
             continue
         link, plan = e.link, e.plan
-        told = link.told_watchdog_ms if link else None
+        sent = link.sent_watchdog_ms if link else None
         planned = plan.watchdog_ms if plan else None
-        differs = told is not None and planned is not None and told != planned
+        differs = sent is not None and planned is not None and sent != planned
         yield candidate(
             e,
             "parameters_refused",
             94 if code in _PARAMETER_CODES else 80,
             f"{plan.sub if plan else 'the sub'} reset {counted(times, 'time')} with "
             f"{code_text(code)}",
-            f"the main sends a watchdog of {told} ms and "
-            f"{link.told_app_bytes} bytes of application parameters"
-            if link and told is not None
+            f"the main sends a watchdog of {sent} ms and "
+            f"{link.sent_app_bytes} bytes of application parameters"
+            if link and sent is not None
             else "",
             f"the configuration says a watchdog of {planned} ms" if differs else "",
         )
 
 
-def _silence(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
+def _silence(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     """One end has never said anything, or has fallen silent."""
     plan = e.plan
     if plan is None or not e.never:
@@ -93,17 +93,17 @@ def _silence(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
             f"{plan.main} is in {device.al}" if device and device.known else "",
         )
     elif main.frames and not sub.not_zero:
-        told = ", ".join(f"{command_text(c)} {n}x" for c, n in main.commands.most_common(3))
+        commands = ", ".join(f"{command_text(c)} {n}x" for c, n in main.commands.most_common(3))
         yield candidate(
             e,
             "sub_silent",
             72,
-            f"{plan.main} sends ({told})",
+            f"{plan.main} sends ({commands})",
             f"the frame of {plan.sub} is all zero in every cycle",
         )
 
 
-def _local(e: Evidence) -> Iterator[Candidate]:
+def _local(e: IncidentEvidence) -> Iterator[Candidate]:
     """Reset with code 0 out of Data."""
     plan = e.plan
     if plan is None or e.code != ResetCode.LOCAL:
@@ -131,7 +131,7 @@ def _local(e: Evidence) -> Iterator[Candidate]:
             yield candidate(e, "main_restarted", 60, said)
 
 
-def _forgot(e: Evidence) -> Iterator[Candidate]:
+def _forgot(e: IncidentEvidence) -> Iterator[Candidate]:
     """An end in Data that refuses a data frame has forgotten the session."""
     reset, plan = e.reset, e.plan
     if reset is None or plan is None or e.code != ResetCode.COMMAND:
@@ -148,7 +148,7 @@ def _forgot(e: Evidence) -> Iterator[Candidate]:
         )
 
 
-def _crc(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
+def _crc(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     """Wrong CRC, or frames that make no sense, while in Data."""
     reset, plan = e.reset, e.plan
     codes = (ResetCode.CRC, ResetCode.UNKNOWN_COMMAND, ResetCode.CONNECTION_ID, ResetCode.COMMAND)
@@ -182,7 +182,9 @@ def _was_restart(reset: ResetSeen, code: int | None) -> bool:
     return code == ResetCode.COMMAND and reset.last_command in _DATA_COMMANDS
 
 
-def _watchdog(e: Evidence, link: LinkFacts, codes: Counter[tuple[str, int]]) -> Iterator[Candidate]:
+def _watchdog(
+    e: IncidentEvidence, link: LinkFacts, codes: Counter[tuple[str, int]]
+) -> Iterator[Candidate]:
     """Watchdog expired: who was slow?"""
     watchdog, plan = e.watchdog_ns, e.plan
     times = sum(n for (_, code), n in codes.items() if code == ResetCode.WATCHDOG)
@@ -216,7 +218,7 @@ def _watchdog(e: Evidence, link: LinkFacts, codes: Counter[tuple[str, int]]) -> 
 
 
 def _slow(
-    e: Evidence,
+    e: IncidentEvidence,
     plan: Planned,
     watchdog: int,
     means: list[float],
@@ -234,7 +236,7 @@ def _slow(
 
 
 def _fell_silent(
-    e: Evidence, plan: Planned, reset: ResetSeen, facts: list[str]
+    e: IncidentEvidence, plan: Planned, reset: ResetSeen, facts: list[str]
 ) -> Iterator[Candidate]:
     """The end whose turn it was said nothing any more, though its bus side went on."""
     device = plan.sub if reset.waiting_for == "sub" else plan.main
@@ -255,7 +257,7 @@ def _fell_silent(
     )
 
 
-def _failsafe(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
+def _failsafe(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     """In Data, but one end sends FailSafeData only."""
     plan = e.plan
     if plan is None or link.state is not OutsideState.DATA_FAILSAFE or e.left_data:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import ResetCode
 from fsoe_net.observe.candidate import Candidate, any_of, candidate, code_text
-from fsoe_net.observe.causes_ends import told_codes
-from fsoe_net.observe.evidence import Evidence, Planned
+from fsoe_net.observe.causes_ends import reported_codes
+from fsoe_net.observe.evidence import IncidentEvidence, Planned
 from fsoe_net.observe.evidence_frames import LinkFacts
 from fsoe_net.observe.incident import TriggerKind
 
@@ -19,7 +19,7 @@ _FEW = 3
 _MOST_COMPARED = 200
 
 
-def place_causes(e: Evidence) -> Iterator[Candidate]:
+def place_causes(e: IncidentEvidence) -> Iterator[Candidate]:
     """Yield what fits of the causes in places, addresses and IDs."""
     link, plan = e.link, e.plan
     if link is None or plan is None or e.head.trigger.kind is TriggerKind.BUS_FAILED:
@@ -44,7 +44,7 @@ def place_causes(e: Evidence) -> Iterator[Candidate]:
             yield from _not_taken(e, plan, link)
 
 
-def _torn(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
+def _torn(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     """The destination does not hold what the source holds: somebody else wrote there."""
     plan = e.plan
     for side, sender in zip(link.sides, (plan.main, plan.sub) if plan else ("", ""), strict=True):
@@ -59,7 +59,7 @@ def _torn(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
             )
 
 
-def _duplicates(e: Evidence) -> Iterator[Candidate]:
+def _duplicates(e: IncidentEvidence) -> Iterator[Candidate]:
     """The same connection ID in two connections: on the wire, or in the devices."""
     names = list(e.planned)[:_MOST_COMPARED]
     ids = {name: _ids(e, name) for name in names}
@@ -70,11 +70,11 @@ def _duplicates(e: Evidence) -> Iterator[Candidate]:
                 yield _duplicate(e, one, two, min(both))
 
 
-def _duplicate(e: Evidence, one: str, two: str, number: int) -> Candidate:
+def _duplicate(e: IncidentEvidence, one: str, two: str, number: int) -> Candidate:
     crossed = any({p.main_of, p.sub_of} == {one, two} for p in e.pairings)
-    told = any(code == ResetCode.CONNECTION_ID for _, code in told_codes(e))
+    reported = any(code == ResetCode.CONNECTION_ID for _, code in reported_codes(e))
     about = e.name in (one, two)
-    bad = (told or e.never) and about
+    bad = (reported or e.never) and about
     score = 95 if bad else 88 if not (e.left_data or e.never) else 40
     on_wire = _wire_ids(e, one) & _wire_ids(e, two)
     return candidate(
@@ -84,26 +84,26 @@ def _duplicate(e: Evidence, one: str, two: str, number: int) -> Candidate:
         f"connection ID {number} is used by {one} and {two} "
         f"{'on the wire' if on_wire else 'in the devices'}",
         f"planned are {e.planned[one].connection_id} and {e.planned[two].connection_id}",
-        f"resets with {code_text(ResetCode.CONNECTION_ID)}" if told else "",
+        f"resets with {code_text(ResetCode.CONNECTION_ID)}" if reported else "",
         device=one,
         other=two,
     )
 
 
-def _ids(e: Evidence, name: str) -> set[int]:
+def _ids(e: IncidentEvidence, name: str) -> set[int]:
     setting = e.setting(name)
-    told = {setting.connection_id} if setting and setting.connection_id else set()
-    return told | _wire_ids(e, name)
+    reported = {setting.connection_id} if setting and setting.connection_id else set()
+    return reported | _wire_ids(e, name)
 
 
-def _wire_ids(e: Evidence, name: str) -> set[int]:
+def _wire_ids(e: IncidentEvidence, name: str) -> set[int]:
     """Return the ConnIDs the main of a connection has sent more than once or twice."""
     link = e.links.get(name)
     rows = link.sides[_MAIN].connection_ids if link else {}
     return {number for number, times in rows.items() if number and times >= _FEW}
 
 
-def _crossed(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _crossed(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
     """Frames of one connection answer those of another, or its ConnID is that of another."""
     for other in e.planned.values():
         if other.name == e.name:
@@ -145,17 +145,17 @@ def _list(numbers: set[int]) -> str:
     return ", ".join(str(n) for n in sorted(numbers))
 
 
-def _expected_address(e: Evidence, plan: Planned, link: LinkFacts | None) -> int | None:
+def _expected_address(e: IncidentEvidence, plan: Planned, link: LinkFacts | None) -> int | None:
     """Return the address the main asks for: as sent, as set in it, or as planned."""
-    if link is not None and link.told_address is not None:
-        return link.told_address
+    if link is not None and link.sent_address is not None:
+        return link.sent_address
     setting = e.setting(plan.name)
     if setting is not None and setting.address is not None:
         return setting.address
     return plan.address
 
 
-def swapped_key(e: Evidence, one: str, *others: str) -> str:
+def swapped_key(e: IncidentEvidence, one: str, *others: str) -> str:
     """Return which cause it is when devices have each other's FSoE address.
 
     Where each of them stands in its place, by its type or since it never left the bus, only their
@@ -169,7 +169,7 @@ def swapped_key(e: Evidence, one: str, *others: str) -> str:
     return "devices_swapped"
 
 
-def swapped(e: Evidence) -> Iterator[Candidate]:
+def swapped(e: IncidentEvidence) -> Iterator[Candidate]:
     """Yield which devices have each other's address; those of this connection first."""
     sub = e.plan.sub if e.plan else ""
     has = {p.sub: e.address_of(p.sub) for p in e.planned.values()}
@@ -190,7 +190,7 @@ def swapped(e: Evidence) -> Iterator[Candidate]:
         return
 
 
-def _refused_both(e: Evidence, plan: Planned) -> Iterator[Candidate]:
+def _refused_both(e: IncidentEvidence, plan: Planned) -> Iterator[Candidate]:
     """Devices of one type refuse their address, and nobody knows which they have."""
     partners = [o.sub for o in e.planned.values() if _both_refuse(e, plan, o)]
     if partners and all(e.address_of(sub) is None for sub in (plan.sub, *partners)):
@@ -218,7 +218,7 @@ def _round(first: str, has: dict[str, int | None], owner: dict[int | None, str])
     return []
 
 
-def _both_refuse(e: Evidence, one: Planned, two: Planned) -> bool:
+def _both_refuse(e: IncidentEvidence, one: Planned, two: Planned) -> bool:
     """Whether two devices of the same type both reset with code 6."""
     if one.sub == two.sub or None is e.type_of(one.sub) or e.type_of(one.sub) != e.type_of(two.sub):
         return False
@@ -230,9 +230,9 @@ def _both_refuse(e: Evidence, one: Planned, two: Planned) -> bool:
     )
 
 
-def _address(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _address(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
     """The device refuses the address, or says it has another one."""
-    refused = sum(n for (by, c), n in told_codes(e).items() if c == ResetCode.ADDRESS)
+    refused = sum(n for (by, c), n in reported_codes(e).items() if c == ResetCode.ADDRESS)
     says = e.address_of(plan.sub)
     expected = _expected_address(e, plan, link)
     differs = says is not None and expected is not None and says != expected
@@ -250,9 +250,9 @@ def _address(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
     )
 
 
-def _connection_id(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _connection_id(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
     """Reset code 3, or another ConnID on the wire than planned."""
-    refused = sum(n for (_, c), n in told_codes(e).items() if c == ResetCode.CONNECTION_ID)
+    refused = sum(n for (_, c), n in reported_codes(e).items() if c == ResetCode.CONNECTION_ID)
     ids = _wire_ids(e, e.name)
     other = bool(ids and plan.connection_id and plan.connection_id not in ids)
     answers = {n for n, times in link.sides[_SUB].connection_ids.items() if times >= _FEW and n}
@@ -268,7 +268,7 @@ def _connection_id(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Cand
     )
 
 
-def _shifted(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _shifted(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
     """Whole frames beside the planned place, or with another length."""
     for side, (shift, device) in enumerate(zip(link.shifts, (plan.main, plan.sub), strict=True)):
         if shift is None:
@@ -297,7 +297,7 @@ def _shifted(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
             )
 
 
-def _roles(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
+def _roles(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     """The end that should wait begins sessions."""
     main, sub = link.begun
     if sub > main or (sub >= 2 and sub >= main // 4):
@@ -310,7 +310,7 @@ def _roles(e: Evidence, link: LinkFacts) -> Iterator[Candidate]:
         )
 
 
-def _altered(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _altered(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
     """Frames are right in the image, and yet an end refuses them on the way to Data."""
     if any(link.shifts):
         return
@@ -318,7 +318,7 @@ def _altered(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
         (link.sides[_MAIN], plan.main, plan.sub, "sub"),
         (link.sides[_SUB], plan.sub, plan.main, "main"),
     ):
-        codes = told_codes(e)
+        codes = reported_codes(e)
         times = codes[by, ResetCode.CRC] + codes[by, ResetCode.UNKNOWN_COMMAND]
         if times < 2 or side.wrong > side.right // 4:
             continue
@@ -332,7 +332,7 @@ def _altered(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]
         )
 
 
-def _not_taken(e: Evidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _not_taken(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
     """The sub answers right, and the main goes on waiting: the answer lands in a wrong place."""
     if not _waits_in_vain(link):
         return
@@ -367,7 +367,7 @@ def _waits_in_vain(link: LinkFacts) -> bool:
     return len(vain) >= _FEW and sub.linked >= _FEW and not sub.wrong
 
 
-def _slots_disagree(e: Evidence, one: str, two: str) -> bool:
+def _slots_disagree(e: IncidentEvidence, one: str, two: str) -> bool:
     """Whether two connections lie the other way round in what their main sends and receives."""
     places = {p.name: p for p in e.head.layout.connections}
     a, b = places[one], places[two]

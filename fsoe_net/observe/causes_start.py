@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.observe.candidate import Candidate, any_of, candidate
 from fsoe_net.observe.causes_places import swapped, swapped_key
-from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.incident import TriggerKind
 from fsoe_net.observe.json_object import clean
 
@@ -29,7 +29,7 @@ _STATUS = {
 }
 
 
-def start_causes(e: Evidence) -> Iterator[Candidate]:
+def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
     """Yield what fits a bus that did not open, and SubDevices that are not as planned."""
     failed = e.head.trigger.kind is TriggerKind.BUS_FAILED
     text = _told(e.head.trigger.text) if failed else ""
@@ -49,7 +49,7 @@ def start_causes(e: Evidence) -> Iterator[Candidate]:
             yield _one(e, seen, _while_running(e, seen))
 
 
-def _while_running(e: Evidence, seen: SubDeviceSnapshot) -> int:
+def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
     """Return how well it fits that a SubDevice is not as planned, while the bus runs.
 
     What was found in its place is a fact, and those behind it may be gone with it.
@@ -62,7 +62,7 @@ def _while_running(e: Evidence, seen: SubDeviceSnapshot) -> int:
     return (80 if _kind(seen) == "state_refused" else 93) - (0 if mine else 40)
 
 
-def _no_bus(e: Evidence, text: str, fault: str) -> Iterator[Candidate]:
+def _no_bus(e: IncidentEvidence, text: str, fault: str) -> Iterator[Candidate]:
     """What the words of a fault say of the bus as a whole."""
     low = text.lower()
     if "another maindevice" in low:
@@ -78,7 +78,7 @@ def _told(text: str) -> str:
     return text.removeprefix("the bus does not open: ")
 
 
-def _by_status(e: Evidence, text: str, fault: str) -> Iterator[Candidate]:
+def _by_status(e: IncidentEvidence, text: str, fault: str) -> Iterator[Candidate]:
     """What the name of the status and the SubDevice in the fault say."""
     found = _FAULT.search(text)
     key = _STATUS.get(found[1], "") if found else ""
@@ -100,7 +100,7 @@ def _by_status(e: Evidence, text: str, fault: str) -> Iterator[Candidate]:
     yield candidate(e, key, 94, fault, why if other else "", device=device, other=other)
 
 
-def _identity(e: Evidence, text: str, device: str) -> tuple[str, str]:
+def _identity(e: IncidentEvidence, text: str, device: str) -> tuple[str, str]:
     """Return which kind of another device it is, and whose identity it has."""
     numbers = _IDENTITY.search(text)
     rows = e.head.plan.subdevices if e.head.plan else ()
@@ -118,7 +118,7 @@ def _identity(e: Evidence, text: str, device: str) -> tuple[str, str]:
     return ("devices_swapped_places", any_of(others)) if others else ("wrong_device", "")
 
 
-def _owner(e: Evidence, text: str, device: str) -> str:
+def _owner(e: IncidentEvidence, text: str, device: str) -> str:
     """Return the SubDevice that should have the FSoE address which a fault tells."""
     number = _ADDRESS.search(text)
     if number is None:
@@ -140,7 +140,7 @@ def _kind(seen: SubDeviceSnapshot) -> str:
     return words.get(seen.found, "")
 
 
-def _one(e: Evidence, seen: SubDeviceSnapshot, score: int, fault: str = "") -> Candidate:
+def _one(e: IncidentEvidence, seen: SubDeviceSnapshot, score: int, fault: str = "") -> Candidate:
     key = _kind(seen)
     if key == "wrong_device" and seen.identity == e.type_of(seen.name):
         key = "wrong_revision"
@@ -149,7 +149,9 @@ def _one(e: Evidence, seen: SubDeviceSnapshot, score: int, fault: str = "") -> C
     return candidate(e, key, score, found, code, fault, device=seen.name)
 
 
-def _exchanged(e: Evidence, wrong: list[SubDeviceSnapshot], fault: str) -> Iterator[Candidate]:
+def _exchanged(
+    e: IncidentEvidence, wrong: list[SubDeviceSnapshot], fault: str
+) -> Iterator[Candidate]:
     """Two SubDevices of which each stands where the other one should."""
     for one in wrong:
         partners = [

@@ -87,13 +87,13 @@ _ROWS = (
     (
         "sdo_refused",
         "{device} refuses a start-up SDO.",
-        "The bus does not come up; an abort code is told.",
+        "The bus does not come up; an abort code is reported.",
         "Look the object up in the manual of {device}; the abort code says why.",
         "Correct object, size or value in the slave configuration, or its firmware.",
     ),
     (
         "state_refused",
-        "{device} does not go to the state it was asked for.",
+        "{device} does not go to the requested state.",
         "Its ERR or RUN LED blinks; the AL status code says why.",
         "Read the AL status code below; check sync manager lengths, DC set-up and the device's own "
         "error memory.",

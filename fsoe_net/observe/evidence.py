@@ -8,7 +8,13 @@ from dataclasses import dataclass, replace
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.observe.bus_documents import LayoutConnection, LayoutCopy, SubDeviceSnapshot
 from fsoe_net.observe.evidence_cycles import BusFacts, BusWatch
-from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, PairWatch, ResetSeen
+from fsoe_net.observe.evidence_frames import (
+    CrossedPair,
+    LinkFacts,
+    LinkWatch,
+    PairWatch,
+    ResetSeen,
+)
 from fsoe_net.observe.incident import (
     FsoeFacts,
     FsoeSetting,
@@ -20,7 +26,7 @@ from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.observe.json_object import clean
 from fsoe_net.plan.model import NONE, Plan
 
-__all__ = ["Evidence", "Planned", "gather"]
+__all__ = ["IncidentEvidence", "Planned", "gather"]
 
 _MOST_PAIRED = 24
 _NEAR_CYCLES = 8
@@ -42,7 +48,7 @@ class Planned:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
+class IncidentEvidence:
     """What is known.
 
     ``name`` is the connection it is about: that of the trigger, else the first that is not in Data,
@@ -53,7 +59,7 @@ class Evidence:
     bus: BusFacts
     planned: dict[str, Planned]
     links: dict[str, LinkFacts]
-    pairings: tuple[Pairing, ...]
+    pairings: tuple[CrossedPair, ...]
     name: str
     cut: str
 
@@ -81,15 +87,15 @@ class Evidence:
 
     @property
     def code(self) -> int | None:
-        """Reset code of the moment: as told, else as found in the frames."""
-        told = self.head.trigger.reset_code
-        return told if told is not None or self.reset is None else self.reset.code
+        """Reset code of the moment: as reported, else as found in the frames."""
+        reported = self.head.trigger.reset_code
+        return reported if reported is not None or self.reset is None else self.reset.code
 
     @property
     def by(self) -> str:
         """Who reset: ``main``, ``sub`` or empty."""
-        told = self.head.trigger.reset_by
-        return told if told or self.reset is None else self.reset.by
+        reported = self.head.trigger.reset_by
+        return reported if reported or self.reset is None else self.reset.by
 
     @property
     def left_data(self) -> bool:
@@ -107,10 +113,10 @@ class Evidence:
 
     @property
     def watchdog_ns(self) -> int | None:
-        """Watchdog of the connection: as the main told the sub, else as planned."""
-        told = self.link.told_watchdog_ms if self.link else None
+        """Watchdog of the connection: as the main sent it to the sub, else as planned."""
+        reported = self.link.sent_watchdog_ms if self.link else None
         plan = self.plan.watchdog_ms if self.plan else None
-        value = told or plan
+        value = reported or plan
         return None if value is None else value * 1_000_000
 
     @property
@@ -141,8 +147,8 @@ class Evidence:
         if facts is not None and facts.address is not None:
             return facts.address
         seen = self.subdevice(subdevice)
-        told = _ADDRESS.search(seen.detail) if seen else None
-        return int(told[1]) if told else None
+        reported = _ADDRESS.search(seen.detail) if seen else None
+        return int(reported[1]) if reported else None
 
     def type_of(self, subdevice: str) -> tuple[int, int] | None:
         """Return vendor and product of a SubDevice as planned; ``None`` without a plan."""
@@ -153,7 +159,7 @@ class Evidence:
     def setting(self, name: str) -> FsoeSetting | None:
         """Return how the MainInstance of a connection is set, as its device says.
 
-        Its connections are told in the order of the plan, when there are as many.
+        Its connections are reported in the order of the plan, when there are as many.
         """
         plan = self.planned.get(name)
         found = self.facts(plan.main) if plan else None
@@ -196,7 +202,7 @@ class Evidence:
         ]
 
 
-def gather(reader: IncidentReader) -> Evidence:
+def gather(reader: IncidentReader) -> IncidentEvidence:
     """Read a file to its end.
 
     Memory is bounded by the number of connections, not by the length of the file.
@@ -233,7 +239,7 @@ def gather(reader: IncidentReader) -> Evidence:
         for pair in pairs:
             pair.cycle(record.now_ns)
     links = {watch_name: watch.facts() for watch_name, watch in watches.items()}
-    return Evidence(
+    return IncidentEvidence(
         head=head,
         bus=bus.facts(),
         planned=planned,
@@ -247,16 +253,16 @@ def gather(reader: IncidentReader) -> Evidence:
 def _at_moment(head: IncidentHead) -> IncidentHead:
     """Return the head with the SubDevice of the trigger as it was found at the moment.
 
-    One that refuses a state is asked again each second: at the end of the file it may be between
+    A refused state is requested again each second: at the end of the file it may be between
     two refusals.
     """
     name = head.trigger.subdevice
-    told = [
+    reported = [
         v.keys
         for v in head.events
         if name and v.keys.get("subdevice") == name and v.now_ns <= head.trigger.now_ns
     ]
-    found = next((keys for keys in reversed(told) if keys.get("found")), None)
+    found = next((keys for keys in reversed(reported) if keys.get("found")), None)
     if found is None:
         return head
     rows = tuple(
@@ -302,8 +308,8 @@ def _pairs(
         theirs = watches[other.name]
         if mine is None or other.name == name or len(pairs) > 2 * _MOST_PAIRED:
             continue
-        pairs.append(PairWatch(mine, theirs, Pairing(main_of=name, sub_of=other.name)))
-        pairs.append(PairWatch(theirs, mine, Pairing(main_of=other.name, sub_of=name)))
+        pairs.append(PairWatch(mine, theirs, CrossedPair(main_of=name, sub_of=other.name)))
+        pairs.append(PairWatch(theirs, mine, CrossedPair(main_of=other.name, sub_of=name)))
     return pairs
 
 

@@ -11,14 +11,14 @@ from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_le
 from fsoe_net.observe.bus_documents import LayoutConnection, LayoutCopy
 
 __all__ = [
+    "CrossedPair",
     "FrameSeen",
     "LinkFacts",
     "LinkWatch",
     "PairWatch",
-    "Pairing",
     "ResetSeen",
     "Shift",
-    "Side",
+    "WireSide",
 ]
 
 _LEGAL = frozenset(int(c) for c in Command)
@@ -76,7 +76,7 @@ class Shift:
 
 
 @dataclass(slots=True)
-class Side:
+class WireSide:
     """One direction, as it lay in the image; index 0 is main to sub.
 
     ``right`` and ``wrong`` count new frames by their CRCs, ``illegal`` those whose first byte is no
@@ -103,7 +103,7 @@ class Side:
 
 
 @dataclass(slots=True)
-class Pairing:
+class CrossedPair:
     """Whether frames of one connection answer those of another; counts right ones, no Resets."""
 
     main_of: str
@@ -115,22 +115,22 @@ class Pairing:
 class LinkFacts:
     """What the frames of one connection say.
 
-    ``frames`` are those around the moment. ``told_…`` is what the main told the sub in the last
+    ``frames`` are those around the moment. ``sent_…`` is what the main sent to the sub in the last
     Connection and Parameter frames. ``state`` is the last state, ``states`` are all it was in.
     ``begun`` counts the sessions each side has begun, which only a main does.
     ``time_in_failsafe_ns``: how long each direction carried FailSafeData in Data.
     """
 
     name: str
-    sides: tuple[Side, Side]
+    sides: tuple[WireSide, WireSide]
     resets: tuple[ResetSeen, ...]
     frames: tuple[FrameSeen, ...]
     state: OutsideState
     state_at_moment: OutsideState
     states: frozenset[OutsideState]
-    told_address: int | None
-    told_watchdog_ms: int | None
-    told_app_bytes: int | None
+    sent_address: int | None
+    sent_watchdog_ms: int | None
+    sent_app_bytes: int | None
     shifts: tuple[Shift | None, Shift | None]
     begun: tuple[int, int]
     time_in_failsafe_ns: tuple[int, int]
@@ -170,14 +170,14 @@ class LinkWatch:
         self._chunk = min(out, back)
         self._monitor = Monitor(out, back)
         self._begun = [0, 0]
-        self.sides = (Side(), Side())
+        self.sides = (WireSide(), WireSide())
         self._last = [bytes(a.size_bytes) for a in self._areas]
         self._verdicts = [CrcVerdict.SAME, CrcVerdict.SAME]
         self._resets: list[ResetSeen] = []
         self._before: deque[FrameSeen] = deque(maxlen=_KEEP)
         self._after: list[FrameSeen] = []
         self._states: set[OutsideState] = set()
-        self._told: dict[int, bytearray] = {}
+        self._sent: dict[int, bytearray] = {}
         self._searched = [0, 0]
         self._found: tuple[Counter[tuple[int, int]], Counter[tuple[int, int]]] = (
             Counter(),
@@ -269,7 +269,7 @@ class LinkWatch:
         )
 
     def _count(
-        self, side: Side, command: int, connection_id: int, verdict: CrcVerdict, *, legal: bool
+        self, side: WireSide, command: int, connection_id: int, verdict: CrcVerdict, *, legal: bool
     ) -> None:
         side.frames += 1
         side.right += verdict is CrcVerdict.RIGHT
@@ -315,10 +315,10 @@ class LinkWatch:
         """Put the parameters of the main together; they come in chunks."""
         if command in (Command.CONNECTION, Command.PARAMETER):
             if new:
-                self._told[command] = bytearray()
-            told = self._told.setdefault(command, bytearray())
-            if len(told) < 8:
-                told += safe_data[: self._chunk]
+                self._sent[command] = bytearray()
+            sent = self._sent.setdefault(command, bytearray())
+            if len(sent) < 8:
+                sent += safe_data[: self._chunk]
 
     def _search(self, direction: int, image: bytes) -> None:
         """Look for whole frames beside the planned place."""
@@ -341,8 +341,8 @@ class LinkWatch:
 
     def facts(self) -> LinkFacts:
         """Return what was found."""
-        connection = self._told.get(Command.CONNECTION, bytearray())
-        parameter = self._told.get(Command.PARAMETER, bytearray())
+        connection = self._sent.get(Command.CONNECTION, bytearray())
+        parameter = self._sent.get(Command.PARAMETER, bytearray())
         state = self._monitor.state
         return LinkFacts(
             name=self._places.name,
@@ -352,9 +352,9 @@ class LinkWatch:
             state=state,
             state_at_moment=self._at_moment or state,
             states=frozenset(self._states),
-            told_address=_word(connection, 2),
-            told_watchdog_ms=_word(parameter, 2),
-            told_app_bytes=_word(parameter, 4),
+            sent_address=_word(connection, 2),
+            sent_watchdog_ms=_word(parameter, 2),
+            sent_app_bytes=_word(parameter, 4),
             shifts=(_shift(self._found[0]), _shift(self._found[1])),
             begun=(self._begun[0], self._begun[1]),
             time_in_failsafe_ns=(self._failsafe_ns[0], self._failsafe_ns[1]),
@@ -364,7 +364,7 @@ class LinkWatch:
 class PairWatch:
     """Follows the main of one connection and the sub of another."""
 
-    def __init__(self, main: LinkWatch, sub: LinkWatch, pairing: Pairing) -> None:
+    def __init__(self, main: LinkWatch, sub: LinkWatch, pairing: CrossedPair) -> None:
         out = main.size(0)
         back = sub.size(1)
         self._monitor = Monitor(out, back)
@@ -376,8 +376,8 @@ class PairWatch:
         main, sub = self._ends
         for direction, data in ((1, sub.new[1]), (0, main.new[0])):
             if data is not None:
-                told = _links(self._monitor, direction, data, now_ns)
-                self.pairing.linked += told and direction == 1
+                sent = _links(self._monitor, direction, data, now_ns)
+                self.pairing.linked += sent and direction == 1
 
 
 def _links(monitor: Monitor, direction: int, data: bytes, now_ns: int) -> bool:

@@ -37,7 +37,7 @@ class TriggerKind(enum.Enum):
     BUS_FAILED = "bus_failed"
     """The bus did not open; there are no cycles."""
     REQUEST = "request"
-    """Somebody asked for it."""
+    """A client requested it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,7 @@ class Trigger:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IncidentEvent:
-    """One event as subscribers were told; ``keys`` are its further values as text."""
+    """One event as subscribers get it; ``keys`` are its further values as text."""
 
     event: str
     now_ns: int

@@ -75,8 +75,8 @@ def _plan(values: JsonObject, remarks: list[str]) -> Plan | None:
     except (binascii.Error, ValueError):
         remarks.append("the plan in the file is damaged (no base64): its facts are not used")
         return None
-    told = values.label("plan_sha256")
-    if told and hashlib.sha256(data).hexdigest() != told:
+    stated = values.label("plan_sha256")
+    if stated and hashlib.sha256(data).hexdigest() != stated:
         remarks.append("the plan in the file does not fit its SHA-256: its facts are not used")
         return None
     try:

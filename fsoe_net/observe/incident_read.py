@@ -1,6 +1,6 @@
 """Reads incident files: line by line, in bounded memory, as far as they go.
 
-The head must be right; what is wrong in it is told with its key. Behind it a file may be cut off
+The head must be right; a mistake in it is reported with its key. Behind it a file may be cut off
 (full disk) or damaged: the cycles before are given, and `IncidentReader.cut` says what happened.
 """
 
@@ -97,9 +97,9 @@ class IncidentReader:
             raise IncidentError(ends + row, self._name, number)
         values = JsonObject(row, self._name, number)
         if "end" in row:
-            told = values.whole("cycles", missing=self.cycles)
-            if told != self.cycles:
-                self._cut(number, f"{told} cycles were written, {self.cycles} are here")
+            stated = values.whole("cycles", missing=self.cycles)
+            if stated != self.cycles:
+                self._cut(number, f"{stated} cycles were written, {self.cycles} are here")
             return None
         if "image" in row:
             image = self._image(values)

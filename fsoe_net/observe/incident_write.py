@@ -12,13 +12,13 @@ from typing import Any
 
 from fsoe_net.observe.incident import CycleRecord
 
-__all__ = ["Written", "incident_lines", "incident_name", "write_incident"]
+__all__ = ["WrittenIncident", "incident_lines", "incident_name", "write_incident"]
 
 _SUFFIX = ".fsnincident"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
+class WrittenIncident:
     """Outcome of a write. ``path`` is ``None`` when nothing was left behind; ``fault`` says why."""
 
     path: Path | None
@@ -65,7 +65,7 @@ def incident_lines(head: Mapping[str, Any], cycles: Iterable[CycleRecord]) -> It
 
 def write_incident(
     folder: Path, name: str, head: Mapping[str, Any], cycles: Iterable[CycleRecord]
-) -> Written:
+) -> WrittenIncident:
     """Write a file under a temporary name, then give it its own; never raises for the disk.
 
     A file that the disk had no room for keeps its name when its head is whole, so that it can be
@@ -88,14 +88,14 @@ def write_incident(
     try:
         if not whole_head:
             temporary.unlink(missing_ok=True)
-            return Written(path=None, fault=f"{fault}; no incident file was written")
+            return WrittenIncident(path=None, fault=f"{fault}; no incident file was written")
         path = _free(folder / name)
         os.replace(temporary, path)
     except OSError as exc:
-        return Written(path=None, fault=f"{folder / name}: {exc.strerror or exc}")
+        return WrittenIncident(path=None, fault=f"{folder / name}: {exc.strerror or exc}")
     if fault:
         fault += f"; {path.name} was cut off and can be read as far as it goes"
-    return Written(path=path, fault=fault)
+    return WrittenIncident(path=path, fault=fault)
 
 
 def _free(path: Path) -> Path:

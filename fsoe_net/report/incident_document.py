@@ -27,7 +27,7 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.report.cycle_times import histogram_name, histogram_picture, percentiles_table
 from fsoe_net.report.incident_facts import NO_STATEMENT, FrameRow, IncidentFacts, LinkRow
-from fsoe_net.report.incident_window import Window, Wrong, window_of
+from fsoe_net.report.incident_window import IncidentWindow, Wrong, window_of
 
 __all__ = ["incident_document"]
 
@@ -166,7 +166,7 @@ def _timeline(facts: IncidentFacts) -> list[Part]:
     return parts
 
 
-def _picture(window: Window) -> Picture:
+def _picture(window: IncidentWindow) -> Picture:
     return Picture(
         title="Working counter and lost frames over time",
         words="Light band: working counter complete. Dark on it: higher than the band: frames "
@@ -176,7 +176,7 @@ def _picture(window: Window) -> Picture:
     )
 
 
-def _svg(window: Window) -> str:
+def _svg(window: IncidentWindow) -> str:
     """Draw the window: what was wrong in each slice, and the moment."""
     width = max(1.0, _WIDTH / len(window.slices))
     bars = "".join(
@@ -195,7 +195,7 @@ def _svg(window: Window) -> str:
     )
 
 
-def _signs(window: Window) -> tuple[str, ...]:
+def _signs(window: IncidentWindow) -> tuple[str, ...]:
     """Return the window as a line of characters: what was wrong in each slice."""
     cells = [0] * _CELLS
     for piece in window.slices:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import decode_pdu, describe, reset_code_text
 from fsoe_net.observe.causes import Verdicts, judge
-from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import FrameSeen
 from fsoe_net.observe.incident import TriggerKind
 from fsoe_net.run.result import state_text
@@ -107,10 +107,10 @@ class IncidentFacts:
     events_left: int
     frames: tuple[FrameRow, ...]
     worst: tuple[tuple[str, ...], ...]
-    evidence: Evidence
+    evidence: IncidentEvidence
 
 
-def facts_of(e: Evidence) -> IncidentFacts:
+def facts_of(e: IncidentEvidence) -> IncidentFacts:
     """Return what there is to tell."""
     verdicts = judge(e)
     events, events_left = _events(e)
@@ -132,7 +132,7 @@ def facts_of(e: Evidence) -> IncidentFacts:
     )
 
 
-def _title(e: Evidence) -> str:
+def _title(e: IncidentEvidence) -> str:
     what = {
         TriggerKind.LEFT_DATA: f"connection {e.name} left Data",
         TriggerKind.NOT_CONNECTED: f"connection {e.name} did not reach Data",
@@ -143,11 +143,11 @@ def _title(e: Evidence) -> str:
     return f"Incident: {what[e.head.trigger.kind]}"
 
 
-def _when(e: Evidence) -> str:
+def _when(e: IncidentEvidence) -> str:
     return f"{e.head.utc.replace('T', ' ').removesuffix('Z')} UTC" if e.head.utc else "unknown time"
 
 
-def _sentence(e: Evidence) -> str:
+def _sentence(e: IncidentEvidence) -> str:
     """Say in one sentence what happened, without any cause."""
     trigger = e.head.trigger
     if trigger.kind is TriggerKind.BUS_FAILED:
@@ -169,24 +169,24 @@ def _sentence(e: Evidence) -> str:
     return f"Connection {e.name} left {before} for {after} at {_when(e)}{_who(e)}."
 
 
-def _state(e: Evidence) -> str:
+def _state(e: IncidentEvidence) -> str:
     word = e.head.trigger.after or (e.link.state_at_moment.word if e.link else "")
     return state_text(word) if word else "an unknown state"
 
 
-def _who(e: Evidence) -> str:
+def _who(e: IncidentEvidence) -> str:
     if e.code is None or not e.by:
         return "; no reset was seen"
     return f": the {_end(e, e.by)} reset it with code {e.code}, {reset_code_text(e.code)}"
 
 
-def _end(e: Evidence, by: str) -> str:
+def _end(e: IncidentEvidence, by: str) -> str:
     word = "MainInstance" if by == "main" else "SubInstance"
     device = (e.plan.main if by == "main" else e.plan.sub) if e.plan else ""
     return f"{word} in {device}" if device else word
 
 
-def _last_reset(e: Evidence) -> str:
+def _last_reset(e: IncidentEvidence) -> str:
     errors = [r for r in e.link.resets if r.code] if e.link else []
     if not errors:
         return ", and nobody reset it with an error"
@@ -198,7 +198,7 @@ def _last_reset(e: Evidence) -> str:
     )
 
 
-def _facts(e: Evidence) -> tuple[str, ...]:
+def _facts(e: IncidentEvidence) -> tuple[str, ...]:
     head, bus = e.head, e.bus
     rows = [
         f"bus {head.backend or 'unknown'}" + (f" on {head.interface}" if head.interface else ""),
@@ -213,7 +213,7 @@ def _facts(e: Evidence) -> tuple[str, ...]:
     return tuple(row for row in rows if row)
 
 
-def _remarks(e: Evidence) -> tuple[str, ...]:
+def _remarks(e: IncidentEvidence) -> tuple[str, ...]:
     rows = list(e.head.remarks)
     if e.cut:
         rows.append(f"the file ends early ({e.cut}); what is before is shown")
@@ -227,7 +227,7 @@ def _remarks(e: Evidence) -> tuple[str, ...]:
     return tuple(rows)
 
 
-def _nothing(e: Evidence, verdicts: Verdicts) -> str:
+def _nothing(e: IncidentEvidence, verdicts: Verdicts) -> str:
     if verdicts.likely is not None:
         return ""
     if e.head.trigger.kind is TriggerKind.REQUEST and not verdicts.others:
@@ -238,7 +238,7 @@ def _nothing(e: Evidence, verdicts: Verdicts) -> str:
     )
 
 
-def _links(e: Evidence) -> list[LinkRow]:
+def _links(e: IncidentEvidence) -> list[LinkRow]:
     rows = []
     for name, plan in e.planned.items():
         link = e.links.get(name)
@@ -265,7 +265,7 @@ def _links(e: Evidence) -> list[LinkRow]:
     return rows
 
 
-def _resets(e: Evidence, name: str) -> str:
+def _resets(e: IncidentEvidence, name: str) -> str:
     link = e.links.get(name)
     if link is None or not link.resets:
         return "-"
@@ -276,7 +276,7 @@ def _resets(e: Evidence, name: str) -> str:
     return ", ".join(f"{times}x {key}" for key, times in sorted(codes.items()))
 
 
-def _answers(e: Evidence, name: str) -> str:
+def _answers(e: IncidentEvidence, name: str) -> str:
     """Return mean and most answer time in Data of main and sub, in milliseconds."""
     link = e.links.get(name)
     if link is None or not any(s.waits for s in link.sides):
@@ -288,7 +288,7 @@ def _answers(e: Evidence, name: str) -> str:
     return " / ".join(parts)
 
 
-def _events(e: Evidence) -> tuple[tuple[TimeRow, ...], int]:
+def _events(e: IncidentEvidence) -> tuple[tuple[TimeRow, ...], int]:
     """Return the events that matter most: warnings and those close to the moment."""
     rows = [
         v for v in e.head.events if e.bus.first_ns <= v.now_ns <= e.bus.last_ns or not e.bus.cycles
@@ -305,7 +305,7 @@ def _events(e: Evidence) -> tuple[tuple[TimeRow, ...], int]:
     return shown, len(rows) - len(kept)
 
 
-def _frames(e: Evidence) -> tuple[FrameRow, ...]:
+def _frames(e: IncidentEvidence) -> tuple[FrameRow, ...]:
     link = e.link
     if link is None:
         return ()
@@ -314,7 +314,7 @@ def _frames(e: Evidence) -> tuple[FrameRow, ...]:
     return tuple(_frame(e, f) for f in [*before[-_BEFORE:], *after[:_AFTER]])
 
 
-def _frame(e: Evidence, seen: FrameSeen) -> FrameRow:
+def _frame(e: IncidentEvidence, seen: FrameSeen) -> FrameRow:
     plan = e.plan
     main, sub = (plan.main, plan.sub) if plan else ("main", "sub")
     return FrameRow(
@@ -329,7 +329,7 @@ def _frame(e: Evidence, seen: FrameSeen) -> FrameRow:
     )
 
 
-def _worst(e: Evidence) -> tuple[tuple[str, ...], ...]:
+def _worst(e: IncidentEvidence) -> tuple[tuple[str, ...], ...]:
     """Return the latest cycles: number, time, how late, wake-up, work and round trip."""
     return tuple(
         (

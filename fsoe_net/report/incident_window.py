@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from fsoe_net.observe.evidence import Evidence
+from fsoe_net.observe.evidence import IncidentEvidence
 
-__all__ = ["Slice", "Window", "Wrong", "window_of"]
+__all__ = ["IncidentWindow", "Slice", "Wrong", "window_of"]
 
 
 class Wrong(IntEnum):
@@ -28,14 +28,14 @@ class Slice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Window:
+class IncidentWindow:
     """All slices; ``moment`` is where in the window it is, from 0 to 1."""
 
     slices: tuple[Slice, ...]
     moment: float
 
 
-def window_of(e: Evidence) -> Window | None:
+def window_of(e: IncidentEvidence) -> IncidentWindow | None:
     """Return the window in slices; ``None`` when there is none."""
     bus = e.bus
     span_ns = bus.last_ns - bus.first_ns
@@ -45,7 +45,7 @@ def window_of(e: Evidence) -> Window | None:
     def share(now_ns: int) -> float:
         return min(1.0, max(0.0, (now_ns - bus.first_ns) / span_ns))
 
-    return Window(
+    return IncidentWindow(
         slices=tuple(
             Slice(begin=share(start), wrong=_wrong(short, lost, extra_ns, bus.cycle_ns))
             for start, _, short, lost, extra_ns in bus.timeline

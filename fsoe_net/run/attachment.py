@@ -131,7 +131,7 @@ class Attachment:
             self._client = None
 
     def look(self, wait_s: float, stop: threading.Event | None = None) -> BusView:
-        """Take what is told for so long, then a snapshot.
+        """Take what is reported for so long, then a snapshot.
 
         Never raises because ``fsn-master`` stops, ends or comes back: the view and its events say
         so. ``stop``, once set, ends the waiting early.
@@ -265,7 +265,7 @@ def _cause(name: str, wire: ConnectionSnapshot, events: BusEvents) -> str:
         return f"{events.last_reset_by.get(name, 'one end')}: {text}"
     rows = ((ENDS["main"], wire.to_sub), (ENDS["sub"], wire.to_main))
     sent = [(end, d.reset_code) for end, d in rows if d.resets]
-    told = [row for row in sent if row[1]] or sent
-    if len(told) == 2 and told[0][1] == told[1][1]:
-        return f"both ends sent: {reset_code_text(told[0][1])}"
-    return "; ".join(f"{end} sent: {reset_code_text(code)}" for end, code in told)
+    reported = [row for row in sent if row[1]] or sent
+    if len(reported) == 2 and reported[0][1] == reported[1][1]:
+        return f"both ends sent: {reset_code_text(reported[0][1])}"
+    return "; ".join(f"{end} sent: {reset_code_text(code)}" for end, code in reported)

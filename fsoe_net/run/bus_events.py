@@ -34,7 +34,7 @@ class PlannedConnection:
 
 @dataclass(slots=True)
 class BusEvents:
-    """What the events have told so far, by connection. Times from the start in nanoseconds."""
+    """What the events have shown so far, by connection. Times from the start in nanoseconds."""
 
     start_ns: int
     events: list[RunEvent] = field(default_factory=list)
@@ -81,7 +81,9 @@ class BusEvents:
         if event["before"] != "silent":  # else what was on the wire before this run
             self.last_reset[name] = code
             self.last_reset_by[name] = end
-        if event.get("level") != "detail":  # one that resets again and again is told now and then
+        if (
+            event.get("level") != "detail"
+        ):  # one that resets again and again is reported now and then
             self.log(name, f"{end} resets: {reset_code_text(code)}", at_ns=at_ns, code=code)
 
 

@@ -37,7 +37,7 @@ __all__ = ["CampaignResult", "campaign_links", "run_campaign", "save_failures"]
 _CHUNK = 8192  # the same whatever the number of processes, so that sums are the same too
 _FEW = 4096  # trials which are not worth starting processes for
 _SHOWN_EVERY_S = 0.25  # progress within a piece of work
-_STOP_S = 2.0  # for a process to end when it is asked to
+_STOP_S = 2.0  # for a process to end by itself
 
 Progress = Callable[[int, int, str], None]
 
@@ -48,8 +48,8 @@ class CampaignResult:
 
     Attributes:
         config: Connections and seed.
-        faults: Faults per class that were asked for.
-        classes: One row per class, in the order asked for; classes never begun are missing.
+        faults: Requested faults per class.
+        classes: One row per class, in the requested order; classes never begun are missing.
         interrupted: Whether it was stopped before its end.
     """
 
@@ -169,15 +169,15 @@ def run_campaign(
     ]
     total = sum(len(trials) for _, trials in work)
     parts: dict[int, ClassResult] = {}
-    told = _Told(on_progress, total)
+    reports = _Reports(on_progress, total)
     if jobs is None:
         jobs = 1 if total <= _FEW else _cores()
-    steps = _alone(config, work, told) if jobs == 1 else _together(config, work, jobs, told)
+    steps = _alone(config, work, reports) if jobs == 1 else _together(config, work, jobs, reports)
     interrupted = False
     try:
         for index, part in steps:
             parts[index] = part
-            told.finished(len(work[index][1]), part.name)
+            reports.finished(len(work[index][1]), part.name)
     except KeyboardInterrupt:
         interrupted = True
     found = [parts[index] for index in sorted(parts)]
@@ -221,7 +221,7 @@ _Work = Sequence[tuple[str, range]]
 _Steps = Iterator[tuple[int, ClassResult]]
 
 
-class _Told:
+class _Reports:
     """Tells how far a campaign is; never the same number twice, never a smaller one."""
 
     def __init__(self, on_progress: Progress | None, total: int) -> None:
@@ -249,9 +249,9 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
-def _alone(config: CampaignConfig, work: _Work, told: _Told) -> _Steps:
+def _alone(config: CampaignConfig, work: _Work, reports: _Reports) -> _Steps:
     for index, (name, trials) in enumerate(work):
-        on_trial = _now_and_then(told.within, name) if told.call else None
+        on_trial = _now_and_then(reports.within, name) if reports.call else None
         yield index, run_trials(config, name, trials, on_trial)
 
 
@@ -267,7 +267,7 @@ def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int]
     return on_trial
 
 
-def _together(config: CampaignConfig, work: _Work, jobs: int, told: _Told) -> _Steps:
+def _together(config: CampaignConfig, work: _Work, jobs: int, reports: _Reports) -> _Steps:
     """Share the work; at most a few pieces are handed out ahead, so that an end comes quickly."""
     context = multiprocessing.get_context("spawn")
     # Each piece of work has a place of its own: no lock that a dying process could keep.
@@ -294,7 +294,7 @@ def _together(config: CampaignConfig, work: _Work, jobs: int, told: _Told) -> _S
             if not finished:
                 at = [index for index in running.values() if counts[index]]
                 if at:
-                    told.within(sum(counts[index] for index in at), work[min(at)][0])
+                    reports.within(sum(counts[index] for index in at), work[min(at)][0])
     except BrokenProcessPool as exc:
         raise EnvironmentFault(
             "a process of the campaign died, as by os._exit() or a crash of the device; "

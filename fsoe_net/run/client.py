@@ -177,7 +177,7 @@ class Client(ControlLink):
     def watch_on(
         self, *names: str, every: int = 1, typed: bool = False, image: bool = False
     ) -> None:
-        """Have every N-th cycle told from now on; `watched` returns them.
+        """Subscribe to every N-th cycle; `watched` returns them.
 
         Args:
             names: What is watched; a name may end in ``*``.
@@ -212,7 +212,7 @@ class Client(ControlLink):
     ) -> Iterator[WatchedCycle]:
         """Yield every N-th cycle; arguments as `watch_on`. Ends after ``duration_s``, else never.
 
-        The time counts from when cycles are told. What has come is looked for once in any case.
+        The time counts from the subscription. What has come is looked for once in any case.
 
         ``skipped`` of a cycle tells how many are missing before it. Reading it does not renew the
         lease; `renew` does.

@@ -116,7 +116,7 @@ class ControlLink:
             return reply
 
     def subscribe(self) -> None:
-        """Have every change told from now on; `events` returns them."""
+        """Subscribe to every change; `events` returns them."""
         self.request("events", "on")
 
     def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:

@@ -135,7 +135,7 @@ class Values:
 class WatchedCycle:
     """One watched cycle: ``values`` or, with the whole image, ``image`` and its working counters.
 
-    ``skipped``: how many cycles that were asked for are missing before this one, because this
+    ``skipped``: how many requested cycles are missing before this one, because this
     client or the recorder was too slow.
     """
 
@@ -190,15 +190,15 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     """Return the values of a ``status`` reply."""
     row = {**reply, **reply["subdevices"], "state": BusState(reply["state"])}
     row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
-    told = reply.get("fingerprint")
-    row["fingerprint"] = None if told is None else _fingerprint(told)
-    row["version"] = "" if told is None else str(told["version"])
+    reported = reply.get("fingerprint")
+    row["fingerprint"] = None if reported is None else _fingerprint(reported)
+    row["version"] = "" if reported is None else str(reported["version"])
     return Status(**{f.name: row[f.name] for f in fields(Status)})
 
 
-def _fingerprint(told: object) -> Fingerprint:
+def _fingerprint(reported: object) -> Fingerprint:
     try:
-        return fingerprint_from_json(told)
+        return fingerprint_from_json(reported)
     except PlanFormatError as exc:
         raise ValueError(str(exc)) from exc
 

@@ -2,7 +2,7 @@
 
 Named ``module:factory``, as entry points are. The factory is called with the configuration of its
 end (`MainConfig` or `SubConfig`) and returns something with the `Peer` protocol. Whatever a
-stranger's code raises or returns, its author is told in one sentence.
+foreign code raises or returns, its author gets one sentence.
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ class _Guard:
 
 
 class _blaming:  # noqa: N801 - reads as a word of a with statement
-    """Turns whatever a stranger's code raises into a sentence for its author.
+    """Turns whatever foreign code raises into a sentence for its author.
 
     Ctrl-C passes. A class and no generator: it is entered for every call of an end.
     """
@@ -240,7 +240,7 @@ def _raised(name: str, what: str, exc: BaseException) -> EnvironmentFault:
 
 
 def _place(exc: BaseException) -> str:
-    """Return where in the stranger's code an exception comes from."""
+    """Return where in the foreign code an exception comes from."""
     trace, last = exc.__traceback__, ""
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
@@ -257,7 +257,7 @@ def _short(value: object, *, quote: bool = True) -> str:
             text = f"{bytes(value[: _LONG // 4]).hex()}..."
         else:
             text = repr(value) if quote else str(value)
-    except Exception:  # a stranger's __repr__
+    except Exception:  # a foreign __repr__
         text = f"a {type(value).__name__}"
     text = " ".join(text.split())
     return text if len(text) <= _LONG else f"{text[:_LONG]}..."

@@ -33,8 +33,8 @@ def _swap(segment: Segment, step: ScenarioStep) -> None:
 
 def _wrong(segment: Segment, step: ScenarioStep) -> None:
     v = step.values
-    told = v.get("vendor", 0), v.get("product", 0), v.get("revision", 0)
-    segment.set_identity(segment.position(step.target), told)
+    identity = v.get("vendor", 0), v.get("product", 0), v.get("revision", 0)
+    segment.set_identity(segment.position(step.target), identity)
 
 
 def _sdo_abort(segment: Segment, step: ScenarioStep) -> None:

@@ -19,13 +19,13 @@ def fingerprint_in_use(status: Status) -> Fingerprint | None:
     ``None`` from a program that tells none. A cycle other than that of the plan counts as another
     section.
     """
-    told = status.fingerprint
-    if told is None:
+    reported = status.fingerprint
+    if reported is None:
         return None
     used = cycle_sha256(status.cycle_ns)
-    if told.sections["cycle"] in (used, cycle_sha256(0)):
-        return told
-    return fingerprint_of_sections({**told.sections, "cycle": used})
+    if reported.sections["cycle"] in (used, cycle_sha256(0)):
+        return reported
+    return fingerprint_of_sections({**reported.sections, "cycle": used})
 
 
 def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -> None:
@@ -33,25 +33,25 @@ def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -
 
     Args:
         status: Of the running ``fsn-master``.
-        wanted: Fingerprint of the files; without it, or when none is told, the plans are compared.
+        wanted: Fingerprint of the files; without one on both sides the plans are compared.
         plan_sha256: Of the plan of the files.
 
     Raises:
         InputError: It runs something else; the message names the sections that differ.
     """
-    told = fingerprint_in_use(status)
-    if wanted is None or told is None:
+    reported = fingerprint_in_use(status)
+    if wanted is None or reported is None:
         if status.plan_sha256 != plan_sha256:
             raise InputError(
                 f"fsn-master runs another plan ({status.plan_sha256[:16]}) than these files give "
                 f"({plan_sha256[:16]}); start it with the plan of these files"
             )
         return
-    if told.whole != wanted.whole:
+    if reported.whole != wanted.whole:
         raise InputError(
-            f"fsn-master runs another configuration ({told.short}) than these files give "
-            f"({wanted.short}); it differs in {', '.join(wanted.changed(told))}; start it with the "
-            "plan of these files, `fsoe-net verify` shows the difference"
+            f"fsn-master runs another configuration ({reported.short}) than these files give "
+            f"({wanted.short}); it differs in {', '.join(wanted.changed(reported))}; start it with "
+            "the plan of these files, `fsoe-net verify` shows the difference"
         )
 
 

@@ -63,7 +63,7 @@ class IncidentRecorder:
     """Looks at every cycle of a session and keeps the last seconds.
 
     Call `cycle` after each cycle and `finish` at the end. Writing disturbs nobody: with
-    ``background`` it has a thread of its own, and a disk that is full is told as an event.
+    ``background`` it has a thread of its own, and a disk that is full becomes an event.
 
     Args:
         session: The session; nobody else takes the events of its core.
@@ -296,11 +296,11 @@ class IncidentRecorder:
 
     def _write(self, name: str, head: dict[str, Any], rows: list[CycleRecord]) -> None:
         done = write_incident(self._folder, name, head, rows)
-        told = f"{done.path}: {head['trigger']['text']}" if done.path else ""
+        written = f"{done.path}: {head['trigger']['text']}" if done.path else ""
         with self._lock:
             if done.path is not None:
                 self.files.append(done.path)
-            self._outcome += [line for line in (told, done.fault) if line]
+            self._outcome += [line for line in (written, done.fault) if line]
 
     def _tell(self, now_ns: int) -> None:
         with self._lock:

@@ -58,7 +58,7 @@ class LiveCapture:
         self._stop = threading.Event()
         self._wire: PacketSocket | None = None
         if not prefer_wire:
-            self.rebuilt = "as asked"
+            self.rebuilt = "as requested"
         elif interface is None:
             self.rebuilt = "there is no network interface to listen on"
         else:
@@ -82,7 +82,7 @@ class LiveCapture:
         self._thread.start()
 
     def _attach(self) -> None:
-        """Have every image told.
+        """Subscribe to every image.
 
         Raises:
             EnvironmentFault: It cannot be had.
@@ -94,7 +94,7 @@ class LiveCapture:
         except EnvironmentFault as fault:
             client.close()
             raise EnvironmentFault(
-                f"no capture: {self.rebuilt}; and the process image is not told: {fault}"
+                f"no capture: {self.rebuilt}; and the process image is not reported: {fault}"
             ) from fault
         self._client = client
         # Cycles have monotonic times, a capture counts from 1970.

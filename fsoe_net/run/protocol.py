@@ -161,18 +161,20 @@ def compare_protocol(given: Protocol, fresh: Protocol, out: Collector) -> None:
                 "`fsoe-net test-protocol … -o` this file puts it back, and keeps what is filled in"
             )
             out.add("FSN161", given.at("steps"), words, hint=hint)
-    asked = {step.id: step for step in fresh.steps}
+    required = {step.id: step for step in fresh.steps}
     for step in given.steps:
-        now_asked = asked.get(step.id)
-        if now_asked is None:
+        fresh_step = required.get(step.id)
+        if fresh_step is None:
             words = f"step {step.id} is none of these files"
             out.add("FSN161", step.span, words, hint="remove it, or name the files it belongs to")
-        elif key := _changed(step, now_asked):
+        elif key := _changed(step, fresh_step):
             words = f"step {step.id}: {key} is not what these files give"
-            out.add("FSN161", step.at(key), words, hint=f"write back: {_asks(now_asked)[key]}")
+            out.add(
+                "FSN161", step.at(key), words, hint=f"write back: {_requirements(fresh_step)[key]}"
+            )
 
 
-def _asks(step: ProtocolStep) -> dict[str, object]:
+def _requirements(step: ProtocolStep) -> dict[str, object]:
     return {
         "kind": step.kind.value,
         "subject": step.subject,
@@ -184,8 +186,8 @@ def _asks(step: ProtocolStep) -> dict[str, object]:
 
 def _changed(given: ProtocolStep, fresh: ProtocolStep) -> str:
     """Return the first key in which a step asks for something else; empty for none."""
-    asked = _asks(fresh)
-    return next((key for key, value in _asks(given).items() if value != asked[key]), "")
+    required = _requirements(fresh)
+    return next((key for key, value in _requirements(given).items() if value != required[key]), "")
 
 
 def _merged(step: ProtocolStep, old: ProtocolStep | None) -> ProtocolStep:

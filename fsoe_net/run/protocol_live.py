@@ -39,7 +39,7 @@ _POLL_S = 0.02
 
 
 class Observer(Interface):
-    """What is asked of a running ``fsn-master``; `fsoe_net.run.client.Client` is one."""
+    """What is needed of a running ``fsn-master``; `fsoe_net.run.client.Client` is one."""
 
     def status(self) -> Status:
         """Return state and plan."""
@@ -51,10 +51,10 @@ class Observer(Interface):
         """Return the SubDevices."""
 
     def subscribe(self) -> None:
-        """Have every change told."""
+        """Subscribe to every change."""
 
     def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
-        """Return what was told, after waiting at most ``wait_s`` for the first of it."""
+        """Return what was reported, after waiting at most ``wait_s`` for the first of it."""
 
 
 class Person(Interface):
@@ -283,7 +283,7 @@ class _Watch:
     def _until(
         self, done: Callable[[], bool], wait_s: float, times: LossTimes | None = None
     ) -> bool:
-        """Look until it is done, and keep the times of what is told meanwhile."""
+        """Look until it is done, and keep the times of what is reported meanwhile."""
         end = self._clock() + wait_s
         while True:
             found = done()

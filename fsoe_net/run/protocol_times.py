@@ -29,7 +29,7 @@ class LossTimes:
         """How often the working counter was incomplete and whole again before the loss."""
 
     def take(self, event: Mapping[str, Any]) -> None:
-        """Take what was told."""
+        """Take what was reported."""
         kind, now_ns = event.get("event"), event.get("now_ns")
         if not isinstance(now_ns, int):
             return

@@ -99,14 +99,14 @@ def scan_files(taken: TakenScan) -> ScanFiles:
 
 def _names(subdevices: tuple[ScannedSubDevice, ...]) -> dict[int, str]:
     """Return a name for each position: as planned, else as the device calls itself."""
-    wished = {s.position: s.planned or _slug(s.name) for s in subdevices}
+    wanted = {s.position: s.planned or _slug(s.name) for s in subdevices}
     served = [s.position for s in subdevices if s.process_data]
-    count = {w: [p for p in served if wished[p] == w] for w in wished.values()}
+    count = {w: [p for p in served if wanted[p] == w] for w in wanted.values()}
     names: dict[int, str] = {}
     for position in served:
-        wish = wished[position]
-        number = count[wish].index(position) + 1
-        name = wish if len(count[wish]) == 1 else f"{wish}_{number}"
+        name_here = wanted[position]
+        number = count[name_here].index(position) + 1
+        name = name_here if len(count[name_here]) == 1 else f"{name_here}_{number}"
         while name in names.values():
             name += "_"
         names[position] = name
@@ -166,7 +166,7 @@ def _device(sub: ScannedSubDevice) -> str:
         raise _NotExpressible("its identity was not read")
     lines = [
         f"# {sub.name or 'Unnamed device'}, as it was found on the bus by `fsoe-net scan`. Types",
-        "# are not told by a bus: whole bytes are unsigned here, other lengths bits.",
+        "# are not known from a bus: whole bytes are unsigned here, other lengths bits.",
         f"vendor_id: 0x{sub.vendor_id:08x}",
         f"product_id: 0x{sub.product_code:08x}",
     ]

@@ -15,7 +15,7 @@ from fsoe_net.emul.device import EmulatedDevice
 from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.observe.causes import Verdicts, judge
-from fsoe_net.observe.evidence import Evidence, gather
+from fsoe_net.observe.evidence import IncidentEvidence, gather
 from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run.incidents import IncidentRecorder
@@ -158,7 +158,7 @@ class Rig:
         return self.recorder.files[0]
 
 
-def read(path: Path) -> Evidence:
+def read(path: Path) -> IncidentEvidence:
     """Read a file to its end."""
     with open(path, "rb") as stream:
         return gather(IncidentReader(path.name, stream))

@@ -18,9 +18,15 @@ from fsoe_net.observe.bus_documents import (
     SubDeviceSnapshot,
 )
 from fsoe_net.observe.candidate import Candidate
-from fsoe_net.observe.evidence import Evidence, Planned
+from fsoe_net.observe.evidence import IncidentEvidence, Planned
 from fsoe_net.observe.evidence_cycles import BusWatch, SlowCycle
-from fsoe_net.observe.evidence_frames import LinkFacts, LinkWatch, Pairing, ResetSeen, Side
+from fsoe_net.observe.evidence_frames import (
+    CrossedPair,
+    LinkFacts,
+    LinkWatch,
+    ResetSeen,
+    WireSide,
+)
 from fsoe_net.observe.incident import (
     CycleRecord,
     IncidentHead,
@@ -52,15 +58,15 @@ def planned(name: str, main: str = "logic") -> Planned:
 def link(name: str = "a", **changes: Any) -> LinkFacts:
     facts = LinkFacts(
         name=name,
-        sides=(Side(right=40), Side(right=40)),
+        sides=(WireSide(right=40), WireSide(right=40)),
         resets=(),
         frames=(),
         state=OutsideState.DATA_PROCESS,
         state_at_moment=OutsideState.DATA_PROCESS,
         states=frozenset({OutsideState.DATA_PROCESS}),
-        told_address=None,
-        told_watchdog_ms=None,
-        told_app_bytes=None,
+        sent_address=None,
+        sent_watchdog_ms=None,
+        sent_app_bytes=None,
         shifts=(None, None),
         begun=(1, 0),
         time_in_failsafe_ns=(0, 0),
@@ -124,8 +130,8 @@ def evidence(
     kind: TriggerKind = TriggerKind.LEFT_DATA,
     subdevices: tuple[SubDeviceSnapshot, ...] = (),
     bus: dict[str, Any] | None = None,
-    pairings: tuple[Pairing, ...] = (),
-) -> Evidence:
+    pairings: tuple[CrossedPair, ...] = (),
+) -> IncidentEvidence:
     links = links or (link(),)
     head = IncidentHead(
         utc="",
@@ -145,7 +151,7 @@ def evidence(
         fsoe=(),
     )
     facts = replace(BusWatch(MS).facts(), cycles=1000, last_ns=MOMENT, **(bus or {}))
-    return Evidence(
+    return IncidentEvidence(
         head=head,
         bus=facts,
         planned={one.name: planned(one.name) for one in links},
@@ -269,7 +275,7 @@ BOTH_DAMAGED = link(
         ),
         pytest.param(
             causes_places._crossed(
-                evidence(link(), link("b"), pairings=(Pairing("a", "b", linked=9),)),
+                evidence(link(), link("b"), pairings=(CrossedPair("a", "b", linked=9),)),
                 planned("a"),
                 link(),
             ),

@@ -62,8 +62,8 @@ def test_a_file_is_read_back(whole):
     assert e.head.trigger.kind.value == "left_data"
     assert (e.by, e.code) == ("main", 5)
     assert e.head.utc.startswith("2026-03-01T12:00:00.4")
-    assert e.link.told_address == 14
-    assert e.link.told_watchdog_ms == 100
+    assert e.link.sent_address == 14
+    assert e.link.sent_watchdog_ms == 100
     assert judge(e).likely.key == "device_lost"
 
 

@@ -152,11 +152,14 @@ def test_a_file_cut_anywhere_is_said_to_be(whole, parts):
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
-        (pcap()[:24] + struct.pack("<IIII", 1, 1, 0xFFFFFFFF, 0xFFFFFFFF) + pcap()[24:], "no pack"),
-        (pcap()[:24] + b"\xff" * 50 + pcap()[24:], "no packet"),
+        (
+            pcap()[:24] + struct.pack("<IIII", 1, 1, 0xFFFFFFFF, 0xFFFFFFFF) + pcap()[24:],
+            "not a packet",
+        ),
+        (pcap()[:24] + b"\xff" * 50 + pcap()[24:], "not a packet"),
         (section() + interface() + packet(1, DATA[0], 7), "interface 7, which was not announced"),
-        (section() + interface() + packet((1 << 64) - 1, DATA[0]), "none after 1970"),
-        (section() + interface(6, offset_s=-5) + packet(0, DATA[0]), "none after 1970"),
+        (section() + interface() + packet((1 << 64) - 1, DATA[0]), "not after 1970"),
+        (section() + interface(6, offset_s=-5) + packet(0, DATA[0]), "not after 1970"),
         (section() + struct.pack("<II", 6, 13) + bytes(20), "a block of 13 bytes"),
         (section() + interface()[:-4] + bytes(4), "two lengths differ"),
         (section() + interface() + block(6, bytes(16)), "a packet block is too short"),

@@ -370,10 +370,10 @@ def test_beside_a_live_bus(tmp_path):
 
 def check_rebuilt(seen, path):
     if seen["code"] == 3:  # an fsn-master that does not know `watch`
-        assert "the process image is not told" in seen["err"]
+        assert "the process image is not reported" in seen["err"]
         assert not path.exists()
         return
-    assert "frames, rebuilt: as asked" in seen["out"]
+    assert "frames, rebuilt: as requested" in seen["out"]
     done = fsn("decode", str(path), "--format", "json")
     (found,) = json.loads(done.stdout)["sources"]
     assert len(found["connections"]) == 1

@@ -97,7 +97,7 @@ def test_failed_expectation_says_what_was_seen_and_where(tmp_path: Path):
         ("version: 1\nsteps: [{at_ms: 1, break: ek1915}]", "write ek1914"),
         ("version: 1\nsteps: [{at_ms: 1, set: {ek1914.0x6001:09: 1}}]", "no input"),
         ("version: 1\nsteps: [{at_ms: 1}]", "does nothing"),
-        ("version: 1\nsteps: [{at_ms: soon, press: reset}]", "no number"),
+        ("version: 1\nsteps: [{at_ms: soon, press: reset}]", "not a number"),
         ("version: 1\nexpect: [{state: data}]", "at_ms"),
         ("version: 1\nexpect: [{at_ms: 1, state: running}]", "allowed"),
         ("version: 1\nstep: []", "write 'steps'"),

@@ -211,7 +211,7 @@ subdevices:
 """
 DEVICE = """\
 # A, as it was found on the bus by `fsoe-net scan`. Types
-# are not told by a bus: whole bytes are unsigned here, other lengths bits.
+# are not known from a bus: whole bytes are unsigned here, other lengths bits.
 vendor_id: 0x00000002
 product_id: 0x00000003
 

@@ -125,13 +125,13 @@ def test_an_mtu_that_is_too_small_is_said():
 
 
 def test_a_rig_is_loud_and_wants_a_word(monkeypatch, capsys):
-    from fsoe_net.cli import emulate
+    from fsoe_net.cli import emulate_output
 
-    monkeypatch.setattr(emulate, "is_test_rig", lambda: True)
+    monkeypatch.setattr(emulate_output, "is_test_rig", lambda: True)
     with pytest.raises(EnvironmentFault, match="look at the cable"):
-        emulate._check_rig(False)
+        emulate_output.check_rig(False)
     assert "TEST RIG" in capsys.readouterr().err
-    emulate._check_rig(True)
+    emulate_output.check_rig(True)
     assert "REAL network interfaces" in capsys.readouterr().err
 
 

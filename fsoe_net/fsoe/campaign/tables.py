@@ -278,7 +278,7 @@ class MainTable(StateTable):
         self.config = config
         self.first = True
         self.payload = self.chunk = b""
-        self.told_bytes = 0
+        self.sent_bytes = 0
 
     def _due(self, now_ns: int, received: bytes | None, sent: bytes | None) -> Due:
         if self.first:  # row 1
@@ -308,7 +308,7 @@ class MainTable(StateTable):
             if self.state is not State.DATA and not pdu.safe_data.startswith(self.chunk):
                 return self._fall(7)  # row 10
         if not self._receive(pdu):
-            if self.state is State.SESSION and self.told_bytes <= self.chunk_bytes:
+            if self.state is State.SESSION and self.sent_bytes <= self.chunk_bytes:
                 self.blind = self.grace_ns > 0  # row 11; §11.2: three implementations, three ways
                 return _NOTHING
             return self._fall(4)  # row 12
@@ -318,7 +318,7 @@ class MainTable(StateTable):
         if self.state is State.DATA:  # rows 19, 20
             self._take(pdu)
             return Due((), _DATA)
-        if self.told_bytes < len(self.payload):  # rows 13, 15, 17
+        if self.sent_bytes < len(self.payload):  # rows 13, 15, 17
             return self._tell()
         config = self.config
         if self.state is State.SESSION:  # row 14
@@ -331,20 +331,20 @@ class MainTable(StateTable):
         else:  # row 18
             self.state = State.DATA
             return Due((), _DATA)
-        self.told_bytes = 0
+        self.sent_bytes = 0
         return self._tell()
 
     def _tell(self) -> Due:
-        at = self.told_bytes
-        self.told_bytes += self.chunk_bytes
-        self.chunk = self.payload[at : self.told_bytes]
+        at = self.sent_bytes
+        self.sent_bytes += self.chunk_bytes
+        self.chunk = self.payload[at : self.sent_bytes]
         known = b"" if self.state is State.SESSION else self.chunk
         return Due((), _COMMANDS[self.state], known)
 
     def _new_session(self) -> Due:
         self.clear()
         self.state, self.connection_id = State.SESSION, 0
-        self.payload, self.told_bytes, self.fresh = bytes(_ID_BYTES), self.chunk_bytes, True
+        self.payload, self.sent_bytes, self.fresh = bytes(_ID_BYTES), self.chunk_bytes, True
         return _NEW_SESSION
 
     def _went_on(self, due: Due, received: bytes | None, sent: Pdu | None) -> Departure | None:
@@ -373,7 +373,7 @@ class SubTable(StateTable):
         )
         self.config = config
         self.received = b""
-        self.told_watchdog_ns = 0
+        self.received_watchdog_ns = 0
 
     def _fall(self, *codes: int) -> Due:
         self.start_ns = None
@@ -441,7 +441,7 @@ class SubTable(StateTable):
         elif state is State.CONNECTION and command == _PARAMETER:
             self.state, self.received = State.PARAMETER, b""
         elif state is State.PARAMETER and command in _DATA:
-            self.state, self.watchdog_ns = State.DATA, self.told_watchdog_ns
+            self.state, self.watchdog_ns = State.DATA, self.received_watchdog_ns
         return ()
 
     def _allowed(self) -> tuple[int, ...]:
@@ -468,7 +468,7 @@ class SubTable(StateTable):
 
     def _wrong_parameters(self) -> tuple[int, ...]:
         length, watchdog_ms, app_bytes = struct.unpack_from("<HHH", self.received)
-        self.told_watchdog_ns = watchdog_ms * 1_000_000
+        self.received_watchdog_ns = watchdog_ms * 1_000_000
         if length != 2:
             return (8,)
         if app_bytes != self.config.app_parameter_bytes:

@@ -196,7 +196,7 @@ def _events(room: Room, words: Sequence[str]) -> None:
 
 def _incident(room: Room, words: Sequence[str]) -> None:
     file = room.keeper.call(lambda client: client.incident(" ".join(words)))
-    room.out(f"incident {file}" if file else "incident asked for; an event names its file")
+    room.out(f"incident {file}" if file else "incident requested; an event names its file")
 
 
 BUS_COMMANDS = {

@@ -26,11 +26,11 @@ def _wait(room: Room, words: Sequence[str]) -> None:
         return room.sleep(seconds(words[0]))
     if not words or words[0] != "until":
         raise usage("wait", FLOW_COMMANDS["wait"].usage)
-    asked, limit = list(words[1:]), _UNTIL_S
-    if len(asked) > 2 and asked[-2] == "for":
-        limit = seconds(asked[-1])
-        asked = asked[:-2]
-    wanted = condition(asked, room.names)
+    rest, limit = list(words[1:]), _UNTIL_S
+    if len(rest) > 2 and rest[-2] == "for":
+        limit = seconds(rest[-1])
+        rest = rest[:-2]
+    wanted = condition(rest, room.names)
     until = time.monotonic() + limit
     while True:
         holds, seen = room.keeper.call(wanted.look)

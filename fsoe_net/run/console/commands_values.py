@@ -58,8 +58,8 @@ def _values(
     found: dict[str, Value] = {}
     for portion in batches(names):
 
-        def job(client: Client, asked: list[str] = portion) -> Values:
-            return client.get(*asked, typed=typed)
+        def job(client: Client, names: list[str] = portion) -> Values:
+            return client.get(*names, typed=typed)
 
         try:
             found |= room.keeper.call(job).values

@@ -84,11 +84,11 @@ def _set(words: list[str], names: SymbolNames) -> list[str]:
 def _condition(words: list[str], names: SymbolNames) -> list[str]:
     if words == ["wait"]:
         return ["until"]
-    asked = words[2:] if words[0] == "wait" else words[1:]
-    if not asked:
+    rest = words[2:] if words[0] == "wait" else words[1:]
+    if not rest:
         return ["connection", "state", *names.by_name]
-    if asked[0] == "state":
-        return [str(state) for state in BusState] if len(asked) == 1 else ["for"]
-    if asked[0] == "connection":
-        return [["all"], ["in"], _CONNECTION_STATES, ["for"]][min(len(asked) - 1, 3)]
+    if rest[0] == "state":
+        return [str(state) for state in BusState] if len(rest) == 1 else ["for"]
+    if rest[0] == "connection":
+        return [["all"], ["in"], _CONNECTION_STATES, ["for"]][min(len(rest) - 1, 3)]
     return ["for", "==", "!=", "&"]

@@ -102,11 +102,11 @@ def _value(
         raise ConsoleError(f"{' '.join(words)}: no condition; {FORMS}", is_usage=True)
     wanted = value_of(rest[0])
     known = names()
-    asked = known.some(words[0])
+    wanted_names = known.some(words[0])
 
     def look(client: Client) -> tuple[bool, str]:
         try:
-            found = client.get(*asked, typed=typed).values
+            found = client.get(*wanted_names, typed=typed).values
         except ControlRefused as exc:
             if exc.status == "FSN_E_STATE":
                 return False, str(exc)

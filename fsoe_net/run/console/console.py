@@ -42,7 +42,7 @@ class Console:
         keeper: The connection.
         out: Prints a line of an answer.
         note: Prints a line beside the answers.
-        notes_level: Events that are told without being asked for: ``warning`` for those of this
+        notes_level: Events that are shown by themselves: ``warning`` for those of this
             level and above, ``fallback`` for outputs of this console that fell back.
     """
 

@@ -33,7 +33,7 @@ class Keeper:
 
     Args:
         path: The control socket.
-        lease_ms: Lease asked for; ``None`` for that of the server, 0 for one without an end.
+        lease_ms: Requested lease; ``None`` for that of the server, 0 for one without an end.
         reconnect: Whether a call connects again after the connection broke.
         timeout_s: How long to wait for a reply.
 
@@ -74,7 +74,7 @@ class Keeper:
     def call(self, job: Callable[[Client], _T], *, wait_s: float | None = None) -> _T:
         """Do something with the connection and return what it returns.
 
-        A Ctrl-C leaves it at once; what was asked is still brought to its end behind it.
+        A Ctrl-C leaves it at once; a request is still brought to its end behind it.
 
         Raises:
             EnvironmentFault: Nothing has come within ``wait_s``, or the connection broke.

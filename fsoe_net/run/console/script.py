@@ -140,7 +140,7 @@ def _let(text: str, at: int, line: int) -> list[Word]:
         body = body[1:-1]
     if not equals or not body:
         raise ScriptError(f"let {name} = COMMANDS", line, column)
-    _line(body, line, inside_let=True)  # a mistake in it is told here, not at its first use
+    _line(body, line, inside_let=True)  # a mistake in it is reported here, not at its first use
     place = column + rest.index("=") + 1
     return [Word(name, column, literal=True), Word(body, place, literal=True)]
 
