@@ -79,7 +79,7 @@ def test_what_others_have_written_is_not_overwritten(network):
 
 
 def test_what_cannot_be_edited_is_refused(network, tmp_path):
-    with pytest.raises(fsoe_net.InputError, match=r"no\.yaml cannot be edited"):
+    with pytest.raises(fsoe_net.InputError, match=r"no\.yaml cannot be read"):
         network.edit("no.yaml")
     damaged = tmp_path / "damaged.yaml"
     damaged.write_text("a: [1\n", "utf-8")

@@ -3,7 +3,6 @@
 import os
 from pathlib import Path
 
-import pytest
 import yaml
 from run.support import ROOT
 
@@ -19,8 +18,6 @@ Made from `docs/features.yaml`, which also names the tests of each row.
 | | | |
 |---|---|---|
 """
-
-pytestmark = pytest.mark.skipif(not TABLE.is_file(), reason="the source tree is not here")
 
 
 def _topics() -> dict[str, list[dict[str, object]]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 
 from fsoe_net import __version__
@@ -10,10 +9,9 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import parse_acceptance
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.write_acceptance import write_acceptance
-from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.files import Collector, read_source
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_something
-from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.known import AcceptedRecord, read_record
@@ -58,7 +56,7 @@ def accept(
         InputError: A file cannot be used, or the network has an error.
     """
     before = None if replaces is None else read_record(replaces)
-    report = read_signed_report([_read(path) for path in reports])
+    report = read_signed_report([read_source(path, most=MAX_LARGE_BYTES) for path in reports])
     checked = check_files(files, loading, compared=True)
     resolution = whole_network(checked, "no record written")
     plan = compile_plan(resolution)
@@ -127,7 +125,7 @@ def intervention_rows(values: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _lines(path: str) -> list[str]:
-    _, data = _read(path)
+    _, data = read_source(path, most=MAX_LARGE_BYTES)
     try:
         lines = data.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as exc:
@@ -151,11 +149,3 @@ def _by(text: str) -> tuple[str, str]:
     words, found, name = text.strip().rpartition(" by ")
     said = found and says_something(words) and says_something(name)
     return (words.strip(), name.strip()) if said else ("", "")
-
-
-def _read(path: str) -> tuple[SourceFile, bytes]:
-    out = Collector()
-    data = read_bytes(path, out, most=MAX_LARGE_BYTES)
-    if data is None:
-        raise InputError(f"{path} cannot be read", out.diagnostics)
-    return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data

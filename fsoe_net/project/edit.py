@@ -9,7 +9,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.errors import InputError
-from fsoe_net.formats.shared.files import Collector, read_bytes, replaced_files
+from fsoe_net.formats.shared.files import (
+    Collector,
+    read_source,
+    read_unchanged,
+    replaced_files,
+)
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
 from fsoe_net.project.findings import Findings
@@ -33,16 +38,16 @@ class NetworkEdit:
     document: Any
 
     def __init__(self, path: str, load_again: Callable[[], Network]) -> None:
+        source, data = read_source(path)
         out = Collector()
-        data = read_bytes(path, out)
-        if data is None or parse_yaml(data, path, out) is None:
+        if parse_yaml(data, path, out) is None:
             raise InputError(f"{path} cannot be edited", out.diagnostics)
         from ruamel.yaml.error import YAMLError
 
         self.path = path
         self._load_again = load_again
         self._before = data.decode("utf-8-sig")
-        self._sha256 = hashlib.sha256(data).hexdigest()
+        self._sha256 = source.sha256
         try:
             self.document = _like(self._before).load(self._before)
         except (YAMLError, ValueError) as exc:
@@ -84,14 +89,7 @@ class NetworkEdit:
             EnvironmentFault: It cannot be written; what was there is unchanged.
         """
         text = self.text.encode("utf-8")
-        out = Collector()
-        data = read_bytes(self.path, out)
-        if data is None:
-            raise InputError(f"nothing written: {self.path} cannot be read again", out.diagnostics)
-        if hashlib.sha256(data).hexdigest() != self._sha256:
-            raise InputError(
-                f"nothing written: {self.path} has changed since it was read; edit it again"
-            )
+        read_unchanged(self.path, self._sha256, next_step="edit it again")
         write_whole(self.path, text, overwrite=True)
         self._before, self._sha256 = text.decode("utf-8"), hashlib.sha256(text).hexdigest()
         return self._load_again()

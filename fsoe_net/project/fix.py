@@ -8,13 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Diagnostic, Edit
-from fsoe_net.errors import InputError
 from fsoe_net.formats.own.patch import patch_yaml
-from fsoe_net.formats.shared.files import STDIN, Collector, read_bytes
+from fsoe_net.formats.shared.files import STDIN, read_unchanged
 from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.model.network import SourceFile
 
 __all__ = ["Fixes"]
+
+_AGAIN = "check it again"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +42,7 @@ class Fixes:
         hashes = {source.path: source.sha256 for source in sources}
         named = dict.fromkeys(e.span.file for d in found for e in d.edits)
         own = [path for path in named if path in hashes and path != STDIN]
-        before = {path: _unchanged(path, hashes[path]) for path in own}
+        before = {path: read_unchanged(path, hashes[path], next_step=_AGAIN) for path in own}
         after: dict[str, bytes] = {}
         made: set[Edit] = set()
         for path, data in before.items():
@@ -69,7 +70,8 @@ class Fixes:
             EnvironmentFault: One cannot be written.
         """
         for path in self.after:
-            _unchanged(path, hashlib.sha256(self.before[path]).hexdigest())
+            sha256 = hashlib.sha256(self.before[path]).hexdigest()
+            read_unchanged(path, sha256, next_step=_AGAIN)
         write_all("", self.after, overwrite=True)
 
 
@@ -82,13 +84,3 @@ def _patched(data: bytes, path: str, found: Iterable[Diagnostic]) -> tuple[bytes
         if len(whole) == len(rows):
             return patched, made
         rows = whole
-
-
-def _unchanged(path: str, sha256: str) -> bytes:
-    out = Collector()
-    data = read_bytes(path, out)
-    if data is None:
-        raise InputError(f"nothing written: {path} cannot be read again", out.diagnostics)
-    if hashlib.sha256(data).hexdigest() != sha256:
-        raise InputError(f"nothing written: {path} has changed since it was read; check it again")
-    return data

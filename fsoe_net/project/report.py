@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import struct
 from collections.abc import Sequence
@@ -15,7 +14,8 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.document.write_pdf import document_pdf
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.shared.files import open_file
+from fsoe_net.formats.shared.files import read_source
+from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.resolve import Resolution
@@ -224,14 +224,8 @@ def _run(resolution: Resolution, scenario: str) -> Run:
     return run_virtual(session, session.duration_ns)
 
 
-def _source(path: str) -> tuple[SourceFile, bytes]:
-    with open_file(path) as stream:
-        data = stream.read()
-    return SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest()), data
-
-
 def _given(path: str) -> GivenPlan:
-    source, data = _source(path)
+    source, data = read_source(path, most=MAX_LARGE_BYTES)
     if not data.startswith(MAGIC):
         raise InputError(f"{path} is no .fsnplan file; make one with fsoe-net plan FILES -o PLAN")
     return GivenPlan(source=source, plan=decode_plan(data))
@@ -258,7 +252,7 @@ def since(found: AcceptedRecord, resolution: Resolution, now: Plan | None) -> Ag
 
 
 def _against(path: str, resolution: Resolution, now: Plan | None, options: LoadOptions) -> Against:
-    source, data = _source(path)
+    source, data = read_source(path, most=MAX_LARGE_BYTES)
     before, found = read_side(path, options)
     if before is None:
         errors = [d for d in found if d.level is Severity.ERROR]

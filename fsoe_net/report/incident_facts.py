@@ -245,7 +245,11 @@ def _links(e: IncidentEvidence) -> list[LinkRow]:
         seen = next((c for c in e.head.connections if c.name == name), None)
         if link is None and seen is None:
             continue
-        state = link.state_at_moment.word if link else seen.seen.state.word if seen else ""
+        state = ""
+        if link:
+            state = link.state_at_moment.word
+        elif seen:
+            state = seen.seen.state.word
         rows.append(
             LinkRow(
                 name=name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -164,9 +165,11 @@ def changed(document: object, draw: st.DataObject) -> object:
     pending = [document]
     while pending:
         part = pending.pop()
-        keys = (
-            part if isinstance(part, dict) else range(len(part)) if isinstance(part, list) else ()
-        )
+        keys: Iterable[str | int] = ()
+        if isinstance(part, dict):
+            keys = list(part)
+        elif isinstance(part, list):
+            keys = range(len(part))
         places += [(part, key) for key in keys]
         pending += [part[key] for key in keys]
     if not places:

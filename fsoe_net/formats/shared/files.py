@@ -18,7 +18,15 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.limits import MAX_FILE_BYTES, MAX_LARGE_BYTES
 from fsoe_net.model.network import SourceFile
 
-__all__ = ["STDIN", "Collector", "open_file", "read_bytes", "replaced_files"]
+__all__ = [
+    "STDIN",
+    "Collector",
+    "open_file",
+    "read_bytes",
+    "read_source",
+    "read_unchanged",
+    "replaced_files",
+]
 
 STDIN = "-"
 Stream = io.BufferedReader | io.BytesIO
@@ -95,6 +103,34 @@ def read_bytes(
         _refuse(out, shown, named_at, exc.strerror or str(exc), "check the path")
         return None
     out.source(shown, data)
+    return data
+
+
+def read_source(path: str, *, most: int = MAX_FILE_BYTES) -> tuple[SourceFile, bytes]:
+    """Return a file with its hash, and its content.
+
+    Raises:
+        InputError: It cannot be read, or has more than ``most`` bytes.
+    """
+    out = Collector()
+    data = read_bytes(path, out, most=most)
+    if data is None:
+        raise InputError(f"{path} cannot be read", out.diagnostics)
+    return out.sources[0], data
+
+
+def read_unchanged(path: str, sha256: str, *, next_step: str) -> bytes:
+    """Return the content of a file that is to be written, when it still has this hash.
+
+    Raises:
+        InputError: It cannot be read, or somebody has changed it.
+    """
+    out = Collector()
+    data = read_bytes(path, out)
+    if data is None:
+        raise InputError(f"nothing written: {path} cannot be read again", out.diagnostics)
+    if out.sources[0].sha256 != sha256:
+        raise InputError(f"nothing written: {path} has changed since it was read; {next_step}")
     return data
 
 
