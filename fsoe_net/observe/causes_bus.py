@@ -229,8 +229,8 @@ def _late_replies(e: IncidentEvidence, watchdog_ns: int, facts: list[str]) -> Ca
         e,
         "late_replies",
         score,
-        f"{there} cycles without their frames around the moment, {back} replies that came "
-        f"later; in the whole file {e.bus.lost_frames} and {e.bus.old_replies}",
+        f"{counted(there, 'cycle')} without frames around the moment, replies that came later: "
+        f"{back}; in the whole file {e.bus.lost_frames} and {e.bus.old_replies}",
         *facts,
     )
 

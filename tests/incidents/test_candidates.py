@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import pytest
 
+from fsoe_net.core.snapshot import Statistics
 from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, ResetCode
 from fsoe_net.observe import causes_bus, causes_ends, causes_places
@@ -19,7 +20,7 @@ from fsoe_net.observe.bus_documents import (
 )
 from fsoe_net.observe.candidate import Candidate
 from fsoe_net.observe.evidence import IncidentEvidence, Planned
-from fsoe_net.observe.evidence_cycles import BusWatch, SlowCycle
+from fsoe_net.observe.evidence_cycles import BadCycles, BusWatch, SlowCycle
 from fsoe_net.observe.evidence_frames import (
     CrossedPair,
     LinkFacts,
@@ -123,6 +124,18 @@ def late(*extra_ms: int) -> dict[str, Any]:
     return {"slow": tuple(rows)}
 
 
+def bad(cycles: int, *, expected: int = 0) -> tuple[BadCycles, ...]:
+    """Return a run of cycles without data, 20 ms before the moment."""
+    start = MOMENT - 20 * MS
+    end = start + cycles * MS
+    return (BadCycles(start_ns=start, end_ns=end, cycles=cycles, expected=expected),)
+
+
+def statistics(**changes: int) -> Statistics:
+    rows: dict[str, Any] = dict.fromkeys((f.name for f in fields(Statistics)), 0)
+    return Statistics(**rows | changes)
+
+
 def evidence(
     *links: LinkFacts,
     code: int | None = None,
@@ -131,19 +144,21 @@ def evidence(
     subdevices: tuple[SubDeviceSnapshot, ...] = (),
     bus: dict[str, Any] | None = None,
     pairings: tuple[CrossedPair, ...] = (),
+    counters: Statistics | None = None,
+    backend: str = "emulated",
 ) -> IncidentEvidence:
     links = links or (link(),)
     head = IncidentHead(
         utc="",
         version="",
         interface="",
-        backend="emulated",
+        backend=backend,
         plan_file="",
         plan_sha256="",
         plan=None,
         cycle_ns=MS,
         trigger=Trigger(kind=kind, connection="a", reset_by=by, reset_code=code, now_ns=MOMENT),
-        counters=None,
+        counters=counters,
         connections=(),
         subdevices=subdevices,
         events=(),
@@ -229,6 +244,141 @@ BOTH_DAMAGED = link(
             causes_bus._cycle(evidence(bus=late(2, 1), code=ResetCode.CRC)),
             [],
             id="another reset, and two late cycles",
+        ),
+        pytest.param(
+            causes_bus._cycle(
+                evidence(
+                    link(),
+                    link("b", state_at_moment=OutsideState.RESET),
+                    bus=late(50),
+                    counters=statistics(overruns=1),
+                    backend="soem",
+                )
+            ),
+            [
+                (
+                    "stalled_main_device",
+                    93,
+                    "The MainDevice stood still: no cycle ran for longer than a connection bears.",
+                    "cycle 1 came 50 ms late, 1 ms before the moment; the bus cycle is 1 ms",
+                    "1 late cycle in the 150 ms before the moment, 50 ms in all; the watchdog "
+                    "is 100 ms",
+                    "1 overrun since the start",
+                    "no real-time policy",
+                    "2 connections are affected",
+                )
+            ],
+            id="one very late cycle without a real-time policy, counted as an overrun",
+        ),
+        pytest.param(
+            causes_bus._lost_frames(
+                evidence(
+                    bus={"short": bad(5, expected=3)},
+                    counters=statistics(unsent_frames=1, send_errno=100),
+                )
+            ),
+            [
+                (
+                    "lost_frames",
+                    60,
+                    "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+                    "around the moment 1 burst, 5 ms without data, the watchdog is 100 ms",
+                    "in the whole file 1 burst, the longest 5 ms",
+                    "1 frame could not be sent: Network is down",
+                )
+            ],
+            id="a burst of lost frames, one of which was not sent",
+        ),
+        pytest.param(
+            causes_bus._lost_frames(
+                evidence(
+                    bus={"lost": bad(60), "lost_frames": 60},
+                    subdevices=(device("x", 0, rx_errors=(0, 4)),),
+                    counters=statistics(),
+                )
+            ),
+            [
+                (
+                    "lost_frames",
+                    90,
+                    "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+                    "around the moment 1 burst, 60 ms without data, the watchdog is 100 ms",
+                    "60 frames counted as lost",
+                    "receive errors are counted first at x (4)",
+                )
+            ],
+            id="many lost frames without a burst, and receive errors",
+        ),
+        pytest.param(
+            causes_bus._lost_frames(evidence(bus={"lost": bad(1), "lost_frames": 1})),
+            [
+                (
+                    "lost_frames",
+                    30,
+                    "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+                    "around the moment 1 burst, 1 ms without data, the watchdog is 100 ms",
+                    "1 frame counted as lost",
+                )
+            ],
+            id="one lost frame",
+        ),
+        pytest.param(
+            causes_bus._lost_frames(
+                evidence(
+                    bus={
+                        "lost": bad(30),
+                        "lost_frames": 30,
+                        "short": bad(80, expected=3),
+                        "old_replies": 20,
+                        "old": ((MOMENT - 10 * MS, 20),),
+                    }
+                )
+            ),
+            [
+                (
+                    "late_replies",
+                    94,
+                    "Replies came back after their cycle was over: the cycle is too short, or "
+                    "the machine is too busy.",
+                    "30 cycles without frames around the moment, replies that came later: 20; "
+                    "in the whole file 30 and 20",
+                    "around the moment 1 burst, 80 ms without data, the watchdog is 100 ms",
+                    "in the whole file 1 burst, the longest 80 ms",
+                ),
+                (
+                    "lost_frames",
+                    84,
+                    "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+                    "around the moment 1 burst, 80 ms without data, the watchdog is 100 ms",
+                    "in the whole file 1 burst, the longest 80 ms",
+                    "30 frames counted as lost",
+                ),
+            ],
+            id="late replies in a longer burst",
+        ),
+        pytest.param(
+            causes_bus._lost_frames(
+                evidence(
+                    bus={
+                        "lost": bad(2),
+                        "lost_frames": 2,
+                        "old_replies": 1,
+                        "old": ((MOMENT - 19 * MS, 1),),
+                    }
+                )
+            ),
+            [
+                (
+                    "late_replies",
+                    62,
+                    "Replies came back after their cycle was over: the cycle is too short, or "
+                    "the machine is too busy.",
+                    "2 cycles without frames around the moment, replies that came later: 1; in "
+                    "the whole file 2 and 1",
+                    "around the moment 1 burst, 2 ms without data, the watchdog is 100 ms",
+                )
+            ],
+            id="two replies that came later",
         ),
         pytest.param(
             causes_ends._local(evidence(code=ResetCode.LOCAL, by="main")),
