@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, KeysView
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import FindingList
@@ -58,8 +58,8 @@ class Context(FindingList):
             yield sub.device, layout, sub
 
     @property
-    def names(self) -> Collection[str]:
-        """The names of all SubDevices, in bus order."""
+    def names(self) -> KeysView[str]:
+        """The names of all SubDevices, in bus order; sets are compared with it by ``<=``, ``&``."""
         if not self._names:
             self._names = {s.name: s.name for s in self.resolution.network.subdevices}
         return self._names.keys()

@@ -141,9 +141,9 @@ def _foreign_rows(ctx: Context, net: Net, rows: list[ResolvedTransfer], main: st
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     # Of a transfer with an unknown end nobody knows which net it belongs to.
-    sure = [r for r in rows if module_pair(r).issubset(ctx.names)]
+    sure = [r for r in rows if module_pair(r) <= ctx.names]
     foreign = [r for r in sure if main not in module_pair(r)]
-    shared = shared_modules(ends).intersection(ctx.names)
+    shared = shared_modules(ends) & ctx.names
     if foreign and len(shared) == 1 and net.safety_master is not None:
         # All transfers meet in one SubDevice, only not in the one that is stated.
         ctx.unsure_nets.add(id(net))
@@ -191,7 +191,7 @@ def _unknown_master(ctx: Context, net: Net, rows: list[ResolvedTransfer], used: 
     if ctx.resolution.network.partial and (stated in used or not ctx.names):
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
-    shared = shared_modules(ends).intersection(ctx.names)
+    shared = shared_modules(ends) & ctx.names
     everywhere = stated in used  # misspelt in the transfers, too: they say nothing of the right one
     meant = nearest(stated, shared) if shared and not everywhere else ctx.nearest_name(stated)
     if meant is None and len(shared) == 1 and not everywhere:
