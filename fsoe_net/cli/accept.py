@@ -124,7 +124,7 @@ def _refuse(refusals: tuple[Refusal, ...]) -> None:
     for refusal in refusals:
         echo("refused: ", fg="red", bold=True, nl=False, err=True)
         echo(refusal.what, err=True)
-        echo(f"  next: {refusal.mend}", err=True)
+        echo(f"  next: {refusal.fix}", err=True)
     echo(f"no record written: {counted(len(refusals), 'reason')}", err=True)
 
 

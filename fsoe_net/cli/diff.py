@@ -38,7 +38,7 @@ Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use."""
 @click.argument("a", type=FILE)
 @click.argument("b", type=FILE)
 @reference_options
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing; only the exit code tells.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing; only the exit code says it.")
 @format_option
 @click.pass_context
 def command(

@@ -1,4 +1,4 @@
-"""``fsoe-net doctor``: what on this machine disturbs a real-time cycle, and what mends it."""
+"""``fsoe-net doctor``: what on this machine disturbs a real-time cycle, and what fixes it."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _LEVELS = {
 def command(ctx: click.Context, interface: str | None, fmt: str) -> None:
     """Check this machine for real-time EtherCAT.
 
-    For each finding: why it matters for FSoE, the command that mends it, and what makes it last.
+    For each finding: why it matters for FSoE, the command that fixes it, and what makes it last.
     """
     try:
         found = examine(Host(), interface=interface, program=_program())
@@ -118,6 +118,6 @@ def _verdict(found: Examination) -> str:
         )
         if (n := found.count(level))
     ]
-    counts = ", ".join(parts) or "nothing to mend"
+    counts = ", ".join(parts) or "nothing to fix"
     more = "" if found.interface else "; --interface IF looks at the one of the bus too"
     return f"{counts}{more}"

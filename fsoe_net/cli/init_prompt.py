@@ -60,7 +60,7 @@ def ask(question: Question, answers: Answers, made: Draft) -> Answers:
         )
         if found is not None:
             return found
-        echo("That is none of the answers.", err=True)
+        echo("That is not one of the answers.", err=True)
 
 
 def _hint(question: Question) -> str:

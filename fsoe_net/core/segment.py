@@ -172,7 +172,7 @@ class Segment:
         self._lib.fsn_segment_power_cycle(self._pointer, position)
 
     def set_link(self, position: int | None, up: bool) -> None:
-        """Cut or mend the cable behind a SubDevice; ``None``: the one from the MainDevice.
+        """Cut or splice the cable behind a SubDevice; ``None``: the one from the MainDevice.
 
         Raises:
             CoreError: No such cable.

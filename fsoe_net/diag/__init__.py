@@ -1,1 +1,1 @@
-"""Diagnostics: what is wrong in a user's file, as data with a place and a mend."""
+"""Diagnostics: what is wrong in a user's file, as data with a place and a fix."""

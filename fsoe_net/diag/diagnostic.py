@@ -96,7 +96,7 @@ class Diagnostic:
         message: One sentence that names the values involved.
         span: Where the user has to look.
         severity: Taken from the catalogue when left out.
-        hint: The concrete mend where one can be computed, else the next step; may be empty.
+        hint: The concrete fix where one can be computed, else the next step; may be empty.
         related: Further places.
         edits: The hint as changes of the file, when there is exactly one way.
 

@@ -23,7 +23,7 @@ class MachineLevel(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineFacts:
-    """What one check saw; ``now``: commands that mend it at once, ``keep``: what makes it last."""
+    """What one check saw; ``now``: commands that fix it at once, ``keep``: what makes it last."""
 
     level: MachineLevel
     text: str

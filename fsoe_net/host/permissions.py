@@ -81,7 +81,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
             keep=("FSN_MASTER=PATH names one elsewhere",),
         )
         return
-    mend = (_SETCAP.format(program),)
+    fix = (_SETCAP.format(program),)
     keep = (_UNIT, "setcap again after each build: a new file has none")
     granted = _file_capabilities(host, program)
     ignored = _ignored(host, program, mine)
@@ -101,7 +101,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
         yield MachineFacts(
             level=MachineLevel.NOTE,
             text=f"root has them here; {program} started by another user lacks {_lacking(granted)}",
-            now=mend,
+            now=fix,
             keep=keep,
         )
     else:
@@ -109,7 +109,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
         yield MachineFacts(
             level=MachineLevel.BAD if "NET_RAW" in lacking else MachineLevel.WARNING,
             text=f"{program} lacks {lacking}",
-            now=mend,
+            now=fix,
             keep=keep,
         )
 

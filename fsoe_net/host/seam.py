@@ -139,12 +139,12 @@ class Host:
         return os.path.lexists(self.path(path))
 
     def target(self, path: str) -> str | None:
-        """Return the last part of what a link points to; ``None``: it is none."""
+        """Return the last part of what a link points to; ``None``: it is not a link."""
         link = self.link(path)
         return None if link is None else link.rstrip("/").rpartition("/")[2]
 
     def link(self, path: str) -> str | None:
-        """Return what a link points to; ``None``: it is none or cannot be read."""
+        """Return what a link points to; ``None``: it is not a link or cannot be read."""
         try:
             return os.readlink(self.path(path))
         except OSError:

@@ -60,7 +60,7 @@ class Answers(Located):
     Attributes:
         name: Name of the network.
         cycle_us: Bus cycle in microseconds.
-        subdevices: What is on the ring, in ring order; only where no file tells.
+        subdevices: What is on the ring, in ring order; only where no file says.
         main: The SubDevices that are FSoE MainInstances; ``None``: not answered.
         process_data: Mapping of the device library to take, by SubDevice.
         frames: Whether the likely frames of a SubDevice are FSoE frames.
@@ -102,5 +102,5 @@ class Question:
 
     @property
     def key(self) -> tuple[Ask, str, int | None]:
-        """What tells questions apart."""
+        """What distinguishes questions."""
         return (self.ask, self.subject, self.sub_slot)

@@ -230,7 +230,7 @@ class Description(Located):
 
     @property
     def placeless(self) -> bool:
-        """Whether nothing here tells of a place in a ring: only device types count.
+        """Whether nothing here names a place in a ring: only device types count.
 
         So are texts of one device, as ``ethercat xml -p 3`` prints them.
         """

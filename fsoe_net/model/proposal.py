@@ -128,7 +128,7 @@ class _Maker:
             if not fill.sub.device.product_code:
                 what = "vendor and product are not known"
                 self._remarks[number].append(
-                    f"TODO {what}: no file tells, put them into its config"
+                    f"TODO {what}: no file says which, put them into its config"
                 )
                 self._open.append(f"{name}: {what}")
             if fill.question is not None:

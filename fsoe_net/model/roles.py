@@ -131,7 +131,8 @@ def _remark(end: FrameEnd, layout: DeviceLayout) -> None:
     for manager in layout.managers:
         for miss in near_misses(manager.placed, manager.sm):
             end.remarks.append(
-                f"PDO 0x{miss.pdo.index:04x} is named like an FSoE frame and is none: {miss.why}"
+                f"PDO 0x{miss.pdo.index:04x} is named like an FSoE frame, but is "
+                f"not one: {miss.why}"
             )
 
 
@@ -179,7 +180,7 @@ def give_roles(
     answers: Answers,
     stated: dict[int, str],
 ) -> Question | None:
-    """Give each end its role, and return the question about those that nothing tells.
+    """Give each end its role, and return the question about those that nothing decides.
 
     Args:
         ends: Take their role.
@@ -208,7 +209,7 @@ def give_roles(
         return None
     names = [e.name for e in open_ends]
     for end in open_ends:
-        end.remarks.append("TODO: MainInstance (safety logic) or SubInstance? No file tells")
+        end.remarks.append("TODO: MainInstance (safety logic) or SubInstance? No file says")
     return Question(
         ask=Ask.MAIN,
         text="Which of these are FSoE MainInstances (safety logic)? The others are SubInstances.",

@@ -71,7 +71,7 @@ class ScannedSm(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScannedConnection(Located):
-    """One FSoE connection as a device tells of it: object 0x9nn1, 0xE9n1 or 0x6791.
+    """One FSoE connection as a device reports it: object 0x9nn1, 0xE9n1 or 0x6791.
 
     ``watchdog_ms`` in ms; ``state``: 100 Reset, 101 Session, 102 Connection, 103 Parameter,
     104 Data, 105 Data with FailSafeData.
@@ -86,7 +86,7 @@ class ScannedConnection(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScannedFsoe(Located):
-    """FSoE addresses of a device (0xF980:01, …) and what it tells of its connections.
+    """FSoE addresses of a device (0xF980:01, …) and what it reports of its connections.
 
     Attributes:
         address: The first of ``addresses``; most devices have one.

@@ -119,7 +119,7 @@ def _identity(e: IncidentEvidence, text: str, device: str) -> tuple[str, str]:
 
 
 def _owner(e: IncidentEvidence, text: str, device: str) -> str:
-    """Return the SubDevice that should have the FSoE address which a fault tells."""
+    """Return the SubDevice that should have the FSoE address that a fault names."""
     number = _ADDRESS.search(text)
     if number is None:
         return ""

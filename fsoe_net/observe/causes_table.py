@@ -129,7 +129,7 @@ _ROWS = (
         "{device} falls out alone and returns by itself, often when something moves or switches.",
         "Move its plugs and cables while `fsoe-net monitor` runs; measure its supply during the "
         "machine's heaviest load; read its error memory for a restart.",
-        "Replace plug or cable, or mend the supply (own fuse, thicker wire, separate supply).",
+        "Replace plug or cable, or repair the supply (own fuse, thicker wire, separate supply).",
     ),
     (
         "device_state",
@@ -154,7 +154,7 @@ _ROWS = (
         "Connections drop now and then, more often under load; the devices are well.",
         "Compare the round trip with the bus cycle below; `fsoe-net doctor` for the machine "
         "(coalescing of the network card, priority of its interrupt, own CPU).",
-        "Lengthen the bus cycle, or mend what doctor finds.",
+        "Lengthen the bus cycle, or fix what doctor finds.",
     ),
     (
         "stalled_main_device",
@@ -347,7 +347,7 @@ _ROWS = (
         "{main} has restarted or its safety program was stopped: it reset all its connections.",
         "All connections of {main} drop at the same moment with code 0.",
         "Measure its supply; was the safety program downloaded, stopped or started?",
-        "Nothing when it was meant; else mend the supply.",
+        "Nothing when it was meant; else repair the supply.",
     ),
 )
 

@@ -51,7 +51,7 @@ class JsonObject:
         """Return a whole number from 0 to 2^64 - 1.
 
         Raises:
-            IncidentError: It is none, or absent and ``missing`` is ``None``.
+            IncidentError: It is not one, or absent and ``missing`` is ``None``.
         """
         value = self._row.get(key)
         if value is None and missing is not None:

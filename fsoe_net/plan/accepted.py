@@ -17,19 +17,19 @@ def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerpri
 
     Args:
         record: The record.
-        out: Takes FSN162 where the record does not hold together: a plan that is none, safety
-            functions that are not those of the plan, or another fingerprint than it tells.
+        out: Takes FSN162 where the record does not hold together: an invalid plan, safety
+            functions that are not those of the plan, or another fingerprint than it states.
     """
-    mend = "take the record from version control, or make it anew"
+    fix = "take the record from version control, or make it anew"
     try:
         plan = decode_plan(record.plan)
     except PlanFormatError as exc:
-        out.add("FSN162", record.at("plan"), f"the plan in this record: {exc}", hint=mend)
+        out.add("FSN162", record.at("plan"), f"the plan in this record: {exc}", hint=fix)
         return None
     if plan.safety_sha256 != safety_sha256(record.safety_functions):
         place = record.at("safety_functions")
         text = "the safety functions in this record are not those of its plan"
-        out.add("FSN162", place, text, hint=mend)
+        out.add("FSN162", place, text, hint=fix)
         return None
     found = fingerprint_of(plan)
     stated = {name: record.sections.get(name) for name in SECTIONS}
@@ -37,6 +37,6 @@ def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerpri
     if wrong or record.whole != found.whole:
         where = f"section {', '.join(wrong)}" if wrong else "the whole"
         text = f"the fingerprint in this record is not that of its plan: {where}"
-        out.add("FSN162", record.at("sections" if wrong else "fingerprint"), text, hint=mend)
+        out.add("FSN162", record.at("sections" if wrong else "fingerprint"), text, hint=fix)
         return None
     return plan, found

@@ -103,7 +103,8 @@ def fingerprint_from_json(document: object) -> Fingerprint:
     """Return the fingerprint of a JSON document such as `Fingerprint.to_json` makes.
 
     Raises:
-        PlanFormatError: It is none, is of another form, or its whole does not fit its sections.
+        PlanFormatError: It is not a fingerprint or of another form, or its whole does not fit its
+            sections.
     """
     if not isinstance(document, Mapping) or not isinstance(document.get("sections"), Mapping):
         raise PlanFormatError("no fingerprint; `fsoe-net fingerprint --format json` makes one")

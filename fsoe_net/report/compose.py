@@ -114,7 +114,7 @@ def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
 
 
 def _against(sections: Sequence[ReportSection]) -> tuple[tuple[str, Verdict], ...]:
-    """Return what is held against the network, each with the title of its section."""
+    """Return what counts against the network, each with the title of its section."""
     return tuple(
         dict.fromkeys(
             (section.title, item)
@@ -267,5 +267,5 @@ def _findings(found: Sequence[Diagnostic], inputs: ReportInputs, last: int) -> T
         name="findings on the first page",
         columns=(Column("Finding"), Column("What is wrong"), Column("Place")),
         rows=tuple(rows),
-        remark=f"Block {last} lists every finding with its mend.",
+        remark=f"Block {last} lists every finding with its fix.",
     )

@@ -66,7 +66,7 @@ class RunEvidence:
 
     @property
     def emulated(self) -> bool:
-        """Whether it tells nothing about a machine."""
+        """Whether it says nothing about a machine."""
         return self.backend == "emulated"
 
 
@@ -91,10 +91,10 @@ class LiveEvidence:
 
 
 def read_evidence(path: str) -> Evidence:
-    """Read a file that tells of the machine; what it is, is known by its content.
+    """Read a file about the machine; its content decides what it is.
 
     Raises:
-        InputError: It cannot be read, is none of them, or is damaged.
+        InputError: It cannot be read, is not one of them, or is damaged.
     """
     with open_file(path) as stream:
         data = stream.read()
@@ -176,7 +176,8 @@ def measured_ms(value: Any) -> float | None:
     """Return a time of a document, ms; ``None`` where nothing was measured.
 
     Raises:
-        TypeError, ValueError: It is none. NaN above all: every comparison with it would pass.
+        TypeError, ValueError: It is not a number. NaN above all: every comparison with it
+            would pass.
     """
     ms = None if value is None else float(value)
     if ms is not None and not 0 <= ms < math.inf:

@@ -131,7 +131,7 @@ class ReportInputs:
         run: A run of this plan on the emulated bus.
         scenario: Name of the scenario that was to be run; empty for none.
         evidence: Files that tell of the machine.
-        live: What a running ``fsn-master`` tells.
+        live: What a running ``fsn-master`` reports.
         given: A plan file that was named.
         against: The state that the change log starts from.
         tried: A test protocol; ``None`` when there is none.

@@ -43,7 +43,7 @@ class ReportDocument(Document):
         verdict: What is on top.
         points: What is open or assumed, of all sections, each with the title of its section.
         findings: What the sections and points say about findings, as the data they are.
-        against: What the first page holds against the network beside findings, each with the title
+        against: What the first page counts against the network beside findings, each with the title
             of its section; empty where findings are errors.
     """
 

@@ -72,7 +72,7 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
             text = "There is no evidence of the machine; all else is what the files say."
             parts.append(Paragraph((Text(text),)))
     elif not any(e.scan is not None for e in inputs.evidence):
-        words = "identities and mappings were not read back: a scan.json tells them"
+        words = "identities and mappings were not read back: a scan.json has them"
         points.append(Point(PointKind.OPEN, words))
     return ReportSection(key="bus_evidence", title=title, parts=tuple(parts), points=tuple(points))
 

@@ -275,7 +275,7 @@ def _interventions(given: GivenRecord) -> Table:
 
 
 def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> ReportSection:
-    """Everything that is not settled: findings with their mends, open points, assumptions."""
+    """Everything that is not settled: findings with their fixes, open points, assumptions."""
     parts: list[Part] = [Heading("Findings")]
     if inputs.diagnostics:
         parts.append(_findings(inputs))
@@ -314,7 +314,7 @@ def _findings(inputs: ReportInputs) -> Table:
         said: list[Item] = [Text(d.message)]
         said += [muted(f"see {r.span}: {r.message}") for r in d.related]
         if d.hint:
-            said.append(muted(f"mend: {d.hint}"))
+            said.append(muted(f"fix: {d.hint}"))
         rows.append(
             (
                 cell(Verdict(d.level.value, levels[d.level]), code(d.code)),
@@ -324,7 +324,7 @@ def _findings(inputs: ReportInputs) -> Table:
         )
     return Table(
         name="findings",
-        columns=(Column("Finding"), Column("What and mend"), Column("Justified by, reason")),
+        columns=(Column("Finding"), Column("What and fix"), Column("Justified by, reason")),
         rows=tuple(rows),
         remark="Findings cannot be hidden; warnings can be justified by name and reason.",
     )

@@ -258,7 +258,7 @@ def _reactions(budget: Budget) -> Table:
         ),
         rows=tuple(rows),
         remark="Both methods stand side by side; they do not agree, and the larger worst case is "
-        "held against the required time. Neither counts the handshake of FSoE, in which a value "
+        "compared with the required time. Neither counts the handshake of FSoE, in which a value "
         "may have to wait for its turn: where one failure then takes longer than required, nothing "
         "is judged. Both connections lost and late at will is shown and not judged.",
     )

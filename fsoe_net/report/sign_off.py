@@ -48,7 +48,7 @@ class Refusal:
     """Why there is no sign-off, and the next step."""
 
     what: str
-    mend: str
+    fix: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,12 +62,12 @@ class Reason:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignedReport:
-    """The report that was signed; its findings are what its JSON form tells.
+    """The report that was signed; its findings are those of its JSON form.
 
     Attributes:
         sources: Its files.
         whole: The fingerprint in it; empty without one.
-        findings: What it tells, errors and notes too.
+        findings: What it lists, errors and notes too.
         open_points: How many it lists, and
         assumptions: how many of these.
         against: Its verdict when that is against the network; empty otherwise.
@@ -133,15 +133,15 @@ class _Gathered:
     steps: list[JustifiedStep] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
 
-    def refuse(self, what: str, mend: str) -> None:
-        self.refusals.append(Refusal(what=what, mend=mend))
+    def refuse(self, what: str, fix: str) -> None:
+        self.refusals.append(Refusal(what=what, fix=fix))
 
 
 def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedReport:
     """Read the report: its JSON form for the facts, the others for being of the same fingerprint.
 
     Raises:
-        InputError: There is no JSON form among the files, or it is none.
+        InputError: There is no JSON form among the files, or it is not one.
     """
     documents = [(source, data) for source, data in files if data.lstrip()[:1] == b"{"]
     if len(documents) != 1:
@@ -272,7 +272,7 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
     if g.report.against and not any(f.level is Severity.ERROR for f in g.report.findings):
         out.refuse(
             f"the report says: {g.report.against}",
-            "mend what its first page names, and write it anew",
+            "fix what its first page names, and write it anew",
         )
     if not g.report.pages:
         out.refuse(
@@ -305,7 +305,7 @@ def _findings(g: Grounds, out: _Gathered) -> None:
             )
     for f in g.report.findings:
         if f.level is Severity.ERROR:
-            out.refuse(f"{f.code} at {f.span}: {f.message}", "mend it; no reason is taken for it")
+            out.refuse(f"{f.code} at {f.span}: {f.message}", "fix it; no reason is accepted for it")
         elif f.level is Severity.WARNING:
             _warning(f, g, out)
 
@@ -316,7 +316,7 @@ def _warning(found: Diagnostic, g: Grounds, out: _Gathered) -> None:
     if reason is None:
         out.refuse(
             f"{found.code} at {found.span} is not justified: {found.message}",
-            f'mend it, or --justify "{places[-1]}=reason by name"',
+            f'fix it, or --justify "{places[-1]}=reason by name"',
         )
         return
     out.used.add(reason.subject)
@@ -357,7 +357,7 @@ def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
 def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
     failed = next(_failures(step), "")
     if failed:
-        out.refuse(f"step {step.id} at {step.span}: {failed}", "mend the cause and do it again")
+        out.refuse(f"step {step.id} at {step.span}: {failed}", "fix the cause and do it again")
         return
     missing = _missing(step)
     if not missing:

@@ -99,7 +99,7 @@ _ROS2_EFFECT = {
 _VERSION_EFFECT: dict[Runtime, dict[str, str]] = {
     Runtime.ROS2_2025: {
         "FSN123": "reads fsoe_config and ignores transfer_config",
-        "FSN132": "knows only this name: nothing to mend",
+        "FSN132": "knows only this name: nothing to fix",
         "FSN228": "takes safety_master, and uses it nowhere",
     },
     Runtime.ROS2_2026_06: {"FSN132": "reads the file and logs a warning"},

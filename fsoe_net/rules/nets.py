@@ -285,7 +285,7 @@ def _facts(ctx: Context) -> None:
                 "FSN227",
                 fact.at("sub"),
                 f"the connection {fact.main}-{fact.sub} is stated twice",
-                hint="correct main or sub; slot tells several connections of the same two apart",
+                hint="correct main or sub; slot distinguishes several connections of the same two",
                 related=(Related(span=row.twin.span, message="first stated here"),),
             )
             continue

@@ -16,7 +16,7 @@ __all__ = ["check_fsoe_values"]
 
 @dataclass(frozen=True, slots=True)
 class _Value:
-    """One kind of value that a MainInstance tells of a connection."""
+    """One kind of value that a MainInstance reports of a connection."""
 
     code: str
     key: str
@@ -80,9 +80,9 @@ def check_fsoe_values(
 
 
 def _given(there: ScannedSubDevice, *, is_main: bool) -> list[ScannedConnection]:
-    """Return what a device tells of its SubInstances.
+    """Return what a device reports of its SubInstances.
 
-    Not every device tells on which side of a connection it is; the network does.
+    Not every device reports on which side of a connection it is; the network does.
     """
     assert there.fsoe is not None  # noqa: S101  (checked by the caller)
     return [*there.fsoe.given, *(() if is_main else there.fsoe.connections)]
@@ -157,9 +157,9 @@ def _connections(
     there: ScannedSubDevice,
     given: Mapping[str, list[ScannedConnection]],
 ) -> list[ConnectionFacts]:
-    """Compare the connections a MainInstance tells of with what is stated.
+    """Compare the connections a MainInstance reports with what is stated.
 
-    Of one that tells nothing, compare what its SubInstances were given.
+    Of one that reports nothing, compare what its SubInstances were given.
 
     Returns:
         Those of which nothing can be read.
@@ -175,7 +175,7 @@ def _connections(
         out.add(
             "FSN513",
             facts[-1].at("main"),
-            f"{main} tells of {counted(len(rows), 'connection')}; nothing of {few(unpaired)}",
+            f"{main} reports {counted(len(rows), 'connection')}; nothing of {few(unpaired)}",
             hint="does the safety project in the device have these connections?",
         )
     return []

@@ -23,7 +23,7 @@ _REPLY_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedConnection:
-    """A connection as `ConnectionResult`, and what only a monitor tells.
+    """A connection as `ConnectionResult`, and what only a monitor reports.
 
     Attributes:
         result: As of a run.
@@ -235,7 +235,7 @@ class Attachment:
 
 
 def _facts(client: Client) -> tuple[PlannedConnection, ...]:
-    """Return names of the connections, and what the plan states where this master tells it."""
+    """Return names of the connections, and what the plan states where this master reports it."""
     names = client.connections()
     try:
         stated = {c.name: c for c in client.layout().connections}

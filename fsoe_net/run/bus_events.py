@@ -54,7 +54,7 @@ class BusEvents:
         self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, code=code))
 
     def take(self, event: Mapping[str, Any]) -> None:
-        """Add what ``fsn-master`` tells."""
+        """Add what ``fsn-master`` reports."""
         kind, at_ns = event.get("event"), int(event.get("now_ns", 0))
         if kind == "connection":
             self._connection(event, at_ns)

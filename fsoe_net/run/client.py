@@ -214,7 +214,7 @@ class Client(ControlLink):
 
         The time counts from the subscription. What has come is looked for once in any case.
 
-        ``skipped`` of a cycle tells how many are missing before it. Reading it does not renew the
+        ``skipped`` of a cycle says how many are missing before it. Reading it does not renew the
         lease; `renew` does.
 
         Raises:

@@ -54,7 +54,7 @@ class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
     ``fault`` says why the bus did not open; empty when it did. ``fingerprint`` is that of the plan
-    as the core has loaded it, ``None`` from a program that tells none; ``version`` that of the
+    as the core has loaded it, ``None`` from a program that reports none; ``version`` that of the
     engine. ``cpu`` is ``None`` when the cyclic thread may run on any.
     """
 

@@ -16,7 +16,7 @@ _NO_CARDS = frozenset({"veth", "tun", "dummy", "netdevsim"})
 def fingerprint_in_use(status: Status) -> Fingerprint | None:
     """Return the fingerprint of what runs, with the bus cycle that is really used.
 
-    ``None`` from a program that tells none. A cycle other than that of the plan counts as another
+    ``None`` from a program that reports none. A cycle other than that of the plan counts as another
     section.
     """
     reported = status.fingerprint
@@ -58,7 +58,7 @@ def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -
 def emulated_bus(status: Status) -> str:
     """Return why the bus is a rig and no machine; empty when nothing shows that.
 
-    A network card tells nothing: whatever answers behind it, this cannot know.
+    A network card says nothing: whatever answers behind it, this cannot know.
     """
     if status.backend == "emulated":
         return "the bus of fsn-master is emulated"

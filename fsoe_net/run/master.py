@@ -131,7 +131,7 @@ class Master:
         return True
 
     def explain(self) -> None:
-        """Raise what tells the user why it has ended.
+        """Raise what says to the user why it has ended.
 
         Raises:
             InputError: It refused plan or bus.

@@ -165,7 +165,7 @@ def compare_protocol(given: Protocol, fresh: Protocol, out: Collector) -> None:
     for step in given.steps:
         fresh_step = required.get(step.id)
         if fresh_step is None:
-            words = f"step {step.id} is none of these files"
+            words = f"step {step.id} is not one of these files"
             out.add("FSN161", step.span, words, hint="remove it, or name the files it belongs to")
         elif key := _changed(step, fresh_step):
             words = f"step {step.id}: {key} is not what these files give"

@@ -18,7 +18,7 @@ _Pair = tuple[FsoeBlock, FsoeBlock]
 
 
 def proposed_net(resolution: Resolution, scan: Scan) -> str:
-    """Return YAML comments: a net for each MainInstance that tells of its connections.
+    """Return YAML comments: a net for each MainInstance that reports its connections.
 
     A connection is proposed when its FSoE address is that of exactly one SubDevice, and the frames
     of both ends have the same sizes.

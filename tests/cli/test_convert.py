@@ -329,7 +329,7 @@ def test_there_and_back_differs_only_in_what_was_told(target: str, tmp_path: Pat
 
 
 def test_a_network_without_nets_is_compared(tmp_path: Path):
-    """What somebody has made of a text without copies can be held against that text."""
+    """What somebody has made of a text without copies can be compared with that text."""
     assert converted(NETWORK, "-o", tmp_path / "bus.h").returncode == 0
     assert converted(tmp_path / "bus.h", "-o", tmp_path / "n" / "network.yaml").returncode == 0
     same = fsn("diff", str(tmp_path / "bus.h"), str(tmp_path / "n" / "network.yaml"))

@@ -407,7 +407,7 @@ def test_questions_at_a_terminal(tmp_path: Path):
     keys = b"EL6910, 2 x EL1904, stop=EL2904\n9\n2\n\n1\n"
     done = asked(keys, *devices(tmp_path), "-o", out)
     assert done.returncode == 1, done.stderr
-    assert "That is none of the answers." in done.stderr
+    assert "That is not one of the answers." in done.stderr
     assert pairs(out) == [
         ("el6910", 0, "stop", False),
         ("el6910", 1, "el1904_1", False),

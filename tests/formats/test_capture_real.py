@@ -1,4 +1,4 @@
-"""Real captures, held against what tshark says of the same packets; and start-ups of our own."""
+"""Real captures, compared with what tshark says of the same packets; and start-ups of our own."""
 
 from __future__ import annotations
 

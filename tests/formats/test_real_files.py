@@ -22,18 +22,18 @@ def test_published_slave_files_are_clean(name: str):
 
 @pytest.fixture
 def estop(tmp_path: Path) -> Path:
-    """The published e-stop files under the names they use for each other, the xacro mended."""
+    """The published e-stop files under the names they use for each other, the xacro fixed."""
     prefix = "yguel_safety-humble_"
     for name in ("beckhoff_ek1914.yaml", "beckhoff_el1918.yaml", "estop_ethercat_safety.yaml"):
         shutil.copy(need("yaml", prefix + name), tmp_path / name)
     text = need("yaml", prefix + "safety_estop.ros2_control.template.xacro").read_text("utf-8")
     (tmp_path / "published.xacro").write_text(text, "utf-8")
-    mended = text.replace("EthercatSafetyDriver", "EthercatDriver").replace(
+    fixed = text.replace("EthercatSafetyDriver", "EthercatDriver").replace(
         '<ec_module name="el1918">',
         '<ec_module name="el1918"><plugin>ethercat_generic_plugins/GenericEcSlave</plugin>',
     )
-    mended = mended.replace('<command_interface name="safety_states"/>', "")
-    (tmp_path / "mended.xacro").write_text(mended, "utf-8")
+    fixed = fixed.replace('<command_interface name="safety_states"/>', "")
+    (tmp_path / "fixed.xacro").write_text(fixed, "utf-8")
     return tmp_path
 
 
@@ -44,7 +44,7 @@ def test_published_estop_has_its_three_known_mistakes(estop: Path):
 
 
 def test_mended_estop_gives_the_image_measured_on_igh(estop: Path):
-    checked = check_files([str(estop / "mended.xacro")])
+    checked = check_files([str(estop / "fixed.xacro")])
     assert [d for d in checked.diagnostics if d.level is not Severity.INFO] == []
     assert checked.resolution is not None
     assert igh_text(compile_plan(checked.resolution)) == (

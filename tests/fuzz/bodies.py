@@ -112,7 +112,7 @@ def _urdf(data: bytes, folder: Path) -> None:
 
 
 def _plan(data: bytes, folder: Path) -> None:
-    """Length and CRC are mended: no mutation would pass them. Both readers get the same bytes."""
+    """Length and CRC are fixed: no mutation would pass them. Both readers get the same bytes."""
     if len(data) >= 32:
         data = data[:12] + struct.pack("<II", len(data), 0) + data[20:]
         data = data[:16] + struct.pack("<I", zlib.crc32(data)) + data[20:]

@@ -90,7 +90,7 @@ def status(*, user=1000, effective=0, ambient=0, no_new=0):
 
 
 def good(folder: Path) -> MadeUp:
-    """Return a machine on which nothing is to be mended, with eth1 for the bus."""
+    """Return a machine on which nothing is to be fixed, with eth1 for the bus."""
     host = MadeUp(folder)
     host.write(
         {

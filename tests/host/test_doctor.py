@@ -1,4 +1,4 @@
-"""The host checks on machines that do not exist: what is found, and what would mend it."""
+"""The host checks on machines that do not exist: what is found, and what would fix it."""
 
 import json
 from pathlib import Path
@@ -35,7 +35,7 @@ def test_a_good_host_has_nothing_to_mend(tmp_path):
 
 
 FAULTS = [
-    # what is changed, which check finds it, level, part of the text, part of what mends it
+    # what is changed, which check finds it, level, part of the text, part of what fixes it
     (
         {"proc/version": "Linux version 6.1.0-9 (x) #1 SMP PREEMPT_DYNAMIC",
          "sys/kernel/realtime": "0", "boot/config-6.1.0-9": "CONFIG_PREEMPT_VOLUNTARY=y"},
@@ -163,15 +163,15 @@ FAULTS = [
 
 @pytest.mark.parametrize(("files", "expected"), FAULTS, ids=lambda v: str(v)[:60])
 def test_one_thing_wrong_is_one_finding(files, expected, tmp_path):
-    name, level, text, mend = expected
+    name, level, text, fix = expected
     made = good(tmp_path)
     made.write(files)
     seen = look(made)
     wrong = [f for f in seen.findings if f.level is not MachineLevel.GOOD]
     assert [(f.name, f.level.value) for f in wrong] == [(name, level)]
     assert text in wrong[0].text
-    assert mend in " ".join(wrong[0].now + wrong[0].keep)
-    assert wrong[0].now or wrong[0].keep or not mend
+    assert fix in " ".join(wrong[0].now + wrong[0].keep)
+    assert wrong[0].now or wrong[0].keep or not fix
     assert seen.healthy == (level == "note")
 
 
@@ -189,12 +189,12 @@ def test_one_thing_wrong_is_one_finding(files, expected, tmp_path):
     ],
 )
 def test_what_the_driver_says(code, words, expected, tmp_path):
-    name, level, text, mend = expected
+    name, level, text, fix = expected
     made = good(tmp_path)
     made.seam.driver[code] = words
     seen = found(made, name)
     assert (seen.level.value, text in seen.text) == (level, True), seen
-    assert mend in " ".join(seen.now)
+    assert fix in " ".join(seen.now)
 
 
 def test_a_driver_that_says_nothing_is_not_known(tmp_path):

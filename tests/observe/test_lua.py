@@ -1,4 +1,4 @@
-"""The Wireshark dissector, run by tshark and held against our own decoders."""
+"""The Wireshark dissector, run by tshark and compared with our own decoders."""
 
 import dataclasses
 import shutil

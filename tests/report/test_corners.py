@@ -213,7 +213,7 @@ def test_a_running_bus_that_is_emulated_is_no_evidence(tmp_path_factory: pytest.
     assert points(live=live) == [
         "the running fsn-master has another plan",
         "the running fsn-master holds no accepted plan",
-        "identities and mappings were not read back: a scan.json tells them",
+        "identities and mappings were not read back: a scan.json has them",
     ]
     assert points(live=live, plan=None)[0] == "the running fsn-master has another plan"
 

@@ -20,7 +20,7 @@ from fsoe_net.report.sign_off import Grounds, Reason, read_signed_report, sign_o
 def refused(grounds: Grounds) -> list[str]:
     record, refusals = sign_off(grounds)
     assert (record is None) == bool(refusals)
-    assert all(r.mend for r in refusals)
+    assert all(r.fix for r in refusals)
     return [r.what for r in refusals]
 
 

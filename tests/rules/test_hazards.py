@@ -1,4 +1,4 @@
-"""Each known mistake is found as docs/reference/hazards.md says; its mended form is not blamed.
+"""Each known mistake is found as docs/reference/hazards.md says; its fixed form is not blamed.
 
 The table is hazards.yaml: for each number the codes, and the smallest files that raise them.
 """
@@ -34,13 +34,13 @@ def _codes(folder: Path, case: dict, monkeypatch: pytest.MonkeyPatch) -> list[st
 
 
 def _try(entry: dict) -> tuple[str, dict, dict]:
-    """Return the code, the files with the mistake and the mended ones."""
+    """Return the code, the files with the mistake and the fixed ones."""
     code = entry.get("like") or entry["code"]
     case = dict(cases.CASES[code] if "like" in entry else entry)
     clean = {k: v for k, v in case.items() if k in ("check", "scan", "reader", "runtime", "choice")}
-    if "write" in case and "mend" not in entry:  # a file of its own has no clean form in the base
+    if "write" in case and "fix" not in entry:  # a file of its own has no clean form in the base
         clean["check"] = [f for f in case["check"] if (cases.HERE / "base" / f).is_file()]
-    return code, case, clean | entry.get("mend", {})
+    return code, case, clean | entry.get("fix", {})
 
 
 TRIES = [(number, n) for number in TABLE for n in range(len(TABLE[number].get("tries", ())))]
@@ -49,9 +49,9 @@ QUIET = [(number, n) for number in TABLE for n in range(len(TABLE[number].get("q
 
 @pytest.mark.parametrize(("number", "n"), TRIES)
 def test_mistake_is_found(number: int, n: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    code, case, mended = _try(TABLE[number]["tries"][n])
+    code, case, fixed = _try(TABLE[number]["tries"][n])
     assert code in _codes(tmp_path / "wrong", case, monkeypatch)
-    assert code not in _codes(tmp_path / "right", mended, monkeypatch)
+    assert code not in _codes(tmp_path / "right", fixed, monkeypatch)
 
 
 @pytest.mark.parametrize(("number", "n"), QUIET)

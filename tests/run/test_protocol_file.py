@@ -159,7 +159,7 @@ def test_a_protocol_is_held_against_the_files() -> None:
     ]
     strange = replace(first, id="loss other")
     assert said(replace(fresh, steps=(*fresh.steps, strange))) == [
-        "step loss other is none of these files"
+        "step loss other is not one of these files"
     ]
     trigger = by_id(fresh)["trigger estop"]
     wide = replace(trigger, limit_ms=900.0)

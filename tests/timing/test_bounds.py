@@ -41,7 +41,7 @@ def test_a_bound_of_the_handshake_holds_and_is_reached(what: Attack) -> None:
 
 @pytest.mark.parametrize("what", EXCEEDED, **NAME)
 def test_a_printed_bound_does_not_hold_for_the_handshake(what: Attack) -> None:
-    """The documentation says so; whoever mends a formula or the model has to say so there."""
+    """The documentation says so; whoever fixes a formula or the model has to say so there."""
     found = attack(what, WORKED, 3000, seed=7)
     assert found.worst > 1.05 * found.bound
 

@@ -40,9 +40,9 @@ def read_xml(data: bytes, shown: str, out: Collector) -> Description | None:
         _cut(data, shown, out)
         return None
     body = re.sub(r"<\?xml.{0,200}?\?>", lambda m: " " * len(m[0]), body[: ends[-1]])
-    mended = "\n" * before.count("\n") + _TYPE.sub(_escaped, _NAME.sub(_escaped, body))
+    escaped = "\n" * before.count("\n") + _TYPE.sub(_escaped, _NAME.sub(_escaped, body))
     root = parse_xml(
-        mended.encode("utf-8", "replace"), shown, out, what="the output of `ethercat xml`"
+        escaped.encode("utf-8", "replace"), shown, out, what="the output of `ethercat xml`"
     )
     if root is None:
         return None

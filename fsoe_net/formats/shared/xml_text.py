@@ -1,7 +1,7 @@
 """XML as tools and people save it: UTF-16 that claims to be UTF-8, encodings of one country.
 
 Expat knows UTF-8, UTF-16 and ISO-8859-1, believes the declaration, and wants it as the very first
-bytes. Text that is none of this becomes UTF-8 here, lines and columns staying where they were.
+bytes. Other text becomes UTF-8 here, lines and columns staying where they were.
 """
 
 from __future__ import annotations

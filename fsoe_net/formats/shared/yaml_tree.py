@@ -450,10 +450,10 @@ class _Builder:
         into = top.node
         assert isinstance(into, MapNode)  # noqa: S101  (only maps have keys)
         if text not in self._good_keys:
-            mended = self._look_at_key(top, text)
-            if mended is None:
+            typed = self._look_at_key(top, text)
+            if typed is None:
                 return
-            text = mended
+            text = typed
         is_name = text == "name" and not self._of_devices
         if is_name and isinstance(node, ScalarNode) and "\n" in node.text:
             self._refuse("FSN102", node.span, "a name of several lines", "write it on one line")
@@ -485,11 +485,11 @@ class _Builder:
             if text != "<<":
                 self._good_keys.add(text)
             return text
-        mended = re.sub(r"[^\x21-\x7e]", "", text)
+        typed = re.sub(r"[^\x21-\x7e]", "", text)
         self._out.add(
             "FSN108",
             span,
             f"key {text!r} holds the character U+{ord(strange.group()):04X}",
-            hint=f"type the key anew: {mended}",
+            hint=f"type the key anew: {typed}",
         )
-        return mended
+        return typed

@@ -367,7 +367,7 @@ CATALOGUE: dict[str, FaultClass] = {
         FaultClass(
             name="parameters",
             kind="addressing",
-            text="a main that tells what the sub must refuse",
+            text="a main that sends what the sub must refuse",
             make=_enumerated,
             tolerable=0,
         ),

@@ -1,4 +1,4 @@
-"""A main that tells its sub, with right CRCs, what the sub must refuse."""
+"""A main that sends its sub, with right CRCs, what the sub must refuse."""
 
 from __future__ import annotations
 

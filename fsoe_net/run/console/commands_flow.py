@@ -87,7 +87,7 @@ def _help(room: Room, words: Sequence[str]) -> None:
     if not words:
         for line in table([(name, form.about) for name, form in known.items()]):
             room.out(line)
-        room.out("help COMMAND tells more. Part of the black channel: no safety function.")
+        room.out("help COMMAND says more. Part of the black channel: no safety function.")
         return
     form = known.get(words[0])
     if form is None:

@@ -133,7 +133,7 @@ def number(text: str, what: str, most: int | None = None) -> int:
     """Return a whole number, decimal or ``0x`` ``0o`` ``0b``.
 
     Raises:
-        ConsoleError: It is none, or is negative or more than ``most``.
+        ConsoleError: It is not a number, or is negative or more than ``most``.
     """
     try:
         found = int(text, 0) if len(text) <= 66 else -1
@@ -149,7 +149,7 @@ def seconds(text: str) -> float:
     """Return a time in seconds.
 
     Raises:
-        ConsoleError: It is none, or more than a week.
+        ConsoleError: It is not a time, or more than a week.
     """
     ns = time_ns(text)
     if ns is None:
@@ -181,7 +181,7 @@ def value_of(text: str) -> Value:
     """Return a value of a condition.
 
     Raises:
-        ConsoleError: It is none.
+        ConsoleError: It is not a value of this type.
     """
     if text in _WORDS:
         return _WORDS[text]
