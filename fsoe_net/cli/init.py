@@ -13,13 +13,8 @@ from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_folder
-from fsoe_net.diag.diagnostic import Diagnostic, sort_diagnostics
-from fsoe_net.errors import InputError
-from fsoe_net.formats.own.answers import load_answers
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan_bus import describe_scan
-from fsoe_net.formats.shared.files import Collector
-from fsoe_net.model.answers import Answers
 from fsoe_net.project.draft import Inputs, make_draft
 from fsoe_net.project.draft_text import answers_template
 from fsoe_net.project.gather import gather
@@ -83,18 +78,11 @@ def command(
     possible. What nobody can know from files is asked.
     """
     folder = Path(output or ".")
-    out = Collector()
-    answers = Answers() if answers_file is None else load_answers(answers_file, out)
-    if answers is None:
-        raise InputError("nothing written: the answers cannot be used", _sorted(out))
-    if not files and interface is None and socket is None and not answers.subdevices:
-        raise click.UsageError(
-            "name files that tell of the bus, or --interface IF; `--help` shows examples"
-        )
     if not template:
         check_folder(folder, overwrite=overwrite)
-    found = gather(files, loading, leave_out=() if answers_file is None else (answers_file,))
-    found.out.diagnostics += out.diagnostics
+    found = gather(files, loading, answers=answers_file)
+    if not files and interface is None and socket is None and not found.answers.subdevices:
+        raise click.UsageError("name files of the bus, or --interface IF; `--help` shows examples")
     if interface is not None or socket is not None:
         from fsoe_net.cli.bus import take_scan
 
@@ -103,17 +91,13 @@ def command(
         found.used.append(f"the bus at {interface or socket}")
     inputs = Inputs.of(found)
     if template:
-        made = make_draft(inputs, answers)
+        made = make_draft(inputs, found.answers)
         refuse(made)
         echo(answers_template(made, answers_file), nl=False)
         return
     asking = not no_input and sys.stdin.isatty()
-    made = answered(inputs, answers, asking=asking)
+    made = answered(inputs, found.answers, asking=asking)
     if not asking:
         report_questions(made, answered=answers_file is not None or no_input)
     if write_network(made, folder, overwrite=overwrite):
         ctx.exit(1)
-
-
-def _sorted(out: Collector) -> list[Diagnostic]:
-    return sort_diagnostics(out.diagnostics)

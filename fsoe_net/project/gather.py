@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
+from fsoe_net.formats.own.answers import load_answers
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan import load_scan
@@ -16,6 +17,7 @@ from fsoe_net.formats.own.scan_bus import describe_scan
 from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.registry import Format, Yields, all_formats, read_foreign
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.model.answers import Answers
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
 from fsoe_net.model.network import NetworkConfig
@@ -45,6 +47,7 @@ class Gathered:
         notes: What had to be assumed or left out.
         out: Findings.
         used: Files that say something, in the order given.
+        answers: What a person has answered in a file.
     """
 
     buses: list[Description] = field(default_factory=list)
@@ -56,23 +59,28 @@ class Gathered:
     notes: list[str] = field(default_factory=list)
     out: Collector = field(default_factory=Collector)
     used: list[str] = field(default_factory=list)
+    answers: Answers = field(default_factory=Answers)
 
 
-def gather(
-    paths: Sequence[str], options: LoadOptions, *, leave_out: Sequence[str] = ()
-) -> Gathered:
+def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = None) -> Gathered:
     """Read files and folders; what is in a folder and cannot be read is left out and said.
 
     Args:
         paths: Files and folders.
         options: How references in YAML and URDF are followed.
-        leave_out: Files of folders that are something else, such as the answers.
+        answers: File with answers to what files do not say; it may be in one of the folders.
 
     Raises:
         InputError: Files named by the user cannot be read; it has the errors of all of them.
     """
     found = Gathered()
-    skipped = {os.path.realpath(p) for p in leave_out}
+    skipped = set()
+    if answers is not None:
+        given = load_answers(answers, found.out)
+        if given is None:
+            raise InputError(f"{answers} cannot be used", sort_diagnostics(found.out.diagnostics))
+        found.answers = given
+        skipped.add(os.path.realpath(answers))
     named: list[tuple[str, bool]] = []
     for path in dict.fromkeys(paths):
         if os.path.isdir(path):

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.formats.own.answers import load_answers
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan import load_scan
-from fsoe_net.formats.shared.files import Collector, open_file
-from fsoe_net.model.answers import Answers
+from fsoe_net.formats.shared.files import open_file
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
@@ -293,15 +291,8 @@ def propose(*paths: AnyPath, answers: AnyPath | None = None) -> Draft:
     Raises:
         InputError: A file or an answer cannot be used; the exception carries the findings.
     """
-    out = Collector()
-    name = _text(answers)
-    given = Answers() if name is None else load_answers(name, out)
-    if given is None:
-        raise InputError(f"{name} cannot be used", sort_diagnostics(out.diagnostics))
-    left_out = () if name is None else (name,)
-    found = gather([os.fspath(path) for path in paths], LoadOptions(), leave_out=left_out)
-    found.out.diagnostics += out.diagnostics
-    draft = make_draft(Inputs.of(found), given)
+    found = gather([os.fspath(path) for path in paths], LoadOptions(), answers=_text(answers))
+    draft = make_draft(Inputs.of(found), found.answers)
     errors = [d for d in draft.findings if d.level is Severity.ERROR]
     if errors:
         raise InputError("nothing proposed", sort_diagnostics(errors))
