@@ -42,17 +42,16 @@ def scan_of(resolution: Resolution) -> dict[str, Any]:
     network = resolution.network
     count = max(s.position for s in network.subdevices) + 1
     rows = [subdevice(n, **COUPLER) for n in range(count)]
-    for sub, layout in zip(network.subdevices, resolution.layouts, strict=True):
+    for sub in network.subdevices:
         device = sub.device
         assert device is not None
-        assert layout is not None
         rows[sub.position] = subdevice(
             sub.position,
             alias=sub.alias,
             vendor_id=device.vendor_id,
             product_code=device.product_code,
             name=Path(device.path).stem.upper(),
-            sms=[_sm(device, sm) for sm in layout.managers if device.pdos_of(sm.sm)],
+            sms=[_sm(device, sm) for sm in device.layout.managers if device.pdos_of(sm.sm)],
             fsoe=_fsoe(network, sub.name),
         )
     return {

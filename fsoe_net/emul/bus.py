@@ -145,11 +145,10 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
         ports.setdefault(c.main.name, []).append(main_port(setup, session_ids))
         ports.setdefault(c.sub.name, []).append(sub_port(setup, session_ids))
     devices: dict[str, EmulatedDevice] = {}
-    rows = zip(resolution.network.subdevices, resolution.layouts, strict=True)
-    for sub, layout in rows:
+    for sub in resolution.network.subdevices:
         inputs = {
             sm.sm.index: bytearray(sm.size_bytes)
-            for sm in (layout.managers if layout else ())
+            for sm in (sub.layout.managers if sub.layout else ())
             if sm.sm.direction is Direction.INPUT and sm.registered
         }
         if inputs or sub.name in ports:

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Span
+
+if TYPE_CHECKING:
+    from fsoe_net.model.layout import DeviceLayout
 
 __all__ = [
     "Device",
@@ -19,6 +24,7 @@ __all__ = [
     "SubDevice",
     "SyncManager",
     "Watchdog",
+    "same_devices",
 ]
 
 
@@ -158,7 +164,7 @@ class Sdo(Located):
     value: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)  # no slots: `layout` is kept
 class Device(Located):
     """What one slave-config file says about a device type."""
 
@@ -178,6 +184,13 @@ class Device(Located):
         if sm.carries == "rpdo":
             return self.rpdos
         return self.tpdos if sm.carries == "tpdo" else ()
+
+    @cached_property
+    def layout(self) -> DeviceLayout:
+        """Every entry with its place, and the FSoE frames; worked out once for equal terminals."""
+        from fsoe_net.model.layout import place_device
+
+        return place_device(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,3 +214,17 @@ class SubDevice(Located):
     origin: str = "network"
     system: str = ""
     master_id: int = 0
+
+    @property
+    def layout(self) -> DeviceLayout | None:
+        """The layout of its device, where that could be read."""
+        return None if self.device is None else self.device.layout
+
+
+def same_devices(devices: Iterable[Device | None]) -> tuple[int, ...]:
+    """Return for each device the number of the first that is the very same.
+
+    By identity: two files may say the same, and a finding has to name the file it is about.
+    """
+    first: dict[int, int] = {}
+    return tuple(first.setdefault(id(device), n) for n, device in enumerate(devices))

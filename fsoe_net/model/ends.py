@@ -5,11 +5,11 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from fsoe_net.model.bus import Device, Direction, SubDevice
-from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout, layout_of
+from fsoe_net.model.bus import Direction, SubDevice
+from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout
 from fsoe_net.model.network import Endpoint, Net, Transfer
 
-__all__ = ["Finder", "Layouts", "Miss", "ResolvedEnd", "ResolvedTransfer"]
+__all__ = ["Miss", "ResolvedEnd", "ResolvedTransfer", "find_end"]
 
 
 class Miss(enum.Enum):
@@ -32,11 +32,15 @@ class ResolvedEnd:
 
     endpoint: Endpoint
     subdevice: SubDevice | None = None
-    layout: DeviceLayout | None = None
     sm: SmLayout | None = None
     placed: Placed | None = None
     block: FsoeBlock | None = None
     miss: Miss | None = None
+
+    @property
+    def layout(self) -> DeviceLayout | None:
+        """The layout of the SubDevice, where there is one."""
+        return None if self.subdevice is None else self.subdevice.layout
 
     @property
     def byte_offset(self) -> int:
@@ -46,12 +50,19 @@ class ResolvedEnd:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResolvedTransfer:
-    """A transfer of a net with both ends looked up."""
+    """A transfer of a net with both ends looked up.
 
+    ``number`` counts the transfers of the network, ``net_number`` its nets. ``made``: from a
+    connection, not stated.
+    """
+
+    number: int
+    net_number: int
     net: Net
     transfer: Transfer
     source: ResolvedEnd
     destination: ResolvedEnd
+    made: bool = False
 
     @property
     def found(self) -> bool:
@@ -70,68 +81,34 @@ class ResolvedTransfer:
         )
 
 
-class Layouts:
-    """Layouts by device object: a hundred equal terminals are placed once."""
+def find_end(endpoint: Endpoint, sub: SubDevice | None) -> ResolvedEnd:
+    """Look up one end the way a driver does; what it does not mean is in ``miss``.
 
-    def __init__(self) -> None:
-        self._known: dict[int, DeviceLayout] = {}
-
-    def of(self, device: Device) -> DeviceLayout:
-        """Return the layout of a device."""
-        found = self._known.get(id(device))
-        if found is None:
-            found = self._known[id(device)] = layout_of(device)
-        return found
-
-
-_Hit = tuple[SmLayout, Placed, FsoeBlock | None]
-
-
-class Finder:
-    """Looks up transfer ends the way the driver does."""
-
-    def __init__(self, by_name: dict[str, SubDevice], layouts: Layouts) -> None:
-        self._by_name = by_name
-        self._layouts = layouts
-        self._entries: dict[int, dict[tuple[int, int], _Hit]] = {}
-
-    def end(self, endpoint: Endpoint) -> ResolvedEnd:
-        """Look up one end; what it does not mean is in ``miss``."""
-        sub = self._by_name.get(endpoint.module)
-        if sub is None:
-            return ResolvedEnd(endpoint=endpoint, miss=Miss.MODULE)
-        if sub.device is None:
-            return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=Miss.DEVICE)
-        layout = self._layouts.of(sub.device)
-        if endpoint.index == 0:
-            return ResolvedEnd(endpoint=endpoint, subdevice=sub, layout=layout, miss=Miss.GAP)
-        hit = self._index(sub.device, layout).get((endpoint.index, endpoint.subindex))
-        if hit is None:
-            complete = all(sm.complete for sm in layout.managers)
-            miss = Miss.ENTRY if complete else Miss.LAYOUT
-            return ResolvedEnd(endpoint=endpoint, subdevice=sub, layout=layout, miss=miss)
-        sm, placed, block = hit
-        return ResolvedEnd(
-            endpoint=endpoint,
-            subdevice=sub,
-            layout=layout,
-            sm=sm,
-            placed=placed,
-            block=block,
-            miss=_doubt(sm, placed),
-        )
-
-    def _index(self, device: Device, layout: DeviceLayout) -> dict[tuple[int, int], _Hit]:
-        known = self._entries.get(id(device))
-        if known is None:
-            known = {}
-            for sm in layout.managers:
-                for placed in sm.placed:
-                    key = (placed.entry.index, placed.entry.subindex)
-                    if not placed.entry.is_gap and key not in known:
-                        known[key] = (sm, placed, sm.block_at(placed.bit_offset))
-            self._entries[id(device)] = known
-        return known
+    Args:
+        endpoint: The end.
+        sub: The SubDevice with its name, ``None`` without one.
+    """
+    if sub is None:
+        return ResolvedEnd(endpoint=endpoint, miss=Miss.MODULE)
+    layout = sub.layout
+    if layout is None:
+        return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=Miss.DEVICE)
+    if endpoint.index == 0:
+        return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=Miss.GAP)
+    found = layout.by_address.get((endpoint.index, endpoint.subindex))
+    if found is None:
+        complete = all(sm.complete for sm in layout.managers)
+        miss = Miss.ENTRY if complete else Miss.LAYOUT
+        return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=miss)
+    sm, placed = found
+    return ResolvedEnd(
+        endpoint=endpoint,
+        subdevice=sub,
+        sm=sm,
+        placed=placed,
+        block=sm.block_at(placed.bit_offset),
+        miss=_doubt(sm, placed),
+    )
 
 
 def _doubt(sm: SmLayout, placed: Placed) -> Miss | None:

@@ -2,7 +2,7 @@
 
 A connection names two SubDevices and, where several frames could be meant, slots. When its net
 moves nothing between these frames, the two transfers are made here, by structure alone
-(`layout_of`, `frame_pairs`). Pure; what cannot be made is a trouble with its cause, for the rules.
+(`DeviceLayout.frame_pairs`). Pure; what cannot be made is a trouble with its cause, for the rules.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from itertools import islice, product
 
 from fsoe_net.model.bus import Located, SubDevice
-from fsoe_net.model.ends import Finder, Layouts, ResolvedTransfer
-from fsoe_net.model.layout import FsoeBlock
+from fsoe_net.model.ends import ResolvedTransfer, find_end
+from fsoe_net.model.layout import FramePair, FsoeBlock
 from fsoe_net.model.network import (
     ConnectionFacts,
     Endpoint,
@@ -23,7 +23,6 @@ from fsoe_net.model.network import (
     Transfer,
     TransferKind,
 )
-from fsoe_net.model.slots import FramePair, frame_pairs
 
 __all__ = ["ConnectionTrouble", "Expansion", "Obstacle", "expand"]
 
@@ -71,16 +70,15 @@ class ConnectionTrouble:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expansion:
-    """A network with the transfers of its connections.
+    """A network with the transfers of its connections, which stand behind those of their net.
 
-    ``made`` holds the `id` of each new transfer, ``left_out`` of each connection that has none,
-    with a trouble or because something else is wrong before.
+    ``left_out`` has each connection without transfers, with a trouble or because something else is
+    wrong before: the number of its net and its own in the net.
     """
 
     network: NetworkConfig
     troubles: tuple[ConnectionTrouble, ...] = ()
-    made: frozenset[int] = frozenset()
-    left_out: frozenset[int] = frozenset()
+    left_out: frozenset[tuple[int, int]] = frozenset()
 
 
 _MOST_NAMED = 64  # frame pairs in one finding
@@ -106,12 +104,24 @@ class _Refusal(Exception):
         self.obstacle, self.key, self.name, self.other = obstacle, key, name, other
         self.pairs, self.partners = pairs, partners
 
+    def trouble(self, net: Net, facts: ConnectionFacts) -> ConnectionTrouble:
+        """Return it as a trouble of this connection."""
+        return ConnectionTrouble(
+            net=net,
+            facts=facts,
+            obstacle=self.obstacle,
+            key=self.key,
+            pairs=self.pairs,
+            partners=self.partners,
+            name=self.name,
+            other=self.other,
+        )
+
 
 @dataclass(slots=True, kw_only=True)
 class _Request:
     """A connection to make transfers of, with the frames it may mean."""
 
-    net: Net
     facts: ConnectionFacts
     main: SubDevice
     sub: SubDevice
@@ -126,12 +136,54 @@ class _Request:
         ]
 
 
+@dataclass(slots=True, kw_only=True)
+class _Case:
+    """A connection and what becomes of it; nothing, when its net has its transfers."""
+
+    facts: ConnectionFacts
+    request: _Request | None = None
+    made: tuple[Transfer, ...] = ()
+    refusal: _Refusal | None = None
+    silent: bool = False  # something else is wrong before
+
+    @property
+    def left_out(self) -> bool:
+        """Whether it has no transfers."""
+        return self.silent or self.refusal is not None
+
+
+@dataclass(slots=True, kw_only=True)
+class _NetCases:
+    """A net with its FSoE transfers and its connections.
+
+    ``main`` is the MainInstance that the connections say, where the net does not state it.
+    """
+
+    net: Net
+    rows: list[ResolvedTransfer] = field(default_factory=list)
+    cases: list[_Case] = field(default_factory=list)
+    main: str | None = None
+
+    def done(self) -> Net:
+        """Return the net with the transfers of its connections."""
+        net = self.net
+        made = tuple(transfer for case in self.cases for transfer in case.made)
+        left_out = any(case.left_out for case in self.cases)
+        if not made and not left_out:
+            return net
+        return replace(
+            net,
+            safety_master=net.safety_master or self.main,
+            transfers=net.transfers + made,
+            connections=tuple(case.facts for case in self.cases),
+            incomplete=net.incomplete or left_out,
+        )
+
+
 def expand(
     network: NetworkConfig,
     rows: tuple[ResolvedTransfer, ...],
     by_name: dict[str, SubDevice],
-    finder: Finder,
-    layouts: Layouts,
 ) -> Expansion:
     """Make the transfers that the connections of a network stand for. Never raises.
 
@@ -139,12 +191,10 @@ def expand(
         network: As it was read.
         rows: Its transfers with their ends.
         by_name: Its SubDevices.
-        finder: Looks up entries the way a driver does.
-        layouts: Of its devices.
     """
     if not any(net.connections for net in network.nets):
         return Expansion(network=network)
-    return _Expander(network, rows, by_name, finder, layouts).expand()
+    return _Expander(network, rows, by_name).expand()
 
 
 class _Expander:
@@ -153,123 +203,69 @@ class _Expander:
         network: NetworkConfig,
         rows: tuple[ResolvedTransfer, ...],
         by_name: dict[str, SubDevice],
-        finder: Finder,
-        layouts: Layouts,
     ) -> None:
         self._network = network
         self._by_name = by_name
-        self._finder = finder
-        self._layouts = layouts
-        self._pairs_of: dict[int, tuple[FramePair, ...]] = {}
-        self._rows: dict[int, list[ResolvedTransfer]] = defaultdict(list)
+        self._nets = [_NetCases(net=net) for net in network.nets]
         self._used: dict[_Frame, Located] = {}
         for row in rows:
             if row.transfer.kind is TransferKind.FSOE:
-                self._rows[id(row.net)].append(row)
+                self._nets[row.net_number].rows.append(row)
             for end in (row.source, row.destination):
                 if end.block is not None:
                     self._used.setdefault((end.endpoint.module, end.block.key), row.transfer)
 
     def expand(self) -> Expansion:
         """Make what can be made, net by net, in the order of the file."""
-        refused: dict[int, _Refusal] = {}
-        silent: set[int] = set()
-        requests: list[_Request] = []
-        mains: dict[int, str] = {}
-        for net in self._network.nets:
-            self._collect(net, requests, refused, silent, mains)
+        for group in self._nets:
+            group.cases = [self._case(group, facts) for facts in group.net.connections]
+        cases = [case for group in self._nets for case in group.cases]
+        requests = [case.request for case in cases if case.request is not None]
         reserved = self._reserved(requests)
-        made: dict[int, tuple[ConnectionFacts, tuple[Transfer, Transfer]]] = {}
-        for request in requests:
-            try:
-                couple = self._choose(request, reserved)
-                made[id(request.facts)] = self._make(request, couple)
-            except _Refusal as refusal:
-                refused[id(request.facts)] = refusal
-                continue
-            for frame in request.frames(couple):
-                self._used.setdefault(frame, request.facts)
-        return self._result(made, refused, silent, mains)
-
-    def _result(
-        self,
-        made: dict[int, tuple[ConnectionFacts, tuple[Transfer, Transfer]]],
-        refused: dict[int, _Refusal],
-        silent: set[int],
-        mains: dict[int, str],
-    ) -> Expansion:
-        if not (made or refused or silent):
+        for case in cases:
+            if case.request is not None:
+                self._make(case, case.request, reserved)
+        if not any(case.made or case.left_out for case in cases):
             return Expansion(network=self._network)
-        nets: list[Net] = []
-        troubles: list[ConnectionTrouble] = []
-        for net in self._network.nets:
-            new = [made[id(f)] for f in net.connections if id(f) in made]
-            bad = [f for f in net.connections if id(f) in refused or id(f) in silent]
-            done = net
-            if new or bad:
-                done = replace(
-                    net,
-                    safety_master=net.safety_master or mains.get(id(net)),
-                    transfers=net.transfers + tuple(t for _, both in new for t in both),
-                    connections=tuple(
-                        made[id(f)][0] if id(f) in made else f for f in net.connections
-                    ),
-                    incomplete=net.incomplete or bool(bad),
-                )
-            nets.append(done)
-            for facts in bad:
-                if (why := refused.get(id(facts))) is not None:
-                    troubles.append(
-                        ConnectionTrouble(
-                            net=done,
-                            facts=facts,
-                            obstacle=why.obstacle,
-                            key=why.key,
-                            pairs=why.pairs,
-                            partners=why.partners,
-                            name=why.name,
-                            other=why.other,
-                        )
-                    )
+        nets = tuple(group.done() for group in self._nets)
         return Expansion(
-            network=replace(self._network, nets=tuple(nets)),
-            troubles=tuple(troubles),
-            made=frozenset(id(t) for _, both in made.values() for t in both),
-            left_out=frozenset({*refused, *silent}),
+            network=replace(self._network, nets=nets),
+            troubles=tuple(
+                case.refusal.trouble(net, case.facts)
+                for net, group in zip(nets, self._nets, strict=True)
+                for case in group.cases
+                if case.refusal is not None
+            ),
+            left_out=frozenset(
+                (net_number, number)
+                for net_number, group in enumerate(self._nets)
+                for number, case in enumerate(group.cases)
+                if case.left_out
+            ),
         )
 
     # -- which connections ------------------------------------------------------------------------
 
-    def _collect(
-        self,
-        net: Net,
-        requests: list[_Request],
-        refused: dict[int, _Refusal],
-        silent: set[int],
-        mains: dict[int, str],
-    ) -> None:
-        for facts in net.connections:
-            if self._is_stated(net, facts):
-                continue
-            if net.incomplete:  # what could not be read may be its transfers, or have its frames
-                silent.add(id(facts))
-                continue
-            try:
-                request = self._request(net, facts, mains)
-            except _Refusal as refusal:
-                refused[id(facts)] = refusal
-                continue
-            if request is None:
-                silent.add(id(facts))
-            else:
-                requests.append(request)
+    def _case(self, group: _NetCases, facts: ConnectionFacts) -> _Case:
+        case = _Case(facts=facts)
+        if self._is_stated(group, facts):
+            return case
+        if group.net.incomplete:  # what could not be read may be its transfers, or have its frames
+            case.silent = True
+            return case
+        try:
+            case.request = self._request(group, facts)
+        except _Refusal as refusal:
+            case.refusal = refusal
+        case.silent = case.request is None and case.refusal is None
+        return case
 
-    def _is_stated(self, net: Net, facts: ConnectionFacts) -> bool:
+    def _is_stated(self, group: _NetCases, facts: ConnectionFacts) -> bool:
         """Whether the net has transfers of this connection, which then only states facts."""
         two = {facts.main, facts.sub}
         between = [
             row
-            for row in self._rows[id(net)]
+            for row in group.rows
             if {row.transfer.source.module, row.transfer.destination.module} == two
         ]
         if not between:
@@ -290,11 +286,11 @@ class _Expander:
         found: set[_Frame] = set()
         for name, slot in ((facts.main, facts.slot), (facts.sub, facts.sub_slot)):
             sub = self._by_name.get(name)
-            pairs = self._pairs(sub) if sub is not None and slot is not None else ()
+            pairs = _pairs(sub) if sub is not None and slot is not None else ()
             found |= {(name, b.key) for pair in pairs if pair.slot == slot for b in pair.blocks}
         return found
 
-    def _request(self, net: Net, facts: ConnectionFacts, mains: dict[int, str]) -> _Request | None:
+    def _request(self, group: _NetCases, facts: ConnectionFacts) -> _Request | None:
         """Return what a connection may mean; ``None`` when something else has gone wrong before.
 
         Raises:
@@ -307,7 +303,7 @@ class _Expander:
                 raise _Refusal(Obstacle.MODULE, key, name=name)
         if facts.main == facts.sub:
             raise _Refusal(Obstacle.SAME, "sub", name=facts.sub)
-        main_name, said = self._main_of(net, mains)
+        main_name, said = self._main_of(group)
         if main_name is None:
             return None
         if main_name != facts.main:
@@ -317,7 +313,7 @@ class _Expander:
             return None
         if main.master_id != sub.master_id:
             raise _Refusal(Obstacle.MASTERS, "sub")
-        request = _Request(net=net, facts=facts, main=main, sub=sub)
+        request = _Request(facts=facts, main=main, sub=sub)
         ours = self._eligible(main, facts.slot, "main", "slot")
         theirs = self._eligible(sub, facts.sub_slot, "sub", "sub_slot")
         request.couples = [(one, two) for one, two in product(ours, theirs) if one.fits(two)]
@@ -325,33 +321,24 @@ class _Expander:
             raise _Refusal(
                 Obstacle.LENGTHS,
                 "slot" if facts.slot is not None else "main",
-                pairs=self._pairs(main),
+                pairs=_pairs(main),
                 partners=tuple(theirs),
             )
         return request
 
-    def _main_of(self, net: Net, mains: dict[int, str]) -> tuple[str | None, Located]:
+    def _main_of(self, group: _NetCases) -> tuple[str | None, Located]:
         """Return the MainInstance of a net and what says so; no name when that is wrong itself."""
+        net = group.net
         if net.safety_master is not None:
             there = net.safety_master in self._by_name
             return net.safety_master if there else None, net
-        ends = [
-            {row.transfer.source.module, row.transfer.destination.module}
-            for row in self._rows[id(net)]
-        ]
+        ends = [{row.transfer.source.module, row.transfer.destination.module} for row in group.rows]
         shared = set.intersection(*ends) if ends else set()
         known = [c for c in net.connections if c.main in self._by_name]
         first = next((c for c in known if not ends or c.main in shared), known[0])
-        name = mains.setdefault(id(net), shared.pop() if len(shared) == 1 else first.main)
-        return name, first
-
-    def _pairs(self, sub: SubDevice) -> tuple[FramePair, ...]:
-        if sub.device is None:
-            return ()
-        found = self._pairs_of.get(id(sub.device))
-        if found is None:
-            found = self._pairs_of[id(sub.device)] = frame_pairs(self._layouts.of(sub.device))
-        return found
+        if group.main is None:
+            group.main = shared.pop() if len(shared) == 1 else first.main
+        return group.main, first
 
     def _eligible(
         self, sub: SubDevice, slot: int | None, key: str, slot_key: str
@@ -361,7 +348,7 @@ class _Expander:
         Raises:
             _Refusal: There is none.
         """
-        pairs = self._pairs(sub)
+        pairs = _pairs(sub)
         if not pairs:
             raise _Refusal(Obstacle.NO_FRAMES, key, name=sub.name)
         if slot is not None:
@@ -424,13 +411,19 @@ class _Expander:
         return free[0]
 
     def _make(
-        self, request: _Request, couple: _Couple
-    ) -> tuple[ConnectionFacts, tuple[Transfer, Transfer]]:
-        main, sub = couple
-        facts = replace(request.facts, slot=main.slot, sub_slot=sub.slot)
-        to_main = self._transfer(facts, request.sub, sub.sends, request.main, main.takes)
-        to_sub = self._transfer(facts, request.main, main.sends, request.sub, sub.takes)
-        return facts, (to_main, to_sub)
+        self, case: _Case, request: _Request, reserved: dict[_Frame, list[ConnectionFacts]]
+    ) -> None:
+        try:
+            couple = main, sub = self._choose(request, reserved)
+            facts = replace(request.facts, slot=main.slot, sub_slot=sub.slot)
+            to_main = self._transfer(facts, request.sub, sub.sends, request.main, main.takes)
+            to_sub = self._transfer(facts, request.main, main.sends, request.sub, sub.takes)
+        except _Refusal as refusal:
+            case.refusal = refusal
+            return
+        case.facts, case.made = facts, (to_main, to_sub)
+        for frame in request.frames(couple):
+            self._used.setdefault(frame, request.facts)
 
     def _transfer(
         self,
@@ -457,7 +450,12 @@ class _Expander:
             index=block.command.index,
             subindex=block.command.subindex,
         )
-        found = self._finder.end(end).block
+        found = find_end(end, sub).block
         if found is None or found.key != block.key:
             raise _Refusal(Obstacle.HIDDEN, key, name=str(end))
         return end
+
+
+def _pairs(sub: SubDevice) -> tuple[FramePair, ...]:
+    layout = sub.layout
+    return () if layout is None else layout.frame_pairs

@@ -9,18 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import zip_longest
 
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 
 __all__ = [
     "DeviceLayout",
+    "FramePair",
     "FsoeBlock",
     "Placed",
     "SmLayout",
     "find_blocks",
     "frames_at",
-    "layout_of",
+    "place_device",
     "place_entries",
 ]
 
@@ -32,10 +35,14 @@ _NEIGHBOUR = 0x0F  # a CRC was seen eight objects away from its command, never f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placed:
-    """An entry with its bit offset inside the process data of its sync manager."""
+    """An entry with its bit offset inside the process data of its sync manager.
+
+    ``pdo_number`` counts the PDOs of the sync manager.
+    """
 
     entry: Entry
     pdo: Pdo
+    pdo_number: int
     bit_offset: int
 
     @property
@@ -75,14 +82,15 @@ class FsoeBlock:
         return (self.sm_index, self.byte_offset)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)  # no slots: `written` is kept
 class SmLayout:
-    """One sync manager with every entry placed.
+    """One sync manager with every entry placed; ``number`` is its place in the device's layout.
 
     ``known_bits`` is smaller than ``bits`` or 0 when a PDO without channels stands in the way: the
     device then puts in what it has itself, and no offset behind it is known.
     """
 
+    number: int
     sm: SyncManager
     placed: tuple[Placed, ...]
     bits: int
@@ -100,6 +108,13 @@ class SmLayout:
         """Whether a driver registers an entry here, so that it gets a place in the image."""
         return any(p.entry.registered for p in self.placed)
 
+    @cached_property
+    def written(self) -> tuple[Placed, ...]:
+        """The entries that a driver writes itself."""
+        return tuple(
+            p for p in self.placed if p.entry.registered and p.entry.written_by is not None
+        )
+
     def block_at(self, bit_offset: int) -> FsoeBlock | None:
         """Return the frame that holds this bit, or ``None``."""
         byte = bit_offset // 8
@@ -107,6 +122,43 @@ class SmLayout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FramePair:
+    """The n-th frame among the inputs of a device with the n-th among its outputs.
+
+    Attributes:
+        slot: Number, from 0 in the order of the process image.
+        sends: Frame of the device to the MainDevice; ``None`` when it has fewer of these.
+        takes: Frame of the MainDevice to the device; ``None`` when it has fewer of these.
+        matched: Both are there, and the object numbers do not say that they belong to two
+            connections.
+    """
+
+    slot: int
+    sends: FsoeBlock | None
+    takes: FsoeBlock | None
+    matched: bool
+
+    @property
+    def blocks(self) -> tuple[FsoeBlock, ...]:
+        """The frames that are there."""
+        return tuple(b for b in (self.sends, self.takes) if b is not None)
+
+    @property
+    def sent_bytes(self) -> int:
+        """Length of the frame to the MainDevice, 0 without one."""
+        return self.sends.frame_bytes if self.sends is not None else 0
+
+    @property
+    def taken_bytes(self) -> int:
+        """Length of the frame from the MainDevice, 0 without one."""
+        return self.takes.frame_bytes if self.takes is not None else 0
+
+    def fits(self, other: FramePair) -> bool:
+        """Whether what each of the two sends is as long as what the other takes."""
+        return self.sent_bytes == other.taken_bytes and self.taken_bytes == other.sent_bytes
+
+
+@dataclass(frozen=True, kw_only=True)  # no slots: what is worked out of it is kept
 class DeviceLayout:
     """All sync managers of a device, by rising number, also those without PDOs.
 
@@ -119,16 +171,62 @@ class DeviceLayout:
     managers: tuple[SmLayout, ...]
     partners: Mapping[tuple[int, int], tuple[int, int]]
 
-    @property
+    @cached_property
     def blocks(self) -> tuple[FsoeBlock, ...]:
         """The FSoE frames of all sync managers."""
         return tuple(block for sm in self.managers for block in sm.blocks)
 
+    @cached_property
+    def by_address(self) -> Mapping[tuple[int, int], tuple[SmLayout, Placed]]:
+        """Each entry by index and subindex, in the first place that has it: a driver gets that."""
+        found: dict[tuple[int, int], tuple[SmLayout, Placed]] = {}
+        for sm in self.managers:
+            for placed in sm.placed:
+                if not placed.entry.is_gap:
+                    found.setdefault((placed.entry.index, placed.entry.subindex), (sm, placed))
+        return found
 
-def layout_of(device: Device) -> DeviceLayout:
-    """Place every entry of a device and recognise its FSoE frames."""
+    @cached_property
+    def frame_pairs(self) -> tuple[FramePair, ...]:
+        """The frame pairs of the device by slot, which is what ``slot`` means everywhere.
+
+        Frames behind a PDO whose layout is not known offline have no number.
+        """
+        inputs, outputs = (self._numbered(way) for way in (Direction.INPUT, Direction.OUTPUT))
+        even = len(inputs) == len(outputs)
+        with_partner = {*self.partners, *self.partners.values()}
+        rows = []
+        for slot, (sends, takes) in enumerate(zip_longest(inputs, outputs)):
+            matched = sends is not None and takes is not None
+            if sends is not None and takes is not None:
+                partner = self.partners.get(takes.key)
+                matched = partner == sends.key or (
+                    even and partner is None and sends.key not in with_partner
+                )
+            rows.append(FramePair(slot=slot, sends=sends, takes=takes, matched=matched))
+        return tuple(rows)
+
+    def _numbered(self, direction: Direction) -> list[FsoeBlock]:
+        found: list[FsoeBlock] = []
+        for sm in self.managers:
+            if sm.sm.direction is not direction:
+                continue
+            found += [b for b in sm.blocks if 8 * b.end_byte <= sm.known_bits]
+            if not sm.complete:
+                break
+        return found
+
+    @cached_property
+    def slots(self) -> Mapping[tuple[int, int], int]:
+        """The slot of each frame, by `FsoeBlock.key`."""
+        return {b.key: pair.slot for pair in self.frame_pairs for b in pair.blocks}
+
+
+def place_device(device: Device) -> DeviceLayout:
+    """Place every entry of a device and recognise its FSoE frames; `Device.layout` keeps it."""
     managers = tuple(
-        _place(device, sm) for sm in sorted(device.sync_managers, key=lambda sm: sm.index)
+        _place(device, sm, number)
+        for number, sm in enumerate(sorted(device.sync_managers, key=lambda sm: sm.index))
     )
     return DeviceLayout(managers=managers, partners=_partners(managers))
 
@@ -137,14 +235,14 @@ def place_entries(pdos: Iterable[Pdo]) -> tuple[Placed, ...]:
     """Place the entries of PDOs that follow each other."""
     placed: list[Placed] = []
     bit = 0
-    for pdo in pdos:
+    for number, pdo in enumerate(pdos):
         for entry in pdo.entries:
-            placed.append(Placed(entry=entry, pdo=pdo, bit_offset=bit))
+            placed.append(Placed(entry=entry, pdo=pdo, pdo_number=number, bit_offset=bit))
             bit += entry.bits
     return tuple(placed)
 
 
-def _place(device: Device, sm: SyncManager) -> SmLayout:
+def _place(device: Device, sm: SyncManager, number: int) -> SmLayout:
     pdos = device.pdos_of(sm)
     placed = place_entries(pdos)
     bits = placed[-1].end_bit if placed else 0
@@ -155,6 +253,7 @@ def _place(device: Device, sm: SyncManager) -> SmLayout:
             known_bits = behind
         behind += pdo.bits
     return SmLayout(
+        number=number,
         sm=sm,
         placed=placed,
         bits=bits,

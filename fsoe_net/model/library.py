@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, Direction, Located, SyncManager
-from fsoe_net.model.layout import DeviceLayout, layout_of
+from fsoe_net.model.layout import DeviceLayout
 
 __all__ = [
     "Library",
@@ -181,7 +181,7 @@ def contradictions(device: LibraryDevice) -> list[tuple[Located, str]]:
 def _frames(device: LibraryDevice, mapping: LibraryMapping) -> list[tuple[Located, str]]:
     found: list[tuple[Located, str]] = []
     stated = {(f.sm_index, f.byte_offset): f for f in mapping.frames}
-    layout = layout_of(mapping.device(device.identities[0], ""))
+    layout = mapping.device(device.identities[0], "").layout
     seen = {b.key: b for sm in layout.managers for b in sm.blocks}
     for key in sorted(seen.keys() - stated.keys()):
         at = f"byte {key[1]} of sync manager {key[0]}"

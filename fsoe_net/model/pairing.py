@@ -18,7 +18,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock
-from fsoe_net.model.slots import frame_pairs
 
 __all__ = ["OpenPair", "PairEnd", "Pairing", "lonely_frames", "pair_by_lengths", "pair_ends"]
 
@@ -89,14 +88,14 @@ def pair_ends(layout: DeviceLayout, subdevice: int) -> tuple[PairEnd, ...]:
     """
     return tuple(
         PairEnd(subdevice=subdevice, slot=pair.slot, written=pair.takes, read=pair.sends)
-        for pair in frame_pairs(layout)
+        for pair in layout.frame_pairs
         if pair.matched and pair.takes is not None and pair.sends is not None
     )
 
 
 def lonely_frames(layout: DeviceLayout) -> tuple[FsoeBlock, ...]:
     """Return the frames of a SubDevice that no frame in the other direction belongs to."""
-    return tuple(b for pair in frame_pairs(layout) if not pair.matched for b in pair.blocks)
+    return tuple(b for pair in layout.frame_pairs if not pair.matched for b in pair.blocks)
 
 
 def pair_by_lengths(

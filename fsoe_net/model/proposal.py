@@ -20,7 +20,7 @@ from fsoe_net.model.description import (
     Description,
 )
 from fsoe_net.model.join import has_layout
-from fsoe_net.model.layout import DeviceLayout, FsoeBlock, layout_of
+from fsoe_net.model.layout import FsoeBlock
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import fill_from_library, library_device
 from fsoe_net.model.links import (
@@ -98,7 +98,7 @@ class _Maker:
         self._remarks: dict[int, list[str]] = {n: [] for n in range(len(bus.subdevices))}
         self._check_names()
         self._bus = replace(bus, subdevices=tuple(self._filled(bus.subdevices)))
-        self._layouts = _layouts(self._bus)
+        self._layouts = [sub.device.layout for sub in self._bus.subdevices]
         self._links: list[CopyLink] = []
 
     def _check_names(self) -> None:
@@ -405,11 +405,3 @@ def _end(pair: PairEnd, block: FsoeBlock) -> DescribedEnd:
     return DescribedEnd(
         subdevice=pair.subdevice, sm_index=block.sm_index, bit_offset=8 * block.byte_offset
     )
-
-
-def _layouts(bus: Description) -> list[DeviceLayout]:
-    known: dict[int, DeviceLayout] = {}
-    for sub in bus.subdevices:
-        if id(sub.device) not in known:
-            known[id(sub.device)] = layout_of(sub.device)
-    return [known[id(s.device)] for s in bus.subdevices]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from fsoe_net.errors import InputError
 from fsoe_net.model.description import DescribedCopy, DescribedEnd, DescribedSubDevice, Description
-from fsoe_net.model.layout import SmLayout, layout_of
+from fsoe_net.model.layout import SmLayout
 
 __all__ = ["renumbered_copies"]
 
@@ -85,7 +85,7 @@ def _end(
 
 
 def _manager(sub: DescribedSubDevice, index: int) -> SmLayout | None:
-    managers = layout_of(sub.device).managers
+    managers = sub.device.layout.managers
     return next((m for m in managers if m.sm.index == index), None)
 
 

@@ -6,15 +6,15 @@ does.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from fsoe_net.diag.pause import without_collector
-from fsoe_net.model.bus import Direction, SubDevice
-from fsoe_net.model.ends import Finder, Layouts, ResolvedEnd, ResolvedTransfer
+from fsoe_net.model.bus import Direction, SubDevice, same_devices
+from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer, find_end
 from fsoe_net.model.expand import ConnectionTrouble, Obstacle, expand
-from fsoe_net.model.layout import DeviceLayout
 from fsoe_net.model.network import ConnectionFacts, Net, NetworkConfig, TransferKind
-from fsoe_net.model.slots import frame_pairs, slot_numbers
 
 __all__ = [
     "Connection",
@@ -32,10 +32,12 @@ class Connection:
     """Two FSoE transfers in opposite directions between a MainInstance and a SubInstance.
 
     ``slot`` and ``sub_slot`` number the frame pairs it uses (`frame_pairs`); ``None`` where a frame
-    is not recognised, or both directions use different pairs. ``made``: from a shorthand.
+    is not recognised, or both directions use different pairs. ``net_number`` counts the nets,
+    ``facts_number`` the connections that the net states.
     """
 
     name: str
+    net_number: int
     net: Net
     main: SubDevice
     sub: SubDevice
@@ -44,61 +46,73 @@ class Connection:
     to_sub: ResolvedTransfer
     to_main: ResolvedTransfer
     facts: ConnectionFacts | None
-    made: bool = False
+    facts_number: int | None = None
+
+    @property
+    def made(self) -> bool:
+        """Whether its transfers come from a shorthand."""
+        return self.to_sub.made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnmatchedFacts:
     """Facts of a connection that the net does not have, or that another one has (``twin``)."""
 
+    net_number: int
     net: Net
     facts: ConnectionFacts
     twin: ConnectionFacts | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)  # no slots: what is worked out of it is kept
 class Resolution:
-    """A network with every layout, transfer and connection worked out.
+    """A network with every transfer and connection worked out.
 
     ``network`` has the transfers made from its connections (`expand`); ``troubles`` are those that
-    could not be made. ``layouts`` has one row per SubDevice, in bus order. ``single`` are FSoE
-    transfers that found no partner in the opposite direction.
+    could not be made. ``single`` are FSoE transfers that found no partner in the opposite
+    direction. Parts have the number of their place in the tuple they stand in.
     """
 
     network: NetworkConfig
-    layouts: tuple[DeviceLayout | None, ...]
     transfers: tuple[ResolvedTransfer, ...]
     connections: tuple[Connection, ...]
     single: tuple[ResolvedTransfer, ...]
     unmatched_facts: tuple[UnmatchedFacts, ...]
     troubles: tuple[ConnectionTrouble, ...] = ()
 
+    @cached_property
+    def numbers(self) -> Mapping[str, int]:
+        """The number of the SubDevice that a name means: the first of two with one name."""
+        names = [sub.name for sub in self.network.subdevices]
+        return {name: len(names) - 1 - n for n, name in enumerate(reversed(names))}
+
+    @cached_property
+    def device_numbers(self) -> tuple[int, ...]:
+        """For each SubDevice the number of the first with the same device."""
+        return same_devices(sub.device for sub in self.network.subdevices)
+
 
 @without_collector
 def resolve(network: NetworkConfig) -> Resolution:
     """Work out layouts, transfer ends and connections of a network. Never raises."""
-    layouts = Layouts()
     by_name: dict[str, SubDevice] = {}
     for sub in network.subdevices:
         by_name.setdefault(sub.name, sub)
-    finder = Finder(by_name, layouts)
-    transfers = _transfers(network, finder)
-    expansion = expand(network, transfers, by_name, finder, layouts)
+    stated = [len(net.transfers) for net in network.nets]
+    transfers = _transfers(network, by_name, stated)
+    expansion = expand(network, transfers, by_name)
     if expansion.network is not network:
         network = expansion.network
-        transfers = _transfers(network, finder)
-    pairing = _Pairing(by_name, layouts, expansion.made)
-    per_net: dict[int, _Rows] = {}
+        transfers = _transfers(network, by_name, stated)
+    pairing = _Pairing(by_name)
+    per_net: list[_Rows] = [[] for _ in network.nets]
     for row in transfers:
         if row.transfer.kind is TransferKind.FSOE:
-            per_net.setdefault(id(row.net), []).append(row)
-    for net in network.nets:
-        pairing.add(net, per_net.get(id(net), []), expansion.left_out)
+            per_net[row.net_number].append(row)
+    for number, (net, rows) in enumerate(zip(network.nets, per_net, strict=True)):
+        pairing.add(number, net, rows, expansion.left_out)
     return Resolution(
         network=network,
-        layouts=tuple(
-            layouts.of(s.device) if s.device is not None else None for s in network.subdevices
-        ),
         transfers=transfers,
         connections=tuple(pairing.connections),
         single=tuple(pairing.single),
@@ -107,17 +121,26 @@ def resolve(network: NetworkConfig) -> Resolution:
     )
 
 
-def _transfers(network: NetworkConfig, finder: Finder) -> tuple[ResolvedTransfer, ...]:
-    return tuple(
-        ResolvedTransfer(
-            net=net,
-            transfer=transfer,
-            source=finder.end(transfer.source),
-            destination=finder.end(transfer.destination),
-        )
-        for net in network.nets
-        for transfer in net.transfers
-    )
+def _transfers(
+    network: NetworkConfig, by_name: Mapping[str, SubDevice], stated: list[int]
+) -> tuple[ResolvedTransfer, ...]:
+    """Look up all ends; ``stated`` is how many transfers of each net its file has."""
+    rows: list[ResolvedTransfer] = []
+    for net_number, net in enumerate(network.nets):
+        for number, transfer in enumerate(net.transfers):
+            source, destination = transfer.source, transfer.destination
+            rows.append(
+                ResolvedTransfer(
+                    number=len(rows),
+                    net_number=net_number,
+                    net=net,
+                    transfer=transfer,
+                    source=find_end(source, by_name.get(source.module)),
+                    destination=find_end(destination, by_name.get(destination.module)),
+                    made=number >= stated[net_number],
+                )
+            )
+    return tuple(rows)
 
 
 def shared_modules(ends: list[tuple[str, str]]) -> set[str]:
@@ -137,6 +160,7 @@ def main_instance_of(net: Net, ends: list[tuple[str, str]]) -> str | None:
 
 
 _Rows = list[ResolvedTransfer]
+_Stated = dict[int, ConnectionFacts]  # by its number in the net
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +177,23 @@ class _Couple:
         return _allows(self.slots, facts.slot) and _allows(self.sub_slots, facts.sub_slot)
 
 
+def _with_slots(down: ResolvedTransfer, up: ResolvedTransfer) -> _Couple:
+    return _Couple(
+        down,
+        up,
+        slots=_slots(down.source, up.destination),
+        sub_slots=_slots(up.source, down.destination),
+    )
+
+
+def _slots(*ends: ResolvedEnd) -> frozenset[int]:
+    found: set[int] = set()
+    for end in ends:
+        if end.block is not None and end.layout is not None and end.block.key in end.layout.slots:
+            found.add(end.layout.slots[end.block.key])
+    return frozenset(found)
+
+
 def _allows(slots: frozenset[int], stated: int | None) -> bool:
     return stated is None or not slots or stated in slots
 
@@ -164,75 +205,58 @@ def _only(slots: frozenset[int]) -> int | None:
 class _Pairing:
     """Finds the two transfers of each connection, and the facts that are stated of it."""
 
-    def __init__(
-        self, by_name: dict[str, SubDevice], layouts: Layouts, made: frozenset[int]
-    ) -> None:
+    def __init__(self, by_name: dict[str, SubDevice]) -> None:
         self._by_name = by_name
-        self._layouts = layouts
-        self._made = made
-        self._numbers: dict[int, dict[tuple[int, int], int]] = {}
         self._names: set[str] = set()
         self.connections: list[Connection] = []
         self.single: _Rows = []
         self.unmatched: list[UnmatchedFacts] = []
         self.troubles: list[ConnectionTrouble] = []
 
-    def add(self, net: Net, rows: _Rows, left_out: frozenset[int]) -> None:
+    def add(
+        self, net_number: int, net: Net, rows: _Rows, left_out: frozenset[tuple[int, int]]
+    ) -> None:
         """Add the connections of a net; the facts in ``left_out`` are of none."""
         ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
         groups = _by_partner(rows, main_instance_of(net, ends))
-        stated: dict[tuple[str, str], list[ConnectionFacts]] = {}
-        for fact in net.connections:
-            if id(fact) not in left_out:
-                stated.setdefault((fact.main, fact.sub), []).append(fact)
+        stated: dict[tuple[str, str], _Stated] = {}
+        for number, fact in enumerate(net.connections):
+            if (net_number, number) not in left_out:
+                stated.setdefault((fact.main, fact.sub), {})[number] = fact
         for (main, sub), (to_sub, to_main) in groups.items():
             both, alone = _couple(to_sub, to_main)
             self.single.extend(alone)
-            couples = [self._numbered(down, up) for down, up in both]
-            facts = self._assign(net, stated.pop((main, sub), []), couples)
+            couples = [_with_slots(down, up) for down, up in both]
+            facts = self._assign(net_number, net, stated.pop((main, sub), {}), couples)
             if main in self._by_name and sub in self._by_name:
-                self._connect(net, main, sub, couples, facts)
+                self._connect(net_number, net, main, sub, couples, facts)
         for facts_of_pair in stated.values():
-            self.unmatched += [UnmatchedFacts(net=net, facts=f) for f in facts_of_pair]
-
-    def _numbered(self, down: ResolvedTransfer, up: ResolvedTransfer) -> _Couple:
-        return _Couple(
-            down,
-            up,
-            slots=self._slots(down.source, up.destination),
-            sub_slots=self._slots(up.source, down.destination),
-        )
-
-    def _slots(self, *ends: ResolvedEnd) -> frozenset[int]:
-        found: set[int] = set()
-        for end in ends:
-            if end.block is None or end.layout is None:
-                continue
-            numbers = self._numbers.get(id(end.layout))
-            if numbers is None:
-                numbers = self._numbers[id(end.layout)] = slot_numbers(end.layout)
-            if end.block.key in numbers:
-                found.add(numbers[end.block.key])
-        return frozenset(found)
+            self.unmatched += [
+                UnmatchedFacts(net_number=net_number, net=net, facts=f)
+                for f in facts_of_pair.values()
+            ]
 
     def _assign(
-        self, net: Net, stated: list[ConnectionFacts], couples: list[_Couple]
-    ) -> dict[int, ConnectionFacts]:
-        """Return the facts of each couple; those that name a slot choose first."""
-        taken: dict[int, ConnectionFacts] = {}
-        stated = sorted(stated, key=lambda f: f.slot is None and f.sub_slot is None)
-        for fact in stated:
+        self, net_number: int, net: Net, stated: _Stated, couples: list[_Couple]
+    ) -> dict[int, int]:
+        """Return the number of the facts of each couple; those that name a slot choose first."""
+        taken: dict[int, int] = {}
+        order = sorted(stated, key=lambda n: stated[n].slot is None and stated[n].sub_slot is None)
+        for number in order:
+            fact = stated[number]
             meant = [n for n, couple in enumerate(couples) if couple.may_be(fact)]
             # Frames nobody can number are meant only when no others are.
             meant = [n for n in meant if couples[n].slots or fact.slot is None] or meant
             free = [n for n in meant if n not in taken]
             if not free:
-                twin = taken[meant[0]] if meant else None
-                self.unmatched.append(UnmatchedFacts(net=net, facts=fact, twin=twin))
+                twin = stated[taken[meant[0]]] if meant else None
+                self.unmatched.append(
+                    UnmatchedFacts(net_number=net_number, net=net, facts=fact, twin=twin)
+                )
             elif len(free) > 1:
                 self._several(net, fact, [couples[n] for n in free])
             else:
-                taken[free[0]] = fact
+                taken[free[0]] = number
         return taken
 
     def _several(self, net: Net, fact: ConnectionFacts, couples: list[_Couple]) -> None:
@@ -243,7 +267,7 @@ class _Pairing:
         key, there, numbers = "main", main, slots
         if fact.slot is not None or len(slots) < len(couples):
             key, there, numbers = "sub", sub, frozenset().union(*(c.sub_slots for c in couples))
-        pairs = frame_pairs(self._layouts.of(there.device)) if there.device is not None else ()
+        pairs = there.layout.frame_pairs if there.layout is not None else ()
         self.troubles.append(
             ConnectionTrouble(
                 net=net,
@@ -257,16 +281,19 @@ class _Pairing:
 
     def _connect(
         self,
+        net_number: int,
         net: Net,
         main: str,
         sub: str,
         couples: list[_Couple],
-        facts: dict[int, ConnectionFacts],
+        facts: dict[int, int],
     ) -> None:
         for number, couple in enumerate(couples):
+            facts_number = facts.get(number)
             self.connections.append(
                 Connection(
                     name=_unique(f"{main}-{sub}", self._names),
+                    net_number=net_number,
                     net=net,
                     main=self._by_name[main],
                     sub=self._by_name[sub],
@@ -274,8 +301,8 @@ class _Pairing:
                     sub_slot=_only(couple.sub_slots),
                     to_sub=couple.down,
                     to_main=couple.up,
-                    facts=facts.get(number),
-                    made=id(couple.down.transfer) in self._made,
+                    facts=None if facts_number is None else net.connections[facts_number],
+                    facts_number=facts_number,
                 )
             )
 
@@ -329,8 +356,7 @@ def _couple(
             couples.append((down, match))
     couples.extend(zip(waiting, left_up, strict=False))
     matched = min(len(waiting), len(left_up))
-    order = {id(row): n for n, row in enumerate(to_sub)}
-    couples.sort(key=lambda pair: order[id(pair[0])])
+    couples.sort(key=lambda pair: pair[0].number)
     return couples, waiting[matched:] + left_up[matched:]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from fsoe_net.model.answers import Answers, Ask, Question
-from fsoe_net.model.bus import Direction
+from fsoe_net.model.bus import Direction, same_devices
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.detect import FsoeGuess, detect_fsoe, near_misses
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock
@@ -73,13 +73,15 @@ def find_ends(
         layouts: Their layouts.
         answers: Say yes or no to likely frames.
     """
-    known: dict[int, list[FsoeGuess]] = {}
+    devices = same_devices(sub.device for sub in subdevices)
+    known: dict[int, list[FsoeGuess]] = {}  # by device
     ends = []
     for number, (sub, name, layout) in enumerate(zip(subdevices, names, layouts, strict=True)):
-        if id(layout) not in known:
-            known[id(layout)] = [g for m in layout.managers for g in detect_fsoe(m.placed, m.sm)]
+        device = devices[number]
+        if device not in known:
+            known[device] = [g for m in layout.managers for g in detect_fsoe(m.placed, m.sm)]
         end = FrameEnd(number=number, name=name)
-        _take(end, sub, layout, known[id(layout)], answers)
+        _take(end, sub, layout, known[device], answers)
         ends.append(end)
     return ends
 

@@ -12,7 +12,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Direction, Entry, EntryView, SubDevice, Watchdog
 from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
-from fsoe_net.model.layout import DeviceLayout, SmLayout
+from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import safety_sha256
@@ -78,11 +78,10 @@ class _SharedSymbol:
 class _Shared:
     """What one sync manager gives to the plan, the same for every SubDevice of a type.
 
-    ``number`` counts the sync managers of the device, ``pdos`` their entries from the first of this
+    ``pdos`` their entries from the first of this
     sync manager. ``frames`` are the key and the numbers of each FSoE frame.
     """
 
-    number: int
     direction: int
     watchdog: int
     registered: bool
@@ -103,19 +102,16 @@ class _Compiler:
     sdos: list[PlanSdo] = field(default_factory=list)
     symbols: list[PlanSymbol] = field(default_factory=list)
     blocks: list[PlanBlock] = field(default_factory=list)
-    first_sms: dict[int, int] = field(default_factory=dict)
-    subdevice_numbers: dict[int, int] = field(default_factory=dict)
+    first_sms: list[int] = field(default_factory=list)  # by SubDevice
     symbol_names: set[str] = field(default_factory=set)
-    shared: dict[int, _Shared] = field(default_factory=dict)
+    # By the number of the device and of its sync manager.
+    shared: dict[tuple[int, int], _Shared] = field(default_factory=dict)
 
     def compile(self) -> Plan:
         used = self._used()
         network = self.resolution.network
         subdevices = [
-            self._subdevice(number, sub, layout, used)
-            for number, (sub, layout) in enumerate(
-                zip(network.subdevices, self.resolution.layouts, strict=True)
-            )
+            self._subdevice(number, sub, used) for number, sub in enumerate(network.subdevices)
         ]
         copies, numbers = self._copies()
         return Plan(
@@ -137,7 +133,7 @@ class _Compiler:
         used: dict[int, set[tuple[int, int]]] = {}
         for row in self.resolution.transfers:
             for end in (row.source, row.destination):
-                frames = used.setdefault(id(end.subdevice), set())
+                frames = used.setdefault(self._number(end), set())
                 if end.block is not None:
                     frames.add(end.block.key)
         return used
@@ -146,17 +142,16 @@ class _Compiler:
         self,
         number: int,
         sub: SubDevice,
-        layout: DeviceLayout | None,
         used: dict[int, set[tuple[int, int]]],
     ) -> PlanSubDevice:
-        self.subdevice_numbers[id(sub)] = number
         first_sm, first_sdo = len(self.sync_managers), len(self.sdos)
-        self.first_sms[id(sub)] = first_sm
-        copied = used.get(id(sub), set())
-        for count, sm in enumerate(layout.managers if layout else ()):
-            shared = self.shared.get(id(sm))
+        self.first_sms.append(first_sm)
+        copied = used.get(number, set())
+        device = self.resolution.device_numbers[number]
+        for sm in sub.layout.managers if sub.layout else ():
+            shared = self.shared.get((device, sm.number))
             if shared is None:
-                shared = self.shared[id(sm)] = _shared(sub, sm, count)
+                shared = self.shared[device, sm.number] = _shared(sub, sm)
             self._sync_manager(number, sub, sm, shared, copied)
         for sdo in sub.device.sdos if sub.device else ():
             self.sdos.append(
@@ -180,7 +175,7 @@ class _Compiler:
             first_sdo=first_sdo,
             sdo_count=len(self.sdos) - first_sdo,
             assign_activate=(sub.device.assign_activate if sub.device else 0) & 0xFFFF,
-            in_copy=id(sub) in used,
+            in_copy=number in used,
         )
 
     def _sync_manager(
@@ -260,15 +255,18 @@ class _Compiler:
     def _copies(self) -> tuple[tuple[PlanCopy, ...], dict[int, int]]:
         """Return the copies sorted by destination, and transfer → copy number."""
         owner = {
-            id(row): number
+            row.number: number
             for number, c in enumerate(self.resolution.connections)
             for row in (c.to_sub, c.to_main)
         }
         rows = sorted(
-            ((self._copy(row, owner.get(id(row), NONE)), row) for row in self.resolution.transfers),
+            (
+                (self._copy(row, owner.get(row.number, NONE)), row.number)
+                for row in self.resolution.transfers
+            ),
             key=lambda pair: (pair[0].destination_sm, pair[0].destination_bit),
         )
-        numbers = {id(row): number for number, (_, row) in enumerate(rows)}
+        numbers = {row: number for number, (_, row) in enumerate(rows)}
         return tuple(copy for copy, _ in rows), numbers
 
     def _copy(self, row: ResolvedTransfer, connection: int) -> PlanCopy:
@@ -287,18 +285,20 @@ class _Compiler:
 
     def _place(self, end: ResolvedEnd) -> tuple[int, int]:
         assert end.sm is not None  # noqa: S101  (compile_plan has refused everything else)
-        number = self.first_sms[id(end.subdevice)] + self.shared[id(end.sm)].number
-        return number, 8 * end.byte_offset
+        return self.first_sms[self._number(end)] + end.sm.number, 8 * end.byte_offset
+
+    def _number(self, end: ResolvedEnd) -> int:
+        return self.resolution.numbers[end.endpoint.module]
 
     def _connections(self, numbers: dict[int, int]) -> tuple[PlanConnection, ...]:
         return tuple(
             PlanConnection(
                 name=c.name,
                 net=c.net.name,
-                main=self.subdevice_numbers[id(c.main)],
-                sub=self.subdevice_numbers[id(c.sub)],
-                copy_to_sub=numbers[id(c.to_sub)],
-                copy_to_main=numbers[id(c.to_main)],
+                main=self.resolution.numbers[c.main.name],
+                sub=self.resolution.numbers[c.sub.name],
+                copy_to_sub=numbers[c.to_sub.number],
+                copy_to_main=numbers[c.to_main.number],
                 connection_id=c.facts.connection_id if c.facts else None,
                 address=c.facts.address if c.facts else None,
                 watchdog_ms=c.facts.watchdog_ms if c.facts else None,
@@ -309,7 +309,7 @@ class _Compiler:
         )
 
 
-def _shared(sub: SubDevice, sm: SmLayout, number: int) -> _Shared:
+def _shared(sub: SubDevice, sm: SmLayout) -> _Shared:
     pdos: list[PlanPdo] = []
     entries: list[PlanEntry] = []
     bit = 0
@@ -335,7 +335,6 @@ def _shared(sub: SubDevice, sm: SmLayout, number: int) -> _Shared:
             )
             bit += entry.bits
     return _Shared(
-        number=number,
         direction=1 if sm.sm.direction is Direction.OUTPUT else 2,
         watchdog=_WATCHDOG[sm.sm.watchdog],
         registered=sm.registered,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from fsoe_net.model.bus import Direction, Entry, Pdo, SubDevice, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.ends import ResolvedEnd
-from fsoe_net.model.layout import DeviceLayout, SmLayout, find_blocks, layout_of, place_entries
+from fsoe_net.model.layout import DeviceLayout, SmLayout, find_blocks, place_entries
 from fsoe_net.model.network import ConnectionFacts, TransferKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
@@ -81,7 +81,7 @@ def _manager(sm: SmLayout, *, restart: bool, watchdogs: bool) -> SideManager:
 def side_of_network(resolution: Resolution, path: str) -> Side:
     """Return the side of a network, of a slave YAML or of a transfer YAML on its own."""
     network = resolution.network
-    numbers = {id(s): n for n, s in enumerate(network.subdevices)}
+    numbers = resolution.numbers
     copies = [
         SideCopy(
             source=_resolved_end(row.source, numbers),
@@ -92,16 +92,19 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
         )
         for row in resolution.transfers
     ]
-    used = {id(c.facts) for c in resolution.connections}
+    used = {(c.net_number, c.facts_number) for c in resolution.connections}
     connections = [
-        _unmatched(f) for net in network.nets for f in net.connections if id(f) not in used
+        _unmatched(facts)
+        for net_number, net in enumerate(network.nets)
+        for number, facts in enumerate(net.connections)
+        if (net_number, number) not in used
     ]
     for c in resolution.connections:
         connections.append(
             SideConnection(
                 name=c.name,
-                main=numbers[id(c.main)],
-                sub=numbers[id(c.sub)],
+                main=numbers[c.main.name],
+                sub=numbers[c.sub.name],
                 slot=c.slot,
                 facts=_facts(c.facts),
             )
@@ -113,10 +116,7 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
         whole=True,
         cycle_ns=network.cycle_ns,
         subdevices=tuple(
-            _network_subdevice(s, layout, addresses.get(n, ()))
-            for n, (s, layout) in enumerate(
-                zip(network.subdevices, resolution.layouts, strict=True)
-            )
+            _network_subdevice(s, addresses.get(n, ())) for n, s in enumerate(network.subdevices)
         ),
         copies=tuple(copies),
         connections=tuple(connections),
@@ -125,10 +125,10 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
     )
 
 
-def _resolved_end(end: ResolvedEnd, numbers: dict[int, int]) -> SideEnd:
+def _resolved_end(end: ResolvedEnd, numbers: Mapping[str, int]) -> SideEnd:
     if end.subdevice is None:
         return SideEnd(None, -1, -1, str(end.endpoint))
-    number = numbers[id(end.subdevice)]
+    number = numbers[end.subdevice.name]
     if end.sm is None or end.placed is None:
         address = f"0x{end.endpoint.index:04x}:{end.endpoint.subindex:02x}"
         return SideEnd(number, -1, -1, address)
@@ -159,11 +159,9 @@ def _addresses(connections: Iterable[SideConnection]) -> dict[int, tuple[int, ..
     return found
 
 
-def _network_subdevice(
-    sub: SubDevice, layout: DeviceLayout | None, addresses: tuple[int, ...]
-) -> SideSubDevice:
+def _network_subdevice(sub: SubDevice, addresses: tuple[int, ...]) -> SideSubDevice:
     device = sub.device
-    managers = None if layout is None else _of_layout(layout, restart=True, watchdogs=True)
+    managers = None if device is None else _of_layout(device.layout, restart=True, watchdogs=True)
     return SideSubDevice(
         name=sub.name,
         alias=sub.alias,
@@ -364,9 +362,8 @@ def side_of_description(description: Description) -> Side:
 
 def _described(sub: DescribedSubDevice) -> SideSubDevice:
     device = sub.device
-    layout = layout_of(device)
     known = bool(device.vendor_id or device.product_code)
-    managers = _of_layout(layout, restart=False, watchdogs=False)
+    managers = _of_layout(device.layout, restart=False, watchdogs=False)
     return SideSubDevice(
         name=sub.name or sub.order,
         alias=sub.alias or None,

@@ -89,9 +89,9 @@ def _optional_modules(ctx: Context) -> None:
     for row in ctx.resolution.transfers:
         for end in (row.source, row.destination):
             sub = end.subdevice
-            if sub is None or sub.required or (sub.name, id(row.net)) in seen:
+            if sub is None or sub.required or (sub.name, row.net_number) in seen:
                 continue
-            seen.add((sub.name, id(row.net)))
+            seen.add((sub.name, row.net_number))
             ctx.add(
                 "FSN230",
                 end.endpoint.at("ec_module"),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from fsoe_net.diag.diagnostic import Related
 from fsoe_net.diag.words import counted
 from fsoe_net.model.expand import ConnectionTrouble, Obstacle
+from fsoe_net.model.layout import FramePair
 from fsoe_net.model.network import Net, Transfer
-from fsoe_net.model.slots import FramePair
 from fsoe_net.rules.context import Context, few, nearest
 from fsoe_net.rules.ends import is_main_device
 from fsoe_net.rules.runtime import ROS2, Runtime
@@ -30,8 +30,10 @@ def check_connections(ctx: Context) -> None:
                 )
     suspects = {
         sub.name
-        for sub in ctx.resolution.network.subdevices
-        if id(sub.device) in ctx.exchanged | ctx.unassigned
+        for sub, device in zip(
+            ctx.resolution.network.subdevices, ctx.resolution.device_numbers, strict=True
+        )
+        if device in ctx.exchanged | ctx.unassigned
     }
     for trouble in ctx.resolution.troubles:
         # The PDOs of such a device are another finding, and its frames follow from them.
@@ -43,16 +45,17 @@ def check_drivers(ctx: Context, runtime: Runtime) -> None:
     """Say what a driver makes of connections without transfers: nothing (FSN223)."""
     if runtime not in ROS2:
         return
-    for net in ctx.resolution.network.nets:
-        made = [c for c in ctx.resolution.connections if c.net is net and c.made]
-        if made:
-            ctx.add(
-                "FSN223",
-                net.span,
-                f"the driver knows no connections: it would copy nothing for "
-                f"{few([c.name for c in made])}",
-                hint="`fsoe-net convert` writes their transfers out for the driver",
-            )
+    made: dict[int, list[str]] = {}
+    for connection in ctx.resolution.connections:
+        if connection.made:
+            made.setdefault(connection.net_number, []).append(connection.name)
+    for number, names in made.items():
+        ctx.add(
+            "FSN223",
+            ctx.resolution.network.nets[number].span,
+            f"the driver knows no connections: it would copy nothing for {few(names)}",
+            hint="`fsoe-net convert` writes their transfers out for the driver",
+        )
 
 
 def _say(ctx: Context, trouble: ConnectionTrouble) -> None:

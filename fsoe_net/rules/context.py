@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
-from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout
+from fsoe_net.model.layout import FsoeBlock, SmLayout
 from fsoe_net.model.resolve import Resolution
 
 __all__ = [
@@ -32,7 +32,8 @@ class Context(FindingList):
     """One run of the rules over one network.
 
     The sets keep one mistake from being named twice: module pairs that already have an error,
-    devices whose PDO groups are exchanged or on no sync manager, nets of which a part is unknown.
+    devices whose PDO groups are exchanged or on no sync manager, nets of which a part is unknown,
+    each by its number.
     ``name_twice`` is set with FSN134.
     """
 
@@ -42,20 +43,19 @@ class Context(FindingList):
     unassigned: set[int] = field(default_factory=set)
     unsure_nets: set[int] = field(default_factory=set)
     name_twice: bool = False
-    _written: dict[int, tuple[Placed, ...]] = field(default_factory=dict)
     _names: dict[str, str] = field(default_factory=dict)
     _used: set[tuple[str, tuple[int, int]]] | None = None
     _guesses: Guesses | None = None
 
-    def devices(self) -> Iterator[tuple[Device, DeviceLayout, SubDevice]]:
-        """Yield each device description once, with the first SubDevice that uses it."""
-        seen: set[int] = set()
-        network = self.resolution.network
-        for sub, layout in zip(network.subdevices, self.resolution.layouts, strict=True):
-            if sub.device is None or layout is None or id(sub.device) in seen:
-                continue
-            seen.add(id(sub.device))
-            yield sub.device, layout, sub
+    def devices(self) -> Iterator[tuple[int, Device, SubDevice]]:
+        """Yield each device description once, with the first SubDevice that uses it.
+
+        Its number is that of this SubDevice (`Resolution.device_numbers`).
+        """
+        rows = zip(self.resolution.device_numbers, self.resolution.network.subdevices, strict=True)
+        for place, (number, sub) in enumerate(rows):
+            if sub.device is not None and number == place:
+                yield number, sub.device, sub
 
     @property
     def names(self) -> KeysView[str]:
@@ -81,16 +81,6 @@ class Context(FindingList):
             }
         return self._used
 
-    def written_entries(self, sm: SmLayout) -> tuple[Placed, ...]:
-        """Return the entries of a sync manager that a driver writes itself; looked up once."""
-        found = self._written.get(id(sm))
-        if found is None:
-            found = tuple(
-                p for p in sm.placed if p.entry.registered and p.entry.written_by is not None
-            )
-            self._written[id(sm)] = found
-        return found
-
     def blame(self, row: ResolvedTransfer) -> None:
         """Remember that the two modules of a transfer already have an error of their own."""
         self.blamed_pairs.add(module_pair(row))
@@ -101,13 +91,17 @@ class Context(FindingList):
 
     def is_exchanged(self, end: ResolvedEnd) -> bool:
         """Whether the device of this end has its PDO groups exchanged (FSN401)."""
-        sub = end.subdevice
-        return sub is not None and id(sub.device) in self.exchanged
+        return self._is_in(end, self.exchanged)
 
     def is_unassigned(self, end: ResolvedEnd) -> bool:
         """Whether PDOs of the device of this end are on no sync manager (FSN409)."""
-        sub = end.subdevice
-        return sub is not None and id(sub.device) in self.unassigned
+        return self._is_in(end, self.unassigned)
+
+    def _is_in(self, end: ResolvedEnd, devices: set[int]) -> bool:
+        if not devices or end.subdevice is None:
+            return False
+        number = self.resolution.numbers[end.subdevice.name]
+        return self.resolution.device_numbers[number] in devices
 
 
 def module_pair(row: ResolvedTransfer) -> frozenset[str]:

@@ -19,20 +19,21 @@ _PROFILE_AREA = 0x6000  # below it stand objects of the manufacturer, some mappe
 
 def check_devices(ctx: Context) -> None:
     """Check every device description once."""
-    for device, layout, sub in ctx.devices():
-        _pdo_groups(ctx, device)
+    for number, device, sub in ctx.devices():
+        _pdo_groups(ctx, number, device)
         _pdo_lists(ctx, device)
-        _sync_managers(ctx, device, layout)
-        for sm in layout.managers:
+        _sync_managers(ctx, number, device)
+        for sm in device.layout.managers:
             _entries(ctx, sm)
             _sync_manager_size(ctx, sm, sub)
-        _entries_twice(ctx, layout)
-        _frame_objects(ctx, device, layout)
-        _interfaces(ctx, device)
+        _entries_twice(ctx, device.layout)
+        if number not in ctx.exchanged:  # FSN401 has named the cause
+            _frame_objects(ctx, device.layout)
+            _interfaces(ctx, device)
     _image_size(ctx)
 
 
-def _pdo_groups(ctx: Context, device: Device) -> None:
+def _pdo_groups(ctx: Context, number: int, device: Device) -> None:
     """FSN401: 0x16xx/0x17xx are RxPDOs and 0x1Axx/0x1Bxx TxPDOs on every device with CoE."""
     for group, pdos, foreign in (
         ("rpdo", device.rpdos, range(0x1A00, 0x1C00)),
@@ -41,7 +42,7 @@ def _pdo_groups(ctx: Context, device: Device) -> None:
         wrong = [p for p in pdos if p.index in foreign]
         if wrong:
             other = "tpdo" if group == "rpdo" else "rpdo"
-            ctx.exchanged.add(id(device))
+            ctx.exchanged.add(number)
             ctx.add(
                 "FSN401",
                 wrong[0].at("index"),
@@ -74,7 +75,7 @@ def _pdo_lists(ctx: Context, device: Device) -> None:
             )
 
 
-def _sync_managers(ctx: Context, device: Device, layout: DeviceLayout) -> None:
+def _sync_managers(ctx: Context, number: int, device: Device) -> None:
     seen: set[int] = set()
     for sm in device.sync_managers:
         if sm.index >= _MAX_SYNC_MANAGERS or sm.index in seen:
@@ -88,7 +89,7 @@ def _sync_managers(ctx: Context, device: Device, layout: DeviceLayout) -> None:
         seen.add(sm.index)
         wanted = {"rpdo": Direction.OUTPUT, "tpdo": Direction.INPUT}.get(sm.carries or "")
         if wanted is not None and wanted is not sm.direction:
-            ctx.exchanged.add(id(device))
+            ctx.exchanged.add(number)
             ctx.add(
                 "FSN410",
                 sm.at("pdo"),
@@ -100,7 +101,7 @@ def _sync_managers(ctx: Context, device: Device, layout: DeviceLayout) -> None:
     for group, pdos in (("rpdo", device.rpdos), ("tpdo", device.tpdos)):
         carriers = [sm for sm in device.sync_managers if sm.carries == group]
         if pdos and not carriers:
-            ctx.unassigned.add(id(device))
+            ctx.unassigned.add(number)
             ctx.add(
                 "FSN409",
                 device.at("sm"),
@@ -115,7 +116,7 @@ def _sync_managers(ctx: Context, device: Device, layout: DeviceLayout) -> None:
                 hint="keep one of them; the format cannot split a group over two sync managers",
                 related=(Related(span=carriers[0].at("pdo"), message="first"),),
             )
-    _watchdogs(ctx, layout)
+    _watchdogs(ctx, device.layout)
 
 
 def _watchdogs(ctx: Context, layout: DeviceLayout) -> None:
@@ -195,7 +196,7 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
     first: dict[tuple[int, int], tuple[SmLayout, Placed]] = {}
     idle: set[str] = set()
     idle_at = None
-    twice: dict[tuple[int, int], list[tuple[Placed, Placed]]] = {}
+    twice: dict[tuple[int, ...], list[tuple[Placed, Placed]]] = {}  # by both PDOs
     for sm in layout.managers:
         for placed in sm.placed:
             entry = placed.entry
@@ -213,7 +214,8 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
                 idle.add(entry.address)
                 idle_at = idle_at or entry
                 continue
-            twice.setdefault((id(placed.pdo), id(known.pdo)), []).append((placed, known))
+            pdos = (sm.number, placed.pdo_number, known_sm.number, known.pdo_number)
+            twice.setdefault(pdos, []).append((placed, known))
     for rows in twice.values():
         _mapped_twice(ctx, rows)
     if idle_at is not None:
@@ -252,14 +254,14 @@ def _mapped_twice(ctx: Context, rows: list[tuple[Placed, Placed]]) -> None:
         )
 
 
-def _frame_objects(ctx: Context, device: Device, layout: DeviceLayout) -> None:
+def _frame_objects(ctx: Context, layout: DeviceLayout) -> None:
     """FSN424: 0x6nnn objects are what a device sends, 0x7nnn what it takes, when it has both."""
     commands: dict[Direction, list[Entry]] = {Direction.OUTPUT: [], Direction.INPUT: []}
     for sm in layout.managers:
         for block in sm.blocks:
             commands[block.direction].append(block.command)
     taken, sent = commands[Direction.OUTPUT], commands[Direction.INPUT]
-    if id(device) in ctx.exchanged or not taken or not sent:
+    if not taken or not sent:
         return
     if all(e.index >> 12 == 6 for e in taken) and all(e.index >> 12 == 7 for e in sent):
         ctx.add(
@@ -273,8 +275,6 @@ def _frame_objects(ctx: Context, device: Device, layout: DeviceLayout) -> None:
 
 
 def _interfaces(ctx: Context, device: Device) -> None:
-    if id(device) in ctx.exchanged:
-        return  # FSN401 has named the cause
     for group, pdos, key, own in (
         ("tpdo", device.tpdos, "command_interface", "state_interface"),
         ("rpdo", device.rpdos, "state_interface", "command_interface"),
@@ -295,11 +295,11 @@ def _interfaces(ctx: Context, device: Device) -> None:
 
 
 def _image_size(ctx: Context) -> None:
-    alike = Counter(id(layout) for layout in ctx.resolution.layouts)
+    alike = Counter(ctx.resolution.device_numbers)
     total = sum(
-        alike[id(layout)] * sm.size_bytes
-        for _, layout, _ in ctx.devices()
-        for sm in layout.managers
+        alike[number] * sm.size_bytes
+        for number, device, _ in ctx.devices()
+        for sm in device.layout.managers
         if sm.registered
     )
     network = ctx.resolution.network

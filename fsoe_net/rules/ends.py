@@ -48,17 +48,17 @@ def check_ends(ctx: Context) -> None:
             ctx.blame(row)
 
 
-def _written_by_transfers(ctx: Context) -> dict[tuple[int, int, int], ResolvedTransfer]:
+def _written_by_transfers(ctx: Context) -> dict[tuple[str, int, int], ResolvedTransfer]:
     """Map the entry each transfer writes to the transfer, to see chains."""
     return {
-        (
-            id(r.destination.subdevice),
-            r.destination.endpoint.index,
-            r.destination.endpoint.subindex,
-        ): r
+        _address(r.destination): r
         for r in ctx.resolution.transfers
         if r.destination.placed is not None
     }
+
+
+def _address(end: ResolvedEnd) -> tuple[str, int, int]:
+    return end.endpoint.module, end.endpoint.index, end.endpoint.subindex
 
 
 def _lookup(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direction) -> None:
@@ -66,7 +66,7 @@ def _lookup(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direc
         return
     endpoint = end.endpoint
     if end.miss is Miss.MODULE:
-        ctx.unsure_nets.add(id(row.net))
+        ctx.unsure_nets.add(row.net_number)
         _unknown_module(ctx, end)
         return
     if end.miss is Miss.ENTRY and ctx.is_unassigned(end):
@@ -217,7 +217,7 @@ def _name(end: ResolvedEnd, sm: SmLayout, placed: Placed) -> str:
 def _direction(
     ctx: Context,
     row: ResolvedTransfer,
-    written: dict[tuple[int, int, int], ResolvedTransfer],
+    written: dict[tuple[str, int, int], ResolvedTransfer],
 ) -> None:
     source, destination = row.source, row.destination
     if source.sm is None or destination.sm is None:
@@ -227,7 +227,7 @@ def _direction(
     reads_output = source.sm.sm.direction is Direction.OUTPUT
     writes_input = destination.sm.sm.direction is Direction.INPUT
     if reads_output and source.subdevice is destination.subdevice and _overlap(row):
-        ctx.unsure_nets.add(id(row.net))
+        ctx.unsure_nets.add(row.net_number)
         ctx.add(
             "FSN216",
             row.transfer.span,
@@ -236,8 +236,7 @@ def _direction(
         )
         return
     if reads_output:
-        key = (id(source.subdevice), source.endpoint.index, source.endpoint.subindex)
-        other = written.get(key)
+        other = written.get(_address(source))
         if other is not None and other is not row and not writes_input:
             _chain(ctx, row, other)
             return

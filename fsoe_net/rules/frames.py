@@ -304,7 +304,7 @@ def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:
     first, behind = touched_bytes(end, row.transfer.size_bytes)
     if end.block is not None:
         behind = min(behind, end.block.end_byte)  # a size that is too large is another finding
-    for placed in ctx.written_entries(end.sm):
+    for placed in end.sm.written:
         inside = placed.bit_offset < 8 * behind and 8 * first < placed.end_bit
         why = placed.entry.written_by
         if inside and why is not None:

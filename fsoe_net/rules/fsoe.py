@@ -126,13 +126,13 @@ def _sync_manager_watchdog(ctx: Context, cycle_ms: float) -> None:
     network = ctx.resolution.network
     names = [
         sub.name
-        for sub, layout in zip(network.subdevices, ctx.resolution.layouts, strict=True)
-        if layout is not None
+        for sub in network.subdevices
+        if sub.layout is not None
         and any(
             sm.sm.direction is Direction.OUTPUT
             and sm.sm.watchdog is not Watchdog.DISABLE
             and sm.registered
-            for sm in layout.managers
+            for sm in sub.layout.managers
         )
     ]
     if names:

@@ -30,11 +30,11 @@ def check_library(
     out = FindingList()
     reported: set[str] = set()
     wrong = {d.span.file for d in found if d.level is not Severity.INFO}
-    for device, layout, sub in Context(resolution=resolution).devices():
+    for _, device, sub in Context(resolution=resolution).devices():
         known = library.find(device.vendor_id, device.product_code)
         if known is None:
             continue
-        mapping = None if device.path in wrong else _frames(out, sub, layout, known)
+        mapping = None if device.path in wrong else _frames(out, sub, device.layout, known)
         if notes and known.name not in reported:
             reported.add(known.name)
             _notes(out, sub, known, mapping)

@@ -32,15 +32,15 @@ def check_nets(ctx: Context) -> None:
     rows: dict[int, list[ResolvedTransfer]] = defaultdict(list)
     for row in ctx.resolution.transfers:
         if row.transfer.kind is TransferKind.FSOE:
-            rows[id(row.net)].append(row)
-    for net in ctx.resolution.network.nets:
+            rows[row.net_number].append(row)
+    for number, net in enumerate(ctx.resolution.network.nets):
         if net.incomplete:
-            ctx.unsure_nets.add(id(net))
-        _main_instance(ctx, net, rows[id(net)])
+            ctx.unsure_nets.add(number)
+        _main_instance(ctx, number, net, rows[number])
     lonely = [
         row
         for row in ctx.resolution.single
-        if id(row.net) not in ctx.unsure_nets and not ctx.is_blamed(row)
+        if row.net_number not in ctx.unsure_nets and not ctx.is_blamed(row)
     ]
     for row in lonely:
         _missing_direction(ctx, row)
@@ -117,10 +117,10 @@ def _names(ctx: Context) -> None:
             )
 
 
-def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None:
+def _main_instance(ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer]) -> None:
     used = sorted({m for row in rows for m in module_pair(row)})
     if net.safety_master is not None and net.safety_master not in ctx.names:
-        _unknown_master(ctx, net, rows, used)
+        _unknown_master(ctx, number, net, rows, used)
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     main = main_instance_of(net, ends)
@@ -133,10 +133,12 @@ def _main_instance(ctx: Context, net: Net, rows: list[ResolvedTransfer]) -> None
             hint=f"add safety_master: with one of {few(_known(ctx, used), 20)}",
         )
         return
-    _foreign_rows(ctx, net, rows, main)
+    _foreign_rows(ctx, number, net, rows, main)
 
 
-def _foreign_rows(ctx: Context, net: Net, rows: list[ResolvedTransfer], main: str | None) -> None:
+def _foreign_rows(
+    ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer], main: str | None
+) -> None:
     """FSN219: transfers that do not touch the MainInstance of their net."""
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
@@ -146,7 +148,7 @@ def _foreign_rows(ctx: Context, net: Net, rows: list[ResolvedTransfer], main: st
     shared = shared_modules(ends) & ctx.names
     if foreign and len(shared) == 1 and net.safety_master is not None:
         # All transfers meet in one SubDevice, only not in the one that is stated.
-        ctx.unsure_nets.add(id(net))
+        ctx.unsure_nets.add(number)
         other = shared.pop()
         ctx.add(
             "FSN219",
@@ -174,9 +176,11 @@ def _known(ctx: Context, names: list[str]) -> list[str]:
     return [n for n in names if n in ctx.names] or sorted(ctx.names)
 
 
-def _unknown_master(ctx: Context, net: Net, rows: list[ResolvedTransfer], used: list[str]) -> None:
+def _unknown_master(
+    ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer], used: list[str]
+) -> None:
     stated = net.safety_master or ""
-    ctx.unsure_nets.add(id(net))
+    ctx.unsure_nets.add(number)
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     if is_main_device(stated):
         ctx.add(
@@ -289,7 +293,7 @@ def _facts(ctx: Context) -> None:
                 related=(Related(span=row.twin.span, message="first stated here"),),
             )
             continue
-        if id(net) in ctx.unsure_nets or named in ctx.blamed_pairs or named in singles:
+        if row.net_number in ctx.unsure_nets or named in ctx.blamed_pairs or named in singles:
             continue
         keys = [("slot", fact.slot), ("sub_slot", fact.sub_slot)]
         stated = ", ".join(f"{key} {value}" for key, value in keys if value is not None)
@@ -323,10 +327,9 @@ def _unserved(ctx: Context) -> None:
     used = ctx.used_blocks()
     blamed = set().union(*ctx.blamed_pairs)
     served = {name for name, _ in used}
-    frames_of = {id(layout): layout.blocks for _, layout, _ in ctx.devices()}
     without: list[SubDevice] = []
-    for sub, layout in zip(network.subdevices, ctx.resolution.layouts, strict=True):
-        frames = frames_of.get(id(layout), ())
+    for sub in network.subdevices:
+        frames = sub.layout.blocks if sub.layout is not None else ()
         if not frames or sub.name in blamed:
             continue
         if sub.name not in served:

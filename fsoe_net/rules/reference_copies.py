@@ -121,7 +121,7 @@ def _transfer(
         elif missing:
             text = f"only {counted(size - missing, 'byte')} of it are copied"
     if text:
-        seen.reported.add(id(row))
+        seen.reported.add(row.number)
         _other(out, row, f"{text} in {file.path}", there)
 
 
@@ -148,7 +148,7 @@ def _longer(
     copy = file.copies[number]
     size = (copy.bits + 7) // 8
     more = sum(_byte(subs, copy.destination, n) not in seen.covered for n in range(size))
-    if more and id(row) not in seen.reported:
+    if more and row.number not in seen.reported:
         text = f"{counted(size, 'byte')} are copied in {file.path}, {more} of them by no transfer"
         _other(out, row, text, copy.span)
 

@@ -80,12 +80,13 @@ def check_twinsafe(
         why = "it has no connections" if not rows else "the network has no FSoE connection"
         _nothing(out, resolution, f"{file.path}: {why}", "is this the safety project you mean?")
         return
-    pairs = _pairs(project, ours, rows)
-    if not pairs:
+    numbers = _pairs(project, ours, rows)
+    if not numbers:
         what = f"{file.path}, which has {counted(len(rows), 'connection')}"
         _nothing(out, resolution, what, "is this the safety project of another machine?")
         return
-    _missing(project, ours, rows, pairs)
+    _missing(project, ours, rows, numbers)
+    pairs = [(ours[number], rows[other]) for number, other in numbers.items()]
     whole = len(pairs) == len(ours) == len(rows)
     if slots:
         _slots(project, pairs, whole=whole)
@@ -117,47 +118,52 @@ def _of_main(resolution: Resolution, rows: list[DescribedConnection]) -> list[Co
     return [c for c in resolution.connections if c.main.name == main]
 
 
-def _pairs(project: _Project, ours: list[Connection], rows: list[DescribedConnection]) -> _Pairs:
-    """Pair by connection ID and address, then by one of them, then by slot."""
-    left, free = list(ours), list(rows)
-    pairs: _Pairs = []
+def _pairs(
+    project: _Project, ours: list[Connection], rows: list[DescribedConnection]
+) -> dict[int, int]:
+    """Pair by connection ID and address, then by one of them, then by slot.
+
+    Returns:
+        The number of the row for that of the connection, in the order of the connections.
+    """
+    left, free = dict(enumerate(ours)), dict(enumerate(rows))
+    pairs: dict[int, int] = {}
+
+    def pair(number: int, other: int | None) -> None:
+        if other is not None and not project.another(ours[number], rows[other]):
+            pairs[number] = other
+            del left[number], free[other]
 
     def by(keys: tuple[str, ...]) -> None:
-        waiting: dict[tuple[object, ...], DescribedConnection] = {}
-        for row in free:
+        waiting: dict[tuple[object, ...], int] = {}
+        for other, row in free.items():
             values = tuple(getattr(row, k) for k in keys)
             if None not in values:
-                waiting.setdefault(values, row)
-        for c in list(left):
+                waiting.setdefault(values, other)
+        for number, c in list(left.items()):
             values = tuple(getattr(c.facts, k, None) for k in keys)
-            found = None if None in values else waiting.pop(values, None)
-            if found is not None and not project.another(c, found):
-                pairs.append((c, found))
-                left.remove(c)
-                free.remove(found)
+            if None not in values:
+                pair(number, waiting.pop(values, None))
 
     by(("connection_id", "address"))
     by(("address",))
     by(("connection_id",))
-    by_slot = {row.slot: row for row in free if row.slot is not None}
-    for c in list(left):
-        row = by_slot.pop(c.slot, None) if c.slot is not None else None
-        if row is not None and not project.another(c, row):
-            pairs.append((c, row))
-            left.remove(c)
-            free.remove(row)
-    order = {id(c): n for n, c in enumerate(ours)}
-    return sorted(pairs, key=lambda pair: order[id(pair[0])])
+    by_slot = {row.slot: other for other, row in free.items() if row.slot is not None}
+    for number, c in list(left.items()):
+        if c.slot is not None:
+            pair(number, by_slot.pop(c.slot, None))
+    return dict(sorted(pairs.items()))
 
 
 def _missing(
-    project: _Project, ours: list[Connection], rows: list[DescribedConnection], pairs: _Pairs
+    project: _Project,
+    ours: list[Connection],
+    rows: list[DescribedConnection],
+    pairs: dict[int, int],
 ) -> None:
     """FSN447."""
-    here = {id(c) for c, _ in pairs}
-    there = {id(r) for _, r in pairs}
-    for c in ours:
-        if id(c) not in here:
+    for number, c in enumerate(ours):
+        if number not in pairs:
             project.out.add(
                 "FSN447",
                 _place(c, "main"),
@@ -167,8 +173,9 @@ def _missing(
             )
     if project.resolution.single or any(n.incomplete for n in project.resolution.network.nets):
         return  # a transfer is missing here, which has a finding of its own
-    for row in rows:
-        if id(row) not in there:
+    there = set(pairs.values())
+    for number, row in enumerate(rows):
+        if number not in there:
             project.out.add(
                 "FSN447",
                 ours[0].net.span,

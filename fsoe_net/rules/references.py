@@ -22,7 +22,6 @@ from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.join import has_layout
-from fsoe_net.model.layout import DeviceLayout
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.project import projects_of
@@ -101,16 +100,11 @@ class _Check:
             pairs = self._bus()
         if pairs is None:
             return
-        layouts = {
-            id(s): lay
-            for s, lay in zip(self.network.subdevices, self.resolution.layouts, strict=True)
-        }
         for sub, number in pairs:
             row = rows[number]
             self._revision(sub, row)
-            layout = layouts.get(id(sub))
-            if layout is not None:
-                self._layout(sub, layout, row)
+            if sub.device is not None:
+                self._layout(sub, sub.device, row)
         self._say()
         self._cycle()
         by_row = {number: sub for sub, number in pairs}
@@ -188,14 +182,16 @@ class _Check:
         Where there is only one device type, it is that one.
         """
         rows = self.file.subdevices
-        subs = {id(s.device): s for s in reversed(self.network.subdevices) if s.device is not None}
+        first = enumerate(self.resolution.device_numbers)
+        subs = [self.network.subdevices[n] for n, number in first if n == number]
+        devices = [(s, s.device) for s in subs if s.device is not None]
         if len(rows) != 1 or self.identity(rows[0]) is not None:
             return None
-        if len(subs) > 1:
+        if len(devices) > 1:
             wanted = _numbers(rows[0].device)
-            subs = {k: s for k, s in subs.items() if s.device and _numbers(s.device) == wanted}
+            devices = [row for row in devices if _numbers(row[1]) == wanted]
             self.guessed = " (which names no device; its PDO numbers are those of this one)"
-        return [(next(iter(subs.values())), 0)] if len(subs) == 1 else None
+        return [(devices[0][0], 0)] if len(devices) == 1 else None
 
     def _bus(self) -> list[_Pair] | None:
         known = [self.identity(r) for r in self.file.subdevices]
@@ -348,16 +344,15 @@ class _Check:
             related=(Related(span=row.span, message="the other revision"),),
         )
 
-    def _layout(self, sub: SubDevice, layout: DeviceLayout, row: DescribedSubDevice) -> None:
-        device = sub.device
-        if device is None or device.path in self.broken or not has_layout(device):
+    def _layout(self, sub: SubDevice, device: Device, row: DescribedSubDevice) -> None:
+        if device.path in self.broken or not has_layout(device):
             return
         source = self.file.path + self.guessed
         if self.is_type and sub.revision is None and row.revision is not None:
             source += f" (revision 0x{row.revision:08x})"
         facts = row.facts
         key = (
-            id(device),
+            device,
             source,
             row.device,
             row.available,
@@ -368,7 +363,7 @@ class _Check:
         if remarks is None:
             remarks = self.compared[key] = compare_layout(
                 device,
-                layout,
+                device.layout,
                 row,
                 source=source,
                 is_type=self.is_type,

@@ -121,7 +121,7 @@ def _new_keys(ctx: Context, network: NetworkConfig, runtime: Runtime) -> None:
     """FSN463: keys this version does not know, each once."""
     rows = [network, *network.nets, *network.subdevices]
     rows += [sub.device for sub in network.subdevices if sub.device is not None]
-    for device, _, _ in ctx.devices():
+    for _, device, _ in ctx.devices():
         rows += [e for pdo in (*device.rpdos, *device.tpdos) for e in pdo.entries]
     for key, (since, needed) in _NEW_KEYS.items():
         if ROS2.index(since) <= ROS2.index(runtime):

@@ -45,18 +45,13 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
     _other(out, match)
     _extra(out, network, match)
     found = {sub.name: there for sub, there in match.pairs}
-    # By identity: two SubDevices of one name are FSN134, here each has its own layout.
-    layouts = {
-        id(s): layout for s, layout in zip(network.subdevices, resolution.layouts, strict=True)
-    }
     for sub, there in match.pairs:
         if there.is_silent:
             _silent(out, sub, there)
             continue
         check_revision(out, sub, there)
-        layout = layouts.get(id(sub))
-        if layout is not None:
-            check_layout(out, sub, there, layout)
+        if sub.layout is not None:
+            check_layout(out, sub, there, sub.layout)
     _health(out, network, scan, found)
     answering = {name: there for name, there in found.items() if not there.is_silent}
     check_fsoe_values(out, network, answering)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scan import Scan, ScannedConnection
-from fsoe_net.model.slots import slot_numbers
 
 __all__ = ["proposed_net", "yaml_word"]
 
@@ -23,10 +22,10 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
     A connection is proposed when its FSoE address is that of exactly one SubDevice, and the frames
     of both ends have the same sizes.
     """
-    ends = list(zip(resolution.network.subdevices, resolution.layouts, strict=True))
+    subs = resolution.network.subdevices
     lines: list[str] = []
-    for sub, layout in ends:
-        fsoe = scan.subdevices[sub.position].fsoe
+    for sub in subs:
+        layout, fsoe = sub.layout, scan.subdevices[sub.position].fsoe
         if fsoe is None or not fsoe.connections or layout is None:
             continue
         slots = _pairs(layout)
@@ -34,10 +33,10 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
         found = [
             (row, slot, other)
             for row, slot in zip(rows, slots, strict=False)
-            if (other := _partner(row, slot, sub, ends, scan)) is not None
+            if (other := _partner(row, slot, sub, subs, scan)) is not None
         ]
         if found:
-            lines += _net(sub, slot_numbers(layout), found)
+            lines += _net(sub, layout.slots, found)
     if not lines:
         return ""
     return "\n".join(
@@ -63,14 +62,14 @@ def _partner(
     row: ScannedConnection,
     slot: _Pair,
     main: SubDevice,
-    ends: list[tuple[SubDevice, DeviceLayout | None]],
+    subs: Sequence[SubDevice],
     scan: Scan,
 ) -> tuple[SubDevice, _Pair] | None:
     if row.address is None:
         return None
     found: list[tuple[SubDevice, _Pair]] = []
-    for sub, layout in ends:
-        fsoe = scan.subdevices[sub.position].fsoe
+    for sub in subs:
+        layout, fsoe = sub.layout, scan.subdevices[sub.position].fsoe
         if sub is main or layout is None or fsoe is None or fsoe.address != row.address:
             continue
         fitting = [

@@ -110,8 +110,8 @@ def bench(path: Path, choice: LogicChoice | None = None) -> Bench:
     for name in network.default_inputs():
         network.set_good(name)
     io = {}
-    for sub, layout in zip(resolution.network.subdevices, resolution.layouts, strict=True):
-        assert layout is not None
-        sizes = {sm.sm.index: bytearray(sm.size_bytes) for sm in layout.managers}
+    for sub in resolution.network.subdevices:
+        assert sub.layout is not None
+        sizes = {sm.sm.index: bytearray(sm.size_bytes) for sm in sub.layout.managers}
         io[sub.name] = Io(sizes)
     return Bench(resolution=resolution, network=network, io=io)

@@ -19,7 +19,6 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.layout import layout_of
 
 FAKE = Path(__file__).parent / "fake"
 COMPILERS = [c for c in ("gcc", "clang") if shutil.which(c)]
@@ -97,7 +96,7 @@ def expected(description: Description) -> list[str]:
             f"sub {sub.name} {sub.alias} {sub.position} {device.vendor_id:x} "
             f"{device.product_code:x} {device.assign_activate:x}"
         )
-        for manager in layout_of(device).managers:
+        for manager in device.layout.managers:
             sm = manager.sm
             number = 1 if sm.direction is Direction.OUTPUT else 2
             rows.append(f"sm {sm.index} {number} {len(device.pdos_of(sm))}")

@@ -17,7 +17,6 @@ from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.model.layout import layout_of
 from fsoe_net.model.resolve import resolve
 
 ROOT = Path(__file__).parents[2]
@@ -48,7 +47,7 @@ def described(path):
 
 
 def sizes(sub):
-    layout = layout_of(sub.device)
+    layout = sub.device.layout
     return [(m.sm.index, m.bits) for m in layout.managers if m.bits]
 
 
@@ -171,7 +170,7 @@ def test_a_start_up_gives_back_the_network(who, where, name, tmp_path):
 def placed(device):
     return {
         m.sm.index: [(p.bit_offset, p.entry.address, p.entry.bits) for p in m.placed]
-        for m in layout_of(device).managers
+        for m in device.layout.managers
         if m.bits
     }
 

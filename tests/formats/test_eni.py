@@ -14,7 +14,6 @@ from fsoe_net.formats.eni.write import write_eni
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedSubDevice
-from fsoe_net.model.layout import layout_of
 
 
 def read(text: str | bytes, *, expect: tuple[str, ...] = ()):
@@ -56,7 +55,7 @@ def test_both_header_conventions_give_the_same_description(header: int):
     assert [s.position for s in found.subdevices] == [0, 1, 2]
     assert set(found.copies) == set(given.copies)
     assert found.subdevices[0].device.sdos == given.subdevices[0].device.sdos
-    blocks = layout_of(found.subdevices[0].device).managers[0].blocks
+    blocks = found.subdevices[0].device.layout.managers[0].blocks
     assert [b.byte_offset for b in blocks] == [0, 6]
 
 
@@ -107,7 +106,7 @@ def test_variables_agree_on_a_real_file():
     assert [s.position for s in found.subdevices] == [0, 1, 2, 3, 4]
     drive = found.subdevices[1]
     assert drive.device.assign_activate == 0x300
-    assert [m.size_bytes for m in layout_of(drive.device).managers] == [6, 14]
+    assert [m.size_bytes for m in drive.device.layout.managers] == [6, 14]
     assert any("assign PDOs" in note for note in drive.notes)
     assert found.subdevices[0].device.sync_managers[0].pdos == ()
     assert len(drive.available) > 0
@@ -222,7 +221,7 @@ def test_wrapped_counter_is_guessed_at():
 
 
 def layout_bits(sub: DescribedSubDevice) -> int:
-    return layout_of(sub.device).managers[1].bits
+    return sub.device.layout.managers[1].bits
 
 
 def test_copies_at_a_writing_command_are_named():

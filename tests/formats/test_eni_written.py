@@ -20,7 +20,6 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Device, Direction, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.layout import layout_of
 
 
 def back(text: str | bytes) -> EniImages:
@@ -140,7 +139,7 @@ def test_network_becomes_an_eni_with_its_transfers(name: str):
     assert {(c.source, c.destination, c.bits) for c in found.copies} == place
     assert len(place) == len(resolution.transfers)
     for one, two in zip(wanted.subdevices, found.subdevices, strict=True):
-        rows = [[m.placed for m in layout_of(s.device).managers if m.bits] for s in (one, two)]
+        rows = [[m.placed for m in s.device.layout.managers if m.bits] for s in (one, two)]
         assert [[(p.bit_offset, p.entry.address) for p in r] for r in rows[0]] == [
             [(p.bit_offset, p.entry.address) for p in r] for r in rows[1]
         ]

@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction, Entry, Pdo
-from fsoe_net.model.layout import layout_of
 
 SMS = (
     '<Sm StartAddress="#x1000" ControlByte="#x26">MBoxOut</Sm>'
@@ -194,7 +193,7 @@ def test_pdos_go_where_sm_says_and_the_rest_is_available():
     assert carried(found) == {0: [], 1: [], 2: [0x1600, 0x1601], 3: [0x1A00, 0x1A02]}
     assert [p.index for p in found.available] == [0x1A01, 0x1A03]
     assert [sm.start_byte for sm in found.device.sync_managers] == [0x1000, 0x1080, 0x1100, 0x1180]
-    blocks = [b for sm in layout_of(found.device).managers for b in sm.blocks]
+    blocks = [b for sm in found.device.layout.managers for b in sm.blocks]
     assert [(b.sm_index, b.frame_bytes) for b in blocks] == [(2, 6), (3, 6)]
     assert len(found.notes) == 2
 

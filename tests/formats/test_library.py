@@ -12,7 +12,6 @@ from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.formats.own.library import builtin_library, load_library, parse_library_device
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction
-from fsoe_net.model.layout import layout_of
 
 FOLDER = Path(fsoe_net.__file__).parent / "devices"
 FILES = sorted(p.name for p in FOLDER.glob("*.yaml"))
@@ -59,7 +58,7 @@ def test_each_device_of_the_package_is_what_it_says(name):
     device = parse_library_device((FOLDER / name).read_bytes(), name, out)
     assert [str(d) for d in out.diagnostics] == []
     for mapping in device.mappings:
-        layout = layout_of(mapping.device(device.identities[0], ""))
+        layout = mapping.device(device.identities[0], "").layout
         found = {
             (b.sm_index, b.byte_offset, b.frame_bytes, b.safe_bytes)
             for sm in layout.managers

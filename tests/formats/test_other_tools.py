@@ -10,7 +10,6 @@ from fsoe_net.formats.lcec.read import load_lcec
 from fsoe_net.formats.ros_slaves.read import load_ros_slaves
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.twinsafe.read import load_twinsafe
-from fsoe_net.model.layout import layout_of
 
 
 def lcec(text: str, *codes: str, **options: int):
@@ -36,7 +35,7 @@ def test_lcec():
     device = found.subdevices[4].device
     assert (device.vendor_id, device.product_code, device.assign_activate) == (2, 0x1A5F3052, 0x300)
     assert [(s.index, s.subindex, s.value) for s in device.sdos] == [(0x8000, 0x0A, 0x0201)]
-    (outputs, inputs) = layout_of(device).managers
+    (outputs, inputs) = device.layout.managers
     assert (outputs.bits, inputs.bits) == (24, 0)
     assert outputs.placed[0].entry.address == "0x7000:10"
 

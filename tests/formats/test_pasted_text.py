@@ -22,7 +22,6 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.soem.read import load_soem_text
 from fsoe_net.model.bus import Watchdog
 from fsoe_net.model.description import Description
-from fsoe_net.model.layout import layout_of
 
 READERS = {
     "pdos": (PDOS, load_igh_text),
@@ -50,7 +49,7 @@ def rows(found: Description) -> list[tuple]:
             s.position,
             [
                 (m.sm.index, m.sm.direction.value, p.bit_offset, p.entry.address, p.entry.bits)
-                for m in layout_of(s.device).managers
+                for m in s.device.layout.managers
                 for p in m.placed
             ],
         )
@@ -61,7 +60,7 @@ def rows(found: Description) -> list[tuple]:
 def test_pdos():
     found = read(PDOS)
     (sub,) = found.subdevices
-    layouts = layout_of(sub.device).managers
+    layouts = sub.device.layout.managers
     assert [(m.sm.index, m.bits, m.sm.start_byte) for m in layouts] == [
         (2, 56, 0x1100),
         (3, 48, 0x1180),
@@ -76,7 +75,7 @@ def test_pdos():
 def test_pdos_without_entries_are_whole():
     quiet = "".join(line for line in PDOS.splitlines(keepends=True) if "entry" not in line)
     (sub,) = read(quiet).subdevices
-    assert [m.complete for m in layout_of(sub.device).managers] == [False, False]
+    assert [m.complete for m in sub.device.layout.managers] == [False, False]
 
 
 def test_pdos_of_several():
@@ -90,7 +89,7 @@ def test_pdos_of_a_real_device():
     found = load_igh_text(need("igh", "igh_pdos_EP1918.txt"), out)
     assert found is not None
     assert out.diagnostics == []
-    layouts = layout_of(found.subdevices[0].device).managers
+    layouts = found.subdevices[0].device.layout.managers
     assert [(m.sm.index, m.size_bytes) for m in layouts] == [(2, 9), (3, 8), (4, 0), (5, 0)]
     assert [b.frame_bytes for m in layouts for b in m.blocks] == [6, 6]
 
@@ -100,7 +99,7 @@ def test_cstruct_numbers_come_from_identifiers():
     assert [s.position for s in found.subdevices] == [3, 10, 16]
     assert [s.device.product_code for s in found.subdevices] == [0x077A2C52] * 3
     assert [s.revision for s in found.subdevices] == [0x120000] * 3
-    layouts = layout_of(found.subdevices[2].device).managers
+    layouts = found.subdevices[2].device.layout.managers
     assert [(m.sm.index, [p.index for p in m.sm.pdos or ()]) for m in layouts] == [
         (2, [0x1600, 0x17FF]),
         (3, [0x1A00]),
@@ -112,7 +111,7 @@ def test_renamed_tables_are_followed_by_their_names():
     text = cstruct(3).replace("slave_3_pdo_entries", "a").replace("slave_3_pdos", "el6900_p")
     found = read(text.replace("slave_3_syncs", "s"))
     assert found.subdevices[0].position is None
-    assert [m.bits for m in layout_of(found.subdevices[0].device).managers] == [48, 48]
+    assert [m.bits for m in found.subdevices[0].device.layout.managers] == [48, 48]
 
 
 def test_table_that_is_too_short_is_named():
@@ -128,7 +127,7 @@ def test_xml_with_names_that_break_it():
     (sub,) = found.subdevices
     assert (sub.position, sub.order, sub.name) == (4, "EK1914 <&>", "coupler & more")
     assert (sub.device.vendor_id, sub.device.product_code) == (2, 0x077A2C52)
-    managers = layout_of(sub.device).managers
+    managers = sub.device.layout.managers
     assert [(m.sm.index, m.bits) for m in managers] == [(2, 16), (3, 16)]
     assert managers[0].placed[0].entry.name == "cmd < 3 & 4"
     assert managers[1].placed[0].entry.subindex == 10
@@ -191,7 +190,7 @@ def test_config():
         (0x8000, 1, 2, 0x107)
     ]
     assert sub.notes == ("start-up SDO 0x8010 of 20 bytes is left out",)
-    assert [(m.sm.index, m.bits) for m in layout_of(sub.device).managers] == [(2, 48), (3, 8)]
+    assert [(m.sm.index, m.bits) for m in sub.device.layout.managers] == [(2, 48), (3, 8)]
     two = read(CONFIG + CONFIG.replace("Position: 1", "Position: 2").replace("1 (OP)", "none"))
     assert [s.position for s in two.subdevices] == [1, 2]
 
@@ -199,7 +198,7 @@ def test_config():
 def test_domains():
     found = read(DOMAINS)
     assert [
-        (s.position, [(m.sm.index, m.size_bytes) for m in layout_of(s.device).managers])
+        (s.position, [(m.sm.index, m.size_bytes) for m in s.device.layout.managers])
         for s in found.subdevices
     ] == [(1, [(2, 9), (3, 8)]), (0, [(2, 8), (3, 8)])]
 
@@ -208,7 +207,7 @@ def test_soem():
     found = read(SOEM, reader=load_soem_text)
     (sub,) = found.subdevices
     assert (sub.position, sub.name, sub.device.vendor_id) == (0, "Drive", 0x22D2)
-    managers = layout_of(sub.device).managers
+    managers = sub.device.layout.managers
     assert [(m.sm.index, m.bits, m.sm.start_byte) for m in managers] == [
         (2, 64, 0x1100),
         (3, 48, 0x1180),

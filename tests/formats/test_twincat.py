@@ -18,7 +18,6 @@ from fsoe_net.formats.twincat.read import load_twincat
 from fsoe_net.formats.twinsafe.read import load_twinsafe
 from fsoe_net.model.bus import Watchdog
 from fsoe_net.model.description import Description
-from fsoe_net.model.layout import layout_of
 
 
 def read(path: Path) -> Description:
@@ -70,7 +69,7 @@ def test_a_machine_with_its_safety_project(turned: bool, tmp_path: Path):
 
 def test_messages_of_a_logic_are_frames(tmp_path: Path):
     brain = read(tc.write(tmp_path)).subdevices[1]
-    outputs, inputs = layout_of(brain.device).managers
+    outputs, inputs = brain.device.layout.managers
     assert (outputs.sm.index, outputs.sm.start_byte, outputs.sm.watchdog) == (
         2,
         0x1200,

@@ -51,7 +51,6 @@ from fsoe_net.fsoe.recording.replay import replay
 from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.model.description import Description
 from fsoe_net.model.detect import detect_fsoe, near_misses
-from fsoe_net.model.layout import layout_of
 from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.observe.hexframes import follow_frames, parse_frames
 from fsoe_net.plan.codec import decode_plan, encode_plan
@@ -166,7 +165,7 @@ def _judged(found: Description | None, out: Collector, *, binary: bool = False) 
     if found is None:
         return
     for subdevice in found.subdevices:
-        for manager in layout_of(subdevice.device).managers:
+        for manager in subdevice.device.layout.managers:
             detect_fsoe(manager.placed, manager.sm)
             near_misses(manager.placed, manager.sm)
     with suppress(InputError):

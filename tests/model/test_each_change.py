@@ -44,7 +44,10 @@ connections:
 
 def _resolved(network: str) -> str:
     found = load_network([network]).network
-    return "" if found is None else changed.whole(resolve(found))
+    if found is None:
+        return ""
+    resolution = resolve(found)
+    return changed.whole((resolution, [sub.layout for sub in resolution.network.subdevices]))
 
 
 def _proposed(files: tuple[str, ...]) -> str:

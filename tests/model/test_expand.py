@@ -18,7 +18,6 @@ from fsoe_net.model.described_network import describe
 from fsoe_net.model.expand import Obstacle
 from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, NetworkConfig, Transfer
 from fsoe_net.model.resolve import Resolution, resolve
-from fsoe_net.model.slots import frame_pairs
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files
 
@@ -292,7 +291,7 @@ def test_frames_behind_an_unknown_layout_have_no_number():
 
 def test_partners_need_no_known_distance_of_objects():
     odd = device((1, 1), (1, 1), distance=0x1230)
-    assert [p.matched for p in frame_pairs(resolve(bus({"logic": odd})).layouts[0])] == [True] * 2
+    assert [p.matched for p in odd.layout.frame_pairs] == [True] * 2
 
 
 def test_an_entry_a_driver_finds_elsewhere_is_refused():

@@ -8,7 +8,6 @@ import pytest
 from networks import example
 
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
-from fsoe_net.model.layout import layout_of
 
 
 def device(text: str, direction: Direction = Direction.INPUT) -> Device:
@@ -30,13 +29,13 @@ def device(text: str, direction: Direction = Direction.INPUT) -> Device:
 
 
 def frames(text: str) -> list[tuple[int, int]]:
-    (sm,) = layout_of(device(text)).managers
+    (sm,) = device(text).layout.managers
     return [(b.byte_offset, b.frame_bytes) for b in sm.blocks]
 
 
 def test_estop_offsets_are_those_measured():
     resolution = example("estop")
-    ek1914 = resolution.layouts[0]
+    ek1914 = resolution.network.subdevices[0].layout
     assert ek1914 is not None
     placed = {
         (sm.sm.index, p.entry.address): p.bit_offset
@@ -112,7 +111,7 @@ def test_ordinary_data_are_no_frame(name: str):
 
 def test_several_slots_of_a_logic():
     resolution = example("el6910")
-    logic = resolution.layouts[0]
+    logic = resolution.network.subdevices[0].layout
     assert logic is not None
     slots = {
         sm.sm.index: [(b.byte_offset, b.frame_bytes) for b in sm.blocks] for sm in logic.managers
@@ -123,7 +122,7 @@ def test_several_slots_of_a_logic():
 
 def test_drive_frames_lie_where_a_field_log_shows_them():
     # A driver log of this drive shows the frame of 31 bytes at byte 97 of its 46 + 51 byte image.
-    drive = example("el6910").layouts[3]
+    drive = example("el6910").network.subdevices[3].layout
     assert drive is not None
     outputs, inputs = drive.managers[2], drive.managers[3]
     assert outputs.blocks[0].byte_offset == 35

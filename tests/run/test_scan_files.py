@@ -58,11 +58,11 @@ def test_files_of_an_example_say_what_its_files_say(name: str, tmp_path: Path):
     assert [s.position for s in again.network.subdevices] == [
         s.position for s in original.network.subdevices
     ]
-    for old, new in zip(original.layouts, again.layouts, strict=True):
-        used = [sm for sm in old.managers if sm.placed]
+    for old, new in zip(original.network.subdevices, again.network.subdevices, strict=True):
+        used = [sm for sm in old.layout.managers if sm.placed]
         assert [
             [(p.bit_offset, p.entry.index, p.entry.subindex, p.entry.bits) for p in sm.placed]
-            for sm in new.managers
+            for sm in new.layout.managers
         ] == [
             [(p.bit_offset, p.entry.index, p.entry.subindex, p.entry.bits) for p in sm.placed]
             for sm in used

@@ -28,7 +28,6 @@ from fsoe_net.formats.shared.source import Source
 from fsoe_net.model.bus import Direction, SyncManager
 from fsoe_net.model.description import DescribedCopy, DescribedEnd, DescribedSubDevice, Description
 from fsoe_net.model.detect import detect_fsoe
-from fsoe_net.model.layout import layout_of
 from fsoe_net.model.network import SourceFile
 
 __all__ = [
@@ -271,7 +270,7 @@ class _Capture:
     def _windows(
         self, number: int, station: Station, sub: DescribedSubDevice
     ) -> Iterator[ProcessDataWindow]:
-        for manager in layout_of(sub.device).managers:
+        for manager in sub.device.layout.managers:
             start, size = manager.sm.start_byte, manager.size_bytes
             logical = None if start is None else _logical(station, start, size, manager.sm)
             if logical is not None and size:
@@ -303,7 +302,7 @@ def _frames(station: Station, described: DescribedSubDevice) -> Iterator[FramePl
 
     The likely ones too: what is in them will show it.
     """
-    for manager in layout_of(described.device).managers:
+    for manager in described.device.layout.managers:
         start = manager.sm.start_byte
         for guess in detect_fsoe(manager.placed, manager.sm):
             block = guess.block

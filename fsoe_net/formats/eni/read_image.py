@@ -18,7 +18,7 @@ from fsoe_net.formats.eni.read_subdevice import EniSlave
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedCopy, DescribedEnd
-from fsoe_net.model.layout import FsoeBlock, SmLayout, layout_of
+from fsoe_net.model.layout import FsoeBlock, SmLayout
 
 __all__ = ["ImageMap", "Place", "copies_of", "header_bits", "map_images"]
 
@@ -126,7 +126,7 @@ def map_images(
     """Place every sync manager; FSN143 and FSN144 where the file disagrees with itself."""
     found: dict[Direction, list[Place]] = {Direction.INPUT: [], Direction.OUTPUT: []}
     for number, slave in enumerate(slaves):
-        layout = layout_of(slave.described.device)
+        layout = slave.described.device.layout
         for direction, places in found.items():
             managers = [m for m in layout.managers if m.sm.direction is direction and m.bits]
             windows = [w for w in slave.windows if w.direction is direction]

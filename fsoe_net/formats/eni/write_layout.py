@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fsoe_net.errors import InputError
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.layout import SmLayout, layout_of
+from fsoe_net.model.layout import SmLayout
 
 __all__ = ["EniLayout", "Piece", "WrittenCommand", "lay_out"]
 
@@ -60,7 +60,7 @@ class EniLayout:
 
 def _outputs_first(sub: DescribedSubDevice) -> list[SmLayout]:
     """Return the sync managers with data, outputs before inputs; together they fit a datagram."""
-    group = [m for m in layout_of(sub.device).managers if m.bits or not m.complete]
+    group = [m for m in sub.device.layout.managers if m.bits or not m.complete]
     if not all(m.complete for m in group):
         raise InputError(f"{sub.name}: a PDO without entries has no known length")
     size = sum(m.size_bytes for m in group)

@@ -12,7 +12,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.writers import (
     Endpoints,
     Written,
-    layouts_of,
     manager_of,
     own_words_lost,
     plain_text,
@@ -83,7 +82,7 @@ class _Header:
         self._igh = igh
         self._kind = "ec" if igh else "fsn"
         self._names = unique_names(description)
-        self._layouts = layouts_of(description)
+        self._layouts = [sub.device.layout for sub in description.subdevices]
         places = [s.position for s in description.subdevices]
         known = [p for p in places if p is not None]
         if len(set(known)) == len(places):

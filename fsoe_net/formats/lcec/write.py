@@ -14,7 +14,6 @@ from fsoe_net.formats.shared.writers import (
     Written,
     copy_groups,
     is_fsoe,
-    layouts_of,
     own_words_lost,
     plain_text,
     unique_names,
@@ -82,7 +81,7 @@ class _Configuration:
     def _find_partners(self) -> dict[int, list[int]]:
         """Return the SubInstances of each logic, in the order of its slots."""
         partners = self._named_partners()
-        layouts = layouts_of(self._description)
+        layouts = [sub.device.layout for sub in self._description.subdevices]
         for group in copy_groups(self._description, layouts, self._notes):
             frames = [c for c in group.copies if is_fsoe(c, layouts)]
             if len(frames) < len(group.copies):

@@ -28,7 +28,6 @@ from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import own_int, read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Device, SubDevice
-from fsoe_net.model.layout import layout_of
 from fsoe_net.model.network import Net, NetworkConfig
 from fsoe_net.model.safety import SafetyFunction
 
@@ -197,7 +196,7 @@ class _Assembly:
     def _from_network_file(self, file: _Yaml) -> NetworkConfig:
         root = file.root
         subs = [s for s in map(self._subdevice, root.maps("subdevices")) if s is not None]
-        frames = any(s.device is not None and layout_of(s.device).blocks for s in subs)
+        frames = any(s.device is not None and s.device.layout.blocks for s in subs)
         needed = frames or not isinstance(root.get("nets"), SeqNode)
         nets = nets_from_yaml(root, self.out, needed=needed)
         for extra in self._transfer_files:

@@ -76,12 +76,12 @@ def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, fr
 def _values(root: MapNode) -> Iterator[tuple[str, Span, Node]]:
     """Yield every value of every map with its key and the place of that; without recursion."""
     left: list[Node] = [root]
-    seen: set[int] = set()
+    seen: set[Node] = set()
     while left:
         node = left.pop()
-        if isinstance(node, ScalarNode) or id(node) in seen:
+        if isinstance(node, ScalarNode) or node in seen:
             continue
-        seen.add(id(node))
+        seen.add(node)
         if isinstance(node, MapNode):
             keys = node.keys
             yield from ((key, keys[key], value) for key, value in node.pairs.items())

@@ -17,13 +17,11 @@ from fsoe_net.formats.shared.writers import (
     copy_groups,
     identifiers,
     is_fsoe,
-    layouts_of,
     quoted,
     unique_names,
 )
-from fsoe_net.model.bus import Device
+from fsoe_net.model.bus import same_devices
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
-from fsoe_net.model.slots import slot_numbers
 
 __all__ = ["NetworkFiles", "write_network"]
 
@@ -83,7 +81,8 @@ class NetworkFiles:
         self._between: dict[frozenset[int | None], list[int]] = {}
         for number, row in enumerate(description.connections):
             self._between.setdefault(frozenset((row.main, row.sub)), []).append(number)
-        self._layouts = layouts_of(description)
+        self._devices = same_devices(sub.device for sub in description.subdevices)
+        self._layouts = [sub.device.layout for sub in description.subdevices]
         self._names = unique_names(description)
         self._endpoints = Endpoints(description, self._names)
         self._groups = copy_groups(description, self._layouts, self.notes)
@@ -105,7 +104,7 @@ class NetworkFiles:
         words = identifiers(self._names)
         for number, sub in enumerate(self._description.subdevices):
             name = self._names[number]
-            text = self._slave_yaml(sub.device, name, frozenset(needed.get(number, ())))
+            text = self._slave_yaml(number, name, frozenset(needed.get(number, ())))
             # Without an identity two types look alike: the order number differs.
             key = (text, "" if sub.device.product_code else sub.order.casefold())
             if key not in by_text:
@@ -115,12 +114,13 @@ class NetworkFiles:
             self._lost(sub, name)
             yield sub, name, self._place(sub, name, number), by_text[key]
 
-    def _slave_yaml(self, device: Device, name: str, needed: frozenset[int]) -> str:
+    def _slave_yaml(self, number: int, name: str, needed: frozenset[int]) -> str:
         """Return a slave YAML, written once for equal SubDevices unless it needs a note."""
-        key = (id(device), needed)
+        key = (self._devices[number], needed)
         text = self._texts.get(key)
         if text is None:
             before = len(self.notes)
+            device = self._description.subdevices[number].device
             text = write_slave_yaml(device, name, self.notes, needed=needed)
             if len(self.notes) == before:
                 self._texts[key] = text
@@ -245,14 +245,13 @@ class NetworkFiles:
         """Return the slot of one of several connections of the same two, where it has copies."""
         if row.main is None:
             return None
-        layout = self._layouts[row.main]
-        numbers = slot_numbers(layout)
+        slots = self._layouts[row.main].slots
         copied = set()
         for copy in group.copies:
             for end, other in ((copy.source, copy.destination), (copy.destination, copy.source)):
                 if (end.subdevice, other.subdevice) == (row.main, row.sub):
                     copied.add((end.sm_index, end.bit_offset // 8))
-        known = {numbers[key] for key in copied if key in numbers}
+        known = {slots[key] for key in copied if key in slots}
         return row.slot if row.slot in known else None
 
     def written(self, name: str, lines: list[str]) -> Written:

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.errors import InputError
-from fsoe_net.model.bus import Entry
+from fsoe_net.model.bus import Entry, same_devices
 from fsoe_net.model.description import DescribedCopy, DescribedEnd, Description
-from fsoe_net.model.layout import DeviceLayout, SmLayout, layout_of
+from fsoe_net.model.layout import DeviceLayout, SmLayout
 
 __all__ = [
     "CopyGroup",
@@ -19,7 +19,6 @@ __all__ = [
     "copy_groups",
     "identifiers",
     "is_fsoe",
-    "layouts_of",
     "manager_of",
     "own_words_lost",
     "plain_text",
@@ -118,17 +117,6 @@ def identifiers(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def layouts_of(description: Description) -> list[DeviceLayout]:
-    """Return the layout of each SubDevice; those of one type share theirs."""
-    known: dict[int, DeviceLayout] = {}
-    return [
-        known[id(s.device)]
-        if id(s.device) in known
-        else known.setdefault(id(s.device), layout_of(s.device))
-        for s in description.subdevices
-    ]
-
-
 def manager_of(layout: DeviceLayout, end: DescribedEnd) -> SmLayout | None:
     """Return the sync manager of an end of a copy."""
     return next((m for m in layout.managers if m.sm.index == end.sm_index), None)
@@ -140,7 +128,8 @@ class Endpoints:
     def __init__(self, description: Description, names: Sequence[str]) -> None:
         self._subs = description.subdevices
         self._names = names
-        self._tables: dict[int, dict[tuple[int, int], tuple[Entry, bool]]] = {}
+        self._devices = same_devices(sub.device for sub in description.subdevices)
+        self._tables: dict[int, dict[tuple[int, int], tuple[Entry, bool]]] = {}  # by device
 
     def at(self, end: DescribedEnd) -> Entry:
         """Return the entry that a copy begins at, which drivers find by index and subindex.
@@ -148,12 +137,12 @@ class Endpoints:
         Raises:
             InputError: No entry begins there, it is padding, or an earlier one has its address.
         """
-        device = self._subs[end.subdevice].device
-        if id(device) not in self._tables:
-            self._tables[id(device)] = _entries_by_place(layout_of(device))
+        device = self._devices[end.subdevice]
+        if device not in self._tables:
+            self._tables[device] = _entries_by_place(self._subs[device].device.layout)
         name = self._names[end.subdevice]
         where = f"{name}: bit {end.bit_offset} of Sm{end.sm_index}, where a copy begins,"
-        entry, first = self._tables[id(device)].get((end.sm_index, end.bit_offset), (None, False))
+        entry, first = self._tables[device].get((end.sm_index, end.bit_offset), (None, False))
         if entry is None:
             raise InputError(
                 f"{where} is not the begin of an entry; the layout of the device is needed"
