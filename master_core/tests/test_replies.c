@@ -9,7 +9,9 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "control/incidents/kept.h"
 #include "control_host.h"
+#include "core/core_internal.h"
 #include "emulated_rig.h"
 #include "fsn/version.h"
 #include "heap.h"
@@ -490,6 +492,110 @@ static void ask_for_fsoe(void) {
     fsn_control_job_done(on.control, job);
 }
 
+/** Incidents are kept; what is shown of them is their head, so no file is ever written. */
+static void keep_incidents(void) {
+    char folder[] = "/tmp/fsn-replies-XXXXXX";
+    struct fsn_refusal refusal;
+    CHECK(mkdtemp(folder) != NULL);
+    while (fsn_control_keep_incidents(on.control, folder, &refusal) != FSN_OK) {
+        CHECK(refusal.status == FSN_E_NOMEM);
+    }
+    CHECK(rmdir(folder) == 0);
+}
+
+/** Keeps an incident that says everything. */
+static void fail_in_every_way(void) {
+    const struct fsn_trigger trigger = {.kind = "left_data",
+                                        .connection = "door safe",
+                                        .subdevice = "door",
+                                        .before = "process data",
+                                        .after = "reset",
+                                        .reset_by = "sub",
+                                        .reset_text = "wrong CRC",
+                                        .reset_code = 4,
+                                        .now_ns = UINT64_C(999000000000),
+                                        .text = "the test says so"};
+    on.control->services.incidents->pending.active = false;
+    CHECK(fsn_incident_begin(on.control->services.incidents, &trigger));
+    do_job();
+}
+
+/** The first line of the file of the incident that is being kept. */
+static void show_head(void) {
+    struct fsn_json head = {.limit_bytes = FSN_INCIDENT_HEAD_BYTES};
+    fsn_incident_head(on.control->services.incidents, &head);
+    fsn_client_put(on.client, head.failed ? "none\n" : head.bytes,
+                   head.failed ? 5 : head.len_bytes);
+    fsn_json_free(&head);
+}
+
+static struct fsn_direction direction_from(uint8_t first) {
+    const uint64_t n = first;
+    return (struct fsn_direction){n,
+                                  n + 1,
+                                  n + 2,
+                                  n + 3,
+                                  n + 4,
+                                  n + 5,
+                                  n + 6,
+                                  n + 7,
+                                  n + 8,
+                                  n + 9,
+                                  n + 10,
+                                  n + 11,
+                                  n + 12,
+                                  (uint16_t)(n + 13),
+                                  FSN_CMD_PARAMETER,
+                                  (uint8_t)(n % 8)};
+}
+
+/** Shows a cycle in which no two numbers are equal. */
+static void all_differs(void) {
+    struct fsn_rt *rt = &on.core->rt;
+    struct fsn_statistics *s = &rt->statistics;
+    uint64_t *const numbers[] = {&s->cycles,        &s->overruns,     &s->wkc_errors,
+                                 &s->lost_frames,   &s->old_replies,  &s->foreign_frames,
+                                 &s->unsent_frames, &s->bytes_copied, &s->now_ns,
+                                 &s->dc_time_ns,    &s->events_lost};
+    for (uint64_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
+        *numbers[i] = 101 + i;
+    }
+    uint32_t *const narrow[] = {&s->expected_wkc, &s->actual_wkc, &s->copies, &s->merged_copies,
+                                &s->send_errno};
+    for (uint32_t i = 0; i < sizeof narrow / sizeof narrow[0]; i++) {
+        *narrow[i] = 121 + i;
+    }
+    s->realtime = 1;
+    struct fsn_histogram *const histograms[] = {&s->latency, &s->period,     &s->work,
+                                                &s->copy,    &s->round_trip, &s->dc_offset};
+    for (uint64_t i = 0; i < 6; i++) {
+        for (uint64_t n = 0; n < 20000; n++) { /* so that each percentile is another bucket */
+            const uint64_t much = n < 10000   ? 1
+                                  : n < 18000 ? 4
+                                  : n < 19800 ? 16
+                                  : n < 19980 ? 64
+                                  : n < 19998 ? 256
+                                              : 1024;
+            fsn_rt_count(histograms[i], (100 + i) * much);
+        }
+    }
+    for (uint32_t i = 0; i < 2; i++) {
+        rt->monitors[i].status = (struct fsn_connection_status){
+            {direction_from((uint8_t)(20 + 60 * i)), direction_from((uint8_t)(50 + 60 * i))},
+            FSN_OBSERVED_PARAMETER,
+            9 + i};
+        rt->watches[i].unshown = 1;
+    }
+    fsn_rt_publish(rt);
+}
+
+/** A cycle, and what the control thread sees of the bus behind it. */
+static void cycle_later(unsigned ms) {
+    on.now_ns += ms * UINT64_C(1000000);
+    CHECK(fsn_core_cycle(on.core, on.now_ns) == FSN_OK);
+    fsn_changes_poll(&on.control->changes, on.control->services.incidents, on.now_ns);
+}
+
 /** Changes the rig by a word. */
 static void change(const char *word) {
     if (strcmp(word, "stop") == 0) {
@@ -525,8 +631,20 @@ static void change(const char *word) {
         host.submit = submit;
     } else if (strcmp(word, "no-members") == 0) {
         on.acyclic.member = NULL;
+    } else if (strcmp(word, "members") == 0) {
+        on.acyclic.member = member;
     } else if (strncmp(word, "takes ", 6) == 0) {
         on.takes_s = atoi(word + 6);
+    } else if (strcmp(word, "incidents") == 0) {
+        keep_incidents();
+    } else if (strcmp(word, "failure") == 0) {
+        fail_in_every_way();
+    } else if (strcmp(word, "all-differs") == 0) {
+        all_differs();
+    } else if (strcmp(word, "head") == 0) {
+        show_head();
+    } else if (strncmp(word, "after ", 6) == 0) {
+        cycle_later((unsigned)atoi(word + 6));
     } else if (strcmp(word, "fsoe") == 0) {
         ask_for_fsoe();
     } else if (strcmp(word, "nobody-else") == 0) {
@@ -560,8 +678,7 @@ static char *reply_to(const char *line) {
         memcpy(text, out->bytes, out->len_bytes);
     }
     text[out->len_bytes] = 0;
-    char *found = strstr(text, version);
-    if (found != NULL) {
+    for (char *found = strstr(text, version); found != NULL; found = strstr(found, version)) {
         memmove(found + 11, found + sizeof version - 2, strlen(found + sizeof version - 2) + 1);
         memcpy(found, "\"version\":\"", 11);
     }
@@ -576,17 +693,25 @@ static FILE *open_replies(void) {
 }
 
 #ifdef FSN_TEST_HEAP
-/** Whichever allocation fails: a request is answered by one line, or its client is dropped. */
+/** Whichever allocation fails: a request is answered by one line, or its client is dropped. Events
+ *  may stand before it. */
 static void is_answered(const char *line) {
     struct fsn_client *client = on.client;
     const struct fsn_json *out = &client->out;
-    const bool refused = out->len_bytes > 11 && memcmp(out->bytes, "{\"ok\":false", 11) == 0 &&
-                         client->drop_reason == NULL;
-    const bool fits = out->len_bytes > 0 && out->bytes[out->len_bytes - 1] == '\n' &&
-                      memchr(out->bytes, '\n', out->len_bytes - 1) == NULL;
+    const char *last = out->bytes;
+    size_t len = out->len_bytes;
+    while (len > 9 && memcmp(last, "{\"event\":", 9) == 0) {
+        const char *end = memchr(last, '\n', len);
+        CHECK(end != NULL);
+        len -= (size_t)(end + 1 - last);
+        last = end + 1;
+    }
+    const bool refused =
+        len > 11 && memcmp(last, "{\"ok\":false", 11) == 0 && client->drop_reason == NULL;
+    const bool fits = len > 0 && last[len - 1] == '\n' && memchr(last, '\n', len - 1) == NULL;
     if (client->drop_reason != NULL
-            ? strcmp(client->drop_reason, "no memory for it") != 0 || out->len_bytes > 0
-            : !fits || (!refused && memcmp(out->bytes, "{\"ok\":true", 10) != 0)) {
+            ? strcmp(client->drop_reason, "no memory for it") != 0 || len > 0
+            : !fits || (!refused && memcmp(last, "{\"ok\":true", 10) != 0)) {
         fprintf(stderr, "%s\nwithout memory: %s, %.*s\n", line,
                 client->drop_reason != NULL ? client->drop_reason : "", (int)out->len_bytes,
                 out->bytes != NULL ? out->bytes : "");
