@@ -3,16 +3,26 @@
  *      > dg COMMAND ADP ADO SIZE [HEX]   a datagram; numbers in hex, the command in decimal
  *      > mb HEX                          into the mailbox of station 1001, and what lies in the
  * other > sdo HEX                         an SDO request in a mailbox message > sii POSITION the
- * SII through its registers, 64 words > ms NUMBER                       time passes test_dialogue
- * --write prints the file anew, to be read before it is kept. */
+ * SII through its registers, 64 words > ms NUMBER                       time passes > line NUMBER
+ * another segment, of so many SubDevices > do WORD [NUMBER…]               a fault, see deeds[] >
+ * put PORT, > take, > wait        frames on the wire > all                             counters,
+ * and all of each SubDevice that is not 0 test_dialogue --write prints the file anew, to be read
+ * before it is kept. */
 #include <string.h>
 
+#include "segment/segment_internal.h"
 #include "segment_rig.h"
 
-enum { MAILBOX = 128 };
+enum { MAILBOX = 128, FRAME = 29, ZEROS = 4 };
 
 static struct rig rig;
-static char said[4096];
+static char said[16384];
+static uint8_t frames_put;
+
+static void say(const char *format, unsigned long long number) {
+    const size_t used = strlen(said);
+    snprintf(said + used, sizeof said - used, format, number);
+}
 
 static void say_hex(const uint8_t *bytes, size_t len) {
     char *at = said + strlen(said);
@@ -42,6 +52,9 @@ static void say_datagram(const char *rest) {
         datagram(&rig, (uint8_t)command, (uint16_t)adp, (uint16_t)ado, data, (uint16_t)size);
     snprintf(said, sizeof said, "%d:", counter);
     say_hex(rig.data, counter >= 0 ? size : 0);
+    if (counter >= 0 && rig.out_port != rig.port) {
+        say(" at port %llu", rig.out_port);
+    }
 }
 
 /** What the other mailbox holds, as long as its header says. */
@@ -81,6 +94,207 @@ static void say_sii(const char *rest) {
     }
 }
 
+/* -- faults, the wire, whole states ----------------------------------------------------------- */
+
+static fsn_status present(const unsigned *n) {
+    fsn_segment_set_present(rig.segment, n[0], n[1] != 0);
+    return FSN_OK;
+}
+
+static fsn_status power(const unsigned *n) {
+    fsn_segment_power_cycle(rig.segment, n[0]);
+    return FSN_OK;
+}
+
+static fsn_status cable(const unsigned *n) {
+    return fsn_segment_set_link(rig.segment, n[0], n[1] != 0);
+}
+
+static fsn_status ring(const unsigned *n) {
+    fsn_segment_set_ring(rig.segment, n[0] != 0);
+    return FSN_OK;
+}
+
+static fsn_status port(const unsigned *n) {
+    rig.port = n[0];
+    return FSN_OK;
+}
+
+static fsn_status swap(const unsigned *n) {
+    return fsn_segment_swap(rig.segment, n[0], n[1]);
+}
+
+static fsn_status errors(const unsigned *n) {
+    return fsn_segment_rx_errors(rig.segment, n[0], n[1], n[2]);
+}
+
+static fsn_status lose(const unsigned *n) {
+    fsn_segment_lose(rig.segment, n[0]);
+    return FSN_OK;
+}
+
+static fsn_status lose_every(const unsigned *n) {
+    fsn_segment_lose_every(rig.segment, n[0]);
+    return FSN_OK;
+}
+
+static fsn_status delay(const unsigned *n) {
+    fsn_segment_set_delay(rig.segment, n[0] * UINT64_C(1000000));
+    return FSN_OK;
+}
+
+static fsn_status stall(const unsigned *n) {
+    fsn_segment_stall(rig.segment, n[0] * UINT64_C(1000000));
+    return FSN_OK;
+}
+
+static fsn_status repeat(const unsigned *n) {
+    fsn_segment_repeat(rig.segment, n[0]);
+    return FSN_OK;
+}
+
+static fsn_status al_delay(const unsigned *n) {
+    return fsn_segment_set_al_delay(rig.segment, n[0], n[1] * UINT64_C(1000000));
+}
+
+static fsn_status mailbox_delay(const unsigned *n) {
+    return fsn_segment_set_mailbox_delay(rig.segment, n[0], n[1] * UINT64_C(1000000));
+}
+
+static fsn_status identity(const unsigned *n) {
+    const struct fsn_segment_identity other = {n[1], n[2], n[3]};
+    return fsn_segment_set_identity(rig.segment, n[0], n[1] != 0 ? &other : NULL);
+}
+
+static fsn_status abort_code(const unsigned *n) {
+    return fsn_segment_set_sdo_abort(rig.segment, n[0], (uint16_t)n[1], n[2], n[3]);
+}
+
+static fsn_status inputs(const unsigned *n) {
+    const uint8_t bytes[] = {1, 2, 3, 4, 5, 6, 7, (uint8_t)n[1]};
+    return fsn_segment_write_inputs(rig.segment, n[0], bytes, sizeof bytes);
+}
+
+static fsn_status outputs(const unsigned *n) {
+    uint8_t bytes[16] = {0};
+    bool fresh = false;
+    const fsn_status status = fsn_segment_read_outputs(rig.segment, n[0], bytes, n[1], &fresh);
+    say_hex(bytes, n[1]);
+    say(fresh ? " fresh " : " old ", 0);
+    return status;
+}
+
+static fsn_status idle(const unsigned *n) {
+    rig.now_ns += n[0] * UINT64_C(1000000);
+    fsn_segment_idle(rig.segment, rig.now_ns);
+    return FSN_OK;
+}
+
+static const struct {
+    const char *word;
+    fsn_status (*act)(const unsigned *numbers);
+} deeds[] = {
+    {"present", present}, /* POSITION YES */
+    {"power", power},     /* POSITION: off and on */
+    {"cable", cable},     /* POSITION UP: behind it */
+    {"ring", ring},       /* YES */
+    {"port", port},       /* of the MainDevice that sends */
+    {"swap", swap},       /* POSITION POSITION */
+    {"errors", errors},   /* POSITION PORT NUMBER */
+    {"lose", lose},
+    {"lose-every", lose_every},
+    {"delay", delay}, /* MS */
+    {"stall", stall}, /* MS */
+    {"repeat", repeat},
+    {"al-delay", al_delay},           /* POSITION MS */
+    {"mailbox-delay", mailbox_delay}, /* POSITION MS */
+    {"identity", identity},           /* POSITION VENDOR PRODUCT REVISION; vendor 0: its own */
+    {"abort", abort_code},            /* POSITION INDEX SUB CODE */
+    {"inputs", inputs},               /* SM LAST-BYTE */
+    {"outputs", outputs},             /* SM BYTES */
+    {"idle", idle},                   /* MS */
+};
+
+static void do_deed(const char *rest) {
+    char word[20];
+    unsigned n[4] = {0};
+    CHECK(sscanf(rest, "%19s %i %i %i %i", word, (int *)&n[0], (int *)&n[1], (int *)&n[2],
+                 (int *)&n[3]) >= 1);
+    size_t at = 0;
+    while (strcmp(deeds[at].word, word) != 0) {
+        CHECK(++at < sizeof deeds / sizeof deeds[0]);
+    }
+    const fsn_status status = deeds[at].act(n);
+    strcat(said, fsn_status_name(status));
+}
+
+/** A broadcast read of one byte, with a number of its own. */
+static void put_frame(const char *rest) {
+    uint8_t frame[FRAME] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 1,    1,  1,
+                            1,    1,    1,    0x88, 0xA4, 13,   0x10, BRD};
+    frame[17] = ++frames_put;
+    frame[22] = 1;
+    unsigned to;
+    CHECK(sscanf(rest, "%u", &to) == 1);
+    fsn_segment_send(rig.segment, to, frame, sizeof frame, rig.now_ns);
+    say("frame %llu", frames_put);
+}
+
+static void take_frame(void) {
+    uint8_t frame[1536];
+    uint32_t from = 9;
+    const size_t len = fsn_segment_receive(rig.segment, frame, sizeof frame, rig.now_ns, &from);
+    CHECK(len == 0 || len == FRAME);
+    say(len == 0 ? "none" : "frame %llu", frame[17]);
+    if (len > 0) {
+        say(" at port %llu", from);
+        say(", counter %llu", frame[27]);
+    }
+}
+
+static void say_memory(const struct esc *esc) {
+    uint32_t zeros = ZEROS; /* bytes that are 0 and not said */
+    for (uint32_t at = 0; at < ESC_MEMORY_BYTES; at++) {
+        if (esc->memory[at] == 0) {
+            zeros++;
+            continue;
+        }
+        if (zeros >= ZEROS) {
+            say(" %llx:", at);
+            zeros = 0;
+        }
+        say_hex(esc->memory + at - zeros, zeros + 1);
+        zeros = 0;
+    }
+}
+
+static void say_all(void) {
+    struct fsn_segment_counts c;
+    fsn_segment_counts(rig.segment, &c);
+    say("frames %llu", c.frames);
+    say(" datagrams %llu", c.datagrams);
+    say(" lost %llu", c.lost);
+    say(" foreign %llu", c.foreign);
+    for (uint32_t i = 0; i < fsn_segment_size(rig.segment); i++) {
+        const struct esc *esc = &rig.segment->escs[i];
+        uint16_t code = 0;
+        say(" | al %02llx", fsn_segment_al_status(rig.segment, i, &code));
+        say(" code %llx", code);
+        say(" ports %llu", esc->ports);
+        say_memory(esc);
+    }
+}
+
+/* -- all of it ------------------------------------------------------------------------------- */
+
+static void new_line(const char *rest) {
+    unsigned subdevices;
+    CHECK(sscanf(rest, "%u", &subdevices) == 1);
+    tear_down(&rig);
+    rig = set_up_line(subdevices);
+    frames_put = 0;
+}
+
 static const char *answer_to(const char *line) {
     unsigned number;
     said[0] = 0;
@@ -92,6 +306,18 @@ static const char *answer_to(const char *line) {
         say_mailbox(line + 4, true);
     } else if (strncmp(line, "sii ", 4) == 0) {
         say_sii(line + 4);
+    } else if (strncmp(line, "line ", 5) == 0) {
+        new_line(line + 5);
+    } else if (strncmp(line, "do ", 3) == 0) {
+        do_deed(line + 3);
+    } else if (strncmp(line, "put ", 4) == 0) {
+        put_frame(line + 4);
+    } else if (strcmp(line, "take") == 0) {
+        take_frame();
+    } else if (strcmp(line, "wait") == 0) {
+        say("%llu ns", fsn_segment_wait(rig.segment, rig.now_ns));
+    } else if (strcmp(line, "all") == 0) {
+        say_all();
     } else {
         CHECK(sscanf(line, "ms %u", &number) == 1);
         rig.now_ns += number * UINT64_C(1000000);
@@ -124,7 +350,7 @@ static void begin(void) {
 }
 
 int main(int argc, char **argv) {
-    static char line[4096], expected[4096];
+    static char line[16384], expected[16384];
     const bool writes = argc > 1 && strcmp(argv[1], "--write") == 0;
     FILE *file = fopen(FSN_TEST_FOLDER "/dialogue.txt", "r");
     CHECK(file != NULL && fgets(line, sizeof line, file) != NULL);

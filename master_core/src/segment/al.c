@@ -66,6 +66,7 @@ void esc_al_decide(struct esc *esc) {
     }
     if (to == AL_INIT) {
         esc->answer_bytes = 0;
+        esc->transfer = (struct transfer){0};
     }
     if (to == AL_OP) {
         esc->outputs_ns = esc->now_ns; /* the watchdog begins here */

@@ -317,6 +317,7 @@ void esc_power_on(struct esc *esc) {
         }
     }
     esc->answer_bytes = 0;
+    esc->transfer = (struct transfer){0};
     esc->mailbox_counter = 0;
     esc->outputs_seen = false;
     esc->al_pending = false;
