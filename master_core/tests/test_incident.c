@@ -22,7 +22,7 @@ enum { MS = 1000000 };
 /* -- a system that refuses ------------------------------------------------------------------- */
 
 static struct {
-    int fsync, fdopen, access, thread; /**< errors that the next calls end with */
+    int fsync, fdopen, fclose, access, thread; /**< errors that the next calls end with */
 } fails;
 
 int fsync(int fd) {
@@ -41,6 +41,14 @@ FILE *fdopen(int fd, const char *mode) {
     real(&libc, "fdopen");
     errno = fails.fdopen;
     return fails.fdopen != 0 ? NULL : libc(fd, mode);
+}
+
+int fclose(FILE *file) {
+    int (*libc)(FILE *);
+    real(&libc, "fclose");
+    const int closed = libc(file);
+    errno = fails.fclose;
+    return fails.fclose != 0 ? EOF : closed;
 }
 
 int access(const char *path, int mode) {
@@ -315,17 +323,71 @@ static void a_system_that_refuses_is_reported(void) {
              "e incident: a test; %s ends after 4 cycles: Input/output error\n",
              file_at(2 * second, ""));
     is_logged(one_incident(&rig, 2 * second), expected);
+    fails.fclose = ENOSPC; /* the first reason is the one that is reported */
+    snprintf(expected, sizeof expected,
+             "e incident: a test; %s ends after 5 cycles: Input/output error\n",
+             file_at(3 * second, ""));
+    is_logged(one_incident(&rig, 3 * second), expected);
     fails.fsync = 0;
+    snprintf(expected, sizeof expected,
+             "e incident: a test; %s ends after 6 cycles: No space left on device\n",
+             file_at(5 * second, ""));
+    is_logged(one_incident(&rig, 5 * second), expected);
+    fails.fclose = 0;
     fails.fdopen = ENOMEM;
     snprintf(expected, sizeof expected,
              "e incident: a test; %s ends after 0 cycles: Cannot allocate memory\n",
-             file_at(3 * second, ""));
+             file_at(3 * second, "-2"));
     is_logged(one_incident(&rig, 3 * second), expected);
     fails.fdopen = 0;
     fails.thread = EAGAIN;
     is_logged(one_incident(&rig, 4 * second), "e an incident is not kept: no memory for it\n");
     fails.thread = 0;
-    CHECK(tear_down(&rig) == 4);
+    CHECK(tear_down(&rig) == 6);
+}
+
+/** A file is named after a connection, a SubDevice or what happened, in plain characters. */
+static void files_have_plain_names(void) {
+    static const char long_name[] =
+        "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ-_0123456789";
+    static const struct {
+        struct fsn_trigger trigger;
+        const char *name;
+    } rows[] = {
+        {{.kind = "request", .connection = "door", .subdevice = "logic"}, "door"},
+        {{.kind = "request", .subdevice = "two words"}, "two_words"},
+        {{.kind = "request", .connection = "/a/../b  \x01\xC3\xA4z"}, "_a_b_z"},
+        {{.kind = "request", .connection = "@`[{/:Az_Z09-a"}, "_Az_Z09-a"},
+        {{.kind = "request", .connection = long_name},
+         "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ-_012345"},
+    };
+    struct rig rig = set_up();
+    const uint64_t second = UINT64_C(1000) * MS;
+    struct fsn_incidents *in = rig.control->services.incidents;
+    char utc[32], expected[500];
+    cycle_at(&rig, second);
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct fsn_trigger trigger = rows[i].trigger;
+        trigger.now_ns = second * (i + 1);
+        trigger.text = "a test";
+        logged[0] = 0;
+        CHECK(fsn_incident_begin(in, &trigger));
+        fsn_control_attach(rig.control, NULL); /* the window ends with the bus */
+        fsn_control_attach(rig.control, rig.on.core);
+        while (in->file != NULL) {
+            fsn_incident_turn(in, trigger.now_ns);
+            usleep(100);
+        }
+        submitted->status = FSN_E_ABSENT;
+        fsn_control_job_done(rig.control, submitted);
+        fsn_utc_text(trigger.now_ns, utc);
+        utc[13] = utc[16] = '_';
+        snprintf(expected, sizeof expected,
+                 "w incident: a test; fsoe-net incident %s/incident-%.19sZ-%s.fsnincident\n",
+                 rig.folder, utc, rows[i].name);
+        is_logged(logged, expected);
+    }
+    CHECK(tear_down(&rig) == 5);
 }
 
 /** What stands in the folder counts, whoever wrote it; other files and folders do not. */
@@ -548,10 +610,13 @@ static void memory_runs_out(void) {
 #endif
 
 int main(void) {
+    close(STDIN_FILENO); /* 0 is a descriptor like any other */
+    const int open_before = open_files();
 #ifdef FSN_TEST_HEAP
     memory_runs_out();
 #endif
     a_system_that_refuses_is_reported();
+    files_have_plain_names();
     a_folder_has_a_limit();
     a_file_says_what_is_new();
     a_window_has_its_begin();
@@ -565,5 +630,6 @@ int main(void) {
     a_second_failure_has_its_own();
     a_subdevice_that_refuses_is_one();
     who_was_in_data_did_come();
+    CHECK(open_files() == open_before);
     return 0;
 }

@@ -84,7 +84,14 @@ int unlink(const char *path) {
     return fails(&fails_in.unlink) ? -1 : unlinkat(AT_FDCWD, path, 0);
 }
 
+static uid_t connects_as; /**< user of who connects; 0: the real one */
+
 int getsockopt(int fd, int level, int name, void *value, socklen_t *size) {
+    if (connects_as != 0) {
+        CHECK(level == SOL_SOCKET && name == SO_PEERCRED && *size == sizeof(struct ucred));
+        *(struct ucred *)value = (struct ucred){.pid = 77, .uid = connects_as, .gid = 99};
+        return 0;
+    }
     return fails(&fails_in.getsockopt) ? -1
                                        : (int)syscall(SYS_getsockopt, fd, level, name, value, size);
 }
@@ -139,7 +146,7 @@ static struct fsn_control *new_control(void) {
 
 static void set_up(void) {
     size_t len;
-    uint8_t *bytes = build_estop(&len);
+    uint8_t *bytes = build_full(&len);
     rig = (struct rig){.on = emulated_rig_load(bytes, len), .folder = "/tmp/fsn-listen-XXXXXX"};
     CHECK(mkdtemp(rig.folder) != NULL && chmod(rig.folder, 0755) == 0);
     snprintf(rig.path, sizeof rig.path, "%s/s", rig.folder);
@@ -344,12 +351,109 @@ static void strangers_are_turned_away(void) {
     tear_down();
 }
 
+/* -- a full house ---------------------------------------------------------------------------- */
+
+static char heard[512];
+
+static void turn(void) {
+    struct pollfd fds[FSN_CONTROL_FDS];
+    uint64_t wait_ns;
+    const size_t count = fsn_control_prepare(rig.control, fds, &wait_ns);
+    CHECK(poll(fds, count, 0) >= 0);
+    fsn_control_serve(rig.control, fds, count);
+}
+
+static int connect_as(uid_t user) {
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    CHECK(connect(fd, (const struct sockaddr *)&address, sizeof address) == 0);
+    connects_as = user;
+    turn();
+    connects_as = 0;
+    return fd;
+}
+
+/** What lies at a peer, and its end. */
+static const char *last_words(int fd) {
+    size_t len = 0;
+    ssize_t got = 1;
+    while (got > 0) {
+        got = recv(fd, heard + len, sizeof heard - 1 - len, MSG_DONTWAIT);
+        len += got > 0 ? (size_t)got : 0;
+    }
+    heard[len] = 0;
+    CHECK(got == 0 && close(fd) == 0);
+    return heard;
+}
+
+#define FULL                                                                                       \
+    "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"too many clients\","                        \
+    "\"hint\":\"close one of them\"}\n"
+#define MADE_ROOM                                                                                  \
+    "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: silent, and another client "       \
+    "needed the place\",\"hint\":\"connect again when there is something to ask\"}\n"
+
+/** Who has done nothing for five seconds makes room, the one that was idle longest; for our user at
+ *  once. Who waits for something, or writes, is not idle. */
+static void who_is_idle_makes_room(void) {
+    enum { LEAST = 5000, RECENT = 9 };
+    static const unsigned order[] = {2, 4, 1, 0}; /* what the fifth had to say is said by then */
+    int peer[FSN_CONTROL_CLIENTS];
+    static struct fsn_job job;
+    set_up();
+    rig.access = (struct fsn_control_access){.user = {ANN}, .users = 1};
+    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+    struct fsn_client *client = rig.control->client;
+    for (unsigned i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        const uid_t user = i < FSN_CONTROL_SHARED ? ANN : OURS;
+        if (i == FSN_CONTROL_SHARED) { /* the other places are not for her */
+            CHECK(strcmp(last_words(connect_as(ANN)), FULL) == 0);
+        }
+        peer[i] = connect_as(user);
+        CHECK(client[i].fd >= 0 && client[i].number == i + 1);
+        CHECK(client[i].pid == 77 && client[i].uid == user && client[i].lease_ms == FSN_LEASE_MS);
+        CHECK(client[i].request_ns == client[i].heard_ns && client[i].heard_ns > 0);
+        CHECK(client[i].moved_ns >= client[i].heard_ns);
+    }
+    CHECK(strcmp(last_words(connect_as(ANN)), FULL) == 0);
+    for (unsigned i = 0; i < RECENT; i++) { /* the later, the longer idle */
+        client[i].request_ns = client[0].heard_ns - (LEAST + i) * UINT64_C(1000000);
+    }
+    client[8].events = true;
+    client[7].stream.every = 1;
+    client[6].job = &job;
+    client[5].in_bytes = 1;
+    client[4].sent = 1;
+    struct fsn_wanted wanted = {.symbol = 0, .raw = 1};
+    fsn_outputs_write(rig.control->services.view.outputs, client[3].number, &wanted, 1);
+    for (unsigned i = 0; i < sizeof order / sizeof order[0]; i++) {
+        const int late = peer[order[i]];
+        peer[order[i]] = connect_as(ANN);
+        CHECK(client[order[i]].number == FSN_CONTROL_CLIENTS + 1 + i);
+        CHECK(strcmp(last_words(late), MADE_ROOM) == 0);
+    }
+    CHECK(strcmp(last_words(connect_as(ANN)), FULL) == 0);
+    const int late = peer[RECENT];
+    peer[RECENT] = connect_as(OURS);
+    CHECK(strcmp(last_words(late), MADE_ROOM) == 0);
+    client[6].job = NULL;
+    for (unsigned i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        close(peer[i]);
+    }
+    tear_down();
+}
+
 int main(void) {
+    close(STDIN_FILENO); /* 0 is a descriptor like any other */
+    const int open_before = open_files();
     who_may_connect();
     paths_are_refused();
     a_system_that_refuses_is_reported();
     the_file_is_for_those_who_may();
     dead_sockets_make_way();
     strangers_are_turned_away();
+    who_is_idle_makes_room();
+    CHECK(open_files() == open_before);
     return 0;
 }

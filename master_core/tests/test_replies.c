@@ -124,6 +124,7 @@ static struct {
     time_t takes_s; /**< each upload */
     uint64_t now_ns;
     unsigned dropped, refused; /**< without memory */
+    char read[8192];           /**< which objects were, since the last request */
 } on;
 
 static fsn_status bus_open(void *bus, const struct fsn_plan *plan, struct fsn_bus_layout *layout,
@@ -228,23 +229,32 @@ static const uint32_t objects[][5] = {
     {0, 0x1018, 1, 4, 0x12345678}, {0, 0x1018, 2, 2, 0xFFFE},     {0, 0x1008, 0, 3, 0x434241},
     {0, 0x1C12, 0, 1, 1},          {0, 0x1C12, 1, 2, 0x1600},     {0, 0x1600, 0, 1, 2},
     {0, 0x1600, 1, 4, 0x70000108}, {0, 0x1600, 2, 4, 0x70000210}, {0, 0x1C13, 0, 1, 2},
-    {0, 0x1C13, 1, 2, 0x1A00},     {0, 0x1A00, 0, 1, 1},          {0, 0x1A00, 1, 4, 0x60100108},
-    {0, 0xF980, 0, 1, 2},          {0, 0xF980, 1, 2, 77},         {0, 0xF980, 2, 2, 78},
-    {0, 0xA000, 1, 2, 0x66},       {2, 0x1C00, 0, 1, 4},          {2, 0x1C00, 1, 1, 1},
-    {2, 0x1C00, 2, 1, 2},          {2, 0x1C00, 3, 1, 3},          {2, 0x1C00, 4, 1, 9},
-    {2, 0x1C12, 0, 1, 2},          {2, 0x1C12, 1, 2, 0x1601},     {2, 0x1008, 0, 5, 0x44434241},
-    {2, 0x1601, 0, 1, 1},          {2, 0x1601, 1, 4, 0x67700108}, {0, 0x10F3, 1, 1, 3},
-    {0, 0x10F3, 2, 1, 7},          {0, 0x9001, 0, 1, 6},          {0, 0x9001, 2, 2, 78},
-    {0, 0x9001, 3, 2, 1},          {0, 0x9001, 4, 2, 100},        {0, 0x9001, 6, 1, 1},
-    {0, 0x9011, 0, 1, 4},          {0, 0x9011, 2, 2, 79},         {0, 0x9011, 3, 2, 2},
-    {0, 0x9011, 4, 2, 50},         {2, 0x6791, 0, 1, 4},          {2, 0x6791, 2, 2, 80},
-    {2, 0x6791, 3, 2, 3},          {2, 0xEA00, 1, 2, 5},          {2, 0xE901, 0, 1, 6},
-    {2, 0xE901, 2, 2, 80},         {2, 0xE901, 3, 2, 3},          {2, 0xE901, 6, 1, 0},
+    {0, 0x1C13, 1, 2, 0x1A00},     {0, 0x1A00, 0, 1, 3},          {0, 0x1A00, 1, 4, 0x60100108},
+    {0, 0x1A00, 2, 4, 0x60200108}, {0, 0x1A00, 3, 4, 0x60300108}, {0, 0x9021, 0, 1, 4},
+    {0, 0x9021, 2, 2, 77},         {0, 0x9021, 3, 2, 9},          {0, 0x9021, 4, 2, 60},
+    {0, 0x9031, 0, 1, 6},          {0, 0x9031, 2, 2, 0},          {0, 0x9031, 3, 2, 10},
+    {0, 0x9031, 4, 2, 70},         {0, 0x9031, 6, 1, 2},          {0, 0xF980, 0, 1, 2},
+    {0, 0xF980, 1, 2, 77},         {0, 0xF980, 2, 2, 78},         {0, 0xA000, 1, 2, 0x66},
+    {2, 0x1C00, 0, 1, 4},          {2, 0x1C00, 1, 1, 1},          {2, 0x1C00, 2, 1, 2},
+    {2, 0x1C00, 3, 1, 3},          {2, 0x1C00, 4, 1, 9},          {2, 0x1C12, 0, 1, 2},
+    {2, 0x1C12, 1, 2, 0x1601},     {2, 0x1008, 0, 5, 0x44434241}, {2, 0x1601, 0, 1, 1},
+    {2, 0x1601, 1, 4, 0x67700108}, {0, 0x10F3, 1, 1, 3},          {0, 0x10F3, 2, 1, 7},
+    {0, 0x9001, 0, 1, 6},          {0, 0x9001, 2, 2, 78},         {0, 0x9001, 3, 2, 1},
+    {0, 0x9001, 4, 2, 100},        {0, 0x9001, 6, 1, 1},          {0, 0x9011, 0, 1, 4},
+    {0, 0x9011, 2, 2, 79},         {0, 0x9011, 3, 2, 2},          {0, 0x9011, 4, 2, 50},
+    {2, 0x6791, 0, 1, 4},          {2, 0x6791, 2, 2, 80},         {2, 0x6791, 3, 2, 3},
+    {2, 0xEA00, 1, 2, 5},          {2, 0xE901, 0, 1, 6},          {2, 0xE901, 2, 2, 80},
+    {2, 0xE901, 3, 2, 3},          {2, 0xE901, 6, 1, 0},          {2, 0xE911, 0, 1, 6},
+    {2, 0xE911, 2, 2, 81},         {2, 0xE911, 3, 2, 4},          {2, 0xE911, 6, 1, 1},
+    {2, 0xE9F1, 0, 1, 3},          {2, 0xE9F1, 3, 2, 5},          {2, 0xEA01, 0, 1, 3},
+    {2, 0xEA01, 3, 2, 6},
 };
 
 static fsn_status upload(void *bus, struct fsn_transfer *t) {
     (void)bus;
     later_s += on.takes_s;
+    const size_t used = strlen(on.read);
+    snprintf(on.read + used, sizeof on.read - used, " %u/%x:%x", t->position, t->index, t->sub);
     if (on.fails != FSN_OK) {
         t->abort_code = on.fails == FSN_E_BUS_SDO ? 0x06010002 : 0;
         return on.fails;
@@ -473,6 +483,7 @@ static void tear_down(void) {
 
 /** What an incident asks of the planned SubDevices; shown as an answer. */
 static void ask_for_fsoe(void) {
+    on.read[0] = 0;
     struct fsn_job *job =
         fsn_job_submit_fsoe(&on.control->services.jobs, on.control->services.view.core);
     CHECK((job == NULL) == (waiting == NULL));
@@ -586,7 +597,18 @@ static void all_differs(void) {
             9 + i};
         rt->watches[i].unshown = 1;
     }
+    for (uint32_t sm = 0; sm < 2 * SUBS; sm++) {
+        atomic_store(&rt->stale[sm], UINT64_C(1) << sm);
+    }
     fsn_rt_publish(rt);
+}
+
+/** Fills the queue of jobs, or empties it. */
+static void fill_queue(bool full) {
+    static struct fsn_job job;
+    for (size_t i = 0; i < FSN_JOBS; i++) {
+        on.control->services.jobs.job[i] = full ? &job : NULL;
+    }
 }
 
 /** A cycle, and what the control thread sees of the bus behind it. */
@@ -639,6 +661,19 @@ static void change(const char *word) {
         keep_incidents();
     } else if (strcmp(word, "failure") == 0) {
         fail_in_every_way();
+    } else if (strcmp(word, "reads") == 0) {
+        fsn_client_put(on.client, on.read, strlen(on.read));
+        fsn_client_put(on.client, "\n", 1);
+    } else if (strcmp(word, "unstable") == 0) { /* the cycle writes the picture that is read */
+        atomic_fetch_add(&on.core->rt.snapshot.begun, FSN_RT_PICTURES);
+    } else if (strcmp(word, "stable") == 0) {
+        atomic_fetch_sub(&on.core->rt.snapshot.begun, FSN_RT_PICTURES);
+    } else if (strncmp(word, "image-bytes ", 12) == 0) {
+        on.core->rt.image_bytes = (uint32_t)atoi(word + 12);
+    } else if (strcmp(word, "many-jobs") == 0) {
+        fill_queue(true);
+    } else if (strcmp(word, "no-more-jobs") == 0) {
+        fill_queue(false);
     } else if (strcmp(word, "all-differs") == 0) {
         all_differs();
     } else if (strcmp(word, "head") == 0) {
@@ -657,6 +692,7 @@ static void change(const char *word) {
 
 static void request(const char *line) {
     char room[512];
+    on.read[0] = 0;
     CHECK(strlen(line) < sizeof room);
     memcpy(room, line, strlen(line) + 1);
     fsn_request_answer(&on.control->services, on.client, room, strlen(room));
@@ -764,7 +800,8 @@ static int replies_are_as_written(bool writes) {
         CHECK(line[0] == '>' || line[0] == '!');
         snprintf(request, sizeof request, "%.*s", (int)strcspn(line, "\n"), line);
         expected[0] = 0;
-        while ((more = fgets(line, sizeof line, file) != NULL) && line[0] == '{') {
+        while ((more = fgets(line, sizeof line, file) != NULL) && line[0] != '>' &&
+               line[0] != '!') {
             CHECK(strlen(expected) + strlen(line) < sizeof expected);
             strcat(expected, line);
         }

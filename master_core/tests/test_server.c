@@ -19,6 +19,7 @@ static uint64_t now_ns;
 static int send_fails; /**< the next send() fails so, once */
 static int recv_fails; /**< the next recv() of the server */
 static int poll_fails; /**< the next poll() */
+static int poll_ms;    /**< how long the last poll() was to wait */
 
 int clock_gettime(clockid_t clock, struct timespec *now) {
     const uint64_t ns = clock == CLOCK_REALTIME ? 1700000000 * SECOND_NS : now_ns;
@@ -46,6 +47,7 @@ ssize_t recv(int fd, void *bytes, size_t size, int flags) {
 
 int poll(struct pollfd *fds, nfds_t count, int timeout_ms) {
     const struct timespec timeout = {.tv_nsec = timeout_ms * 1000000L};
+    poll_ms = timeout_ms;
     if (poll_fails != 0) {
         errno = poll_fails;
         poll_fails = 0;
@@ -92,6 +94,7 @@ static void set_up(unsigned count) {
     host.status = state;
     rig.control = fsn_control_create(rig.on.plan, &host, &nobody);
     CHECK(rig.control != NULL);
+    CHECK(rig.control->polled_ns == 0 && rig.control->last_number == 0);
     fsn_control_attach(rig.control, rig.on.core);
     for (unsigned i = 0; i < count; i++) {
         int ends[2];
@@ -433,11 +436,13 @@ static void a_flush_waits_for_readers(void) {
     const size_t before = rig.control->client[0].sent;
     poll_fails = EINTR;
     fsn_control_flush(rig.control, 1000); /* nor after a signal */
-    CHECK(poll_fails == 0 && rig.control->client[0].sent == before);
+    CHECK(poll_fails == 0 && poll_ms == 1001 && rig.control->client[0].sent == before);
     tear_down(2);
 }
 
 int main(void) {
+    close(STDIN_FILENO); /* 0 is a descriptor like any other */
+    const int open_before = open_files();
     lines_end_with_or_without_a_return();
     long_lines_are_refused_once();
     clients_take_turns();
@@ -452,5 +457,6 @@ int main(void) {
     a_full_buffer_waits_for_its_turn();
     leases_end();
     a_flush_waits_for_readers();
+    CHECK(open_files() == open_before);
     return 0;
 }

@@ -227,6 +227,32 @@ static void subdevices_are_told_once(void) {
     tear_down();
 }
 
+/** A bus may fill the room for a detail: it ends there all the same. */
+static void a_detail_has_an_end(void) {
+    char expected[600], detail[FSN_DETAIL_BYTES];
+    memset(detail, 'x', sizeof detail);
+    detail[FSN_DETAIL_BYTES - 1] = 0;
+    begin();
+    for (int i = 0; i < 2; i++) {
+        on.seen[i].al_status = FSN_AL_NONE;
+        memset(on.seen[i].detail, 'x', FSN_DETAIL_BYTES);
+    }
+    look_after(20 * MS);
+    snprintf(expected, sizeof expected,
+             "w the bus is lost: none of 2 SubDevices answers: %.150s\n"
+             "d SubDevice t: OP -> none: %.150s\n"
+             "d SubDevice t: OP -> none: %.150s\n",
+             detail, detail, detail);
+    TOLD(expected);
+    on.seen[0].al_status = FSN_AL_OP;
+    look_after(20 * MS);
+    snprintf(expected, sizeof expected, "\"detail\":\"%s\",", detail);
+    CHECK(strstr(on.json, expected) != NULL);
+    CHECK(strcmp(on.control->services.view.subdevice[0].detail, detail) == 0);
+    CHECK(strcmp(on.control->services.view.subdevice[1].detail, detail) == 0);
+    tear_down();
+}
+
 /** A bus that is lost or back as a whole is one line; its SubDevices are details then. */
 static void a_bus_is_told_as_a_whole(void) {
     begin();
@@ -419,6 +445,7 @@ static void connections_are_told_at_their_level(void) {
 
 int main(void) {
     subdevices_are_told_once();
+    a_detail_has_an_end();
     a_bus_is_told_as_a_whole();
     the_start_is_no_loss();
     single_losses_are_told_together();

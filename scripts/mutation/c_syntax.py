@@ -29,6 +29,8 @@ _KINDS = (
     ("bits", _BITS),
 )
 _LOOPS = ("for_statement", "while_statement", "do_statement")
+# More room than is needed shows nowhere.
+_ALLOCATORS = ("malloc", "calloc")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +69,26 @@ def _descend(node: Node) -> Iterator[Node]:
 
 
 def _argued_lines(source: bytes, root: Node) -> set[int]:
-    """Lines with a comment ``mutants: WHY``; one that stands alone speaks for the next line."""
+    """Lines with a comment ``mutants: WHY``; one that stands alone speaks for the next line.
+
+    What says why no test reaches it is not changed either.
+    """
     lines = source.split(b"\n")
     found: set[int] = set()
+    unreached = 0
     for node in _descend(root):
-        if node.type == "comment" and "mutants:" in _text(node):
-            row = node.start_point.row
+        if node.type != "comment":
+            continue
+        text, row = _text(node), node.start_point.row
+        if "mutants:" in text:
             alone = not lines[row][: node.start_point.column].strip()
             found.add(node.end_point.row + 2 if alone else row + 1)
+        elif "GCOVR_EXCL_LINE" in text:
+            found.add(row + 1)
+        elif "GCOVR_EXCL_START" in text:
+            unreached = node.end_point.row + 2
+        elif "GCOVR_EXCL_STOP" in text:
+            found |= set(range(unreached, row + 1))
     return found
 
 
@@ -132,13 +146,30 @@ def _unary(node: Node) -> Iterator[Change]:
         yield _whole(sign, "bits" if _text(sign) == "~" else "negation", "")
 
 
+def _called(arguments: Node) -> str:
+    """Return the name of the function that takes the arguments."""
+    function = arguments.parent and arguments.parent.child_by_field_name("function")
+    return _text(function) if function else ""
+
+
+def _is_room(node: Node) -> bool:
+    """Whether a number is part of what an allocation gets."""
+    while node.parent is not None and node.type != "argument_list":
+        if node.type.endswith(("_statement", "declaration")):
+            return False
+        node = node.parent
+    return _called(node) in _ALLOCATORS
+
+
 def _number(node: Node) -> Iterator[Change]:
     text = _text(node)
+    larger = not _is_room(node)
     digits = text.rstrip("uUlL")
     if digits.lower().startswith("0x") or digits.isdecimal():
         base = 8 if digits.isdecimal() and digits[0] == "0" else 0
         value, suffix = int(digits, base), text[len(digits) :]
-        yield _whole(node, "constant", f"{value + 1}{suffix}")
+        if larger:
+            yield _whole(node, "constant", f"{value + 1}{suffix}")
         if value > 0:
             yield _whole(node, "constant", f"{value - 1}{suffix}")
     else:
@@ -210,9 +241,8 @@ def _return(node: Node) -> Iterator[Change]:
 
 def _arguments(node: Node) -> Iterator[Change]:
     parts = [c for c in node.named_children if c.type != "comment"]
-    function = node.parent.child_by_field_name("function") if node.parent is not None else None
-    if function is not None and _text(function) in ("memcmp", "strcmp"):
-        parts = parts[1:]  # whether two are equal does not depend on their order
+    if _called(node) in ("memcmp", "strcmp", "calloc"):
+        parts = parts[1:]  # whether two are equal does not depend on their order, nor a product
     for one, two in itertools.pairwise(parts):
         if _text(one) != _text(two):
             between = node.text[one.end_byte - node.start_byte : two.start_byte - node.start_byte]

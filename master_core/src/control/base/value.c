@@ -105,7 +105,8 @@ static const char *store_whole(const struct fsn_symbol_info *symbol, double numb
         return "outside the range of its type";
     }
     const uint64_t mask = symbol->bits == 64 ? UINT64_MAX : (UINT64_C(1) << symbol->bits) - 1;
-    *raw = (rounded < 0 ? 0 - (uint64_t)-rounded : (uint64_t)rounded) & mask;
+    const uint64_t magnitude = (uint64_t)fabs(rounded);
+    *raw = (rounded < 0 ? 0 - magnitude : magnitude) & mask;
     return NULL;
 }
 

@@ -113,10 +113,10 @@ static void put_stem(const struct fsn_pending *p, char *stem, size_t room_bytes)
     size_t used = 0;
     fsn_utc_text(p->now_ns, utc);
     snprintf(whole, sizeof whole, "incident-%.19sZ-%s", utc, subject_of(p));
-    for (const char *c = whole; *c != 0 && used + 1 < room_bytes && used < 100; c++) {
+    for (const char *c = whole; *c != 0 && used + 1 < room_bytes; c++) {
         if (is_plain(*c)) {
             stem[used++] = *c;
-        } else if (used > 0 && stem[used - 1] != '_') {
+        } else if (stem[used - 1] != '_') { /* it begins with "incident" */
             stem[used++] = '_';
         }
     }
@@ -128,7 +128,7 @@ static void finish(struct fsn_incidents *in) {
     struct fsn_pending *p = &in->pending;
     struct fsn_json head = {.limit_bytes = FSN_INCIDENT_HEAD_BYTES};
     struct fsn_window window = {0};
-    char stem[128];
+    char stem[101];
     const uint64_t before_ns = BEFORE_MS * UINT64_C(1000000);
     if (in->job != NULL) {
         atomic_store(&in->job->cancelled, true);

@@ -22,8 +22,7 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
         out->len_bytes -= client->sent;
         client->sent = 0;
     }
-    const size_t limit = FSN_CLIENT_OUT_BYTES + client->long_bytes;
-    if (out->len_bytes > limit || len_bytes > limit - out->len_bytes) {
+    if (out->len_bytes + len_bytes > FSN_CLIENT_OUT_BYTES + client->long_bytes) {
         client->drop_reason = "does not read";
         return;
     }

@@ -31,10 +31,10 @@ static fsn_status make_way(const struct sockaddr_un *address, struct fsn_refusal
     if (probe < 0) {
         return system_refuses(refusal, "socket", address->sun_path);
     }
-    const int error =
-        connect(probe, (const struct sockaddr *)address, sizeof *address) == 0 ? 0 : errno;
+    const bool dead = connect(probe, (const struct sockaddr *)address, sizeof *address) != 0 &&
+                      errno == ECONNREFUSED;
     close(probe);
-    if (error != ECONNREFUSED) {
+    if (!dead) {
         return fsn_refusal_set(refusal, FSN_E_STATE,
                                "stop that fsn-master, or give this one another --socket",
                                "another process answers on %.108s", address->sun_path);
