@@ -68,7 +68,13 @@ static bool fails(int *in) {
     return *in > 0 && --*in == 0;
 }
 
+/** A socket of the test's own. */
+static int own_socket(void) {
+    return (int)syscall(SYS_socket, AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+}
+
 int socket(int domain, int type, int protocol) {
+    CHECK(type == (SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK));
     return fails(&fails_in.socket) ? -1 : (int)syscall(SYS_socket, domain, type, protocol);
 }
 
@@ -204,7 +210,7 @@ static void paths_are_refused(void) {
 static void leave_dead_socket(void) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
-    const int dead = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const int dead = own_socket();
     CHECK(bind(dead, (const struct sockaddr *)&address, sizeof address) == 0 && close(dead) == 0);
 }
 
@@ -293,7 +299,7 @@ static void as_user(uid_t user, gid_t group, const char *expected) {
     if (child == 0) {
         struct sockaddr_un address = {.sun_family = AF_UNIX};
         snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
-        const int fd = socket(AF_UNIX, SOCK_STREAM, 0);
+        const int fd = own_socket();
         CHECK(setgroups(0, NULL) == 0 && setgid(group) == 0 && setuid(user) == 0);
         CHECK(connect(fd, (const struct sockaddr *)&address, sizeof address) == 0);
         (void)!send(fd, "hello\n", 6, MSG_NOSIGNAL);
@@ -366,7 +372,7 @@ static void turn(void) {
 static int connect_as(uid_t user) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
-    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const int fd = own_socket();
     CHECK(connect(fd, (const struct sockaddr *)&address, sizeof address) == 0);
     connects_as = user;
     turn();
@@ -412,6 +418,8 @@ static void who_is_idle_makes_room(void) {
         }
         peer[i] = connect_as(user);
         CHECK(client[i].fd >= 0 && client[i].number == i + 1);
+        CHECK((fcntl(client[i].fd, F_GETFL) & O_NONBLOCK) != 0);
+        CHECK(fcntl(client[i].fd, F_GETFD) == FD_CLOEXEC);
         CHECK(client[i].pid == 77 && client[i].uid == user && client[i].lease_ms == FSN_LEASE_MS);
         CHECK(client[i].request_ns == client[i].heard_ns && client[i].heard_ns > 0);
         CHECK(client[i].moved_ns >= client[i].heard_ns);

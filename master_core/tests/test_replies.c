@@ -124,6 +124,7 @@ static struct {
     time_t takes_s; /**< each upload */
     uint64_t now_ns;
     unsigned dropped, refused; /**< without memory */
+    uint8_t history[2];        /**< places for messages, and the newest */
     char read[8192];           /**< which objects were, since the last request */
 } on;
 
@@ -238,16 +239,15 @@ static const uint32_t objects[][5] = {
     {2, 0x1C00, 0, 1, 4},          {2, 0x1C00, 1, 1, 1},          {2, 0x1C00, 2, 1, 2},
     {2, 0x1C00, 3, 1, 3},          {2, 0x1C00, 4, 1, 9},          {2, 0x1C12, 0, 1, 2},
     {2, 0x1C12, 1, 2, 0x1601},     {2, 0x1008, 0, 5, 0x44434241}, {2, 0x1601, 0, 1, 1},
-    {2, 0x1601, 1, 4, 0x67700108}, {0, 0x10F3, 1, 1, 3},          {0, 0x10F3, 2, 1, 7},
-    {0, 0x9001, 0, 1, 6},          {0, 0x9001, 2, 2, 78},         {0, 0x9001, 3, 2, 1},
-    {0, 0x9001, 4, 2, 100},        {0, 0x9001, 6, 1, 1},          {0, 0x9011, 0, 1, 4},
-    {0, 0x9011, 2, 2, 79},         {0, 0x9011, 3, 2, 2},          {0, 0x9011, 4, 2, 50},
-    {2, 0x6791, 0, 1, 4},          {2, 0x6791, 2, 2, 80},         {2, 0x6791, 3, 2, 3},
-    {2, 0xEA00, 1, 2, 5},          {2, 0xE901, 0, 1, 6},          {2, 0xE901, 2, 2, 80},
-    {2, 0xE901, 3, 2, 3},          {2, 0xE901, 6, 1, 0},          {2, 0xE911, 0, 1, 6},
-    {2, 0xE911, 2, 2, 81},         {2, 0xE911, 3, 2, 4},          {2, 0xE911, 6, 1, 1},
-    {2, 0xE9F1, 0, 1, 3},          {2, 0xE9F1, 3, 2, 5},          {2, 0xEA01, 0, 1, 3},
-    {2, 0xEA01, 3, 2, 6},
+    {2, 0x1601, 1, 4, 0x67700108}, {0, 0x9001, 0, 1, 6},          {0, 0x9001, 2, 2, 78},
+    {0, 0x9001, 3, 2, 1},          {0, 0x9001, 4, 2, 100},        {0, 0x9001, 6, 1, 1},
+    {0, 0x9011, 0, 1, 4},          {0, 0x9011, 2, 2, 79},         {0, 0x9011, 3, 2, 2},
+    {0, 0x9011, 4, 2, 50},         {2, 0x6791, 0, 1, 4},          {2, 0x6791, 2, 2, 80},
+    {2, 0x6791, 3, 2, 3},          {2, 0xEA00, 1, 2, 5},          {2, 0xE901, 0, 1, 6},
+    {2, 0xE901, 2, 2, 80},         {2, 0xE901, 3, 2, 3},          {2, 0xE901, 6, 1, 0},
+    {2, 0xE911, 0, 1, 6},          {2, 0xE911, 2, 2, 81},         {2, 0xE911, 3, 2, 4},
+    {2, 0xE911, 6, 1, 1},          {2, 0xE9F1, 0, 1, 3},          {2, 0xE9F1, 3, 2, 5},
+    {2, 0xEA01, 0, 1, 3},          {2, 0xEA01, 3, 2, 6},
 };
 
 static fsn_status upload(void *bus, struct fsn_transfer *t) {
@@ -266,6 +266,11 @@ static fsn_status upload(void *bus, struct fsn_transfer *t) {
         t->data[4] = t->sub;
         t->size_bytes = sizeof message;
         return t->sub == 8 ? FSN_E_BUS_SDO : FSN_OK;
+    }
+    if (t->position == 0 && t->index == 0x10F3 && t->sub < 3) {
+        t->data[0] = on.history[t->sub - 1];
+        t->size_bytes = 1;
+        return FSN_OK;
     }
     for (size_t i = 0; i < sizeof objects / sizeof objects[0]; i++) {
         const uint32_t *o = objects[i];
@@ -442,6 +447,8 @@ static void set_up(void) {
                                                 .rx_errors = {8, 9}};
     }
     make_sii();
+    on.history[0] = 3;
+    on.history[1] = 7;
     on.goes_on = true;
     on.acyclic = (struct fsn_bus_acyclic){.count = count_members,
                                           .place = place,
@@ -661,6 +668,8 @@ static void change(const char *word) {
         keep_incidents();
     } else if (strcmp(word, "failure") == 0) {
         fail_in_every_way();
+    } else if (strncmp(word, "history ", 8) == 0) {
+        CHECK(sscanf(word + 8, "%hhu %hhu", &on.history[0], &on.history[1]) == 2);
     } else if (strcmp(word, "reads") == 0) {
         fsn_client_put(on.client, on.read, strlen(on.read));
         fsn_client_put(on.client, "\n", 1);

@@ -183,6 +183,23 @@ static void a_slow_reader_is_not_waited_for(void) {
     tear_down(&rig);
 }
 
+/** Up to 256 KiB may lie unread before a line is left out. */
+static void so_much_may_lie_unread(void) {
+    static char block[(256 << 10) + 1];
+    for (size_t more = 0; more < 2; more++) {
+        struct rig rig = set_up();
+        const size_t len = (256 << 10) + more;
+        CHECK(answer(&rig, "watch 1 t", "\"ok\":true"));
+        memset(block, 'x', sizeof block);
+        fsn_client_put(rig.client, block, len);
+        run(&rig, 2);
+        fsn_streams_serve(&rig.control->services);
+        CHECK((rig.client->out.len_bytes > len) == (more == 0));
+        CHECK(rig.client->stream.next == 3 && rig.client->stream.skipped == 1 + more);
+        tear_down(&rig);
+    }
+}
+
 /** Cycles of another core count from 1 again. */
 static void watching_goes_on_with_another_core(void) {
     struct rig rig = set_up();
@@ -210,6 +227,7 @@ int main(void) {
     what_is_overwritten_is_counted();
     what_is_left_out_is_no_more_than_needed();
     a_slow_reader_is_not_waited_for();
+    so_much_may_lie_unread();
     watching_goes_on_with_another_core();
     return 0;
 }

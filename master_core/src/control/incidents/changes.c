@@ -192,8 +192,7 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
     }
     after.detail[FSN_DETAIL_BYTES - 1] = 0;
     const bool reported = whole_bus(changes, count, lost, back, after.detail, now_ns);
-    for (uint32_t i = 0; i < count && fsn_core_subdevice(changes->view->core, i, &after) == FSN_OK;
-         i++) {
+    for (uint32_t i = 0; fsn_core_subdevice(changes->view->core, i, &after) == FSN_OK; i++) {
         after.detail[FSN_DETAIL_BYTES - 1] = 0;
         const struct fsn_bus_subdevice before = changes->view->subdevice[i];
         changes->view->subdevice[i] = after;

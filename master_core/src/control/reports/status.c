@@ -31,11 +31,8 @@ static void short_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
     uint32_t in_op = 0;
     uint32_t missing = 0;
     const uint32_t count = fsn_plan_subdevice_count(view->plan);
-    for (uint32_t i = 0; view->core != NULL && i < count; i++) {
-        struct fsn_bus_subdevice seen = {0};
-        if (fsn_core_subdevice(view->core, i, &seen) != FSN_OK) {
-            continue;
-        }
+    struct fsn_bus_subdevice seen;
+    for (uint32_t i = 0; fsn_core_subdevice(view->core, i, &seen) == FSN_OK; i++) {
         in_op += seen.al_status == FSN_AL_OP;
         missing += seen.al_status == FSN_AL_NONE;
     }

@@ -148,8 +148,7 @@ static fsn_status mark(struct fsn_request *request, const char *word, uint8_t *m
     }
     return any ? FSN_OK
                : fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols lists the names",
-                                 "no input or output begins with %.*s",
-                                 len - 1 > 150 ? 150 : (int)(len - 1), word);
+                                 "no input or output begins with %.*s", (int)(len - 1), word);
 }
 
 /** Takes over what is marked, and proves that a line of it is not too long. */
