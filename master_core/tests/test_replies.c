@@ -120,7 +120,7 @@ static struct {
     uint8_t written[8];
     uint32_t written_bytes;
     fsn_status fails; /**< what every transfer answers instead */
-    bool goes_on, stateless;
+    bool goes_on, stateless, no_coe;
     time_t takes_s; /**< each upload */
     uint64_t now_ns;
     unsigned dropped, refused; /**< without memory */
@@ -222,6 +222,7 @@ static fsn_status member(void *bus, uint32_t position, struct fsn_bus_member *m)
          .ports = 1},
         {.subdevice = FSN_NONE}};
     *m = members[position];
+    m->mailbox &= (uint16_t)~(on.no_coe ? FSN_MAILBOX_COE : 0);
     return position == 2 ? FSN_E_BUS_MISSING : m->al_status == 0 ? FSN_E_BUS_MISSING : FSN_OK;
 }
 
@@ -625,6 +626,17 @@ static void cycle_later(unsigned ms) {
     fsn_changes_poll(&on.control->changes, on.control->services.incidents, on.now_ns);
 }
 
+/** Writes bytes into the SII: an offset, and what goes there, in hex. */
+static void change_sii(const char *words) {
+    unsigned at, byte;
+    int used;
+    CHECK(sscanf(words, "%x%n", &at, &used) == 1);
+    for (words += used; sscanf(words, " %2x%n", &byte, &used) == 1; words += used) {
+        CHECK(at < SII_BYTES);
+        on.sii[at++] = (uint8_t)byte;
+    }
+}
+
 /** Changes the rig by a word. */
 static void change(const char *word) {
     if (strcmp(word, "stop") == 0) {
@@ -670,6 +682,10 @@ static void change(const char *word) {
         fail_in_every_way();
     } else if (strncmp(word, "history ", 8) == 0) {
         CHECK(sscanf(word + 8, "%hhu %hhu", &on.history[0], &on.history[1]) == 2);
+    } else if (strcmp(word, "no-coe") == 0) {
+        on.no_coe = true;
+    } else if (strncmp(word, "sii ", 4) == 0) {
+        change_sii(word + 4);
     } else if (strcmp(word, "reads") == 0) {
         fsn_client_put(on.client, on.read, strlen(on.read));
         fsn_client_put(on.client, "\n", 1);

@@ -7,6 +7,7 @@
 
 #include "control/base/clock.h"
 #include "control/base/names.h"
+#include "control/base/value.h"
 #include "plan/plan_internal.h"
 
 enum { VENDOR = 0x10, SERIAL = 0x1C, DEVICE_NAME = 0x1008, STATE_BITS = 0x0F };
@@ -69,9 +70,7 @@ bool fsn_survey_number(struct fsn_surveyed *of, uint16_t index, uint8_t sub, uin
     struct fsn_transfer transfer = {
         .index = index, .sub = sub, .data = bytes, .size_bytes = sizeof bytes};
     const bool read = upload(of, &transfer) && transfer.size_bytes > 0;
-    *value = transfer.size_bytes == 1   ? bytes[0]
-             : transfer.size_bytes == 2 ? fsn_get16(bytes)
-                                        : fsn_get32(bytes);
+    *value = read ? (uint32_t)fsn_value_read(bytes, transfer.size_bytes) : 0;
     return read;
 }
 

@@ -57,9 +57,7 @@ static uint32_t sms_of_sii(const struct fsn_sii *sii, struct sm sms[FSN_SURVEY_S
 static uint32_t sms_of_objects(struct fsn_surveyed *of, struct sm sms[FSN_SURVEY_SMS]) {
     uint32_t types;
     uint32_t count = 0;
-    if (!fsn_survey_number(of, SM_TYPES, 0, &types)) {
-        return 0;
-    }
+    (void)fsn_survey_number(of, SM_TYPES, 0, &types);
     for (uint32_t i = 0; i < types && i < FSN_SURVEY_SMS; i++) {
         uint32_t type;
         if (fsn_survey_number(of, SM_TYPES, (uint8_t)(i + 1), &type) && type >= MAILBOX_OUT &&
