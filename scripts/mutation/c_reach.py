@@ -23,11 +23,11 @@ from .c_syntax import function_lines
 _PROGRAMS = {
     "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire fuzz_wire",
     "plan-loader": "activate copy fields memory plan rules fuzz_plan",
-    "core": "access activate acyclic check cycle igh memory outputs plan record snapshot thread "
+    "core": "access activate acyclic check cycle igh_open igh_cycle igh_objects memory outputs plan record snapshot thread "
     "wire",
     "control": "control incident jobs lease listen master memory replies server stream watch "
     "fuzz_control",
-    "live": "check igh memory pdo port sdo wire soem soem_odd hostile_soem",
+    "live": "check igh_open igh_cycle igh_objects memory pdo port sdo wire soem soem_odd hostile_soem",
     "segment": "dialogue link memory segment segment_faults",
     "scan": "fuzz_scan",
 }

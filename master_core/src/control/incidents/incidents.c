@@ -113,11 +113,11 @@ static void put_stem(const struct fsn_pending *p, char *stem, size_t room_bytes)
     size_t used = 0;
     fsn_utc_text(p->now_ns, utc);
     snprintf(whole, sizeof whole, "incident-%.19sZ-%s", utc, subject_of(p));
+    char last = 0;
     for (const char *c = whole; *c != 0 && used + 1 < room_bytes; c++) {
-        if (is_plain(*c)) {
-            stem[used++] = *c;
-        } else if (stem[used - 1] != '_') { /* it begins with "incident" */
-            stem[used++] = '_';
+        if (is_plain(*c) || last != '_') {
+            last = is_plain(*c) ? *c : '_';
+            stem[used++] = last;
         }
     }
     stem[used] = 0;
