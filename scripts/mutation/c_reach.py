@@ -21,13 +21,15 @@ from .c_syntax import function_lines
 
 # Test programs by part; what is named nowhere counts for all.
 _PROGRAMS = {
-    "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire fuzz_wire",
+    "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire "
+    "wire_time fuzz_wire",
     "plan-loader": "activate copy fields memory plan rules fuzz_plan",
-    "core": "access activate acyclic check cycle igh_open igh_cycle igh_objects memory outputs plan record snapshot thread "
-    "wire",
+    "core": "access activate acyclic check cycle igh_open igh_cycle igh_objects memory "
+    "outputs plan record snapshot thread wire wire_time",
     "control": "control incident jobs lease listen master memory replies server stream watch "
     "fuzz_control",
-    "live": "check igh_open igh_cycle igh_objects memory pdo port sdo wire soem soem_odd hostile_soem",
+    "live": "check igh_open igh_cycle igh_objects memory pdo port sdo wire wire_time soem "
+    "soem_odd hostile_soem",
     "segment": "dialogue link memory segment segment_faults",
     "scan": "fuzz_scan",
 }

@@ -63,8 +63,7 @@ void esc_sm_before_read(struct esc *esc, uint16_t address, uint16_t size_bytes) 
         struct esc_buffer *b = &esc->buffers[sm->number];
         /* The newest set is taken when its first byte is read, so that a set read in several
          * datagrams is whole. */
-        if (b->fresh && sm->from_device && !sm->mailbox && touches(sm, address, size_bytes) &&
-            holds(address, size_bytes, sm->start)) {
+        if (b->fresh && sm->from_device && !sm->mailbox && holds(address, size_bytes, sm->start)) {
             const uint32_t size = sm->length < b->size_bytes ? sm->length : b->size_bytes;
             if ((uint32_t)sm->start + size <= ESC_MEMORY_BYTES) {
                 memcpy(esc->memory + sm->start, b->device, size);
@@ -77,7 +76,7 @@ void esc_sm_before_read(struct esc *esc, uint16_t address, uint16_t size_bytes) 
 void esc_sm_after_read(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     for (unsigned n = 0; n < esc->sm_count; n++) {
         const struct esc_sm *sm = &esc->sms[n];
-        if (sm->mailbox && sm->from_device && touches(sm, address, size_bytes) &&
+        if (sm->mailbox && sm->from_device &&
             holds(address, size_bytes, sm->start + sm->length - 1u)) {
             *status(esc, sm->number) &= (uint8_t)~SM_FULL;
             esc_mailbox_out(esc);
@@ -103,8 +102,7 @@ static void outputs_written(struct esc *esc, const struct esc_sm *sm) {
 void esc_sm_after_write(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     for (unsigned n = 0; n < esc->sm_count; n++) {
         const struct esc_sm *sm = &esc->sms[n];
-        if (sm->from_device || !touches(sm, address, size_bytes) ||
-            !holds(address, size_bytes, sm->start + sm->length - 1u)) {
+        if (sm->from_device || !holds(address, size_bytes, sm->start + sm->length - 1u)) {
             continue;
         }
         if (sm->mailbox) {
