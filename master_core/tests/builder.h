@@ -72,4 +72,7 @@ uint8_t *build_with_safety(size_t *len_bytes);
 /** Pseudo random numbers that are the same on every machine. */
 uint32_t next_random(uint64_t *state);
 
+/** Descriptors of this process that are open; what a test opens it closes again. */
+int open_files(void);
+
 #endif

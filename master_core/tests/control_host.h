@@ -4,8 +4,6 @@
 #ifndef FSN_TEST_CONTROL_HOST_H
 #define FSN_TEST_CONTROL_HOST_H
 
-#include <fcntl.h>
-
 #include "control/requests/requests.h"
 #include "control/requests/stream.h"
 #include "control/server/server.h"
@@ -42,15 +40,6 @@ static const struct fsn_control_access nobody; /**< nobody else may connect */
 static inline struct fsn_control_host test_host(void (*submit)(void *, struct fsn_job *)) {
     return (struct fsn_control_host){
         .status = host_status, .request = host_grants, .submit = submit, .log = host_is_silent};
-}
-
-/** Descriptors of this process that are open; what a test opens it closes again. */
-static inline int open_files(void) {
-    int count = 0;
-    for (int fd = 0; fd < 1024; fd++) {
-        count += fcntl(fd, F_GETFD) >= 0;
-    }
-    return count;
 }
 
 #endif

@@ -2,6 +2,7 @@
 
 #include "replies_rig.h"
 
+#include <fcntl.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>

@@ -16,9 +16,12 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include "segment/segment_internal.h"
 #include "segment_rig.h"
 
 enum { FRAME_BYTES = 60 };
+
+static struct rig rig;
 
 static struct {
     int fails_in; /**< the so manyth call from now on fails; 0: none */
@@ -57,7 +60,6 @@ int ioctl(int fd, unsigned long request, ...) {
     va_start(arguments, request);
     struct ifreq *ifr = va_arg(arguments, struct ifreq *);
     va_end(arguments);
-    (void)fd;
     if (request != SIOCGIFFLAGS && fails()) {
         return -1;
     }
@@ -70,6 +72,7 @@ int ioctl(int fd, unsigned long request, ...) {
     } else {
         CHECK(request == SIOCGIFFLAGS);
         CHECK(strcmp(ifr->ifr_name, "a") == 0 || strcmp(ifr->ifr_name, "b") == 0);
+        CHECK(fd == rig.segment->sockets[ifr->ifr_name[0] == 'b']);
         ifr->ifr_flags = (short)(IFF_UP | (atomic_load(&os.running) ? IFF_RUNNING : 0));
     }
     return 0;
@@ -99,8 +102,6 @@ ssize_t send(int fd, const void *bytes, size_t size, int flags) {
     }
     return sendto(fd, bytes, size, flags, NULL, 0);
 }
-
-static struct rig rig;
 
 static void begin(void) {
     rig = set_up();
@@ -265,10 +266,13 @@ static void a_ring_opens_without_a_carrier(void) {
 }
 
 int main(void) {
+    close(STDIN_FILENO); /* 0 is a descriptor like any other */
+    const int open_before = open_files();
     what_is_asked_is_checked();
     real_interfaces_are_refused();
     each_call_may_fail();
     an_answer_that_cannot_be_sent_is_counted();
     a_ring_opens_without_a_carrier();
+    CHECK(open_files() == open_before);
     return 0;
 }

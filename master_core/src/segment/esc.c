@@ -211,7 +211,7 @@ enum addressing { BY_NOTHING, BY_POSITION, BY_STATION, BY_ALL };
 static const struct {
     enum addressing by;
     bool reads, writes;
-} commands[] = {
+} commands[UINT8_MAX + 1] = {
     [CMD_APRD] = {BY_POSITION, true, false}, [CMD_APWR] = {BY_POSITION, false, true},
     [CMD_APRW] = {BY_POSITION, true, true},  [CMD_FPRD] = {BY_STATION, true, false},
     [CMD_FPWR] = {BY_STATION, false, true},  [CMD_FPRW] = {BY_STATION, true, true},
@@ -237,9 +237,6 @@ void esc_pass(struct esc *esc, struct datagram *d) {
     const uint8_t c = d->command;
     if (c >= CMD_LRD && c <= CMD_LRW) {
         esc_fmmu_pass(esc, d);
-        return;
-    }
-    if (c >= sizeof commands / sizeof commands[0]) {
         return;
     }
     const enum addressing by = commands[c].by;
