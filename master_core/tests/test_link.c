@@ -2,6 +2,7 @@
  *  system calls stand before those of libc, so no interface and no right is needed. */
 #define _GNU_SOURCE
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <linux/ethtool.h>
 #include <linux/if_packet.h>
@@ -10,16 +11,18 @@
 #include <sched.h>
 #include <stdarg.h>
 #include <stdatomic.h>
+#include <stddef.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include "segment/segment_internal.h"
 #include "segment_rig.h"
 
-enum { FRAME_BYTES = 60 };
+enum { FRAME_BYTES = 60, ETHERTYPE = 0x88A4 };
 
 static struct rig rig;
 
@@ -48,8 +51,10 @@ int socket(int domain, int type, int protocol) {
         return -1;
     }
     if (domain != AF_PACKET) {
+        CHECK(type == (SOCK_STREAM | SOCK_CLOEXEC));
         return (int)syscall(SYS_socket, domain, type, protocol);
     }
+    CHECK(type == (SOCK_RAW | SOCK_CLOEXEC) && protocol == htons(ETHERTYPE));
     CHECK(os.peers < 4 && socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) == 0);
     os.peer[os.peers++] = ends[1];
     return ends[0];
@@ -82,7 +87,14 @@ int setsockopt(int fd, int level, int name, const void *value, socklen_t size) {
     if (fails()) {
         return -1;
     }
-    CHECK(level == SOL_SOCKET || (level == SOL_PACKET && name == PACKET_IGNORE_OUTGOING));
+    const struct timeval *patience = value;
+    if (level == SOL_SOCKET) {
+        CHECK(name == SO_RCVTIMEO && size == sizeof *patience);
+        CHECK(patience->tv_sec == 0 && patience->tv_usec == 5000);
+    } else {
+        CHECK(level == SOL_PACKET && name == PACKET_IGNORE_OUTGOING);
+        CHECK(size == sizeof(int) && *(const int *)value == 1);
+    }
     return level == SOL_PACKET ? 0 : (int)syscall(SYS_setsockopt, fd, level, name, value, size);
 }
 
@@ -91,7 +103,18 @@ int bind(int fd, __CONST_SOCKADDR_ARG address, socklen_t size) {
         return -1;
     }
     const struct sockaddr *to = address.__sockaddr__;
-    return to->sa_family == AF_PACKET ? 0 : (int)syscall(SYS_bind, fd, to, size);
+    if (to->sa_family == AF_PACKET) {
+        const struct sockaddr_ll *port = (const void *)to;
+        CHECK(port->sll_protocol == htons(ETHERTYPE) && size == sizeof *port);
+        CHECK(port->sll_ifindex == (fd == rig.segment->sockets[1] ? 2 : 1));
+        return 0;
+    }
+    static const char name[] = "\0fsn-segment:?"; /* abstract */
+    const struct sockaddr_un *lock = (const void *)to;
+    CHECK(memcmp(lock->sun_path, name, sizeof name - 2) == 0);
+    CHECK(lock->sun_path[sizeof name - 2] == (fd == rig.segment->locks[1] ? 'b' : 'a'));
+    CHECK(size == offsetof(struct sockaddr_un, sun_path) + sizeof name - 1);
+    return (int)syscall(SYS_bind, fd, to, size);
 }
 
 ssize_t send(int fd, const void *bytes, size_t size, int flags) {

@@ -201,6 +201,35 @@ static void the_watchdog_takes_its_time_from_the_registers(void) {
     }
 }
 
+/** A plan may name the sync managers of the mailbox, without data, and more than a controller of
+ *  this segment has. */
+static void sync_managers_of_no_use_are_left_out(void) {
+    static const struct build_sm sm[1][2] = {{{1, 0}, {2, 8}}};
+    static const struct build build = {.subdevices = 1, .sm = sm, .cycle_ns = 1000000};
+    static const uint8_t numbers[] = {0, 1, 8, 9};
+    static const uint8_t count[8] = {0x40, 0x00, 0x1C, 0};
+    for (size_t i = 0; i < sizeof numbers; i++) {
+        struct rig rig = {.bytes = NULL};
+        uint8_t output;
+        size_t len;
+        rig.bytes = build_plan(&build, &len);
+        CHECK(fsn_plan_load(rig.bytes, len, &rig.plan, NULL) == FSN_OK);
+        rig.plan->bytes[rig.plan->offset[FSN_SEC_SM] + 4] = numbers[i];
+        CHECK(fsn_read_sm(rig.plan, 0).index == numbers[i]);
+        CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+        CHECK(write16(&rig, APWR, 0, 0x0010, 1001) == 1);
+        to_preop(&rig, 1001);
+        CHECK(sdo(&rig, count, 8) == 10 && rig.data[8] == 0x4F && rig.data[12] == 4);
+        for (uint8_t number = 1; number <= 4; number++) { /* the third one is not used */
+            const uint8_t type[8] = {0x40, 0x00, 0x1C, number};
+            CHECK(sdo(&rig, type, 8) == 10);
+            CHECK(rig.data[8] == 0x4F && rig.data[12] == (number == 3 ? 0 : number));
+        }
+        CHECK(fsn_segment_read_outputs(rig.segment, 0, &output, 0, NULL) == FSN_E_ARG);
+        tear_down(&rig);
+    }
+}
+
 /** A set of inputs is taken as a whole when its first byte is read, and only then; what reaches
  *  beyond the memory is left out. */
 static void inputs_are_taken_with_their_first_byte(void) {
@@ -510,6 +539,7 @@ int main(void) {
     a_free_place_has_a_coupler();
     what_the_plan_knows_is_shown();
     the_watchdog_takes_its_time_from_the_registers();
+    sync_managers_of_no_use_are_left_out();
     inputs_are_taken_with_their_first_byte();
     outputs_are_given_from_safeop_on();
     whole_objects_have_a_limit();
