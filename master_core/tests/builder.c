@@ -36,6 +36,26 @@ static void poke(uint8_t *at, uint32_t value) {
     }
 }
 
+static uint32_t peek(const uint8_t *at) {
+    return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
+}
+
+uint8_t *build_name(uint8_t *bytes, size_t *len, uint32_t section, uint32_t record,
+                    const char *text) {
+    const size_t size = strlen(text) + 1;
+    bytes = realloc(bytes, *len + size);
+    CHECK(bytes != NULL);
+    memcpy(bytes + *len, text, size);
+    *len += size;
+    uint8_t *strings = bytes + 32 + 16 * (SECTIONS - 1);
+    const uint32_t at = peek(strings + 8);
+    poke(bytes + peek(bytes + 32 + 16 * (section - 1) + 4) + record * record_bytes[section - 1],
+         at);
+    poke(strings + 8, at + (uint32_t)size);
+    poke(bytes + 12, (uint32_t)*len);
+    return bytes;
+}
+
 void build_fix_crc(uint8_t *bytes, size_t len) {
     poke(bytes + 16, 0);
     uint32_t crc = 0xFFFFFFFFu;

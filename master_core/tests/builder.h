@@ -56,6 +56,11 @@ struct build {
 /** Returns plan bytes to be freed by the caller; copies are sorted by destination here. */
 uint8_t *build_plan(const struct build *build, size_t *len_bytes);
 
+/** Appends a name and lets a record have it; returns the bytes, which may lie elsewhere then. The
+ *  CRC is not written. */
+uint8_t *build_name(uint8_t *bytes, size_t *len_bytes, uint32_t section, uint32_t record,
+                    const char *text);
+
 /** Writes the CRC anew after a test has changed bytes. */
 void build_fix_crc(uint8_t *bytes, size_t len_bytes);
 

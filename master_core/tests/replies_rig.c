@@ -20,28 +20,6 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
 
 /* -- the plan -------------------------------------------------------------------------------- */
 
-/** Appends a name and lets a record have it; strings are the last section. */
-static uint8_t *name(uint8_t *bytes, size_t *len, uint32_t section, uint32_t record,
-                     const char *text) {
-    const size_t size = strlen(text) + 1;
-    bytes = realloc(bytes, *len + size);
-    CHECK(bytes != NULL);
-    memcpy(bytes + *len, text, size);
-    uint8_t *row = bytes + 32 + 16 * (FSN_SEC_STRINGS - 1);
-    const uint32_t at = fsn_get32(row + 8);
-    const uint32_t count = at + (uint32_t)size;
-    *len += size;
-    const uint32_t whole = (uint32_t)*len;
-    uint8_t *field =
-        bytes + fsn_get32(bytes + 32 + 16 * (section - 1) + 4) + record * fsn_record_bytes[section];
-    for (int i = 0; i < 4; i++) {
-        field[i] = (uint8_t)(at >> (8 * i));
-        row[8 + i] = (uint8_t)(count >> (8 * i));
-        bytes[12 + i] = (uint8_t)(whole >> (8 * i));
-    }
-    return bytes;
-}
-
 static struct fsn_plan *make_plan(void) {
     static const struct build_sm sm[SUBS][2] = {
         {{1, 30}, {2, 30}}, {{1, 6}, {2, 6}}, {{1, 6}, {2, 6}}};
@@ -71,13 +49,13 @@ static struct fsn_plan *make_plan(void) {
     size_t len;
     uint8_t *bytes = build_plan(&build, &len);
     for (uint32_t i = 0; i < 7; i++) {
-        bytes = name(bytes, &len, FSN_SEC_SYMBOL, i, names[i]);
+        bytes = build_name(bytes, &len, FSN_SEC_SYMBOL, i, names[i]);
     }
-    bytes = name(bytes, &len, FSN_SEC_SUBDEVICE, 0, "logic");
-    bytes = name(bytes, &len, FSN_SEC_SUBDEVICE, 1, "door");
-    bytes = name(bytes, &len, FSN_SEC_SUBDEVICE, 2, "drive 2");
-    bytes = name(bytes, &len, FSN_SEC_CONNECTION, 0, "door safe");
-    bytes = name(bytes, &len, FSN_SEC_CONNECTION, 1, "drive safe");
+    bytes = build_name(bytes, &len, FSN_SEC_SUBDEVICE, 0, "logic");
+    bytes = build_name(bytes, &len, FSN_SEC_SUBDEVICE, 1, "door");
+    bytes = build_name(bytes, &len, FSN_SEC_SUBDEVICE, 2, "drive 2");
+    bytes = build_name(bytes, &len, FSN_SEC_CONNECTION, 0, "door safe");
+    bytes = build_name(bytes, &len, FSN_SEC_CONNECTION, 1, "drive safe");
     build_fix_crc(bytes, len);
     struct fsn_plan *plan;
     CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);

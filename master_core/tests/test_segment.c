@@ -2,7 +2,7 @@
  *  Real MainDevices on it are tests/segment/test_peers.py. */
 #include <string.h>
 
-#include "plan/plan_internal.h"
+#include "segment/segment_internal.h"
 #include "segment_rig.h"
 
 static void working_counters(void) {
@@ -197,6 +197,35 @@ static void the_watchdog_takes_its_time_from_the_registers(void) {
         }
         CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 2);
         CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x14 && code == 0x001B);
+        tear_down(&rig);
+    }
+}
+
+/** Of a long name the SII holds 200 bytes, and the next category follows it; the object holds all
+ *  of it. */
+static void long_names_are_cut(void) {
+    static const uint8_t object[8] = {0x40, 0x08, 0x10, 0};
+    char name[251];
+    for (size_t len = 199; len <= 250; len += len < 201 ? 1 : 49) {
+        struct rig rig = {.bytes = NULL};
+        size_t bytes;
+        memset(name, 'n', len);
+        name[len] = 0;
+        rig.bytes = build_estop(&bytes);
+        rig.bytes = build_name(rig.bytes, &bytes, FSN_SEC_SUBDEVICE, 0, name);
+        build_fix_crc(rig.bytes, bytes);
+        CHECK(fsn_plan_load(rig.bytes, bytes, &rig.plan, NULL) == FSN_OK);
+        CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+        const uint8_t *sii = rig.segment->siis[0] + 0x80;
+        const size_t shown = len < 200 ? len : 200;
+        const size_t words = (2 + shown + 1) / 2;
+        CHECK(fsn_get16(sii) == 10 && fsn_get16(sii + 2) == words);
+        CHECK(sii[4] == 1 && sii[5] == shown && memcmp(sii + 6, name, shown) == 0);
+        CHECK(shown % 2 == 0 || sii[6 + shown] == 0);
+        CHECK(fsn_get16(sii + 4 + 2 * words) == 30);
+        CHECK(write16(&rig, APWR, 0, 0x0010, 1001) == 1);
+        to_preop(&rig, 1001);
+        CHECK(sdo(&rig, object, 8) == 122 && rig.data[8] == 0x41 && rig.data[12] == len);
         tear_down(&rig);
     }
 }
@@ -539,6 +568,7 @@ int main(void) {
     a_free_place_has_a_coupler();
     what_the_plan_knows_is_shown();
     the_watchdog_takes_its_time_from_the_registers();
+    long_names_are_cut();
     sync_managers_of_no_use_are_left_out();
     inputs_are_taken_with_their_first_byte();
     outputs_are_given_from_safeop_on();

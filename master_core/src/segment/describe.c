@@ -1,4 +1,6 @@
 /** What an emulated SubDevice says of itself: SII and object dictionary, made from the plan. */
+#define _GNU_SOURCE
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -51,7 +53,7 @@ static void end_category(struct writer *w, size_t start) {
 
 static void put_strings(struct writer *w, const char *name) {
     const size_t start = begin_category(w, 10);
-    const size_t len = strlen(name) < 200 ? strlen(name) : 200;
+    const size_t len = strnlen(name, 200);
     put8(w, 1);
     put8(w, (uint32_t)len);
     for (size_t i = 0; i < len; i++) {
