@@ -14,13 +14,28 @@ struct objects {
     uint32_t abort_code;
     uint16_t value;
     uint32_t transfers;
-    uint16_t index;
+    char made[200]; /**< index and subindex of each transfer, and what it writes */
 };
 
-static fsn_status answer(struct objects *o, struct fsn_transfer *t) {
+static void note(char *made, size_t room, const struct fsn_transfer *t, bool writes) {
+    size_t used = strlen(made);
+    used += (size_t)snprintf(made + used, room - used, " %x:%x", t->index, t->sub);
+    for (uint32_t i = 0; writes && i < t->size_bytes; i++) {
+        used += (size_t)snprintf(made + used, room - used, "%s%02x", i == 0 ? "=" : "", t->data[i]);
+    }
+}
+
+static void same(const char *got, const char *expected) {
+    if (strcmp(got, expected) != 0) {
+        fprintf(stderr, "got      %s\nexpected %s\n", got, expected);
+        exit(1);
+    }
+}
+
+static fsn_status answer(struct objects *o, struct fsn_transfer *t, bool writes) {
     CHECK(t->position == POSITION && t->data != NULL);
     o->transfers++;
-    o->index = t->index;
+    note(o->made, sizeof o->made, t, writes);
     t->abort_code = o->abort_code;
     return o->status;
 }
@@ -28,16 +43,17 @@ static fsn_status answer(struct objects *o, struct fsn_transfer *t) {
 static fsn_status upload(void *bus, struct fsn_transfer *t) {
     struct objects *o = bus;
     if (o->status == FSN_OK) {
-        CHECK(t->size_bytes == 8);
+        static const uint8_t zeros[8];
+        CHECK(t->size_bytes == 8 && memcmp(t->data, zeros, 8) == 0);
         t->data[0] = (uint8_t)o->value;
         t->data[1] = (uint8_t)(o->value >> 8);
         t->size_bytes = 2;
     }
-    return answer(o, t);
+    return answer(o, t, false);
 }
 
 static fsn_status download(void *bus, struct fsn_transfer *t) {
-    return answer(bus, t);
+    return answer(bus, t, true);
 }
 
 static struct fsn_objects reach(struct objects *o) {
@@ -45,11 +61,15 @@ static struct fsn_objects reach(struct objects *o) {
         .bus = o, .position = POSITION, .upload = upload, .download = download};
 }
 
-/** A plan with one SDO of its last SubDevice; its connection knows its FSoE address. */
+/** A plan with two SDOs of its last SubDevice; its connection knows its FSoE address. */
 static struct fsn_plan *load(void) {
+    static const struct build_sm sm[2][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}};
+    static const struct build_copy pair[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}};
+    const struct build build = {
+        .subdevices = 2, .sm = sm, .copies = pair, .pairs = 1, .sdo_count = 2};
     struct fsn_plan *plan;
     size_t len;
-    uint8_t *bytes = build_full(&len);
+    uint8_t *bytes = build_plan(&build, &len);
     uint8_t *connection = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_CONNECTION - 1) + 4);
     connection[26] = 7; /* its address */
     connection[30] |= KNOWN_ADDRESS;
@@ -70,7 +90,8 @@ static void identities_are_compared(void) {
     CHECK(!fsn_check_identity(&info, 2, 3, 21, detail));
     CHECK(!fsn_check_identity(&info, 1, 3, 10, detail));
     CHECK(!fsn_check_identity(&info, 2, 4, 10, detail));
-    CHECK(strstr(detail, "product 0x00000004 revision 0x0000000a, the plan says") != NULL);
+    same(detail, "found vendor 0x00000002 product 0x00000004 revision 0x0000000a, the plan says "
+                 "0x00000002 0x00000003 0x0000000a to 0x00000014");
 }
 
 static void who_takes_no_sdo_says_why(struct fsn_plan *plan) {
@@ -78,16 +99,22 @@ static void who_takes_no_sdo_says_why(struct fsn_plan *plan) {
     char detail[FSN_DETAIL_BYTES];
     struct objects objects = {.status = FSN_OK};
     const struct fsn_objects reached = reach(&objects);
-    CHECK(fsn_plan_subdevice(plan, SUB, &info) == FSN_OK && info.sdo_count == 1);
-    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_OK && objects.transfers == 1);
+    CHECK(fsn_plan_subdevice(plan, SUB, &info) == FSN_OK && info.sdo_count == 2);
+    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_OK && objects.transfers == 2);
+    same(objects.made, " 8000:1=78563412 8001:1=78563412");
     CHECK(fsn_check_sdos(plan, &info, NULL, detail) == FSN_E_BUS_SDO);
-    CHECK(strstr(detail, "is to be written, but it has no CoE") != NULL);
+    same(detail, "0x8000:01 is to be written, but it has no CoE");
     objects = (struct objects){.status = FSN_E_BUS_SDO, .abort_code = 0x06090030};
     CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_SDO);
-    CHECK(strstr(detail, ": abort code 0x06090030 value out of range") != NULL);
+    same(detail, "0x8000:01: abort code 0x06090030 value out of range");
     objects = (struct objects){.status = FSN_E_BUS_MISSING};
     CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_SDO);
-    CHECK(strcmp(detail + strlen(detail) - strlen(": no answer"), ": no answer") == 0);
+    same(detail, "0x8000:01: no answer");
+    CHECK(objects.transfers == 1);
+    info.first_sdo++;
+    info.sdo_count--;
+    CHECK(fsn_check_sdos(plan, &info, NULL, detail) == FSN_E_BUS_SDO);
+    same(detail, "0x8001:01 is to be written, but it has no CoE");
     info.sdo_count = 0;
     CHECK(fsn_check_sdos(plan, &info, NULL, detail) == FSN_OK);
 }
@@ -100,13 +127,18 @@ static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
     struct objects objects = {.status = FSN_OK, .value = c.address};
     const struct fsn_objects reached = reach(&objects);
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && readable);
-    CHECK(objects.transfers == 1 && objects.index == 0xF980);
+    same(objects.made, " f980:1");
     CHECK(fsn_check_address(plan, 1 - SUB, &reached, &readable, detail) == FSN_OK && !readable);
     CHECK(fsn_check_address(plan, SUB, NULL, &readable, detail) == FSN_OK && !readable);
     CHECK(objects.transfers == 1);
-    objects.value++;
+    objects.value = 0x0108; /* of 8 addresses at most each is the same wrong one */
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_ADDRESS);
-    CHECK(readable && strstr(detail, "it has FSoE address ") == detail);
+    CHECK(readable);
+    same(detail, "it has FSoE address 264, the plan says 7");
+    same(objects.made, " f980:1 f980:1 f980:0 f980:2 f980:3 f980:4 f980:5 f980:6 f980:7 f980:8");
+    objects = (struct objects){.status = FSN_OK, .value = 0xFF};
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_ADDRESS);
+    CHECK(objects.transfers == 2 + 15); /* no more than 16 are believed */
     objects.status = FSN_E_BUS_MISSING;
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && !readable);
 }
@@ -120,8 +152,11 @@ struct dictionary {
     } row[8];
 };
 
+static char looked_up[200];
+
 static fsn_status look_up(void *bus, struct fsn_transfer *t) {
     const struct dictionary *d = bus;
+    note(looked_up, sizeof looked_up, t, false);
     for (size_t i = 0; i < sizeof d->row / sizeof d->row[0]; i++) {
         if (d->row[i].index == t->index && d->row[i].sub == t->sub) {
             t->data[0] = (uint8_t)d->row[i].value;
@@ -142,18 +177,34 @@ static void address_is_found_where_the_device_has_it(struct fsn_plan *plan) {
         struct dictionary objects;
         fsn_status status;
         bool readable;
+        const char *made;
     } rows[] = {
         /* Two SubInstances in one SubDevice. */
-        {{{{0xF980, 0, 2}, {0xF980, 1, other}, {0xF980, 2, own}}}, FSN_OK, true},
-        {{{{0xF980, 0, 1}, {0xF980, 1, other}, {0xF980, 2, own}}}, FSN_E_BUS_ADDRESS, true},
-        {{{{0xF980, 1, other}}}, FSN_E_BUS_ADDRESS, true},
+        {{{{0xF980, 0, 2}, {0xF980, 1, other}, {0xF980, 2, own}}},
+         FSN_OK,
+         true,
+         " f980:1 f980:0 f980:2"},
+        {{{{0xF980, 0, 1}, {0xF980, 1, other}, {0xF980, 2, own}}},
+         FSN_E_BUS_ADDRESS,
+         true,
+         " f980:1 f980:0"},
+        {{{{0xF980, 1, other}}}, FSN_E_BUS_ADDRESS, true, " f980:1 f980:0"},
         /* Only the module of its frame, mapped from 0x6000, tells it. */
-        {{{{0x9001, 0, 8}, {0x9001, 2, own}}}, FSN_OK, true},
-        {{{{0x9001, 0, 4}, {0x9001, 2, other}}}, FSN_E_BUS_ADDRESS, true},
-        {{{{0x9001, 0, 3}, {0x9001, 2, other}}}, FSN_OK, false}, /* something else */
-        {{{{0x9011, 0, 8}, {0x9011, 2, other}}}, FSN_OK, false}, /* another module */
-        {{{{0x9001, 0, 8}}}, FSN_OK, false},
-        {{{{0x9001, 0, 8}, {0x9001, 2, 0}}}, FSN_OK, false}, /* before the first connection */
+        {{{{0x9001, 0, 8}, {0x9001, 2, own}}}, FSN_OK, true, " f980:1 9001:0 9001:2"},
+        {{{{0x9001, 0, 4}, {0x9001, 2, other}}}, FSN_E_BUS_ADDRESS, true, " f980:1 9001:0 9001:2"},
+        {{{{0x9001, 0, 3}, {0x9001, 2, other}}},
+         FSN_OK,
+         false,
+         " f980:1 9001:0"}, /* something else */
+        {{{{0x9011, 0, 8}, {0x9011, 2, other}}},
+         FSN_OK,
+         false,
+         " f980:1 9001:0"}, /* another module */
+        {{{{0x9001, 0, 8}}}, FSN_OK, false, " f980:1 9001:0 9001:2"},
+        {{{{0x9001, 0, 8}, {0x9001, 2, 0}}},
+         FSN_OK,
+         false,
+         " f980:1 9001:0 9001:2"}, /* before the first connection */
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         struct dictionary objects = rows[i].objects;
@@ -162,6 +213,8 @@ static void address_is_found_where_the_device_has_it(struct fsn_plan *plan) {
         char detail[FSN_DETAIL_BYTES];
         CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == rows[i].status);
         CHECK(readable == rows[i].readable);
+        same(looked_up, rows[i].made);
+        looked_up[0] = 0;
     }
 }
 
