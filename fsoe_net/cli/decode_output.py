@@ -41,7 +41,8 @@ class _Parts:
     def of(self, row: DecodedFrame) -> tuple[str, str]:
         _, _, names, number, direction, frame, _, state, _, _ = row
         data = safe_data_of(frame)
-        key = number, direction, frame[0], data, state, frame[-2:], id(names)
+        name = None if names is None else names.name
+        key = number, direction, frame[0], data, state, frame[-2:], name
         texts = self._known.get(key)
         if texts is None:
             if len(self._known) >= _MOST_PARTS:

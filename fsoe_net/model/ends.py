@@ -100,13 +100,13 @@ def find_end(endpoint: Endpoint, sub: SubDevice | None) -> ResolvedEnd:
         complete = all(sm.complete for sm in layout.managers)
         miss = Miss.ENTRY if complete else Miss.LAYOUT
         return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=miss)
-    sm, placed = found
+    sm, placed, block = found
     return ResolvedEnd(
         endpoint=endpoint,
         subdevice=sub,
         sm=sm,
         placed=placed,
-        block=sm.block_at(placed.bit_offset),
+        block=block,
         miss=_doubt(sm, placed),
     )
 

@@ -177,13 +177,17 @@ class DeviceLayout:
         return tuple(block for sm in self.managers for block in sm.blocks)
 
     @cached_property
-    def by_address(self) -> Mapping[tuple[int, int], tuple[SmLayout, Placed]]:
-        """Each entry by index and subindex, in the first place that has it: a driver gets that."""
-        found: dict[tuple[int, int], tuple[SmLayout, Placed]] = {}
+    def by_address(self) -> Mapping[tuple[int, int], tuple[SmLayout, Placed, FsoeBlock | None]]:
+        """Each entry by index and subindex, in the first place that has it: a driver gets that.
+
+        With it the frame that the entry lies in.
+        """
+        found: dict[tuple[int, int], tuple[SmLayout, Placed, FsoeBlock | None]] = {}
         for sm in self.managers:
             for placed in sm.placed:
-                if not placed.entry.is_gap:
-                    found.setdefault((placed.entry.index, placed.entry.subindex), (sm, placed))
+                key = (placed.entry.index, placed.entry.subindex)
+                if not placed.entry.is_gap and key not in found:
+                    found[key] = (sm, placed, sm.block_at(placed.bit_offset))
         return found
 
     @cached_property

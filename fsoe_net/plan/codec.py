@@ -116,14 +116,14 @@ def _packed(record: Record, rows: Iterable[object], strings: _Strings) -> Iterat
     values_of: Callable[[Any], Iterable[Any]] = _VALUES.get(record.name, attrgetter(*names))
     texts = [n for n, field in enumerate(record.named) if field.type == "string"]
     pack = record.layout.pack
-    known: dict[int, bytes] = {}  # SubDevices of one type share their entries
+    known: dict[object, bytes] = {}  # SubDevices of one type have equal entries
     for row in rows:
-        packed = known.get(id(row))
+        packed = known.get(row)
         if packed is None:
             values = list(values_of(row))
             for n in texts:
                 values[n] = strings.add(values[n])
-            packed = known[id(row)] = pack(*values)
+            packed = known[row] = pack(*values)
         yield packed
 
 

@@ -201,15 +201,15 @@ def _sdo(sdo: PlanSdo) -> str:
 
 
 def _process_data(plan: Plan) -> Iterator[str]:
-    known: dict[int, str] = {}  # thousands of SubDevices of one type share their entries
+    known: dict[PlanEntry, str] = {}  # thousands of SubDevices of one type have equal entries
     for sm in plan.sync_managers:
         yield (f"sm {_place(sm)} direction={sm.direction} watchdog={sm.watchdog} bits={sm.bits}")
         for pdo in plan.pdos[sm.first_pdo : sm.first_pdo + sm.pdo_count]:
             yield f"pdo 0x{pdo.index:04x}"
             for entry in plan.entries[pdo.first_entry : pdo.first_entry + pdo.entry_count]:
-                line = known.get(id(entry))
+                line = known.get(entry)
                 if line is None:
-                    line = known[id(entry)] = _entry(entry)
+                    line = known[entry] = _entry(entry)
                 yield line
     for block in sorted(plan.blocks, key=lambda b: (b.sm, b.byte_offset)):
         yield (

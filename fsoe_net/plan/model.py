@@ -83,11 +83,10 @@ class PlanPdo(NamedTuple):
     bit_offset: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanEntry:
+class PlanEntry(NamedTuple):
     """One entry; ``kind`` 0 bits, 1 bool, 2 signed, 3 unsigned, 4 floating point."""
 
-    index: int
+    index: int  # type: ignore[assignment]
     subindex: int
     registered: bool
     bits: int
