@@ -16,6 +16,7 @@ time was over, 125 where the mutant cannot be put in place in a process with col
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import importlib
 import json
@@ -26,6 +27,7 @@ import shutil
 import signal
 import sys
 import traceback
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,6 +55,8 @@ class Chooser:
         self.seconds: dict[str, float] = {}
         self.begin = 0.0
         self.failed: set[str] = set()
+        # Lines that commands of a test ran: the test, a file, lines of it.
+        self.called: list[tuple[str, str, list[int]]] = []
 
     def pytest_collection(self, session: object) -> None:
         """Load the profile after the conftest loaded its own, before a test module is imported."""
@@ -84,6 +88,7 @@ class Chooser:
     def pytest_runtest_logstart(self, nodeid: str, location: object) -> None:
         """What is covered from here on is covered by this test."""
         self.begin = _spent()
+        self.test = nodeid
         if self.cov is not None:
             self.cov.switch_context(nodeid)
 
@@ -94,19 +99,45 @@ class Chooser:
             self.failed.add(report.nodeid)
             (Path(self.request["work"]) / "failed").write_text(report.nodeid, "utf-8")
 
+    def run_command(self, request: str) -> int:
+        """Run a command of a test in a fork, where a mutant is in its place; its exit code."""
+        tool, lines = sys.modules["cli.tool"], Path(self.request["work"]) / "called"
+        child = os.fork()
+        if child == 0:
+            # What this process does at its end is not the fork's to do.
+            atexit._clear()
+            if self.cov is not None:
+                atexit.register(self._write_called, lines)
+            tool._run(json.loads(request), sys.modules["fsoe_net.cli.main"].main)
+        _, status = os.waitpid(child, 0)
+        if self.cov is not None and lines.is_file():
+            rows = json.loads(lines.read_text("utf-8"))
+            self.called += [(self.test, file, numbers) for file, numbers in rows.items()]
+            lines.unlink()
+        return os.waitstatus_to_exitcode(status)
+
+    def _write_called(self, path: Path) -> None:
+        self.cov.stop()
+        data = self.cov.get_data()
+        path.write_text(json.dumps({f: data.lines(f) for f in data.measured_files()}), "utf-8")
+
     def write_covered(self) -> None:
         """Write which tests ran which lines: files with lines with indices of tests."""
         self.cov.stop()
         data = self.cov.get_data()
         names = list(self.seconds)
         index = {name: i for i, name in enumerate(names)}
-        lines = {}
-        for file in sorted(data.measured_files()):
-            rows = {
-                line: sorted(index[c] for c in contexts if c in index)
-                for line, contexts in data.contexts_by_lineno(file).items()
-            }
-            lines[os.path.relpath(file)] = {line: tests for line, tests in rows.items() if tests}
+        found = defaultdict(lambda: defaultdict(set))
+        for file in data.measured_files():
+            for line, contexts in data.contexts_by_lineno(file).items():
+                found[file][line].update(index[c] for c in contexts if c in index)
+        for test, file, numbers in self.called:
+            for line in numbers:
+                found[file][line].add(index[test])
+        lines = {
+            os.path.relpath(file): {line: sorted(tests) for line, tests in rows.items() if tests}
+            for file, rows in sorted(found.items())
+        }
         document = {
             "tests": names,
             "seconds": [round(self.seconds[name], 4) for name in names],
@@ -131,6 +162,9 @@ class Waiting(Chooser):
 
     def pytest_runtestloop(self, session: object) -> None:
         """Answer requests here; returns in a fork only."""
+        if tool := sys.modules.get("cli.tool"):
+            tool.load()
+            tool._ask = self.run_command
         if not self.serve(self.prepare):
             os._exit(0)
         super().pytest_runtestloop(session)

@@ -58,13 +58,18 @@ def _ask(request: str) -> int:
     return int(_server.stdout.readline())
 
 
-def serve() -> None:
-    """Answer requests on standard input until it ends."""
+def load() -> None:
+    """Import all commands."""
     import fsoe_net.cli
 
     modules = [row.name for row in iter_modules(fsoe_net.cli.__path__) if row.name != "__main__"]
     for name in modules:
         import_module(f"fsoe_net.cli.{name}")
+
+
+def serve() -> None:
+    """Answer requests on standard input until it ends."""
+    load()
     for line in sys.stdin:
         child = os.fork()
         if child == 0:
