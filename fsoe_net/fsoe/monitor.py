@@ -208,7 +208,7 @@ class Monitor:
     def _clear(self) -> None:
         """§3: at every Reset, right or wrong, and when the main starts a session."""
         for side in self._sides:
-            side.own, side.sequence, side.guess = None, 1, 0
+            side.own, side.sequence = None, 1
         self._last_crc, self._last_direction, self._lost = 0, None, False
 
     def _session(self, direction: int, pdu: Pdu) -> CrcVerdict:
@@ -278,7 +278,7 @@ class Monitor:
             return CrcVerdict.WRONG  # the blocks do not fit each other, whatever the chain is
         if not found:
             return CrcVerdict.UNCHECKED
-        side.sequence, side.guess = side.guess, 0
+        side.sequence = side.guess
         self.gaps += self._lost
         self._lost = False
         return CrcVerdict.RIGHT

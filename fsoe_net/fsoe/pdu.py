@@ -126,7 +126,7 @@ def safe_data_length(pdu_bytes: int) -> int:
     """
     if not is_frame_length(pdu_bytes):
         raise _no_frame(pdu_bytes)
-    return 1 if pdu_bytes == 6 else (pdu_bytes - 3) // 2
+    return 1 if pdu_bytes == 6 else pdu_bytes // 2 - 1
 
 
 def _no_frame(pdu_bytes: int) -> PduSizeError:
@@ -186,7 +186,7 @@ def assemble(command: int, data: bytes, crcs: tuple[int, ...], connection_id: in
     if len(crcs) != (len(data) + 1) // 2:
         raise PduSizeError(f"{counted(len(crcs), 'CRC')} for {len(data)} safe data bytes")
     if len(crcs) == 1:
-        return layout.pack(command, data, crcs[0], connection_id)
+        return layout.pack(command, data, *crcs, connection_id)
     in_turn: list[bytes | int] = [0] * (2 * len(crcs))
     in_turn[0::2], in_turn[1::2] = _SAFE_DATA[len(data)].unpack(data), crcs
     return layout.pack(command, *in_turn, connection_id)
@@ -196,7 +196,7 @@ def safe_data_of(frame: bytes) -> bytes:
     """Return the safe data of a frame without taking the rest apart; no length is checked."""
     if len(frame) <= 7:
         return frame[1:-4]
-    data = bytearray((len(frame) - 3) // 2)
+    data = bytearray(len(frame) // 2 - 1)
     data[0::2], data[1::2] = frame[1:-2:4], frame[2:-2:4]
     return bytes(data)
 

@@ -1,5 +1,6 @@
 """The C monitor and the Python one, given the same frames, must say the same."""
 
+import copy
 import random
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
 from fsoe_net.errors import PduSizeError
+from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
 from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
 from fsoe_net.fsoe.pdu import SAFE_SIZES, decode_pdu, frame_length
@@ -87,6 +89,36 @@ def test_whole_life_is_right(out, inn, seed):
     for way, frame in frames_of(out, inn, 60, seed):
         assert both.frame(way, frame) is CrcVerdict.RIGHT
     assert both.python.gaps == 0
+
+
+def test_a_collision_while_the_number_is_searched_for():
+    """The second frame of a direction has one number more than expected, and its own reason."""
+    main, sub = Chain(tx_sequence=5, rx_sequence=5), Chain(tx_sequence=5, rx_sequence=5)
+
+    def sent(chain, other, data):
+        frame = chain.send(0x36, data, 10)
+        assert other.receive(decode_pdu(frame))
+        return frame
+
+    rows = [(TO_SUB, sent(main, sub, b"\1\2")), (TO_MAIN, sent(sub, main, b"\3\4"))]
+    rows += [(TO_SUB, sent(main, sub, b"\5\6")), (TO_MAIN, sent(sub, main, b"\7\0"))]
+    data = next(
+        data
+        for data in (n.to_bytes(2, "little") for n in range(0x10000))
+        if frame_crcs(main.last, 10, main.tx_sequence, 0x36, data)[0] == main.own
+    )
+    other = bytes((data[0] ^ 1, data[1]))
+    for last, verdict in ((data, CrcVerdict.RIGHT), (other, CrcVerdict.RIGHT)):
+        both = Both(2, 2)
+        seen = [both.frame(*row) for row in rows]
+        assert seen == [CrcVerdict.UNCHECKED] * 3 + [CrcVerdict.RIGHT]
+        assert both.frame(TO_SUB, sent(copy.copy(main), copy.copy(sub), last)) is verdict
+    skips = copy.copy(main)
+    skips.tx_sequence += 1
+    both = Both(2, 2)
+    for row in rows:
+        both.frame(*row)
+    assert both.frame(TO_SUB, skips.send(0x36, other, 10)) is CrcVerdict.UNCHECKED
 
 
 @given(sizes, sizes, st.integers(0, 99), st.integers(0, 100))

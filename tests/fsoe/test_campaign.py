@@ -1,5 +1,8 @@
 """Campaigns: every class on our own ends, ends with one thing forgotten, numbers that add up."""
 
+from collections import Counter
+from dataclasses import replace
+
 import pytest
 from fsoe.devices import (
     ignores_address,
@@ -14,9 +17,21 @@ from fsoe.links import DRAWN, SIZES, make_config, make_link
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.campaign import trials as campaign_module
+from fsoe_net.fsoe.campaign.bit_errors import bit_error_count
 from fsoe_net.fsoe.campaign.shrink import shrink
-from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, merge, run_trials
+from fsoe_net.fsoe.campaign.trials import (
+    _SUMS,
+    CampaignConfig,
+    ClassResult,
+    Failure,
+    Shown,
+    Trials,
+    merge,
+    run_trials,
+    trial_count,
+)
 from fsoe_net.fsoe.campaign.walk import TrialConnection
+from fsoe_net.fsoe.campaign.witness import Collision
 from fsoe_net.fsoe.pdu import Command, decode_pdu
 from fsoe_net.fsoe.recording.replay import replay
 
@@ -99,6 +114,36 @@ def test_trials_are_dealt_out_to_the_connections():
     assert [work.case(n).link for n in (0, 1, 2, 3)] == [*links, links[0]]
     seen = [n % 3 for n in order]
     assert seen == sorted(seen)
+
+
+def test_parts_are_put_together(said):
+    proof = Collision(end="sub", frame=b"\1", right=b"\2", old_crc=3, sequence=4)
+    parts = [
+        ClassResult(
+            name="loss",
+            **{key: n * 10 + k for k, key in enumerate(_SUMS)},
+            codes=Counter({5: n, -1: 1}),
+            latency_min_ns=None if n == 2 else 100 * n,
+            latency_max_ns=1000 - n,
+            latency_max_share=0.1 * n,
+            expected=0.1 * n,
+            failures=[Failure(trial=9 * k - n, link="a", reason=f"r{n}{k}") for k in range(2)],
+            shown=[Shown(trial=9 - n, link="a", proof=proof)],
+        )
+        for n in (1, 2, 3)
+    ]
+    assert merge(parts) == merge(parts[::-1])
+    said.add(f"three parts: {merge(parts)}")
+
+
+def test_bit_errors_of_each_pair_of_sizes_are_tried_once():
+    links = tuple(replace(make_link(*s), name=n) for n, s in (("a", (1, 1)), ("b", (1, 1))))
+    config = CampaignConfig(links=(*links, make_link(1, 2)))
+    count = trial_count(config, "bit_errors", 0)
+    assert count == bit_error_count(links[0]) + bit_error_count(make_link(1, 2))
+    work = Trials(config, "bit_errors")
+    assert [work.case(n).link.name for n in (0, count - 1)] == ["a", "link 1x2"]
+    assert list(work.order(range(3, 6))) == [3, 4, 5]
 
 
 def test_results_that_do_not_belong_together():

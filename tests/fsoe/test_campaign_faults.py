@@ -159,6 +159,31 @@ def test_bit_errors_are_all_different_and_complete():
     assert all(mask < 1 << 8 * frame_length(link.sizes[way]) for way, mask in rows)
 
 
+def test_where_the_kinds_of_bit_errors_begin_and_end(said):
+    """A direction after the other; within each block first, then one and two bits anywhere."""
+    for sizes in ((1, 1), (1, 4), (4, 6)):
+        link = make_link(*sizes)
+        count = bit_error_count(link)
+        said.add(f"{count} bit errors of {sizes}")
+        bits = {1: 24}
+        one = [sum(math.comb(bits.get(size, 32), n) for n in range(1, 6)) for size in sizes]
+        edges = {0, count, *(k * n for k in (1, 2) for n in one)}
+        near = {edge + by for edge in edges for by in (-2, -1, 0, 1, 2)}
+        near |= {count - n for n in near}
+        for number in sorted(n for n in near if 0 <= n < count):
+            way, mask = bit_error(link, number)
+            said.add(f"bit error {number} of {sizes}: {way.name} {mask:x}")
+
+
+def test_a_torn_copy_holds_the_frame_that_became_visible_last():
+    channel = _channel()
+    while channel.sent[Way.TO_SUB][-1][0] != channel.cycle:
+        channel.turn()
+    image = b"\1\2\3\4\5\6\7"
+    torn = Torn(way=Way.TO_SUB, start=channel.cycle, until=channel.cycle + 1, head_bytes=3)
+    assert torn.apply(channel, image) == image[:3] + channel.newest(Way.TO_SUB)[3:]
+
+
 def test_long_frames_take_the_patterns_in_turn():
     link = make_link(6, 6)
     hit = {(bit_error(link, n)[1].bit_length() - 9) // 32 for n in range(500, 800)}

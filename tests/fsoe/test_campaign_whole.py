@@ -6,6 +6,8 @@ A trial depends on connections, class, seed and number only, so what was read on
 from __future__ import annotations
 
 import pytest
+from changed import compare
+from fsoe.devices import strange_sub
 from fsoe.links import make_link
 from said import Said
 
@@ -33,6 +35,28 @@ def test_each_fault_and_what_becomes_of_it(name: str, said: Said) -> None:
         case, found = work.run(number)
         said.add(f"{name} {number}: {drawn(case)}")
         said.add(f"{name} {number}: {found}")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_change_that_is_drawn(name: str) -> None:
+    """Points and faults of many runs; a foreign end is brought to a point by a run of its own."""
+    foreign = CampaignConfig(links=(make_link(1, 2, sub_factory=strange_sub),), seed=5)
+    numbers = {CONFIG: range(0, 30_000, 97), foreign: range(0, 9_000, 1100)}
+    rows = []
+    for config, chosen in numbers.items():
+        work = Trials(config, name)
+        for number in chosen:
+            case = work.case(number)
+            scene = case.scene
+            place = (scene.channel.cycle, scene.way, scene.frame.hex(), scene.in_data, scene.index)
+            times = (scene.watchdog_cycles, scene.startup_cycles, len(scene.frames))
+            rows.append((f"{case.link.name} {number}", f"{place} {times} {drawn(case)}"))
+    compare(__file__, f"drawn {name}", rows)
+
+
+def test_the_catalogue_for_people(said: Said) -> None:
+    for row in CATALOGUE.values():
+        said.add(f"{row.name}: {row.kind}; {row.text}; {row.tolerable} {row.startup_share}")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.fsoe.chain import Chain, advance
+from fsoe_net.fsoe.chain import Chain, advance, is_whole
 from fsoe_net.fsoe.crc import frame_crcs
 from fsoe_net.fsoe.pdu import decode_pdu
 
@@ -33,6 +33,16 @@ def _pair(sequence: int = 1) -> tuple[Chain, Chain]:
 
 def test_advance():
     assert [advance(n) for n in (1, 2, 65534, 65535)] == [2, 3, 65535, 1]
+
+
+@pytest.mark.parametrize("size", [1, 2, 4, 126])
+def test_blocks_that_fit_each_other(size):
+    """Whatever the frame before was: the number is solved for, and old 0 will do."""
+    frame = Chain(last=0x1234, tx_sequence=77).send(0x36, bytes(range(size)), 10)
+    assert is_whole(decode_pdu(frame))
+    for at in (1, len(frame) - 5):
+        bad = frame[:at] + bytes((frame[at] ^ 0x40,)) + frame[at + 1 :]
+        assert is_whole(decode_pdu(bad)) is (size <= 2)
 
 
 def test_start_values_and_clear():

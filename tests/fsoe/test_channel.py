@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.campaign.channel import BACK, Application, Channel, SessionIds, Way, set_sequence
+from fsoe_net.fsoe.campaign.faults import Freeze
 from fsoe_net.fsoe.campaign.walk import Walker
 from fsoe_net.fsoe.event import State
 
@@ -125,6 +126,37 @@ def test_idle_time_left_out_changes_nothing():
     assert few < many / 2
 
 
+def test_how_many_idle_cycles_are_left_out():
+    """Up to the watchdog, a change of a fault, or the cycle in which a frame is shown."""
+    channel = make_link(watchdog_ms=500, delay=(4, 7)).channel(4)
+    skipped = []
+    channel.faults = (Freeze(way=Way.TO_SUB, start=300, until=340),)
+    while channel.cycle < 900:
+        channel.turn()
+        assert channel.skip_idle() == 0  # the sub is next
+        channel.turn()
+        skipped.append((channel.cycle, channel.skip_idle()))
+        if channel.cycle > 200:
+            for rows in channel.sent:  # all that is sent is lost
+                rows[:] = [row for row in rows if row[0] < 200]
+    left_out = [row for row in skipped if row[1]]
+    assert left_out == [(202, 98), (301, 39), (341, 350), (693, 5), (700, 498)]
+
+
+def test_an_application_that_takes_its_hands_off():
+    """From that cycle on the data go on and the enable stays as it is; before, both change."""
+    channel = make_link().channel(4)
+    channel.run(30)
+    fed = []
+    channel._feed = tuple(lambda data, enabled, way=w: fed.append((way, enabled)) for w in Way)
+    channel.application = Application(key=4, hands_off_from=40)
+    while channel.cycle < 50:
+        cycle = channel.cycle
+        fed.clear()
+        channel.turn()
+        assert {enabled is None for _, enabled in fed} <= {cycle >= 40}, cycle
+
+
 def test_strangers_take_part():
     for factories in (
         {"sub_factory": strange_sub},
@@ -189,13 +221,17 @@ def test_walks_cross_the_wrap():
 
 
 def test_walks_that_never_come_to_data():
+    steps = []
+
     class Dead(strange_sub):
         def step(self, now_ns, received):
-            return None
+            steps.append(now_ns)
 
-    walker = Walker(make_link(sub_factory=Dead, watchdog_ms=1000), 1)
+    walker = Walker(make_link(sub_factory=Dead, watchdog_ms=1000, app=b"abc", delay=(2, 3)), 1)
     with pytest.raises(ConfigError, match="does not reach state Data"):
         walker.scene(0, random.Random(1))
+    exchanges, slow_cycles = 20 + 3, 20
+    assert steps[-1] // 1_000_000 == exchanges * (2 + 3 + slow_cycles) + 5 * 1000
 
 
 def test_a_watchdog_shorter_than_an_exchange():

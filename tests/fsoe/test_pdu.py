@@ -20,6 +20,7 @@ from fsoe_net.fsoe.pdu import (
     is_frame_length,
     reset_code_text,
     safe_data_length,
+    safe_data_of,
 )
 
 pytestmark = pytest.mark.usefixtures("said")
@@ -105,6 +106,7 @@ def test_encode_decode(pdu):
     frame = pdu.encode()
     assert len(frame) == frame_length(len(pdu.safe_data))
     assert decode_pdu(frame) == pdu
+    assert safe_data_of(frame) == pdu.safe_data
     assert "\n" not in describe(pdu)
 
 

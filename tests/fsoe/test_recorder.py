@@ -2,8 +2,10 @@
 
 import json
 import random
+from types import SimpleNamespace
 
 import pytest
+from changed import compare
 from fsoe.devices import (
     ignores_crc,
     ignores_sequence,
@@ -19,7 +21,15 @@ from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.faults import Flip, Freeze, Swap
 from fsoe_net.fsoe.campaign.injection import ForeignFrames
 from fsoe_net.fsoe.campaign.recorder import Recorder
-from fsoe_net.fsoe.campaign.shrink import shrink
+from fsoe_net.fsoe.campaign.shrink import (
+    _earlier,
+    _fewer_bits,
+    _fewer_faults,
+    _Point,
+    _same_age,
+    _shorter,
+    shrink,
+)
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials
 from fsoe_net.fsoe.campaign.walk import Scene
 from fsoe_net.fsoe.recording.replay import replay
@@ -42,6 +52,27 @@ def test_a_clean_run_replays(sizes):
     recorder.channel.run(150)
     assert recorder.channel.main.data_valid
     _same(recorder, 150)
+
+
+RECORDED = {
+    "ours": make_link(),
+    "ours of other sizes": make_link(4, 1, app=b"\1\2\3", cycle_ns=1_500, delay=(2, 3)),
+    "a device that forgot": make_link(sub_factory=ignores_crc),
+    "strange sub": make_link(1, 2, sub_factory=strange_sub),
+    "strange main": make_link(main_factory=strange_main),
+}
+
+
+@pytest.mark.parametrize("name", RECORDED)
+def test_each_change_between_lines_of_a_recording(name):
+    recorder = Recorder(RECORDED[name], 3)
+    channel = recorder.channel
+    channel.run(30)
+    channel.faults = (Flip(way=Way.TO_MAIN, start=40, until=41, mask=1 << 12),)
+    channel.run(50)
+    channel.turn()
+    rows = [(f"line {n}", line) for n, line in enumerate(recorder.lines("what it is"), 1)]
+    compare(__file__, f"recorded {name}", rows)
 
 
 @pytest.mark.parametrize("turns", [*range(1, 30), 31])
@@ -132,7 +163,7 @@ FORGOTTEN = [
 
 
 @pytest.mark.parametrize(("device", "name", "kind", "ours"), FORGOTTEN)
-def test_a_failing_case_is_made_small_and_replays_as_different(device, name, kind, ours):
+def test_a_failing_case_is_made_small_and_replays_as_different(device, name, kind, ours, said):
     config = CampaignConfig(links=(make_link(sub_factory=device),), seed=1)
     failures = run_trials(config, name, range(200)).failures
     small = shrink(Trials(config, name).case(failures[0].trial))
@@ -145,8 +176,62 @@ def test_a_failing_case_is_made_small_and_replays_as_different(device, name, kin
     first = replay(small.lines).differences[0]
     assert (first.side, first.field) == ("sub", "frame")
     assert first.got.startswith(ours)
-    assert "sub" in small.reason
-    assert small.lines[0].count("title") == 1
+    said.add(f"{device.__name__}, {name}: {small.faults} {small.reason}")
+    compare(__file__, f"shrunk {device.__name__} {name}", enumerate(small.lines))
+
+
+class _Fails:
+    """Stands for the run of a connection: fails while the faults still do what is needed."""
+
+    def __init__(self, needed, *cycles):
+        self.needed = needed
+        self.points = [_Point(cycle=n, way=Way.TO_SUB, frame=b"", past=()) for n in cycles]
+
+    def fails(self, faults):
+        return bool(faults) and self.needed(faults)
+
+
+def _flips(*masks, start=10, cycles=8):
+    return tuple(
+        Flip(way=Way.TO_SUB, start=start + n, until=start + n + cycles, mask=mask)
+        for n, mask in enumerate(masks)
+    )
+
+
+def test_how_faults_are_made_smaller():
+    """Two faults are needed, of the one two bits and of the other three cycles."""
+
+    def needed(faults):
+        masks = {fault.mask & 0b1_0010_0000 for fault in faults}
+        long = [fault for fault in faults if fault.until - fault.start >= 3]
+        return 0b1_0010_0000 in masks and 0 in masks and bool(long) and faults[0].start >= 4
+
+    bench = _Fails(needed, 1, 3, 4, 6, 9, 12)
+    faults = _flips(0x1FF, 0x3F, 0x80, 0x600)
+    fewer = _fewer_faults(bench, faults)
+    assert fewer == (faults[0], faults[3])
+    short = _shorter(bench, fewer)
+    assert [fault.until - fault.start for fault in short] == [1, 4]
+    assert [fault.mask for fault in _fewer_bits(bench, short)] == [0b1_0010_0000, 0x400]
+    earlier = _earlier(bench, short)
+    assert [(fault.start, fault.until) for fault in earlier] == [(4, 5), (7, 11)]
+    assert _earlier(bench, earlier) == earlier
+    assert _earlier(_Fails(needed, 9), earlier) == earlier
+
+
+def test_a_frame_of_the_same_age():
+    """Out of the past of the point where the fault is tried; a frame of no past stays."""
+    frames = (b"a", b"b", b"c", b"d", b"e")
+    scene = SimpleNamespace(frames=frames, index=3)
+    point = SimpleNamespace(past=(b"v", b"w", b"x", b"y"))
+
+    def moved(frame):
+        fault = Swap(way=Way.TO_SUB, start=1, until=2, frame=frame)
+        return _same_age(fault, scene, point).frame
+
+    assert [moved(frame) for frame in frames] == [b"v", b"w", b"x", b"d", b"e"]
+    other = Freeze(way=Way.TO_SUB, start=1, until=2)
+    assert _same_age(other, scene, point) is other
 
 
 def test_the_smallest_case_is_early():

@@ -66,6 +66,18 @@ STEP_MISTAKES = {
     "type": ("song", "unknown kind of line 'song'"),
     "n": (10**400, "a huge number"),
 }
+EDGES = [
+    ("master_rx", "00" * 4096, ""),
+    ("master_rx", "00" * 4097, "'master_rx' has 4097 bytes; at most 4096 are read"),
+    ("n", 10**15, "1000000000000000 after step 5; 6 is the next one"),
+    ("n", 10**15 + 1, "a huge number"),
+    ("time_us", 10**15, ""),
+    ("time_us", 10**15 + 1, "'time_us' is a huge number; allowed are 0 … 1000000000000000"),
+    ("slave_session_id", 0xFFFF, ""),
+    ("slave_session_id", 0x10000, "'slave_session_id' is 65536; allowed are 0 … 65535"),
+    ("slave_state", "x" * 58, "is '" + "x" * 58 + "', no state"),
+    ("slave_state", "x" * 59, "is '" + "x" * 56 + "..., no state"),
+]
 COMMAND_MISTAKES = {
     "master.dance": "unknown command 'master.dance'",
     "enable": "names neither 'master' nor 'slave'",
@@ -98,6 +110,15 @@ def test_mistakes_in_a_step(key):
     refused(recording_text(rows).splitlines(), 8, reason)
 
 
+@pytest.mark.parametrize(("key", "value", "reason"), EDGES, ids=range(len(EDGES)))
+def test_edges_of_values_in_a_step(key, value, reason):
+    lines = recording_text([*ROWS[:6], ROWS[6] | {key: value}]).splitlines()
+    if reason:
+        refused(lines, 8, reason)
+    else:
+        assert replay(lines).compared == 14
+
+
 @pytest.mark.parametrize(
     "key", [k for k in STEP_KEYS if not k.endswith(("reason", "_id", "state"))]
 )
@@ -122,6 +143,7 @@ def test_mistakes_in_lines():
     refused([*good[:4], "", "[1]"], 6, "a list instead of an object")
     refused(["[" * 100_000], 1, "nested too deeply")
     refused([good[0], '{"type": "skip", "n": 3, "sha256": "00"}'], 2, "SHA-256")
+    refused([good[0], '{"type": "skip", "n": 3, "sha256": "0z"}'], 2, "'sha256' is '0z', no bytes")
     refused(
         [good[0], json.dumps({"type": "skip", "cycles": 10**9, "sha256": "00" * 32})], 2, "are 0"
     )

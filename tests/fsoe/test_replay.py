@@ -5,6 +5,7 @@ import json
 
 import pytest
 from data_files import listed, need
+from fsoe.pair import Bench
 from fsoe.recorded import CONFIG, own_run, row_of
 from said import Said
 
@@ -134,6 +135,26 @@ def test_scripted_sides_and_commands():
         replay(map(json.dumps, [config, *rows]))
     with pytest.raises(RecordingError, match="kind of line"):
         replay(map(json.dumps, [config, {"type": "song"}]))
+
+
+def test_a_scripted_side_is_not_compared_even_with_a_session_id():
+    _, rows = own_run(3)
+    rows[2]["slave_state"] = "Data"
+    lines = [json.dumps(row) for row in (CONFIG | {"slave_impl": "scripted"}, *rows)]
+    result = replay(lines)
+    assert (result.compared, result.differences) == (3, [])
+    assert replay([json.dumps(CONFIG), *lines[1:]]).differences
+
+
+@pytest.mark.parametrize("size", [1, 6])
+def test_bytes_that_differ_are_named(size):
+    _, rows = own_run(9, Bench(size, size))
+    row = rows[-1]
+    row["slave_tx"] = bytes(b ^ 0xFF for b in bytes.fromhex(row["slave_tx"])).hex()
+    for row in rows:
+        row["master_app_out"] = row["slave_app_in"] = "00" * size
+    config = CONFIG | {"out_size": size, "in_size": size}
+    assert len(replay(map(json.dumps, [config, *rows])).differences) == 1
 
 
 def test_power_cycle_and_verdict():

@@ -97,12 +97,9 @@ class Late(_Span):
         """Return when the next frame comes out of the delay, or when the delay ends."""
         if not self.start < channel.cycle < self.until:
             return _Span.next_change(self, channel)
-        due = self.until
-        for visible, _ in reversed(channel.sent[self.way]):
-            if visible < self.start or visible + self.cycles < channel.cycle:
-                break
-            due = min(due, visible + self.cycles)
-        return due
+        first = max(self.start, channel.cycle - self.cycles)
+        delayed = [visible for visible, _ in channel.sent[self.way] if visible >= first]
+        return min(self.until, delayed[0] + self.cycles) if delayed else self.until
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

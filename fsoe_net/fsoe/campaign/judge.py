@@ -17,7 +17,6 @@ __all__ = ["FAILURES", "TrialFinding", "TrialOutcome", "judge"]
 _RESET, _SESSION = int(Command.RESET), int(Command.SESSION)
 _PROCESS_DATA = int(Command.PROCESS_DATA)
 _DATA = (int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA))
-_SETTLED = 1  # right frames accepted at each end after a fault
 _MISWIRED_CYCLES = 20_000  # more than the start-up with the longest usual parameters
 _ENDS = ("sub", "main")
 
@@ -80,7 +79,7 @@ class _Run:
         self.patient, self.miswired = injection.patient, injection.miswired
         if self.miswired:
             self.over = self.limit = channel.cycle + _MISWIRED_CYCLES
-        self.right = [0, 0]
+        self.settled: set[Way] = set()
         self.started_ns: int | None = None
         self.begun, self.exposed = False, injection.former
         self.quiet = 0
@@ -216,10 +215,8 @@ class _Run:
         if self.channel.cycle <= self.over:
             self.started_ns = None  # all was in time so far
             return None
-        self.right[way] += 1
-        if min(self.right) >= _SETTLED:
-            return self._found(TrialOutcome.TOLERATED)
-        return None
+        self.settled.add(way)  # one right frame accepted at each end after the fault
+        return self._found(TrialOutcome.TOLERATED) if len(self.settled) == len(_ENDS) else None
 
     def _data(self, way: Way, data: bytes) -> TrialFinding | None:
         """Valid data after a right frame must be those of the frame."""

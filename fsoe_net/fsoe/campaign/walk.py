@@ -96,7 +96,7 @@ class TrialConnection:
 
     def channel(self, seed: int) -> Channel:
         """Return a fresh channel; session ids and data of our ends follow from the seed."""
-        ids = SessionIds(0), SessionIds(0)
+        ids = SessionIds(0), SessionIds(0)  # mutants: `_between` sets the values
         main: Peer = MainInstance(self.main, session_ids=ids[0])
         sub: Peer = SubInstance(self.sub, session_ids=ids[1])
         if self.main_factory is not None:
