@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from operator import attrgetter
+
 import pytest
+from changed import compare
 from model.fsoe_table import pdo, rows
 
 from fsoe_net.model.bus import Direction, SyncManager
@@ -110,19 +114,94 @@ def test_broken_mapping_is_named_with_the_place_that_fails():
     assert "13 bits behind the command instead of 16 or 24" in miss.why
 
 
+NO_ID = "no connection ID of 16 bits follows the last CRC"
+
+
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("6000:01/16=CMD 6000:02/16=CRC 6000:03/16=ConnID", "no command of 8 bits"),
-        ("-/1 6000:01/8 6001:01/8 6000:02/16=CRC 6000:03/16=Conn", "inside a byte"),
-        ("6000:01/8 6001:01/8 6000:02/8=CRC 6000:03/16=Conn", "8 bits instead of 16"),
-        ("6000:01/8 6001:01/8 6000:02/16=CRC 6000:03/8=Conn", "no connection ID"),
-        ("6000:01/8 6001:01/8 6000:01/16=CRC -/16=Conn", "no connection ID"),
+        ("6000:01/16=CMD 6000:02/16=CRC 6000:03/16=ConnID", "there is no command of 8 bits"),
+        (
+            "-/1 6000:01/8 6001:01/8 6000:02/16=CRC 6000:03/16=Conn",
+            "its command 0x6000:01 starts at bit 1, inside a byte",
+        ),
+        (
+            "6000:01/8 6001:01/8 6000:02/8=CRC 6000:03/16=Conn",
+            "CRC 0 (0x6000:02) has 8 bits instead of 16",
+        ),
+        (
+            "6000:01/8 6001:01/16 6000:02/16=CRC 6001:02/8 6000:04/16=CRC 6000:03/16=Conn",
+            "CRC 1 (0x6000:04) starts 48 bits behind the command instead of 56",
+        ),
+        ("6000:01/8 6001:01/8 6000:02/16=CRC 6000:03/8=Conn", NO_ID),
+        ("6000:01/8 6001:01/8 6000:01/16=CRC -/16=Conn", NO_ID),
+        ("6000:03/16=Conn 6000:01/8 6001:01/8 6000:02/16=CRC", NO_ID),
+        (
+            "1000:01/8 6001:01/8 6000:02/16=CRC 6004:03/16=Conn",
+            "its command, CRCs and connection ID do not belong together",
+        ),
     ],
 )
 def test_near_misses_say_why(text, why):
     (miss,) = near_misses(place_entries((pdo(text),)), SM3)
-    assert why in miss.why
+    assert miss.why == why
+
+
+def _changes(text: str) -> Iterator[tuple[str, str]]:
+    """Yield an entry list with each word gone, twice, elsewhere, of other bits or another name."""
+    words = text.split()
+    yield "as it is", text
+    for n, word in enumerate(words):
+        place, _, rest = word.partition("/")
+        bits, _, name = rest.partition("=")
+        others = ["", f"{word} {word}", f"-/8 {word}", f"-/1 {word}"]
+        others += [f"{place}/{other}" for other in (1, 7, 8, 9, 16, 17) if name]
+        others += [f"{place}/{bits}={other}" for other in ("FSoE", "conn", "Crc", "other", "cmd")]
+        if place != "-":
+            index, subs = int(place[:4], 16), place[4:]
+            for by in (-17, -16, -15, -14, 1, 14, 15, 16):
+                others.append(f"{index + by:04x}{subs}/{rest}")
+            for far in (0x1FFF, 0x2000, 0x5FFF, 0x6000, 0x7FFF, 0x8000, 0xE5FF, 0xE600, 0xE7FF):
+                others.append(f"{far:04x}{subs}/{rest}")
+        for other in others:
+            changed = " ".join([*words[:n], other, *words[n + 1 :]])
+            yield f"{n} {other}", changed
+
+
+WEIGHED = {
+    "six": "6000:01/8=FSoE_CMD 6001:01/8=Stop 6000:03/16=FSoE_CRC_0 6000:02/16=FSoE_ConnID",
+    "seven, no names": "6000:01/8 6001:01/16 6000:03/16 6000:02/16",
+    "eleven": "6000:01/8 6001:01/16 6000:03/16=CRC_0 6001:02/16 6000:04/16 6000:02/16=Conn",
+    "no common object": "6000:01/8=Command 6001:01/16 6002:01/16=CRC_0 6003:01/16=Connection_ID",
+    "two and data": "6041:00/16 6760:01/8 6640:00/16 6760:03/16 6760:02/16 "
+    "6770:01/8=CMD 6641:00/8 6771:03/16=CRC 6772:02/16=Conn 6100:01/16",
+}
+
+
+GUESS = attrgetter(
+    *["block.byte_offset", "block.frame_bytes", "block.likely", "score", "reasons", "doubts"]
+)
+
+
+@pytest.mark.parametrize("name", WEIGHED)
+def test_each_change_of_what_is_weighed(name):
+    results = []
+    for change, text in _changes(WEIGHED[name]):
+        made = pdo(text, name="Safety inputs" if "=" in text else "")
+        rows = [
+            (GUESS(g), g.block.command.address, g.sure) for g in guess_pdo(made, Direction.INPUT)
+        ]
+        missed = [miss.why for miss in near_misses(place_entries((made,)), SM3)]
+        results.append((change, f"{rows} {missed}"))
+    compare(__file__, f"weighed {name}", results)
+
+
+def test_more_entries_than_a_device_has():
+    placed = place_entries((pdo("6000:01/8 6001:01/8 6000:03/16 6000:02/16 6100:01/1x19996"),))
+    assert len(placed) == 20_000
+    assert len(detect_fsoe(placed, SM3)) == 1
+    more = place_entries((pdo("6000:01/8 6001:01/8 6000:03/16 6000:02/16 6100:01/1x19997"),))
+    assert detect_fsoe(more, SM3) == ()
 
 
 def test_nothing_to_say_about_frames_and_plain_data():

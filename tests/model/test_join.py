@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
+from operator import attrgetter
 
 import pytest
+from changed import compare
 from described import bus, device
 
 from fsoe_net.errors import InputError
-from fsoe_net.model.bus import Device
-from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
+from fsoe_net.model.bus import Device, Sdo
+from fsoe_net.model.description import (
+    DescribedConnection,
+    DescribedSubDevice,
+    Description,
+    StartFacts,
+)
 from fsoe_net.model.join import fill_devices, has_layout, join_buses
 
 
@@ -85,6 +94,79 @@ def test_a_place_by_alias_is_not_one_by_position():
     two = DescribedSubDevice(name="b", alias=5, device=device(3, 4, 1))
     rows = [Description(format="t", path="", subdevices=(s,)) for s in (one, two)]
     assert join_buses(rows, []).subdevices == (one, two)
+
+
+def _knowing(made: Description, n: int) -> Iterator[tuple[str, Description]]:
+    """Yield the bus with one SubDevice that knows more or less of itself."""
+    known = made.subdevices[n]
+    sdo = Sdo(index=0x1C12, subindex=0, size_bytes=1, value=0)
+    start = StartFacts()
+    others = {
+        "as it is": {},
+        "nameless": {"name": "", "order": "X1"},
+        "a number": {"name": "7", "order": "X2"},
+        "no name": {"name": "", "order": ""},
+        "revision": {"revision": 5},
+        "serial": {"serial": 6, "module_ident": (7,), "start": start},
+        "bare": {"device": replace(known.device, sync_managers=(), assign_activate=0x300)},
+        "sdos": {"device": replace(known.device, sync_managers=(), sdos=(sdo,))},
+        "other vendor": {"device": replace(known.device, vendor_id=99)},
+        "other product": {"device": replace(known.device, product_code=98)},
+        "no identity": {"device": replace(known.device, vendor_id=0, product_code=0)},
+        "no product": {"device": replace(known.device, product_code=0), "order": "x1"},
+        "alias": {"alias": 4, "position": None},
+        "no place": {"position": None},
+    }
+    for name, changes in others.items():
+        subs = [*made.subdevices]
+        subs[n] = replace(known, **changes)
+        yield name, replace(made, subdevices=tuple(subs))
+
+
+SUBDEVICE = attrgetter(
+    *["name", "order", "position", "alias", "revision", "serial", "module_ident"],
+    *["device.vendor_id", "device.product_code", "device.assign_activate"],
+)
+
+
+def _text(made: Description) -> str:
+    rows = [
+        (SUBDEVICE(s), s.start is not None, len(s.device.sdos), len(s.device.sync_managers))
+        for s in made.subdevices
+    ]
+    copies = [(c.source.subdevice, c.destination.subdevice, c.bits) for c in made.copies]
+    connections = [(c.main, c.sub, c.name) for c in made.connections]
+    return f"{rows} {copies} {connections} {made.cycle_us} {made.truncated}"
+
+
+def test_each_change_of_what_two_descriptions_know() -> None:
+    connected = (DescribedConnection(name="c", main=0, sub=1),)
+    first = replace(bus(2), path="a.xml", cycle_us=None)
+    other = replace(first, path="b.xml", connections=connected, cycle_us=3, truncated=True)
+    first = replace(first, copies=())
+    rows = []
+    for (one, a), (two, b) in product(_knowing(first, 1), _knowing(other, 1)):
+        for what, changed in {
+            "": b,
+            " connected": replace(b, copies=()),
+            " fewer": replace(b, subdevices=b.subdevices[:2]),
+            " both": replace(b, connections=(*connected, DescribedConnection(main=None, sub=1))),
+        }.items():
+            lead = replace(a, connections=connected, copies=other.copies) if what == " both" else a
+            notes: list[str] = []
+            try:
+                text = _text(join_buses([lead, changed], notes))
+            except (InputError, IndexError) as error:
+                text = f"{type(error).__name__} {error}"
+            rows.append((f"{one} and {two}{what}", f"{text} {notes}"))
+        notes = []
+        ring, kinds = a, [replace(b, path="esi.xml"), replace(other, path="sii.bin")]
+        try:
+            text = _text(fill_devices(ring, kinds, notes))
+        except InputError as error:
+            text = str(error)
+        rows.append((f"{one} of type {two}", f"{text} {notes}"))
+    compare(__file__, "joined", rows)
 
 
 def types(*rows: DescribedSubDevice) -> Description:
