@@ -34,12 +34,16 @@ NOT_HERE = 125
 # What the tests of one mutant may cost; one that they do not notice by then has survived.
 SECONDS = 15
 # Where the tests of a part are. Those that run in real time are not here: they take too long and
-# notice little of what these parts do.
+# notice little of what these parts do; nor those that draw whole runs for seconds (`fsoe`).
 PARTS: dict[str, tuple[str, ...]] = {
     "rules": ("rules", "diagnostics", "timing/test_budget.py",
               "timing/test_parts.py", "model/test_expand.py"),
     "plan": ("plan", "core/test_core_plan.py", "cli/test_fingerprint.py", "cli/test_accept.py"),
-    "fsoe": ("fsoe", "core/test_monitor.py"),
+    "fsoe": ("fsoe/test_tables.py", "fsoe/test_campaign_whole.py", "fsoe/test_campaign_faults.py",
+             "fsoe/test_campaign_collisions.py", "fsoe/test_campaign.py", "fsoe/test_channel.py",
+             "fsoe/test_chain.py", "fsoe/test_pdu.py", "fsoe/test_pair.py",
+             "fsoe/test_main_table.py", "fsoe/test_sub_table.py", "fsoe/test_recorder.py",
+             "fsoe/test_recording.py", "fsoe/test_replay.py", "core/test_monitor.py"),
     "timing": ("timing", "diagnostics", "cli/test_timing.py"),
     "formats": ("formats", "diagnostics", "cli/test_convert.py", "cli/test_write.py"),
     "project": ("cli", "report", "test_library.py"),
@@ -49,7 +53,8 @@ PARTS: dict[str, tuple[str, ...]] = {
               "run/test_protocol.py", "run/test_protocol_file.py"),
     "report": ("report", "cli/test_report.py", "cli/test_report_protocol.py", "cli/test_diff.py"),
     "run": ("run/test_run.py", "run/test_protocol.py", "run/test_protocol_file.py",
-            "run/test_virtual.py", "run/test_fit.py", "run/test_scan_files.py"),
+            "run/test_virtual.py", "run/test_edges.py", "run/test_scan_files.py",
+            "run/test_scenario_check.py", "run/test_device.py", "cli/test_outputs.py"),
     "cli": ("cli",),
     "observe": ("observe", "incidents"),
 }  # fmt: skip
@@ -61,6 +66,8 @@ QUICK: dict[str, tuple[str, ...]] = {
              "fsoe/test_sub_table.py", "fsoe/test_campaign_whole.py", "fsoe/test_replay.py"),
     "timing": ("timing/test_formulas.py", "timing/test_budget.py", "timing/test_parts.py"),
 }  # fmt: skip
+# What tests compare with; their own names stand in them, so others change nothing.
+_RECORDED = ("said.txt", "said_by.txt", "changed.txt")
 PRAGMA = re.compile(r"# pragma: no cover")
 
 
@@ -259,7 +266,7 @@ def _digests(root: Path, tests: Path, lines: dict[str, dict]) -> dict[str, str]:
     return {
         str(file.relative_to(root)): hashlib.sha256(file.read_bytes()).hexdigest()
         for file in files
-        if file.is_file() and file.suffix != ".pyc" and file.name not in ("said.txt", "said_by.txt")
+        if file.is_file() and file.suffix != ".pyc" and file.name not in _RECORDED
     }
 
 
