@@ -9,7 +9,7 @@ from networks import example
 from fsoe_net.fsoe.pdu import SAFE_SIZES, frame_length, safe_data_of
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
 from fsoe_net.model.description import ClockFacts
-from fsoe_net.model.layout import SmLayout, layout_of
+from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.signals import connection_signals, signals_of, split_name, write_bits
 from fsoe_net.model.times import TIME_UNITS_NS, time_ns, time_text
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
@@ -19,7 +19,7 @@ def _layout(*entries) -> SmLayout:
     pdos = (Pdo(index=0x1A00, entries=entries),)
     sm = SyncManager(index=3, direction=Direction.INPUT, carries=None, pdos=pdos)
     device = Device(path="", vendor_id=2, product_code=1, sync_managers=(sm,))
-    (made,) = layout_of(device).managers
+    (made,) = device.layout.managers
     return made
 
 
