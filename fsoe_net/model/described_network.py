@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from fsoe_net.errors import InputError
 from fsoe_net.model.description import (
     DescribedConnection,
@@ -24,9 +26,6 @@ def describe(network: NetworkConfig) -> Description:
         InputError: A SubDevice has no device description, a transfer does not resolve, or a
             connection is unconfirmed or means no frames.
     """
-    numbers: dict[str, int] = {}
-    for number, sub in enumerate(network.subdevices):
-        numbers.setdefault(sub.name, number)
     rows = []
     for sub in network.subdevices:
         if sub.device is None:
@@ -51,6 +50,7 @@ def describe(network: NetworkConfig) -> Description:
                     f"{stated.at('unconfirmed')}: the connection {stated.main}-{stated.sub} is "
                     "marked unconfirmed; compare it with the safety project first"
                 )
+    numbers = resolution.numbers
     copies = []
     for transfer in resolution.transfers:
         if not transfer.usable:
@@ -66,21 +66,19 @@ def describe(network: NetworkConfig) -> Description:
                 name=transfer.net.name,
             )
         )
-    connections = []
-    for connection in resolution.connections:
-        facts = connection.facts
-        connections.append(
-            DescribedConnection(
-                name=connection.name,
-                main=numbers[connection.main.name],
-                sub=numbers[connection.sub.name],
-                slot=connection.slot,
-                address=None if facts is None else facts.address,
-                connection_id=None if facts is None else facts.connection_id,
-                watchdog_ms=None if facts is None else facts.watchdog_ms,
-                app_parameters=b"" if facts is None else facts.app_parameters,
-            )
+    connections = [
+        DescribedConnection(
+            name=c.name,
+            main=numbers[c.main.name],
+            sub=numbers[c.sub.name],
+            slot=c.slot,
+            address=c.stated.address,
+            connection_id=c.stated.connection_id,
+            watchdog_ms=c.stated.watchdog_ms,
+            app_parameters=c.stated.app_parameters,
         )
+        for c in resolution.connections
+    ]
     return Description(
         span=network.span,
         format="network",
@@ -92,7 +90,7 @@ def describe(network: NetworkConfig) -> Description:
     )
 
 
-def _end(end: ResolvedEnd, numbers: dict[str, int]) -> DescribedEnd:
+def _end(end: ResolvedEnd, numbers: Mapping[str, int]) -> DescribedEnd:
     return DescribedEnd(
         span=end.endpoint.span,
         subdevice=numbers[end.endpoint.module],

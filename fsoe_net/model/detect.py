@@ -136,7 +136,10 @@ def _by_pdo(placed: tuple[Placed, ...]) -> list[tuple[Pdo, list[Placed]]]:
 
 
 def _why_not(rows: list[Placed]) -> str:
-    """Walk along the frame that the names promise to the first thing that does not fit."""
+    """Walk along the frame that the names promise to the first thing that does not fit.
+
+    Some of them are named as CRCs.
+    """
     base = next((r for r in rows if r.entry.bits == 8 and not r.entry.is_gap), None)
     if base is None:
         return "there is no command of 8 bits"
@@ -144,21 +147,25 @@ def _why_not(rows: list[Placed]) -> str:
         return f"its command {base.entry.address} starts at bit {base.bit_offset}, inside a byte"
     crcs = [r for r in rows if _CRC.search(r.entry.name)]
     for number, row in enumerate(crcs):
-        bits = row.bit_offset - base.bit_offset
-        what = f"CRC {number} ({row.entry.address})"
-        if row.entry.bits != 16:
-            return f"{what} has {row.entry.bits} bits instead of 16"
-        expected = (24,) if number or len(crcs) > 1 else (16, 24)
-        wanted = tuple(e + 32 * number for e in expected)
-        if bits not in wanted:
-            places = " or ".join(str(w) for w in wanted)
-            return f"{what} starts {bits} bits behind the command instead of {places}"
-    last = (
-        rows[-1] if not crcs else next((r for r in rows if r.bit_offset == crcs[-1].end_bit), None)
-    )
-    if last is None or last.entry.bits != 16 or last.entry.is_gap:
+        # A single CRC stands behind one byte of safe data, or behind two as all others do.
+        wanted = [24 + 32 * number] if len(crcs) > 1 else [16, 24]
+        wrong = _wrong_crc(row, number, row.bit_offset - base.bit_offset, wanted)
+        if wrong:
+            return wrong
+    words = {r.bit_offset for r in rows if r.entry.bits == 16 and not r.entry.is_gap}
+    if crcs[-1].end_bit not in words:
         return "no connection ID of 16 bits follows the last CRC"
     return "its command, CRCs and connection ID do not belong together"
+
+
+def _wrong_crc(row: Placed, number: int, bits: int, wanted: list[int]) -> str:
+    what = f"CRC {number} ({row.entry.address})"
+    if row.entry.bits != 16:
+        return f"{what} has {row.entry.bits} bits instead of 16"
+    if bits not in wanted:
+        places = " or ".join(map(str, wanted))
+        return f"{what} starts {bits} bits behind the command instead of {places}"
+    return ""
 
 
 def _weigh(

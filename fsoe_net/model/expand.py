@@ -164,19 +164,32 @@ class _NetCases:
     cases: list[_Case] = field(default_factory=list)
     main: str | None = None
 
+    @property
+    def left_out(self) -> list[int]:
+        """The numbers of the connections without transfers."""
+        return [number for number, case in enumerate(self.cases) if case.left_out]
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether it is another net than it was."""
+        return any(case.made or case.left_out for case in self.cases)
+
+    def troubles(self, net: Net) -> list[ConnectionTrouble]:
+        """Return those of its connections; `net` is what it has become."""
+        return [c.refusal.trouble(net, c.facts) for c in self.cases if c.refusal is not None]
+
     def done(self) -> Net:
         """Return the net with the transfers of its connections."""
         net = self.net
-        made = tuple(transfer for case in self.cases for transfer in case.made)
-        left_out = any(case.left_out for case in self.cases)
-        if not made and not left_out:
+        if not self.is_changed:
             return net
+        made = tuple(transfer for case in self.cases for transfer in case.made)
         return replace(
             net,
             safety_master=net.safety_master or self.main,
             transfers=net.transfers + made,
             connections=tuple(case.facts for case in self.cases),
-            incomplete=net.incomplete or left_out,
+            incomplete=net.incomplete or bool(self.left_out),
         )
 
 
@@ -219,28 +232,22 @@ class _Expander:
         """Make what can be made, net by net, in the order of the file."""
         for group in self._nets:
             group.cases = [self._case(group, facts) for facts in group.net.connections]
-        cases = [case for group in self._nets for case in group.cases]
-        requests = [case.request for case in cases if case.request is not None]
-        reserved = self._reserved(requests)
-        for case in cases:
-            if case.request is not None:
-                self._make(case, case.request, reserved)
-        if not any(case.made or case.left_out for case in cases):
+        requests = [(c, c.request) for g in self._nets for c in g.cases if c.request is not None]
+        reserved = self._reserved([request for _, request in requests])
+        for case, request in requests:
+            self._make(case, request, reserved)
+        if not any(group.is_changed for group in self._nets):
             return Expansion(network=self._network)
         nets = tuple(group.done() for group in self._nets)
         return Expansion(
             network=replace(self._network, nets=nets),
             troubles=tuple(
-                case.refusal.trouble(net, case.facts)
+                trouble
                 for net, group in zip(nets, self._nets, strict=True)
-                for case in group.cases
-                if case.refusal is not None
+                for trouble in group.troubles(net)
             ),
             left_out=frozenset(
-                (net_number, number)
-                for net_number, group in enumerate(self._nets)
-                for number, case in enumerate(group.cases)
-                if case.left_out
+                (number, left) for number, group in enumerate(self._nets) for left in group.left_out
             ),
         )
 
@@ -392,14 +399,7 @@ class _Expander:
         )
         free = list(islice(unused, _MOST_NAMED)) or request.couples[:1]
         if len(free) > 1:
-            ours = {main.slot for main, _ in free}
-            if len(ours) > 1:
-                pairs = {main.slot: main for main, _ in free}
-                key, name = "main", request.main.name
-            else:
-                pairs = {sub.slot: sub for _, sub in free}
-                key, name = "sub", request.sub.name
-            raise _Refusal(Obstacle.SEVERAL, key, pairs=tuple(pairs.values()), name=name)
+            raise _several(request, free)
         for frame in request.frames(free[0]):
             other = user(frame, early=True)
             if other is not None:
@@ -459,3 +459,13 @@ class _Expander:
 def _pairs(sub: SubDevice) -> tuple[FramePair, ...]:
     layout = sub.layout
     return () if layout is None else layout.frame_pairs
+
+
+def _several(request: _Request, free: list[_Couple]) -> _Refusal:
+    """Several couples are free: they differ in the frames of the MainInstance, or else there."""
+    pairs = {main.slot: main for main, _ in free}
+    key, name = "main", request.main.name
+    if len(pairs) == 1:
+        pairs = {sub.slot: sub for _, sub in free}
+        key, name = "sub", request.sub.name
+    return _Refusal(Obstacle.SEVERAL, key, pairs=tuple(pairs.values()), name=name)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 from fsoe_net.diag.diagnostic import FindingList, Span
 from fsoe_net.diag.words import counted
@@ -54,34 +55,42 @@ class Moves:
     rest: list[DescribedCopy] = field(default_factory=list)
     touched: set[tuple[int, int]] = field(default_factory=set)
 
+    def join(
+        self,
+        found: Mapping[tuple[tuple[int, int], ...], DescribedCopy],
+        pairs: Mapping[tuple[int, int], PairEnd],
+    ) -> None:
+        """Add copies from pair to pair: with one the other way round they are a connection."""
+        for (one, two), copy in found.items():
+            back = found.get((two, one))
+            if back is None:
+                self.rest.append(copy)
+                self.touched |= {one, two}
+            elif one < two:
+                self.both.append((pairs[one], pairs[two], copy, back))
+
 
 def find_moves(bus: Description, ends: Sequence[FrameEnd]) -> Moves:
     """Find the connections in the copies of a bus, whichever end is the MainInstance."""
     places = _frame_places(ends)
     moves = Moves()
-    found: dict[tuple[tuple[int, int], tuple[int, int]], DescribedCopy] = {}
+    found: dict[tuple[tuple[int, int], ...], DescribedCopy] = {}  # by both pairs
     pairs: dict[tuple[int, int], PairEnd] = {}
     for copy in bus.copies:
-        at = [places.get(_place(end)) for end in (copy.source, copy.destination)]
-        hit = [h for h in at if h is not None]
+        at = [_place(end) for end in (copy.source, copy.destination)]
+        hit = [places[place] for place in at if place in places]
         whole = [pair for pair, block in hit if 8 * block.frame_bytes == copy.bits]
         pairs.update({pair.key: pair for pair in whole})
         if copy.fsoe is False:
             moves.rest.append(copy)
             continue
-        key = (whole[0].key, whole[1].key) if len(whole) == 2 else None
-        if key is None or key in found:
+        keys = tuple(pair.key for pair in whole)
+        if len(keys) != 2 or keys in found:
             moves.rest.append(copy)
             moves.touched |= {pair.key for pair, _ in hit}
         else:
-            found[key] = copy
-    for (one, two), copy in found.items():
-        back = found.get((two, one))
-        if back is None:
-            moves.rest.append(copy)
-            moves.touched |= {one, two}
-        elif one < two:
-            moves.both.append((pairs[one], pairs[two], copy, back))
+            found[keys] = copy
+    moves.join(found, pairs)
     moves.rest.sort(key=bus.copies.index)
     return moves
 
@@ -159,16 +168,16 @@ def link_connections(
         if same is not None:
             _take(same, row, path)
             continue
-        bare = [e.name for e in (ends[main], ends[row.sub]) if not e.pairs and not e.doubtful]
-        if bare:
+        bare = next((e for e in (ends[main], ends[row.sub]) if e.is_bare), None)
+        if bare is not None:
             problems.append(
-                f"{_said(row, main, ends, path)}; FSoE frames of {bare[0]} are not known"
+                f"{_said(row, main, ends, path)}; FSoE frames of {bare.name} are not known"
             )
             continue
         text = _link_row(row, main, ends, links, path)
         if text:
             problems.append(text)
-            disputed += [p for p in ends[main].pairs if row.slot in (None, p.slot)]
+            disputed += _in_slot(ends[main].pairs, row.slot)
             disputed += ends[row.sub].pairs
             out.add(
                 "FSN159",
@@ -311,38 +320,58 @@ def _link_answer(
     links: list[CopyLink],
     out: FindingList,
 ) -> None:
-    subs = [p for p in sub.pairs if row.sub_slot in (None, p.slot)]
-    slots = [p for e in mains for p in e.pairs if row.slot in (None, p.slot)]
+    subs = _in_slot(sub.pairs, row.sub_slot)
+    slots = [p for end in mains for p in _in_slot(end.pairs, row.slot)]
     if not subs:
         _no_slot(row, "sub_slot", [sub], out)
         return
     if not slots:
         _no_slot(row, "slot", mains, out)
         return
-    known = [k for k in links if k.sub in subs]
-    same = next((k for k in known if k.main in slots), None)
-    if same is not None:
-        state_facts(same, row, out)
+    if _is_linked(row, slots, subs, links, out):
         return
-    if known and len(subs) == 1:
-        wrong = known[0]
-        out.add(
-            "FSN156",
-            row.at("slot" if row.slot is not None else "main"),
-            f"{sub.name} is connected to another slot: slot {wrong.main.slot}, {wrong.why}",
-            hint="correct the answer, or the file that says so",
-        )
-        return
-    used = {k.main.key: k for k in links}
-    taken = [k.sub for k in links]
-    fitting = [(m, s) for m in slots for s in subs if m.fits(s)]
-    free = [(m, s) for m, s in fitting if m.key not in used and s not in taken]
+    taken = {pair.key for link in links for pair in (link.main, link.sub)}
+    fitting = [(m, s) for m, s in product(slots, subs) if m.fits(s)]
+    free = [(m, s) for m, s in fitting if not taken & {m.key, s.key}]
     if len(free) == 1 and (row.slot is not None or len(fitting) == 1):
         main, pair = free[0]
-        where = f"{row.span.file}:{row.span.line}" if row.span.line else "your answer"
-        links.append(CopyLink(main=main, sub=pair, why=f"as answered, {where}", facts=_facts(row)))
+        links.append(CopyLink(main=main, sub=pair, why=_as_answered(row), facts=_facts(row)))
         return
-    _refuse(row, slots, subs, fitting, free, used, out)
+    _refuse(row, slots, subs, fitting, free, links, out)
+
+
+def _in_slot(pairs: Sequence[PairEnd], slot: int | None) -> list[PairEnd]:
+    return [pair for pair in pairs if slot in (None, pair.slot)]
+
+
+def _as_answered(row: AnsweredConnection) -> str:
+    where = f"{row.span.file}:{row.span.line}" if row.span.line else "your answer"
+    return f"as answered, {where}"
+
+
+def _is_linked(
+    row: AnsweredConnection,
+    slots: list[PairEnd],
+    subs: list[PairEnd],
+    links: list[CopyLink],
+    out: FindingList,
+) -> bool:
+    """Whether a file connects these frames already: as the answer says, or FSN156."""
+    known = [link for link in links if link.sub in subs]
+    same = next((link for link in known if link.main in slots), None)
+    if same is not None:
+        state_facts(same, row, out)
+        return True
+    if not known or len(subs) > 1:
+        return False
+    wrong = known[0]
+    out.add(
+        "FSN156",
+        row.at("slot" if row.slot is not None else "main"),
+        f"{row.sub} is connected to another slot: slot {wrong.main.slot}, {wrong.why}",
+        hint="correct the answer, or the file that says so",
+    )
+    return True
 
 
 def _no_slot(row: AnsweredConnection, key: str, ends: Sequence[FrameEnd], out: FindingList) -> None:
@@ -358,7 +387,7 @@ def _refuse(
     subs: list[PairEnd],
     fitting: list[tuple[PairEnd, PairEnd]],
     free: list[tuple[PairEnd, PairEnd]],
-    used: dict[tuple[int, int], CopyLink],
+    links: list[CopyLink],
     out: FindingList,
 ) -> None:
     key = "slot" if row.slot is not None else "sub"
@@ -372,7 +401,8 @@ def _refuse(
             hint="name another slot",
         )
     elif not free:
-        link = used.get(fitting[0][0].key)
+        main = fitting[0][0]
+        link = next((link for link in links if link.main.key == main.key), None)
         why = f": {link.why}" if link else ""
         out.add("FSN156", row.at(key), f"this slot is given already{why}", hint="name another slot")
     elif row.slot is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -70,23 +71,38 @@ def match_project(
     matched, hints, lost = [], [], []
     orders = [_orders(s, library) for s in subdevices]
     by_slot = _by_slot(project, orders, connections)
+    names = _by_name(subdevices)
+    rivals = Counter(sub.order for sub in project.subdevices)
     for row in project.connections:
-        other = row.sub if row.sub not in (None, 0) else row.main
-        wanted = project.subdevices[other or 0]
-        named = [n for n, s in enumerate(subdevices) if wanted.name and s.name == wanted.name]
-        same = [n for n, words in enumerate(orders) if wanted.order.casefold() in words]
-        rivals = [s for s in project.subdevices if s.order == wanted.order]
-        if len(named) != 1 and row.main == 0 and row.slot in by_slot:
-            named = [by_slot[row.slot]]
-        found = named if len(named) == 1 else same
+        wanted = project.subdevices[row.sub or row.main or 0]
+        found = names.get(wanted.name, [])
+        if len(found) != 1 and row.main == 0 and row.slot in by_slot:
+            found = [by_slot[row.slot]]
+        is_sure = len(found) == 1
+        if not is_sure:
+            found = _with_order(wanted, orders)
+            is_sure = len(found) == 1 and rivals[wanted.order] == 1
         text = _text(row, wanted, project.path)
-        if len(found) == 1 and (found is named or len(rivals) == 1) and row.main == 0:
+        if is_sure and row.main == 0:
             matched.append(replace(row, main=None, sub=found[0]))
         elif found:
             hints.append((frozenset(found), text))
         else:
             lost.append(text)
     return MatchedProject(connections=tuple(matched), hints=tuple(hints), lost=tuple(lost))
+
+
+def _by_name(subdevices: Sequence[DescribedSubDevice]) -> dict[str, list[int]]:
+    names: dict[str, list[int]] = {}
+    for number, sub in enumerate(subdevices):
+        if sub.name:
+            names.setdefault(sub.name, []).append(number)
+    return names
+
+
+def _with_order(wanted: DescribedSubDevice, orders: Sequence[set[str]]) -> list[int]:
+    order = wanted.order.casefold()
+    return [number for number, words in enumerate(orders) if order in words]
 
 
 def _by_slot(

@@ -247,19 +247,16 @@ class _Maker:
         self, ends: list[FrameEnd], touched: set[tuple[int, int]], disputed: list[PairEnd]
     ) -> None:
         used = touched | {p.key for k in self._links for p in (k.main, k.sub)}
-        free = [p for e in ends for p in e.pairs if p.key not in used]
-        roles = {e.number: e.role for e in ends}
-        mains = [p for p in free if roles[p.subdevice] == "main"]
-        subs = [p for p in free if roles[p.subdevice] == "sub"]
-        doubtful = [p for p in free if not roles[p.subdevice]]
-        doubtful += [p for e in ends for p in e.doubtful]
-        doubtful += disputed
-        pairing = pair_by_lengths(mains, subs, doubtful)
+        free: dict[str, list[PairEnd]] = {"main": [], "sub": [], "": []}  # by role
+        for end in ends:
+            free[end.role] += [p for p in end.pairs if p.key not in used]
+        doubtful = [*free[""], *(p for e in ends for p in e.doubtful), *disputed]
+        pairing = pair_by_lengths(free["main"], free["sub"], doubtful)
         for main, sub in pairing.settled:
             why = f"settled by lengths: {_bytes(sub)} are there only once on each side"
             self._add(CopyLink(main=main, sub=sub, why=why), ends)
         for row in pairing.open:
-            self._open_pair(row, ends, has_main=bool([r for r in roles.values() if r == "main"]))
+            self._open_pair(row, ends, has_main=any(e.role == "main" for e in ends))
 
     def _add(self, link: CopyLink, ends: list[FrameEnd]) -> None:
         self._links.append(link)

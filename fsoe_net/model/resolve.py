@@ -49,6 +49,11 @@ class Connection:
     facts_number: int | None = None
 
     @property
+    def stated(self) -> ConnectionFacts:
+        """The facts; where the files state none, facts of which each is not said."""
+        return self.facts or ConnectionFacts(main=self.main.name, sub=self.sub.name)
+
+    @property
     def made(self) -> bool:
         """Whether its transfers come from a shorthand."""
         return self.to_sub.made

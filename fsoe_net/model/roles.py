@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.bus import Direction, same_devices
 from fsoe_net.model.description import DescribedSubDevice
@@ -42,6 +43,11 @@ class FrameEnd:
     remarks: list[str] = field(default_factory=list)
     likely: tuple[FsoeGuess, ...] = ()
     question: Question | None = None
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether it shows nothing that could be a frame."""
+        return not self.pairs and not self.doubtful
 
     def accept(self, moved: set[tuple[int, int]]) -> None:
         """Take doubtful pairs that files copy in both directions: that is an answer.
@@ -192,15 +198,15 @@ def give_roles(
         stated: Roles that connections of the files state, by number of the SubDevice.
     """
     if answers.main is not None:
-        mains = {w.text for w in answers.main}
+        roles = {w.text: "main" for w in answers.main}
         for end in ends:
-            end.role = "main" if end.name in mains else "sub"
+            end.role = roles.get(end.name, "sub")
         return None
     for end in ends:
         lengths = tuple(p.lengths for p in (*end.pairs, *end.doubtful))
         known = library_role(subdevices[end.number], lengths, library)
         end.role = stated.get(end.number, "") or known
-    open_ends = [e for e in ends if not e.role and (e.pairs or e.doubtful)]
+    open_ends = [e for e in ends if not e.role and not e.is_bare]
     if not open_ends:
         return None
     if len(open_ends) == 1 and _only_choice(open_ends[0], ends):
@@ -209,17 +215,18 @@ def give_roles(
             "taken as the MainInstance: all others with FSoE frames are known as SubInstances"
         )
         return None
-    names = [e.name for e in open_ends]
     for end in open_ends:
         end.remarks.append("TODO: MainInstance (safety logic) or SubInstance? No file says")
+    return _which_is_main(open_ends, subdevices[open_ends[0].number].span)
+
+
+def _which_is_main(ends: Sequence[FrameEnd], span: Span) -> Question:
     return Question(
         ask=Ask.MAIN,
         text="Which of these are FSoE MainInstances (safety logic)? The others are SubInstances.",
-        facts=tuple(
-            f"{e.name}: {len(e.pairs) + len(e.doubtful)} pair(s) of frames" for e in open_ends
-        ),
-        choices=tuple((n, "") for n in names),
-        span=subdevices[open_ends[0].number].span,
+        facts=tuple(f"{e.name}: {len(e.pairs) + len(e.doubtful)} pair(s) of frames" for e in ends),
+        choices=tuple((e.name, "") for e in ends),
+        span=span,
     )
 
 

@@ -101,7 +101,6 @@ def _names(connection: Connection, image: LogicalImage | None) -> ConnectionName
         )
         for transfer in (connection.to_sub, connection.to_main)
     ]
-    facts = connection.facts
     return ConnectionNames(
         name=connection.name,
         ends=(connection.main.name, connection.sub.name),
@@ -110,6 +109,6 @@ def _names(connection: Connection, image: LogicalImage | None) -> ConnectionName
             connection.to_sub.transfer.size_bytes,
             connection.to_main.transfer.size_bytes,
         ),
-        connection_id=facts.connection_id if facts else None,
+        connection_id=connection.stated.connection_id,
         addresses=(addresses[0], addresses[1]),
     )

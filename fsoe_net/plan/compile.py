@@ -299,9 +299,9 @@ class _Compiler:
                 sub=self.resolution.numbers[c.sub.name],
                 copy_to_sub=numbers[c.to_sub.number],
                 copy_to_main=numbers[c.to_main.number],
-                connection_id=c.facts.connection_id if c.facts else None,
-                address=c.facts.address if c.facts else None,
-                watchdog_ms=c.facts.watchdog_ms if c.facts else None,
+                connection_id=c.stated.connection_id,
+                address=c.stated.address,
+                watchdog_ms=c.stated.watchdog_ms,
                 safe_to_sub=safe_data_length(c.to_sub.transfer.size_bytes),
                 safe_to_main=safe_data_length(c.to_main.transfer.size_bytes),
             )

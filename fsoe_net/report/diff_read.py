@@ -106,7 +106,7 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
                 main=numbers[c.main.name],
                 sub=numbers[c.sub.name],
                 slot=c.slot,
-                facts=_facts(c.facts),
+                facts=_facts(c.stated),
             )
         )
     addresses = _addresses(connections)
@@ -135,12 +135,12 @@ def _resolved_end(end: ResolvedEnd, numbers: Mapping[str, int]) -> SideEnd:
     return SideEnd(number, end.sm.sm.index, end.placed.bit_offset, end.placed.entry.address)
 
 
-def _facts(facts: ConnectionFacts | None) -> dict[str, int | str | None]:
+def _facts(facts: ConnectionFacts) -> dict[str, int | str | None]:
     return {
-        "address": facts.address if facts else None,
-        "connection_id": facts.connection_id if facts else None,
-        "watchdog_ms": facts.watchdog_ms if facts else None,
-        "app_parameters": facts.app_parameters.hex() if facts else "",
+        "address": facts.address,
+        "connection_id": facts.connection_id,
+        "watchdog_ms": facts.watchdog_ms,
+        "app_parameters": facts.app_parameters.hex(),
     }
 
 

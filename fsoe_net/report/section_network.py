@@ -164,8 +164,8 @@ def connections(inputs: ReportInputs) -> ReportSection:
             points=(Point(PointKind.OPEN, "there is no FSoE connection to judge"),),
         )
     points: list[Point] = []
-    owners = _owners(rows, lambda c: c.facts.address if c.facts else None, by_sub=True)
-    ids = _owners(rows, lambda c: c.facts.connection_id if c.facts else None, by_sub=False)
+    owners = _owners(rows, lambda c: c.stated.address, by_sub=True)
+    ids = _owners(rows, lambda c: c.stated.connection_id, by_sub=False)
     for c in rows:
         points += _open_facts(c)
     parts: tuple[Part, ...] = (
@@ -190,8 +190,8 @@ def connections(inputs: ReportInputs) -> ReportSection:
             rows=tuple(
                 (
                     cell(strong(c.name)),
-                    cell(_unique(c.facts.connection_id if c.facts else None, ids, _ID_MOST)),
-                    cell(_unique(c.facts.address if c.facts else None, owners, _ADDRESS_MOST)),
+                    cell(_unique(c.stated.connection_id, ids, _ID_MOST)),
+                    cell(_unique(c.stated.address, owners, _ADDRESS_MOST)),
                 )
                 for c in rows
             ),
@@ -233,13 +233,13 @@ def _unique(value: int | None, owners: Counter[int], most: int) -> Verdict:
 
 
 def _open_facts(c: Connection) -> list[Point]:
-    facts = c.facts
+    facts = c.stated
     missing = [
         what
         for what, value in (
-            ("connection ID", facts.connection_id if facts else None),
-            ("FSoE address", facts.address if facts else None),
-            ("watchdog", facts.watchdog_ms if facts else None),
+            ("connection ID", facts.connection_id),
+            ("FSoE address", facts.address),
+            ("watchdog", facts.watchdog_ms),
         )
         if value is None
     ]
@@ -247,24 +247,24 @@ def _open_facts(c: Connection) -> list[Point]:
     if missing:
         words = f"{c.name}: {', '.join(missing)} not stated"
         points.append(Point(PointKind.OPEN, words))
-    if facts is not None and facts.unconfirmed is not None:
+    if facts.unconfirmed is not None:
         reason = f": {facts.unconfirmed}" if facts.unconfirmed else ""
         points.append(Point(PointKind.OPEN, f"{c.name} is unconfirmed{reason}"))
     return points
 
 
 def _row(c: Connection) -> tuple[Cell, ...]:
-    facts = c.facts
-    address = facts.address if facts else None
+    facts = c.stated
+    address = facts.address
     frames = (c.to_sub.transfer.size_bytes, c.to_main.transfer.size_bytes)
     return (
         cell(strong(c.name), muted(f"net {c.net.name}")),
         cell(c.main.name, f"→ {c.sub.name}"),
-        cell(stated(facts.connection_id if facts else None, "", _FACTS)),
+        cell(stated(facts.connection_id, "", _FACTS)),
         cell(
             stated(address, "", _FACTS, "" if address is None else f"{address} (0x{address:04x})")
         ),
-        cell(stated(facts.watchdog_ms if facts else None, "ms", _FACTS)),
+        cell(stated(facts.watchdog_ms, "ms", _FACTS)),
         tuple(
             Number(value=n, text=str(n), unit=_bytes_to(n, to), source=_LAYOUT)
             for n, to in ((_safe_bytes(frames[0]), "sub"), (_safe_bytes(frames[1]), "main"))
@@ -273,7 +273,7 @@ def _row(c: Connection) -> tuple[Cell, ...]:
             Number(value=n, text=str(n), unit=f"bytes to {to}", source=_LAYOUT)
             for n, to in ((frames[0], "sub"), (frames[1], "main"))
         ),
-        _parameters(facts.app_parameters if facts else b""),
+        _parameters(facts.app_parameters),
     )
 
 

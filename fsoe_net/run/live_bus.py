@@ -189,15 +189,15 @@ class _LiveRun:
 
 
 def _facts(connection: Connection) -> PlannedConnection:
-    facts = connection.facts
+    stated = connection.stated
     return PlannedConnection(
         name=connection.name,
         net=connection.net.name,
         main=connection.main.name,
         sub=connection.sub.name,
-        connection_id=facts.connection_id if facts else None,
-        address=facts.address if facts else None,
-        watchdog_ms=facts.watchdog_ms if facts else None,
+        connection_id=stated.connection_id,
+        address=stated.address,
+        watchdog_ms=stated.watchdog_ms,
     )
 
 
