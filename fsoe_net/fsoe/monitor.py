@@ -270,7 +270,7 @@ class Monitor:
             )
         )
         whole = sequence == 0 or self._crcs(pdu, sequence) == pdu.crcs
-        found = whole and sequence != 0 and self._continues(side, pdu, sequence)
+        found = whole and self._continues(side, pdu, sequence)
         side.own = self._last_crc = pdu.crcs[0]
         self._last_direction = direction
         side.guess = advance(sequence) if sequence and whole else 0

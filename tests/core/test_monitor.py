@@ -91,7 +91,8 @@ def test_whole_life_is_right(out, inn, seed):
     assert both.python.gaps == 0
 
 
-def test_a_collision_while_the_number_is_searched_for():
+@pytest.mark.parametrize("size", [2, 6])
+def test_a_collision_while_the_number_is_searched_for(size):
     """The second frame of a direction has one number more than expected, and its own reason."""
     main, sub = Chain(tx_sequence=5, rx_sequence=5), Chain(tx_sequence=5, rx_sequence=5)
 
@@ -100,22 +101,22 @@ def test_a_collision_while_the_number_is_searched_for():
         assert other.receive(decode_pdu(frame))
         return frame
 
-    rows = [(TO_SUB, sent(main, sub, b"\1\2")), (TO_MAIN, sent(sub, main, b"\3\4"))]
-    rows += [(TO_SUB, sent(main, sub, b"\5\6")), (TO_MAIN, sent(sub, main, b"\7\0"))]
-    data = next(
-        data
-        for data in (n.to_bytes(2, "little") for n in range(0x10000))
-        if frame_crcs(main.last, 10, main.tx_sequence, 0x36, data)[0] == main.own
-    )
-    other = bytes((data[0] ^ 1, data[1]))
+    words = (b"\1\2", b"\3\4", b"\5\6", b"\7\0")
+    one, two, three, four = ((word * 3)[:size] for word in words)
+    rows = [(TO_SUB, sent(main, sub, one)), (TO_MAIN, sent(sub, main, two))]
+    rows += [(TO_SUB, sent(main, sub, three)), (TO_MAIN, sent(sub, main, four))]
+    found = (n.to_bytes(2, "little") + one[2:] for n in range(0x10000))
+    due = main.last, 10, main.tx_sequence, 0x36
+    data = next(data for data in found if frame_crcs(*due, data)[0] == main.own)
+    other = bytes((data[0] ^ 1, *data[1:]))
     for last, verdict in ((data, CrcVerdict.RIGHT), (other, CrcVerdict.RIGHT)):
-        both = Both(2, 2)
+        both = Both(size, size)
         seen = [both.frame(*row) for row in rows]
         assert seen == [CrcVerdict.UNCHECKED] * 3 + [CrcVerdict.RIGHT]
         assert both.frame(TO_SUB, sent(copy.copy(main), copy.copy(sub), last)) is verdict
     skips = copy.copy(main)
     skips.tx_sequence += 1
-    both = Both(2, 2)
+    both = Both(size, size)
     for row in rows:
         both.frame(*row)
     assert both.frame(TO_SUB, skips.send(0x36, other, 10)) is CrcVerdict.UNCHECKED

@@ -34,6 +34,15 @@ class ignores_crc(SubInstance):  # noqa: N801 - named like a factory
         self._chain = _NoCrc()
 
 
+class main_ignores_crc(MainInstance):  # noqa: N801 - named like a factory
+    def __init__(self, config):
+        super().__init__(config, session_ids=SessionIds(5))
+
+    def _power_up(self):
+        super()._power_up()
+        self._chain = _NoCrc()
+
+
 class ignores_sequence(SubInstance):  # noqa: N801 - named like a factory
     """Takes any data frame again that was right once."""
 

@@ -9,6 +9,7 @@ from fsoe.devices import (
     ignores_crc,
     ignores_sequence,
     ignores_watchdog,
+    main_ignores_crc,
     strange_main,
     strange_sub,
     strange_sub_that_takes_data,
@@ -18,6 +19,7 @@ from fsoe.links import DRAWN, SIZES, make_config, make_link
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.campaign import trials as campaign_module
 from fsoe_net.fsoe.campaign.bit_errors import bit_error_count
+from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.shrink import shrink
 from fsoe_net.fsoe.campaign.trials import (
     _SUMS,
@@ -26,12 +28,14 @@ from fsoe_net.fsoe.campaign.trials import (
     Failure,
     Shown,
     Trials,
+    class_names,
     merge,
     run_trials,
     trial_count,
 )
 from fsoe_net.fsoe.campaign.walk import TrialConnection
 from fsoe_net.fsoe.campaign.witness import Collision
+from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import Command, decode_pdu
 from fsoe_net.fsoe.recording.replay import replay
 
@@ -146,6 +150,17 @@ def test_bit_errors_of_each_pair_of_sizes_are_tried_once():
     assert list(work.order(range(3, 6))) == [3, 4, 5]
 
 
+def test_names_of_classes(said):
+    assert class_names("all") == tuple(CATALOGUE)
+    assert class_names("loss, delay+torn_copy,delay") == ("loss", "delay+torn_copy", "delay")
+    for bad in ("", "los", "xyz", "all,loss", "loss,loss", "loss+loss", "bit_errors+loss"):
+        with pytest.raises(ValueError, match=r"^.{9}") as caught:
+            class_names(bad)
+        said.add(f"classes {bad!r}: {caught.value}")
+    with pytest.raises(ValueError, match="named twice"):
+        class_names("loss+delay,delay+loss")
+
+
 def test_results_that_do_not_belong_together():
     with pytest.raises(ConfigError, match="one class"):
         merge([run_trials(make_config(), name, range(1)) for name in ("loss", "delay")])
@@ -176,6 +191,7 @@ def test_sizes_of_a_link_must_agree():
     [
         (ignores_crc, "corruption", "accepted"),
         (ignores_crc, "bit_errors", "accepted"),
+        (main_ignores_crc, "corruption", "accepted"),
         (ignores_sequence, "repetition", "accepted"),
         (ignores_sequence, "stale_copy", "accepted"),
         (ignores_watchdog, "delay", "still valid after 21 ms"),
@@ -183,7 +199,8 @@ def test_sizes_of_a_link_must_agree():
     ],
 )
 def test_what_a_device_forgot_is_found(device, name, text, said):
-    result = run_trials(make_config(sub_factory=device), name, range(300))
+    side = "main_factory" if issubclass(device, MainInstance) else "sub_factory"
+    result = run_trials(make_config(**{side: device}), name, range(300))
     assert result.failed > 50
     assert not result.passed
     assert len(result.failures) == 5

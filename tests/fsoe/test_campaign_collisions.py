@@ -112,6 +112,8 @@ def test_collisions_come_as_often_as_they_should(monkeypatch):
     assert not result.rate_ok  # more than 2^-16 allows
     assert result.collisions >= result.exposed_collisions
     assert len(result.shown) == min(100, result.collisions)
+    assert {row.link for row in result.shown} == {"link 2x2"}
+    assert [row.trial for row in result.shown] == sorted({row.trial for row in result.shown})
     for row in result.shown:
         pdu, proof = decode_pdu(row.proof.frame), row.proof
         assert proof.frame != proof.right

@@ -21,10 +21,10 @@ NAMES = [*CATALOGUE, "loss+corruption+double_writer", "delay+insertion"]
 
 
 def drawn(case: Case) -> str:
-    """Return the fault of a case, but for the address in memory of what the application does."""
+    """Return the fault of a case."""
     one = case.injection
     words = [w for w in ("patient", "signed", "stays", "miswired", "former") if getattr(one, w)]
-    words += ["application"] if one.application is not None else []
+    words += [str(one.application)] if one.application is not None else []
     return f"{case.link.name}, chance {one.chance}, {' '.join(words)}: {one.faults}"
 
 

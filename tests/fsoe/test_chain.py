@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.fsoe.chain import Chain, advance, is_whole
+from fsoe_net.fsoe.chain import Chain, advance, before, is_whole
 from fsoe_net.fsoe.crc import frame_crcs
 from fsoe_net.fsoe.pdu import decode_pdu
 
@@ -32,7 +32,9 @@ def _pair(sequence: int = 1) -> tuple[Chain, Chain]:
 
 
 def test_advance():
-    assert [advance(n) for n in (1, 2, 65534, 65535)] == [2, 3, 65535, 1]
+    numbers = (1, 2, 65534, 65535)
+    assert [advance(n) for n in numbers] == [2, 3, 65535, 1]
+    assert [before(advance(n)) for n in numbers] == list(numbers)
 
 
 @pytest.mark.parametrize("size", [1, 2, 4, 126])

@@ -204,6 +204,23 @@ def test_session_ids_that_look_like_a_reset_are_drawn_again():
     assert constant.step(0, reset_frame(0, 2)) is not None  # a stubborn source is believed
 
 
+@pytest.mark.parametrize("size", [1, 4])
+def test_session_ids_of_other_sizes_that_look_like_a_reset(size):
+    """It is CRC_0 that counts, and of one byte only what the first frame carries."""
+    crcs = {decode_pdu(reset_frame(code, size)).crcs[0] for code in range(12)} | {0}
+
+    def first_crc(word):
+        data = word.to_bytes(2, "little")[:size].ljust(size, b"\0")
+        return frame_crcs(0, 0, 1, 0x4E, data)[0]
+
+    bad = [word for word in range(0x10000) if first_crc(word) in crcs]
+    good = next(word for word in range(0x4711, 0x10000) if first_crc(word) not in crcs)
+    main = make_main(size, size, ids=iter([*bad[:12], good]).__next__)
+    main.step(0, None)
+    sent = parts(main.step(0, reset_frame(0, size))).safe_data
+    assert sent == good.to_bytes(2, "little")[:size].ljust(size, b"\0")
+
+
 def test_first_session_reply_is_received_without_the_collision_rule():
     """§11.3: also when its CRC_0 is 0 or that of the Reset before."""
     for wanted in (0, decode_pdu(reset_frame(0, 2)).crcs[0]):

@@ -150,7 +150,9 @@ def test_encoding_the_impossible(pdu):
         pdu.encode()
 
 
-def test_texts():
+def test_texts(said):
+    for code in range(14):
+        said.add(f"code {code}: {reset_code_text(code)}")
     assert describe(decode_pdu(reset_frame(4, 2))) == "Reset(4: wrong CRC) 04 00 ConnID 0 CRC 34a6"
     assert describe(decode_pdu(bytes(6))) == "command 0x00 00 ConnID 0 CRC 0000"
     assert reset_code_text(0x80) == "device-specific code 0x80"

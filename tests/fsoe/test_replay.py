@@ -116,6 +116,11 @@ def test_quirk_accepts_both_until_the_next_reset():
     result = replay(map(json.dumps, [CONFIG, *rows]))
     assert not result.differences
     assert result.tolerated > 0
+    skip = {"type": "skip", "n": 7, "sha256": "00" * 32}
+    longer = replay(map(json.dumps, [CONFIG, *rows[:3], skip]))
+    shorter = replay(map(json.dumps, [CONFIG, *rows[:3]]))
+    assert longer.tolerated == shorter.tolerated + 2 * 7
+    assert longer.compared == shorter.compared + 2 * 7
     rows[-1]["master_state"] = "Session"  # after that Reset they are held together again
     (found,) = replay(map(json.dumps, [CONFIG, *rows])).differences
     assert (found.step, found.field, found.got) == (41, "state", "Reset")
