@@ -138,20 +138,51 @@ class Covered:
             for line, tests in rows.items():
                 self.lines[file][int(line)] |= {names[i] for i in tests} - failed
 
+    def naming(self, words: list[str], root: Path) -> set[str]:
+        """Return the tests whose functions have one of the names in their text."""
+        texts = {f: _functions(root / f) for f in {t.partition("::")[0] for t in self.seconds}}
+        wanted = re.compile(rf"\b({'|'.join(map(re.escape, words))})\b") if words else None
+        return {
+            test
+            for test in self.seconds
+            for file, _, name in [test.partition("[")[0].partition("::")]
+            if wanted and wanted.search(texts[file].get(name.rpartition("::")[2], ""))
+        }
+
     def at(self, path: str, first: int, last: int) -> set[str]:
         """Return the tests that run a line between two of a file, both included."""
         rows = self.lines.get(path, {})
         return set().union(*(rows.get(n, ()) for n in range(first, last + 1)))
 
     def ordered(self, tests: set[str]) -> list[str]:
-        """Return the fast tests first, and those that have noticed other mutants."""
+        """Return the fast tests first, those that have noticed mutants, few of one function."""
         cost = {t: (0.01 + round(self.seconds[t], 2)) / (0.1 + self.kills[t]) for t in tests}
+        before: Counter[str] = Counter()
+        for test in sorted(tests, key=lambda t: (cost[t], t)):
+            function = test.partition("[")[0]
+            before[function] += 1
+            cost[test] *= before[function]
         return sorted(tests, key=lambda t: (cost[t], t))
 
     def affordable(self, tests: list[str]) -> list[str]:
         """Return the first of them that need no more than `SECONDS` together, and one at least."""
         sums = accumulate(self.seconds[t] for t in tests)
         return [t for n, (t, s) in enumerate(zip(tests, sums, strict=True)) if s < SECONDS or not n]
+
+
+@cache
+def _functions(file: Path) -> dict[str, str]:
+    """Return the text of each function of a file, with its decorators."""
+    text = file.read_text("utf-8")
+    lines = text.splitlines()
+    return {
+        node.name: "\n".join(lines[node.lineno - 1 - len(node.decorator_list) : node.end_lineno])
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.FunctionDef)
+    }
+
+
+_FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 class _Choice:
@@ -168,23 +199,42 @@ class _Choice:
     def _read(self, path: str) -> list[tuple[int, int, ast.stmt, ast.AST | None]]:
         return _statements("\n".join(self._texts[path]) + "\n")
 
-    def tests(self, mutant: Mutant) -> list[str]:
+    def _all(self, path: str) -> set[str]:
+        return self._covered.at(path, 1, len(self._texts[path]))
+
+    def _around(self, mutant: Mutant) -> tuple[int, int, ast.stmt | None, ast.AST | None]:
         last = mutant.line + mutant.before.count("\n")
         around = (s for s in self._statements(mutant.path) if s[0] <= mutant.line and last <= s[1])
-        first, end, statement, function = next(around, (mutant.line, last, None, None))
-        definition = isinstance(statement, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-        if function is not None and not definition and not _is_cached(function):
+        return next(around, (mutant.line, last, None, None))
+
+    def ran_before(self, mutant: Mutant) -> bool:
+        """Return whether no test runs the function of a mutant: it ran at import, if ever."""
+        function = self._around(mutant)[3]
+        return isinstance(function, _FUNCTIONS) and not self._covered.at(
+            mutant.path, function.body[0].lineno, function.end_lineno or 0
+        )
+
+    def tests(self, mutant: Mutant) -> list[str]:
+        first, end, statement, function = self._around(mutant)
+        definition = isinstance(statement, (*_FUNCTIONS, ast.ClassDef))
+        once = function is None or _is_cached(function) or self.ran_before(mutant)
+        if not once and not definition:
             return self._covered.ordered(self._covered.at(mutant.path, first, end))
         # It runs when the module is imported, or once for all: whoever uses its names can notice.
-        words = _names(function if statement is None or _is_cached(function) else statement)
-        found = set()
+        words = _names(function if function is not None and once else statement)
+        found = self._covered.naming(words, self._root)
         for path, lines in self._texts.items():
             for number, line in enumerate(lines, 1):
                 if any(re.search(rf"\b{re.escape(w)}\b", line) for w in words):
                     found |= self._covered.at(path, number, number)
         if definition and statement is not None:
             found |= self._covered.at(mutant.path, first, statement.end_lineno)
-        rest = self._covered.at(mutant.path, 1, len(self._texts[mutant.path])) - found
+        rest = self._all(mutant.path)
+        if not rest:
+            module = _module(mutant.path).replace(".", r"\.")
+            users = (p for p, x in self._texts.items() if re.search(rf"\b{module}\b", "\n".join(x)))
+            rest = set().union(*map(self._all, users))
+        rest -= found
         return self._covered.ordered(found) + self._covered.ordered(rest)
 
 
@@ -290,6 +340,10 @@ def covered_by(part: str, root: Path, server: Server) -> Covered:
     return out
 
 
+def _module(path: str) -> str:
+    return path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
 class Runner:
     """Runs mutants of one part, one after the other."""
 
@@ -314,15 +368,15 @@ class Runner:
             return SURVIVED
         text = self._work / "mutant.py"
         text.write_text(mutant.source, "utf-8")
-        module = mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         code = NOT_HERE
-        for server in (self._collected, self._bare):
+        servers = [] if self._choice.ran_before(mutant) else [self._collected]
+        for server in (*servers, self._bare):
             if code == NOT_HERE:
                 code = server.ask(
                     list(dict.fromkeys(t.split("::")[0] for t in tests)),
                     tests=tests,
                     seconds=30 + 10 * sum(self._covered.seconds[t] for t in tests),
-                    mutant=[module, str(self._root / mutant.path), str(text)],
+                    mutant=[_module(mutant.path), str(self._root / mutant.path), str(text)],
                 )
                 self._covered.kills[server.failed()] += 1
         # 5: the mutant changed which tests there are, and none that ran the line is left.
