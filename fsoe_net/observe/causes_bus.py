@@ -51,18 +51,16 @@ def _other_main(e: IncidentEvidence) -> Iterator[Candidate]:
 def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
     """SubDevices that do not answer any more."""
     gone = e.lost_subdevices()
-    everybody = len(gone) == sum(s.known for s in e.head.subdevices)
-    if not gone or (everybody and _is_late(e)):
+    known = [s for s in e.head.subdevices if s.known]
+    if not gone or (len(gone) == len(known) and _is_late(e)):
         return  # frames that come back late have been everywhere
     first, several = gone[0], len(gone) > 1
     score = 92 if _own(e, [s.name for s in gone]) else 45
     facts = [*_facts_of_gone(e, gone), *_when(e, gone)]
     facts.append(f"the bus says of {first.name}: {first.detail}" if first.detail else "")
-    known = [s for s in e.head.subdevices if s.known]
-    behind = [s for s in known if s.position >= first.position]
-    if _names_a_link(gone) or (several and len(behind) == len(gone)):
-        before = [s for s in known if s.position < first.position]
-        other = max(before, key=lambda s: s.position).name if before else "the MainDevice"
+    before = {s.position: s.name for s in known if s.position < first.position}
+    if _names_a_link(gone) or (several and len(known) - len(before) == len(gone)):
+        other = before[max(before)] if before else "the MainDevice"
         line = "all devices from there on are gone" if several else ""
         yield candidate(e, "cable_cut", score + 4, line, *facts, device=first.name, other=other)
         if several:

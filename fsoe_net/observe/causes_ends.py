@@ -80,16 +80,15 @@ def _silence(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     main, sub = link.sides
     device = e.subdevice(plan.main)
     if not main.not_zero and not (device and not device.answers):
-        own = [n for n, p in e.planned.items() if p.main == plan.main and n in e.links]
-        all_quiet = all(not e.links[n].sides[_MAIN].not_zero for n in own)
+        own = e.links_of(plan.main)
+        is_alone = len(own) < 2 or any(other.sides[_MAIN].not_zero for other in own)
+        all_of = f"so it is for all {counted(len(own), 'connection')} of {plan.main}"
         yield candidate(
             e,
             "main_not_running",
             93,
             f"the frame of {plan.main} for {e.name} is all zero in every cycle",
-            f"so it is for all {counted(len(own), 'connection')} of {plan.main}"
-            if all_quiet and len(own) > 1
-            else "",
+            "" if is_alone else all_of,
             f"{plan.main} is in {device.al}" if device and device.known else "",
         )
     elif main.frames and not sub.not_zero:
@@ -109,12 +108,9 @@ def _local(e: IncidentEvidence) -> Iterator[Candidate]:
     if plan is None or e.code != ResetCode.LOCAL:
         return
     near = max(e.watchdog_ns or 0, 50_000_000)
-    own = [n for n, p in e.planned.items() if p.main == plan.main and n in e.links]
-    together = [
-        n
-        for n in own
-        if (r := e.links[n].reset_at(e.moment_ns, near)) and r.by == "main" and r.code == 0
-    ]
+    own = e.links_of(plan.main)
+    resets = [link.reset_at(e.moment_ns, near) for link in own]
+    together = [r for r in resets if r is not None and r.by == "main" and r.code == 0]
     device = plan.main if e.by == "main" else plan.sub
     said = f"{device} reset with code 0, all frames before were right"
     if e.by == "main" and len(own) > 1 and len(together) == len(own):
@@ -191,7 +187,7 @@ def _watchdog(
     if not times or watchdog is None or plan is None:
         return
     main, sub = link.sides
-    means = [s.waits_sum_ns / s.waits if s.waits else 0.0 for s in (main, sub)]
+    means = [main.waits_mean_ns, sub.waits_mean_ns]
     most = [s.waits_most_ns for s in (main, sub)]
     cycle = max(e.bus.cycle_ns, 1)
     round_trip = sum(means)
@@ -203,18 +199,19 @@ def _watchdog(
         else "",
     ]
     yield from _slow(e, plan, watchdog, means, most, facts)
-    answered = link.sides[_SUB].linked and link.sides[_MAIN].linked
     if watchdog <= 4 * cycle or (round_trip and watchdog <= 2 * round_trip):
-        quick = max(means) <= 4 * cycle
-        yield candidate(
-            e,
-            "watchdog_tight",
-            89 if quick and answered else 75 if quick else 50,
-            *facts,
-            "both ends answer within a few cycles" if quick and answered else "",
-        )
+        yield _tight(e, link, facts, is_quick=max(means) <= 4 * cycle)
     elif e.left_data and e.reset is not None:
         yield from _fell_silent(e, plan, e.reset, facts)
+
+
+def _tight(e: IncidentEvidence, link: LinkFacts, facts: list[str], *, is_quick: bool) -> Candidate:
+    """The watchdog leaves no room; all the more the cause when both ends were quick."""
+    if not is_quick:
+        return candidate(e, "watchdog_tight", 50, *facts)
+    if not all(side.linked for side in link.sides):
+        return candidate(e, "watchdog_tight", 75, *facts)
+    return candidate(e, "watchdog_tight", 89, *facts, "both ends answer within a few cycles")
 
 
 def _slow(

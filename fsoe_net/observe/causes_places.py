@@ -9,7 +9,7 @@ from fsoe_net.fsoe.pdu import ResetCode
 from fsoe_net.observe.candidate import Candidate, any_of, candidate, code_text
 from fsoe_net.observe.causes_ends import reported_codes
 from fsoe_net.observe.evidence import IncidentEvidence, Planned
-from fsoe_net.observe.evidence_frames import LinkFacts
+from fsoe_net.observe.evidence_frames import LinkFacts, WireSide
 from fsoe_net.observe.incident import TriggerKind
 
 __all__ = ["place_causes", "swapped", "swapped_key"]
@@ -99,26 +99,22 @@ def _ids(e: IncidentEvidence, name: str) -> set[int]:
 def _wire_ids(e: IncidentEvidence, name: str) -> set[int]:
     """Return the ConnIDs the main of a connection has sent more than once or twice."""
     link = e.links.get(name)
-    rows = link.sides[_MAIN].connection_ids if link else {}
-    return {number for number, times in rows.items() if number and times >= _FEW}
+    return _sent_ids(link.sides[_MAIN]) if link else set()
+
+
+def _sent_ids(side: WireSide) -> set[int]:
+    return {number for number, times in side.connection_ids.items() if number and times >= _FEW}
 
 
 def _crossed(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
     """Frames of one connection answer those of another, or its ConnID is that of another."""
+    own = link.sides[_SUB].linked
+    ids = _wire_ids(e, e.name)
     for other in e.planned.values():
         if other.name == e.name:
             continue
         fits = sum(p.linked for p in e.pairings if {p.main_of, p.sub_of} == {e.name, other.name})
-        own = link.sides[_SUB].linked
-        ids = _wire_ids(e, e.name)
         theirs = _wire_ids(e, other.name)
-        exchanged = bool(
-            plan.connection_id
-            and other.connection_id
-            and plan.connection_id != other.connection_id
-            and ids == {other.connection_id}
-            and (not theirs or theirs == {plan.connection_id})
-        )
         if fits > _FEW and fits > own:
             yield candidate(
                 e,
@@ -130,7 +126,7 @@ def _crossed(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Ca
                 else "",
                 other=other.name,
             )
-        elif exchanged:
+        elif _are_exchanged(plan, ids, other, theirs):
             yield candidate(
                 e,
                 "copies_crossed",
@@ -139,6 +135,15 @@ def _crossed(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Ca
                 f"{other.name} carries {_list(theirs)}" if theirs else "",
                 other=other.name,
             )
+
+
+def _are_exchanged(plan: Planned, ids: set[int], other: Planned, theirs: set[int]) -> bool:
+    """Whether one carries the planned ConnID of the other, and the other does not contradict."""
+    if not plan.connection_id or not other.connection_id:
+        return False
+    if plan.connection_id == other.connection_id or ids != {other.connection_id}:
+        return False
+    return not theirs or theirs == {plan.connection_id}
 
 
 def _list(numbers: set[int]) -> str:
@@ -255,7 +260,7 @@ def _connection_id(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Itera
     refused = sum(n for (_, c), n in reported_codes(e).items() if c == ResetCode.CONNECTION_ID)
     ids = _wire_ids(e, e.name)
     other = bool(ids and plan.connection_id and plan.connection_id not in ids)
-    answers = {n for n, times in link.sides[_SUB].connection_ids.items() if times >= _FEW and n}
+    answers = _sent_ids(link.sides[_SUB])
     if not refused and not (other and e.never):
         return
     yield candidate(

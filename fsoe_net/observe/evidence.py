@@ -73,6 +73,11 @@ class IncidentEvidence:
         """The connection it is about, as planned."""
         return self.planned.get(self.name)
 
+    def links_of(self, main: str) -> list[LinkFacts]:
+        """Return the frames of all connections of a MainInstance."""
+        own = [name for name, planned in self.planned.items() if planned.main == main]
+        return [self.links[name] for name in own if name in self.links]
+
     @property
     def link(self) -> LinkFacts | None:
         """The frames of the connection it is about; ``None`` when there are no cycles."""

@@ -101,6 +101,11 @@ class WireSide:
     waits_sum_ns: int = 0
     waits_most_ns: int = 0
 
+    @property
+    def waits_mean_ns(self) -> float:
+        """The mean of its waits, 0 without any."""
+        return self.waits_sum_ns / self.waits if self.waits else 0.0
+
 
 @dataclass(slots=True)
 class CrossedPair:

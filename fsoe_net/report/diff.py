@@ -136,6 +136,11 @@ def _changed(area: str, where: str, what: str, before: Fact, after: Fact) -> Cha
     return Change(kind="changed", area=area, where=where, what=what, before=before, after=after)
 
 
+def _differ(before: object, after: object) -> bool:
+    """Whether both sides say something, and something else."""
+    return before is not None and after is not None and before != after
+
+
 def _told(before: object, after: object, a: Side, b: Side) -> bool:
     """Whether both sides speak about a fact; in two whole ones ``None`` means *not set*."""
     return (before is not None and after is not None) or (a.whole and b.whole)
@@ -143,15 +148,11 @@ def _told(before: object, after: object, a: Side, b: Side) -> bool:
 
 def _subdevice(a: Side, b: Side, left: int | None, right: int | None) -> list[Change]:
     if left is None or right is None:
-        sub = b.subdevices[right or 0] if left is None else a.subdevices[left]
-        kind = "added" if left is None else "removed"
-        known = _identity(sub)
-        before, after = (None, known) if left is None else (known, None)
-        return [Change(kind=kind, area="subdevice", where=_title(sub), before=before, after=after)]
+        return [_lone(a, b, left, right)]
     old, new = a.subdevices[left], b.subdevices[right]
     where = _title(old)
     changes: list[Change] = []
-    if None not in (old.identity, new.identity) and old.identity != new.identity:
+    if _differ(old.identity, new.identity):
         changes.append(
             Change(
                 kind="exchanged",
@@ -170,19 +171,34 @@ def _subdevice(a: Side, b: Side, left: int | None, right: int | None) -> list[Ch
         changes += compare_managers(where, old.managers, new.managers)
     changes += _sdos(where, old, new)
     if a.connections is None or b.connections is None:
-        addresses = (old.fsoe_addresses, new.fsoe_addresses)
-        if None not in addresses and set(addresses[0] or ()) != set(addresses[1] or ()):
-            texts = [", ".join(map(str, sorted(x or ()))) for x in addresses]
-            changes.append(_changed("subdevice", where, "fsoe_addresses", texts[0], texts[1]))
+        changes += _addresses(where, old.fsoe_addresses, new.fsoe_addresses)
     return changes
+
+
+def _lone(a: Side, b: Side, left: int | None, right: int | None) -> Change:
+    """Return the change of a SubDevice that one side has alone."""
+    if left is not None:
+        sub = a.subdevices[left]
+        return Change(kind="removed", area="subdevice", where=_title(sub), before=_identity(sub))
+    sub = b.subdevices[right or 0]
+    return Change(kind="added", area="subdevice", where=_title(sub), after=_identity(sub))
+
+
+def _addresses(
+    where: str, old: tuple[int, ...] | None, new: tuple[int, ...] | None
+) -> list[Change]:
+    if old is None or new is None or set(old) == set(new):
+        return []
+    before, after = (", ".join(map(str, sorted(numbers))) for numbers in (old, new))
+    return [_changed("subdevice", where, "fsoe_addresses", before, after)]
 
 
 def _moved(where: str, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
     changes = []
-    if old.alias is not None and new.alias is not None and old.alias != new.alias:
+    if _differ(old.alias, new.alias):
         changes.append(_changed("subdevice", where, "alias", old.alias, new.alias))
     comparable = (old.alias or 0) == (new.alias or 0)
-    if comparable and None not in (old.position, new.position) and old.position != new.position:
+    if comparable and _differ(old.position, new.position):
         changes.append(
             Change(
                 kind="moved",
@@ -292,9 +308,9 @@ def _copy(old: SideCopy, new: SideCopy, label: _Labels) -> list[Change]:
         changes.append(_changed("copy", where, "source", *texts))
     if old.bits != new.bits:
         changes.append(_changed("copy", where, "size", _size(old.bits), _size(new.bits)))
-    if None not in (old.kind, new.kind) and old.kind != new.kind:
+    if _differ(old.kind, new.kind):
         changes.append(_changed("copy", where, "kind", old.kind, new.kind))
-    if None not in (old.net, new.net) and old.net != new.net:
+    if _differ(old.net, new.net):
         changes.append(_changed("copy", where, "net", old.net, new.net))
     return changes
 
@@ -311,15 +327,7 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
     }
     alone = _lone_pairs(left.values()) & _lone_pairs(right.values())
     changes: list[Change] = []
-    keys: tuple[Callable[[SideConnection], Hashable | None], ...] = (
-        lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
-        lambda c: (c.name, c.slot) if c.name and c.main is c.sub is None else None,
-        lambda c: _pair_key(c.sub, c.facts.get("address")),
-        lambda c: _pair_key(c.main, c.facts.get("connection_id")),
-        lambda c: c.facts.get("connection_id"),
-        lambda c: (c.main, c.sub) if (c.main, c.sub) in alone else None,
-    )
-    for key in keys:
+    for key in _ways_to_match(alone):
         waiting = {k: n for n, c in right.items() if (k := key(c)) is not None}
         for n, old in list(left.items()):
             k = key(old)
@@ -332,6 +340,20 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
     changes += [_connection_row("removed", c, label) for c in left.values()]
     changes += [_connection_row("added", c, label) for c in right.values()]
     return changes
+
+
+def _ways_to_match(
+    alone: set[tuple[int | None, int | None]],
+) -> tuple[Callable[[SideConnection], Hashable | None], ...]:
+    """Return by what connections of both sides are the same, the surest first."""
+    return (
+        lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
+        lambda c: (c.name, c.slot) if c.name and c.main is c.sub is None else None,
+        lambda c: _pair_key(c.sub, c.facts.get("address")),
+        lambda c: _pair_key(c.main, c.facts.get("connection_id")),
+        lambda c: c.facts.get("connection_id"),
+        lambda c: (c.main, c.sub) if (c.main, c.sub) in alone else None,
+    )
 
 
 def _lone_pairs(rows: Iterable[SideConnection]) -> set[tuple[int | None, int | None]]:

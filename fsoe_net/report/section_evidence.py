@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from fsoe_net.diag.words import counted
@@ -44,7 +45,6 @@ _EMULATED = Verdict("EMULATED, not evidence for this machine", Level.NOTE)
 
 def bus_evidence(inputs: ReportInputs) -> ReportSection:
     """Scans, runs, incident files, and a running bus."""
-    title, points = "Bus evidence", []
     parts: list[Part] = []
     if inputs.evidence:
         files = [e.source for e in inputs.evidence]
@@ -53,28 +53,37 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
         parts += _file(e, inputs)
     if inputs.live is not None:
         parts += _live(inputs.live, inputs)
-        if _plan_sha256(inputs) != inputs.live.status.plan_sha256:
-            points.append(Point(PointKind.OPEN, "the running fsn-master has another plan"))
-        if not inputs.live.status.accepted:
-            points.append(Point(PointKind.OPEN, "the running fsn-master holds no accepted plan"))
-    others = [
-        e.source.path
-        for e in inputs.evidence
-        for source in (e.run, e.incident)
-        if source is not None and source.plan_sha256 != _plan_sha256(inputs)
-    ]
-    points += [Point(PointKind.OPEN, f"{path} is from another plan") for path in others]
-    real = [e for e in inputs.evidence if e.run is None or not e.run.emulated]
-    if not real and (inputs.live is None or inputs.live.status.backend == "emulated"):
-        words = "no evidence of the machine: give --evidence scan.json or --interface IF"
-        points.append(Point(PointKind.OPEN, words))
-        if not parts:
-            text = "There is no evidence of the machine; all else is what the files say."
-            parts.append(Paragraph((Text(text),)))
+    if not parts:
+        text = "There is no evidence of the machine; all else is what the files say."
+        parts.append(Paragraph((Text(text),)))
+    words = [*_other_plans(inputs), *_unread(inputs)]
+    points = tuple(Point(PointKind.OPEN, text) for text in words)
+    return ReportSection(
+        key="bus_evidence", title="Bus evidence", parts=tuple(parts), points=points
+    )
+
+
+def _other_plans(inputs: ReportInputs) -> Iterator[str]:
+    """Yield what is of another plan than that of the report, or of none that was accepted."""
+    own = _plan_sha256(inputs)
+    if inputs.live is not None and inputs.live.status.plan_sha256 != own:
+        yield "the running fsn-master has another plan"
+    if inputs.live is not None and not inputs.live.status.accepted:
+        yield "the running fsn-master holds no accepted plan"
+    for e in inputs.evidence:
+        for source in (e.run, e.incident):
+            if source is not None and source.plan_sha256 != own:
+                yield f"{e.source.path} is from another plan"
+
+
+def _unread(inputs: ReportInputs) -> Iterator[str]:
+    """Yield what nobody has read from the machine."""
+    of_machine = any(e.run is None or not e.run.emulated for e in inputs.evidence)
+    is_live = inputs.live is not None and inputs.live.status.backend != "emulated"
+    if not of_machine and not is_live:
+        yield "no evidence of the machine: give --evidence scan.json or --interface IF"
     elif not any(e.scan is not None for e in inputs.evidence):
-        words = "identities and mappings were not read back: a scan.json has them"
-        points.append(Point(PointKind.OPEN, words))
-    return ReportSection(key="bus_evidence", title=title, parts=tuple(parts), points=tuple(points))
+        yield "identities and mappings were not read back: a scan.json has them"
 
 
 def _file(e: Evidence, inputs: ReportInputs) -> list[Part]:

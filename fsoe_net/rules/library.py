@@ -49,13 +49,9 @@ def _frames(
     fitting = [m for m in known.mappings if m.fits(sub.revision)]
     if not frames or not fitting or not all(sm.complete for sm in layout.managers):
         return None
-    for mapping in fitting:
-        stated = _stated(mapping)
-        if stated == frames:
-            return mapping
-        # A safety logic has as many frames as its project has connections.
-        if mapping.role == "main" and frames.keys() <= stated.keys():
-            return mapping
+    mapping = next((m for m in fitting if _has(m, frames)), None)
+    if mapping is not None:
+        return mapping
     nearest = fitting[0]
     modular = any(m.module_ident is not None or m.role == "main" for m in fitting)
     source = known.sources.get(nearest.source, nearest.source)
@@ -68,6 +64,12 @@ def _frames(
         severity=Severity.INFO if modular else None,
     )
     return None
+
+
+def _has(mapping: LibraryMapping, frames: dict[int, list[int]]) -> bool:
+    stated = _stated(mapping)
+    # A safety logic has as many frames as its project has connections.
+    return stated == frames or (mapping.role == "main" and frames.keys() <= stated.keys())
 
 
 def _sizes(frames: Iterable[tuple[int, int, int]]) -> dict[int, list[int]]:

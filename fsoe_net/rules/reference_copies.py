@@ -8,7 +8,12 @@ from dataclasses import dataclass
 from fsoe_net.diag.diagnostic import FindingList, Related, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import SubDevice
-from fsoe_net.model.description import DescribedCopy, DescribedEnd, Description
+from fsoe_net.model.description import (
+    DescribedConnection,
+    DescribedCopy,
+    DescribedEnd,
+    Description,
+)
 from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.resolve import Connection, Resolution
 
@@ -181,24 +186,18 @@ def check_slots(
     blamed: set[str],
 ) -> None:
     """Compare the connections of a file that gives each slot a partner: ``fsoeSlaveIdx``."""
-    wanted: dict[tuple[str, int], int] = {}
-    for number, row in enumerate(file.connections):
-        if row.main is None or row.slot is None or row.sub not in subs:
-            continue
-        if row.main in subs:
-            wanted.setdefault((subs[row.main].name, row.slot), number)
-    wrong: dict[tuple[str, int], tuple[Connection, str, int]] = {}
+    wanted = _partners(file, subs)
+    wrong: dict[tuple[str, int], tuple[Connection, str, DescribedConnection]] = {}
     for connection in resolution.connections:
         slot = connection.slot
         if slot is None or {connection.main.name, connection.sub.name} & blamed:
             continue
-        found = wanted.get((connection.main.name, slot))
-        other = file.connections[found].sub if found is not None else None
-        if found is None or other is None or subs[other].name == connection.sub.name:
-            continue
-        wrong[connection.main.name, slot] = (connection, subs[other].name, found)
+        place = (connection.main.name, slot)
+        partner, row = wanted.get(place, (connection.sub.name, None))
+        if row is not None and partner != connection.sub.name:
+            wrong[place] = (connection, partner, row)
     reported: set[str] = set()
-    for (main, slot), (connection, partner, found) in wrong.items():
+    for (main, slot), (connection, partner, row) in wrong.items():
         if connection.sub.name in reported:
             continue
         back = [
@@ -216,5 +215,18 @@ def check_slots(
             f"slot {slot} of {main} is connected to {connection.sub.name}, to {partner} in "
             f"{file.path}{more}",
             hint="the order in the safety project decides; compare both with it",
-            related=(Related(span=file.connections[found].span, message="the connection there"),),
+            related=(Related(span=row.span, message="the connection there"),),
         )
+
+
+def _partners(
+    file: Description, subs: Mapping[int, SubDevice]
+) -> dict[tuple[str, int], tuple[str, DescribedConnection]]:
+    """Return the SubInstance, and the row, for each MainInstance and slot of the file."""
+    found: dict[tuple[str, int], tuple[str, DescribedConnection]] = {}
+    for row in file.connections:
+        if row.main is None or row.sub is None or row.slot is None:
+            continue
+        if row.main in subs and row.sub in subs:
+            found.setdefault((subs[row.main].name, row.slot), (subs[row.sub].name, row))
+    return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Severity, Span
@@ -208,17 +208,16 @@ class _Side:
             sm = self.theirs.get(number)
             if sm is not None and sm.pdos and self._direction(planned, sm):
                 continue
-            stay = [p for p in pdos if p.index not in moved]
-            theirs = [p for p in (sm.pdos or () if sm is not None else ()) if p.index not in moved]
-            self._assignment(number, pdos[0].span, stay, theirs)
+            theirs = sm.pdos or () if sm is not None else ()
+            self._assignment(number, pdos[0].span, _without(pdos, moved), _without(theirs, moved))
             for pdo in pdos:
                 if pdo.index in known:
                     self._mapping(number, pdo, known[pdo.index], f"PDO 0x{pdo.index:04x}")
         here = {sm.sm.index for sm, _ in self.ours}
         for number, sm in self.theirs.items():
-            theirs = [p for p in sm.pdos or () if p.index not in moved]
-            if number not in here and theirs:
-                self._assignment(number, self.device.at("sm"), [], theirs)
+            others = _without(sm.pdos or (), moved)
+            if number not in here and others:
+                self._assignment(number, self.device.at("sm"), [], others)
 
     def _moved(self) -> set[int]:
         """FSN439: PDOs on another sync manager; one finding for each pair of sync managers."""
@@ -270,18 +269,7 @@ class _Side:
     def _assignment(self, number: int, span: Span, ours: list[Pdo], theirs: list[Pdo]) -> None:
         """FSN433, FSN437: which PDOs a sync manager carries, and in which order."""
         here = {p.index for p in ours}
-        missing = [p for p in theirs if p.index not in here and self._is_mandatory(p)]
-        for pdo in missing:
-            self.add(
-                "FSN437",
-                span,
-                f"PDO 0x{pdo.index:04x} is mandatory on SM{number} by {self.source} and not "
-                "assigned",
-                pdo.span,
-                sm=(number,),
-                hint="assign it; a device whose mandatory PDO is missing does not start",
-            )
-        blocked = self._excluded_by(here) | {p.index for p in missing}
+        blocked = self._excluded_by(here) | self._missing(number, span, _without(theirs, here))
         mine = [p.index for p in ours]
         other = [p.index for p in theirs if p.index in here or p.index not in blocked]
         if mine == other:
@@ -298,6 +286,21 @@ class _Side:
             sm=(number,),
             severity=self._assignment_severity(unknown),
         )
+
+    def _missing(self, number: int, span: Span, pdos: list[Pdo]) -> set[int]:
+        """FSN437; return which of these PDOs, which are not assigned, have to be."""
+        missing = [p for p in pdos if self._is_mandatory(p)]
+        for pdo in missing:
+            self.add(
+                "FSN437",
+                span,
+                f"PDO 0x{pdo.index:04x} is mandatory on SM{number} by {self.source} and not "
+                "assigned",
+                pdo.span,
+                sm=(number,),
+                hint="assign it; a device whose mandatory PDO is missing does not start",
+            )
+        return {p.index for p in missing}
 
     def _is_mandatory(self, pdo: Pdo) -> bool:
         facts = self.facts.get(pdo.index)
@@ -355,3 +358,7 @@ def _without_gaps(pdo: Pdo) -> list[tuple[int, int, int]]:
 
 def _pdo_list(pdos: list[Pdo]) -> str:
     return ("PDOs " if len(pdos) > 1 else "PDO ") + listed([p.index for p in pdos])
+
+
+def _without(pdos: Iterable[Pdo], numbers: Collection[int]) -> list[Pdo]:
+    return [pdo for pdo in pdos if pdo.index not in numbers]

@@ -104,22 +104,24 @@ def _addresses(
         own = _own_addresses(found[name], given.get(name, ()))
         if own:
             read[name] = fact.address if fact.address in own else own[0]
-    wrong = [name for name in read if read[name] != facts[name].address]
+    owners: dict[int | None, str] = {}
+    for name, fact in facts.items():
+        owners.setdefault(fact.address, name)
     done: set[str] = set()
-    for name in wrong:
-        if name in done:
-            continue
+    for name, address in read.items():
         fact = facts[name]
-        owner = next((n for n in facts if n != name and facts[n].address == read[name]), None)
-        if owner in wrong and read[owner] == fact.address:
+        if address == fact.address or name in done:
+            continue
+        owner = owners.get(address, "")
+        if owner and read.get(owner) == fact.address:
             done |= {name, owner}
             _exchanged(out, fact, facts[owner], found)
             continue
-        whose = f", the address of {owner}" if owner is not None else ""
+        whose = f", the address of {owner}" if owner else ""
         out.add(
             "FSN508",
             fact.at("address"),
-            f"{name} (position {found[name].position}) has FSoE address {read[name]}{whose}; the "
+            f"{name} (position {found[name].position}) has FSoE address {address}{whose}; the "
             f"network says {fact.address}",
             hint="set it at the device, or write it here and in the safety project; the connection "
             "is refused (error 6) while they differ",

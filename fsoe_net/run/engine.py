@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from fsoe_net.diag.words import counted
@@ -182,15 +183,14 @@ class Engine:
 
     def _mismatch(self, expectation: Expectation) -> str:
         """Return what was seen instead, or an empty text."""
+        most = math.inf if expectation.max_resets is None else expectation.max_resets
         names = [expectation.connection] if expectation.connection else list(self.network.mains)
         for name in names:
             state = state_word(self.network.mains[name], self.network.subs[name])
-            wanted = expectation.state
-            if wanted and state != wanted and not (wanted == "data" and is_data(state)):
+            if not _agrees(expectation.state, state):
                 return f"{name} was in {state}"
-            least, most = expectation.min_resets, expectation.max_resets
             resets = self.resets[name]
-            if (least is not None and resets < least) or (most is not None and resets > most):
+            if not (expectation.min_resets or 0) <= resets <= most:
                 return f"{name} had {counted(resets, 'reset')}"
         for name, value in expectation.safe_outputs.items():
             got = self.network.safe_output(name)
@@ -266,3 +266,10 @@ def _expectation_text(e: Expectation) -> str:
     if e.max_resets is not None:
         parts.append(f"{who} with at most {counted(e.max_resets, 'reset')}")
     return f"{when}: {', '.join(parts)}"
+
+
+def _agrees(wanted: str, state: str) -> bool:
+    """Whether a connection is in the state that is expected; any Data is ``data``."""
+    if wanted == "data" and is_data(state):
+        return True
+    return wanted in ("", state)
