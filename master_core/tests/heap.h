@@ -9,4 +9,13 @@ struct heap {
 
 extern struct heap heap;
 
+/** heap.alive; 0 beside a sanitizer, which looks for leaks itself. */
+static inline long heap_alive(void) {
+#ifdef FSN_TEST_HEAP
+    return heap.alive;
+#else
+    return 0;
+#endif
+}
+
 #endif

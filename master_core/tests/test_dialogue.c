@@ -10,6 +10,7 @@
  * before it is kept. */
 #include <string.h>
 
+#include "heap.h"
 #include "segment/segment_internal.h"
 #include "segment_rig.h"
 
@@ -170,6 +171,14 @@ static fsn_status abort_code(const unsigned *n) {
     return fsn_segment_set_sdo_abort(rig.segment, n[0], (uint16_t)n[1], n[2], n[3]);
 }
 
+static fsn_status object(const unsigned *n) {
+    uint8_t bytes[1024];
+    for (unsigned i = 0; i < n[2]; i++) {
+        bytes[i] = (uint8_t)(i + i / 256);
+    }
+    return fsn_segment_set_object(rig.segment, n[0], (uint16_t)n[1], 0, bytes, n[2]);
+}
+
 static fsn_status inputs(const unsigned *n) {
     const uint8_t bytes[] = {1, 2, 3, 4, 5, 6, 7, (uint8_t)n[1]};
     return fsn_segment_write_inputs(rig.segment, n[0], bytes, sizeof bytes);
@@ -210,6 +219,7 @@ static const struct {
     {"mailbox-delay", mailbox_delay}, /* POSITION MS */
     {"identity", identity},           /* POSITION VENDOR PRODUCT REVISION; vendor 0: its own */
     {"abort", abort_code},            /* POSITION INDEX SUB CODE */
+    {"object", object},               /* POSITION INDEX BYTES */
     {"inputs", inputs},               /* SM LAST-BYTE */
     {"outputs", outputs},             /* SM BYTES */
     {"idle", idle},                   /* MS */
@@ -350,6 +360,7 @@ static void begin(void) {
 }
 
 int main(int argc, char **argv) {
+    const long alive = heap_alive();
     static char line[16384], expected[16384];
     const bool writes = argc > 1 && strcmp(argv[1], "--write") == 0;
     FILE *file = fopen(FSN_TEST_FOLDER "/dialogue.txt", "r");
@@ -379,5 +390,6 @@ int main(int argc, char **argv) {
     fclose(file);
     CHECK(requests > 50);
     tear_down(&rig);
+    CHECK(writes || heap_alive() == alive);
     return 0;
 }

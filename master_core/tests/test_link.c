@@ -8,6 +8,7 @@
 #include <linux/if_packet.h>
 #include <linux/sockios.h>
 #include <net/if.h>
+#include <poll.h>
 #include <sched.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -32,6 +33,7 @@ static struct {
     int mtu;
     atomic_bool running; /**< both interfaces have a carrier */
     atomic_int send_fails;
+    atomic_int polls;
     int peer[4]; /**< far ends of the interfaces, as they were opened */
     int peers;
 } os;
@@ -117,6 +119,16 @@ int bind(int fd, __CONST_SOCKADDR_ARG address, socklen_t size) {
     return (int)syscall(SYS_bind, fd, to, size);
 }
 
+/** Only a link with two ports, or with frames that are due soon, needs it. */
+int ppoll(struct pollfd *fds, nfds_t count, const struct timespec *timeout, const sigset_t *mask) {
+    atomic_fetch_add(&os.polls, 1);
+    CHECK(count == 2 && fds[0].fd == rig.segment->sockets[0] && fds[0].events == POLLIN);
+    CHECK(fds[1].fd == rig.segment->sockets[1] && fds[1].events == POLLIN && mask == NULL);
+    CHECK(timeout->tv_sec == 0 && timeout->tv_nsec <= 5000000);
+    struct timespec left = *timeout; /* the kernel writes what is left of it */
+    return (int)syscall(SYS_ppoll, fds, count, &left, NULL, (size_t)0);
+}
+
 ssize_t send(int fd, const void *bytes, size_t size, int flags) {
     const int error = atomic_exchange(&os.send_fails, 0);
     if (error != 0) {
@@ -135,6 +147,9 @@ static void begin(void) {
 
 static void hang_up(void) {
     fsn_segment_unlink(rig.segment);
+    for (int port = 0; port < 2; port++) {
+        CHECK(rig.segment->sockets[port] == -1 && rig.segment->locks[port] == -1);
+    }
     while (os.peers > 0) {
         CHECK(close(os.peer[--os.peers]) == 0);
     }
@@ -255,16 +270,31 @@ static void each_call_may_fail(void) {
     end();
 }
 
+static uint64_t last_ns(void) {
+    pthread_mutex_lock(&rig.segment->lock);
+    const uint64_t ns = rig.segment->last_ns;
+    pthread_mutex_unlock(&rig.segment->lock);
+    return ns;
+}
+
 static void an_answer_that_cannot_be_sent_is_counted(void) {
     struct fsn_segment_counts counts;
     begin();
+    atomic_store(&os.polls, 0);
     CHECK(plug((struct fsn_segment_link_options){.interface = "a"}, NULL) == FSN_OK);
     CHECK(answer_at(0, 0) == 2);
     atomic_store(&os.send_fails, ENETDOWN);
     ask_at(0);
-    CHECK(answer_at(0, 0) == 2); /* the next one is */
+    CHECK(sendto(os.peer[0], "", 0, 0, NULL, 0) == 0); /* nothing in it: no frame */
+    CHECK(answer_at(0, 0) == 2);                       /* the next one is */
     fsn_segment_counts(rig.segment, &counts);
-    CHECK(counts.unsent == 1 && counts.send_errno == ENETDOWN);
+    CHECK(counts.unsent == 1 && counts.send_errno == ENETDOWN && counts.foreign == 0);
+    /* Time goes on where nothing comes. */
+    const uint64_t before = last_ns();
+    while (last_ns() == before) {
+        usleep(1000);
+    }
+    CHECK(atomic_load(&os.polls) == 0);
     end();
 }
 

@@ -1,7 +1,10 @@
 /** The emulated segment in memory: working counters, states, mailboxes, process data, hot plug.
  *  Real MainDevices on it are tests/segment/test_peers.py. */
+#define _GNU_SOURCE
+
 #include <string.h>
 
+#include "heap.h"
 #include "segment/segment_internal.h"
 #include "segment_rig.h"
 
@@ -174,6 +177,10 @@ static void what_the_plan_knows_is_shown(void) {
     CHECK(memcmp(rig.data, "\x78\0\0\x56", 4) == 0);
     to_preop(&rig, 1001);
     CHECK(sdo(&rig, count, 8) == 10 && memcmp(rig.data + 8, "\x4F\x80\xF9\0\1\0\0\0", 8) == 0);
+    for (uint8_t sub = 0; sub < 2; sub++) {
+        const uint8_t write[8] = {0x2F, 0x80, 0xF9, sub, 9};
+        CHECK(sdo(&rig, write, 8) == 10 && memcmp(rig.data + 12, "\2\0\1\6", 4) == 0);
+    }
     CHECK(sdo(&rig, address, 8) == 10);
     CHECK(memcmp(rig.data + 8, "\x4B\x80\xF9\1\xCD\xAB\0\0", 8) == 0);
     tear_down(&rig);
@@ -197,6 +204,38 @@ static void the_watchdog_takes_its_time_from_the_registers(void) {
         }
         CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 2);
         CHECK(fsn_segment_al_status(rig.segment, 0, &code) == 0x14 && code == 0x001B);
+        tear_down(&rig);
+    }
+}
+
+/** A device without a mailbox: what it does not use of its sync managers is empty in the SII, and
+ *  outputs have a watchdog unless the plan says otherwise. */
+static void a_device_may_have_no_mailbox(void) {
+    static const struct build_sm sm[1][2] = {{{1, 8}, {2, 8}}};
+    static const struct build build = {.subdevices = 1, .sm = sm, .cycle_ns = 1000000};
+    for (uint8_t watchdog = 0; watchdog < 3; watchdog++) {
+        const uint8_t category[] = {41, 0,    16, 0, /* its words */
+                                    0,  0,    0,  0, 0,
+                                    0,  0,    0, /* SM0 */
+                                    0,  0x11, 8,  0, (uint8_t)(watchdog == 2 ? 0x24 : 0x64),
+                                    0,  1,    3, /* SM1 */
+                                    0,  0,    0,  0, 0,
+                                    0,  0,    0, /* SM2 */
+                                    16, 0x11, 8,  0, 0x20,
+                                    0,  1,    4};
+        struct rig rig = {.bytes = NULL};
+        size_t len;
+        rig.bytes = build_plan(&build, &len);
+        CHECK(fsn_plan_load(rig.bytes, len, &rig.plan, NULL) == FSN_OK);
+        uint8_t *record = rig.plan->bytes + rig.plan->offset[FSN_SEC_SM];
+        record[4] = 1;
+        record[6] = watchdog;
+        CHECK(fsn_read_sm(rig.plan, 0).watchdog == watchdog);
+        CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+        const uint8_t *sii = rig.segment->siis[0];
+        CHECK(memmem(sii, rig.segment->escs[0].sii_bytes, category, sizeof category) != NULL);
+        CHECK(fsn_get16(sii + 0x30) == 0 && fsn_get16(sii + 0x38) == 0);
+        CHECK(write16(&rig, APWR, 0, 0x0120, 2) == 1 && al(&rig, 0) == 2);
         tear_down(&rig);
     }
 }
@@ -226,6 +265,29 @@ static void long_names_are_cut(void) {
         CHECK(write16(&rig, APWR, 0, 0x0010, 1001) == 1);
         to_preop(&rig, 1001);
         CHECK(sdo(&rig, object, 8) == 122 && rig.data[8] == 0x41 && rig.data[12] == len);
+        tear_down(&rig);
+    }
+}
+
+/** All of an object with a byte of padding behind its first value: 2048 bytes in all. */
+static void a_whole_name_has_a_limit(void) {
+    static const uint8_t object[8] = {0x50, 0x08, 0x10, 0};
+    static char name[2049];
+    for (size_t len = 2047; len <= 2048; len++) {
+        struct rig rig = {.bytes = NULL};
+        size_t bytes;
+        memset(name, 'n', len);
+        rig.bytes = build_estop(&bytes);
+        rig.bytes = build_name(rig.bytes, &bytes, FSN_SEC_SUBDEVICE, 0, name);
+        build_fix_crc(rig.bytes, bytes);
+        CHECK(fsn_plan_load(rig.bytes, bytes, &rig.plan, NULL) == FSN_OK);
+        CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+        CHECK(write16(&rig, APWR, 0, 0x0010, 1001) == 1);
+        to_preop(&rig, 1001);
+        const unsigned answer = sdo(&rig, object, 8);
+        CHECK(answer == (len == 2047 ? 122 : 10) && rig.data[8] == (len == 2047 ? 0x51 : 0x80));
+        CHECK(rig.segment->escs[0].transfer.size_bytes == (len == 2047 ? 2048 : 0));
+        CHECK(rig.segment->escs[0].al_due_ns == 0);
         tear_down(&rig);
     }
 }
@@ -561,6 +623,7 @@ static void no_real_interface_is_taken(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     working_counters();
     hostile_frames_get_no_answer();
     frames_are_checked();
@@ -568,7 +631,9 @@ int main(void) {
     a_free_place_has_a_coupler();
     what_the_plan_knows_is_shown();
     the_watchdog_takes_its_time_from_the_registers();
+    a_device_may_have_no_mailbox();
     long_names_are_cut();
+    a_whole_name_has_a_limit();
     sync_managers_of_no_use_are_left_out();
     inputs_are_taken_with_their_first_byte();
     outputs_are_given_from_safeop_on();
@@ -584,5 +649,6 @@ int main(void) {
     fmmus_of_nonsense_map_nothing();
     no_answer_into_a_mailbox_too_short();
     no_real_interface_is_taken();
+    CHECK(heap_alive() == alive);
     return 0;
 }

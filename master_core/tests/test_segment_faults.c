@@ -1,6 +1,7 @@
 /** Faults of the emulated segment: cables, power, errors on demand. */
 #include <string.h>
 
+#include "heap.h"
 #include "segment_rig.h"
 
 /** Reads bytes of a register of one SubDevice by its place. */
@@ -362,6 +363,7 @@ static void objects_are_set(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     another_device_answers();
     objects_abort_on_demand();
     answers_and_states_wait();
@@ -378,5 +380,6 @@ int main(void) {
     lost_links_count_to_255();
     receive_errors_are_forwarded();
     watchdogs_are_counted();
+    CHECK(heap_alive() == alive);
     return 0;
 }

@@ -153,7 +153,7 @@ static uint32_t lay_out(const struct fsn_plan *plan, const struct fsn_subdevice_
             continue;
         }
         const bool output = r.direction == FSN_OUTPUT;
-        const uint8_t watchdog = output && r.watchdog != 2 ? 0x40 : 0;
+        const uint8_t watchdog = r.watchdog != 2 ? 0x40 : 0;
         sms[r.index] = (struct sii_sm){(uint16_t)start, (uint16_t)length,
                                        (uint8_t)(output ? 0x24 | watchdog : 0x20), output ? 3 : 4};
         count = r.index + 1u > count ? r.index + 1u : count;

@@ -220,7 +220,7 @@ static int set_up_thread(pthread_attr_t *attributes, const struct fsn_segment_li
         error = pthread_attr_setschedparam(attributes, &parameter); /* only this one may be wrong */
     }
     if (error == 0 && o->cpu != 0) {
-        if (o->cpu < 0 || o->cpu > CPU_SETSIZE) {
+        if ((unsigned)o->cpu > CPU_SETSIZE) { /* or below 0 */
             return EINVAL;
         }
         cpu_set_t set;

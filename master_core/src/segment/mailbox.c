@@ -78,8 +78,10 @@ static bool collect(struct esc *esc, uint16_t index, uint8_t sub, bool complete)
             return false;
         }
         memcpy(t->data + t->size_bytes, objects_value(&esc->objects, o), o->size_bytes);
-        t->data[t->size_bytes + o->size_bytes] = 0;
-        t->size_bytes += o->size_bytes + padding;
+        t->size_bytes += o->size_bytes;
+        if (padding > 0) {
+            t->data[t->size_bytes++] = 0;
+        }
     }
     return true;
 }

@@ -7,6 +7,7 @@ enum {
 };
 
 void esc_count(uint8_t *counter, uint32_t more) {
+    /* mutants: where both sides meet they are the same */
     *counter = (uint8_t)(more < 255u - *counter ? *counter + more : 255u);
 }
 
