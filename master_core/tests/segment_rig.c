@@ -59,6 +59,7 @@ int datagram(struct rig *rig, uint8_t command, uint16_t adp, uint16_t ado, const
         return -1;
     }
     memcpy(rig->data, frame + 26, size);
+    rig->adp = (uint16_t)(frame[18] | frame[19] << 8);
     return frame[26 + size] | (frame[27 + size] << 8);
 }
 

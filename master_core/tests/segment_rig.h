@@ -15,6 +15,7 @@ struct rig {
     uint64_t now_ns;
     uint32_t port;     /**< of the MainDevice that sends */
     uint32_t out_port; /**< where the last answer came out */
+    uint16_t adp;      /**< of the last answer: positions count up */
     uint8_t data[256]; /**< of the last answer */
 };
 

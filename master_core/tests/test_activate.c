@@ -4,6 +4,7 @@
 
 #include "core/core_internal.h"
 #include "emulated_rig.h"
+#include "heap.h"
 
 /** The bus of the e-stop plan: 9 + 8 and 8 + 8 bytes. */
 static struct {
@@ -348,6 +349,7 @@ static void silence_is_twice_the_watchdog(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     a_bus_that_does_not_open();
     layouts_are_whole();
     sync_managers_have_places_of_their_own();
@@ -358,5 +360,6 @@ int main(void) {
     the_image_begins_empty();
     outputs_beside_copies_are_open();
     silence_is_twice_the_watchdog();
+    CHECK(heap_alive() == alive);
     return 0;
 }

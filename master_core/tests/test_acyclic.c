@@ -5,6 +5,7 @@
 #include "core/core_internal.h"
 #include "emulated_rig.h"
 #include "fsn/acyclic.h"
+#include "heap.h"
 
 enum { POSITION = 7, STEPS = 64 };
 
@@ -228,10 +229,12 @@ static void an_alias_is_written_and_read_back(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     objects_are_passed_on();
     what_cannot_be_is_refused();
     an_sii_is_read_up_to_its_end();
     checksums_are_those_of_the_standard();
     an_alias_is_written_and_read_back();
+    CHECK(heap_alive() == alive);
     return 0;
 }

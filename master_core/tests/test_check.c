@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "emulated_rig.h"
+#include "heap.h"
 #include "live/fsoe_objects.h"
 
 enum { KNOWN_ADDRESS = 2, SUB = 1, POSITION = 5 };
@@ -236,6 +237,7 @@ static void parameters_follow_the_frame(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     struct fsn_plan *plan = load();
     parameters_follow_the_frame();
     address_is_found_where_the_device_has_it(plan);
@@ -243,5 +245,6 @@ int main(void) {
     who_takes_no_sdo_says_why(plan);
     addresses_are_compared_where_both_tell_them(plan);
     fsn_plan_free(plan);
+    CHECK(heap_alive() == alive);
     return 0;
 }

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "emulated_rig.h"
+#include "heap.h"
 #include "rt/rt.h"
 
 enum { SUBS = 12, SM_BYTES = 400 };
@@ -203,6 +204,7 @@ static void bad_buses_are_refused(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     uint64_t seed = 1;
     for (int i = 0; i < 300; i++) {
         one_network(&seed);
@@ -210,5 +212,6 @@ int main(void) {
     every_size_moves_whole();
     neighbours_are_merged();
     bad_buses_are_refused();
+    CHECK(heap_alive() == alive);
     return 0;
 }

@@ -53,6 +53,9 @@ static void say_datagram(const char *rest) {
         datagram(&rig, (uint8_t)command, (uint16_t)adp, (uint16_t)ado, data, (uint16_t)size);
     snprintf(said, sizeof said, "%d:", counter);
     say_hex(rig.data, counter >= 0 ? size : 0);
+    if (counter >= 0 && rig.adp != adp) {
+        say(" adp %llx", rig.adp);
+    }
     if (counter >= 0 && rig.out_port != rig.port) {
         say(" at port %llu", rig.out_port);
     }

@@ -6,6 +6,7 @@
 
 #include "builder.h"
 #include "fsn/fsn.h"
+#include "heap.h"
 #include "plan/plan_internal.h"
 
 static struct fsn_plan *load(uint8_t *bytes, size_t len) {
@@ -343,7 +344,9 @@ static void fingerprints_are_of_their_text(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     fields_lie_where_the_format_says();
     fingerprints_are_of_their_text();
+    CHECK(heap_alive() == alive);
     return 0;
 }

@@ -1,5 +1,6 @@
 /** Checksums and fingerprint of a plan. */
 #include "broken.h"
+#include "heap.h"
 
 /** The examples of FIPS 180-4, and a length on each side of the padding's border. */
 static void sha256_is_right(void) {
@@ -116,9 +117,11 @@ static void format_1_1_is_read(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     sha256_is_right();
     sha256_takes_pieces();
     a_change_changes_its_section();
     format_1_1_is_read();
+    CHECK(heap_alive() == alive);
     return 0;
 }

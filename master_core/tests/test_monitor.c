@@ -4,6 +4,7 @@
 
 #include "builder.h"
 #include "fsn/fsn.h"
+#include "heap.h"
 
 /** Start-up of 2/2 bytes, session ids 0x1122 and 0x3344, ConnID 0xABCD; main and sub in turn. */
 static const char *const start_up[] = {
@@ -498,6 +499,7 @@ static void impossible_lengths_are_refused(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     reset_frames();
     the_tables_are_the_polynomial();
     lengths_of_frames();
@@ -516,5 +518,6 @@ int main(void) {
     the_order_of_a_cycle_is_seen();
     outside_is_what_both_show();
     impossible_lengths_are_refused();
+    CHECK(heap_alive() == alive);
     return 0;
 }

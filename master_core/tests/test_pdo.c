@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "emulated_rig.h"
+#include "heap.h"
 
 enum { SM = 2, NUMBER = 2, ASSIGNED = 0x1C12, PDO = 0x1600, ENTRIES = 8, MOST = 40 };
 
@@ -254,6 +255,7 @@ static void lengths_are_compared(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     size_t len;
     uint8_t *bytes = build_estop(&len);
     CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
@@ -266,5 +268,6 @@ int main(void) {
     long_padding_is_split();
     lengths_are_compared();
     fsn_plan_free(plan);
+    CHECK(heap_alive() == alive);
     return 0;
 }

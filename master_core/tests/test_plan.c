@@ -1,5 +1,6 @@
 /** The loader against tables of which one rule is broken. */
 #include "broken.h"
+#include "heap.h"
 
 static void good_plan_is_decoded(void) {
     size_t len;
@@ -308,6 +309,7 @@ static void statuses_have_texts(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     good_plan_is_decoded();
     each_broken_rule_is_named();
     stop_values_are_proved();
@@ -316,5 +318,6 @@ int main(void) {
     several_fields_together();
     fault_names_the_copy();
     statuses_have_texts();
+    CHECK(heap_alive() == alive);
     return 0;
 }

@@ -1,5 +1,6 @@
 /** The file around the tables of a plan: its head, gaps, ends, every truncation. */
 #include "broken.h"
+#include "heap.h"
 
 static void put32(uint8_t *at, size_t value) {
     for (int i = 0; i < 4; i++) {
@@ -161,11 +162,13 @@ static void every_truncation_is_refused(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     nothing_is_left_over();
     files_end_behind_their_last_section();
     header_rules();
     two_gibibytes_are_no_plan();
     gaps_are_zero();
     every_truncation_is_refused();
+    CHECK(heap_alive() == alive);
     return 0;
 }

@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "builder.h"
+#include "heap.h"
 #include "live/port.h"
 #include "plan/plan_internal.h"
 
@@ -461,6 +462,7 @@ static void tags_and_links_are_read(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     filters_tell_frames_apart();
     sockets_are_set_up();
     refusals_are_reported();
@@ -468,5 +470,6 @@ int main(void) {
     others_are_heard();
     a_frame_is_tried();
     tags_and_links_are_read();
+    CHECK(heap_alive() == alive);
     return 0;
 }

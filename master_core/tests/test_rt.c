@@ -8,6 +8,7 @@
 #include <time.h>
 
 #include "builder.h"
+#include "heap.h"
 #include "rt/rt.h"
 #include "rt/words.h"
 
@@ -520,6 +521,7 @@ static void silent_stays_silent(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     wakes_once_per_cycle();
     what_was_missed_is_left_out();
     a_free_run_never_sleeps();
@@ -535,5 +537,6 @@ int main(void) {
     silence_begins_after_its_time();
     silent_stays_silent();
     the_ring_goes_around();
+    CHECK(heap_alive() == alive);
     return 0;
 }

@@ -3,6 +3,7 @@
 
 #include "builder.h"
 #include "fsn/fsn.h"
+#include "heap.h"
 #include "live/sdo.h"
 
 enum { MAILBOX = 32, OBJECT = 300, ANSWERS = 64 };
@@ -235,6 +236,7 @@ static void noise(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     struct device small = {0};
     struct fsn_mailbox none = mailbox_of(&small);
     none.in_bytes = 0;
@@ -245,5 +247,6 @@ int main(void) {
     long_transfers_are_broken_off();
     bad_answers();
     noise();
+    CHECK(heap_alive() == alive);
     return 0;
 }

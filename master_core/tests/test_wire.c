@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "heap.h"
 #include "wire_rig.h"
 
 static void inputs_come_in_and_outputs_stay(void) {
@@ -347,6 +348,7 @@ static void a_reply_is_taken_once(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     inputs_come_in_and_outputs_stay();
     the_missing_keeps_its_bytes();
     old_replies_never_pass(15);
@@ -361,5 +363,6 @@ int main(void) {
     damaged_replies_are_foreign();
     foreign_frames_count_once();
     what_cannot_be_sent_is_counted();
+    CHECK(heap_alive() == alive);
     return 0;
 }

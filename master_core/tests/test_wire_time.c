@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sys/socket.h>
 
+#include "heap.h"
 #include "wire_rig.h"
 
 /** The time of a reply is what the kernel says it is, where it says so. */
@@ -223,6 +224,7 @@ static void waiting_ends_when_everybody_was_visited(void) {
 }
 
 int main(void) {
+    const long alive = heap_alive();
     replies_tell_their_time();
     reading_goes_on_and_ends();
     the_time_comes_from_the_side_of_the_clock();
@@ -232,5 +234,6 @@ int main(void) {
     ring(false, true);
     waiting_ends_with_the_reply();
     waiting_ends_when_everybody_was_visited();
+    CHECK(heap_alive() == alive);
     return 0;
 }
