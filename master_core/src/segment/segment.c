@@ -22,6 +22,7 @@ static uint32_t place_subdevices(struct fsn_segment *s) {
             if ((info.alias != 0) != (with_alias != 0)) {
                 continue;
             }
+            s->positions[i] = FSN_NONE;
             uint32_t at = with_alias ? 0 : info.position;
             while (at < MAX_POSITIONS && taken[at] != 0) {
                 at++;
@@ -40,19 +41,19 @@ static uint32_t place_subdevices(struct fsn_segment *s) {
 static bool allocate(struct fsn_segment *s) {
     const uint32_t subdevices = fsn_plan_subdevice_count(s->plan);
     const uint32_t sms = fsn_plan_sm_count(s->plan);
-    s->positions = malloc((subdevices + 1) * sizeof *s->positions);
-    s->places = malloc((sms + 1) * sizeof *s->places);
+    s->positions = calloc((size_t)subdevices + 1, sizeof *s->positions);
+    s->places = calloc((size_t)sms + 1, sizeof *s->places);
     if (s->positions == NULL || s->places == NULL) {
         return false;
     }
-    memset(s->positions, 0xFF, (subdevices + 1) * sizeof *s->positions);
     s->count = place_subdevices(s);
-    s->escs = calloc((size_t)s->count + 1, sizeof *s->escs);
-    s->present = calloc((size_t)s->count + 1, sizeof *s->present);
-    s->order = calloc((size_t)s->count + 1, sizeof *s->order);
-    s->cut = calloc((size_t)s->count + 1, sizeof *s->cut);
+    const size_t cables = (size_t)s->count + 1; /* one more than SubDevices, and never none */
+    s->escs = calloc(cables, sizeof *s->escs);
+    s->present = calloc(cables, sizeof *s->present);
+    s->order = calloc(cables, sizeof *s->order);
+    s->cut = calloc(cables, sizeof *s->cut);
     s->wire = calloc(1, sizeof *s->wire);
-    s->siis = calloc((size_t)s->count + 1, sizeof *s->siis);
+    s->siis = calloc(cables, sizeof *s->siis);
     size_t total = 1;
     for (uint32_t sm = 0; sm < sms; sm++) {
         total += fsn_sm_bytes(s->plan, sm);
@@ -148,7 +149,7 @@ void fsn_segment_free(struct fsn_segment *s) {
     free(s->positions);
     free(s->places);
     free(s->storage);
-    pthread_mutex_destroy(&s->lock);
+    pthread_mutex_destroy(&s->lock); /* mutants: it keeps nothing that could be missed */
     fsn_plan_free(s->plan);
     free(s);
 }
