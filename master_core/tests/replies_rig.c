@@ -221,6 +221,11 @@ static fsn_status upload(void *bus, struct fsn_transfer *t) {
         t->size_bytes = 1;
         return FSN_OK;
     }
+    if (on.count_of != 0 && t->index == on.count_of && t->sub == 0) {
+        t->data[0] = (uint8_t)on.count;
+        t->size_bytes = 1;
+        return FSN_OK;
+    }
     for (size_t i = 0; i < sizeof objects / sizeof objects[0]; i++) {
         const uint32_t *o = objects[i];
         if (o[0] == t->position && o[1] == t->index && o[2] == t->sub) {

@@ -28,8 +28,9 @@ struct replies_rig {
     time_t takes_s; /**< each upload */
     uint64_t now_ns;
     unsigned dropped, refused; /**< without memory */
+    unsigned count_of, count;  /**< an object that has so many entries instead; 0: none */
     uint8_t history[2];        /**< places for messages, and the newest */
-    char read[8192];           /**< which objects were, since the last request */
+    char read[16384];          /**< which objects were, since the last request */
 };
 
 extern struct replies_rig on;

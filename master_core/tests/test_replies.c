@@ -210,6 +210,10 @@ static void change(const char *word) {
         on.no_coe = true;
     } else if (strncmp(word, "sii ", 4) == 0) {
         change_sii(word + 4);
+    } else if (strcmp(word, "coe") == 0) {
+        on.no_coe = false;
+    } else if (strncmp(word, "count ", 6) == 0) {
+        CHECK(sscanf(word + 6, "%x %u", &on.count_of, &on.count) == 2);
     } else if (strcmp(word, "reads") == 0) {
         fsn_client_put(on.client, on.read, strlen(on.read));
         fsn_client_put(on.client, "\n", 1);
