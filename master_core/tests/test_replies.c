@@ -215,8 +215,8 @@ static void change(const char *word) {
     } else if (strncmp(word, "count ", 6) == 0) {
         CHECK(sscanf(word + 6, "%x %u", &on.count_of, &on.count) == 2);
     } else if (strcmp(word, "reads") == 0) {
+        strcat(on.read, "\n");
         fsn_client_put(on.client, on.read, strlen(on.read));
-        fsn_client_put(on.client, "\n", 1);
     } else if (strcmp(word, "unstable") == 0) { /* the cycle writes the picture that is read */
         atomic_fetch_add(&on.core->rt.snapshot.begun, FSN_RT_PICTURES);
     } else if (strcmp(word, "stable") == 0) {
