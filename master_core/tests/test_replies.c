@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "control/base/names.h"
 #include "control/incidents/kept.h"
 #include "core/core_internal.h"
 #include "fsn/version.h"
@@ -135,6 +136,27 @@ static void all_differs(void) {
     fsn_rt_publish(rt);
 }
 
+/** Each word for a number, where it differs from that for the number before. */
+static void show_names(void) {
+    char before[100] = "";
+    char line[100];
+    char al[24];
+    for (unsigned kind = 0; kind < 4; kind++) {
+        for (unsigned i = 0; i < 256; i++) {
+            const uint8_t n = (uint8_t)i;
+            const char *name = kind == 0   ? fsn_observed_text(i)
+                               : kind == 1 ? fsn_reset_text(n)
+                               : kind == 2 ? fsn_command_name(n)
+                                           : fsn_al_text(n, al);
+            if (strcmp(name, before) != 0) {
+                snprintf(before, sizeof before, "%s", name);
+                snprintf(line, sizeof line, "%u: %s\n", i, name);
+                fsn_client_put(on.client, line, strlen(line));
+            }
+        }
+    }
+}
+
 /** Fills the queue of jobs, or empties it. */
 static void fill_queue(bool full) {
     static struct fsn_job job;
@@ -214,6 +236,8 @@ static void change(const char *word) {
         on.no_coe = false;
     } else if (strncmp(word, "count ", 6) == 0) {
         CHECK(sscanf(word + 6, "%x %u", &on.count_of, &on.count) == 2);
+    } else if (strcmp(word, "names") == 0) {
+        show_names();
     } else if (strcmp(word, "reads") == 0) {
         strcat(on.read, "\n");
         fsn_client_put(on.client, on.read, strlen(on.read));
