@@ -261,8 +261,9 @@ static void change(const char *word) {
         ask_for_fsoe();
     } else if (strcmp(word, "nobody-else") == 0) {
         on.client->number = 6;
+    } else if (strncmp(word, "fails ", 6) != 0) {
+        CHECK(strcmp(word, "with-memory") == 0); /* from here on there is enough of it */
     } else {
-        CHECK(strncmp(word, "fails ", 6) == 0);
         on.fails = (fsn_status)atoi(word + 6);
     }
 }
@@ -336,14 +337,14 @@ static void is_answered(const char *line) {
     fsn_json_free(&client->out);
 }
 
-/** Every request of the file, each time with one more allocation before the one that fails. */
+/** Every request of the file up to a mark, each time with one more allocation before the one that fails. */
 static void memory_runs_out(void) {
     static char line[65536];
     const long alive = heap.alive;
     FILE *file = open_replies();
     memset(&on, 0, sizeof on);
     set_up();
-    while (fgets(line, sizeof line, file) != NULL) {
+    while (fgets(line, sizeof line, file) != NULL && strcmp(line, "!with-memory\n") != 0) {
         line[strcspn(line, "\n")] = 0;
         if (line[0] == '!') {
             change(line + 1);
