@@ -7,7 +7,7 @@
 #include "emulated_rig.h"
 #include "heap.h"
 
-enum { SM = 2, NUMBER = 2, ASSIGNED = 0x1C12, PDO = 0x1600, ENTRIES = 8, MOST = 40 };
+enum { SM = 2, NUMBER = 2, ASSIGNED = 0x1C12, PDO = 0x1600, ENTRIES = 8, MOST = 80 };
 
 struct object {
     uint16_t index;
@@ -20,6 +20,7 @@ static struct {
     struct object row[MOST];
     size_t rows;
     uint16_t locked;          /**< object that takes nothing */
+    bool locked_whole;        /**< nor how many it holds */
     struct object unreadable; /**< one that is not read, or 0 */
     unsigned unreadable_from; /**< so many reads of it go well before */
     char log[2000];           /**< what was written */
@@ -64,7 +65,7 @@ static fsn_status download(void *bus, struct fsn_transfer *t) {
         value |= (uint32_t)t->data[i] << (8 * i);
     }
     const size_t used = strlen(on.log);
-    const bool refused = on.locked == t->index && t->sub != 0;
+    const bool refused = on.locked == t->index && (t->sub != 0 || on.locked_whole);
     snprintf(on.log + used, sizeof on.log - used, "%04x:%02x=%x/%u%s ", t->index, t->sub,
              (unsigned)value, (unsigned)t->size_bytes, refused ? "!" : "");
     if (refused) {
@@ -131,6 +132,33 @@ static void assignments_are_written_once(void) {
     put(ASSIGNED, 1, 0x1607);
     CHECKED(FSN_E_BUS_MAPPING, "1c12:00=0/1 1c12:01=1600/2! 1c12:00=1/1 ",
             "SM2: an assigned PDO is 0x1607, the plan says 0x1600");
+}
+
+/** What takes nothing at all is not filled either, and how many there are is compared. */
+static void numbers_are_compared(void) {
+    static const uint32_t counts[] = {0, 2, 3, 64, 65, 255};
+    static const uint32_t believed[] = {0, 2, 3, 64, 64, 64};
+    char detail[FSN_DETAIL_BYTES];
+    for (size_t i = 0; i < sizeof counts / sizeof counts[0]; i++) {
+        set_up();
+        on.rows = 0;
+        for (uint8_t n = 1; n <= 64; n++) {
+            put(ASSIGNED, n, n == 1 ? PDO : 0x1601u);
+        }
+        put(ASSIGNED, 0, counts[i]);
+        on.locked = ASSIGNED;
+        on.locked_whole = true;
+        snprintf(detail, sizeof detail,
+                 "SM2: the number of assigned PDOs is 0x%x, the plan says 0x1",
+                 (unsigned)believed[i]);
+        CHECKED(FSN_E_BUS_MAPPING, "1c12:00=0/1! 1c12:00=1/1! ", detail);
+    }
+    set_up();
+    put(PDO, 0, 7);
+    on.locked = PDO;
+    on.locked_whole = true;
+    CHECKED(FSN_E_BUS_MAPPING, "1600:00=0/1! 1600:00=8/1! ",
+            "PDO 0x1600 has 7 entries, the plan says 8");
 }
 
 static void what_cannot_be_read_is_left_to_the_device(void) {
@@ -262,6 +290,7 @@ int main(void) {
     free(bytes);
     what_fits_is_left_alone();
     assignments_are_written_once();
+    numbers_are_compared();
     what_cannot_be_read_is_left_to_the_device();
     mappings_are_written_once();
     padding_may_be_split();
