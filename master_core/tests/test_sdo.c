@@ -20,7 +20,21 @@ struct device {
     uint32_t script_left;
     uint32_t sent, aborts;
     bool mute;
+    char talk[4000]; /**< every request as it was sent, the zeros behind it left out */
 };
+
+static void keep(struct device *d, const uint8_t *message) {
+    const unsigned len = 6u + message[0];
+    size_t used = strlen(d->talk);
+    CHECK(len <= MAILBOX);
+    for (unsigned i = 0; i < len; i++) {
+        used += (size_t)snprintf(d->talk + used, sizeof d->talk - used, "%02x", message[i]);
+    }
+    snprintf(d->talk + used, sizeof d->talk - used, "\n");
+    for (unsigned i = len; i < MAILBOX; i++) {
+        CHECK(message[i] == 0);
+    }
+}
 
 static void reply(struct device *d, uint32_t sdo_bytes) {
     d->answer[0] = (uint8_t)(2 + sdo_bytes);
@@ -99,6 +113,7 @@ static uint8_t next_counter(void *context) {
 static bool send_message(void *context, const uint8_t *message) {
     struct device *d = context;
     d->sent++;
+    keep(d, message);
     d->has_answer = false;
     if (message[8] == 0x80) {
         d->aborts++;
@@ -235,6 +250,72 @@ static void noise(void) {
     }
 }
 
+static void talked(struct device *d, const char *expected, int line) {
+    if (strcmp(d->talk, expected) != 0) {
+        fprintf(stderr, "line %d: sent\n%sexpected\n%s", line, d->talk, expected);
+        exit(1);
+    }
+    d->talk[0] = 0;
+}
+
+/** Whole requests: object 0x1234:56, in a mailbox of 32 bytes. */
+static void requests_are_as_the_standard_says(void) {
+    uint8_t data[OBJECT];
+    struct device d = {.size = 40};
+    const struct fsn_mailbox mailbox = mailbox_of(&d);
+    for (unsigned i = 0; i < sizeof data; i++) {
+        data[i] = (uint8_t)(i + 1);
+    }
+    struct fsn_transfer t = {
+        .index = 0x1234, .sub = 0x56, .data = data, .size_bytes = 1, .abort_code = 9};
+    for (t.size_bytes = 0; t.size_bytes <= 5; t.size_bytes++) {
+        CHECK(fsn_sdo_download(&mailbox, &t) == FSN_OK && t.abort_code == 0);
+    }
+    talked(&d,
+           "0a000000001300202134125600000000\n"
+           "0a000000002300202f34125601000000\n"
+           "0a000000003300202b34125601020000\n"
+           "0a000000004300202734125601020300\n"
+           "0a000000005300202334125601020304\n"
+           "0f0000000063002021341256050000000102030405\n",
+           __LINE__);
+    t.size_bytes = 16;
+    CHECK(fsn_sdo_download(&mailbox, &t) == FSN_OK);
+    t.size_bytes = 17;
+    CHECK(fsn_sdo_download(&mailbox, &t) == FSN_OK);
+    t.size_bytes = 45;
+    CHECK(fsn_sdo_download(&mailbox, &t) == FSN_OK);
+    talked(&d,
+           "1a0000000073002021341256100000000102030405060708090a0b0c0d0e0f10\n"
+           "1a0000000013002021341256110000000102030405060708090a0b0c0d0e0f10\n"
+           "0a000000002300200d11000000000000\n"
+           "1a00000000330020213412562d0000000102030405060708090a0b0c0d0e0f10\n"
+           "1a00000000430020001112131415161718191a1b1c1d1e1f2021222324252627\n"
+           "0a000000005300201328292a2b2c2d00\n",
+           __LINE__);
+    t.size_bytes = sizeof data;
+    CHECK(fsn_sdo_upload(&mailbox, &t) == FSN_OK && t.size_bytes == 45);
+    int steps = 2;
+    t.between = refuse_to_go_on;
+    t.self = &steps;
+    t.size_bytes = sizeof data;
+    CHECK(fsn_sdo_upload(&mailbox, &t) == FSN_E_STATE);
+    steps = 2;
+    t.size_bytes = 60;
+    CHECK(fsn_sdo_download(&mailbox, &t) == FSN_E_STATE);
+    talked(&d,
+           "0a000000006300204034125600000000\n"
+           "0a000000007300206000000000000000\n"
+           "0a000000001300207000000000000000\n"
+           "0a000000002300204034125600000000\n"
+           "0a000000003300206000000000000000\n"
+           "0a000000004300208034125600000008\n"
+           "1a00000000530020213412563c0000000102030405060708090a0b0c0d0e0f10\n"
+           "1a00000000630020001112131415161718191a1b1c1d1e1f2021222324252627\n"
+           "0a000000007300208034125600000008\n",
+           __LINE__);
+}
+
 int main(void) {
     const long alive = heap_alive();
     struct device small = {0};
@@ -243,6 +324,7 @@ int main(void) {
     struct fsn_transfer t = {0};
     CHECK(fsn_sdo_upload(&none, &t) == FSN_E_ABSENT && fsn_sdo_download(&none, &t) == FSN_E_ABSENT);
     CHECK(fsn_abort_text(0x06020000)[0] != 0 && fsn_abort_text(1)[0] != 0);
+    requests_are_as_the_standard_says();
     objects_of_every_length();
     long_transfers_are_broken_off();
     bad_answers();
