@@ -337,7 +337,8 @@ static void is_answered(const char *line) {
     fsn_json_free(&client->out);
 }
 
-/** Every request of the file up to a mark, each time with one more allocation before the one that fails. */
+/** Every request of the file up to a mark, each time with one more allocation before the one that
+ * fails. */
 static void memory_runs_out(void) {
     static char line[65536];
     const long alive = heap.alive;
