@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from itertools import accumulate
 
 __all__ = ["HASH_BYTES", "RECORDS", "STRING_BYTES", "Field", "Record"]
 
@@ -57,11 +56,6 @@ class Record:
     number: int
     name: str
     fields: tuple[Field, ...]
-
-    @property
-    def offsets(self) -> tuple[int, ...]:
-        """First byte of each field."""
-        return tuple(accumulate((field.size for field in self.fields[:-1]), initial=0))
 
     @property
     def named(self) -> tuple[Field, ...]:
