@@ -47,9 +47,11 @@ PARTS: dict[str, tuple[str, ...]] = {
     "timing": ("timing", "diagnostics", "cli/test_timing.py"),
     "formats": ("formats", "diagnostics", "cli/test_convert.py", "cli/test_write.py"),
     "project": ("cli", "report", "test_library.py"),
-    "model": ("model", "diagnostics", "rules", "formats/test_cases.py", "formats/test_library.py",
-              "plan/test_whole.py", "cli/test_init.py", "cli/test_outputs.py",
-              "cli/test_connections.py", "cli/test_scan.py", "report", "observe/test_names.py",
+    "model": ("model", "diagnostics", "rules/test_edges.py", "rules/test_scan.py",
+              "rules/test_hazards.py", "rules/test_references.py", "formats/test_cases.py",
+              "formats/test_library.py", "plan/test_whole.py", "cli/test_init.py",
+              "cli/test_outputs.py", "cli/test_connections.py", "cli/test_scan.py",
+              "report/test_corners.py", "report/test_sign_off.py", "observe/test_names.py",
               "run/test_protocol.py", "run/test_protocol_file.py"),
     "report": ("report", "cli/test_report.py", "cli/test_report_protocol.py", "cli/test_diff.py"),
     "run": ("run/test_run.py", "run/test_protocol.py", "run/test_protocol_file.py",
@@ -222,6 +224,11 @@ class _Choice:
             return self._covered.ordered(self._covered.at(mutant.path, first, end))
         # It runs when the module is imported, or once for all: whoever uses its names can notice.
         words = _names(function if function is not None and once else statement)
+        words += [
+            s.name
+            for _, _, s, _ in self._statements(mutant.path)
+            if isinstance(s, ast.ClassDef) and s.lineno <= mutant.line <= (s.end_lineno or 0)
+        ]
         found = self._covered.naming(words, self._root)
         for path, lines in self._texts.items():
             for number, line in enumerate(lines, 1):

@@ -1,0 +1,97 @@
+"""What nobody says is empty, what is said has one word, and a step is judged by what was seen."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, fields, is_dataclass
+from itertools import product
+
+import pytest
+from changed import compare
+
+from fsoe_net.model.answers import AnsweredConnection, AnsweredDevice, AnsweredWord, Answers, Ask
+from fsoe_net.model.description import (
+    ClockFacts,
+    DescribedConnection,
+    DescribedCopy,
+    DescribedSubDevice,
+    Description,
+    StartFacts,
+    TypeFacts,
+)
+from fsoe_net.model.library import LibraryDevice, LibraryMapping
+from fsoe_net.model.protocol import (
+    AtMachine,
+    Protocol,
+    ProtocolStep,
+    StepKind,
+    StepOutcome,
+    StepResult,
+)
+from fsoe_net.model.safety import SafetyElement, SafetyFunction
+from fsoe_net.model.scan import (
+    Scan,
+    ScannedConnection,
+    ScannedFsoe,
+    ScannedPdo,
+    ScannedPort,
+    ScannedSm,
+    ScannedSubDevice,
+)
+from fsoe_net.model.scenario import Action
+
+OTHERWISE = {("AnsweredDevice", "count"): 1, ("ClockFacts", "factor"): 1}
+
+
+def test_what_nobody_says_is_empty():
+    kinds = [
+        *(AnsweredConnection, AnsweredDevice, AnsweredWord, Answers),
+        *(ClockFacts, DescribedConnection, DescribedCopy, DescribedSubDevice, Description),
+        *(StartFacts, TypeFacts, LibraryDevice, LibraryMapping),
+        *(AtMachine, Protocol, ProtocolStep, StepResult, SafetyElement, SafetyFunction),
+        *(Scan, ScannedConnection, ScannedFsoe, ScannedPdo, ScannedPort, ScannedSm),
+        ScannedSubDevice,
+    ]
+    for kind in kinds:
+        for field in fields(kind):
+            value = field.default
+            if value is MISSING and field.default_factory is not MISSING:
+                value = field.default_factory()
+            if value is MISSING or is_dataclass(value):
+                continue
+            wanted = OTHERWISE.get((kind.__name__, field.name))
+            assert value == wanted if wanted else not value, (kind, field.name, value)
+
+
+def test_questions_and_actions_have_the_words_of_their_files():
+    assert {ask.value for ask in Ask} <= {field.name for field in fields(Answers)}
+    units = {"MAILBOX_DELAY": "_ms", "AL_DELAY": "_ms", "DELAY": "_us", "STALL": "_ms"}
+    for action in Action:
+        assert action.value == action.name.lower() + units.get(action.name, "")
+
+
+SEEN = (None, StepResult(outcome=StepOutcome.AS_EXPECTED, measured_ms=3.5))
+SEEN += (StepResult(outcome=StepOutcome.NOT_AS_EXPECTED),)
+
+
+@pytest.mark.parametrize("kind", [StepKind.TRIGGER, StepKind.FAULT])
+def test_each_change_of_what_was_seen_of_a_step(kind: StepKind):
+    rows = []
+    for outcome, by, date, measured, emulated, live in product(
+        (None, *StepOutcome), ("", "me"), ("", "today"), (None, 10.0, 10.5), SEEN, SEEN
+    ):
+        machine = AtMachine(outcome=outcome, by=by, date=date, measured_ms=measured)
+        step = ProtocolStep(
+            id="s",
+            kind=kind,
+            subject="stop",
+            what="press",
+            expected="stops",
+            limit_ms=10.0,
+            emulated=emulated,
+            live=live,
+            machine=machine,
+        )
+        flags = (step.is_open, step.is_late, step.is_failed, step.is_done, step.is_disputed)
+        seen = [None if s is None else s.outcome.value for s in (emulated, live)]
+        rows.append((f"{outcome} {by} {date} {measured} {seen}", f"{flags} {machine.filled}"))
+    compare(__file__, f"step {kind.value}", rows)
