@@ -146,7 +146,7 @@ class _Run:
                 found = self._held(way, end.received_safe_data)
                 if found is not None:
                     return found
-            if self.quiet > 1 and channel.way is Way.TO_MAIN:
+            if self.quiet > 1 and channel.way is Way.TO_MAIN:  # mutants: only spares calls
                 channel.skip_idle()
             return None
         self.quiet = 0
