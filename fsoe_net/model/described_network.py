@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from fsoe_net.errors import InputError
 from fsoe_net.model.description import (
@@ -13,10 +14,10 @@ from fsoe_net.model.description import (
     Description,
 )
 from fsoe_net.model.ends import ResolvedEnd
-from fsoe_net.model.network import NetworkConfig, TransferKind
-from fsoe_net.model.resolve import resolve
+from fsoe_net.model.network import ConnectionFacts, NetworkConfig, TransferKind
+from fsoe_net.model.resolve import Resolution, resolve
 
-__all__ = ["describe"]
+__all__ = ["describe", "described_connections", "described_facts"]
 
 
 def describe(network: NetworkConfig) -> Description:
@@ -66,27 +67,39 @@ def describe(network: NetworkConfig) -> Description:
                 name=transfer.net.name,
             )
         )
-    connections = [
-        DescribedConnection(
-            name=c.name,
-            main=numbers[c.main.name],
-            sub=numbers[c.sub.name],
-            slot=c.slot,
-            address=c.stated.address,
-            connection_id=c.stated.connection_id,
-            watchdog_ms=c.stated.watchdog_ms,
-            app_parameters=c.stated.app_parameters,
-        )
-        for c in resolution.connections
-    ]
     return Description(
         span=network.span,
         format="network",
         path=network.span.file,
         subdevices=tuple(rows),
         copies=tuple(copies),
-        connections=tuple(connections),
+        connections=described_connections(resolution),
         cycle_us=None if network.cycle_ns is None else network.cycle_ns // 1000,
+    )
+
+
+def described_connections(resolution: Resolution) -> tuple[DescribedConnection, ...]:
+    """Return the connections of a network with what its files state of them."""
+    return tuple(
+        replace(
+            described_facts(c.stated, c.name),
+            main=resolution.numbers[c.main.name],
+            sub=resolution.numbers[c.sub.name],
+            slot=c.slot,
+        )
+        for c in resolution.connections
+    )
+
+
+def described_facts(facts: ConnectionFacts, name: str) -> DescribedConnection:
+    """Return stated facts under a name; which SubDevices they are about is not in it."""
+    return DescribedConnection(
+        name=name,
+        slot=facts.slot,
+        address=facts.address,
+        connection_id=facts.connection_id,
+        watchdog_ms=facts.watchdog_ms,
+        app_parameters=facts.app_parameters,
     )
 
 

@@ -29,6 +29,7 @@ __all__ = [
     "LayoutDatagram",
     "LayoutSm",
     "NamedConnection",
+    "PlannedConnection",
     "SubDeviceSnapshot",
     "read_connections",
     "read_layout",
@@ -81,6 +82,24 @@ class SubDeviceSnapshot:
     def answers(self) -> bool:
         """Whether it answers; true where nobody has looked."""
         return not self.known or self.al != "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedConnection:
+    """What files or a plan state about a connection; ``None``: nobody states it.
+
+    ``safe_bytes`` are the lengths of the safe data to the sub and to the main, 0 where a plan is
+    not at hand.
+    """
+
+    name: str
+    net: str = ""
+    main: str
+    sub: str
+    connection_id: int | None = None
+    address: int | None = None
+    watchdog_ms: int | None = None
+    safe_bytes: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, ResetCode, command_text
+from fsoe_net.observe.bus_documents import PlannedConnection
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
-from fsoe_net.observe.evidence import IncidentEvidence, Planned
+from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import LinkFacts, ResetSeen
 from fsoe_net.observe.incident import TriggerKind
 
@@ -216,7 +217,7 @@ def _tight(e: IncidentEvidence, link: LinkFacts, facts: list[str], *, is_quick: 
 
 def _slow(
     e: IncidentEvidence,
-    plan: Planned,
+    plan: PlannedConnection,
     watchdog: int,
     means: list[float],
     most: list[int],
@@ -233,7 +234,7 @@ def _slow(
 
 
 def _fell_silent(
-    e: IncidentEvidence, plan: Planned, reset: ResetSeen, facts: list[str]
+    e: IncidentEvidence, plan: PlannedConnection, reset: ResetSeen, facts: list[str]
 ) -> Iterator[Candidate]:
     """The end whose turn it was said nothing any more, though its bus side went on."""
     device = plan.sub if reset.waiting_for == "sub" else plan.main

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import ResetCode
+from fsoe_net.observe.bus_documents import PlannedConnection
 from fsoe_net.observe.candidate import Candidate, any_of, candidate, code_text
 from fsoe_net.observe.causes_ends import reported_codes
-from fsoe_net.observe.evidence import IncidentEvidence, Planned
+from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import LinkFacts, WireSide
 from fsoe_net.observe.incident import TriggerKind
 
@@ -106,7 +107,7 @@ def _sent_ids(side: WireSide) -> set[int]:
     return {number for number, times in side.connection_ids.items() if number and times >= _FEW}
 
 
-def _crossed(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _crossed(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
     """Frames of one connection answer those of another, or its ConnID is that of another."""
     own = link.sides[_SUB].linked
     ids = _wire_ids(e, e.name)
@@ -137,7 +138,9 @@ def _crossed(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Ca
             )
 
 
-def _are_exchanged(plan: Planned, ids: set[int], other: Planned, theirs: set[int]) -> bool:
+def _are_exchanged(
+    plan: PlannedConnection, ids: set[int], other: PlannedConnection, theirs: set[int]
+) -> bool:
     """Whether one carries the planned ConnID of the other, and the other does not contradict."""
     if not plan.connection_id or not other.connection_id:
         return False
@@ -150,7 +153,9 @@ def _list(numbers: set[int]) -> str:
     return ", ".join(str(n) for n in sorted(numbers))
 
 
-def _expected_address(e: IncidentEvidence, plan: Planned, link: LinkFacts | None) -> int | None:
+def _expected_address(
+    e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts | None
+) -> int | None:
     """Return the address the main asks for: as sent, as set in it, or as planned."""
     if link is not None and link.sent_address is not None:
         return link.sent_address
@@ -195,7 +200,7 @@ def swapped(e: IncidentEvidence) -> Iterator[Candidate]:
         return
 
 
-def _refused_both(e: IncidentEvidence, plan: Planned) -> Iterator[Candidate]:
+def _refused_both(e: IncidentEvidence, plan: PlannedConnection) -> Iterator[Candidate]:
     """Devices of one type refuse their address, and nobody knows which they have."""
     partners = [o.sub for o in e.planned.values() if _both_refuse(e, plan, o)]
     if partners and all(e.address_of(sub) is None for sub in (plan.sub, *partners)):
@@ -223,7 +228,7 @@ def _round(first: str, has: dict[str, int | None], owner: dict[int | None, str])
     return []
 
 
-def _both_refuse(e: IncidentEvidence, one: Planned, two: Planned) -> bool:
+def _both_refuse(e: IncidentEvidence, one: PlannedConnection, two: PlannedConnection) -> bool:
     """Whether two devices of the same type both reset with code 6."""
     if one.sub == two.sub or None is e.type_of(one.sub) or e.type_of(one.sub) != e.type_of(two.sub):
         return False
@@ -235,7 +240,7 @@ def _both_refuse(e: IncidentEvidence, one: Planned, two: Planned) -> bool:
     )
 
 
-def _address(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _address(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
     """The device refuses the address, or says it has another one."""
     refused = sum(n for (by, c), n in reported_codes(e).items() if c == ResetCode.ADDRESS)
     says = e.address_of(plan.sub)
@@ -255,7 +260,9 @@ def _address(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Ca
     )
 
 
-def _connection_id(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _connection_id(
+    e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts
+) -> Iterator[Candidate]:
     """Reset code 3, or another ConnID on the wire than planned."""
     refused = sum(n for (_, c), n in reported_codes(e).items() if c == ResetCode.CONNECTION_ID)
     ids = _wire_ids(e, e.name)
@@ -273,7 +280,7 @@ def _connection_id(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Itera
     )
 
 
-def _shifted(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _shifted(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
     """Whole frames beside the planned place, or with another length."""
     for side, (shift, device) in enumerate(zip(link.shifts, (plan.main, plan.sub), strict=True)):
         if shift is None:
@@ -315,7 +322,7 @@ def _roles(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
         )
 
 
-def _altered(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _altered(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
     """Frames are right in the image, and yet an end refuses them on the way to Data."""
     if any(link.shifts):
         return
@@ -337,7 +344,9 @@ def _altered(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Ca
         )
 
 
-def _not_taken(e: IncidentEvidence, plan: Planned, link: LinkFacts) -> Iterator[Candidate]:
+def _not_taken(
+    e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts
+) -> Iterator[Candidate]:
     """The sub answers right, and the main goes on waiting: the answer lands in a wrong place."""
     if not _waits_in_vain(link):
         return

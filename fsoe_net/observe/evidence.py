@@ -6,7 +6,12 @@ import re
 from dataclasses import dataclass, replace
 
 from fsoe_net.fsoe.monitor import OutsideState
-from fsoe_net.observe.bus_documents import LayoutConnection, LayoutCopy, SubDeviceSnapshot
+from fsoe_net.observe.bus_documents import (
+    LayoutConnection,
+    LayoutCopy,
+    PlannedConnection,
+    SubDeviceSnapshot,
+)
 from fsoe_net.observe.evidence_cycles import BusFacts, BusWatch
 from fsoe_net.observe.evidence_frames import (
     CrossedPair,
@@ -26,25 +31,12 @@ from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.observe.json_object import clean
 from fsoe_net.plan.model import NONE, Plan
 
-__all__ = ["IncidentEvidence", "Planned", "gather"]
+__all__ = ["IncidentEvidence", "gather"]
 
 _MOST_PAIRED = 24
 _NEAR_CYCLES = 8
 _OTHER = "another device"
 _ADDRESS = re.compile(r"^it has FSoE address (\d{1,5}),")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Planned:
-    """One connection as the plan says; ``None`` where no file states it."""
-
-    name: str
-    main: str
-    sub: str
-    connection_id: int | None
-    address: int | None
-    watchdog_ms: int | None
-    safe_bytes: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +49,7 @@ class IncidentEvidence:
 
     head: IncidentHead
     bus: BusFacts
-    planned: dict[str, Planned]
+    planned: dict[str, PlannedConnection]
     links: dict[str, LinkFacts]
     pairings: tuple[CrossedPair, ...]
     name: str
@@ -69,7 +61,7 @@ class IncidentEvidence:
         return self.head.trigger.now_ns
 
     @property
-    def plan(self) -> Planned | None:
+    def plan(self) -> PlannedConnection | None:
         """The connection it is about, as planned."""
         return self.planned.get(self.name)
 
@@ -286,7 +278,7 @@ def _bounds(head: IncidentHead, frame: LayoutCopy) -> tuple[int, int]:
     return frame.source_byte, frame.source_byte + frame.size_bytes
 
 
-def _of_subdevice(planned: dict[str, Planned], subdevice: str) -> str:
+def _of_subdevice(planned: dict[str, PlannedConnection], subdevice: str) -> str:
     """Return the first connection of a SubDevice, or an empty text."""
     ends = (n for n, p in planned.items() if subdevice and subdevice in (p.sub, p.main))
     return next(ends, "")
@@ -318,23 +310,14 @@ def _pairs(
     return pairs
 
 
-def _planned(head: IncidentHead) -> dict[str, Planned]:
+def _planned(head: IncidentHead) -> dict[str, PlannedConnection]:
     plan = head.plan
     if plan is None:
         return {
-            c.name: Planned(
-                name=c.name,
-                main=c.main,
-                sub=c.sub,
-                connection_id=None,
-                address=None,
-                watchdog_ms=None,
-                safe_bytes=(0, 0),
-            )
-            for c in head.connections
+            c.name: PlannedConnection(name=c.name, main=c.main, sub=c.sub) for c in head.connections
         }
     return {
-        clean(c.name): Planned(
+        clean(c.name): PlannedConnection(
             name=clean(c.name),
             main=_name(plan, c.main),
             sub=_name(plan, c.sub),

@@ -13,11 +13,11 @@ from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from fsoe_net.model.description import DescribedConnection
 from fsoe_net.report.diff_process_data import compare_managers
 from fsoe_net.report.diff_safety import compare_functions
 from fsoe_net.report.diff_side import (
     Side,
-    SideConnection,
     SideCopy,
     SideEnd,
     SideSubDevice,
@@ -26,6 +26,7 @@ from fsoe_net.report.diff_types import Change, Fact
 
 __all__ = ["Difference", "compare"]
 
+_FACTS = ("address", "connection_id", "watchdog_ms")
 _T = TypeVar("_T")
 _K = TypeVar("_K", bound=Hashable)
 
@@ -344,19 +345,19 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
 
 def _ways_to_match(
     alone: set[tuple[int | None, int | None]],
-) -> tuple[Callable[[SideConnection], Hashable | None], ...]:
+) -> tuple[Callable[[DescribedConnection], Hashable | None], ...]:
     """Return by what connections of both sides are the same, the surest first."""
     return (
         lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
         lambda c: (c.name, c.slot) if c.name and c.main is c.sub is None else None,
-        lambda c: _pair_key(c.sub, c.facts.get("address")),
-        lambda c: _pair_key(c.main, c.facts.get("connection_id")),
-        lambda c: c.facts.get("connection_id"),
+        lambda c: _pair_key(c.sub, c.address),
+        lambda c: _pair_key(c.main, c.connection_id),
+        lambda c: c.connection_id,
         lambda c: (c.main, c.sub) if (c.main, c.sub) in alone else None,
     )
 
 
-def _lone_pairs(rows: Iterable[SideConnection]) -> set[tuple[int | None, int | None]]:
+def _lone_pairs(rows: Iterable[DescribedConnection]) -> set[tuple[int | None, int | None]]:
     """Return the SubDevices with one connection between them, whatever its slot."""
     counts = Counter((c.main, c.sub) for c in rows if None not in (c.main, c.sub))
     return {pair for pair, count in counts.items() if count == 1}
@@ -366,19 +367,19 @@ def _pair_key(number: int | None, fact: Fact) -> Hashable | None:
     return None if number is None or fact is None else (number, fact)
 
 
-def _connection_name(c: SideConnection, label: _Labels) -> str:
+def _connection_name(c: DescribedConnection, label: _Labels) -> str:
     slot = f" slot {c.slot}" if c.slot else ""
     if c.main is None and c.sub is None and c.name:
         return f"{c.name}{slot}"
     return f"{label.of(c.main)} - {label.of(c.sub)}{slot}"
 
 
-def _connection_row(kind: str, c: SideConnection, label: _Labels) -> Change:
+def _connection_row(kind: str, c: DescribedConnection, label: _Labels) -> Change:
     return Change(kind=kind, area="connection", where=_connection_name(c, label))
 
 
 def _connection(
-    a: Side, b: Side, old: SideConnection, new: SideConnection, label: _Labels
+    a: Side, b: Side, old: DescribedConnection, new: DescribedConnection, label: _Labels
 ) -> list[Change]:
     where = _connection_name(old, label)
     changes = []
@@ -387,13 +388,18 @@ def _connection(
         if None not in (before, after) and before != after:
             texts = label.of(before), label.of(after)
             changes.append(_changed("connection", where, role, *texts))
-    for fact, first in old.facts.items():
-        if fact not in new.facts:
-            continue  # a plan has no parameters
-        second = new.facts[fact]
+    facts = [(key, getattr(old, key), getattr(new, key)) for key in _FACTS]
+    if "plan" not in (a.format, b.format):  # which has no parameters
+        facts.append(("app_parameters", _parameters(a, old), _parameters(b, new)))
+    for fact, first, second in facts:
         if first != second and _told(first, second, a, b):
             changes.append(_changed("connection", where, fact, first, second))
     return changes
+
+
+def _parameters(side: Side, connection: DescribedConnection) -> str | None:
+    """Return the parameters; without any ``None`` when the side may only be silent about them."""
+    return connection.app_parameters.hex() or ("" if side.whole else None)
 
 
 def _silence(a: Side, b: Side, pairs: _Pairs) -> list[str]:

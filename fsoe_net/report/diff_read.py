@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from fsoe_net.model.bus import Direction, Entry, Pdo, SubDevice, SyncManager, Watchdog
-from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.described_network import described_connections, described_facts
+from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 from fsoe_net.model.ends import ResolvedEnd
 from fsoe_net.model.layout import DeviceLayout, SmLayout, find_blocks, place_entries
-from fsoe_net.model.network import ConnectionFacts, TransferKind
+from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
@@ -17,7 +18,6 @@ from fsoe_net.plan.fingerprint import safety_sha256
 from fsoe_net.plan.model import NONE, Plan, PlanSubDevice
 from fsoe_net.report.diff_side import (
     Side,
-    SideConnection,
     SideCopy,
     SideEnd,
     SideEntry,
@@ -94,21 +94,12 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
     ]
     used = {(c.net_number, c.facts_number) for c in resolution.connections}
     connections = [
-        _unmatched(facts)
+        described_facts(facts, f"{facts.main} - {facts.sub}")  # its transfers are not there
         for net_number, net in enumerate(network.nets)
         for number, facts in enumerate(net.connections)
         if (net_number, number) not in used
     ]
-    for c in resolution.connections:
-        connections.append(
-            SideConnection(
-                name=c.name,
-                main=numbers[c.main.name],
-                sub=numbers[c.sub.name],
-                slot=c.slot,
-                facts=_facts(c.stated),
-            )
-        )
+    connections += described_connections(resolution)
     addresses = _addresses(connections)
     return Side(
         format="network",
@@ -135,27 +126,11 @@ def _resolved_end(end: ResolvedEnd, numbers: Mapping[str, int]) -> SideEnd:
     return SideEnd(number, end.sm.sm.index, end.placed.bit_offset, end.placed.entry.address)
 
 
-def _facts(facts: ConnectionFacts) -> dict[str, int | str | None]:
-    return {
-        "address": facts.address,
-        "connection_id": facts.connection_id,
-        "watchdog_ms": facts.watchdog_ms,
-        "app_parameters": facts.app_parameters.hex(),
-    }
-
-
-def _unmatched(facts: ConnectionFacts) -> SideConnection:
-    """Facts whose transfers are not there: known by their names only."""
-    name = f"{facts.main} - {facts.sub}"
-    return SideConnection(name=name, main=None, sub=None, slot=facts.slot, facts=_facts(facts))
-
-
-def _addresses(connections: Iterable[SideConnection]) -> dict[int, tuple[int, ...]]:
+def _addresses(connections: Iterable[DescribedConnection]) -> dict[int, tuple[int, ...]]:
     found: dict[int, tuple[int, ...]] = {}
     for c in connections:
-        address = c.facts.get("address")
-        if c.sub is not None and isinstance(address, int):
-            found[c.sub] = (*found.get(c.sub, ()), address)
+        if c.sub is not None and c.address is not None:
+            found[c.sub] = (*found.get(c.sub, ()), c.address)
     return found
 
 
@@ -275,7 +250,7 @@ def _plan_subdevice(
     )
 
 
-def _plan_connections(plan: Plan) -> list[SideConnection]:
+def _plan_connections(plan: Plan) -> list[DescribedConnection]:
     numbers = _plan_slots(plan)
     rows = []
     for c in plan.connections:
@@ -286,16 +261,14 @@ def _plan_connections(plan: Plan) -> list[SideConnection]:
         }
         slot = used.pop() if len(used) == 1 else None
         rows.append(
-            SideConnection(
+            DescribedConnection(
                 name=c.name,
                 main=None if c.main == NONE else c.main,
                 sub=None if c.sub == NONE else c.sub,
                 slot=slot,
-                facts={
-                    "address": c.address,
-                    "connection_id": c.connection_id,
-                    "watchdog_ms": c.watchdog_ms,
-                },
+                address=c.address,
+                connection_id=c.connection_id,
+                watchdog_ms=c.watchdog_ms,
             )
         )
     return rows
@@ -333,21 +306,6 @@ def side_of_description(description: Description) -> Side:
             )
             for c in description.copies
         )
-    connections = tuple(
-        SideConnection(
-            name=c.name,
-            main=c.main,
-            sub=c.sub,
-            slot=c.slot,
-            facts={
-                "address": c.address,
-                "connection_id": c.connection_id,
-                "watchdog_ms": c.watchdog_ms,
-                "app_parameters": c.app_parameters.hex() or None,
-            },
-        )
-        for c in description.connections
-    )
     cycle_us = description.cycle_us
     return Side(
         format=description.format,
@@ -356,7 +314,7 @@ def side_of_description(description: Description) -> Side:
         cycle_ns=None if cycle_us is None else 1000 * cycle_us,
         subdevices=subdevices,
         copies=copies,
-        connections=connections or None,
+        connections=description.connections or None,
     )
 
 

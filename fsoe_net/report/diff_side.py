@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fsoe_net.model.description import DescribedConnection
 from fsoe_net.model.safety import SafetyFunction
 
 __all__ = [
     "Side",
-    "SideConnection",
     "SideCopy",
     "SideEnd",
     "SideEntry",
@@ -102,17 +102,6 @@ class SideCopy:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SideConnection:
-    """One FSoE connection; numbers of SubDevices."""
-
-    name: str
-    main: int | None
-    sub: int | None
-    slot: int | None
-    facts: dict[str, int | str | None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Side:
     """Everything one source says.
 
@@ -132,6 +121,6 @@ class Side:
     cycle_ns: int | None = None
     subdevices: tuple[SideSubDevice, ...] = ()
     copies: tuple[SideCopy, ...] | None = None
-    connections: tuple[SideConnection, ...] | None = None
+    connections: tuple[DescribedConnection, ...] | None = None
     functions: tuple[SafetyFunction, ...] | None = None
     functions_sha256: str | None = None

@@ -10,26 +10,14 @@ from typing import Any
 from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.fsoe.pdu import Command, reset_code_text
+from fsoe_net.observe.bus_documents import PlannedConnection
 from fsoe_net.run.result import ConnectionResult, RunEvent, state_text
 
-__all__ = ["ENDS", "BusEvents", "PlannedConnection", "connection_result"]
+__all__ = ["ENDS", "BusEvents", "connection_result"]
 
 ENDS = {"main": "MainInstance", "sub": "SubInstance"}
 _MAX_EVENTS = 20_000
 _DATA = {state.text: state.word for state in OutsideState if state.in_data}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlannedConnection:
-    """What files or a plan state about a connection; ``None``: nobody states it."""
-
-    name: str
-    net: str
-    main: str
-    sub: str
-    connection_id: int | None = None
-    address: int | None = None
-    watchdog_ms: int | None = None
 
 
 @dataclass(slots=True)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
 from fsoe_net.model.resolve import Connection, Resolution
-from fsoe_net.observe.bus_documents import BusSnapshot, SubDeviceSnapshot
-from fsoe_net.run.bus_events import BusEvents, PlannedConnection, connection_result
+from fsoe_net.observe.bus_documents import BusSnapshot, PlannedConnection, SubDeviceSnapshot
+from fsoe_net.run.bus_events import BusEvents, connection_result
 from fsoe_net.run.client import Client
 from fsoe_net.run.master import Master
 from fsoe_net.run.result import BusResult, ConnectionResult, Run, RunUpdate, is_data

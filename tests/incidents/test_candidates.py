@@ -16,10 +16,11 @@ from fsoe_net.observe.bus_documents import (
     Layout,
     LayoutConnection,
     LayoutCopy,
+    PlannedConnection,
     SubDeviceSnapshot,
 )
 from fsoe_net.observe.candidate import Candidate
-from fsoe_net.observe.evidence import IncidentEvidence, Planned
+from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_cycles import BadCycles, BusWatch, SlowCycle
 from fsoe_net.observe.evidence_frames import (
     CrossedPair,
@@ -44,8 +45,8 @@ PLACES = LayoutConnection(
 )
 
 
-def planned(name: str, main: str = "logic") -> Planned:
-    return Planned(
+def planned(name: str, main: str = "logic") -> PlannedConnection:
+    return PlannedConnection(
         name=name,
         main=main,
         sub=f"sub_{name}",

@@ -248,8 +248,7 @@ def test_a_device_gone_from_the_middle_is_not_an_exchange_of_all_behind_it():
 def test_a_connection_with_another_main_instance_is_the_same_by_its_address():
     side = side_of_network(example("el6910"), "a")
     first = side.connections[0]
-    facts = first.facts | {"connection_id": 999}
-    changed = replace(first, main=first.sub, facts=facts)
+    changed = replace(first, main=first.sub, connection_id=999)
     other = replace(side, connections=(changed, *side.connections[1:]))
     assert rows(compare(side, other)) == [
         ("changed", "connection", "main"),
