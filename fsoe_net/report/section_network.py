@@ -288,10 +288,24 @@ def _safe_bytes(frame_bytes: int) -> int:
         return 0
 
 
+_SHOWN_BYTES = 16
+
+
 def _parameters(parameters: bytes) -> Cell:
     if not parameters:
         return cell(muted("none stated"))
     return cell(
         Number(value=len(parameters), text=str(len(parameters)), unit="bytes", source=_FACTS),
-        code(f"SRA CRC over them 0x{sra_crc(parameters):08x}"),
+        code(parameters[:_SHOWN_BYTES].hex(" ") + " …" * (len(parameters) > _SHOWN_BYTES)),
+        _sra(parameters),
     )
+
+
+def _sra(parameters: bytes) -> Item:
+    """Say whether they begin with the SRA CRC of the rest (§12); an odd rest may be padded."""
+    stated_crc = int.from_bytes(parameters[:4], "little")
+    rest = parameters[4:]
+    crcs = {sra_crc(rest), sra_crc(rest + bytes(len(rest) % 2))}
+    if rest and stated_crc in crcs:
+        return Text(f"begin with their SRA CRC 0x{stated_crc:08x}")
+    return muted("do not begin with an SRA CRC of the rest")

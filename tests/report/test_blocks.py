@@ -17,8 +17,10 @@ from fsoe_net.document.model import (
     Table,
     Verdict,
 )
+from fsoe_net.fsoe.crc import sra_crc
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import Plan
+from fsoe_net.report import section_network
 from fsoe_net.report.compose import _lead, compose_report
 from fsoe_net.report.model import PointKind
 from fsoe_net.report.section_copies import _copy_table
@@ -146,3 +148,29 @@ def test_a_copy_without_a_place_in_the_image():
         "logic SM3 byte 0 (0x6000:01) no place in the image",
         "io SM2 byte 0 (0x7000:01) no place in the image",
     ]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ("581cec59 0100020003000400", ["begin with their SRA CRC 0x59ec1c58"]),
+        ("591cec59 0100020003000400", ["do not begin with an SRA CRC of the rest"]),
+        ("0100020003000400", ["do not begin with an SRA CRC of the rest"]),
+        ("00000000", ["do not begin with an SRA CRC of the rest"]),
+    ],
+)
+def test_the_sra_crc_is_that_of_the_rest(parameters: str, said: list[str]):
+    """Words 1 to 4 of the protocol notes (§12), and the CRC low byte first in front of them."""
+    data = bytes.fromhex(parameters)
+    number, shown, *rest = section_network._parameters(data)
+    assert (number.value, shown.text) == (len(data), data.hex(" "))
+    assert [item.text for item in rest] == said
+
+
+def test_an_odd_rest_may_be_padded_and_long_parameters_are_cut():
+    rest = bytes(range(1, 20))
+    for covered in (rest, rest + b"\0"):
+        crc = sra_crc(covered)
+        _, shown, said = section_network._parameters(crc.to_bytes(4, "little") + rest)
+        assert said.text == f"begin with their SRA CRC 0x{crc:08x}"
+        assert shown.text.endswith("0a 0b 0c …")
