@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from fsoe_net.cli.run_output import cycle_text, not_in_op, number_text, state_verdict
+from fsoe_net.cli.run_output import (
+    cycle_text,
+    not_in_op,
+    number_text,
+    other_parameters,
+    state_verdict,
+)
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
@@ -53,6 +59,7 @@ def bus_document(view: BusView) -> Document:
         if view.connections:
             rows = tuple(_row(c) for c in view.connections)
             parts.append(Table(columns=_COLUMNS, rows=rows))
+            parts += other_parameters(c.result for c in view.connections)
         parts += not_in_op(view.snapshot.subdevices)
         parts += _worn(view.snapshot.subdevices)
         parts += _timing(view.snapshot.cycle.statistics)

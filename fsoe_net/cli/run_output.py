@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -36,6 +36,7 @@ __all__ = [
     "joined_events",
     "not_in_op",
     "number_text",
+    "other_parameters",
     "print_events",
     "print_result",
     "state_verdict",
@@ -122,6 +123,15 @@ def number_text(value: int | None) -> str:
     return "-" if value is None else str(value)
 
 
+def other_parameters(connections: Iterable[ConnectionResult]) -> list[Paragraph]:
+    """Return a line for each connection with other parameters than the plan has."""
+    return [
+        words(Verdict(f"{c.name}: other parameters: {'; '.join(c.differences)}", Level.ERROR))
+        for c in connections
+        if c.differs
+    ]
+
+
 def print_result(result: Run) -> None:
     """Print events, connections, SubDevices not in OP, totals and verdicts."""
     print_events(result.events)
@@ -144,7 +154,13 @@ def _result(result: Run) -> Document:
         remark="* chosen here; no file states it" if chosen else "",
     )
     return Document(
-        lead=(table, *not_in_op(result.subdevices), words(totals), *_verdicts(result)),
+        lead=(
+            table,
+            *other_parameters(result.connections),
+            *not_in_op(result.subdevices),
+            words(totals),
+            *_verdicts(result),
+        ),
     )
 
 

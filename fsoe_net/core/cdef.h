@@ -101,9 +101,16 @@ struct fsn_direction {
     uint8_t command, reset_code;
     ...;
 };
+struct fsn_parameters {
+    uint32_t app_crc;
+    uint16_t app_bytes, connection_id, address, watchdog_ms;
+    uint32_t known;
+    ...;
+};
 struct fsn_connection_status {
     struct fsn_direction direction[2];
-    uint32_t observed, gaps;
+    struct fsn_parameters parameters;
+    uint32_t differs, observed, gaps;
     ...;
 };
 
@@ -125,7 +132,8 @@ int fsn_monitor_frame(struct fsn_monitor *monitor, int way, const uint8_t *frame
 struct fsn_event {
     uint64_t now_ns;
     uint32_t connection;
-    uint8_t before, after, reset_code, by;
+    uint8_t before, after, reset_code, by, differs;
+    struct fsn_parameters parameters;
     ...;
 };
 struct fsn_thread_options {

@@ -8,6 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from fsoe_net.core.module import compiled, fault_text, raise_status
+from fsoe_net.core.monitor import parameters_of
 from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
@@ -19,6 +20,7 @@ from fsoe_net.core.snapshot import (
 )
 from fsoe_net.errors import CoreError, PlanFormatError
 from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.parameters import STATED_PARAMETERS
 from fsoe_net.plan.fingerprint import Fingerprint
 
 __all__ = ["Core", "CorePlan", "EmulatedBus"]
@@ -339,6 +341,8 @@ class Core:
                         after=_STATES[event.after],
                         reset_code=event.reset_code,
                         by=("", "main", "sub")[event.by],
+                        differs=_differs(event.differs),
+                        parameters=parameters_of(event.parameters),
                     )
                 )
         return found
@@ -420,4 +424,10 @@ def _connection(c: Any) -> ConnectionSnapshot:
         to_sub=direction_snapshot(c.direction[0]),
         to_main=direction_snapshot(c.direction[1]),
         gaps=c.gaps,
+        observed=parameters_of(c.parameters),
+        differs=_differs(c.differs),
     )
+
+
+def _differs(bits: int) -> tuple[str, ...]:
+    return tuple(name for bit, name in enumerate(STATED_PARAMETERS) if bits >> bit & 1)

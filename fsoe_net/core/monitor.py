@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fsoe_net.core.module import compiled
 from fsoe_net.errors import PduSizeError
 from fsoe_net.fsoe.monitor import CrcVerdict, DirectionCounts, OutsideState
+from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import frame_length
 
-__all__ = ["CoreMonitor", "frame_fits", "frame_sequence"]
+__all__ = ["CoreMonitor", "frame_fits", "frame_sequence", "parameters_of"]
 
 _VERDICTS = tuple(CrcVerdict)
 
@@ -39,6 +42,11 @@ class CoreMonitor:
         """Times the chain was lost and found again without a Reset: frames passed unseen."""
         return int(self._monitor.status.gaps)
 
+    @property
+    def parameters(self) -> FsoeParameters:
+        """What the main has sent in its last start-up."""
+        return parameters_of(self._monitor.status.parameters)
+
     def counts(self, direction: int) -> DirectionCounts:
         """Return the counters of a direction as they are now."""
         d = self._monitor.status.direction[direction]
@@ -68,6 +76,17 @@ class CoreMonitor:
             raise PduSizeError(f"{len(data)} bytes; frames here have {self._sizes[direction]}")
         verdict: int = self._lib.fsn_monitor_frame(self._monitor, direction, data, now_ns)
         return _VERDICTS[verdict]
+
+
+def parameters_of(c: Any) -> FsoeParameters:
+    """Return the values of a ``struct fsn_parameters``; what is not known is ``None``."""
+    return FsoeParameters(
+        connection_id=c.connection_id if c.known & 1 else None,
+        address=c.address if c.known & 2 else None,
+        watchdog_ms=c.watchdog_ms if c.known & 4 else None,
+        app_bytes=c.app_bytes if c.known & 8 else None,
+        app_crc=c.app_crc if c.known & 8 else None,
+    )
 
 
 def frame_fits(data: bytes, old: int, sequence: int) -> bool:

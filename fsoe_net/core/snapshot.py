@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters
 
 __all__ = [
     "ConnectionSnapshot",
@@ -158,6 +159,12 @@ class ConnectionSnapshot:
     to_main: DirectionSnapshot
     gaps: int
     """Times the chain was lost and found again without a Reset: frames passed unseen."""
+    observed: FsoeParameters = NOT_OBSERVED
+    """What the main has sent in its last start-up."""
+    configured: FsoeParameters = NOT_OBSERVED
+    """What the plan states; only from a program that reports it."""
+    differs: tuple[str, ...] = ()
+    """Names of the parameters that were not those of the plan when they were last observed."""
 
     @property
     def resets(self) -> int:
@@ -178,9 +185,11 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoreEvent:
-    """A change of state the core has seen on the wire.
+    """A change that the core has seen on the wire.
 
-    ``by``: who began the reset, ``main`` or ``sub``; empty when it is none.
+    ``by``: who began the reset, ``main`` or ``sub``; empty when it is none. Where ``before`` is
+    ``after``, the parameters of the connection have come to differ from the plan or no longer do:
+    ``differs`` names those that do, ``parameters`` are those observed.
     """
 
     now_ns: int
@@ -189,6 +198,8 @@ class CoreEvent:
     after: OutsideState
     reset_code: int
     by: str
+    differs: tuple[str, ...] = ()
+    parameters: FsoeParameters = NOT_OBSERVED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from fsoe_net.errors import PduSizeError
 from fsoe_net.fsoe.chain import advance, fits_start
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
+from fsoe_net.fsoe.parameters import FsoeParameters, ParameterList
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
 
 __all__ = ["CrcVerdict", "DirectionCounts", "Monitor", "OutsideState", "outside_state"]
@@ -145,6 +146,7 @@ class Monitor:
             _Side(bytes(frame_length(safe_out_bytes))),
             _Side(bytes(frame_length(safe_in_bytes))),
         )
+        self._list = ParameterList(min(safe_out_bytes, safe_in_bytes))
         self._last_crc = 0  # CRC_0 of the last frame of either direction
         self._last_direction: int | None = None  # who sent it
         self._lost = False  # the chain was known, and no Reset has come since
@@ -153,6 +155,11 @@ class Monitor:
     def state(self) -> OutsideState:
         """State of the connection as seen from outside."""
         return outside_state(*(side.counts.command for side in self._sides))
+
+    @property
+    def parameters(self) -> FsoeParameters:
+        """What the main has sent in its last start-up."""
+        return self._list.parameters
 
     def counts(self, direction: int) -> DirectionCounts:
         """Return the counters of a direction; they go on counting."""
@@ -186,6 +193,9 @@ class Monitor:
         counts.right += verdict is CrcVerdict.RIGHT
         counts.wrong += verdict is CrcVerdict.WRONG
         counts.unchecked += verdict is CrcVerdict.UNCHECKED
+        if direction == 0:
+            right = verdict is CrcVerdict.RIGHT
+            self._list.frame(pdu.command, pdu.safe_data, right=right)
         return verdict
 
     def _judge(self, direction: int, pdu: Pdu) -> CrcVerdict:

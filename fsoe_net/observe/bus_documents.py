@@ -18,6 +18,7 @@ from fsoe_net.core.snapshot import (
     Statistics,
 )
 from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.parameters import NOT_OBSERVED, STATED_PARAMETERS, FsoeParameters
 from fsoe_net.fsoe.pdu import is_frame_length
 from fsoe_net.observe.json_object import JsonObject
 
@@ -211,8 +212,19 @@ def _named(row: JsonObject) -> NamedConnection:
             to_sub=_filled(DirectionSnapshot, row.child("to_sub")),
             to_main=_filled(DirectionSnapshot, row.child("to_main")),
             gaps=row.count("gaps"),
+            observed=_parameters(row, "observed"),
+            configured=_parameters(row, "configured"),
+            differs=row.words("differs", STATED_PARAMETERS) if row.has("differs") else (),
         ),
     )
+
+
+def _parameters(row: JsonObject, key: str) -> FsoeParameters:
+    """Return parameters; an older `fsn-master` reports none."""
+    if not row.has(key):
+        return NOT_OBSERVED
+    stated = row.child(key)
+    return FsoeParameters(**{f.name: stated.optional(f.name) for f in fields(FsoeParameters)})
 
 
 def _state(row: JsonObject) -> OutsideState:

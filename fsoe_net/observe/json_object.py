@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fsoe_net.errors import IncidentError
@@ -99,6 +99,11 @@ class JsonObject:
             if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST:
                 raise self.bad(key, "holds something that is no whole number")
         return tuple(rows)
+
+    def words(self, key: str, known: Sequence[str]) -> tuple[str, ...]:
+        """Return those of some known words that a list holds; absent or null is empty."""
+        rows = self._list(key)
+        return tuple(word for word in known if word in rows)
 
     def pairs(self, key: str) -> tuple[tuple[int, int], ...]:
         """Return a list of pairs of whole numbers."""

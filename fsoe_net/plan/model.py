@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from fsoe_net.errors import InputError, PlanFormatError
+from fsoe_net.fsoe.parameters import FsoeParameters
 
 if TYPE_CHECKING:
     from fsoe_net.plan.fingerprint import Fingerprint
@@ -168,6 +169,13 @@ class PlanConnection:
     watchdog_ms: int | None
     safe_to_sub: int
     safe_to_main: int
+
+    @property
+    def parameters(self) -> FsoeParameters:
+        """What the plan states of its parameters."""
+        return FsoeParameters(
+            connection_id=self.connection_id, address=self.address, watchdog_ms=self.watchdog_ms
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

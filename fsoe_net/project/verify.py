@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fsoe_net.diag.words import counted
-from fsoe_net.errors import EnvironmentFault
+from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.fsoe.parameters import differences
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.known import Known
 from fsoe_net.report.diff import compare
@@ -17,6 +18,7 @@ from fsoe_net.report.diff_side import Side
 __all__ = ["Comparison", "compare_known", "compare_running"]
 
 _SHOWN_LINES = 20
+_OBSERVED = "observed_parameters"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +46,8 @@ class Comparison:
 def compare_running(wanted: Known, socket: str) -> Comparison:
     """Compare what a running core has loaded with what was accepted.
 
-    A bus cycle that is not the one its plan states counts as another section.
+    A bus cycle that is not the one its plan states counts as another section, and so do parameters
+    on the wire that are not those of its plan.
 
     Raises:
         EnvironmentFault: Nobody answers on the socket, or it reports no fingerprint.
@@ -54,13 +57,28 @@ def compare_running(wanted: Known, socket: str) -> Comparison:
 
     with Client(socket) as client:
         status = client.status()
+        try:
+            connections = client.connections()
+        except ControlRefused:  # the bus is stopped
+            connections = ()
     fingerprint = fingerprint_in_use(status)
     if fingerprint is None:
         raise EnvironmentFault(
             f"{socket}: this fsn-master reports no fingerprint; install a newer one"
         )
-    note = f"fsn-master {status.version}, cycle {status.cycle_ns / 1e6:g} ms"
-    return compare_known(wanted, Known(path=socket, fingerprint=fingerprint), note)
+    found = compare_known(wanted, Known(path=socket, fingerprint=fingerprint))
+    observed = sum(c.seen.observed.watchdog_ms is not None for c in connections)
+    note = (
+        f"fsn-master {status.version}, cycle {status.cycle_ns / 1e6:g} ms, parameters of "
+        f"{observed} of {counted(len(connections), 'connection')} observed"
+    )
+    lines = tuple(
+        f"! {c.name} runs with {text}"
+        for c in connections
+        for text in differences(c.seen.differs, c.seen.configured, c.seen.observed)
+    )
+    sections = (*found.sections, _OBSERVED) if lines else found.sections
+    return replace(found, note=note, sections=sections, lines=(*found.lines, *lines))
 
 
 def compare_known(wanted: Known, given: Known, note: str = "") -> Comparison:

@@ -14,6 +14,7 @@ from fsoe_net.core.snapshot import Histogram
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.shared.files import open_file
+from fsoe_net.fsoe.parameters import NOT_OBSERVED, STATED_PARAMETERS, FsoeParameters
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.scan import Scan
 
@@ -47,6 +48,9 @@ class RunRow:
     watchdog: float | None
     resets: int
     reset_text: str
+    configured: FsoeParameters = NOT_OBSERVED
+    observed: FsoeParameters = NOT_OBSERVED
+    differs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,10 +152,23 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
                 watchdog=measured_ms(c["watchdog_ms"]),
                 resets=int(c["resets"]),
                 reset_text=str(c["last_reset_text"]),
+                configured=_parameters(c.get("configured")),
+                observed=_parameters(c.get("observed")),
+                differs=tuple(n for n in STATED_PARAMETERS if n in (c.get("differs") or ())),
             )
             for c in document["connections"]
         ),
     )
+
+
+def _parameters(row: Mapping[str, Any] | None) -> FsoeParameters:
+    """Return parameters; a run before they were observed has none.
+
+    Raises:
+        AttributeError, TypeError, ValueError: They are not whole numbers.
+    """
+    values = {f.name: (row or {}).get(f.name) for f in fields(FsoeParameters)}
+    return FsoeParameters(**{k: None if v is None else int(v) for k, v in values.items()})
 
 
 def _period(row: Mapping[str, Any]) -> Histogram | None:

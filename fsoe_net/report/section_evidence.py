@@ -29,6 +29,7 @@ from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
 from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
 from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.observed import observed_cell
 from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
@@ -230,16 +231,18 @@ def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
             cell(stated(c.cycle_max, "ms", path)),
             cell(stated(c.watchdog, "ms", path)),
             cell(stated(c.resets, "resets", path), muted(c.reset_text if c.resets else "")),
+            observed_cell(c.name, c, inputs),
         )
         for c in run.rows
     )
     return [
         Heading(f"Run {path}"),
         Paragraph(tuple(items)),
-        Table(name=f"run {path}", columns=_RUN_COLUMNS, rows=rows),
+        Table(name=f"run {path}", columns=(*_RUN_COLUMNS, _OBSERVED), rows=rows),
     ]
 
 
+_OBSERVED = Column("Parameters sent at the last start-up")
 _RUN_COLUMNS = (
     Column("Connection"),
     Column("State at the end"),
@@ -309,6 +312,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
             cell(_seen(max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns), source)),
             cell(stated(c.to_sub.wrong + c.to_main.wrong, "frames", source)),
             cell(stated(c.to_sub.resets + c.to_main.resets, "resets", source)),
+            observed_cell(name, c, inputs),
         )
         for name, c in zip(names, live.snapshot.cycle.connections, strict=False)
     )
@@ -319,6 +323,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
         "FSoE cycle, most",
         "Wrong CRC",
         "Resets",
+        _OBSERVED.title,
     )
     return [
         Heading("Running bus"),

@@ -126,6 +126,9 @@ def connection_result(
         data_to_main=_data_kind(up) if in_data else "none",
         safe_to_sub=None,
         safe_to_main=None,
+        configured=wire.configured,
+        observed=wire.observed,
+        differs=wire.differs,
     )
 
 

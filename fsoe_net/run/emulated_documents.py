@@ -35,6 +35,9 @@ def snapshot_json(snapshot: Snapshot, plan: Plan) -> dict[str, Any]:
             "outside": seen.state.value,
             "state": seen.state.text,
             "gaps": seen.gaps,
+            "configured": row.parameters.to_json(),
+            "observed": seen.observed.to_json(),
+            "differs": list(seen.differs),
             "to_sub": _direction(seen.to_sub),
             "to_main": _direction(seen.to_main),
         }

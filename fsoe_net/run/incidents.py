@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from fsoe_net import __version__
 from fsoe_net.core.snapshot import CoreEvent, CycleImage
 from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.parameters import differences
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.observe.incident import CycleRecord, TriggerKind
 from fsoe_net.observe.incident_write import incident_name, write_incident
@@ -177,6 +178,9 @@ class IncidentRecorder:
 
     def _event(self, event: CoreEvent) -> None:
         name = self._session.plan.connection_names[event.connection]
+        if event.before is event.after:
+            self._parameters(event, name)
+            return
         left = event.before.in_data and not event.after.in_data
         keys: dict[str, Any] = {
             "connection": name,
@@ -194,6 +198,23 @@ class IncidentRecorder:
             self._had_data.add(event.connection)
         if left:
             self._begin(TriggerKind.LEFT_DATA, event, event.now_ns, text)
+
+    def _parameters(self, event: CoreEvent, name: str) -> None:
+        configured = self._session.records.connections[event.connection].parameters
+        texts = differences(event.differs, configured, event.parameters)
+        self._note(
+            "parameters",
+            event.now_ns,
+            "warning" if texts else "info",
+            f"connection {name} runs with other parameters than the plan: {'; '.join(texts)}"
+            if texts
+            else f"connection {name}: its parameters are those of the plan again",
+            connection=name,
+            configured=configured.to_json(),
+            observed=event.parameters.to_json(),
+            differs=list(event.differs),
+            alarm=False,
+        )
 
     def _never_connected(self, now_ns: int) -> None:
         self._asked_never = True

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from fsoe_net.core.snapshot import Statistics
+from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters, differences
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 
 __all__ = [
@@ -54,6 +55,8 @@ class ConnectionResult:
     the core saw in the copied frames, and ``wrong_…`` the frames in them with a wrong CRC; ``gaps``
     counts when it missed some. ``chosen`` names facts that no file states. ``data_to_sub``
     and ``data_to_main`` are what each end receives: ``process``, ``failsafe`` or ``none``.
+    ``configured`` are the parameters of the plan, ``observed`` those that the MainInstance sent in
+    its last start-up, ``differs`` names what was not the same when it was last observed.
 
     On a live bus all of it is what the wire shows: ``state`` is ``wire_state``, and ``None`` stands
     for what neither the wire nor a file says.
@@ -83,6 +86,14 @@ class ConnectionResult:
     data_to_main: str
     safe_to_sub: str | None
     safe_to_main: str | None
+    configured: FsoeParameters = NOT_OBSERVED
+    observed: FsoeParameters = NOT_OBSERVED
+    differs: tuple[str, ...] = ()
+
+    @property
+    def differences(self) -> tuple[str, ...]:
+        """What differs from the plan, such as ``watchdog 4000 ms, 400 ms in the plan``."""
+        return differences(self.differs, self.configured, self.observed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -104,6 +104,9 @@ class Session(ScenarioRun):
             data_to_main=_data_kind(main),
             safe_to_sub=sub.instance.received_safe_data.hex(),
             safe_to_main=main.instance.received_safe_data.hex(),
+            configured=self.records.connections[number].parameters,
+            observed=wire.observed,
+            differs=wire.differs,
         )
 
     def result(self, mode: str, duration_ns: int, *, devices_stood_ns: int = 0) -> Run:

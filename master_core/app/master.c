@@ -66,6 +66,7 @@ static void host_status(void *self, struct fsn_control_status *status) {
         .redundant = o->redundant,
         .plan_file = o->plan_file,
         .accepted = o->accepted,
+        .require_observed = o->require_observed,
         .policy = policy_name[m->policy],
         .started_ns = m->started_ns,
         .cycle_ns = o->cycle_ns,
@@ -360,6 +361,11 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
     while (m.runner != NULL && !(m.ending && (m.state == STOPPED || m.state == FAILED))) {
         advance(&m);
         turn(&m);
+    }
+    if (m.code == EXIT_FINE && options->require_observed && fsn_control_differed(m.control)) {
+        log_line(FSN_LOG_ERROR, "ends with %d: a connection had other parameters than the plan",
+                 EXIT_DIFFERS);
+        m.code = EXIT_DIFFERS;
     }
     fsn_control_flush(m.control, 200);
     runner_free(m.runner);

@@ -31,6 +31,8 @@ static const char usage_text[] =
     "  --record TIME      keeps the cycles of the last TIME; default 10s, at most 64 MiB\n"
     "  --wait TIME        tries again for so long while SubDevices are missing\n"
     "  --accepted HASH    refuses any plan but the one with this SHA-256 or fingerprint\n"
+    "  --require-observed other connection parameters on the bus than in the plan: an alarm, and\n"
+    "                     exit code 4 at the end; no frame is altered or held back\n"
     "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
     "                     $XDG_RUNTIME_DIR or /run\n"
     "  --allow-user NAME  may use the socket, beside root and the user this runs as\n"
@@ -160,6 +162,7 @@ enum option_id {
     RECORD,
     WAIT,
     ACCEPTED,
+    REQUIRE_OBSERVED,
     SOCKET,
     ALLOW_USER,
     ALLOW_GROUP,
@@ -238,6 +241,9 @@ static bool take_plain(int id, const char *text, struct options *o) {
         return true;
     case TRACE:
         o->trace = true;
+        return true;
+    case REQUIRE_OBSERVED:
+        o->require_observed = true;
         return true;
     case SCAN:
         o->scan = true;
@@ -331,6 +337,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"record", required_argument, NULL, RECORD},
         {"wait", required_argument, NULL, WAIT},
         {"accepted", required_argument, NULL, ACCEPTED},
+        {"require-observed", no_argument, NULL, REQUIRE_OBSERVED},
         {"socket", required_argument, NULL, SOCKET},
         {"allow-user", required_argument, NULL, ALLOW_USER},
         {"allow-group", required_argument, NULL, ALLOW_GROUP},

@@ -7,7 +7,7 @@
 
 #include "control/server/control.h"
 
-enum { EXIT_FINE = 0, EXIT_REFUSED = 1, EXIT_USAGE = 2, EXIT_ENVIRONMENT = 3 };
+enum { EXIT_FINE = 0, EXIT_REFUSED = 1, EXIT_USAGE = 2, EXIT_ENVIRONMENT = 3, EXIT_DIFFERS = 4 };
 
 enum policy { POLICY_FIFO, POLICY_DEADLINE, POLICY_OTHER };
 
@@ -24,7 +24,8 @@ struct options {
     uint32_t dc_every;  /**< 0: no distributed clocks */
     long incidents_mib; /**< most MiB of incident files; 0: as it is usual */
     bool free_run, trace, log_json;
-    bool scan; /**< looks at the bus and ends; there is no plan */
+    bool require_observed; /**< other parameters on the bus than in the plan are an alarm */
+    bool scan;             /**< looks at the bus and ends; there is no plan */
     struct fsn_control_access access;
 };
 

@@ -124,10 +124,18 @@ static void all_differs(void) {
         }
     }
     for (uint32_t i = 0; i < 2; i++) {
-        rt->monitors[i].status = (struct fsn_connection_status){
-            {direction_from((uint8_t)(20 + 60 * i)), direction_from((uint8_t)(50 + 60 * i))},
-            FSN_OBSERVED_PARAMETER,
-            9 + i};
+        rt->monitors[i].status =
+            (struct fsn_connection_status){.direction = {direction_from((uint8_t)(20 + 60 * i)),
+                                                         direction_from((uint8_t)(50 + 60 * i))},
+                                           .parameters = {.known = i == 0 ? 3 : 15,
+                                                          .connection_id = 2099,
+                                                          .address = 14,
+                                                          .watchdog_ms = 4000,
+                                                          .app_bytes = 6,
+                                                          .app_crc = UINT32_MAX},
+                                           .differs = 1 + 4 * i,
+                                           .observed = FSN_OBSERVED_PARAMETER,
+                                           .gaps = 9 + i};
         rt->watches[i].unshown = 1;
     }
     for (uint32_t sm = 0; sm < 2 * SUBS; sm++) {

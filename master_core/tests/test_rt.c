@@ -493,6 +493,47 @@ static void silence_begins_after_its_time(void) {
     }
 }
 
+/** What is known on both sides is compared; each change is one event, a Reset leaves what is known.
+ */
+static void parameters_are_compared_with_the_plan(void) {
+    static const struct fsn_parameters planned = {
+        .known = 7, .connection_id = 1, .address = 2, .watchdog_ms = 3};
+    static const struct {
+        struct fsn_parameters seen;
+        uint32_t known, differs;
+        bool event;
+    } table[] = {
+        {{.known = 15, .connection_id = 1, .address = 2, .watchdog_ms = 3}, 7, 0, false},
+        {{.known = 15, .connection_id = 9, .address = 2, .watchdog_ms = 3}, 7, 1, true},
+        {{.known = 15, .connection_id = 9, .address = 9, .watchdog_ms = 3}, 7, 3, true},
+        {{.known = 0}, 7, 3, false},
+        {{.known = 3, .connection_id = 1, .address = 2}, 7, 0, true},
+        {{.known = 15, .connection_id = 1, .address = 2, .watchdog_ms = 9}, 3, 0, false},
+        {{.known = 15, .connection_id = 1, .address = 2, .watchdog_ms = 9}, 7, 4, true},
+        {{.known = 15, .connection_id = 1, .address = 2, .watchdog_ms = 9}, 7, 4, false},
+        {{.known = 15, .connection_id = 9, .address = 9, .watchdog_ms = 9}, 0, 4, false},
+    };
+    watch_one();
+    one.image[0] = one.image[6] = FSN_CMD_RESET;
+    fsn_rt_monitor(&on.rt, 1);
+    CHECK(only_event().differs == 0);
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        one.watch.planned = planned;
+        one.watch.planned.known = table[i].known;
+        one.monitor.status.parameters = table[i].seen;
+        one.image[2]++;
+        fsn_rt_monitor(&on.rt, 50 + i);
+        CHECK(one.monitor.status.differs == table[i].differs);
+        CHECK(on.rt.ring.head == on.rt.ring.tail + table[i].event);
+        if (table[i].event) {
+            const struct fsn_event event = only_event();
+            CHECK(event.differs == table[i].differs && event.now_ns == 50 + i);
+            CHECK(event.before == FSN_OBSERVED_RESET && event.after == FSN_OBSERVED_RESET);
+            CHECK(memcmp(&event.parameters, &table[i].seen, sizeof event.parameters) == 0);
+        }
+    }
+}
+
 /** The ring goes around: what was read makes room, whatever the numbers of its ends are. */
 static void the_ring_goes_around(void) {
     watch_one();
@@ -534,6 +575,7 @@ int main(void) {
     a_record_tells_times_exactly();
     pictures_take_turns();
     a_reset_is_put_down_to_its_end();
+    parameters_are_compared_with_the_plan();
     silence_begins_after_its_time();
     silent_stays_silent();
     the_ring_goes_around();

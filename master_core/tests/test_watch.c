@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include "control_host.h"
+#include "core/core_internal.h"
 #include "emulated_rig.h"
 
 enum { SUBS = 2, SM_BYTES = 8, IMAGE = 4 * SM_BYTES };
@@ -443,6 +444,76 @@ static void connections_are_told_at_their_level(void) {
     tear_down();
 }
 
+/* -- parameters ------------------------------------------------------------------------------ */
+
+/** The monitor has put these together; the plan states connection ID 2002, address 14, 400 ms. */
+static void observe(uint32_t known, uint16_t connection_id, uint16_t address,
+                    uint16_t watchdog_ms) {
+    on.core->rt.monitors[0].status.parameters =
+        (struct fsn_parameters){.known = known,
+                                .connection_id = connection_id,
+                                .address = address,
+                                .watchdog_ms = watchdog_ms};
+    show(FSN_CMD_RESET, FSN_CMD_RESET, 0); /* leaves them as they are */
+    look_after(MS);
+}
+
+static void host_is_strict(void *self, struct fsn_control_status *status) {
+    (void)self;
+    *status = (struct fsn_control_status){.state = "running", .require_observed = true};
+}
+
+static void other_parameters_are_told_once(void) {
+    begin();
+    static const uint8_t stated[] = {0xD2, 0x07, 14, 0, 0x90, 1, 7, 0};
+    memcpy(on.plan->bytes + on.plan->offset[FSN_SEC_CONNECTION] + FSN_AT(connection, connection_id),
+           stated, sizeof stated);
+    on.core->rt.watches[0].planned = (struct fsn_parameters){
+        .known = 7, .connection_id = 2002, .address = 14, .watchdog_ms = 400};
+    observe(7, 2002, 14, 400);
+    TOLD("i connection t: silent -> reset, by the main: local reset or acknowledgement\n");
+    observe(0, 1, 1, 1); /* a start-up that is not seen to its end */
+    observe(3, 2002, 14, 9);
+    TOLD("");
+    CHECK(!fsn_control_differed(on.control));
+    observe(3, 2099, 14, 0);
+    TOLD("w connection t runs with other parameters than the plan: connection ID 2099, 2002 in the "
+         "plan\n");
+    observe(7, 2099, 15, 4000);
+    JSON("{\"event\":\"parameters\",\"utc\":\"2023-11-14T21:58:20.006000Z\",\"now_ns\":"
+         "100006000000,\"connection\":\"t\",\"configured\":{\"connection_id\":2002,\"address\":14,"
+         "\"watchdog_ms\":400,\"app_bytes\":null,\"app_crc\":null},\"observed\":{\"connection_id\":"
+         "2099,\"address\":15,\"watchdog_ms\":4000,\"app_bytes\":null,\"app_crc\":null},"
+         "\"differs\":[\"connection_id\",\"address\",\"watchdog_ms\"],\"alarm\":false,\"level\":"
+         "\"warning\",\"text\":\"connection t runs with other parameters than the plan: connection "
+         "ID 2099, 2002 in the plan; FSoE address 15, 14 in the plan; watchdog 4000 ms, 400 ms in "
+         "the plan\"}\n");
+    observe(7, 2099, 15, 4000);
+    TOLD("");
+    observe(7, 2002, 15, 400);
+    TOLD("w connection t runs with other parameters than the plan: FSoE address 15, 14 in the "
+         "plan\n");
+    observe(7, 2002, 14, 400);
+    JSON("{\"event\":\"parameters\",\"utc\":\"2023-11-14T21:58:20.009000Z\",\"now_ns\":"
+         "100009000000,\"connection\":\"t\",\"configured\":{\"connection_id\":2002,\"address\":14,"
+         "\"watchdog_ms\":400,\"app_bytes\":null,\"app_crc\":null},\"observed\":{\"connection_id\":"
+         "2002,\"address\":14,\"watchdog_ms\":400,\"app_bytes\":null,\"app_crc\":null},\"differs\":"
+         "[],\"alarm\":false,\"level\":\"info\",\"text\":\"connection t: its parameters are those "
+         "of the plan again\"}\n");
+    CHECK(fsn_control_differed(on.control));
+    ((struct fsn_control_host *)on.control->services.view.host)->status = host_is_strict;
+    observe(7, 2002, 14, 65535);
+    JSON("{\"event\":\"parameters\",\"utc\":\"2023-11-14T21:58:20.010000Z\",\"now_ns\":"
+         "100010000000,\"connection\":\"t\",\"configured\":{\"connection_id\":2002,\"address\":14,"
+         "\"watchdog_ms\":400,\"app_bytes\":null,\"app_crc\":null},\"observed\":{\"connection_id\":"
+         "2002,\"address\":14,\"watchdog_ms\":65535,\"app_bytes\":null,\"app_crc\":null},"
+         "\"differs\":[\"watchdog_ms\"],\"alarm\":true,\"level\":\"error\",\"text\":\"connection t "
+         "runs with other parameters than the plan: watchdog 65535 ms, 400 ms in the plan\"}\n");
+    fsn_control_attach(on.control, NULL);
+    CHECK(fsn_control_differed(on.control)); /* of the whole program, not of one start */
+    tear_down();
+}
+
 int main(void) {
     subdevices_are_told_once();
     a_detail_has_an_end();
@@ -451,5 +522,6 @@ int main(void) {
     single_losses_are_told_together();
     a_lost_bus_is_told_once();
     connections_are_told_at_their_level();
+    other_parameters_are_told_once();
     return 0;
 }

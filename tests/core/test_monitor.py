@@ -58,6 +58,7 @@ class Both:
             assert self.c.counts(way) == self.python.counts(way)
             assert self.c.sequence(way) == self.python.sequence(way)
         assert (self.c.state, self.c.gaps) == (self.python.state, self.python.gaps)
+        assert self.c.parameters == self.python.parameters
         self.seen.append(verdict)
         return verdict
 

@@ -44,4 +44,5 @@ def test_another_cycle_than_that_of_the_plan_differs() -> None:
     with running("--cycle", "2ms", name="estop") as master:
         done = fsn("verify", "--socket", str(master.path), "--accepted", ESTOP)
     assert done.returncode == 1
-    assert "cycle 2 ms): DIFFERS in cycle\n" in done.stdout
+    observed = "parameters of 0 of 1 connection observed"
+    assert f"cycle 2 ms, {observed}): DIFFERS in cycle\n" in done.stdout

@@ -326,12 +326,37 @@ def missing_one(network, _other):
     return {"lines": lines(), "code": code}
 
 
+def parameters(network, other):
+    """The devices run with other parameters than the plan; fsn-master shall be strict about it."""
+    emulator = Emulator(other)
+    master, lines = own_lines(network, "--wait", "30s", "--require-observed")
+    wait_for("Data", lambda: " -> failsafe data" in lines() or " -> process data" in lines())
+    with Client("s") as client:
+        wait_for("Data", lambda: all(c.seen.state.in_data for c in client.connections()))
+    told = {
+        name: subprocess.run([*FSN, *words], capture_output=True, text=True, check=False)
+        for name, words in {
+            "verify": ["verify", "--accepted", network, "--socket", "s"],
+            "monitor": ["monitor", "--socket", "s", "--once"],
+        }.items()
+    }
+    master.terminate()
+    code = master.wait()
+    emulator.end()
+    return {
+        "lines": lines(),
+        "code": code,
+        "told": {name: [done.returncode, done.stdout] for name, done in told.items()},
+    }
+
+
 CASES = {
     f.__name__: f
     for f in (
         comes_up,
         lost_bus,
         missing_one,
+        parameters,
         silent,
         small,
         swapped_at_start,

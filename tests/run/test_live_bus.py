@@ -118,6 +118,28 @@ def test_another_network_on_the_bus(tmp_path):
     assert "network.yaml:8:5" in seen["err"]
 
 
+def test_other_parameters_than_the_plan_are_seen_on_the_wire(tmp_path):
+    """Connection ID 4 and 100 ms in the plan; 2099 and 4000 ms on the wire."""
+    (tmp_path / "devices").symlink_to(EXAMPLES / "el6910" / "devices")
+    stated = "address: 202, connection_id: 4, watchdog_ms: 100"
+    other = stated.replace(": 4,", ": 2099,").replace(": 100", ": 4000")
+    text = Path(ROBOT).read_text("utf-8").partition("safety_functions:")[0]
+    assert stated in text
+    (tmp_path / "other.yaml").write_text(text.replace(stated, other), "utf-8")
+    seen = on_the_wire("parameters", ROBOT, str(tmp_path / "other.yaml"), tmp=tmp_path)
+    said = "connection ID 2099, 4 in the plan; watchdog 4000 ms, 100 ms in the plan"
+    assert f"runs with other parameters than the plan: {said}" in " ".join(seen["lines"].split())
+    assert seen["code"] == 4
+    code, text = seen["told"]["verify"]
+    assert code == 1
+    assert "DIFFERS in observed_parameters" in text
+    assert "  ! el6910-drive_2 runs with watchdog 4000 ms, 100 ms in the plan" in text
+    assert "parameters of 4 of 4 connections observed" in text
+    assert f"el6910-drive_2: other parameters: {said}" in " ".join(
+        seen["told"]["monitor"][1].split()
+    )
+
+
 def test_an_unplugged_subdevice_is_named(tmp_path):
     seen = on_the_wire("unplug", ROBOT, tmp=tmp_path)
     assert seen["code"] == 1

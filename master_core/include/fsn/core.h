@@ -62,6 +62,10 @@ struct fsn_event {
     uint8_t before, after; /**< enum fsn_observed */
     uint8_t reset_code;    /**< when `after` is a reset: the code of the end that began it */
     uint8_t by;            /**< when `after` is a reset: who began it, enum fsn_way + 1; else 0 */
+    /** When `before` is `after`: other parameters than the plan has come, or those of the plan
+     * again. `differs` has the bits of fsn_connection_status, `parameters` is what was observed. */
+    uint8_t differs;
+    struct fsn_parameters parameters;
 };
 
 /** One cycle, as the recorder keeps it. */

@@ -51,10 +51,35 @@ struct fsn_direction {
     uint8_t reset_code;     /**< data byte of the last Reset */
 };
 
+/** Bits of what is known of the parameters of a connection, or differs in them; the first three are
+ *  those of fsn_connection_info.known. */
+enum fsn_stated {
+    FSN_STATED_CONNECTION_ID = 1,
+    FSN_STATED_ADDRESS = 2,
+    FSN_STATED_WATCHDOG = 4,
+    FSN_STATED_APP = 8
+};
+
+/** Parameters of a connection, as its main sends them in Connection and Parameter frames. */
+struct fsn_parameters {
+    uint32_t app_crc;       /**< CRC-32 (IEEE 802.3) of the application parameters */
+    uint16_t app_bytes;     /**< their length */
+    uint16_t connection_id; /**< in the data of the Connection frames */
+    uint16_t address;       /**< FSoE address of the sub */
+    uint16_t watchdog_ms;
+    uint32_t known; /**< enum fsn_stated; the others are 0 */
+};
+
 /** A connection, observed. */
 struct fsn_connection_status {
     struct fsn_direction direction[2]; /**< enum fsn_way */
-    uint32_t observed;                 /**< enum fsn_observed */
+    /** What the main has sent in its last start-up. Nothing is known of one whose frames were not
+     *  all seen from the Session on, with right CRCs. A Reset leaves what was known. */
+    struct fsn_parameters parameters;
+    /** Bits of the parameters that were not as planned when they were last known; only the core,
+     *  which has a plan, sets them. */
+    uint32_t differs;
+    uint32_t observed; /**< enum fsn_observed */
     /** Times the chain was lost and found again without a Reset: frames passed unseen, and the
      *  frame counted as wrong or unchecked at that point was no fault of the channel. */
     uint32_t gaps;
@@ -70,11 +95,20 @@ struct fsn_followed {
     uint8_t last[FSN_MAX_FRAME_BYTES];
 };
 
+/** The list of parameters that the main is sending, in chunks. */
+struct fsn_sent_list {
+    uint32_t count;  /**< bytes of it so far */
+    uint32_t crc;    /**< CRC-32 of what lies behind its head, before its last step */
+    uint8_t head[6]; /**< its first bytes */
+    uint8_t command; /**< of its frames; 0: the start-up is not followed */
+};
+
 /** A connection being followed: `status` to read, the rest the monitor's own. Holds no pointer and
  *  may be copied. */
 struct fsn_monitor {
     struct fsn_connection_status status;
     struct fsn_followed followed[2];
+    struct fsn_sent_list sent;
     uint16_t last_crc; /**< CRC_0 of the last frame of either direction */
     uint8_t last_way;  /**< who sent it; 2: nobody */
     bool lost;         /**< the chain was known, and no Reset has come since */

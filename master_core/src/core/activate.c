@@ -270,6 +270,7 @@ static fsn_status watch(struct fsn_core *core, uint32_t number, uint32_t *seen_b
     /* A live connection has a new frame within its watchdog; Resets come about as often. */
     const uint64_t watchdog_ms = (info.known & 4) != 0 ? info.watchdog_ms : 500;
     watch->silent_ns = 2 * watchdog_ms * UINT64_C(1000000);
+    watch->planned = fsn_planned_parameters(&info);
     if (status == FSN_OK) {
         status = fsn_monitor_init(&core->rt.monitors[number], watch->size_bytes[FSN_TO_SUB],
                                   watch->size_bytes[FSN_TO_MAIN]);

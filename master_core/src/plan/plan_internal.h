@@ -5,6 +5,7 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 
+#include "fsn/monitor.h"
 #include "fsn/plan.h"
 #include "plan/records.h"
 #include "rt/bytes.h"
@@ -94,6 +95,14 @@ FSN_KNOWN(symbol)
 FSN_KNOWN(copy)
 FSN_KNOWN(connection)
 #undef FSN_KNOWN
+
+/** What a plan states of the parameters of a connection. */
+static inline struct fsn_parameters fsn_planned_parameters(const struct fsn_connection_info *info) {
+    return (struct fsn_parameters){.known = info->known,
+                                   .connection_id = info->connection_id,
+                                   .address = info->address,
+                                   .watchdog_ms = info->watchdog_ms};
+}
 
 /** Entries of a sync manager: from the first to before `*behind` (proved: PDO by PDO without gaps).
  */

@@ -191,6 +191,107 @@ static enum fsn_verdict judge(struct fsn_monitor *m, unsigned way, const uint8_t
     return FSN_VERDICT_WRONG;
 }
 
+/** Safe data of a frame, bytes (§1). */
+static uint32_t safe_bytes(uint32_t size_bytes) {
+    return size_bytes == 6 ? 1 : (size_bytes - 3) / 2;
+}
+
+static uint16_t word(const uint8_t *bytes) {
+    return (uint16_t)(bytes[0] | bytes[1] << 8);
+}
+
+static uint32_t crc32_step(uint32_t crc, uint8_t byte) {
+    crc ^= byte;
+    for (unsigned bit = 0; bit < 8; bit++) {
+        crc = crc >> 1 ^ ((crc & 1) != 0 ? 0xEDB88320U : 0);
+    }
+    return crc;
+}
+
+/** Takes one byte of a list; what is behind its end is padding. */
+static void take_byte(struct fsn_sent_list *list, uint8_t byte) {
+    const uint32_t at = list->count++;
+    if (at < sizeof list->head) {
+        list->head[at] = byte;
+    } else if (at - sizeof list->head < word(list->head + 4)) {
+        list->crc = crc32_step(list->crc, byte);
+    }
+}
+
+static bool is_whole(const struct fsn_sent_list *list) {
+    if (list->command == FSN_CMD_CONNECTION) {
+        return list->count >= 4;
+    }
+    return list->count >= sizeof list->head &&
+           list->count - sizeof list->head >= word(list->head + 4);
+}
+
+/** Shows a list that is whole: ConnID and address, or 2, watchdog, length, application data (§4).
+ */
+static void show_list(const struct fsn_sent_list *list, struct fsn_parameters *parameters) {
+    if (!is_whole(list)) {
+        return;
+    }
+    if (list->command == FSN_CMD_CONNECTION) {
+        parameters->connection_id = word(list->head);
+        parameters->address = word(list->head + 2);
+        parameters->known = FSN_STATED_CONNECTION_ID | FSN_STATED_ADDRESS;
+    } else if (word(list->head) == 2) {
+        parameters->watchdog_ms = word(list->head + 2);
+        parameters->app_bytes = word(list->head + 4);
+        parameters->app_crc = ~list->crc;
+        parameters->known |= FSN_STATED_WATCHDOG | FSN_STATED_APP;
+    }
+}
+
+/** The next frame of the start-up is one of the same list or the first one of the next. */
+static bool is_next(const struct fsn_sent_list *list, uint8_t command) {
+    if (list->command == command) {
+        return true;
+    }
+    return command == FSN_CMD_CONNECTION ? list->command == FSN_CMD_SESSION
+                                         : list->command == FSN_CMD_CONNECTION && is_whole(list);
+}
+
+static void take_chunk(struct fsn_monitor *m, const uint8_t *frame) {
+    const uint32_t there = safe_bytes(m->followed[FSN_TO_SUB].size_bytes);
+    const uint32_t back = safe_bytes(m->followed[FSN_TO_MAIN].size_bytes);
+    for (uint32_t i = 0; i < there && i < back; i++) {
+        take_byte(&m->sent, frame[1 + i / 2 * 4 + i % 2]);
+    }
+    show_list(&m->sent, &m->status.parameters);
+}
+
+/** Puts together what the main sends in Connection and Parameter. */
+static void follow_parameters(struct fsn_monitor *m, const uint8_t *frame, bool right) {
+    struct fsn_sent_list *list = &m->sent;
+    struct fsn_parameters *parameters = &m->status.parameters;
+    const uint8_t command = frame[0];
+    if (command == FSN_CMD_RESET) {
+        list->command = 0;
+        return;
+    }
+    if (command == FSN_CMD_SESSION) {
+        memset(parameters, 0, sizeof *parameters);
+        list->command = right ? command : 0;
+        return;
+    }
+    if (command == FSN_CMD_CONNECTION || command == FSN_CMD_PARAMETER) {
+        if (right && is_next(list, command)) {
+            if (list->command != command) {
+                *list = (struct fsn_sent_list){.command = command, .crc = UINT32_MAX};
+            }
+            take_chunk(m, frame);
+            return;
+        }
+    } else if (list->command == FSN_CMD_PARAMETER || list->command == FSN_CMD_PROCESS_DATA) {
+        list->command = FSN_CMD_PROCESS_DATA; /* Data, however it goes on */
+        return;
+    }
+    list->command = 0;
+    memset(parameters, 0, sizeof *parameters);
+}
+
 fsn_status fsn_monitor_init(struct fsn_monitor *monitor, uint32_t to_sub_bytes,
                             uint32_t to_main_bytes) {
     if (monitor == NULL || !fsn_fsoe_is_frame_length(to_sub_bytes) ||
@@ -217,6 +318,9 @@ enum fsn_verdict fsn_monitor_frame(struct fsn_monitor *monitor, enum fsn_way way
     d->right += verdict == FSN_VERDICT_RIGHT;
     d->wrong += verdict == FSN_VERDICT_WRONG;
     d->unchecked += verdict == FSN_VERDICT_UNCHECKED;
+    if (way == FSN_TO_SUB) {
+        follow_parameters(monitor, frame, verdict == FSN_VERDICT_RIGHT);
+    }
     monitor->status.observed = observed_state(monitor->status.direction[FSN_TO_SUB].command,
                                               monitor->status.direction[FSN_TO_MAIN].command);
     return verdict;

@@ -39,6 +39,30 @@ static void follow(struct fsn_monitor *monitor, const uint8_t *const frames[2], 
     (void)fsn_monitor_frame(monitor, second, frames[second], now_ns);
 }
 
+/** Compares what was observed with the plan; what is not known in either is left as it was. */
+static void compare(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
+    struct fsn_connection_status *status = &rt->monitors[connection].status;
+    const struct fsn_parameters *seen = &status->parameters;
+    const struct fsn_parameters *planned = &rt->watches[connection].planned;
+    const uint32_t known = seen->known & planned->known;
+    const uint32_t unequal =
+        (seen->connection_id != planned->connection_id ? FSN_STATED_CONNECTION_ID : 0U) |
+        (seen->address != planned->address ? FSN_STATED_ADDRESS : 0U) |
+        (seen->watchdog_ms != planned->watchdog_ms ? FSN_STATED_WATCHDOG : 0U);
+    const uint32_t differs = (status->differs & ~known) | (unequal & known);
+    if (differs == status->differs) {
+        return;
+    }
+    status->differs = differs;
+    const struct fsn_event event = {.now_ns = now_ns,
+                                    .connection = connection,
+                                    .before = (uint8_t)status->observed,
+                                    .after = (uint8_t)status->observed,
+                                    .differs = (uint8_t)differs,
+                                    .parameters = *seen};
+    fsn_rt_push_event(rt, &event);
+}
+
 /** Both ends have stopped: the last frames they left say nothing any more. */
 static void fall_silent(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
     struct fsn_rt_watch *watch = &rt->watches[connection];
@@ -75,6 +99,7 @@ void fsn_rt_monitor(struct fsn_rt *rt, uint64_t now_ns) {
         if (rt->monitors[c].status.observed != before) {
             report(rt, c, before, now_ns);
         }
+        compare(rt, c, now_ns);
     }
 }
 

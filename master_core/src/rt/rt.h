@@ -28,12 +28,13 @@ struct fsn_rt_group {
 /** Where an observed connection lies. What every cycle looks at is kept small and close together;
  *  its monitor is touched only when one of its frames is new. */
 struct fsn_rt_watch {
-    uint32_t offset[2];     /**< where its frames lie after the copy, enum fsn_way */
-    uint32_t size_bytes[2]; /**< of these frames */
-    uint32_t seen;          /**< where they lie, one behind the other, in fsn_rt.seen */
-    uint64_t new_ns;        /**< when a frame of it was new */
-    uint64_t silent_ns;     /**< after so long without a new frame it counts as silent */
-    uint8_t unshown;        /**< pictures that still show it as it was before its last change */
+    uint32_t offset[2];            /**< where its frames lie after the copy, enum fsn_way */
+    uint32_t size_bytes[2];        /**< of these frames */
+    uint32_t seen;                 /**< where they lie, one behind the other, in fsn_rt.seen */
+    uint64_t new_ns;               /**< when a frame of it was new */
+    uint64_t silent_ns;            /**< after so long without a new frame it counts as silent */
+    struct fsn_parameters planned; /**< what the plan states of its parameters */
+    uint8_t unshown; /**< pictures that still show it as it was before its last change */
 };
 
 /** Bits of the image that a symbol names. */

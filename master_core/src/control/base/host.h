@@ -32,6 +32,7 @@ struct fsn_control_status {
     int cpu;             /**< CPU number + 1; 0: not pinned */
     int priority;        /**< of the cyclic thread; 0: none */
     bool free_run;
+    bool require_observed; /**< other parameters than the plan has are an alarm */
 };
 
 /** The program around the socket. Called in the control thread only. */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "control/base/names.h"
+#include "control/reports/parameters.h"
 #include "plan/plan_internal.h"
 
 enum {
@@ -80,6 +81,31 @@ static void connection_event(struct fsn_changes *changes, struct fsn_incidents *
     if (left && !data) {
         left_data(incidents, event, info.name, by, cause);
     }
+}
+
+/** Other parameters than the plan has; never damped, as a difference is reported once. */
+static void parameters_event(struct fsn_changes *changes, const struct fsn_event *event) {
+    const struct fsn_connection_info info =
+        fsn_known_connection(changes->view->plan, event->connection);
+    const struct fsn_parameters planned = fsn_planned_parameters(&info);
+    struct fsn_json *json = fsn_event_begin(changes->events, "parameters", event->now_ns);
+    fsn_json_put_text(json, "connection", info.name);
+    fsn_report_parameters(json, "configured", &planned);
+    fsn_report_parameters(json, "observed", &event->parameters);
+    fsn_report_differs(json, event->differs);
+    const bool alarm =
+        event->differs != 0 && fsn_program_status(changes->view->host).require_observed;
+    fsn_json_put_bool(json, "alarm", alarm);
+    changes->differed |= event->differs != 0;
+    char text[FSN_DIFFERS_BYTES];
+    if (event->differs == 0) {
+        fsn_event_send(changes->events, FSN_LOG_INFO,
+                       "connection %.120s: its parameters are those of the plan again", info.name);
+        return;
+    }
+    fsn_event_send(changes->events, alarm ? FSN_LOG_ERROR : FSN_LOG_WARNING,
+                   "connection %.120s runs with other parameters than the plan: %s", info.name,
+                   fsn_differs_text(event->differs, &planned, &event->parameters, text));
 }
 
 static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_bus_subdevice *b) {
@@ -288,8 +314,10 @@ void fsn_changes_reset(struct fsn_changes *changes) {
     uint64_t *reset_reported_ns = changes->reset_reported_ns;
     memset(reset_reported_ns, 0,
            fsn_plan_connection_count(changes->view->plan) * sizeof *reset_reported_ns);
-    *changes = (struct fsn_changes){
-        .view = changes->view, .events = changes->events, .reset_reported_ns = reset_reported_ns};
+    *changes = (struct fsn_changes){.view = changes->view,
+                                    .events = changes->events,
+                                    .reset_reported_ns = reset_reported_ns,
+                                    .differed = changes->differed};
 }
 
 void fsn_changes_poll(struct fsn_changes *changes, struct fsn_incidents *incidents,
@@ -300,7 +328,11 @@ void fsn_changes_poll(struct fsn_changes *changes, struct fsn_incidents *inciden
     poll_subdevices(changes, incidents, now_ns);
     struct fsn_event event;
     for (int i = 0; i < DRAIN && fsn_core_event(changes->view->core, &event); i++) {
-        connection_event(changes, incidents, &event);
+        if (event.before == event.after) {
+            parameters_event(changes, &event);
+        } else {
+            connection_event(changes, incidents, &event);
+        }
     }
     const uint64_t cycle = fsn_core_last_cycle(changes->view->core);
     if (cycle == changes->cycle ||

@@ -10,6 +10,7 @@ struct fsn_changes {
     struct fsn_events *events;
     uint64_t *reset_reported_ns; /**< per connection: last line on a reset; 0: none */
     bool incomplete;             /**< working counter of the last poll */
+    bool differed;               /**< a connection has had other parameters than the plan */
     bool wkc_lost;               /**< a line has said that nobody answers */
     uint64_t wkc_errors, lost_frames, old_replies, unsent_frames, overruns; /**< last reported */
     uint64_t events_lost;                                                   /**< last reported */

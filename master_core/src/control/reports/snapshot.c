@@ -1,5 +1,6 @@
 /** The document of one cycle: every counter, histogram and connection. */
 #include "control/base/names.h"
+#include "control/reports/parameters.h"
 #include "control/reports/reports.h"
 #include "plan/plan_internal.h"
 
@@ -101,6 +102,10 @@ static void put_connection(struct fsn_bus_view *view, struct fsn_json *json, uin
     fsn_json_put_u64(json, "outside", status->observed);
     fsn_json_put_text(json, "state", fsn_observed_text(status->observed));
     fsn_json_put_u64(json, "gaps", status->gaps);
+    const struct fsn_parameters planned = fsn_planned_parameters(&info);
+    fsn_report_parameters(json, "configured", &planned);
+    fsn_report_parameters(json, "observed", &status->parameters);
+    fsn_report_differs(json, status->differs);
     put_direction(json, "to_sub", &status->direction[FSN_TO_SUB]);
     put_direction(json, "to_main", &status->direction[FSN_TO_MAIN]);
     fsn_json_close(json, '}');

@@ -43,10 +43,27 @@ static void short_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_close(json, '}');
 }
 
+/** How many connections have shown their parameters, and how many others than the plan has. */
+static void put_parameters(struct fsn_bus_view *view, struct fsn_json *json, bool taken) {
+    uint32_t observed = 0;
+    uint32_t differing = 0;
+    const uint32_t count = taken ? fsn_plan_connection_count(view->plan) : 0;
+    for (uint32_t i = 0; i < count; i++) {
+        observed += (view->connections[i].parameters.known & FSN_STATED_WATCHDOG) != 0;
+        differing += view->connections[i].differs != 0;
+    }
+    fsn_json_put_open(json, "parameters", '{');
+    fsn_json_put_u64(json, "observed", observed);
+    fsn_json_put_u64(json, "differing", differing);
+    fsn_json_close(json, '}');
+}
+
 static void put_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
     struct fsn_statistics *s = &view->statistics;
     *s = (struct fsn_statistics){0};
-    if (view->core != NULL && fsn_core_snapshot(view->core, s, NULL, NULL) != FSN_OK) {
+    const bool taken =
+        view->core != NULL && fsn_core_snapshot(view->core, s, view->connections, NULL) == FSN_OK;
+    if (!taken) {
         *s = (struct fsn_statistics){0};
     }
     fsn_json_put_u64(json, "cycles", s->cycles);
@@ -56,6 +73,7 @@ static void put_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_put_u64(json, "actual_wkc", s->actual_wkc);
     fsn_json_put_bool(json, "realtime", s->realtime != 0);
     fsn_json_put_bool(json, "locked", s->locked != 0);
+    put_parameters(view, json, taken);
 }
 
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json) {
@@ -69,6 +87,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     fsn_json_put_text(json, "plan_sha256", view->sha256);
     fsn_report_fingerprint(view, json);
     fsn_json_put_bool(json, "accepted", status.accepted != NULL);
+    fsn_json_put_bool(json, "require_observed", status.require_observed);
     fsn_json_put_u64(json, "uptime_ns", fsn_now_ns() - status.started_ns);
     fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
     fsn_json_put_bool(json, "free_run", status.free_run);

@@ -124,6 +124,10 @@ void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job) {
     fsn_job_remove(&control->services.jobs, job);
 }
 
+bool fsn_control_differed(const struct fsn_control *control) {
+    return control->changes.differed;
+}
+
 void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,
                                const char *text) {
     struct fsn_events *events = &control->services.events;

@@ -79,6 +79,9 @@ void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job);
 void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,
                                const char *text);
 
+/** Whether a connection has had other parameters than the plan since the program began. */
+bool fsn_control_differed(const struct fsn_control *control);
+
 /** Writes what is still to be written to the clients, for at most `wait_ms`. */
 void fsn_control_flush(struct fsn_control *control, int wait_ms);
 

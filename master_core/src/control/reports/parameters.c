@@ -1,0 +1,60 @@
+#include "control/reports/parameters.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+/** Those that a plan can state. */
+static const struct {
+    uint32_t bit;
+    const char *key, *text, *unit;
+} parameter[] = {
+    {FSN_STATED_CONNECTION_ID, "connection_id", "connection ID", ""},
+    {FSN_STATED_ADDRESS, "address", "FSoE address", ""},
+    {FSN_STATED_WATCHDOG, "watchdog_ms", "watchdog", " ms"},
+};
+enum { STATED = sizeof parameter / sizeof parameter[0] };
+
+static unsigned value(const struct fsn_parameters *parameters, size_t i) {
+    const unsigned values[STATED] = {parameters->connection_id, parameters->address,
+                                     parameters->watchdog_ms};
+    return values[i];
+}
+
+void fsn_report_parameters(struct fsn_json *json, const char *key,
+                           const struct fsn_parameters *parameters) {
+    fsn_json_put_open(json, key, '{');
+    for (size_t i = 0; i < STATED; i++) {
+        fsn_json_put_known(json, parameter[i].key, (parameters->known & parameter[i].bit) != 0,
+                           value(parameters, i));
+    }
+    const bool app = (parameters->known & FSN_STATED_APP) != 0;
+    fsn_json_put_known(json, "app_bytes", app, parameters->app_bytes);
+    fsn_json_put_known(json, "app_crc", app, parameters->app_crc);
+    fsn_json_close(json, '}');
+}
+
+void fsn_report_differs(struct fsn_json *json, uint32_t differs) {
+    fsn_json_put_open(json, "differs", '[');
+    for (size_t i = 0; i < STATED; i++) {
+        if ((differs & parameter[i].bit) != 0) {
+            fsn_json_text(json, parameter[i].key);
+        }
+    }
+    fsn_json_close(json, ']');
+}
+
+const char *fsn_differs_text(uint32_t differs, const struct fsn_parameters *planned,
+                             const struct fsn_parameters *observed, char room[FSN_DIFFERS_BYTES]) {
+    size_t used = 0;
+    room[0] = 0;
+    for (size_t i = 0; i < STATED; i++) {
+        if ((differs & parameter[i].bit) != 0) {
+            used += (size_t)snprintf(room + used, FSN_DIFFERS_BYTES - used,
+                                     "%s%s %u%s, %u%s in the plan", used != 0 ? "; " : "",
+                                     parameter[i].text, value(observed, i), parameter[i].unit,
+                                     value(planned, i), parameter[i].unit);
+        }
+    }
+    return room;
+}
