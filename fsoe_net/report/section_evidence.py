@@ -316,19 +316,12 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
         )
         for name, c in zip(names, live.snapshot.cycle.connections, strict=False)
     )
-    heads = (
-        "Connection",
-        "State now",
-        "FSoE cycle, mean",
-        "FSoE cycle, most",
-        "Wrong CRC",
-        "Resets",
-        _OBSERVED.title,
-    )
+    heads = ("State now", "FSoE cycle, mean", "FSoE cycle, most", "Wrong CRC", "Resets")
+    columns = (Column("Connection"), *(Column(h) for h in heads), _OBSERVED)
     return [
         Heading("Running bus"),
         Paragraph(tuple(items)),
-        Table(name="running bus", columns=tuple(Column(h) for h in heads), rows=rows),
+        Table(name="running bus", columns=columns, rows=rows),
         Table(
             name="running SubDevices",
             columns=tuple(Column(h) for h in ("SubDevice", "AL state", "In its place")),
