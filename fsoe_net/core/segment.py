@@ -58,6 +58,23 @@ class SegmentLink:
     cpu: int | None = None
     no_machine_on_this_wire: bool = False
 
+    @property
+    def interfaces(self) -> list[str]:
+        """The names of its interfaces."""
+        return [n for n in (self.interface, self.interface2) if n is not None]
+
+    def __str__(self) -> str:
+        return " and ".join(map(repr, self.interfaces))
+
+    def why_refused(self, code: int) -> str:
+        """Return what an error of the system means for it, and the next step."""
+        if code != errno.ENODEV:
+            wanted = _WANTED.get(code, "raw sockets need CAP_NET_RAW, a priority CAP_SYS_NICE")
+            return f"{self}: {os.strerror(code)}; {wanted}"
+        there = {name for _, name in socket.if_nameindex()}
+        absent = [repr(n) for n in self.interfaces if n and n not in there]
+        return f"no such interface: {', '.join(absent) or self}; `ip link` lists them"
+
 
 def is_test_rig() -> bool:
     """Return whether the compiled part may answer on real network interfaces.
@@ -301,24 +318,17 @@ class Segment:
         options.no_machine_on_this_wire = link.no_machine_on_this_wire
         error = self._ffi.new("int *")
         status = self._lib.fsn_segment_link(self._pointer, options, error)
-        names = " and ".join(repr(n) for n in (link.interface, link.interface2) if n is not None)
         if status == self._lib.FSN_E_ARG:
+            kinds = "is no veth or tap interface"
+            if link.interface2 is not None:
+                kinds = "are no two veth or tap interfaces"
             raise EnvironmentFault(
-                f"{names} {'is no' if link.interface2 is None else 'are no two'} veth or tap "
-                f"interface{'' if link.interface2 is None else 's'}; emulated SubDevices answer on "
-                "no other, lest they meet a real machine: "
-                "ip link add veth0 type veth peer name veth1"
-            )
-        if status and error[0] == errno.ENODEV:
-            there = {name for _, name in socket.if_nameindex()}
-            absent = [n for n in (link.interface, link.interface2) if n and n not in there]
-            raise EnvironmentFault(
-                f"no such interface: {', '.join(map(repr, absent)) or names}; `ip link` lists them"
+                f"{link} {kinds}; emulated SubDevices answer on no other, lest they meet a real "
+                "machine: ip link add veth0 type veth peer name veth1"
             )
         if status and error[0]:
-            wanted = _WANTED.get(error[0], "raw sockets need CAP_NET_RAW, a priority CAP_SYS_NICE")
-            raise EnvironmentFault(f"{names}: {os.strerror(error[0])}; {wanted}")
-        raise_status(status, f"link to {names}")
+            raise EnvironmentFault(link.why_refused(error[0]))
+        raise_status(status, f"link to {link}")
 
     def unlink(self) -> None:
         """End the link; may be called at any time."""

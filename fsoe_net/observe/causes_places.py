@@ -72,9 +72,9 @@ def _duplicates(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _duplicate(e: IncidentEvidence, one: str, two: str, number: int) -> Candidate:
-    crossed = any({p.main_of, p.sub_of} == {one, two} for p in e.pairings)
     reported = any(code == ResetCode.CONNECTION_ID for _, code in reported_codes(e))
     about = e.name in (one, two)
+    crossed = about and not e.crossed.keys().isdisjoint({one, two})
     bad = (reported or e.never) and about
     score = 95 if bad else 88 if not (e.left_data or e.never) else 40
     on_wire = _wire_ids(e, one) & _wire_ids(e, two)
@@ -114,7 +114,7 @@ def _crossed(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
     for other in e.planned.values():
         if other.name == e.name:
             continue
-        fits = sum(p.linked for p in e.pairings if {p.main_of, p.sub_of} == {e.name, other.name})
+        fits = e.crossed.get(other.name, 0)
         theirs = _wire_ids(e, other.name)
         if fits > _FEW and fits > own:
             yield candidate(

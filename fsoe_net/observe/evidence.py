@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from fsoe_net.fsoe.monitor import OutsideState
@@ -14,7 +16,6 @@ from fsoe_net.observe.bus_documents import (
 )
 from fsoe_net.observe.evidence_cycles import BusFacts, BusWatch
 from fsoe_net.observe.evidence_frames import (
-    CrossedPair,
     LinkFacts,
     LinkWatch,
     PairWatch,
@@ -44,14 +45,15 @@ class IncidentEvidence:
     """What is known.
 
     ``name`` is the connection it is about: that of the trigger, else the first that is not in Data,
-    else empty. ``cut`` says why the file ends early. ``pairings`` are those with frames that fit.
+    else empty. ``cut`` says why the file ends early. ``crossed`` counts the frames that fit between
+    the connection of the trigger and another, by the name of that.
     """
 
     head: IncidentHead
     bus: BusFacts
     planned: dict[str, PlannedConnection]
     links: dict[str, LinkFacts]
-    pairings: tuple[CrossedPair, ...]
+    crossed: Mapping[str, int]
     name: str
     cut: str
 
@@ -235,13 +237,16 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
             watch.cycle(record.cycle, record.now_ns, image)
         for pair in pairs:
             pair.cycle(record.now_ns)
+    crossed: Counter[str] = Counter()
+    for pair in pairs:
+        crossed[pair.other] += pair.linked
     links = {watch_name: watch.facts() for watch_name, watch in watches.items()}
     return IncidentEvidence(
         head=head,
         bus=bus.facts(),
         planned=planned,
         links=links,
-        pairings=tuple(p.pairing for p in pairs if p.pairing.linked),
+        crossed=+crossed,  # without those of which none fits
         name=name or _first_bad(links),
         cut=reader.cut,
     )
@@ -305,8 +310,8 @@ def _pairs(
         theirs = watches[other.name]
         if mine is None or other.name == name or len(pairs) > 2 * _MOST_PAIRED:
             continue
-        pairs.append(PairWatch(mine, theirs, CrossedPair(main_of=name, sub_of=other.name)))
-        pairs.append(PairWatch(theirs, mine, CrossedPair(main_of=other.name, sub_of=name)))
+        pairs.append(PairWatch(other.name, mine, theirs))
+        pairs.append(PairWatch(other.name, theirs, mine))
     return pairs
 
 

@@ -11,7 +11,6 @@ from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_le
 from fsoe_net.observe.bus_documents import LayoutConnection, LayoutCopy
 
 __all__ = [
-    "CrossedPair",
     "FrameSeen",
     "LinkFacts",
     "LinkWatch",
@@ -105,15 +104,6 @@ class WireSide:
     def waits_mean_ns(self) -> float:
         """The mean of its waits, 0 without any."""
         return self.waits_sum_ns / self.waits if self.waits else 0.0
-
-
-@dataclass(slots=True)
-class CrossedPair:
-    """Whether frames of one connection answer those of another; counts right ones, no Resets."""
-
-    main_of: str
-    sub_of: str
-    linked: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -367,14 +357,22 @@ class LinkWatch:
 
 
 class PairWatch:
-    """Follows the main of one connection and the sub of another."""
+    """Follows the main of one connection and the sub of another.
 
-    def __init__(self, main: LinkWatch, sub: LinkWatch, pairing: CrossedPair) -> None:
+    ``linked`` counts the frames of one that answer those of the other: right ones, no Resets.
+
+    Args:
+        other: Name of the connection that is not that of the trigger.
+        main: The watch of the one.
+        sub: The watch of the other.
+    """
+
+    def __init__(self, other: str, main: LinkWatch, sub: LinkWatch) -> None:
         out = main.size(0)
         back = sub.size(1)
         self._monitor = Monitor(out, back)
         self._ends = main, sub
-        self.pairing = pairing
+        self.other, self.linked = other, 0
 
     def cycle(self, now_ns: int) -> None:
         """Look at the new frames the two watches have found in this cycle."""
@@ -382,7 +380,7 @@ class PairWatch:
         for direction, data in ((1, sub.new[1]), (0, main.new[0])):
             if data is not None:
                 sent = _links(self._monitor, direction, data, now_ns)
-                self.pairing.linked += sent and direction == 1
+                self.linked += sent and direction == 1
 
 
 def _links(monitor: Monitor, direction: int, data: bytes, now_ns: int) -> bool:

@@ -143,15 +143,7 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
     Raises:
         InputError: There is no JSON form among the files, or it is not one.
     """
-    documents = [(source, data) for source, data in files if data.lstrip()[:1] == b"{"]
-    if len(documents) != 1:
-        names = ", ".join(source.path for source, _ in files)
-        raise InputError(
-            f"{names}: {'no' if not documents else 'more than one'} report in JSON; write it with "
-            "`fsoe-net report … -o report.json` beside the page, with the same options, and name "
-            "both with --report"
-        )
-    source, data = documents[0]
+    source, data = _json_form(files)
     try:
         document = json.loads(data)
         whole = str((document["fingerprint"] or {}).get("whole", ""))
@@ -184,6 +176,18 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         not_of=tuple(path for path, _ in pages if whole not in hashes[path]),
         hashes=hashes,
     )
+
+
+def _json_form(files: Sequence[tuple[SourceFile, bytes]]) -> tuple[SourceFile, bytes]:
+    documents = [(source, data) for source, data in files if data.lstrip()[:1] == b"{"]
+    if len(documents) != 1:
+        names = ", ".join(source.path for source, _ in files)
+        raise InputError(
+            f"{names}: {'no' if not documents else 'more than one'} report in JSON; write it with "
+            "`fsoe-net report … -o report.json` beside the page, with the same options, and name "
+            "both with --report"
+        )
+    return documents[0]
 
 
 def _finding(row: dict[str, Any]) -> Diagnostic:

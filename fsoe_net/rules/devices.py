@@ -98,6 +98,12 @@ def _sync_managers(ctx: Context, number: int, device: Device) -> None:
                 hint=f"write type: {wanted.value}, or pdo: "
                 f"{'tpdo' if sm.carries == 'rpdo' else 'rpdo'}",
             )
+    _carriers(ctx, number, device)
+    _watchdogs(ctx, device.layout)
+
+
+def _carriers(ctx: Context, number: int, device: Device) -> None:
+    """FSN409, FSN413: each PDO group is on one sync manager."""
     for group, pdos in (("rpdo", device.rpdos), ("tpdo", device.tpdos)):
         carriers = [sm for sm in device.sync_managers if sm.carries == group]
         if pdos and not carriers:
@@ -116,7 +122,6 @@ def _sync_managers(ctx: Context, number: int, device: Device) -> None:
                 hint="keep one of them; the format cannot split a group over two sync managers",
                 related=(Related(span=carriers[0].at("pdo"), message="first"),),
             )
-    _watchdogs(ctx, device.layout)
 
 
 def _watchdogs(ctx: Context, layout: DeviceLayout) -> None:

@@ -23,7 +23,6 @@ from fsoe_net.observe.candidate import Candidate
 from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_cycles import BadCycles, BusWatch, SlowCycle
 from fsoe_net.observe.evidence_frames import (
-    CrossedPair,
     LinkFacts,
     LinkWatch,
     ResetSeen,
@@ -144,7 +143,7 @@ def evidence(
     kind: TriggerKind = TriggerKind.LEFT_DATA,
     subdevices: tuple[SubDeviceSnapshot, ...] = (),
     bus: dict[str, Any] | None = None,
-    pairings: tuple[CrossedPair, ...] = (),
+    crossed: dict[str, int] | None = None,
     counters: Statistics | None = None,
     backend: str = "emulated",
 ) -> IncidentEvidence:
@@ -172,7 +171,7 @@ def evidence(
         bus=facts,
         planned={one.name: planned(one.name) for one in links},
         links={one.name: one for one in links},
-        pairings=pairings,
+        crossed=crossed or {},
         name="a",
         cut="",
     )
@@ -426,7 +425,7 @@ BOTH_DAMAGED = link(
         ),
         pytest.param(
             causes_places._crossed(
-                evidence(link(), link("b"), pairings=(CrossedPair("a", "b", linked=9),)),
+                evidence(link(), link("b"), crossed={"b": 9}),
                 planned("a"),
                 link(),
             ),

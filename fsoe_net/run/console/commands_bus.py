@@ -84,27 +84,37 @@ def _changer(name: str) -> Callable[[Room, Sequence[str]], None]:
 def _state(room: Room, words: Sequence[str]) -> None:
     if len(words) > 1:
         raise usage("state", BUS_COMMANDS["state"].usage)
-    if not words:
-        status, rows, connections = room.keeper.call(
-            lambda client: (client.status(), client.subdevices(), _connections(client))
-        )
-        room.out(_status_line(status, connections))
-        if status.fault:
-            room.out(status.fault)
-        for row in rows:
-            if row.known and not row.in_op:
-                room.out("  ".join(part for part in _device(row) if part))
-        return
+    if words:
+        _state_of(room, words[0])
+    else:
+        _state_of_bus(room)
+
+
+def _state_of_bus(room: Room) -> None:
+    """Show the status, and the SubDevices that are not in OP."""
+    status, rows, connections = room.keeper.call(
+        lambda client: (client.status(), client.subdevices(), _connections(client))
+    )
+    room.out(_status_line(status, connections))
+    if status.fault:
+        room.out(status.fault)
+    for row in rows:
+        if row.known and not row.in_op:
+            room.out("  ".join(part for part in _device(row) if part))
+
+
+def _state_of(room: Room, name: str) -> None:
+    """Show one SubDevice with its connections, or all of them."""
     found = room.keeper.call(lambda client: client.subdevices())
-    chosen = [row for row in found if words[0] in ("all", row.name)]
+    chosen = [row for row in found if name in ("all", row.name)]
     if not chosen:
         known = ", ".join(row.name for row in found)
-        raise ConsoleError(f"no SubDevice is called {words[0]}; there are: {known}")
+        raise ConsoleError(f"no SubDevice is called {name}; there are: {known}")
     for line in table([_device(row) for row in chosen]):
         room.out(line)
-    if words[0] != "all":
+    if name != "all":
         seen = room.keeper.call(_connections)
-        for line in table([_connection(c) for c in seen if words[0] in (c.main, c.sub)]):
+        for line in table([_connection(c) for c in seen if name in (c.main, c.sub)]):
             room.out(line)
 
 
