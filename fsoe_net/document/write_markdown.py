@@ -117,7 +117,9 @@ def _inline(item: Item) -> str:
     if item.style is Style.CODE and item.text:
         return _code(item.text)
     if item.style is Style.STRONG:
-        return f"**{_words(item.text)}**"
+        text = _words(item.text)
+        bare = text.rstrip()  # a space before the closing marks would leave them as they are
+        return f"**{bare}**{text[len(bare) :]}"
     return "____" if item.style is Style.BLANK else _words(item.text)
 
 

@@ -40,16 +40,17 @@ def observed_cell(name: str, seen: Seen, inputs: ReportInputs) -> Cell:
 
 def _against(name: str, seen: Seen, inputs: ReportInputs) -> Iterator[Item]:
     for text in differences(seen.differs, seen.configured, seen.observed):
-        yield Verdict(text, Level.ERROR)
+        yield Verdict(f"{name}: {text}", Level.ERROR)
     stated = _application_parameters(name, inputs)
     o = seen.observed
     if stated is None or o.app_bytes is None:
         return
     if o.app_bytes != len(stated):
-        text = f"{o.app_bytes} bytes of application parameters, {len(stated)} stated"
+        text = f"{name}: {o.app_bytes} bytes of application parameters, {len(stated)} stated"
         yield Verdict(text, Level.ERROR)
     elif o.app_crc != zlib.crc32(stated):
-        yield Verdict(f"other application parameters than stated, {len(stated)} bytes", Level.ERROR)
+        text = f"{name}: other application parameters than stated, {len(stated)} bytes"
+        yield Verdict(text, Level.ERROR)
 
 
 def _application_parameters(name: str, inputs: ReportInputs) -> bytes | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from document.test_write_terminal import ALL
 
-from fsoe_net.document.model import Document, Lines, code, words
+from fsoe_net.document.model import Document, Lines, code, strong, words
 from fsoe_net.document.write_html import document_html
 from fsoe_net.document.write_json import section_json
 from fsoe_net.document.write_markdown import document_markdown
@@ -82,3 +82,8 @@ def test_lines_in_json_stay_lines():
     parts = section_json(1, section)["parts"]
     assert [p["type"] for p in parts] == ["heading", "table", "lines", "picture", "table"]
     assert parts[2]["lines"] == list(section.parts[2].lines)
+
+
+def test_a_space_at_the_end_of_strong_words_stays_outside_of_the_marks():
+    page = document_markdown(Document(title="t", lead=(words(strong("Tests: "), "none"),)))
+    assert page.splitlines()[-1] == "**Tests:** none"
