@@ -64,6 +64,20 @@ def test_a_class_name_has_one_meaning():
     assert [name for name, count in names.items() if count > 1] == []
 
 
+def test_parts_of_a_network_are_known_by_their_number():
+    """A dict that is keyed by id() forgets what the key was, and keeps nothing alive."""
+    users = [p.name for p in MODULES for _ in re.findall(r"\bid\(", p.read_text("utf-8"))]
+    assert users == ["bus.py"]  # same_devices, where identity is meant
+
+
+def test_types_of_connections_only_get_fewer():
+    texts = [p.read_text("utf-8") for p in MODULES]
+    names = [
+        name for text in texts for name in re.findall(r"^class (\w*Connection\w*)", text, re.M)
+    ]
+    assert len(names) <= 18, names
+
+
 def test_check_needs_neither_compiled_part_nor_heavy_imports():
     code = (
         "import sys, fsoe_net.cli.check\n"

@@ -65,12 +65,10 @@ def _behind(
         return _condition(words, names)
     if name == "set":
         return _set(words, names)
-    outputs = [s.name for s in names.symbols if s.is_output]
     if name == "arm":
         return [s.name for s in names.symbols if s.restart_relevant]
-    known = outputs if name == "arm" else list(names.by_name)
     more = ["every", "for"] if name == "watch" and len(words) > 1 else []
-    return [*known, *subdevices, "all", "--typed", *more]
+    return [*names.by_name, *subdevices, "all", "--typed", *more]
 
 
 def _set(words: list[str], names: SymbolNames) -> list[str]:
