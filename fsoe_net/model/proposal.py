@@ -98,7 +98,6 @@ class _Maker:
         self._remarks: dict[int, list[str]] = {n: [] for n in range(len(bus.subdevices))}
         self._check_names()
         self._bus = replace(bus, subdevices=tuple(self._filled(bus.subdevices)))
-        self._layouts = [sub.device.layout for sub in self._bus.subdevices]
         self._links: list[CopyLink] = []
 
     def _check_names(self) -> None:
@@ -167,7 +166,7 @@ class _Maker:
     def proposal(self) -> Proposal:
         """Return what comes out."""
         subs = self._bus.subdevices
-        ends = find_ends(subs, self._names, self._layouts, self._answers)
+        ends = find_ends(subs, self._names, self._answers)
         moves = find_moves(self._bus, ends)
         for end in ends:
             end.accept({p.key for row in moves.both for p in row[:2]})

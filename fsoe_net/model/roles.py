@@ -66,28 +66,24 @@ class FrameEnd:
 
 
 def find_ends(
-    subdevices: Sequence[DescribedSubDevice],
-    names: Sequence[str],
-    layouts: Sequence[DeviceLayout],
-    answers: Answers,
+    subdevices: Sequence[DescribedSubDevice], names: Sequence[str], answers: Answers
 ) -> list[FrameEnd]:
     """Find the frames of each SubDevice; sure ones are taken, likely ones as answered.
 
     Args:
         subdevices: In ring order.
         names: Their names.
-        layouts: Their layouts.
         answers: Say yes or no to likely frames.
     """
     devices = same_devices(sub.device for sub in subdevices)
     known: dict[int, list[FsoeGuess]] = {}  # by device
     ends = []
-    for number, (sub, name, layout) in enumerate(zip(subdevices, names, layouts, strict=True)):
-        device = devices[number]
+    for number, (sub, name, device) in enumerate(zip(subdevices, names, devices, strict=True)):
         if device not in known:
-            known[device] = [g for m in layout.managers for g in detect_fsoe(m.placed, m.sm)]
+            managers = sub.device.layout.managers
+            known[device] = [g for m in managers for g in detect_fsoe(m.placed, m.sm)]
         end = FrameEnd(number=number, name=name)
-        _take(end, sub, layout, known[device], answers)
+        _take(end, sub, known[device], answers)
         ends.append(end)
     return ends
 
@@ -95,10 +91,10 @@ def find_ends(
 def _take(
     end: FrameEnd,
     sub: DescribedSubDevice,
-    layout: DeviceLayout,
     guesses: list[FsoeGuess],
     answers: Answers,
 ) -> None:
+    layout = sub.device.layout
     likely = {g.block.key: g for g in guesses if not g.sure}
     answer = _answer(answers, end.name)
     end.beyond = bool(answer) and not likely.keys() <= _regular(layout)

@@ -9,7 +9,7 @@ from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, PdoFacts
-from fsoe_net.model.layout import DeviceLayout, SmLayout
+from fsoe_net.model.layout import SmLayout
 from fsoe_net.rules.context import describe_sm
 from fsoe_net.rules.entries import assignment_words, first_difference, items_of, listed
 
@@ -33,7 +33,6 @@ class Remark:
 
 def compare_layout(
     device: Device,
-    layout: DeviceLayout,
     row: DescribedSubDevice,
     *,
     source: str,
@@ -44,13 +43,12 @@ def compare_layout(
 
     Args:
         device: As the user describes it.
-        layout: Its process data.
         row: The same device in the other file.
         source: The file, as shown.
         is_type: The file says what the device can do (ESI, SII), not how it is set up.
         is_setup: The file is a configuration, so that its watchdogs were chosen by somebody.
     """
-    side = _Side(device=device, layout=layout, row=row, source=source, is_type=is_type)
+    side = _Side(device=device, row=row, source=source, is_type=is_type)
     if row.truncated:
         return []
     if side.numberless:
@@ -73,7 +71,6 @@ class _Side:
     """Both sides of one SubDevice; gathers remarks, at most one about a PDO or sync manager."""
 
     device: Device
-    layout: DeviceLayout
     row: DescribedSubDevice
     source: str
     is_type: bool
@@ -85,7 +82,7 @@ class _Side:
     facts: dict[int, PdoFacts] = field(init=False)
 
     def __post_init__(self) -> None:
-        rows = [(sm, self.device.pdos_of(sm.sm)) for sm in self.layout.managers]
+        rows = [(sm, self.device.pdos_of(sm.sm)) for sm in self.device.layout.managers]
         self.ours = [(sm, pdos) for sm, pdos in rows if pdos]
         self.theirs = {sm.index: sm for sm in self.row.device.sync_managers}
         self.facts = {f.index: f for f in self.row.facts.pdos}

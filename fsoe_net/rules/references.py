@@ -363,7 +363,6 @@ class _Check:
         if remarks is None:
             remarks = self.compared[key] = compare_layout(
                 device,
-                device.layout,
                 row,
                 source=source,
                 is_type=self.is_type,

@@ -50,8 +50,7 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
             _silent(out, sub, there)
             continue
         check_revision(out, sub, there)
-        if sub.layout is not None:
-            check_layout(out, sub, there, sub.layout)
+        check_layout(out, sub, there)
     _health(out, network, scan, found)
     answering = {name: there for name, there in found.items() if not there.is_silent}
     check_fsoe_values(out, network, answering)

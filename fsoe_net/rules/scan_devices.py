@@ -5,7 +5,7 @@ from __future__ import annotations
 from fsoe_net.diag.diagnostic import FindingList, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, Pdo, SubDevice
-from fsoe_net.model.layout import DeviceLayout, SmLayout
+from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.scan import ScannedPdo, ScannedSm, ScannedSubDevice
 from fsoe_net.rules.context import few
 from fsoe_net.rules.entries import assignment_words, first_difference, listed
@@ -77,15 +77,13 @@ def _error_state(
     )
 
 
-def check_layout(
-    out: FindingList, sub: SubDevice, found: ScannedSubDevice, layout: DeviceLayout
-) -> None:
+def check_layout(out: FindingList, sub: SubDevice, found: ScannedSubDevice) -> None:
     """FSN506, FSN507: PDO assignment, mapping and length of each sync manager."""
     device = sub.device
     if found.sms is None or device is None:
         return
     there = {sm.index: sm for sm in found.sms}
-    for planned in layout.managers:
+    for planned in device.layout.managers:
         if planned.sm.carries is None or not device.pdos_of(planned.sm):
             continue
         sm = there.pop(planned.sm.index, None)

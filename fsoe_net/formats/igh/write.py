@@ -82,7 +82,6 @@ class _Header:
         self._igh = igh
         self._kind = "ec" if igh else "fsn"
         self._names = unique_names(description)
-        self._layouts = [sub.device.layout for sub in description.subdevices]
         places = [s.position for s in description.subdevices]
         known = [p for p in places if p is not None]
         if len(set(known)) == len(places):
@@ -211,7 +210,7 @@ class _Header:
     # -- copies -----------------------------------------------------------------------------------
 
     def _byte(self, end: DescribedEnd, bits: int) -> int:
-        manager = manager_of(self._layouts[end.subdevice], end)
+        manager = manager_of(self._description, end)
         if end.bit_offset % 8 or bits % 8:
             raise InputError(f"{self._names[end.subdevice]}: a copy of parts of bytes")
         if manager is None or end.bit_offset + bits > manager.known_bits:

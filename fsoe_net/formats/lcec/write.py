@@ -81,9 +81,8 @@ class _Configuration:
     def _find_partners(self) -> dict[int, list[int]]:
         """Return the SubInstances of each logic, in the order of its slots."""
         partners = self._named_partners()
-        layouts = [sub.device.layout for sub in self._description.subdevices]
-        for group in copy_groups(self._description, layouts, self._notes):
-            frames = [c for c in group.copies if is_fsoe(c, layouts)]
+        for group in copy_groups(self._description, self._notes):
+            frames = [c for c in group.copies if is_fsoe(self._description, c)]
             if len(frames) < len(group.copies):
                 self._notes.append(f"net {group.name}: copies of other data are not in this file")
             if group.main is None or group.main in partners:

@@ -82,10 +82,9 @@ class NetworkFiles:
         for number, row in enumerate(description.connections):
             self._between.setdefault(frozenset((row.main, row.sub)), []).append(number)
         self._devices = same_devices(sub.device for sub in description.subdevices)
-        self._layouts = [sub.device.layout for sub in description.subdevices]
         self._names = unique_names(description)
         self._endpoints = Endpoints(description, self._names)
-        self._groups = copy_groups(description, self._layouts, self.notes)
+        self._groups = copy_groups(description, self.notes)
         if remarks is not None:
             named = {c.net: c.main for c in description.connections if c.net}
             self._groups = tuple(
@@ -175,7 +174,7 @@ class NetworkFiles:
                     f"        {key}: {{ec_module: {quoted(name)}, index: 0x{entry.index:04x}, "
                     f"subindex: {entry.subindex}}}"
                 )
-            if not is_fsoe(copy, self._layouts):
+            if not is_fsoe(self._description, copy):
                 yield "        kind: standard"
 
     def _without_copies(self) -> tuple[CopyGroup, ...]:
@@ -216,7 +215,7 @@ class NetworkFiles:
         several = Counter(
             (c.source.subdevice, c.destination.subdevice)
             for c in group.copies
-            if is_fsoe(c, self._layouts)
+            if is_fsoe(self._description, c)
         )
         rows = []
         for number in sorted(n for pair in ends for n in self._between.get(pair, ())):
@@ -245,7 +244,7 @@ class NetworkFiles:
         """Return the slot of one of several connections of the same two, where it has copies."""
         if row.main is None:
             return None
-        slots = self._layouts[row.main].slots
+        slots = self._description.subdevices[row.main].device.layout.slots
         copied = set()
         for copy in group.copies:
             for end, other in ((copy.source, copy.destination), (copy.destination, copy.source)):

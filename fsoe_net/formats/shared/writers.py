@@ -117,8 +117,9 @@ def identifiers(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def manager_of(layout: DeviceLayout, end: DescribedEnd) -> SmLayout | None:
+def manager_of(description: Description, end: DescribedEnd) -> SmLayout | None:
     """Return the sync manager of an end of a copy."""
+    layout = description.subdevices[end.subdevice].device.layout
     return next((m for m in layout.managers if m.sm.index == end.sm_index), None)
 
 
@@ -171,12 +172,12 @@ def _entries_by_place(layout: DeviceLayout) -> dict[tuple[int, int], tuple[Entry
     return table
 
 
-def is_fsoe(copy: DescribedCopy, layouts: Sequence[DeviceLayout]) -> bool:
+def is_fsoe(description: Description, copy: DescribedCopy) -> bool:
     """Return whether a copy moves an FSoE frame: the source says so, or both ends are a frame."""
     if copy.fsoe is not None:
         return copy.fsoe
     for end in (copy.source, copy.destination):
-        manager = manager_of(layouts[end.subdevice], end)
+        manager = manager_of(description, end)
         block = None if manager is None else manager.block_at(end.bit_offset)
         if block is None or (8 * block.byte_offset, 8 * block.frame_bytes) != (
             end.bit_offset,
@@ -209,9 +210,7 @@ def _by_net(description: Description) -> list[tuple[str, list[DescribedCopy]]]:
     return [*named.items(), *unnamed]
 
 
-def copy_groups(
-    description: Description, layouts: Sequence[DeviceLayout], notes: list[str]
-) -> tuple[CopyGroup, ...]:
+def copy_groups(description: Description, notes: list[str]) -> tuple[CopyGroup, ...]:
     """Return the copies by their MainInstance; which one that is, is never guessed.
 
     Named copies stay together under their name. Others are together where they share SubDevices.
@@ -220,14 +219,13 @@ def copy_groups(
 
     Args:
         description: SubDevices, copies, connections.
-        layouts: Layout of each SubDevice.
         notes: Takes a line for each group whose MainInstance is not known.
     """
     rows = _by_net(description)
     mains = {c.main for c in description.connections if c.main is not None}
     groups = []
     for name, copies in rows:
-        frames = [c for c in copies if is_fsoe(c, layouts)]
+        frames = [c for c in copies if is_fsoe(description, c)]
         common = set.intersection(
             *({c.source.subdevice, c.destination.subdevice} for c in frames or copies)
         )
