@@ -45,9 +45,12 @@ def _day(value: str | None) -> str:
     if value is None:
         return datetime.date.today().isoformat()
     try:
-        return datetime.date.fromisoformat(value).isoformat()
+        day = datetime.date.fromisoformat(value)
     except ValueError as exc:
         raise ValueError(f"{value!r} is not a date; write YYYY-MM-DD") from exc
+    if day > datetime.date.today():
+        raise ValueError(f"{value} is in the future; nobody has signed then")
+    return day.isoformat()
 
 
 @click.command("accept", epilog=_EPILOG)

@@ -17,6 +17,7 @@ __all__ = [
     "JustifiedStep",
     "Replaced",
     "SignedBy",
+    "names_a_person",
     "same_person",
     "says_something",
 ]
@@ -96,7 +97,7 @@ class Acceptance(Located):
         author: Who made the configuration.
         verifier: Who checked it; somebody else.
         findings: Warnings that were let pass.
-        steps_left_out: Steps that were not done at the machine.
+        steps_left_out: Steps that were not done at the machine, or whose time is hard to believe.
         interventions: All changes since the first record, oldest first.
         replaces: The record before; ``None`` for the first one.
     """
@@ -129,6 +130,11 @@ class Acceptance(Located):
 def says_something(text: str) -> bool:
     """Whether there is a letter or a digit in a text: spaces and invisible characters are none."""
     return any(map(str.isalnum, text))
+
+
+def names_a_person(text: str) -> bool:
+    """Whether a text can be the name of a person: there are two letters in it."""
+    return sum(map(str.isalpha, text)) >= 2
 
 
 def same_person(one: str, other: str) -> bool:

@@ -13,11 +13,12 @@ from fsoe_net.formats.shared.files import Collector, read_source
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_something
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.project.known import AcceptedRecord, read_record
 from fsoe_net.project.protocol import read_protocol
 from fsoe_net.project.report import since
 from fsoe_net.report.sign_off import Grounds, Reason, Refusal, read_signed_report, sign_off
+from fsoe_net.timing.budget import make_budget
 
 __all__ = ["accept", "intervention_rows", "reason_rows", "record_bytes"]
 
@@ -78,6 +79,11 @@ def accept(
         before=None if before is None else before.record,
         before_source=None if before is None else before.source,
         again=() if changed is None else changed.again,
+        longest_ms={
+            f.function.name: f.reaction.polled
+            for f in make_budget(resolution, library_of(resolution.network)).functions
+            if f.reaction is not None
+        },
     )
     return (*sign_off(grounds), before)
 

@@ -26,6 +26,7 @@ from fsoe_net.model.acceptance import (
     JustifiedStep,
     Replaced,
     SignedBy,
+    names_a_person,
     same_person,
     says_something,
 )
@@ -107,6 +108,8 @@ class Grounds:
         before: The record that is replaced, and
         before_source: its file.
         again: Steps that the change since then calls for.
+        longest_ms: Of each safety function, the longest response without a fault by the times that
+            are stated, ms.
     """
 
     version: str
@@ -124,6 +127,7 @@ class Grounds:
     before: Acceptance | None = None
     before_source: SourceFile | None = None
     again: Collection[str] = ()
+    longest_ms: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -253,10 +257,21 @@ def _people(g: Grounds, out: _Gathered) -> None:
     for role, person in (("author", g.author), ("verifier", g.verifier)):
         if not says_something(person.name):
             out.refuse(f"the {role} has no name", f"name a person with --{role}")
+        elif not names_a_person(person.name):
+            out.refuse(
+                f"the {role} is {person.name!r}: that names nobody",
+                f"write the name of the person with --{role}",
+            )
         elif not person.name.isprintable():
             out.refuse(
                 f"the name of the {role} holds characters that nobody sees: {person.name!r}",
                 "write it without them",
+            )
+    for r in g.reasons:
+        if not names_a_person(r.by):
+            out.refuse(
+                f"--justify {r.subject} is by {r.by!r}: that names nobody",
+                "write the name of the person behind `by`",
             )
     if g.author.name.strip() and same_person(g.author.name, g.verifier.name):
         out.refuse(
@@ -365,24 +380,59 @@ def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
         return
     missing = _missing(step)
     if not missing:
-        day = step.machine.date.strip()[:10]
-        if step.kind.at_machine and day > g.verifier.date:
-            out.refuse(
-                f"step {step.id} at {step.span}: done on {day}, after the day of the signatures, "
-                f"{g.verifier.date}",
-                "sign after the last step, --date says when",
-            )
-        return
-    if step.kind not in _LEFT_OUT and (g.before is None or step.id in g.again):
+        _done(step, g, out)
+    elif step.kind not in _LEFT_OUT and (g.before is None or step.id in g.again):
         out.refuse(f"step {step.id} at {step.span}: {missing}", "do it at the machine")
+    else:
+        _let_pass(step, missing, "do it at the machine", g, out)
+
+
+def _done(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
+    """Look at a step that went as expected: by whom, when, and whether its time can be."""
+    if not step.kind.at_machine:
         return
+    who, day = step.machine.by, step.machine.date.strip()[:10]
+    if not names_a_person(who):
+        out.refuse(
+            f"step {step.id} at {step.span}: done by {who!r}, which names nobody",
+            "write the name of who did it",
+        )
+    if day > g.verifier.date:
+        out.refuse(
+            f"step {step.id} at {step.span}: done on {day}, after the day of the signatures, "
+            f"{g.verifier.date}",
+            "sign after the last step, --date says when",
+        )
+    doubt = _doubt(step, g)
+    if doubt:
+        _let_pass(step, doubt, "measure it again", g, out)
+
+
+def _doubt(step: ProtocolStep, g: Grounds) -> str:
+    """Say why a measured time is hard to believe; empty when it is not."""
+    measured = step.machine.measured_ms
+    if step.kind is not StepKind.TRIGGER or measured is None:
+        return ""
+    least, most = 2 * g.plan.cycle_ns / 1e6, g.longest_ms.get(step.subject)
+    if measured < least:
+        return f"{measured:g} ms at the machine; the bus alone takes two cycles, {least:g} ms"
+    if most is not None and measured > most:
+        return (
+            f"{measured:g} ms at the machine; by the stated times it is {most:g} ms at most "
+            "without a fault"
+        )
+    return ""
+
+
+def _let_pass(step: ProtocolStep, why: str, fix: str, g: Grounds, out: _Gathered) -> None:
+    """Take a reason for a step, or refuse it."""
     meant = [r for r in g.reasons if _is_meant(step, r.subject)]
     meant.sort(key=lambda r: r.subject != step.id)  # its own before the one for all
     reason = next(iter(meant), None)
     if reason is None:
         out.refuse(
-            f"step {step.id} at {step.span}: {missing}",
-            f'do it at the machine, or --justify "{step.id}=reason by name"',
+            f"step {step.id} at {step.span}: {why}",
+            f'{fix}, or --justify "{step.id}=reason by name"',
         )
         return
     out.used.add(reason.subject)

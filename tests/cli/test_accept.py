@@ -12,7 +12,7 @@ import yaml
 from cli.tool import fsn
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
-PEOPLE = ("--author", "A. Meier", "--verifier", "B. Kaya", "--date", "2026-11-21")
+PEOPLE = ("--author", "A. Meier", "--verifier", "B. Kaya", "--date", "2021-11-21")
 SOLDERED = ("--justify", "loss *=soldered in by B. Kaya")
 
 
@@ -31,8 +31,8 @@ def _prepared(folder: Path, number: int = 1) -> list[str]:
     document = yaml.safe_load((folder / protocol).read_text("utf-8"))
     for step in document["steps"]:
         if step["kind"] in ("start_up", "trigger") or step["id"] == "loss io2":
-            done = {"result": "as expected", "measured_ms": 120, "remark": ""}
-            step["machine"] = {**done, "by": "A. Meier", "date": "2026-11-20"}
+            done = {"result": "as expected", "measured_ms": 60, "remark": ""}
+            step["machine"] = {**done, "by": "A. Meier", "date": "2021-11-20"}
     (folder / protocol).write_text(yaml.safe_dump(document), "utf-8")
     for form in ("html", "json"):
         done = fsn("report", "timed.yaml", "--protocol", protocol, "-o", f"{report}.{form}")
@@ -43,9 +43,9 @@ def _prepared(folder: Path, number: int = 1) -> list[str]:
 
 def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     given = _prepared(folder)
-    done = fsn("accept", *given, *PEOPLE, *SOLDERED, "--date", "2026-11-21", "-o", "first.yaml")
+    done = fsn("accept", *given, *PEOPLE, *SOLDERED, "--date", "2021-11-21", "-o", "first.yaml")
     assert done.returncode == 0, done.stderr
-    assert "author A. Meier, verifier B. Kaya, 2026-11-21" in done.stdout
+    assert "author A. Meier, verifier B. Kaya, 2021-11-21" in done.stdout
     assert "2 steps of 6" in done.stdout
     assert fsn("verify", "timed.yaml", "--accepted", "first.yaml").returncode == 0
     assert fsn("diff", "first.yaml", "timed.yaml").returncode == 0
@@ -54,7 +54,7 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     assert done.returncode == 0
     page = (folder / "same.md").read_text("utf-8")
     assert "first.yaml is a record of this configuration" in page
-    assert "| Verifier, who is not the author | B. Kaya | 2026-11-21 | ____ |" in page
+    assert "| Verifier, who is not the author | B. Kaya | 2021-11-21 | ____ |" in page
     assert "soldered in" in page
     assert "not signed" not in page
     assert "changed since the record" not in page
@@ -160,6 +160,7 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
     (folder / "link.yaml").symlink_to("away.yaml")
     for more, wanted in (
         (["-o", "a.yaml", "--date", "21.11.2026"], "YYYY-MM-DD"),
+        (["-o", "a.yaml", "--date", "9999-12-31"], "is in the future; nobody has signed then"),
         (["-o", "a.yaml", "--justify", "loss *=no name"], "by NAME"),
         (["-o", "a.yaml", "--intervention", "by nobody"], "by NAME"),
         (["-o", "a.yaml", "--justify", "loss *=- by ."], "by NAME"),

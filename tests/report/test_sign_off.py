@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from report.made import BASE, TIMED
-from report.signed import done, grounds_of, record_of, report_with, signed_report, source
+from report.signed import DAY, done, grounds_of, record_of, report_with, signed_report, source
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import InputError
@@ -201,7 +201,7 @@ def test_a_warning_that_is_there_twice_is_let_pass_once() -> None:
 
 @pytest.mark.parametrize("subject", ["FSN607@a.yaml:8", "FSN608@a.yaml:7", "FSN607", "FSN607@"])
 def test_another_place_is_another_warning(subject: str) -> None:
-    found = refused(_with_finding("warning", Reason(subject=subject, reason="x", by="y")))
+    found = refused(_with_finding("warning", Reason(subject=subject, reason="x", by="Yi")))
     assert found == [
         "FSN607 at cells/a.yaml:7:3 is not justified: says so",
         f"--justify {subject}: there is no such warning or open step",
@@ -294,6 +294,52 @@ def test_a_reaction_is_measured_and_within_its_limit() -> None:
     assert "230.1 ms at the machine, 230 ms allowed" in late
     (none,) = refused(with_step(grounds_of(), StepKind.TRIGGER, measured_ms=None))
     assert "no time measured" in none
+
+
+@pytest.mark.parametrize(
+    ("measured", "said"),
+    [
+        (2.0, None),
+        (1.9, "1.9 ms at the machine; the bus alone takes two cycles, 2 ms"),
+        (0, "0 ms at the machine; the bus alone takes two cycles, 2 ms"),
+        (42.0, None),
+        (42.1, "42.1 ms at the machine; by the stated times it is 42 ms at most without a fault"),
+    ],
+)
+def test_a_time_that_is_hard_to_believe_needs_a_reason(measured: float, said: str | None) -> None:
+    grounds = with_step(
+        grounds_of(longest_ms={"estop": 42.0, "another": 1.0}),
+        StepKind.TRIGGER,
+        measured_ms=measured,
+    )
+    assert refused(grounds) == ([] if said is None else [f"step trigger estop at : {said}"])
+    reason = Reason(subject="trigger estop", reason="slow camera", by="B. Kaya")
+    record, refusals = sign_off(replace(grounds, reasons=[reason]))
+    if said is not None:
+        assert record is not None, refusals
+        assert [s.step for s in record.steps_left_out] == ["trigger estop"]
+
+
+def test_a_doubtful_time_does_not_close_an_open_step() -> None:
+    grounds = with_step(grounds_of(), StepKind.TRIGGER, measured_ms=0, outcome=None)
+    reason = Reason(subject="trigger estop", reason="slow camera", by="B. Kaya")
+    assert "step trigger estop at : open at the machine" in refused(
+        replace(grounds, reasons=[reason])
+    )
+
+
+def test_one_letter_names_nobody() -> None:
+    grounds = with_step(grounds_of(), StepKind.TRIGGER, by="A")
+    grounds = replace(
+        grounds,
+        author=SignedBy(name="A.", date=DAY),
+        reasons=[Reason(subject="loss *", reason="soldered in", by="B")],
+    )
+    assert [text for text in refused(grounds) if "names nobody" in text] == [
+        "the author is 'A.': that names nobody",
+        "--justify loss * is by 'B': that names nobody",
+        "step trigger estop at : done by 'A', which names nobody",
+    ]
 
 
 def test_the_protocol_is_whole_and_of_this_configuration() -> None:
