@@ -65,7 +65,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "rules": ("diagnostics/test_cases.py", "rules/test_references.py", "rules/test_edges.py"),
     "plan": ("plan/test_whole.py",),
     "fsoe": ("fsoe/test_pdu.py", "fsoe/test_chain.py", "fsoe/test_main_table.py",
-             "fsoe/test_sub_table.py", "fsoe/test_campaign_whole.py", "fsoe/test_replay.py"),
+             "fsoe/test_sub_table.py", "fsoe/test_tables.py", "fsoe/test_campaign_whole.py"),
     "timing": ("timing/test_formulas.py", "timing/test_budget.py", "timing/test_parts.py"),
 }  # fmt: skip
 # What tests compare with; their own names stand in them, so others change nothing.

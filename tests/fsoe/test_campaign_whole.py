@@ -41,7 +41,7 @@ def test_each_fault_and_what_becomes_of_it(name: str, said: Said) -> None:
 def test_each_change_that_is_drawn(name: str) -> None:
     """Points and faults of many runs; a foreign end is brought to a point by a run of its own."""
     foreign = CampaignConfig(links=(make_link(1, 2, sub_factory=strange_sub),), seed=5)
-    numbers = {CONFIG: range(0, 30_000, 97), foreign: range(0, 9_000, 1100)}
+    numbers = {CONFIG: range(0, 30_000, 331), foreign: range(0, 9_000, 2200)}
     rows = []
     for config, chosen in numbers.items():
         work = Trials(config, name)
