@@ -93,8 +93,9 @@ def test_whole_life_is_right(out, inn, seed):
 
 
 @pytest.mark.parametrize("size", [2, 6])
-def test_a_collision_while_the_number_is_searched_for(size):
-    """The second frame of a direction has one number more than expected, and its own reason."""
+@pytest.mark.parametrize("rounds", [2, 4])
+def test_a_collision_while_the_number_is_searched_for_and_known(size, rounds):
+    """The next frame of a direction has one number more than expected, and its own reason."""
     main, sub = Chain(tx_sequence=5, rx_sequence=5), Chain(tx_sequence=5, rx_sequence=5)
 
     def sent(chain, other, data):
@@ -102,25 +103,26 @@ def test_a_collision_while_the_number_is_searched_for(size):
         assert other.receive(decode_pdu(frame))
         return frame
 
-    words = (b"\1\2", b"\3\4", b"\5\6", b"\7\0")
-    one, two, three, four = ((word * 3)[:size] for word in words)
-    rows = [(TO_SUB, sent(main, sub, one)), (TO_MAIN, sent(sub, main, two))]
-    rows += [(TO_SUB, sent(main, sub, three)), (TO_MAIN, sent(sub, main, four))]
-    found = (n.to_bytes(2, "little") + one[2:] for n in range(0x10000))
+    rows = []
+    for n in range(rounds):
+        rows.append((TO_SUB, sent(main, sub, bytes((n, 2)) * (size // 2))))
+        rows.append((TO_MAIN, sent(sub, main, bytes((n, 4)) * (size // 2))))
+    found = (n.to_bytes(2, "little") + bytes(size - 2) for n in range(0x10000))
     due = main.last, 10, main.tx_sequence, 0x36
     data = next(data for data in found if frame_crcs(*due, data)[0] == main.own)
     other = bytes((data[0] ^ 1, *data[1:]))
     for last, verdict in ((data, CrcVerdict.RIGHT), (other, CrcVerdict.RIGHT)):
         both = Both(size, size)
         seen = [both.frame(*row) for row in rows]
-        assert seen == [CrcVerdict.UNCHECKED] * 3 + [CrcVerdict.RIGHT]
+        assert seen == [CrcVerdict.UNCHECKED] * 3 + [CrcVerdict.RIGHT] * (2 * rounds - 3)
         assert both.frame(TO_SUB, sent(copy.copy(main), copy.copy(sub), last)) is verdict
     skips = copy.copy(main)
     skips.tx_sequence += 1
     both = Both(size, size)
     for row in rows:
         both.frame(*row)
-    assert both.frame(TO_SUB, skips.send(0x36, other, 10)) is CrcVerdict.UNCHECKED
+    wrong = CrcVerdict.WRONG if rounds > 2 else CrcVerdict.UNCHECKED
+    assert both.frame(TO_SUB, skips.send(0x36, other, 10)) is wrong
 
 
 @given(sizes, sizes, st.integers(0, 99), st.integers(0, 100))

@@ -127,3 +127,13 @@ def test_drive_frames_lie_where_a_field_log_shows_them():
     outputs, inputs = drive.managers[2], drive.managers[3]
     assert outputs.blocks[0].byte_offset == 35
     assert outputs.size_bytes + inputs.blocks[0].byte_offset == 97
+
+
+def test_how_far_from_its_command_a_crc_may_be():
+    """The second CRC of two on another object, the rest on one."""
+
+    def found(by: int) -> bool:
+        place = f"{0x6760 + by:04x}"
+        return bool(frames(f"6760:01/8 6640:00/16 {place}:03/16 6641:00/16 6760:04/16 6760:02/16"))
+
+    assert [by for by in range(-32, 33) if found(by)] == list(range(-15, 16))

@@ -26,7 +26,7 @@ from fsoe_net.model.proposal import Proposal, propose
 
 # A frame whose places are right and whose objects are not one: taken only when a person says so.
 LIKELY = "60{0}0:01/8=Command 60{0}1:01/8 60{0}2:01/16=CRC_0 60{0}3:01/16=Connection_ID"
-NEAR_MISS = "60A0:01/8=CMD 60A1:01/8 60A0:02/8=CRC 60A0:03/16=Conn"
+NEAR_MISS = "60A0:01/8=CMD 60A1:01-05/1 60A0:03/16=CRC 60A0:02/16=Conn"
 
 
 def unusual(name: str) -> DescribedSubDevice:
@@ -39,7 +39,7 @@ def unusual(name: str) -> DescribedSubDevice:
         )
         for index, way, texts in (
             (2, Direction.OUTPUT, [LIKELY.format(5), LIKELY.format(6)]),
-            (3, Direction.INPUT, [LIKELY.format(7), NEAR_MISS, LIKELY.format(8)]),
+            (3, Direction.INPUT, [LIKELY.format(7), LIKELY.format(8), NEAR_MISS]),
         )
     )
     made = Device(path="", vendor_id=3, product_code=5, sync_managers=managers)
