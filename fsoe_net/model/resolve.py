@@ -150,7 +150,7 @@ def _transfers(
 
 def shared_modules(ends: list[tuple[str, str]]) -> set[str]:
     """Return the modules that every one of these transfers touches."""
-    return set(ends[0]).intersection(*map(set, ends[1:])) if ends else set()
+    return set.intersection(*map(set, ends)) if ends else set()
 
 
 def main_instance_of(net: Net, ends: list[tuple[str, str]]) -> str | None:

@@ -8,6 +8,7 @@ import pytest
 from networks import example
 
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
+from fsoe_net.model.layout import FramePair
 
 
 def device(text: str, direction: Direction = Direction.INPUT) -> Device:
@@ -137,3 +138,13 @@ def test_how_far_from_its_command_a_crc_may_be():
         return bool(frames(f"6760:01/8 6640:00/16 {place}:03/16 6641:00/16 6760:04/16 6760:02/16"))
 
     assert [by for by in range(-32, 33) if found(by)] == list(range(-15, 16))
+
+
+def test_a_pair_of_one_frame():
+    (block,) = device("6760:01/8 6640:00/8 6760:03/16 6760:02/16").layout.managers[0].blocks
+    sends = FramePair(slot=0, sends=block, takes=None, matched=False)
+    takes = FramePair(slot=0, sends=None, takes=block, matched=False)
+    assert (sends.sent_bytes, sends.taken_bytes) == (takes.taken_bytes, takes.sent_bytes) == (6, 0)
+    assert sends.fits(takes)
+    assert not sends.fits(sends)
+    assert (sends.blocks, takes.blocks) == ((block,), (block,))

@@ -26,10 +26,12 @@ from fsoe_net.model.proposal import Proposal, propose
 
 # A frame whose places are right and whose objects are not one: taken only when a person says so.
 LIKELY = "60{0}0:01/8=Command 60{0}1:01/8 60{0}2:01/16=CRC_0 60{0}3:01/16=Connection_ID"
+# The same with objects so far apart that a plan does not recognise it: copies are written out.
+FAR = "6{0}00:01/8=Command 6{0}01:01/8 6{0}40:01/16=CRC_0 6{0}80:01/16=Connection_ID"
 NEAR_MISS = "60A0:01/8=CMD 60A1:01-05/1 60A0:03/16=CRC 60A0:02/16=Conn"
 
 
-def unusual(name: str) -> DescribedSubDevice:
+def unusual(name: str, frame: str) -> DescribedSubDevice:
     managers = tuple(
         SyncManager(
             index=index,
@@ -38,8 +40,8 @@ def unusual(name: str) -> DescribedSubDevice:
             pdos=tuple(pdo(text, index=0x1A00 + n) for n, text in enumerate(texts)),
         )
         for index, way, texts in (
-            (2, Direction.OUTPUT, [LIKELY.format(5), LIKELY.format(6)]),
-            (3, Direction.INPUT, [LIKELY.format(7), LIKELY.format(8), NEAR_MISS]),
+            (2, Direction.OUTPUT, [frame.format(5), frame.format(6)]),
+            (3, Direction.INPUT, [frame.format(7), frame.format(8), NEAR_MISS]),
         )
     )
     made = Device(path="", vendor_id=3, product_code=5, sync_managers=managers)
@@ -66,7 +68,8 @@ RINGS = {
         ),
         EL1904,
     ],
-    "likely": [sub("logic", LOGIC, SIX, SIX, SIX), unusual("drive"), EL1904],
+    "likely": [sub("logic", LOGIC, SIX, SIX, SIX), unusual("drive", LIKELY), EL1904],
+    "beyond": [sub("logic", LOGIC, SIX, SIX, SIX), unusual("drive", FAR), EL1904],
 }
 
 
@@ -124,8 +127,12 @@ def _answers(ring: str) -> Iterator[tuple[str, Answers]]:
         second = AnsweredConnection(sub=names[-1], slot=0, connection_id=5, watchdog_ms=60)
         yield f"{name} {main} {slot} {sub_slot} two", Answers(connections=(row, second))
         if "drive" in names:
-            words = {"drive": AnsweredWord(text="yes")}
-            yield f"{name} {main} {slot} {sub_slot} yes", Answers(connections=(row,), frames=words)
+            taken = Answers(
+                main=(AnsweredWord(text=names[0]),),
+                frames={"drive": AnsweredWord(text="yes")},
+                connections=(row,),
+            )
+            yield f"{name} {main} {slot} {sub_slot} yes", taken
 
 
 @pytest.mark.parametrize("ring", RINGS)

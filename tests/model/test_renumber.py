@@ -84,3 +84,22 @@ def test_what_is_not_the_same_bus(change: dict, text: str):
     with pytest.raises(InputError) as caught:
         renumbered_copies(replace(MINE, subdevices=tuple(subs)), other())
     assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(("pdo", "same"), [(0, False), (1, True)])
+def test_only_what_is_copied_has_to_be_equal(pdo: int, same: bool):
+    """The frame is the first PDO; what stands behind it is not moved."""
+    subs = list(MINE.subdevices)
+    made = subs[1].device
+    *others, manager = made.sync_managers
+    pdos = list(manager.pdos)
+    entries = [replace(e, index=e.index + 1) for e in pdos[pdo].entries]
+    pdos[pdo] = replace(pdos[pdo], entries=tuple(entries))
+    managers = (*others, replace(manager, pdos=tuple(pdos)))
+    subs[1] = replace(subs[1], device=replace(made, sync_managers=managers))
+    changed = replace(MINE, subdevices=tuple(subs))
+    if same:
+        assert renumbered_copies(changed, other()) == renumbered_copies(MINE, other())
+    else:
+        with pytest.raises(InputError, match="byte 0 of sync manager 3 holds other data"):
+            renumbered_copies(changed, other())
