@@ -30,7 +30,7 @@ _PROGRAMS = {
     "fuzz_control",
     "live": "check igh_open igh_cycle igh_objects memory pdo port sdo wire wire_time soem "
     "soem_odd hostile_soem",
-    "segment": "dialogue link memory segment segment_faults",
+    "segment": "dialogue link memory segment segment_describe segment_faults",
     "scan": "fuzz_scan",
 }
 _ELSEWHERE = "test_rig fuzz_monitor"
