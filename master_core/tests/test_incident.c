@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -25,8 +26,13 @@ static struct {
     int fsync, fdopen, fclose, access, thread; /**< errors that the next calls end with */
 } fails;
 
+static atomic_bool holds; /**< a disk that does not answer */
+
 int fsync(int fd) {
     (void)fd;
+    while (atomic_load(&holds)) {
+        usleep(100);
+    }
     errno = fails.fsync;
     return fails.fsync != 0 ? -1 : 0;
 }
@@ -346,6 +352,27 @@ static void a_system_that_refuses_is_reported(void) {
     CHECK(tear_down(&rig) == 6);
 }
 
+/** Nobody waits for the disk: the turns go on, and the result is reported when it is there. */
+static void a_slow_disk_holds_nobody_up(void) {
+    struct rig rig = set_up();
+    struct fsn_incidents *in = rig.control->services.incidents;
+    const uint64_t second = UINT64_C(1000) * MS;
+    cycle_at(&rig, second);
+    atomic_store(&holds, true);
+    begin_at(&rig, second);
+    cycle_at(&rig, 2 * second);
+    for (int i = 0; i < 10; i++) {
+        CHECK(!is_kept_still(&rig, 2 * second) && in->file != NULL && logged[0] == 0);
+    }
+    atomic_store(&holds, false);
+    while (in->file != NULL) {
+        fsn_incident_turn(in, 2 * second);
+        usleep(100);
+    }
+    CHECK(strncmp(logged, "w incident: a test; ", 20) == 0);
+    CHECK(tear_down(&rig) == 1);
+}
+
 /** A file is named after a connection, a SubDevice or what happened, in plain characters. */
 static void files_have_plain_names(void) {
     static const char long_name[] =
@@ -550,6 +577,7 @@ static void a_stop_is_no_incident(void) {
     CHECK(!fsn_incident_begin(rig.control->services.incidents, &left)); /* one at a time */
     fsn_control_attach(rig.control, NULL); /* and it is written when the bus stops */
     CHECK(!rig.control->services.incidents->pending.active);
+    CHECK(atomic_load(&submitted->cancelled) && rig.control->services.incidents->job == NULL);
     submitted->status = FSN_E_ABSENT;
     fsn_control_job_done(rig.control, submitted);
     fsn_control_limit_incidents(rig.control, 0);
@@ -616,6 +644,7 @@ int main(void) {
     memory_runs_out();
 #endif
     a_system_that_refuses_is_reported();
+    a_slow_disk_holds_nobody_up();
     files_have_plain_names();
     a_folder_has_a_limit();
     a_file_says_what_is_new();

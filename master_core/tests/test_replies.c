@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "control/base/names.h"
+#include "control/base/words.h"
 #include "control/incidents/kept.h"
 #include "core/core_internal.h"
 #include "fsn/version.h"
@@ -165,6 +166,34 @@ static void show_names(void) {
     }
 }
 
+static size_t encode(uint32_t c, char to[5]) {
+    const size_t more = c < 0x80 ? 0 : c < 0x800 ? 1 : c < 0x10000 ? 2 : 3;
+    static const uint8_t first[] = {0, 0xC0, 0xE0, 0xF0};
+    to[0] = (char)(first[more] | c >> (6 * more));
+    for (size_t i = 1; i <= more; i++) {
+        to[i] = (char)(0x80 | (c >> (6 * (more - i)) & 0x3F));
+    }
+    to[more + 1] = 0;
+    return more + 1;
+}
+
+/** Where characters begin to be hidden, and where they end. */
+static void show_hidden(void) {
+    bool before = false;
+    for (uint32_t c = 0; c <= 0x110000; c++) {
+        char bytes[5], shown[FSN_SHOWN_BYTES], line[40];
+        const size_t len = encode(c, bytes);
+        const size_t taken = fsn_show_character(bytes, len, shown);
+        const bool hidden = strcmp(shown, bytes) != 0;
+        CHECK(taken == len || (hidden && taken == 1));
+        if (hidden != before) {
+            snprintf(line, sizeof line, "%x %s\n", (unsigned)c, hidden ? shown : "shown");
+            fsn_client_put(on.client, line, strlen(line));
+        }
+        before = hidden;
+    }
+}
+
 /** Fills the queue of jobs, or empties it. */
 static void fill_queue(bool full) {
     static struct fsn_job job;
@@ -244,6 +273,8 @@ static void change(const char *word) {
         on.no_coe = false;
     } else if (strncmp(word, "count ", 6) == 0) {
         CHECK(sscanf(word + 6, "%x %u", &on.count_of, &on.count) == 2);
+    } else if (strcmp(word, "hidden") == 0) {
+        show_hidden();
     } else if (strcmp(word, "names") == 0) {
         show_names();
     } else if (strcmp(word, "reads") == 0) {
