@@ -89,8 +89,7 @@ static const char *state = "running";
 static void keep_text(void *self, enum fsn_log_level level, const char *text, const char *json,
                       size_t json_bytes) {
     (void)self;
-    (void)json;
-    (void)json_bytes;
+    CHECK(json_bytes >= 2 && json[0] == '{' && json[json_bytes - 1] == '}');
     const size_t used = strlen(logged);
     snprintf(logged + used, sizeof logged - used, "%c %s\n", "diwe"[level], text);
 }
@@ -100,9 +99,11 @@ static void tell_state(void *self, struct fsn_control_status *status) {
     status->state = state;
 }
 
-static struct rig set_up(void) {
+static struct rig set_up_with(uint32_t connections) {
     static const struct build_sm sm[2][2] = {{{1, 8}, {2, 8}}, {{1, 8}, {2, 8}}};
-    const struct build build = {.subdevices = 2, .sm = sm, .cycle_ns = MS};
+    static const struct build_copy copies[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}};
+    const struct build build = {
+        .subdevices = 2, .sm = sm, .copies = copies, .pairs = connections, .cycle_ns = MS};
     struct rig rig = {.on = emulated_rig_build(&build), .folder = "/tmp/fsn-test-XXXXXX"};
     struct fsn_refusal refusal;
     CHECK(mkdtemp(rig.folder) != NULL);
@@ -116,6 +117,10 @@ static struct rig set_up(void) {
     CHECK(fsn_control_keep_incidents(rig.control, rig.folder, &refusal) == FSN_OK);
     fsn_control_attach(rig.control, rig.on.core);
     return rig;
+}
+
+static struct rig set_up(void) {
+    return set_up_with(0);
 }
 
 /** One cycle at a time of our choice, and what the control thread makes of it. */
@@ -259,6 +264,43 @@ static void who_was_in_data_did_come(void) {
     fsn_incident_connection(rig.control->services.incidents, 0, FSN_OBSERVED_RESET);
     CHECK(rig.control->services.incidents->reported[0] == 1);
     CHECK(tear_down(&rig) == 0);
+}
+
+/** A connection that is not in Data five seconds after the bus runs is one incident, once; the time
+ *  begins anew when the bus does not run. */
+static void who_never_comes_is_reported_once(void) {
+    struct rig rig = set_up_with(1);
+    struct fsn_incidents *in = rig.control->services.incidents;
+    const uint64_t second = UINT64_C(1000) * MS;
+    static const struct {
+        uint64_t ms;
+        const char *state;
+        bool begun;
+    } turns[] = {{1000, "running", false}, {5999, "running", false},  {6500, "starting", false},
+                 {7000, "running", false}, {11999, "running", false}, {12498, "running", false},
+                 {12499, "running", true}};
+    cycle_at(&rig, second);
+    for (size_t i = 0; i < sizeof turns / sizeof turns[0]; i++) {
+        state = turns[i].state;
+        fsn_incident_turn(in, turns[i].ms * MS);
+        CHECK(in->pending.active == turns[i].begun);
+    }
+    CHECK(strcmp(in->pending.kind, "not_connected") == 0);
+    CHECK(strcmp(in->pending.connection, "t") == 0 && strcmp(in->pending.after, "silent") == 0);
+    CHECK(strcmp(in->pending.text, "connection t has not come to Data within 5 s after every "
+                                   "SubDevice reached OP, it is in silent") == 0);
+    CHECK(in->reported[0] == 1 && in->pending.now_ns == UINT64_C(12499) * MS);
+    submitted->status = FSN_E_ABSENT;
+    fsn_control_job_done(rig.control, submitted);
+    cycle_at(&rig, 14 * second);
+    CHECK(!is_kept_still(&rig, 14 * second));
+    while (in->file != NULL) {
+        fsn_incident_turn(in, 14 * second);
+        usleep(100);
+    }
+    CHECK(!is_kept_still(&rig, 20 * second) && in->files == 1);
+    state = "running";
+    CHECK(tear_down(&rig) == 1);
 }
 
 static void one_that_runs_is_not_either(void) {
@@ -415,6 +457,22 @@ static void files_have_plain_names(void) {
         is_logged(logged, expected);
     }
     CHECK(tear_down(&rig) == 5);
+}
+
+/** What is kept begins five seconds before, to the nanosecond. */
+static void five_seconds_before_are_kept(void) {
+    struct rig rig = set_up();
+    char expected[500];
+    const uint64_t second = UINT64_C(1000) * MS;
+    cycle_at(&rig, second);
+    cycle_at(&rig, second + 1);
+    fails.fsync = EIO;
+    snprintf(expected, sizeof expected,
+             "e incident: a test; %s ends after 2 cycles: Input/output error\n",
+             file_at(6 * second + 1, ""));
+    is_logged(one_incident(&rig, 6 * second + 1), expected);
+    fails.fsync = 0;
+    CHECK(tear_down(&rig) == 1);
 }
 
 /** What stands in the folder counts, whoever wrote it; other files and folders do not. */
@@ -603,7 +661,8 @@ static void without_a_folder_nothing_is_kept(void) {
 
 #ifdef FSN_TEST_HEAP
 /** Whichever allocation fails at the end of the window: a file comes of it, or it is reported. */
-static void memory_runs_out(void) {
+static void memory_runs_out(bool again) {
+    const long alive = heap.alive;
     struct rig rig = set_up();
     const uint64_t second = UINT64_C(1000) * MS;
     int kept = 0;
@@ -634,6 +693,7 @@ static void memory_runs_out(void) {
     }
     CHECK(lost > 2);
     (void)tear_down(&rig);
+    CHECK(!again || heap.alive == alive);
 }
 #endif
 
@@ -641,10 +701,12 @@ int main(void) {
     close(STDIN_FILENO); /* 0 is a descriptor like any other */
     const int open_before = open_files();
 #ifdef FSN_TEST_HEAP
-    memory_runs_out();
+    memory_runs_out(false);
+    memory_runs_out(true); /* what libc keeps of the first one is kept already */
 #endif
     a_system_that_refuses_is_reported();
     a_slow_disk_holds_nobody_up();
+    five_seconds_before_are_kept();
     files_have_plain_names();
     a_folder_has_a_limit();
     a_file_says_what_is_new();
@@ -656,6 +718,7 @@ int main(void) {
     a_cycle_that_was_held_up_is_waited_for();
     a_cycle_that_stands_still_is_not();
     one_that_runs_is_not_either();
+    who_never_comes_is_reported_once();
     a_second_failure_has_its_own();
     a_subdevice_that_refuses_is_one();
     who_was_in_data_did_come();

@@ -369,11 +369,17 @@ static void turn(void) {
     fsn_control_serve(rig.control, fds, count);
 }
 
+static int taken = -1; /**< a descriptor that the next client of the server shall have */
+
 static int connect_as(uid_t user) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
     const int fd = own_socket();
     CHECK(connect(fd, (const struct sockaddr *)&address, sizeof address) == 0);
+    if (taken >= 0) {
+        close(taken);
+        taken = -1;
+    }
     connects_as = user;
     turn();
     connects_as = 0;
@@ -409,7 +415,8 @@ static void who_is_idle_makes_room(void) {
     static struct fsn_job job;
     set_up();
     rig.access = (struct fsn_control_access){.user = {ANN}, .users = 1};
-    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+    taken = open("/dev/null", O_RDONLY | O_CLOEXEC);
+    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK && taken == 0);
     struct fsn_client *client = rig.control->client;
     for (unsigned i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         const uid_t user = i < FSN_CONTROL_SHARED ? ANN : OURS;

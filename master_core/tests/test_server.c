@@ -430,6 +430,9 @@ static void a_flush_waits_for_readers(void) {
     fsn_client_put(&rig.control->client[1], "bye\n", 4);
     fsn_control_flush(rig.control, 1000);
     CHECK(strcmp(heard(1), "bye\n") == 0);
+    poll_ms = -5;
+    fsn_control_flush(rig.control, 1000); /* nothing is left: nobody is waited for */
+    CHECK(poll_ms == -5);
     fsn_client_put(&rig.control->client[0], block, sizeof block);
     fsn_control_flush(rig.control, 0); /* nobody reads, and there is no time */
     CHECK(rig.control->client[0].sent > 0 && rig.control->client[0].sent < sizeof block);

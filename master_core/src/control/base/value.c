@@ -106,6 +106,7 @@ static const char *store_whole(const struct fsn_symbol_info *symbol, double numb
     }
     const uint64_t mask = symbol->bits == 64 ? UINT64_MAX : (UINT64_C(1) << symbol->bits) - 1;
     const uint64_t magnitude = (uint64_t)fabs(rounded);
+    /* mutants: 0 has no sign */
     *raw = (rounded < 0 ? 0 - magnitude : magnitude) & mask;
     return NULL;
 }

@@ -38,8 +38,8 @@ struct fsn_window fsn_window_take(const struct fsn_core *core, uint64_t from_ns)
     const uint64_t last = fsn_core_last_cycle(core);
     const uint64_t most = MOST_BYTES / (sizeof *w.cycles + w.image_bytes);
     const uint64_t first = first_cycle(core, last, from_ns, most);
-    w.cycles = calloc(last - first + 2, sizeof *w.cycles);
-    w.images = calloc(last - first + 2, w.image_bytes);
+    w.cycles = calloc(last - first + 1, sizeof *w.cycles);
+    w.images = calloc(last - first + 1, w.image_bytes);
     for (uint64_t c = first; w.cycles != NULL && w.images != NULL && c <= last; c++) {
         /* One that was overwritten meanwhile is left out: its number is missing then. */
         if (fsn_core_record(core, c, &w.cycles[w.count], NULL,
