@@ -3,6 +3,7 @@
 #define _GNU_SOURCE
 
 #include <arpa/inet.h>
+#include <dlfcn.h>
 #include <errno.h>
 #include <linux/ethtool.h>
 #include <linux/if_packet.h>
@@ -34,7 +35,8 @@ static struct {
     atomic_bool running; /**< both interfaces have a carrier */
     atomic_int send_fails;
     atomic_int polls;
-    int peer[4]; /**< far ends of the interfaces, as they were opened */
+    int inherits, policy, priority; /**< of the last thread */
+    int peer[4];                    /**< far ends of the interfaces, as they were opened */
     int peers;
 } os;
 
@@ -67,6 +69,7 @@ int ioctl(int fd, unsigned long request, ...) {
     va_start(arguments, request);
     struct ifreq *ifr = va_arg(arguments, struct ifreq *);
     va_end(arguments);
+    CHECK(strcmp(ifr->ifr_name, "a") == 0 || strcmp(ifr->ifr_name, "b") == 0);
     if (request != SIOCGIFFLAGS && fails()) {
         return -1;
     }
@@ -78,7 +81,6 @@ int ioctl(int fd, unsigned long request, ...) {
         ifr->ifr_mtu = os.mtu;
     } else {
         CHECK(request == SIOCGIFFLAGS);
-        CHECK(strcmp(ifr->ifr_name, "a") == 0 || strcmp(ifr->ifr_name, "b") == 0);
         CHECK(fd == rig.segment->sockets[ifr->ifr_name[0] == 'b']);
         ifr->ifr_flags = (short)(IFF_UP | (atomic_load(&os.running) ? IFF_RUNNING : 0));
     }
@@ -127,6 +129,20 @@ int ppoll(struct pollfd *fds, nfds_t count, const struct timespec *timeout, cons
     CHECK(timeout->tv_sec == 0 && timeout->tv_nsec <= 5000000);
     struct timespec left = *timeout; /* the kernel writes what is left of it */
     return (int)syscall(SYS_ppoll, fds, count, &left, NULL, (size_t)0);
+}
+
+/** What the thread would run with; it runs as any other here. */
+int pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*run)(void *),
+                   void *context) {
+    int (*libc)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *);
+    void *found = dlsym(RTLD_NEXT, "pthread_create");
+    struct sched_param parameter;
+    memcpy(&libc, &found, sizeof found);
+    CHECK(pthread_attr_getinheritsched(attributes, &os.inherits) == 0);
+    CHECK(pthread_attr_getschedpolicy(attributes, &os.policy) == 0);
+    CHECK(pthread_attr_getschedparam(attributes, &parameter) == 0);
+    os.priority = parameter.sched_priority;
+    return libc(thread, os.priority != 0 ? NULL : attributes, run, context);
 }
 
 ssize_t send(int fd, const void *bytes, size_t size, int flags) {
@@ -221,6 +237,9 @@ static void what_is_asked_is_checked(void) {
               (rows[i].status == FSN_OK ? FSN_E_STATE : rows[i].status));
         hang_up();
     }
+    CHECK(os.inherits == PTHREAD_INHERIT_SCHED && os.policy == SCHED_OTHER && os.priority == 0);
+    CHECK(plug((struct fsn_segment_link_options){.interface = "a", .priority = 9}, NULL) == FSN_OK);
+    CHECK(os.inherits == PTHREAD_EXPLICIT_SCHED && os.policy == SCHED_FIFO && os.priority == 9);
     end();
 }
 
@@ -285,10 +304,11 @@ static void an_answer_that_cannot_be_sent_is_counted(void) {
     CHECK(answer_at(0, 0) == 2);
     atomic_store(&os.send_fails, ENETDOWN);
     ask_at(0);
-    CHECK(sendto(os.peer[0], "", 0, 0, NULL, 0) == 0); /* nothing in it: no frame */
-    CHECK(answer_at(0, 0) == 2);                       /* the next one is */
+    CHECK(sendto(os.peer[0], "", 0, 0, NULL, 0) == 0);  /* nothing in it: no frame */
+    CHECK(sendto(os.peer[0], "x", 1, 0, NULL, 0) == 1); /* but not one of EtherCAT */
+    CHECK(answer_at(0, 0) == 2);                        /* the next one is */
     fsn_segment_counts(rig.segment, &counts);
-    CHECK(counts.unsent == 1 && counts.send_errno == ENETDOWN && counts.foreign == 0);
+    CHECK(counts.unsent == 1 && counts.send_errno == ENETDOWN && counts.foreign == 1);
     /* Time goes on where nothing comes. */
     const uint64_t before = last_ns();
     while (last_ns() == before) {
