@@ -360,6 +360,12 @@ static void no_answer_into_a_mailbox_too_short(void) {
         post(&rig, request, 8);
         CHECK(datagram(&rig, FPRD, 1001, 0x080D, NULL, 1) == 1 && (rig.data[0] & 8) == 0);
     }
+    static const uint8_t short_one[8] = {0x40, 0x18, 0x10, 1};
+    for (uint16_t length = 0; length < 16; length++) {
+        set_sm(&rig, 1001, 1, 0x1080, length, 0x22);
+        post(&rig, short_one, 8);
+        CHECK(rig.segment->escs[0].answer_bytes == 0);
+    }
     set_sm(&rig, 1001, 1, 0x1080, 128, 0x22);
     CHECK(sdo(&rig, request, 8) == 122 && rig.data[8] == 0x41);
     /* In the middle of an upload as well: its segments find no room. */

@@ -49,6 +49,20 @@ static void what_is_not_there_is_reported(void) {
     tear_down(&rig);
 }
 
+/** One without a place leaves the others theirs. */
+static void the_others_have_their_places(void) {
+    struct rig rig = set_up_line(3);
+    fsn_segment_free(rig.segment);
+    uint8_t *second =
+        rig.plan->bytes + rig.plan->offset[FSN_SEC_SUBDEVICE] + fsn_record_bytes[FSN_SEC_SUBDEVICE];
+    second[6] = 0;
+    second[7] = 0x10; /* 4096 */
+    CHECK(fsn_segment_create(rig.plan, &rig.segment) == FSN_OK);
+    CHECK(fsn_segment_position(rig.segment, 1) == FSN_NONE);
+    CHECK(fsn_segment_position(rig.segment, 2) == 2 && fsn_segment_size(rig.segment) == 3);
+    tear_down(&rig);
+}
+
 /** Where the plan leaves a place free stands a coupler, with an SII and no objects. */
 static void a_free_place_has_a_coupler(void) {
     struct rig rig = {.bytes = NULL};
@@ -211,6 +225,7 @@ static void sync_managers_of_no_use_are_left_out(void) {
             CHECK(rig.data[8] == 0x4F && rig.data[12] == (number == 3 ? 0 : number));
         }
         CHECK(fsn_segment_read_outputs(rig.segment, 0, &output, 0, NULL) == FSN_E_ARG);
+        CHECK(fsn_segment_write_inputs(rig.segment, 1, count, 8) == FSN_OK); /* the next one is */
         tear_down(&rig);
     }
 }
@@ -248,6 +263,7 @@ static void eeprom_is_read(void) {
 int main(void) {
     const long alive = heap_alive();
     what_is_not_there_is_reported();
+    the_others_have_their_places();
     a_free_place_has_a_coupler();
     what_the_plan_knows_is_shown();
     a_device_may_have_no_mailbox();

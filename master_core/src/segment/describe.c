@@ -117,13 +117,11 @@ static void put_pdos(struct writer *w, const struct fsn_plan *plan, uint32_t sm)
     end_category(w, start);
 }
 
+/** All but the identity, which is written when it is switched on. */
 static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bool has_mailbox) {
     fsn_put16(w->bytes, 0x0005); /* PDI control */
     fsn_put16(w->bytes + 8, info->position == 0 || info->alias != 0 ? info->alias : 0);
     w->bytes[14] = fsn_eeprom_checksum(w->bytes);
-    fsn_put32(w->bytes + 16, info->vendor_id);
-    fsn_put32(w->bytes + 20, info->product_code);
-    fsn_put32(w->bytes + 24, info->revision_low);
     if (has_mailbox) {
         fsn_put16(w->bytes + 0x30, MAILBOX_IN);
         fsn_put16(w->bytes + 0x32, MAILBOX_BYTES);
