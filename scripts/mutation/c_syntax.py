@@ -30,7 +30,7 @@ _KINDS = (
 )
 _LOOPS = ("for_statement", "while_statement", "do_statement")
 # More room than is needed shows nowhere.
-_ALLOCATORS = ("malloc", "calloc")
+_ALLOCATORS = ("malloc", "calloc", "fsn_calloc_prefaulted")
 
 
 @dataclass(frozen=True, slots=True)
