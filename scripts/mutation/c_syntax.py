@@ -241,7 +241,7 @@ def _return(node: Node) -> Iterator[Change]:
 
 def _arguments(node: Node) -> Iterator[Change]:
     parts = [c for c in node.named_children if c.type != "comment"]
-    if _called(node) in ("memcmp", "strcmp", "strncmp", "calloc"):
+    if _called(node) in ("memcmp", "strcmp", "strncmp", *_ALLOCATORS):
         parts = parts[1:]  # whether two are equal does not depend on their order, nor a product
     for one, two in itertools.pairwise(parts):
         if _text(one) != _text(two):
