@@ -82,6 +82,35 @@ static void copied_outputs_are_closed(void) {
     emulated_rig_end(&rig);
 }
 
+static void one_byte_is_enough(void) {
+    static const struct build_sm sm[2][2] = {{{1, 1}, {2, 1}}, {{1, 1}, {2, 0}}};
+    const struct build build = {.subdevices = 2, .sm = sm};
+    struct emulated_rig rig = emulated_rig_build(&build);
+    uint8_t byte = 0x5A;
+    CHECK(fsn_emulated_write_inputs(rig.bus, 1, &byte, 1) == FSN_OK);
+    emulated_rig_cycle(&rig);
+    uint8_t image[8];
+    CHECK(fsn_core_snapshot(rig.core, NULL, NULL, image) == FSN_OK && image[1] == 0x5A);
+    CHECK(fsn_emulated_read_outputs(rig.bus, 0, &byte, 1, NULL) == FSN_OK && byte == 0);
+    CHECK(fsn_emulated_write_inputs(rig.bus, 3, &byte, 0) == FSN_E_ARG);
+    CHECK(fsn_emulated_write_inputs(rig.bus, 4, &byte, 1) == FSN_E_ARG);
+    emulated_rig_end(&rig);
+}
+
+/** Two times: the first is the smallest, and half of all. */
+static void percentiles_begin_with_the_first(void) {
+    struct fsn_histogram h = {.count = 2, .min_ns = 10, .max_ns = 1000000};
+    h.bucket[10] = h.bucket[40] = 1;
+    const uint64_t first = fsn_histogram_floor(11) - 1;
+    const uint64_t second = fsn_histogram_floor(41) - 1;
+    CHECK(fsn_histogram_percentile(&h, 0) == first);
+    CHECK(fsn_histogram_percentile(&h, 500000) == first);
+    CHECK(fsn_histogram_percentile(&h, 500001) == second);
+    CHECK(fsn_histogram_percentile(&h, 1000000) == second);
+    h.max_ns = second - 1;
+    CHECK(fsn_histogram_percentile(&h, 1000000) == second - 1);
+}
+
 static void age_and_news_are_reported(void) {
     struct emulated_rig rig = set_up_full();
     uint8_t out[9];
@@ -365,6 +394,8 @@ int main(void) {
     percentiles_are_ends_of_buckets();
     outputs_touch_their_bits_only();
     copied_outputs_are_closed();
+    one_byte_is_enough();
+    percentiles_begin_with_the_first();
     age_and_news_are_reported();
     datagrams_are_cut_at_sync_managers();
     datagrams_end_at_their_limit();

@@ -66,6 +66,7 @@ static uint32_t needed(const uint8_t *sii, uint32_t have, uint32_t room) {
     while (at + 4 <= have && fsn_get16(sii + at) != SII_END) {
         at += 4 + 2u * fsn_get16(sii + at + 2);
     }
+    /* mutants: both are even, and it is rounded up to 8 */
     const uint32_t whole = (at + (at + 4 <= have ? 2u : 4u) + 7) / 8 * 8;
     return whole < room ? whole : room;
 }

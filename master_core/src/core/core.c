@@ -82,6 +82,7 @@ static void *thread_main(void *argument) {
     struct fsn_core *core = argument;
     /* Touch the stack once, so that no page fault falls into a cycle. */
     volatile uint8_t stack[16384];
+    /* mutants: what was not touched shows as time only */
     for (size_t i = 0; i < sizeof stack; i += 1024) {
         stack[i] = 0;
     }
