@@ -98,6 +98,10 @@ static void the_room_bounds_it(void) {
     const size_t image = fsn_core_image_bytes(rig.core);
     CHECK(fsn_core_keep(NULL, 1, 1) == FSN_E_ARG);
     CHECK(fsn_core_keep(rig.core, 9000000, image) == FSN_E_ARG); /* not even one */
+    const struct fsn_thread_options options = {.cycle_ns = 1000000};
+    CHECK(fsn_core_start(rig.core, &options, NULL) == FSN_OK); /* what was refused is forgotten */
+    fsn_core_stop(rig.core);
+    CHECK(fsn_core_kept_cycles(rig.core) == 0);
     CHECK(fsn_core_kept_cycles(rig.core) == 0);
     CHECK(fsn_core_keep(rig.core, UINT64_MAX, 20 * image) == FSN_OK);
     const uint64_t kept = fsn_core_kept_cycles(rig.core);
