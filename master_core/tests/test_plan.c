@@ -176,12 +176,22 @@ static void each_broken_rule_is_named(void) {
 /** Symbol 0 is an output with bits 52 to 59, symbol 1 an input. */
 static void stop_values_are_proved(void) {
     static const struct broken rules[] = {
-        {6, 0, 20, 4, 0xFF, FSN_OK, NULL},
-        {6, 0, 20, 4, 0x100, FSN_E_PLAN_VALUE, NULL},
-        {6, 0, 24, 4, 1, FSN_E_PLAN_VALUE, NULL},
-        {6, 0, 15, 1, 3, FSN_E_PLAN_VALUE, NULL}, /* restart relevant, and a stop value */
-        {6, 1, 20, 4, 1, FSN_E_PLAN_VALUE, NULL},
-        {6, 0, 16, 4, 1, FSN_E_PLAN_RESERVED, NULL},
+        {6, 0, 20, 4, 0xFF, FSN_OK, "OK"},
+        {6, 0, 20, 4, 0x100, FSN_E_PLAN_VALUE,
+         "PLAN_VALUE symbol 0+20: a stop value has the bits of its output, and is 0 for an input "
+         "and for what is restart relevant"},
+        {6, 0, 24, 4, 1, FSN_E_PLAN_VALUE,
+         "PLAN_VALUE symbol 0+20: a stop value has the bits of its output, and is 0 for an input "
+         "and for what is restart relevant"},
+        {6, 0, 15, 1, 3, FSN_E_PLAN_VALUE,
+         "PLAN_VALUE symbol 0+20: a stop value has the bits of its output, and is 0 for an input "
+         "and for what is restart relevant"}, /* restart relevant, and a stop value */
+        {6, 1, 20, 4, 1, FSN_E_PLAN_VALUE,
+         "PLAN_VALUE symbol 1+20: a stop value has the bits of its output, and is 0 for an input "
+         "and for what is restart relevant"},
+        {6, 0, 16, 4, 1, FSN_E_PLAN_RESERVED,
+         "PLAN_RESERVED symbol 0+15: a flag of the symbol is unknown or its reserved field is not "
+         "zero"},
     };
     for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
         size_t len;

@@ -136,6 +136,7 @@ uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name) {
     uint32_t low = 0;
     uint32_t high = outputs->count;
     while (low < high) {
+        /* mutants: any place between them leads there */
         const uint32_t middle = low + (high - low) / 2;
         const int order = strcmp(name, outputs->by_name[middle].name);
         if (order == 0) {
