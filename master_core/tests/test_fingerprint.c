@@ -100,6 +100,7 @@ static void format_1_1_is_read(void) {
     made.whole[7] = 0x0F;
     fsn_fingerprint_code(&made, code);
     CHECK(strlen(code) == 19 && memcmp(code, "A1", 2) == 0 && strcmp(code + 17, "0F") == 0);
+    CHECK(code[4] == ' ' && code[9] == ' ' && code[14] == ' ');
     for (size_t cut = 0; cut < len; cut++) {
         CHECK(load(bytes, cut, NULL) != FSN_OK);
     }
@@ -108,7 +109,9 @@ static void format_1_1_is_read(void) {
     CHECK(load(bytes, len, NULL) == FSN_E_PLAN_SECTION);
     bytes[10] = 2;
     build_fix_crc(bytes, len);
-    CHECK(load(bytes, len, NULL) == FSN_E_PLAN_VERSION);
+    struct fsn_fault fault;
+    CHECK(load(bytes, len, &fault) == FSN_E_PLAN_VERSION);
+    CHECK(fault.section == 0 && fault.byte == 10 && fault.copy_index == FSN_FAULT_NO_RECORD);
     bytes[10] = 1;
     bytes[32 + 16 * 10 + 8] = 2; /* two hashes */
     build_fix_crc(bytes, len);

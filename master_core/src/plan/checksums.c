@@ -36,6 +36,7 @@ static void compress(uint32_t state[8], const uint8_t *block) {
     memcpy(v, state, sizeof v);
     for (unsigned i = 0; i < 64; i++) {
         const uint32_t s1 = turn(v[4], 6) ^ turn(v[4], 11) ^ turn(v[4], 25);
+        /* mutants: the two share no bit */
         const uint32_t choice = (v[4] & v[5]) ^ (~v[4] & v[6]);
         const uint32_t t1 = v[7] + s1 + choice + round_constant[i] + w[i];
         const uint32_t s0 = turn(v[0], 2) ^ turn(v[0], 13) ^ turn(v[0], 22);

@@ -25,7 +25,7 @@ __attribute__((format(printf, 2, 3))) static void put(struct text *text, const c
     va_start(values, format);
     const int len = vsnprintf(line, sizeof line, format, values);
     va_end(values);
-    if (len > 0) { /* GCOVR_EXCL_BR_LINE: no text here is empty, nor can it fail */
+    if (len > 0) { /* GCOVR_EXCL_BR_LINE, mutants: no text is empty, nor can it fail */
         fsn_sha256_add(&text->run, line, (size_t)len < sizeof line ? (size_t)len : sizeof line - 1);
     }
 }
