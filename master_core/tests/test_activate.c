@@ -348,6 +348,29 @@ static void silence_is_twice_the_watchdog(void) {
     }
 }
 
+/** Copies of a size are executed together; the three sets of values do not share a place. */
+static void copies_are_grouped_by_size(void) {
+    static const struct build_sm sm[2][2] = {{{1, 16}, {2, 16}}, {{1, 16}, {2, 16}}};
+    static const struct build_copy copies[] = {{0, 0, 1, 0, 2}, {0, 4, 1, 4, 3}, {0, 8, 1, 8, 2}};
+    static const struct build_symbol symbols[] = {{.sm = 0, .bits = 8},
+                                                  {.sm = 0, .bit_offset = 8, .bits = 8}};
+    const struct build build = {.subdevices = 2,
+                                .sm = sm,
+                                .copies = copies,
+                                .standard = 3,
+                                .symbols = symbols,
+                                .symbol_count = 2};
+    struct emulated_rig rig = emulated_rig_build(&build);
+    const struct fsn_rt *rt = &rig.core->rt;
+    CHECK(rt->group_count == 2 && rt->groups[0].count + rt->groups[1].count == 3);
+    for (uint32_t g = 0; g < 2; g++) {
+        CHECK(rt->groups[g].count == (rt->groups[g].size_bytes == 2 ? 2 : 1));
+    }
+    CHECK(rt->sets.set[1].values >= rt->sets.set[0].values + 2);
+    CHECK(rt->sets.set[2].values >= rt->sets.set[1].values + 2);
+    emulated_rig_end(&rig);
+}
+
 int main(void) {
     const long alive = heap_alive();
     a_bus_that_does_not_open();
@@ -360,6 +383,7 @@ int main(void) {
     the_image_begins_empty();
     outputs_beside_copies_are_open();
     silence_is_twice_the_watchdog();
+    copies_are_grouped_by_size();
     CHECK(heap_alive() == alive);
     return 0;
 }
