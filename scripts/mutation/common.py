@@ -3,6 +3,7 @@
 A half is a module with
 
     PARTS: dict[str, ...]                         its parts by name
+    ask_quick_tests_only() -> None                for CI's small sample: some parts may go
     mutants(part, root) -> list[Mutant]           all of them, in an order that never changes
     class Runner(part, work, root):               one for each job, with a folder of its own
         run(mutant) -> "killed" | "survived" | "invalid"
