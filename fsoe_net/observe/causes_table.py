@@ -121,7 +121,7 @@ _ROWS = (
         "{device} was back after a moment; the connection starts anew.",
         "Measure its supply during the machine's heaviest load; read its error memory for a "
         "restart, a watchdog or an undervoltage.",
-        "Mend the supply (own fuse, thicker wire, separate supply), or its firmware.",
+        "Repair the supply (own fuse, thicker wire, separate supply), or its firmware.",
     ),
     (
         "device_interrupted",
@@ -154,7 +154,8 @@ _ROWS = (
         "Connections drop now and then, more often under load; the devices are well.",
         "Compare the round trip with the bus cycle below; `fsoe-net doctor` for the machine "
         "(coalescing of the network card, priority of its interrupt, own CPU).",
-        "Lengthen the bus cycle, or fix what doctor finds.",
+        "Fix what doctor finds. Another bus cycle changes the reaction times: calculate them "
+        "again, and have the configuration accepted again.",
     ),
     (
         "stalled_main_device",
@@ -168,7 +169,8 @@ _ROWS = (
         "Many cycles came late: the MainDevice does not keep its cycle.",
         "Connections drop now and then, more often under load.",
         "`fsoe-net doctor`; compare the histogram of the cycle with the cycle time.",
-        "Real-time kernel, own CPU, no power saving; or a longer bus cycle.",
+        "Real-time kernel, own CPU, no power saving. Another bus cycle changes the reaction times: "
+        "calculate them again, and have the configuration accepted again.",
     ),
     (
         "foreign_frames",
@@ -185,8 +187,8 @@ _ROWS = (
         "The connection drops now and then, or never comes up, though all devices are well.",
         "Compare the watchdog with the answer times below: it must hold the slowest round trip and "
         "a lost frame or two.",
-        "Lengthen the watchdog in the safety program, after the reaction time of the safety "
-        "function was calculated again; or shorten the bus cycle.",
+        "Take away what makes the answers slow. Another watchdog or bus cycle changes the reaction "
+        "times: calculate them again first, and have the configuration accepted again.",
     ),
     (
         "slow_device",
@@ -194,8 +196,8 @@ _ROWS = (
         "Only connections of {device} drop, more often when it is busy.",
         "Compare its answer time below with its manual; look at its load (task time, cyclic "
         "communication besides).",
-        "Lower its load or its safety task time, or plan a longer watchdog with a new calculation "
-        "of the reaction time.",
+        "Lower its load or its safety task time. Another watchdog changes the reaction times: "
+        "calculate them again first, and have the configuration accepted again.",
     ),
     (
         "end_silent",

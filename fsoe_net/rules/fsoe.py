@@ -116,8 +116,8 @@ def _timing(ctx: Context) -> None:
                 net.span,
                 f"the bus cycle is {cycle_ms:g} ms; the usual FSoE watchdog of "
                 f"{_TWINSAFE_DEFAULT_MS} ms is shorter than {WATCHDOG_BUS_CYCLES} such cycles",
-                hint=f"control_frequency of at least {least_hz} Hz, or longer watchdogs "
-                "(then state them as watchdog_ms)",
+                hint=f"control_frequency of at least {least_hz} Hz; state the watchdogs of the "
+                "safety project as watchdog_ms, and calculate the reaction times again",
             )
 
 

@@ -143,8 +143,8 @@ def _reaction(out: FindingList, row: FunctionBudget) -> None:
             place,
             f"{function.name} keeps {function.required_reaction_ms:g} ms by both methods, but "
             f"{reaction.counted:g} ms are possible with the handshake of FSoE counted",
-            hint="shorter watchdogs, or a longer required reaction time; the formulas of the "
-            "methods leave out that a value may have to wait for its turn",
+            hint="shorter watchdogs where their interval allows, or faster parts; the formulas of "
+            "the methods leave out that a value may have to wait for its turn",
         )
 
 
@@ -153,7 +153,7 @@ def _connection(out: FindingList, row: ConnectionBudget) -> None:
     name = row.connection.name
     place = facts.at("watchdog_ms") if facts is not None else _place(row)
     if row.empty and row.least is not None and row.greatest is not None:
-        hint = "a shorter bus cycle, faster parts, or a longer required reaction time"
+        hint = "a shorter bus cycle or faster parts; then the reaction times are calculated again"
         if row.printed is not None and not exceeds(row.least.ms, row.printed.ms):
             hint += f"; as vendors print it, {row.printed.ms:g} ms would be left"
         out.add(
