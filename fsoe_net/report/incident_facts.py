@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.parameters import differences
 from fsoe_net.fsoe.pdu import decode_pdu, describe, reset_code_text
 from fsoe_net.observe.causes import Verdicts, judge
 from fsoe_net.observe.evidence import IncidentEvidence
@@ -222,6 +223,10 @@ def _remarks(e: IncidentEvidence) -> tuple[str, ...]:
             f"{e.bus.missed} cycles were not recorded: frames may have passed unseen, so CRC "
             "verdicts and answer times are less certain"
         )
+    for c in e.head.connections:
+        others = differences(c.seen.differs, c.seen.configured, c.seen.observed)
+        if others:
+            rows.append(f"{c.name} ran with other parameters than the plan: {'; '.join(others)}")
     if e.head.trigger.kind is not TriggerKind.BUS_FAILED and not e.links:
         rows.append("the file holds no layout: the frames cannot be shown")
     return tuple(rows)
