@@ -8,14 +8,16 @@ from typing import Any
 
 import pytest
 
-from fsoe_net.core.snapshot import Statistics
+from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot, Statistics
 from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
+from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import Command, ResetCode
 from fsoe_net.observe import causes_bus, causes_ends, causes_places
 from fsoe_net.observe.bus_documents import (
     Layout,
     LayoutConnection,
     LayoutCopy,
+    NamedConnection,
     PlannedConnection,
     SubDeviceSnapshot,
 )
@@ -34,6 +36,7 @@ from fsoe_net.observe.incident import (
     Trigger,
     TriggerKind,
 )
+from fsoe_net.report import incident_facts
 
 MS = 1_000_000
 MOMENT = 1000 * MS
@@ -467,6 +470,28 @@ BOTH_DAMAGED = link(
 )
 def test_candidates(found, said):
     assert [(c.key, c.score, c.title, *c.evidence) for c in found] == said
+
+
+def test_other_parameters_than_the_plan_are_a_remark():
+    way = DirectionSnapshot(**dict.fromkeys((f.name for f in fields(DirectionSnapshot)), 0))
+    seen = ConnectionSnapshot(
+        state=OutsideState.DATA_PROCESS,
+        to_sub=way,
+        to_main=way,
+        gaps=0,
+        configured=FsoeParameters(connection_id=4, address=202, watchdog_ms=100),
+        observed=FsoeParameters(connection_id=2099, address=202, watchdog_ms=4000),
+        differs=("connection_id", "watchdog_ms"),
+    )
+    rows = [
+        NamedConnection(name=name, net="n", main="logic", sub=f"sub_{name}", seen=one)
+        for name, one in (("a", seen), ("b", replace(seen, differs=())))
+    ]
+    e = evidence()
+    assert incident_facts._remarks(replace(e, head=replace(e.head, connections=tuple(rows)))) == (
+        "a ran with other parameters than the plan: connection ID 2099, 4 in the plan; watchdog "
+        "4000 ms, 100 ms in the plan",
+    )
 
 
 def test_addresses_that_go_round_without_the_first():
