@@ -26,6 +26,7 @@ def test_every_known_frame_is_found_with_its_length(row):
     (found,) = guess_pdo(row.pdo, row.direction)
     assert (found.block.byte_offset, found.block.frame_bytes) == (0, row.frame_bytes)
     assert found.block.direction is row.direction
+    assert found.block.sm_index == (2 if row.direction is Direction.OUTPUT else 3)
     neighbour = any(e.address == "0x6768:03" for e in row.pdo.entries)
     assert found.sure is not neighbour
     assert found.reasons
