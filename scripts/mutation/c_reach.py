@@ -23,7 +23,8 @@ from .c_syntax import function_lines
 _PROGRAMS = {
     "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire "
     "wire_time fuzz_wire",
-    "plan-loader": "activate copy fields fingerprint memory plan plan_file rules texts fuzz_plan",
+    "plan-loader": "access activate acyclic copy fields fingerprint memory outputs plan "
+    "plan_file rules texts fuzz_plan",
     "core": "access activate acyclic check cycle igh_open igh_cycle igh_objects memory "
     "outputs plan plan_file record snapshot texts thread wire wire_time",
     "control": "control incident jobs lease listen master memory replies server stream watch "
