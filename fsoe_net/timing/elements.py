@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.model.acceptance import says_something
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 
 __all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
+
+_PLACE_HOLDER = re.compile(
+    r"0|assum\w*|estimat\w*|fixme|guess\w*|later|na|none|nosource|open|tb[acd]|todo|unknown|x{1,3}"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,6 +193,12 @@ def _row(element: SafetyElement, subs: dict[str, SubDevice], library: Library) -
     )
 
 
+def _names_a_source(text: str) -> bool:
+    """Whether somebody answers for a figure; a word that holds a place for one is no answer."""
+    plain = "".join(c for c in text.casefold() if c.isalnum())
+    return bool(plain) and _PLACE_HOLDER.fullmatch(plain) is None
+
+
 def _quantity(
     element: SafetyElement,
     stated: float | None,
@@ -202,7 +212,7 @@ def _quantity(
             value=stated,
             unit=unit,
             source=", ".join(w for w in words if w),
-            answered_for=says_something(element.source) or says_something(element.manual),
+            answered_for=_names_a_source(element.source) or _names_a_source(element.manual),
         )
     for known in () if device is None else device.figures:
         if known.name == figure and device is not None:
@@ -213,6 +223,6 @@ def _quantity(
                 value=known.value,
                 unit=unit,
                 source=source,
-                answered_for=says_something(element.manual),
+                answered_for=_names_a_source(element.manual),
             )
     return Quantity(value=None, unit=unit)

@@ -334,6 +334,9 @@ def test_sums_above_the_limit(resolution_of: Maker) -> None:
         ("pfh_per_hour: 1.11e-9, ", "", Judgement.WITHIN, Judgement.MISSING),
         ("1.25e-9, source: manual", "1.25e-9", Judgement.UNVERIFIED, Judgement.UNVERIFIED),
         ("1.25e-9, source: manual", "1.25e-9, source: '-'", *(Judgement.UNVERIFIED,) * 2),
+        ("1.25e-9, source: manual", "1.25e-9, source: T.B.D.", *(Judgement.UNVERIFIED,) * 2),
+        ("1.25e-9, source: manual", "1.25e-9, source: Guess", *(Judgement.UNVERIFIED,) * 2),
+        ("1.25e-9, source: manual", "1.25e-9, source: '0'", *(Judgement.UNVERIFIED,) * 2),
         # 1.0e-6 is no longer below the limit of PL d, whoever answers for it.
         ("1.0e-8, source: sheet", "1.0e-6", Judgement.UNVERIFIED, Judgement.ABOVE),
     ],
