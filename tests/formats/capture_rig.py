@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -20,6 +21,8 @@ from fsoe_net.observe.capture import CaptureWriter
 
 ALL_PROTOCOLS = 3
 SOCKET_BYTES = 64 << 20
+SO_RCVBUFFORCE = 33  # beyond net.core.rmem_max, which holds 40 ms of a busy machine
+SOL_PACKET, PACKET_STATISTICS = 263, 6
 
 
 class Listener:
@@ -27,7 +30,7 @@ class Listener:
 
     def __init__(self, interface, path):
         self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ALL_PROTOCOLS))
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SOCKET_BYTES)
+        self._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, SOCKET_BYTES)
         self._socket.bind((interface, ALL_PROTOCOLS))
         self._socket.settimeout(0.1)
         self._writer = CaptureWriter(path, interface=interface)
@@ -48,9 +51,12 @@ class Listener:
                 return
 
     def end(self):
+        """Finish the capture; returns how many packets it lacks."""
         self._stop.set()
         self._thread.join()
         self._writer.close()
+        seen = self._socket.getsockopt(SOL_PACKET, PACKET_STATISTICS, 8)
+        return struct.unpack("=II", seen)[1]
 
 
 def fsn(network, capture):
@@ -80,7 +86,8 @@ def main():
         devices.end()
     else:
         seen = fsn(network, capture)
-    listener.end()
+    if dropped := listener.end():
+        sys.exit(f"the listener was too slow for {dropped} packets")
     sys.stdout.write(json.dumps(seen) + "\n")
 
 
