@@ -187,7 +187,7 @@ class Snapshot:
 class CoreEvent:
     """A change that the core has seen on the wire.
 
-    ``by``: who began the reset, ``main`` or ``sub``; empty when it is none. Where ``before`` is
+    ``by``: who began the reset, ``main`` or ``sub``; empty for other changes. Where ``before`` is
     ``after``, the parameters of the connection have come to differ from the plan or no longer do:
     ``differs`` names those that do, ``parameters`` are those observed.
     """

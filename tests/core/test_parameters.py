@@ -32,7 +32,7 @@ def start(out, inn, app=b"", cycles=None):
     """Return the frames of a start-up with its direction, in the order sent."""
     bench = Bench(main=make_main(out, inn, app), sub=make_sub(out, inn, app))
     rows = []
-    while len(rows) < 2 * (cycles or 600) and (cycles or bench.main.state.value != "Data"):
+    while len(rows) < 2 * cycles if cycles else bench.main.state.value != "Data":
         rows += [(TO_SUB, bench.main_turn()), (TO_MAIN, bench.sub_turn())]
     return [(way, frame) for way, frame in rows if frame is not None]
 

@@ -235,7 +235,7 @@ CASES = {
     "lost link": (_put(3, "ports", 1, "link_lost", 3), "FSN512", "port 1: 3 lost links", 9),
     "receive error": (_put(3, "ports", 0, "rx_errors", 1), "FSN512", "1 receive error", 9),
     "address not readable": (_put(2, "fsoe", None), "FSN513", "FSoE values of el1904", 42),
-    "connection not told": (
+    "connection not reported": (
         lambda r: r[1]["fsoe"]["connections"].pop(),
         "FSN513",
         "nothing of drive_2",

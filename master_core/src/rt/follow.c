@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+#include "rt/bytes.h"
+
 enum { NOBODY = 2 };
 
 static uint16_t advance(uint16_t sequence) {
@@ -193,11 +195,7 @@ static enum fsn_verdict judge(struct fsn_monitor *m, unsigned way, const uint8_t
 
 /** Safe data of a frame, bytes (§1). */
 static uint32_t safe_bytes(uint32_t size_bytes) {
-    return size_bytes == 6 ? 1 : (size_bytes - 3) / 2;
-}
-
-static uint16_t word(const uint8_t *bytes) {
-    return (uint16_t)(bytes[0] | bytes[1] << 8);
+    return size_bytes == FSN_MIN_FRAME_BYTES ? 1 : (size_bytes - 3) / 2;
 }
 
 static uint32_t crc32_step(uint32_t crc, uint8_t byte) {
@@ -213,7 +211,7 @@ static void take_byte(struct fsn_sent_list *list, uint8_t byte) {
     const uint32_t at = list->count++;
     if (at < sizeof list->head) {
         list->head[at] = byte;
-    } else if (at - sizeof list->head < word(list->head + 4)) {
+    } else if (at - sizeof list->head < fsn_get16(list->head + 4)) {
         list->crc = crc32_step(list->crc, byte);
     }
 }
@@ -223,7 +221,7 @@ static bool is_whole(const struct fsn_sent_list *list) {
         return list->count >= 4;
     }
     return list->count >= sizeof list->head &&
-           list->count - sizeof list->head >= word(list->head + 4);
+           list->count - sizeof list->head >= fsn_get16(list->head + 4);
 }
 
 /** Shows a list that is whole: ConnID and address, or 2, watchdog, length, application data (§4).
@@ -233,12 +231,12 @@ static void show_list(const struct fsn_sent_list *list, struct fsn_parameters *p
         return;
     }
     if (list->command == FSN_CMD_CONNECTION) {
-        parameters->connection_id = word(list->head);
-        parameters->address = word(list->head + 2);
+        parameters->connection_id = fsn_get16(list->head);
+        parameters->address = fsn_get16(list->head + 2);
         parameters->known = FSN_STATED_CONNECTION_ID | FSN_STATED_ADDRESS;
-    } else if (word(list->head) == 2) {
-        parameters->watchdog_ms = word(list->head + 2);
-        parameters->app_bytes = word(list->head + 4);
+    } else if (fsn_get16(list->head) == 2) {
+        parameters->watchdog_ms = fsn_get16(list->head + 2);
+        parameters->app_bytes = fsn_get16(list->head + 4);
         parameters->app_crc = ~list->crc;
         parameters->known |= FSN_STATED_WATCHDOG | FSN_STATED_APP;
     }
