@@ -39,6 +39,7 @@ class Listener:
         self._thread.start()
 
     def _run(self):
+        """Write until nothing is left: at the end a busy machine's packets still wait in here."""
         while True:
             try:
                 data = self._socket.recv(2048)
@@ -47,8 +48,6 @@ class Listener:
                     return
                 continue
             self._writer.packet(time.time_ns(), data)
-            if self._stop.is_set():
-                return
 
     def end(self):
         """Finish the capture; returns how many packets it lacks."""
