@@ -33,7 +33,7 @@ enum {
 enum { REG_LINKS = 0x0110, REG_PORT_TIMES = 0x0900, REG_LATCHED = 0x0918 };
 
 /** What every answer says, whatever is damaged besides. */
-enum lie { NO_LIE, NO_LINKS, WILD_CLOCKS, ROUND_SII, NO_MAILBOX, NO_SII };
+enum lie { NO_LIE, NO_LINKS, WILD_CLOCKS, ROUND_SII, NO_MAILBOX, NO_SII, NO_ENTRY };
 
 struct wire {
     struct fsn_segment *segment;
@@ -43,6 +43,8 @@ struct wire {
     atomic_uint one_in;           /**< of so many answers one is damaged; 0: none */
     atomic_uint lie;              /**< enum lie */
     atomic_bool requested[ASKED]; /**< for PREOP, by station; of the thread that answers */
+    atomic_uint asked_as;         /**< mailbox counter of the first request for an entry */
+    atomic_bool asked_again;      /**< with another one */
     atomic_bool stop;
 };
 
@@ -116,6 +118,23 @@ static void lie(uint8_t *frame, size_t len, unsigned what) {
     }
 }
 
+/** Whether it requests the first entry of the first output PDO, by a mailbox that is lost however
+ *  often it is sent: what is requested later has another counter. */
+static bool is_lost_request(struct wire *w, const uint8_t *frame) {
+    static const uint8_t upload[] = {0x00, 0x20, 0x40, 0x00, 0x16, 0x01};
+    const uint8_t *mailbox = frame + HEAD + DATAGRAM_HEAD;
+    if (frame[HEAD] != CMD_FPWR || memcmp(mailbox + 6, upload, sizeof upload) != 0) {
+        return false;
+    }
+    unsigned none = 0;
+    const unsigned counter = mailbox[5] >> 4;
+    if (atomic_compare_exchange_strong(&w->asked_as, &none, counter) || none == counter) {
+        return true;
+    }
+    atomic_store(&w->asked_again, true);
+    return false;
+}
+
 /** Whether a frame is lost on its way there: those that set up the mailbox of a SubDevice, until it
  *  was requested PREOP without one; or those that read the SII of the second one. */
 static bool is_lost(struct wire *w, const uint8_t *frame) {
@@ -123,6 +142,9 @@ static bool is_lost(struct wire *w, const uint8_t *frame) {
     const unsigned which = frame[HEAD + 2] % ASKED;
     if (atomic_load(&w->lie) == NO_SII) {
         return which == 2 && address >= REG_SII && address < REG_SII + 16;
+    }
+    if (atomic_load(&w->lie) == NO_ENTRY) {
+        return !atomic_load(&w->asked_again) && is_lost_request(w, frame);
     }
     if (frame[HEAD] != CMD_FPWR || atomic_load(&w->lie) != NO_MAILBOX) {
         return false;
@@ -205,6 +227,8 @@ static bool opens(struct wire *w, struct fsn_plan *plan, enum lie what, unsigned
         for (int i = 0; i < ASKED; i++) {
             atomic_store(&w->requested[i], false);
         }
+        atomic_store(&w->asked_as, 0);
+        atomic_store(&w->asked_again, false);
         atomic_store(&w->lie, what);
         open = play(w, plan, false, one_in);
     }
@@ -259,6 +283,8 @@ int main(int argc, char **argv) {
     }
     CHECK(tells_of_an_sii_that_does_not_come(&w, plan));
     CHECK(opens(&w, plan, NO_MAILBOX, 0));
+    /* What a lost frame keeps from being checked is requested again. */
+    CHECK(opens(&w, plan, NO_ENTRY, 0) && atomic_load(&w.asked_again));
     for (unsigned i = 0; i < rounds; i++) {
         opened += play(&w, plan, i % 2 == 0, 2 + pick_own(&w, 60));
     }

@@ -23,6 +23,7 @@ static struct {
     bool locked_whole;        /**< nor how many it holds */
     struct object unreadable; /**< one that is not read, or 0 */
     unsigned unreadable_from; /**< so many reads of it go well before */
+    bool silent;              /**< nothing answers to it, where others refuse */
     char log[2000];           /**< what was written */
 } on;
 
@@ -49,7 +50,7 @@ static fsn_status upload(void *bus, struct fsn_transfer *t) {
         on.unreadable.index == t->index && on.unreadable.sub == t->sub && on.unreadable_from-- == 0;
     if (o == NULL || refused) {
         on.unreadable_from = refused ? 0 : on.unreadable_from;
-        return FSN_E_BUS_SDO;
+        return refused && on.silent ? FSN_E_BUS_MISSING : FSN_E_BUS_SDO;
     }
     for (unsigned i = 0; i < 4; i++) {
         t->data[i] = (uint8_t)(o->value >> (8 * i));
@@ -182,6 +183,33 @@ static void what_cannot_be_read_is_left_to_the_device(void) {
     }
 }
 
+/** A lost answer is no judgement, before it was written and after. */
+static void what_nobody_answers_is_no_agreement(void) {
+    static const struct {
+        struct object at;
+        const char *written, *detail;
+    } places[] = {
+        {{ASSIGNED, 0, 0}, "1c12:00=0/1 1c12:01=1600/2 1c12:00=1/1 ", "0x1c12:00: no answer"},
+        {{ASSIGNED, 1, 0}, "1c12:00=0/1 1c12:01=1600/2 1c12:00=1/1 ", "0x1c12:01: no answer"},
+        {{PDO, 0, 0}, ANEW, "0x1600:00: no answer"},
+        {{PDO, 8, 0}, ANEW, "0x1600:08: no answer"},
+    };
+    for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
+        for (unsigned from = 0; from < 2; from++) {
+            set_up();
+            on.silent = true;
+            on.unreadable = places[i].at;
+            on.unreadable_from = from;
+            if (places[i].at.index == PDO) {
+                put(PDO, 3, 0x60000210);
+            } else {
+                put(ASSIGNED, 1, 0x1601);
+            }
+            CHECKED(FSN_E_BUS_MISSING, from == 0 ? "" : places[i].written, places[i].detail);
+        }
+    }
+}
+
 static void mappings_are_written_once(void) {
     set_up();
     put(PDO, 3, 0x60000210);
@@ -292,6 +320,7 @@ int main(void) {
     assignments_are_written_once();
     numbers_are_compared();
     what_cannot_be_read_is_left_to_the_device();
+    what_nobody_answers_is_no_agreement();
     mappings_are_written_once();
     padding_may_be_split();
     long_padding_is_split();

@@ -75,46 +75,40 @@ static void join_padding(struct mapping *m) {
 
 /* -- as found ------------------------------------------------------------------------------- */
 
-static bool read_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t *value) {
+/** Returns as fsn_objects_read(): a SubDevice may refuse it, which is no fault here. */
+static fsn_status read_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t *value) {
     uint8_t bytes[8];
-    if (fsn_objects_read(at->objects, index, sub, bytes) != FSN_OK) {
-        return false;
-    }
+    const fsn_status status = fsn_objects_read(at->objects, index, sub, bytes);
     *value = fsn_get32(bytes);
-    return true;
+    if (status == FSN_E_BUS_MISSING) {
+        snprintf(at->detail, FSN_DETAIL_BYTES, "0x%04x:%02x: no answer", index, sub);
+    }
+    return status;
 }
 
-static bool read_assignment(const struct at *at, struct assignment *a) {
-    if (!read_number(at, at->assigned, 0, &a->count)) {
-        return false;
-    }
+static fsn_status read_assignment(const struct at *at, struct assignment *a) {
+    fsn_status status = read_number(at, at->assigned, 0, &a->count);
     a->count &= 0xFFu;
     a->count = a->count > MOST_PDOS ? MOST_PDOS : a->count;
-    for (uint32_t i = 0; i < a->count; i++) {
+    for (uint32_t i = 0; status == FSN_OK && i < a->count; i++) {
         uint32_t pdo;
-        if (!read_number(at, at->assigned, (uint8_t)(i + 1), &pdo)) {
-            return false;
-        }
+        status = read_number(at, at->assigned, (uint8_t)(i + 1), &pdo);
         a->pdos[i] = (uint16_t)pdo;
     }
-    return true;
+    return status;
 }
 
-static bool read_mapping(const struct at *at, uint16_t pdo, struct mapping *m) {
+static fsn_status read_mapping(const struct at *at, uint16_t pdo, struct mapping *m) {
     uint32_t count;
-    m->count = 0;
-    if (!read_number(at, pdo, 0, &count)) {
-        return false;
-    }
+    fsn_status status = read_number(at, pdo, 0, &count);
     count &= 0xFFu;
-    for (uint32_t i = 0; i < count; i++) {
+    m->count = 0;
+    for (uint32_t i = 0; status == FSN_OK && i < count; i++) {
         uint32_t entry;
-        if (!read_number(at, pdo, (uint8_t)(i + 1), &entry)) {
-            return false;
-        }
+        status = read_number(at, pdo, (uint8_t)(i + 1), &entry);
         add_entry(m->entries, &m->count, entry);
     }
-    return true;
+    return status;
 }
 
 /* -- writing -------------------------------------------------------------------------------- */
@@ -157,18 +151,23 @@ static fsn_status differs(const struct at *at, const char *what, uint32_t found,
     return FSN_E_BUS_MAPPING;
 }
 
+/** What cannot be read is not compared: the SubDevice judges the length itself, in SAFEOP. Only
+ *  where nothing answers, nobody has judged. */
+static fsn_status unless_silent(fsn_status status) {
+    return status == FSN_E_BUS_MISSING ? status : FSN_OK;
+}
+
 static fsn_status check_assignment(const struct at *at) {
     struct assignment planned, found;
     planned_assignment(at, &planned);
-    if (!read_assignment(at, &found)) {
-        return FSN_OK; /* not readable: the SubDevice judges the length itself, in SAFEOP */
-    }
-    if (same_assignment(&planned, &found)) {
-        return FSN_OK;
+    fsn_status status = read_assignment(at, &found);
+    if (status != FSN_OK || same_assignment(&planned, &found)) {
+        return unless_silent(status);
     }
     write_assignment(at, &planned);
-    if (!read_assignment(at, &found) || same_assignment(&planned, &found)) {
-        return FSN_OK;
+    status = read_assignment(at, &found);
+    if (status != FSN_OK || same_assignment(&planned, &found)) {
+        return unless_silent(status);
     }
     for (uint32_t i = 0; i < planned.count && i < found.count; i++) {
         if (planned.pdos[i] != found.pdos[i]) {
@@ -202,11 +201,13 @@ static fsn_status check_mapping(const struct at *at, uint32_t number) {
     const uint16_t pdo = fsn_read_pdo(at->plan, number).index;
     struct mapping planned, found;
     planned.count = fsn_pdo_entries(at->plan, number, planned.entries);
-    if (!read_mapping(at, pdo, &found) || compare_mapping(at, pdo, planned, &found) == FSN_OK) {
-        return FSN_OK;
+    fsn_status status = read_mapping(at, pdo, &found);
+    if (status != FSN_OK || compare_mapping(at, pdo, planned, &found) == FSN_OK) {
+        return unless_silent(status);
     }
     write_mapping(at, pdo, &planned);
-    return read_mapping(at, pdo, &found) ? compare_mapping(at, pdo, planned, &found) : FSN_OK;
+    status = read_mapping(at, pdo, &found);
+    return status == FSN_OK ? compare_mapping(at, pdo, planned, &found) : unless_silent(status);
 }
 
 fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
