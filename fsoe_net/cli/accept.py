@@ -139,8 +139,8 @@ def _say(output: str, record: Acceptance, before: AcceptedRecord | None) -> None
     findings, steps = len(record.findings), len(record.steps_left_out)
     if findings or steps:
         echo(
-            f"let pass: {counted(findings, 'warning')}, {counted(steps, 'step')} of "
-            f"{record.steps}, each by name and reason"
+            f"let pass: {counted(findings, 'warning')}, {counted(steps, 'other')}, each by name "
+            "and reason"
         )
     if before is not None:
         same = before.fingerprint.whole == record.whole

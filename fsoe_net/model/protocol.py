@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import enum
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from fsoe_net.model.acceptance import says_something
@@ -11,6 +13,7 @@ from fsoe_net.model.bus import Located
 __all__ = [
     "EMULATED_NOTE",
     "AtMachine",
+    "DeviceEntry",
     "Protocol",
     "ProtocolStep",
     "StepKind",
@@ -19,6 +22,10 @@ __all__ = [
 ]
 
 EMULATED_NOTE = "EMULATED, not evidence for this machine"
+_NO_ANSWER = re.compile(
+    r"(?:fixme|later|na|none|notapplicable|open|tb[acd]|todo|unknown|x+|0x?0*)?"
+)
+"""Words that hold a place, by their letters and digits; `not applicable` needs a reason behind."""
 
 
 class StepKind(enum.Enum):
@@ -156,6 +163,39 @@ def _otherwise(seen: StepResult | None) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceEntry(Located):
+    """What a person reads at a SubDevice with an FSoE end; all empty until then.
+
+    Attributes:
+        subdevice: Its name.
+        firmware: Version, as the device or its tool shows it.
+        serial: Serial number.
+        safety_project_crc: CRC of the safety project; ``None`` where there is no MainInstance.
+    """
+
+    subdevice: str
+    firmware: str = ""
+    serial: str = ""
+    safety_project_crc: str | None = None
+
+    @property
+    def filled(self) -> bool:
+        """Whether somebody wrote anything."""
+        return bool(self.firmware or self.serial or self.safety_project_crc)
+
+    def blank(self) -> Iterator[str]:
+        """Yield the names of what nobody has answered, ``not applicable`` without a reason too."""
+        for name in ("firmware", "serial", "safety_project_crc"):
+            text = getattr(self, name)
+            if text is not None and _NO_ANSWER.fullmatch(_plain(text)):
+                yield name
+
+
+def _plain(text: str) -> str:
+    return "".join(filter(str.isalnum, text.casefold()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol(Located):
     """A test protocol of one configuration.
 
@@ -164,6 +204,8 @@ class Protocol(Located):
         project: Machine or project; may be empty.
         plan_sha256: Of the plan that was tried.
         fingerprint: Of the configuration; empty when it was not worked out.
+        made: Day (ISO 8601) on which the first protocol of it was written; empty when not known.
+        devices: What is read at the SubDevices with an FSoE end.
         steps: In the order in which they are best done.
     """
 
@@ -171,6 +213,8 @@ class Protocol(Located):
     project: str = ""
     plan_sha256: str
     fingerprint: str = ""
+    made: str = ""
+    devices: tuple[DeviceEntry, ...] = ()
     steps: tuple[ProtocolStep, ...]
 
     @property

@@ -63,6 +63,8 @@ def accept(
     plan = compile_plan(resolution)
     source, filled, wrong = read_protocol(protocol, resolution, plan)
     changed = None if before is None else since(before, resolution, plan)
+    named = [step.id for step in filled.steps]
+    named += [f"{key} {d.subdevice}" for d in filled.devices for key in d.blank()]
     grounds = Grounds(
         version=__version__,
         resolution=resolution,
@@ -74,7 +76,7 @@ def accept(
         protocol_findings=wrong,
         author=SignedBy(name=author.strip(), date=day),
         verifier=SignedBy(name=verifier.strip(), date=day),
-        reasons=[_reason(row, [step.id for step in filled.steps]) for row in justify],
+        reasons=[_reason(row, named) for row in justify],
         interventions=[Intervention(what=what, by=by, date=day) for what, by in interventions],
         before=None if before is None else before.record,
         before_source=None if before is None else before.source,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fsoe_net import __version__
@@ -66,6 +67,7 @@ class ProtocolTrial:
         compiled = compile_plan(resolution)
         plan, fingerprint = compiled.to_bytes(), fingerprint_of(compiled)
         protocol = make_protocol(resolution, plan, fingerprint=fingerprint.whole)
+        protocol = replace(protocol, made=datetime.date.today().isoformat())
         if before is not None:
             protocol = keep_machine(protocol, before)
         return cls(resolution=resolution, plan=plan, fingerprint=fingerprint, protocol=protocol)

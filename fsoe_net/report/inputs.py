@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.model.acceptance import Acceptance, JustifiedFinding
 from fsoe_net.model.network import SourceFile
+from fsoe_net.model.protocol import DeviceEntry
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
@@ -102,7 +103,7 @@ class TestStep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A test protocol: its file, the plan it was made for, and its steps.
+    """A test protocol: its file, the plan it was made for, its steps, what was read at devices.
 
     ``notes``: line and words of what is wrong or unfinished; ``fits``: whether its results can be
     taken for this network.
@@ -111,6 +112,7 @@ class Tried:
     source: SourceFile
     plan_sha256: str
     steps: tuple[TestStep, ...]
+    devices: tuple[DeviceEntry, ...] = ()
     notes: tuple[str, ...] = ()
     fits: bool = True
 

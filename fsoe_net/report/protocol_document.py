@@ -20,7 +20,14 @@ from fsoe_net.document.model import (
     strong,
     words,
 )
-from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepOutcome, StepResult
+from fsoe_net.model.protocol import (
+    EMULATED_NOTE,
+    DeviceEntry,
+    Protocol,
+    ProtocolStep,
+    StepOutcome,
+    StepResult,
+)
 from fsoe_net.plan.fingerprint import short_code
 
 __all__ = ["protocol_document"]
@@ -34,6 +41,7 @@ _COLUMNS = (
     Column("MACHINE: result, time, remark", share=27),
     Column("Who, when", share=11),
 )
+_READ = ("SubDevice", "Firmware", "Serial number", "CRC of the safety project")
 _NOTE = (
     "The EtherCAT MainDevice is part of the black channel and takes no part in the safety "
     "function. This tool is not certified. What was tried on emulated devices is "
@@ -67,9 +75,28 @@ def protocol_document(protocol: Protocol, *, version: str) -> Document:
             *lead,
             words(strong(f"{count}.")),
             Table(name="steps", columns=_COLUMNS, rows=rows),
+            Table(
+                name="read at the devices",
+                columns=tuple(Column(h) for h in _READ),
+                rows=tuple(_device(device) for device in p.devices),
+            ),
         ),
         landscape=True,
     )
+
+
+def _device(device: DeviceEntry) -> tuple[Cell, ...]:
+    project = device.safety_project_crc
+    return (
+        cell(strong(device.subdevice)),
+        _written(device.firmware),
+        _written(device.serial),
+        cell(muted("no MainInstance")) if project is None else _written(project),
+    )
+
+
+def _written(text: str) -> Cell:
+    return cell(text) if text else BLANK
 
 
 def _row(step: ProtocolStep) -> tuple[Cell, ...]:

@@ -15,6 +15,7 @@ def tried_of(source: SourceFile, protocol: Protocol) -> Tried:
         source=source,
         plan_sha256=protocol.plan_sha256,
         steps=tuple(_step(s) for s in protocol.steps),
+        devices=protocol.devices,
     )
 
 

@@ -32,6 +32,7 @@ from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.protocol import DeviceEntry
 from fsoe_net.model.resolve import Connection
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
@@ -39,6 +40,11 @@ from fsoe_net.report.svg import topology_picture
 
 __all__ = ["architecture", "connections"]
 
+_READ = {
+    "firmware": "firmware",
+    "serial": "serial number",
+    "safety_project_crc": "CRC of the safety project",
+}
 _FACTS = "connections of the network file"
 _NET = "network files"
 _LAYOUT = "process data of the slave configs"
@@ -73,24 +79,50 @@ def architecture(inputs: ReportInputs) -> ReportSection:
     if len(network.subdevices) <= _MOST_PLAIN:
         shown = list(network.subdevices)
     parts += [Heading("SubDevices"), _subdevices(shown, network, mains, subs)]
-    masters = [s for s in network.subdevices if s.name in mains]
-    if masters:
-        rows = tuple((cell(strong(s.name)), BLANK, BLANK, BLANK) for s in masters)
-        heads = ("MainInstance", "Firmware", "Serial number", "CRC of the safety project")
+    entries = _entries(inputs, mains, subs)
+    if entries:
+        heads = ("SubDevice", "Firmware", "Serial number", "CRC of the safety project")
+        rows = tuple(_entry(e) for e in entries)
         parts += [
-            Heading("Safety masters: read at the devices, by hand"),
-            Table(name="safety masters", columns=tuple(Column(h) for h in heads), rows=rows),
+            Heading("Read at the devices, by hand"),
+            Table(name="read at the devices", columns=tuple(Column(h) for h in heads), rows=rows),
         ]
-    points = [
-        Point(
-            PointKind.OPEN,
-            f"firmware, serial number and project CRC of {s.name} have to be read at the device",
-        )
-        for s in masters
-    ]
+    points = []
+    for key, word in _READ.items():
+        names = [e.subdevice for e in entries if key in e.blank()]
+        if names:
+            words = f"{word} to be read at the device: {', '.join(names)}"
+            points.append(Point(PointKind.OPEN, words))
     return ReportSection(
         key="architecture", title="Architecture", parts=tuple(parts), points=tuple(points)
     )
+
+
+def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[DeviceEntry]:
+    """Return what people read at each SubDevice with an FSoE end, in the order of the bus."""
+    resolution, tried = inputs.resolution, inputs.tried
+    if resolution is None:
+        return []
+    read = {} if tried is None or not tried.fits else {d.subdevice: d for d in tried.devices}
+    names = dict.fromkeys(s.name for s in resolution.network.subdevices)
+    blank = {
+        name: DeviceEntry(subdevice=name, safety_project_crc="" if name in mains else None)
+        for name in names
+        if name in mains | subs
+    }
+    return [read.get(name, entry) for name, entry in blank.items()]
+
+
+def _entry(entry: DeviceEntry) -> tuple[Cell, ...]:
+    blank = set(entry.blank())
+    row = [cell(strong(entry.subdevice))]
+    for key in _READ:
+        text = getattr(entry, key)
+        if text is None:
+            row.append(cell(muted("no MainInstance")))
+        else:
+            row.append(BLANK if key in blank else cell(text))
+    return tuple(row)
 
 
 def _nothing() -> Paragraph:

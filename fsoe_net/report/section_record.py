@@ -212,7 +212,7 @@ def sign_off(inputs: ReportInputs) -> ReportSection:
         parts.append(
             Table(
                 name="steps left out",
-                columns=tuple(Column(h) for h in ("Step not done", "Reason", "Answered for by")),
+                columns=tuple(Column(h) for h in ("Let pass", "Reason", "Answered for by")),
                 rows=tuple(
                     (cell(strong(s.step)), cell(s.reason), cell(s.by))
                     for s in record.steps_left_out

@@ -39,6 +39,9 @@ from fsoe_net.plan.model import Plan
 __all__ = ["Grounds", "Reason", "Refusal", "SignedReport", "read_signed_report", "sign_off"]
 
 _HASH = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
+_DO_IT = "do it at the machine"
+_NO_EVIDENCE = "no evidence of the machine"
+"""How the open point of a report begins that has none."""
 _LEFT_OUT = (StepKind.LOSS,)
 """Steps that a reason may replace at once; the others when they were done for the record before and
 no change calls for them again."""
@@ -54,7 +57,11 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
-    """Why something is let pass: ``CODE@file:line``, the id of a step, or all, as ``loss *``."""
+    """Why something is let pass.
+
+    Its subject is ``CODE@file:line``, the id of a step, ``firmware NAME`` and the like, ``bus
+    evidence``, or all of a kind, as ``loss *``.
+    """
 
     subject: str
     reason: str
@@ -71,6 +78,7 @@ class SignedReport:
         findings: What it lists, errors and notes too.
         open_points: How many it lists, and
         assumptions: how many of these.
+        of_machine: Whether something in it was read at the machine: a scan, a run, a running bus.
         against: Its verdict when that is against the network; empty otherwise.
         pages: How many of its files are a page for people.
         not_of: Pages without that fingerprint.
@@ -82,6 +90,7 @@ class SignedReport:
     findings: tuple[Diagnostic, ...]
     open_points: int
     assumptions: int
+    of_machine: bool = True
     against: str = ""
     pages: int = 0
     not_of: tuple[str, ...] = ()
@@ -153,6 +162,7 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         whole = str((document["fingerprint"] or {}).get("whole", ""))
         findings = tuple(_finding(f) for f in document["findings"])
         kinds = [p["kind"] for p in document["points"]]
+        of_machine = not any(str(p["text"]).startswith(_NO_EVIDENCE) for p in document["points"])
         verdict = document["verdict"]
         against = str(verdict["word"]) if verdict["level"] == Level.ERROR.value else ""
     except (
@@ -175,6 +185,7 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         findings=findings,
         open_points=kinds.count("open"),
         assumptions=kinds.count("assumption"),
+        of_machine=of_machine,
         against=against,
         pages=len(files) - 1,
         not_of=tuple(path for path, _ in pages if whole not in hashes[path]),
@@ -210,6 +221,9 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
     _people(g, out)
     _report(g, fingerprint.whole, out)
     _findings(g, out)
+    if not g.report.of_machine:
+        why = "the report has no evidence of the machine"
+        _let_pass("bus evidence", why, "give `report` a --evidence scan.json", g, out)
     _steps(g, fingerprint.whole, out)
     _history(g, fingerprint.whole, out)
     for subject, count in Counter(r.subject for r in g.reasons).items():
@@ -219,7 +233,8 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
         if r.subject not in out.used:
             out.refuse(
                 f"--justify {r.subject}: there is no such warning or open step",
-                "write CODE@file:line as the report shows it, the id of a step, or `loss *`",
+                "write CODE@file:line as the report shows it, the id of a step, or `loss *`; the "
+                "others as a refusal names them",
             )
     if out.refusals:
         return None, tuple(out.refusals)
@@ -366,6 +381,13 @@ def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
     if g.protocol.fingerprint == whole:
         for step in g.protocol.steps:
             _step(step, g, out)
+        _devices(g, out)
+        if not g.protocol.made.strip():
+            out.refuse(
+                f"{g.protocol_source.path} does not say since when there is this configuration",
+                "write it again with `fsoe-net test-protocol … --overwrite`: it keeps what is "
+                "filled in",
+            )
     elif not errors:  # the steps of another configuration say nothing
         out.refuse(
             f"{g.protocol_source.path} is the protocol of another configuration",
@@ -382,9 +404,19 @@ def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
     if not missing:
         _done(step, g, out)
     elif step.kind not in _LEFT_OUT and (g.before is None or step.id in g.again):
-        out.refuse(f"step {step.id} at {step.span}: {missing}", "do it at the machine")
+        out.refuse(f"step {step.id} at {step.span}: {missing}", _DO_IT)
     else:
-        _let_pass(step, missing, "do it at the machine", g, out)
+        _let_pass(step.id, f"step {step.id} at {step.span}: {missing}", _DO_IT, g, out)
+
+
+def _devices(g: Grounds, out: _Gathered) -> None:
+    """Look whether firmware, serial number and project CRC of each FSoE device were read."""
+    for device in g.protocol.devices:
+        for key in device.blank():
+            what = f"{key} {device.subdevice}"
+            why = f"{what} at {device.span}: nobody has read it at the machine"
+            fix = "read it; where there is none, write `not applicable: why`"
+            _let_pass(what, why, fix, g, out)
 
 
 def _done(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
@@ -403,9 +435,16 @@ def _done(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
             f"{g.verifier.date}",
             "sign after the last step, --date says when",
         )
-    doubt = _doubt(step, g)
-    if doubt:
-        _let_pass(step, doubt, "measure it again", g, out)
+    doubts = [text for text in (_too_early(day, g), _doubt(step, g)) if text]
+    if doubts:
+        why = f"step {step.id} at {step.span}: {'; '.join(doubts)}"
+        _let_pass(step.id, why, "do it again and measure", g, out)
+
+
+def _too_early(day: str, g: Grounds) -> str:
+    """Say that a step was done before there was such a configuration; empty when it was not."""
+    made = g.protocol.made.strip()[:10]
+    return "" if day >= made else f"done on {day}, before this configuration was there: {made}"
 
 
 def _doubt(step: ProtocolStep, g: Grounds) -> str:
@@ -424,23 +463,16 @@ def _doubt(step: ProtocolStep, g: Grounds) -> str:
     return ""
 
 
-def _let_pass(step: ProtocolStep, why: str, fix: str, g: Grounds, out: _Gathered) -> None:
-    """Take a reason for a step, or refuse it."""
-    meant = [r for r in g.reasons if _is_meant(step, r.subject)]
-    meant.sort(key=lambda r: r.subject != step.id)  # its own before the one for all
+def _let_pass(what: str, why: str, fix: str, g: Grounds, out: _Gathered) -> None:
+    """Take a reason for a step or for what is missing, or refuse it."""
+    meant = [r for r in g.reasons if r.subject in (what, f"{what.partition(' ')[0]} *")]
+    meant.sort(key=lambda r: r.subject != what)  # its own before the one for all
     reason = next(iter(meant), None)
     if reason is None:
-        out.refuse(
-            f"step {step.id} at {step.span}: {why}",
-            f'{fix}, or --justify "{step.id}=reason by name"',
-        )
+        out.refuse(why, f'{fix}, or --justify "{what}=reason by name"')
         return
     out.used.add(reason.subject)
-    out.steps.append(JustifiedStep(step=step.id, reason=reason.reason, by=reason.by))
-
-
-def _is_meant(step: ProtocolStep, subject: str) -> bool:
-    return subject in (step.id, f"{step.id.partition(' ')[0]} *")
+    out.steps.append(JustifiedStep(step=what, reason=reason.reason, by=reason.by))
 
 
 def _failures(step: ProtocolStep) -> Iterator[str]:

@@ -9,12 +9,14 @@ from dataclasses import replace
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
-from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind
+from fsoe_net.model.protocol import DeviceEntry, Protocol, ProtocolStep, StepKind
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safety import ElementKind, SafetyFunction
 from fsoe_net.plan.fingerprint import short_code
 
 __all__ = ["compare_protocol", "connections_of", "keep_machine", "make_protocol"]
+
+_BACK = "`fsoe-net test-protocol … -o` this file puts it back, and keeps what is filled in"
 
 
 def make_protocol(resolution: Resolution, plan_bytes: bytes, *, fingerprint: str = "") -> Protocol:
@@ -36,7 +38,19 @@ def make_protocol(resolution: Resolution, plan_bytes: bytes, *, fingerprint: str
         project=network.project or "",
         plan_sha256=hashlib.sha256(plan_bytes).hexdigest(),
         fingerprint=fingerprint,
+        devices=_devices(resolution),
         steps=tuple(steps),
+    )
+
+
+def _devices(resolution: Resolution) -> tuple[DeviceEntry, ...]:
+    """Return a row for each SubDevice with an FSoE end, in the order of the bus."""
+    mains = {c.main.name for c in resolution.connections}
+    ends = mains | {c.sub.name for c in resolution.connections}
+    return tuple(
+        DeviceEntry(subdevice=name, safety_project_crc="" if name in mains else None)
+        for name in dict.fromkeys(sub.name for sub in resolution.network.subdevices)
+        if name in ends
     )
 
 
@@ -115,7 +129,7 @@ def keep_machine(new: Protocol, old: Protocol) -> Protocol:
     """
     written = {step.id: step for step in old.steps if step.machine.filled}
     if not _same(new, old):
-        if written:
+        if written or any(d.filled for d in old.devices):
             raise InputError(
                 "that file holds results at the machine of another plan "
                 f"({old.plan_sha256[:16]}, now {new.plan_sha256[:16]}); write to another file"
@@ -128,7 +142,18 @@ def keep_machine(new: Protocol, old: Protocol) -> Protocol:
             "write to another file"
         )
     before = {step.id: step for step in old.steps}
-    return replace(new, steps=tuple(_merged(step, before.get(step.id)) for step in new.steps))
+    read = {d.subdevice: d for d in old.devices}
+    return replace(
+        new,
+        made=old.made or new.made,
+        devices=tuple(_read(d, read.get(d.subdevice, d)) for d in new.devices),
+        steps=tuple(_merged(step, before.get(step.id)) for step in new.steps),
+    )
+
+
+def _read(new: DeviceEntry, old: DeviceEntry) -> DeviceEntry:
+    """Return what people read, in a row that asks for all of it."""
+    return replace(old, safety_project_crc=old.safety_project_crc or new.safety_project_crc)
 
 
 def _same(new: Protocol, old: Protocol) -> bool:
@@ -157,10 +182,8 @@ def compare_protocol(given: Protocol, fresh: Protocol, out: Collector) -> None:
     for step in fresh.steps:
         if step.id not in steps:
             words = f"step {step.id} of these files is missing"
-            hint = (
-                "`fsoe-net test-protocol … -o` this file puts it back, and keeps what is filled in"
-            )
-            out.add("FSN161", given.at("steps"), words, hint=hint)
+            out.add("FSN161", given.at("steps"), words, hint=_BACK)
+    _compare_devices(given, fresh, out)
     required = {step.id: step for step in fresh.steps}
     for step in given.steps:
         fresh_step = required.get(step.id)
@@ -172,6 +195,18 @@ def compare_protocol(given: Protocol, fresh: Protocol, out: Collector) -> None:
             out.add(
                 "FSN161", step.at(key), words, hint=f"write back: {_requirements(fresh_step)[key]}"
             )
+
+
+def _compare_devices(given: Protocol, fresh: Protocol, out: Collector) -> None:
+    projects = {d.subdevice: d.safety_project_crc for d in given.devices}
+    for device in fresh.devices:
+        name = device.subdevice
+        if name not in projects:
+            words = f"{name} is missing among the devices to read"
+            out.add("FSN161", given.at("devices"), words, hint=_BACK)
+        elif projects[name] is None and device.safety_project_crc is not None:
+            words = f"{name} has a MainInstance, and no safety_project_crc to read"
+            out.add("FSN161", given.at("devices"), words, hint=_BACK)
 
 
 def _requirements(step: ProtocolStep) -> dict[str, object]:

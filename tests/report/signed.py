@@ -33,9 +33,19 @@ def done(step: ProtocolStep, **more: object) -> ProtocolStep:
 
 
 def filled(protocol: Protocol) -> Protocol:
-    """Do all but the faults at the machine."""
+    """Do all but the faults at the machine, and read what is to be read there."""
     return replace(
         protocol,
+        made=DAY,
+        devices=tuple(
+            replace(
+                d,
+                firmware="03",
+                serial="4711",
+                safety_project_crc=None if d.safety_project_crc is None else "0x8F1C",
+            )
+            for d in protocol.devices
+        ),
         steps=tuple(s if s.kind is StepKind.FAULT else done(s) for s in protocol.steps),
     )
 
@@ -72,11 +82,12 @@ def signed_report(data: bytes) -> SignedReport:
 
 
 def report_with(path: Path = TIMED, **more: object) -> bytes:
-    """Return the report in JSON, changed at its top level."""
+    """Return the report in JSON, changed at its top level; it has evidence of the machine."""
     inputs = inputs_of(path)
     assert inputs.resolution is not None
     tried = tried_of(source("protocol.yaml"), filled(make_protocol(inputs.resolution, b"")))
     form = json.loads(render_report(replace(inputs, tried=tried), "json"))
+    form["points"] = [p for p in form["points"] if not p["text"].startswith("no evidence")]
     return json.dumps({**form, **more}).encode()
 
 

@@ -43,7 +43,9 @@ LOCAL = """\
 """
 OPEN = """\
 Identity: the machine is not named; write project: in the network file
-Architecture: firmware, serial number and project CRC of logic have to be read at the device
+Architecture: firmware to be read at the device: io, io2, logic
+Architecture: serial number to be read at the device: io, io2, logic
+Architecture: CRC of the safety project to be read at the device: logic
 FSoE connections: logic-io is unconfirmed: asked by mail
 FSoE connections: logic-io2 is unconfirmed
 Timing: estop: values nobody answers for: ES1

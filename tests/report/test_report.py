@@ -349,7 +349,7 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
             kind=StepKind.LOSS,
         ),
     )
-    protocol = SimpleNamespace(plan_sha256="0" * 64, steps=steps)
+    protocol = SimpleNamespace(plan_sha256="0" * 64, steps=steps, devices=())
     document = as_json(inputs_of(TIMED, tried=tried_of(FILE, protocol)))
     shown = table(document, "tests", "checklist")
     assert shown["columns"][3:6] == ["EMULATED", "LIVE, by program", "MACHINE, by hand"]

@@ -320,6 +320,70 @@ def test_a_time_that_is_hard_to_believe_needs_a_reason(measured: float, said: st
         assert [s.step for s in record.steps_left_out] == ["trigger estop"]
 
 
+def test_nobody_tests_what_is_not_there_yet() -> None:
+    grounds = with_step(grounds_of(), StepKind.TRIGGER, date="2026-11-20")
+    early = (
+        "step trigger estop at : done on 2026-11-20, before this configuration was there: "
+        "2026-11-21"
+    )
+    assert refused(grounds) == [early]
+    assert refused(with_step(grounds, StepKind.TRIGGER, date="2026-11-20", measured_ms=0)) == [
+        f"{early}; 0 ms at the machine; the bus alone takes two cycles, 2 ms"
+    ]
+    reason = Reason(subject="trigger estop", reason="the same tables, renamed", by="B. Kaya")
+    record, refusals = sign_off(replace(grounds, reasons=[reason]))
+    assert record is not None, refusals
+    assert [s.step for s in record.steps_left_out] == ["trigger estop"]
+    unknown = replace(grounds_of(), protocol=replace(grounds_of().protocol, made=""))
+    assert refused(unknown) == ["protocol.yaml does not say since when there is this configuration"]
+
+
+def with_logic(text: str) -> Grounds:
+    """Return the grounds with something else for firmware and project of the MainInstance."""
+    grounds = grounds_of()
+    *others, logic = grounds.protocol.devices
+    assert (logic.subdevice, logic.safety_project_crc) == ("logic", "0x8F1C")
+    logic = replace(logic, firmware=text, safety_project_crc=text)
+    return replace(grounds, protocol=replace(grounds.protocol, devices=(*others, logic)))
+
+
+@pytest.mark.parametrize(
+    "text", ["", " ", "-", "?", "0", "0x0000", "n/a", "Not applicable.", "TBD", "xxx", "\u200b"]
+)
+def test_what_was_not_read_at_a_device_needs_a_reason(text: str) -> None:
+    grounds = with_logic(text)
+    assert refused(grounds) == [
+        "firmware logic at : nobody has read it at the machine",
+        "safety_project_crc logic at : nobody has read it at the machine",
+    ]
+    reasons = [
+        Reason(subject="firmware *", reason="no display", by="B. Kaya"),
+        Reason(subject="safety_project_crc logic", reason="fixed function", by="B. Kaya"),
+    ]
+    record, refusals = sign_off(replace(grounds, reasons=reasons))
+    assert record is not None, refusals
+    assert [(s.step, s.reason) for s in record.steps_left_out] == [
+        ("firmware logic", "no display"),
+        ("safety_project_crc logic", "fixed function"),
+    ]
+
+
+@pytest.mark.parametrize("text", ["03", "1.0", "not applicable: fixed function", "0x0001"])
+def test_an_answer_is_taken(text: str) -> None:
+    assert refused(with_logic(text)) == []
+
+
+def test_a_report_without_the_machine_needs_a_reason() -> None:
+    text = "no evidence of the machine: give --evidence scan.json or --interface IF"
+    point = {"kind": "open", "block": "Bus evidence", "text": text}
+    grounds = grounds_of(report=signed_report(report_with(points=[point])))
+    assert refused(grounds) == ["the report has no evidence of the machine"]
+    reason = Reason(subject="bus evidence", reason="no access to the bus", by="B. Kaya")
+    record, refusals = sign_off(replace(grounds, reasons=[reason]))
+    assert record is not None, refusals
+    assert [s.step for s in record.steps_left_out] == ["bus evidence"]
+
+
 def test_a_doubtful_time_does_not_close_an_open_step() -> None:
     grounds = with_step(grounds_of(), StepKind.TRIGGER, measured_ms=0, outcome=None)
     reason = Reason(subject="trigger estop", reason="slow camera", by="B. Kaya")

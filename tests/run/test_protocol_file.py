@@ -53,6 +53,8 @@ def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
         ("date: ''", "date: 21.11.2026", "such as 2026-11-21"),
         ("date: ''", "date: 2026-02-30", "is not a date"),
         ("    measured_ms: ''", "    measured_ms: 61,5", "61,5"),
+        ("made: ''", "made: 2026-02-30", "made: '2026-02-30' is not a date"),
+        ("firmware: ''", "firmwear: ''", "firmwear"),
     ],
 )
 def test_mistakes_of_people_are_located(
@@ -68,6 +70,31 @@ def test_mistakes_of_people_are_located(
     found = out.diagnostics[0]
     assert words in f"{found.message} {found.hint}"
     assert found.span.line > 4
+
+
+def test_what_was_read_at_devices_is_kept_and_asked_for() -> None:
+    empty, _ = protocol_of(timed())
+    old = replace(
+        empty,
+        made="2026-11-20",
+        devices=tuple(replace(d, firmware="03") for d in empty.devices),
+    )
+    assert keep_machine(replace(empty, made="2026-11-23"), old) == old
+    with pytest.raises(InputError, match="results at the machine of another plan"):
+        keep_machine(replace(empty, plan_sha256="1" * 64), old)
+    *others, logic = old.devices
+    for devices, words in (
+        (others, "logic is missing among the devices to read"),
+        (
+            [*others, replace(logic, safety_project_crc=None)],
+            "logic has a MainInstance, and no safety_project_crc to read",
+        ),
+    ):
+        cut, out = replace(old, devices=tuple(devices)), Collector()
+        compare_protocol(cut, empty, out)
+        assert [d.message for d in out.diagnostics] == [words]
+        kept = keep_machine(empty, cut).devices[-1]
+        assert (kept.subdevice, kept.safety_project_crc) == ("logic", "")
 
 
 def test_a_date_and_a_number_by_hand_are_read(tmp_path: Path) -> None:

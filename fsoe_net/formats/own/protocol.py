@@ -6,12 +6,13 @@ import os
 import re
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.own.protocol_entry import check_entry
+from fsoe_net.formats.own.protocol_entry import check_date, check_entry
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, load_yaml
 from fsoe_net.model.protocol import (
     AtMachine,
+    DeviceEntry,
     Protocol,
     ProtocolStep,
     StepKind,
@@ -49,6 +50,8 @@ def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | No
             out.add("FSN161", step.span, f"step {step.id} is there twice", hint="keep one of them")
         seen.add(step.id)
         check_entry(step, out)
+    made = _text(root, "made")
+    check_date("made", made, root.at("made"), out)
     if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
         return None
     return Protocol(
@@ -58,7 +61,21 @@ def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | No
         project=_text(root, "project"),
         plan_sha256=_text(root, "plan_sha256"),
         fingerprint=_text(root, "fingerprint"),
+        made=made,
+        devices=tuple(_device(node) for node in root.maps("devices")),
         steps=steps,
+    )
+
+
+def _device(node: MapNode) -> DeviceEntry:
+    has_project = "safety_project_crc" in node.pairs
+    return DeviceEntry(
+        span=node.span,
+        fields=node.places(),
+        subdevice=_text(node, "subdevice"),
+        firmware=_text(node, "firmware"),
+        serial=_text(node, "serial"),
+        safety_project_crc=_text(node, "safety_project_crc") if has_project else None,
     )
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from datetime import date
 
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.acceptance import says_something
 from fsoe_net.model.protocol import AtMachine, ProtocolStep, StepOutcome
 
-__all__ = ["check_entry"]
+__all__ = ["check_date", "check_entry"]
 
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)([T ].*)?")
 
@@ -32,7 +33,7 @@ def check_entry(step: ProtocolStep, out: Collector) -> None:
             hint="empty it; note tests of your own beside this protocol",
         )
         return
-    _check_date(step, out)
+    check_date(f"step {step.id}", machine.date, machine.at("date"), out)
     if step.is_late and machine.outcome is StepOutcome.AS_EXPECTED:
         out.add(
             "FSN161",
@@ -56,8 +57,9 @@ def _missing(machine: AtMachine) -> list[str]:
     return [key for key, value in rows.items() if not value]
 
 
-def _check_date(step: ProtocolStep, out: Collector) -> None:
-    text = step.machine.date.strip()
+def check_date(what: str, given: str, place: Span, out: Collector) -> None:
+    """Report what is not a day, FSN161; nothing is said of an empty one."""
+    text = given.strip()
     if not text:
         return
     match = _DATE.fullmatch(text)
@@ -68,7 +70,7 @@ def _check_date(step: ProtocolStep, out: Collector) -> None:
     except ValueError:
         out.add(
             "FSN161",
-            step.machine.at("date"),
-            f"step {step.id}: {text!r} is not a date",
+            place,
+            f"{what}: {text!r} is not a date",
             hint="write year, month and day, such as 2026-11-21",
         )

@@ -6,7 +6,13 @@ from typing import Any
 
 import yaml
 
-from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepResult
+from fsoe_net.model.protocol import (
+    EMULATED_NOTE,
+    DeviceEntry,
+    Protocol,
+    ProtocolStep,
+    StepResult,
+)
 
 __all__ = ["write_protocol"]
 
@@ -16,6 +22,7 @@ _HEAD = f"""\
 #   result: as expected | not as expected | not run, measured_ms, remark, by, date.
 # A step stays open until machine has result, by and date. Steps without it (faults) are tried on
 #   the emulated bus only. Not certified, no safety function.
+# "devices": read them at the machine; where there is none, `not applicable: why`.
 """
 
 
@@ -27,11 +34,23 @@ def write_protocol(protocol: Protocol) -> str:
         "project": protocol.project,
         "plan_sha256": protocol.plan_sha256,
         "fingerprint": protocol.fingerprint,
+        "made": protocol.made,
         "emulated_note": EMULATED_NOTE,
+        "devices": [_device(device) for device in protocol.devices],
         "steps": [_step(step) for step in protocol.steps],
     }
     body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
     return _HEAD + str(body)
+
+
+def _device(device: DeviceEntry) -> dict[str, Any]:
+    row = {
+        "subdevice": device.subdevice,
+        "firmware": device.firmware,
+        "serial": device.serial,
+        "safety_project_crc": device.safety_project_crc,
+    }
+    return {key: value for key, value in row.items() if value is not None}
 
 
 def _step(step: ProtocolStep) -> dict[str, Any]:
