@@ -17,7 +17,8 @@ from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.project.known import AcceptedRecord, read_record
 from fsoe_net.project.protocol import read_protocol
 from fsoe_net.project.report import since
-from fsoe_net.report.sign_off import Grounds, Reason, Refusal, read_signed_report, sign_off
+from fsoe_net.report.sign_off import Grounds, Reason, Refusal, sign_off
+from fsoe_net.report.signed_report import read_signed_report
 from fsoe_net.timing.budget import make_budget
 
 __all__ = ["accept", "intervention_rows", "reason_rows", "record_bytes"]

@@ -7,18 +7,13 @@ who is not the author (IEC 62061 clause 9; ISO 13849-2 clause 4.1 speaks of inde
 
 from __future__ import annotations
 
-import json
-import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePath
-from typing import Any
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.diag.words import counted
-from fsoe_net.document.model import Level
-from fsoe_net.errors import InputError
 from fsoe_net.model.acceptance import (
     Acceptance,
     Intervention,
@@ -35,13 +30,11 @@ from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind, StepOutcom
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.model import Plan
+from fsoe_net.report.signed_report import SignedReport
 
-__all__ = ["Grounds", "Reason", "Refusal", "SignedReport", "read_signed_report", "sign_off"]
+__all__ = ["Grounds", "Reason", "Refusal", "sign_off"]
 
-_HASH = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
 _DO_IT = "do it at the machine"
-_NO_EVIDENCE = "no evidence of the machine"
-"""How the open point of a report begins that has none."""
 _LEFT_OUT = (StepKind.LOSS,)
 """Steps that a reason may replace at once; the others when they were done for the record before and
 no change calls for them again."""
@@ -66,35 +59,6 @@ class Reason:
     subject: str
     reason: str
     by: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SignedReport:
-    """The report that was signed; its findings are those of its JSON form.
-
-    Attributes:
-        sources: Its files.
-        whole: The fingerprint in it; empty without one.
-        findings: What it lists, errors and notes too.
-        open_points: How many it lists, and
-        assumptions: how many of these.
-        of_machine: Whether something in it was read at the machine: a scan, a run, a running bus.
-        against: Its verdict when that is against the network; empty otherwise.
-        pages: How many of its files are a page for people.
-        not_of: Pages without that fingerprint.
-        hashes: What each file but a PDF names by SHA-256.
-    """
-
-    sources: tuple[SourceFile, ...]
-    whole: str
-    findings: tuple[Diagnostic, ...]
-    open_points: int
-    assumptions: int
-    of_machine: bool = True
-    against: str = ""
-    pages: int = 0
-    not_of: tuple[str, ...] = ()
-    hashes: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,70 +112,6 @@ class _Gathered:
 
     def refuse(self, what: str, fix: str) -> None:
         self.refusals.append(Refusal(what=what, fix=fix))
-
-
-def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedReport:
-    """Read the report: its JSON form for the facts, the others for being of the same fingerprint.
-
-    Raises:
-        InputError: There is no JSON form among the files, or it is not one.
-    """
-    source, data = _json_form(files)
-    try:
-        document = json.loads(data)
-        whole = str((document["fingerprint"] or {}).get("whole", ""))
-        findings = tuple(_finding(f) for f in document["findings"])
-        kinds = [p["kind"] for p in document["points"]]
-        of_machine = not any(str(p["text"]).startswith(_NO_EVIDENCE) for p in document["points"])
-        verdict = document["verdict"]
-        against = str(verdict["word"]) if verdict["level"] == Level.ERROR.value else ""
-    except (
-        ArithmeticError,
-        ValueError,
-        LookupError,
-        TypeError,
-        AttributeError,
-        RecursionError,
-    ) as exc:
-        raise InputError(f"{source.path} is no report of fsoe-net in JSON") from exc
-    pages = [(s.path, d) for s, d in files if s is not source and not d.startswith(b"%PDF")]
-    hashes = {
-        path: frozenset(found.decode("ascii") for found in _HASH.findall(text))
-        for path, text in ((source.path, data), *pages)
-    }
-    return SignedReport(
-        sources=tuple(s for s, _ in files),
-        whole=whole,
-        findings=findings,
-        open_points=kinds.count("open"),
-        assumptions=kinds.count("assumption"),
-        of_machine=of_machine,
-        against=against,
-        pages=len(files) - 1,
-        not_of=tuple(path for path, _ in pages if whole not in hashes[path]),
-        hashes=hashes,
-    )
-
-
-def _json_form(files: Sequence[tuple[SourceFile, bytes]]) -> tuple[SourceFile, bytes]:
-    documents = [(source, data) for source, data in files if data.lstrip()[:1] == b"{"]
-    if len(documents) != 1:
-        names = ", ".join(source.path for source, _ in files)
-        raise InputError(
-            f"{names}: {'no' if not documents else 'more than one'} report in JSON; write it with "
-            "`fsoe-net report … -o report.json` beside the page, with the same options, and name "
-            "both with --report"
-        )
-    return documents[0]
-
-
-def _finding(row: dict[str, Any]) -> Diagnostic:
-    return Diagnostic(
-        code=str(row["code"]),
-        severity=Severity(row["severity"]),
-        message=str(row["message"]),
-        span=Span(str(row["file"]), int(row["line"]), int(row["column"])),
-    )
 
 
 def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:

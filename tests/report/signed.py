@@ -15,7 +15,8 @@ from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, StepKind,
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.formats import render_report
 from fsoe_net.report.protocol_steps import tried_of
-from fsoe_net.report.sign_off import Grounds, SignedReport, read_signed_report, sign_off
+from fsoe_net.report.sign_off import Grounds, sign_off
+from fsoe_net.report.signed_report import SignedReport, read_signed_report
 from fsoe_net.run.protocol import make_protocol
 
 DAY = "2026-11-21"

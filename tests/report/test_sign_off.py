@@ -14,7 +14,8 @@ from fsoe_net.errors import InputError
 from fsoe_net.model.acceptance import Intervention, SignedBy, same_person
 from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome, StepResult
 from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.report.sign_off import Grounds, Reason, read_signed_report, sign_off
+from fsoe_net.report.sign_off import Grounds, Reason, sign_off
+from fsoe_net.report.signed_report import read_signed_report
 
 
 def refused(grounds: Grounds) -> list[str]:
