@@ -8,14 +8,28 @@ from pathlib import Path
 import pytest
 from report.made import BASE, TIMED
 from report.signed import DAY, done, grounds_of, record_of, report_with, signed_report, source
+from said import Said
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import InputError
 from fsoe_net.model.acceptance import Intervention, SignedBy, same_person
 from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome, StepResult
 from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.report import sign_off as product
 from fsoe_net.report.sign_off import Grounds, Reason, sign_off
 from fsoe_net.report.signed_report import read_signed_report
+
+
+@pytest.fixture(autouse=True)
+def texts(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hold every refusal, what is wrong and what to do, to the recorded ones."""
+    refuse = product._Gathered.refuse
+
+    def kept(self: product._Gathered, what: str, fix: str) -> None:
+        refuse(self, what, fix)
+        said.add(f"{what}\n  fix: {fix}")
+
+    monkeypatch.setattr(product._Gathered, "refuse", kept)
 
 
 def refused(grounds: Grounds) -> list[str]:
@@ -82,7 +96,7 @@ def test_the_page_is_of_the_same_configuration() -> None:
         assert refused(grounds_of(report=report)) == wanted
 
 
-@pytest.mark.parametrize("data", [b"<html>", b"{}", b"{", b"[" * 9, b'{"findings": 3}'])
+@pytest.mark.parametrize("data", [b"<html>", b"{}", b"{", b'{"a":' * 99_999, b'{"findings": 3}'])
 def test_no_report_is_told(data: bytes) -> None:
     with pytest.raises(InputError, match=r"r\.json"):
         read_signed_report([(source("r.json"), data)])
@@ -298,7 +312,7 @@ def test_a_reaction_is_measured_and_within_its_limit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("measured", "said"),
+    ("measured", "doubt"),
     [
         (2.0, None),
         (1.9, "1.9 ms at the machine; the bus alone takes two cycles, 2 ms"),
@@ -307,16 +321,16 @@ def test_a_reaction_is_measured_and_within_its_limit() -> None:
         (42.1, "42.1 ms at the machine; by the stated times it is 42 ms at most without a fault"),
     ],
 )
-def test_a_time_that_is_hard_to_believe_needs_a_reason(measured: float, said: str | None) -> None:
+def test_a_time_that_is_hard_to_believe_needs_a_reason(measured: float, doubt: str | None) -> None:
     grounds = with_step(
         grounds_of(longest_ms={"estop": 42.0, "another": 1.0}),
         StepKind.TRIGGER,
         measured_ms=measured,
     )
-    assert refused(grounds) == ([] if said is None else [f"step trigger estop at : {said}"])
+    assert refused(grounds) == ([] if doubt is None else [f"step trigger estop at : {doubt}"])
     reason = Reason(subject="trigger estop", reason="slow camera", by="B. Kaya")
     record, refusals = sign_off(replace(grounds, reasons=[reason]))
-    if said is not None:
+    if doubt is not None:
         assert record is not None, refusals
         assert [s.step for s in record.steps_left_out] == ["trigger estop"]
 
