@@ -6,39 +6,27 @@ import datetime
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
+from fsoe_net.cli.accept_output import (
+    EPILOG,
+    print_record,
+    print_refusals,
+    print_signature,
+)
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, output_option, read_by
-from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.diag.words import counted
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.model.acceptance import Acceptance
-from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.project.accept import accept, intervention_rows, reason_rows, record_bytes
-from fsoe_net.project.known import AcceptedRecord
-from fsoe_net.report.sign_off import Refusal
+from fsoe_net.project.known import is_record
+from fsoe_net.project.signatures import ROLES, sign_record
 
 __all__ = ["command"]
 
-_EPILOG = """\b
-Example:
-  fsoe-net test-protocol network.yaml --virtual -o protocol.yaml    # then do it at the machine
-  fsoe-net report network.yaml --protocol protocol.yaml -o report.html
-  fsoe-net report network.yaml --protocol protocol.yaml -o report.json
-  fsoe-net accept network.yaml --protocol protocol.yaml --report report.html --report report.json
-      --author "A. Meier" --verifier "B. Kaya" -o acceptance.yaml
-      --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya"
-      --justify "loss io_box=soldered in, cannot be unplugged by B. Kaya"
-
-Afterwards: fsoe-net verify network.yaml --accepted acceptance.yaml (or --socket PATH), and
-fsoe-net report network.yaml --accepted acceptance.yaml -o report.html for what has changed since.
-
-Exit codes: 0 written, 1 refused with every reason, or a file cannot be read, 2 wrong use.
-
-A record is evidence. It is no certificate, and nobody is who the record says but by the signature
-on the report."""
+_NEEDED = ("reports", "protocol", "author", "verifier", "output")
+"""Of a network; a record that is only signed holds them."""
 
 
 def _day(value: str | None) -> str:
@@ -53,26 +41,24 @@ def _day(value: str | None) -> str:
     return day.isoformat()
 
 
-@click.command("accept", epilog=_EPILOG)
+@click.command("accept", epilog=EPILOG)
 @input_options
 @click.option(
     "--report",
     "reports",
     multiple=True,
-    required=True,
     type=FILE,
     metavar="FILE",
     help="The signed report: the page, and the same in JSON.",
 )
 @click.option(
     "--protocol",
-    required=True,
     type=FILE,
     metavar="FILE",
     help="The test protocol as it was filled in at the machine.",
 )
-@click.option("--author", required=True, metavar="NAME", help="Who made the configuration.")
-@click.option("--verifier", required=True, metavar="NAME", help="Who checked it: not the author.")
+@click.option("--author", metavar="NAME", help="Who made the configuration.")
+@click.option("--verifier", metavar="NAME", help="Who checked it: not the author.")
 @click.option(
     "--date",
     "day",
@@ -97,53 +83,61 @@ def _day(value: str | None) -> str:
     help="What was changed since the record before, and why; may be given again.",
 )
 @click.option("--replaces", type=FILE, metavar="FILE", help="The acceptance record before.")
-@output_option("File to write (.yaml).", required=True)
+@click.option(
+    "--sign",
+    "key",
+    type=FILE,
+    metavar="KEY",
+    help="Sign the record with this SSH key, beside it: of what is written, or of a record that "
+    "stands for FILES.",
+)
+@click.option("--as", "role", type=click.Choice(ROLES), help="Who signs.")
+@output_option("File to write (.yaml).")
 @click.pass_context
 def command(
     ctx: click.Context,
     /,
     files: tuple[str, ...],
     loading: LoadOptions,
-    output: str,
+    output: str | None,
     overwrite: bool,
+    key: str | None,
+    role: str | None,
     **given: Any,
 ) -> None:
     """Write the acceptance record of a network, or say everything that stands against it.
 
     It wants a report of this very configuration without errors, each warning justified by name and
     reason, a test protocol whose steps were done at the machine, and a verifier who is not the
-    author. FILES as for `fsoe-net check`.
+    author. FILES as for `fsoe-net check`, or an acceptance record that is only signed.
     """
+    if (key is None) != (role is None):
+        raise click.UsageError("--sign KEY and --as author|verifier belong together")
+    if len(files) == 1 and key is not None and role is not None and is_record(files[0]):
+        _only_sign(ctx, files[0])
+        print_signature(sign_record(files[0], role, key, overwrite=overwrite))
+        return
+    missing = [name for name in _NEEDED if not ctx.params[name]]
+    if missing or output is None:
+        raise click.MissingParameter(ctx=ctx, param=_option(ctx, missing[0]))
     check_target(output, overwrite=overwrite)
     record, refusals, before = accept(files, loading, **given)
     if record is None:
-        _refuse(refusals)
+        print_refusals(refusals)
         ctx.exit(1)
     write_whole(output, record_bytes(record), overwrite=overwrite)
-    _say(output, record, before)
+    print_record(output, record, before)
+    if key is not None and role is not None:
+        print_signature(sign_record(output, role, key, overwrite=overwrite))
 
 
-def _refuse(refusals: tuple[Refusal, ...]) -> None:
-    for refusal in refusals:
-        echo("refused: ", fg="red", bold=True, nl=False, err=True)
-        echo(refusal.what, err=True)
-        echo(f"  next: {refusal.fix}", err=True)
-    echo(f"no record written: {counted(len(refusals), 'reason')}", err=True)
+def _option(ctx: click.Context, name: str) -> click.Parameter:
+    return next(p for p in ctx.command.params if p.name == name)
 
 
-def _say(output: str, record: Acceptance, before: AcceptedRecord | None) -> None:
-    echo(
-        f"{output}: {short_code(record.whole)}, author {record.author.name}, verifier "
-        f"{record.verifier.name}, {record.verifier.date}"
-    )
-    findings, steps = len(record.findings), len(record.steps_left_out)
-    if findings or steps:
-        echo(
-            f"let pass: {counted(findings, 'warning')}, {counted(steps, 'other')}, each by name "
-            "and reason"
-        )
-    if before is not None:
-        same = before.fingerprint.whole == record.whole
-        word = "the same configuration as" if same else "replaces"
-        echo(f"{word} {before.source.path}, {before.fingerprint.short}")
-    echo("Sign the report; keep it and this record under version control.")
+def _only_sign(ctx: click.Context, path: str) -> None:
+    """Refuse options that say what a record holds: the one that is signed holds it already."""
+    for name in (*_NEEDED, "day", "justify", "interventions", "replaces"):
+        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            option = _option(ctx, name).opts[-1]
+            raise click.UsageError(f"{option}: {path} is a record, which is only signed")

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, format_option, master_options, master_socket
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.verify_output import print_json, print_text
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.project.known import Known, read_known
-from fsoe_net.project.verify import Comparison, compare_known, compare_running
+from fsoe_net.project.known import Known, known_record, read_known
+from fsoe_net.project.signatures import SignedRecord, check_signatures
+from fsoe_net.project.ssh_signatures import SshSigners
+from fsoe_net.project.verify import compare_known, compare_running
 
 __all__ = ["command"]
 
@@ -20,10 +20,13 @@ Examples:
   fsoe-net verify network.yaml --accepted acceptance.yaml
   fsoe-net verify machine.fsnplan --accepted accepted/network.yaml
   fsoe-net verify --interface eth1 --accepted accepted.json
+  fsoe-net verify machine.fsnplan --acceptance acceptance.yaml --signers allowed_signers
 
-Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use, 3 nobody answers on the socket.
+Exit codes: 0 same, and signed; 1 differs, a signature does not hold, or a file cannot be used; 2
+wrong use; 3 nobody answers on the socket, or no ssh-keygen.
 
-The same fingerprint says that the configuration is the accepted one, not that it is right."""
+The same fingerprint says that the configuration is the accepted one, not that it is right. A
+signature says who agreed, not that it is right."""
 
 
 @click.command("verify", epilog=_EPILOG)
@@ -33,8 +36,22 @@ The same fingerprint says that the configuration is the accepted one, not that i
     "--accepted",
     type=FILE,
     metavar="FILE",
-    required=True,
     help="What was accepted: acceptance record, fingerprint (JSON), plan or network.",
+)
+@click.option(
+    "--acceptance",
+    type=FILE,
+    metavar="RECORD",
+    help="Acceptance record whose signatures and signed files are checked too.",
+)
+@click.option(
+    "--signers",
+    type=FILE,
+    metavar="FILE",
+    help="Who may sign it: allowed signers as ssh-keygen has them.",
+)
+@click.option(
+    "--revoked", type=FILE, metavar="FILE", help="Keys that no longer count, as ssh-keygen -Y -r."
 )
 @master_options
 @format_option
@@ -43,7 +60,10 @@ def command(
     ctx: click.Context,
     files: tuple[str, ...],
     loading: LoadOptions,
-    accepted: str,
+    accepted: str | None,
+    acceptance: str | None,
+    signers: str | None,
+    revoked: str | None,
     socket: str | None,
     interface: str | None,
     fmt: str,
@@ -54,47 +74,38 @@ def command(
     fingerprint from the tables it has loaded; its bus cycle is that which it really uses.
     """
     live = socket is not None or interface is not None
-    if not files and not live:
+    if not files and not live and acceptance is None:
         raise click.UsageError("name a network or plan, --socket PATH or --interface IF to compare")
+    if (accepted is None) == (acceptance is None):
+        raise click.UsageError("one of --accepted FILE and --acceptance RECORD says what was")
     address = master_socket(socket, interface) if live else None
-    wanted = read_known((accepted,), loading)
+    signed = _signed(acceptance, signers, revoked)
+    wanted = _wanted(accepted, signed, loading)
     rows = [compare_known(wanted, read_known(files, loading))] if files else []
     if address is not None:
         rows.append(compare_running(wanted, address))
     if fmt == "json":
-        _print_json(wanted, rows)
+        print_json(wanted, rows, signed)
     else:
-        _print_text(wanted, rows)
-    ctx.exit(0 if all(row.same for row in rows) else 1)
+        print_text(wanted, rows, signed)
+    holds = signed is None or not signed.refusals
+    ctx.exit(0 if holds and all(row.same for row in rows) else 1)
 
 
-def _print_text(wanted: Known, rows: list[Comparison]) -> None:
-    echo(f"{wanted.fingerprint.short}  accepted: {wanted.path}")
-    for row in rows:
-        verdict = "the same" if row.same else f"DIFFERS in {', '.join(row.sections)}"
-        note = f" ({row.note})" if row.note else ""
-        colour = "green" if row.same else "red"
-        text = f"{row.known.fingerprint.short}  {row.known.path}{note}: "
-        echo(text, nl=False)
-        echo(verdict, fg=colour)
-        for line in row.lines:
-            echo(f"  {line}")
+def _signed(
+    acceptance: str | None, signers: str | None, revoked: str | None
+) -> SignedRecord | None:
+    """Check the signatures of a record that is named for it."""
+    if revoked is not None and signers is None:
+        raise click.UsageError("--revoked FILE goes with --signers FILE")
+    if (acceptance is None) != (signers is None):
+        raise click.UsageError("--acceptance RECORD and --signers FILE belong together")
+    if acceptance is None or signers is None:
+        return None
+    return check_signatures(acceptance, SshSigners.read(signers, revoked))
 
 
-def _print_json(wanted: Known, rows: list[Comparison]) -> None:
-    document = {
-        "same": all(row.same for row in rows),
-        "accepted": {"path": wanted.path, **wanted.fingerprint.to_json()},
-        "compared": [
-            {
-                "path": row.known.path,
-                "note": row.note,
-                "same": row.same,
-                "changed": list(row.sections),
-                "differences": list(row.lines),
-                **row.known.fingerprint.to_json(),
-            }
-            for row in rows
-        ],
-    }
-    echo(json.dumps(document, indent=2, ensure_ascii=False))
+def _wanted(accepted: str | None, signed: SignedRecord | None, loading: LoadOptions) -> Known:
+    if signed is not None:
+        return known_record(signed.path, signed.record)
+    return read_known((accepted or "",), loading)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,14 +19,22 @@ __all__ = [
     "Replaced",
     "SignedBy",
     "names_a_person",
+    "principal_of",
     "same_person",
     "says_something",
 ]
 
 
+_WITH_PRINCIPAL = re.compile(r"([^<>]*)<([A-Za-z0-9][A-Za-z0-9._%+@-]{0,253})>\s*")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignedBy(Located):
-    """A person, and the day (ISO 8601) on which that person signed."""
+    """A person, and the day (ISO 8601) on which that person signed.
+
+    The name may end with a principal: the name of the person in a file of allowed signers, as in
+    ``A. Meier <a.meier@example.org>``.
+    """
 
     name: str
     date: str
@@ -133,13 +142,30 @@ def says_something(text: str) -> bool:
 
 
 def names_a_person(text: str) -> bool:
-    """Whether a text can be the name of a person: there are two letters in it."""
-    return sum(map(str.isalpha, text)) >= 2
+    """Whether a text can be the name of a person: it has two letters before any principal."""
+    return sum(map(str.isalpha, _without_principal(text))) >= 2
+
+
+def principal_of(name: str) -> str:
+    """Return the principal behind a name, ``NAME <PRINCIPAL>``; empty without one."""
+    found = _WITH_PRINCIPAL.fullmatch(name)
+    return "" if found is None else found[2]
+
+
+def _without_principal(name: str) -> str:
+    found = _WITH_PRINCIPAL.fullmatch(name)
+    return name if found is None else found[1]
 
 
 def same_person(one: str, other: str) -> bool:
-    """Whether two names are one, apart from case, spaces, dots and how letters are encoded."""
-    return _plain(one) == _plain(other)
+    """Whether two names are one, apart from case, spaces, dots and how letters are encoded.
+
+    One principal is one person, and another principal makes no other one.
+    """
+    principal = principal_of(one).casefold()
+    if principal and principal == principal_of(other).casefold():
+        return True
+    return _plain(_without_principal(one)) == _plain(_without_principal(other))
 
 
 def _plain(name: str) -> str:

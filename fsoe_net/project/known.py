@@ -10,8 +10,8 @@ from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import is_acceptance, load_acceptance
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES
+from fsoe_net.formats.shared.files import Collector, read_bytes, read_source
+from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
 from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import SafetyFunction
@@ -28,7 +28,7 @@ from fsoe_net.plan.fingerprint import (
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import check_files, whole_network
 
-__all__ = ["AcceptedRecord", "Known", "read_known", "read_record"]
+__all__ = ["AcceptedRecord", "Known", "is_record", "known_record", "read_known", "read_record"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +83,7 @@ def read_known(
         if data is None:
             raise InputError(f"{path} cannot be read", out.diagnostics)
         if is_acceptance(data):
-            return _of_record(path, read_record(path))
+            return known_record(path, read_record(path))
         try:
             if data.startswith(MAGIC):
                 return _of_plan(path, decode_plan(data))
@@ -117,7 +117,17 @@ def read_record(path: str) -> AcceptedRecord:
     return AcceptedRecord(source=out.sources[0], record=record, plan=plan, fingerprint=fingerprint)
 
 
-def _of_record(path: str, found: AcceptedRecord) -> Known:
+def is_record(path: str) -> bool:
+    """Whether a file is meant to be an acceptance record.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    return is_acceptance(read_source(path, most=MAX_RECORD_BYTES)[1])
+
+
+def known_record(path: str, found: AcceptedRecord) -> Known:
+    """Return what a record accepts."""
     functions = found.record.safety_functions
     return Known(path=path, fingerprint=found.fingerprint, plan=found.plan, functions=functions)
 

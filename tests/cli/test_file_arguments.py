@@ -30,6 +30,7 @@ READERS = {
     ("fingerprint", "files"): "WRONG",
     ("verify", "files"): f"WRONG --accepted {ESTOP}",
     ("verify", "accepted"): f"{ESTOP} --accepted WRONG",
+    ("verify", "acceptance"): f"{ESTOP} --acceptance WRONG --signers {{reports}}/r.json",
     ("devices", "own"): "--file WRONG",
     ("run", "files"): "WRONG --virtual-time",
     ("run", "plan_file"): f"{ESTOP} --virtual-time --plan WRONG",
@@ -60,8 +61,13 @@ READERS = {
 }
 # Parameters of the same type that are no document: what is written, and control sockets.
 NOT_READ = {"output", "socket", "capture", "stats", "plot"}
-# Its script is read when fsn-master answers; tests of the console have it.
-ELSEWHERE = {("console", "script")}
+# A script is read when fsn-master answers; tests of the console and of signatures have these.
+ELSEWHERE = {
+    ("console", "script"),
+    ("accept", "key"),
+    ("verify", "signers"),
+    ("verify", "revoked"),
+}
 
 
 @pytest.fixture(scope="session")

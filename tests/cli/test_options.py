@@ -22,7 +22,6 @@ ROOT = Path(__file__).parents[2]
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
 # A name that was chosen for each thing, and those that were given up for it.
 GIVEN_UP = {
-    "--accepted": ("--acceptance",),
     "--socket": ("--live SOCKET", "--live PATH"),
     "--duration": ("--seconds", "--run-time"),
     "--redundant": ("--interface2",),

@@ -2,11 +2,14 @@
 
 import dataclasses
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from cli.signed_folder import ANNA, BERT, RECORD, make_signed, public_key
+from cli.tool import fsn
 from networks import example
 from run.support import ESTOP, ROOT, document, needs_core, run, session_of
 
@@ -68,6 +71,29 @@ def test_every_key_of_the_json_is_on_the_page():
     assert sorted(keys - listed) == []
     fields = {f.name for f in dataclasses.fields(run(ESTOP).statistics)}
     assert sorted(fields - listed) == []
+
+
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="needs ssh-keygen of OpenSSH")
+def test_the_page_on_signatures_runs_as_it_stands(tmp_path: Path):
+    folder = make_signed(tmp_path)
+    for name in ("anna", "anna.pub", RECORD, f"{RECORD}.author.sig", f"{RECORD}.verifier.sig"):
+        (folder / name).unlink()
+    text = (ROOT / "docs" / "howto" / "sign.md").read_text("utf-8")
+    make_key, *others = re.findall(r"^\$ (.*)$", text, re.MULTILINE)
+    subprocess.run(shlex.split(make_key), cwd=folder, check=True)
+    allowed = [(ANNA, "anna"), (BERT, "bert")]
+    lines = [f"{who} {public_key(folder, key)}" for who, key in allowed]
+    (folder / "signers").write_text("".join(lines), "utf-8")
+    shown = []
+    for command in others:
+        program, *given = shlex.split(command)
+        done = fsn(*given, cwd=folder)
+        assert (program, done.returncode) == ("fsoe-net", 0), done.stderr
+        shown.append(done.stdout)
+    assert len(shown) == 3
+    assert f"signed as author by {ANNA}" in shown[0]
+    assert f"signed as verifier by {BERT}" in shown[1]
+    assert "timed.yaml: the same" in shown[2]
 
 
 @pytest.mark.parametrize("name", ["estop", "el6910"])

@@ -1,0 +1,69 @@
+"""What ``fsoe-net accept`` prints, and its examples."""
+
+from __future__ import annotations
+
+from fsoe_net.cli.terminal import echo
+from fsoe_net.diag.words import counted
+from fsoe_net.model.acceptance import Acceptance
+from fsoe_net.plan.fingerprint import short_code
+from fsoe_net.project.known import AcceptedRecord
+from fsoe_net.project.signatures import CheckedSignature
+from fsoe_net.report.sign_off import Refusal
+
+__all__ = ["EPILOG", "print_record", "print_refusals", "print_signature"]
+
+EPILOG = """\b
+Example:
+  fsoe-net test-protocol network.yaml --virtual -o protocol.yaml    # then do it at the machine
+  fsoe-net report network.yaml --protocol protocol.yaml -o report.html
+  fsoe-net report network.yaml --protocol protocol.yaml -o report.json
+  fsoe-net accept network.yaml --protocol protocol.yaml --report report.html --report report.json
+      --author "A. Meier" --verifier "B. Kaya" -o acceptance.yaml
+      --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya"
+      --justify "loss io_box=soldered in, cannot be unplugged by B. Kaya"
+
+Afterwards: fsoe-net verify network.yaml --accepted acceptance.yaml (or --socket PATH), and
+fsoe-net report network.yaml --accepted acceptance.yaml -o report.html for what has changed since.
+
+\b
+Signatures, each by the key of that person; names then are "NAME <PRINCIPAL>":
+  fsoe-net accept network.yaml … -o acceptance.yaml --sign ~/.ssh/id_ed25519 --as author
+  fsoe-net accept acceptance.yaml --sign ~/.ssh/id_ed25519 --as verifier
+
+Exit codes: 0 written, 1 refused with every reason, or a file cannot be used, 2 wrong use, 3 no
+ssh-keygen, or no disk.
+
+A record is evidence. It is no certificate. A signature says who agreed, not that it is right."""
+
+
+def print_refusals(refusals: tuple[Refusal, ...]) -> None:
+    """Print why there is no record."""
+    for refusal in refusals:
+        echo("refused: ", fg="red", bold=True, nl=False, err=True)
+        echo(refusal.what, err=True)
+        echo(f"  next: {refusal.fix}", err=True)
+    echo(f"no record written: {counted(len(refusals), 'reason')}", err=True)
+
+
+def print_record(output: str, record: Acceptance, before: AcceptedRecord | None) -> None:
+    """Print what was written, and what is done next."""
+    echo(
+        f"{output}: {short_code(record.whole)}, author {record.author.name}, verifier "
+        f"{record.verifier.name}, {record.verifier.date}"
+    )
+    findings, steps = len(record.findings), len(record.steps_left_out)
+    if findings or steps:
+        echo(
+            f"let pass: {counted(findings, 'warning')}, {counted(steps, 'other')}, each by name "
+            "and reason"
+        )
+    if before is not None:
+        same = before.fingerprint.whole == record.whole
+        word = "the same configuration as" if same else "replaces"
+        echo(f"{word} {before.source.path}, {before.fingerprint.short}")
+    echo("Sign the report and, with --sign, this record; keep both under version control.")
+
+
+def print_signature(signature: CheckedSignature) -> None:
+    """Print who signed, with which key."""
+    echo(f"signed as {signature.role} by {signature.principal}, {signature.key}")

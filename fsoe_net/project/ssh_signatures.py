@@ -1,0 +1,139 @@
+"""Signatures by ``ssh-keygen``: made with an SSH key, checked against a file of allowed signers.
+
+Nothing goes through a shell, and no file of the user is opened by ``ssh-keygen`` but the key: what
+is checked was read here, once, and is handed over in a folder of our own.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import stat
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.formats.shared.files import read_source
+
+__all__ = ["NAMESPACE", "SshSigners", "ssh_sign"]
+
+NAMESPACE = "fsoe-net-acceptance"
+"""What an SSH signature is for; one made for anything else does not count."""
+_MOST_BYTES = 1 << 20
+_PATIENCE_S = 60
+_KEY = re.compile(r"with (\S+) key (SHA256:[A-Za-z0-9+/=]+)$")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SshSigners:
+    """Who may sign: files of allowed signers and of revoked keys, as ssh-keygen(1) has them."""
+
+    path: str
+    allowed: bytes
+    revoked: bytes = b""
+
+    @classmethod
+    def read(cls, signers: str, revoked: str | None = None) -> SshSigners:
+        """Read the files.
+
+        Raises:
+            InputError: One cannot be read, or has more than 1 MiB.
+        """
+        _, allowed = read_source(signers, most=_MOST_BYTES)
+        held = b"" if revoked is None else read_source(revoked, most=_MOST_BYTES)[1]
+        return cls(path=signers, allowed=allowed, revoked=held)
+
+    def key_of(self, data: bytes, signature: bytes, *, principal: str, day: str) -> str:
+        """Return type and SHA-256 of the key with which somebody signed.
+
+        Args:
+            data: What was signed.
+            signature: Detached, as `ssh_sign` returns it.
+            principal: Who signed, as the file of allowed signers names them.
+            day: On which the key was valid, at noon (ISO 8601).
+
+        Raises:
+            InputError: The signature does not hold.
+            EnvironmentFault: There is no ``ssh-keygen``.
+        """
+        with tempfile.TemporaryDirectory(prefix="fsn-signed-") as name:
+            folder = Path(name)
+            (folder / "allowed").write_bytes(self.allowed)
+            (folder / "signature").write_bytes(signature)
+            given = ["-f", str(folder / "allowed"), "-s", str(folder / "signature")]
+            if self.revoked:
+                (folder / "revoked").write_bytes(self.revoked)
+                given += ["-r", str(folder / "revoked")]
+            noon = f"{date.fromisoformat(day).isoformat().replace('-', '')}1200"
+            given += ["-I", principal, f"-Overify-time={noon}"]
+            done = _keygen("verify", *given, data=data)
+            why = done.stderr.decode("utf-8", "replace").replace(f"{name}/", "").split("\n")
+        found = _KEY.search(done.stdout.decode("utf-8", "replace").strip())
+        if done.returncode == 0 and found is not None:
+            return f"{found[1]} {found[2]}"
+        words = "; ".join(filter(None, map(str.strip, why)))
+        raise InputError(words or f"the key is revoked, or not one of {principal} in {self.path}")
+
+
+def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
+    """Sign; a passphrase, PIN or touch is asked for on the terminal.
+
+    Args:
+        data: What is signed.
+        key: File of the private key; of the public one when an agent or a token has the other.
+
+    Returns:
+        The signature, armoured, and type and SHA-256 of the key.
+
+    Raises:
+        InputError: It is no file, or ``ssh-keygen`` does not sign with it.
+        EnvironmentFault: There is no ``ssh-keygen``.
+    """
+    try:
+        is_file = stat.S_ISREG(os.stat(key).st_mode)
+    except (OSError, ValueError):
+        is_file = False
+    if not is_file:
+        raise InputError(f"{key} is not a file with an SSH key; ssh-keygen -t ed25519 makes one")
+    done = _keygen("sign", "-f", os.path.abspath(key), data=data, asks=True)
+    if done.returncode != 0:
+        words = "see what ssh-keygen says above"
+        raise InputError(f"nothing signed: ssh-keygen does not sign with {key}; {words}")
+    with tempfile.TemporaryDirectory(prefix="fsn-signed-") as name:
+        signature = Path(name, "signature")
+        signature.write_bytes(done.stdout)
+        seen = _keygen("check-novalidate", "-s", str(signature), data=data)
+    found = _KEY.search(seen.stdout.decode("utf-8", "replace").strip())
+    if seen.returncode != 0 or found is None:
+        raise InputError(f"nothing signed: ssh-keygen made no signature with {key} that holds")
+    return done.stdout, f"{found[1]} {found[2]}"
+
+
+def _keygen(
+    what: str, *given: str, data: bytes, asks: bool = False
+) -> subprocess.CompletedProcess[bytes]:
+    """Run ``ssh-keygen -Y``; whoever is asked for something takes as long as it takes."""
+    program = shutil.which("ssh-keygen")
+    if program is None:
+        raise EnvironmentFault(
+            "ssh-keygen is not installed, so signatures can be neither made nor checked; install "
+            "OpenSSH, on Debian and Ubuntu: apt install openssh-client"
+        )
+    try:
+        return subprocess.run(  # noqa: S603  # a list, no shell
+            [program, "-Y", what, "-n", NAMESPACE, *given],
+            input=data,
+            stdout=subprocess.PIPE,
+            stderr=None if asks else subprocess.PIPE,
+            env={**os.environ, "LC_ALL": "C"},
+            timeout=None if asks else _PATIENCE_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as exc:
+        raise EnvironmentFault(f"ssh-keygen has not answered for {_PATIENCE_S} s") from exc
+    except (OSError, ValueError) as exc:
+        raise EnvironmentFault(f"ssh-keygen cannot be run: {exc}") from exc
