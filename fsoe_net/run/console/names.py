@@ -43,10 +43,9 @@ class SymbolNames:
             return [s.name for s in self.symbols]
         if text in self.subdevices:
             return [s.name for s in self.symbols if s.subdevice == text]
-        if text.startswith("all."):
-            text = "*." + text.removeprefix("all.")
-        if any(c in text for c in "*?["):
-            found = _like(text.lower(), [s.name for s in self.symbols])
+        pattern = "*." + text.removeprefix("all.") if text.startswith("all.") else text
+        if any(c in pattern for c in "*?["):
+            found = _like(pattern.lower(), [s.name for s in self.symbols])
             if not found:
                 raise ConsoleError(f"no input or output is called like {text}; list shows them")
             return found
