@@ -56,7 +56,12 @@ PARTS: dict[str, tuple[str, ...]] = {
     "report": ("report", "cli/test_report.py", "cli/test_report_protocol.py", "cli/test_diff.py"),
     "run": ("run/test_run.py", "run/test_protocol.py", "run/test_protocol_file.py",
             "run/test_virtual.py", "run/test_edges.py", "run/test_scan_files.py",
-            "run/test_scenario_check.py", "run/test_device.py", "cli/test_outputs.py"),
+            "run/test_scenario_check.py", "run/test_device.py", "run/test_client.py",
+            "run/test_client_typed.py", "run/test_console.py", "run/test_console_words.py",
+            "run/test_protocol_watched.py", "run/test_run_campaign.py", "run/test_monitor.py",
+            "run/test_broken_devices.py", "run/test_live_run.py", "run/test_whole_words.py",
+            "incidents/test_files.py", "segment/test_emulate.py", "segment/test_commands.py",
+            "cli/test_outputs.py"),
     "cli": ("cli",),
     "observe": ("observe", "incidents"),
 }  # fmt: skip

@@ -103,6 +103,31 @@ def test_a_run_ends_when_it_is_interrupted(process: Process):
     assert [c.name for c in result.connections] == ["el1918-ek1914"]
 
 
+def test_what_is_told_of_a_run(process: Process):
+    """Its events stand in the order of their times, whenever they came."""
+
+    def updates(number: int, stop: threading.Event) -> None:
+        if number == 1:
+            for n in (3, 2):
+                process.fake.send_event(event="wkc", text=f"event {n}", now_ns=n)
+        elif number == 5:
+            stop.set()
+
+    result = run(process, updates)
+    assert [e.text for e in result.events if e.source == "bus"] == ["event 2", "event 3"]
+    document = result.to_json("1")
+    kept = ("tool", "version", "network", "plan_sha256", "mode", "bus", "stalled_ms", "result")
+    assert [document[key] for key in kept] == [
+        "fsoe-net", "1", RESOLUTION.network.name, hashlib.sha256(PLAN).hexdigest(), "live",
+        {"backend": "soem", "interface": "eth1"}, 1.01, "pass",
+    ]  # fmt: skip
+    (row,) = result.connections
+    assert (row.net, row.main, row.sub, row.connection_id, row.address, row.watchdog_ms) == (
+        "safety_net", "el1918", "ek1914", 1, 14, 100,
+    )  # fmt: skip
+    assert [s.name for s in result.subdevices] == ["drive_1"]
+
+
 def test_a_run_ends_after_its_time(process: Process):
     result = run_on_bus(RESOLUTION, PLAN, OPTIONS, 20_000_000)
     assert result.duration_ms >= 20
