@@ -16,12 +16,13 @@ __all__ = [
     "differences",
 ]
 
-STATED_PARAMETERS = ("connection_id", "address", "watchdog_ms")
+STATED_PARAMETERS = ("connection_id", "address", "watchdog_ms", "app_parameters")
 """Those that a plan states; their order is that of the bits in the C core."""
 _TEXTS = {
-    "connection_id": ("connection ID", ""),
-    "address": ("FSoE address", ""),
-    "watchdog_ms": ("watchdog", " ms"),
+    "connection_id": "connection ID",
+    "address": "FSoE address",
+    "watchdog_ms": "watchdog",
+    "app_parameters": "application parameters",
 }
 _CONNECTION_BYTES = 4
 _HEAD_BYTES = 6
@@ -46,6 +47,14 @@ class FsoeParameters:
     app_bytes: int | None = None
     app_crc: int | None = None
 
+    def text(self, name: str) -> str | None:
+        """Return the value of one of `STATED_PARAMETERS` with its unit; ``None``: not known."""
+        if name == "app_parameters":
+            size = self.app_bytes
+            return None if size is None else f"{size} bytes, CRC-32 0x{self.app_crc:08x}"
+        value = getattr(self, name)
+        return None if value is None else f"{value} ms" if name == "watchdog_ms" else str(value)
+
     def to_json(self) -> dict[str, int | None]:
         """Return the stable JSON form."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
@@ -66,10 +75,9 @@ def differences(
     """
     rows = []
     for name in differs:
-        what, unit = _TEXTS[name]
-        seen, stated = getattr(observed, name), getattr(configured, name)
-        there = "another one before" if seen is None else f"{seen}{unit}"
-        rows.append(f"{what} {there}" + ("" if stated is None else f", {stated}{unit} in the plan"))
+        stated = configured.text(name)
+        there = observed.text(name) or "another one before"
+        rows.append(f"{_TEXTS[name]} {there}" + (f", {stated} in the plan" if stated else ""))
     return tuple(rows)
 
 

@@ -166,7 +166,10 @@ class Sdo(Located):
 
 @dataclass(frozen=True, kw_only=True)  # no slots: `layout` is kept
 class Device(Located):
-    """What one slave-config file says about a device type."""
+    """What one slave-config file says about a device type.
+
+    ``driver`` is JSON of what only ethercat_driver_ros2 acts on: its own keys, and masks.
+    """
 
     path: str
     vendor_id: int
@@ -176,6 +179,7 @@ class Device(Located):
     rpdos: tuple[Pdo, ...] = ()
     tpdos: tuple[Pdo, ...] = ()
     sdos: tuple[Sdo, ...] = ()
+    driver: str = ""
 
     def pdos_of(self, sm: SyncManager) -> tuple[Pdo, ...]:
         """Return the PDOs a sync manager carries, in assignment order."""

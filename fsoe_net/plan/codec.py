@@ -53,6 +53,7 @@ _ROW_TYPES = (
     PlanCopy,
     PlanConnection,
 )
+_APP_PARAMETERS = re.compile(r"(?:[0-9a-f]{2}){0,4096}")
 _KNOWN = ("connection_id", "address", "watchdog_ms")  # bit 0, 1 and 2 of `known`
 
 
@@ -142,7 +143,8 @@ def _connection_values(c: PlanConnection) -> tuple[object, ...]:
     known = [getattr(c, name) for name in _KNOWN]
     flags = sum((value is not None) << bit for bit, value in enumerate(known))
     place = (c.name, c.net, c.main, c.sub, c.copy_to_sub, c.copy_to_main)
-    return *place, *(value or 0 for value in known), flags, c.safe_to_sub, c.safe_to_main
+    safe = (c.safe_to_sub, c.safe_to_main)
+    return *place, *(value or 0 for value in known), flags, *safe, c.app_parameters
 
 
 # How a row is stored that differs from its attributes.
@@ -278,6 +280,8 @@ def _symbol_attributes(row: dict[str, Any]) -> None:
 
 
 def _connection_attributes(row: dict[str, Any]) -> None:
+    if not _APP_PARAMETERS.fullmatch(row["app_parameters"]):
+        raise PlanFormatError("application parameters that are no pairs of hex digits")
     known = row.pop("known")
     row |= {name: None for bit, name in enumerate(_KNOWN) if not known >> bit & 1}
 

@@ -176,6 +176,7 @@ class _Compiler:
             sdo_count=len(self.sdos) - first_sdo,
             assign_activate=(sub.device.assign_activate if sub.device else 0) & 0xFFFF,
             in_copy=number in used,
+            driver=sub.device.driver if sub.device else "",
         )
 
     def _sync_manager(
@@ -304,6 +305,7 @@ class _Compiler:
                 watchdog_ms=c.stated.watchdog_ms,
                 safe_to_sub=safe_data_length(c.to_sub.transfer.size_bytes),
                 safe_to_main=safe_data_length(c.to_main.transfer.size_bytes),
+                app_parameters=c.stated.app_parameters.hex(),
             )
             for c in self.resolution.connections
         )

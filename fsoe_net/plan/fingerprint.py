@@ -31,7 +31,7 @@ __all__ = [
     "short_code",
 ]
 
-FORM = "fsoe-net fingerprint 1"
+FORM = "fsoe-net fingerprint 2"
 """Name and version of the canonical text; every section and the whole start with it."""
 
 SECTIONS = ("devices", "process_data", "copies", "connections", "cycle", "safety_functions")
@@ -110,7 +110,8 @@ def fingerprint_from_json(document: object) -> Fingerprint:
         raise PlanFormatError("no fingerprint; `fsoe-net fingerprint --format json` makes one")
     if document.get("form") != FORM:
         raise PlanFormatError(
-            f"fingerprint of the form {document.get('form')!r}; this fsoe-net makes {FORM!r}"
+            f"fingerprint of the form {document.get('form')!r}; this fsoe-net makes {FORM!r}, "
+            "which holds more: make the fingerprint again, compare the report, and accept again"
         )
     sections = document["sections"]
     for name in SECTIONS:
@@ -189,7 +190,8 @@ def _devices(plan: Plan) -> Iterator[str]:
             f"device {number} alias={s.alias} position={s.position}"
             f" vendor=0x{s.vendor_id:08x} product=0x{s.product_code:08x}"
             f" revision=0x{s.revision_low:08x}-0x{s.revision_high:08x}"
-            f" dc=0x{s.assign_activate:04x} name={_word(s.name)}"
+            f" dc=0x{s.assign_activate:04x} in_copy={int(s.in_copy)}"
+            f" name={_word(s.name)} driver={_word(s.driver)}"
         )
         for sdo in plan.sdos[s.first_sdo : s.first_sdo + s.sdo_count]:
             yield _sdo(sdo)
@@ -214,14 +216,14 @@ def _process_data(plan: Plan) -> Iterator[str]:
     for block in sorted(plan.blocks, key=lambda b: (b.sm, b.byte_offset)):
         yield (
             f"frame {_place(plan.sync_managers[block.sm])} byte={block.byte_offset}"
-            f" bytes={block.frame_bytes} safe={block.safe_bytes}"
+            f" bytes={block.frame_bytes} safe={block.safe_bytes} copied={int(block.copied)}"
         )
     for key in sorted(_symbol(s) for s in plan.symbols):
-        number, bit, bits, kind, output, restart, stop, factor, offset = key
+        number, bit, bits, kind, output, restart, stop, factor, offset, name = key
         yield (
             f"symbol {_place(plan.sync_managers[number])} bit={bit} bits={bits} type={kind}"
             f" output={output} restart={restart} stop=0x{stop:016x}"
-            f" factor=0x{factor:016x} offset=0x{offset:016x}"
+            f" factor=0x{factor:016x} offset=0x{offset:016x} name={_word(name.decode())}"
         )
 
 
@@ -232,7 +234,10 @@ def _entry(e: PlanEntry) -> str:
     )
 
 
-def _symbol(s: PlanSymbol) -> tuple[int, ...]:
+_Symbol = tuple[int, int, int, int, int, int, int, int, int, bytes]
+
+
+def _symbol(s: PlanSymbol) -> _Symbol:
     return (
         s.sm,
         s.bit_offset,
@@ -243,6 +248,7 @@ def _symbol(s: PlanSymbol) -> tuple[int, ...]:
         s.stop_value,
         _pattern(s.factor),
         _pattern(s.offset),
+        s.name.encode("utf-8"),
     )
 
 
@@ -279,6 +285,7 @@ def _connections(plan: Plan) -> Iterator[str]:
             f"connection {n} main={c.main} sub={c.sub} id={_stated(c.connection_id)}"
             f" address={_stated(c.address)} watchdog_ms={_stated(c.watchdog_ms)}"
             f" safe_to_sub={c.safe_to_sub} safe_to_main={c.safe_to_main}"
+            f" app_parameters={c.app_parameters} name={_word(c.name)} net={_word(c.net)}"
         )
 
 

@@ -7,6 +7,7 @@ dataclass takes several times as long; they give up the `index` method of tuples
 from __future__ import annotations
 
 import os
+import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -50,6 +51,7 @@ class PlanSubDevice:
     sdo_count: int
     assign_activate: int
     in_copy: bool
+    driver: str = ""
 
 
 class PlanSyncManager(NamedTuple):
@@ -156,7 +158,10 @@ class PlanCopy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanConnection:
-    """One FSoE connection: a pair of copies; ``None`` for facts nobody stated."""
+    """One FSoE connection: a pair of copies; ``None`` for facts nobody stated.
+
+    ``app_parameters`` are hex digits, empty when nobody stated them.
+    """
 
     name: str
     net: str
@@ -169,12 +174,18 @@ class PlanConnection:
     watchdog_ms: int | None
     safe_to_sub: int
     safe_to_main: int
+    app_parameters: str = ""
 
     @property
     def parameters(self) -> FsoeParameters:
         """What the plan states of its parameters."""
+        app = bytes.fromhex(self.app_parameters)
         return FsoeParameters(
-            connection_id=self.connection_id, address=self.address, watchdog_ms=self.watchdog_ms
+            connection_id=self.connection_id,
+            address=self.address,
+            watchdog_ms=self.watchdog_ms,
+            app_bytes=len(app) if app else None,
+            app_crc=zlib.crc32(app) if app else None,
         )
 
 

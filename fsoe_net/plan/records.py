@@ -88,7 +88,7 @@ _SUBDEVICE = """
     u32    sdo_count       number of start-up SDOs
     u16    assign_activate DC AssignActivate word; 0 = no distributed clocks
     flag16 in_copy         flags: bit 0 = at least one copy touches this SubDevice
-    u32    reserved        reserved, 0
+    string driver          what only the ROS 2 driver reads of its files; may be empty
 """
 _SYNC_MANAGER = """
     u32    subdevice       SubDevice
@@ -167,7 +167,7 @@ _CONNECTION = """
     u16    known           flags: known are bit 0 = connection ID, bit 1 = address, bit 2 = watchdog
     u16    safe_to_sub     safe data main to sub, bytes
     u16    safe_to_main    safe data sub to main, bytes
-    u32    reserved        reserved, 0
+    string app_parameters  application parameters, two lower-case hex digits each; empty: not stated
 """
 RECORDS = (
     _record(1, "subdevice", _SUBDEVICE),

@@ -231,7 +231,7 @@ def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
             cell(stated(c.cycle_max, "ms", path)),
             cell(stated(c.watchdog, "ms", path)),
             cell(stated(c.resets, "resets", path), muted(c.reset_text if c.resets else "")),
-            observed_cell(c.name, c, inputs),
+            observed_cell(c.name, c),
         )
         for c in run.rows
     )
@@ -312,7 +312,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
             cell(_seen(max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns), source)),
             cell(stated(c.to_sub.wrong + c.to_main.wrong, "frames", source)),
             cell(stated(c.to_sub.resets + c.to_main.resets, "resets", source)),
-            observed_cell(name, c, inputs),
+            observed_cell(name, c),
         )
         for name, c in zip(names, live.snapshot.cycle.connections, strict=False)
     )

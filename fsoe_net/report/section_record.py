@@ -236,8 +236,8 @@ def _changed_files(record: Acceptance, inputs: ReportInputs) -> list[Point]:
     if not changed:
         return []
     words = (
-        f"changed since the record, within the same fingerprint: {', '.join(changed)}; look "
-        "whether app_parameters are among it, which no fingerprint holds"
+        f"changed since the record, within the same fingerprint: {', '.join(changed)}; look what "
+        "was changed: comments and names of files change nothing"
     )
     return [Point(PointKind.OPEN, words)]
 

@@ -116,11 +116,13 @@ static void fields_lie_where_the_format_says(void) {
     struct fsn_connection_info c;
     r = count_up(plan, FSN_SEC_CONNECTION, 2);
     r[4] = 0;
+    memset(r + 36, 0, 4); /* no application parameters */
     CHECK(fsn_plan_connection(plan, 1, &c) == FSN_OK && strcmp(c.name, "t") == 0);
     CHECK(c.net[0] == 0 && c.main_subdevice == AT4(8) && c.sub_subdevice == AT4(12));
     CHECK(c.copy_to_sub == AT4(16) && c.copy_to_main == AT4(20));
     CHECK(c.connection_id == AT2(24) && c.address == AT2(26) && c.watchdog_ms == AT2(28));
     CHECK(c.known == AT2(30) && c.safe_to_sub == AT2(32) && c.safe_to_main == AT2(34));
+    CHECK(c.app_bytes == 0 && c.app_crc == 0);
     CHECK(fsn_plan_connection(plan, 2, &c) == FSN_E_ARG);
     fsn_plan_free(plan);
 }
@@ -138,7 +140,7 @@ __attribute__((format(printf, 1, 2))) static void add(const char *format, ...) {
 }
 
 static void begin(const char *section) {
-    snprintf(text, sizeof text, "fsoe-net fingerprint 1 %s\n", section);
+    snprintf(text, sizeof text, "fsoe-net fingerprint 2 %s\n", section);
 }
 
 static void is_of(const struct fsn_fingerprint *made, unsigned section) {
@@ -156,7 +158,8 @@ static void put(uint8_t *at, uint64_t value, unsigned bytes) {
     }
 }
 
-/** Symbols in their order: sync manager, bit, bits, type, flags, stop value, factor, offset. */
+/** Symbols in their order: sync manager, bit, bits, type, flags, stop value, factor, offset; then
+ * by name. */
 static const uint64_t symbols[][8] = {
     {0, 48, 8, 3, 1, 0x11, 0x3FF0000000000000, 0x4000000000000001},
     {0, 48, 8, 3, 1, 0x11, 0x3FF0000000000000, 0x4000000000000002},
@@ -167,8 +170,9 @@ static const uint64_t symbols[][8] = {
     {0, 48, 9, 1, 0, 0x0102030405060708, 0x3FF0000000000001, 0},
     {0, 49, 3, 1, 1, 0, 0x3FF0000000000001, 0},
     {2, 5, 2, 2, 2, 0, 0x3FF0000000000001, 0},
+    {2, 5, 2, 2, 2, 0, 0x3FF0000000000001, 0},
     {2, 5, 2, 2, 1, 0, 0x3FF0000000000001, 0}};
-enum { SYMBOLS = sizeof symbols / sizeof symbols[0] };
+enum { SYMBOLS = sizeof symbols / sizeof symbols[0], NAMED = 9 /* the first record */ };
 
 static void fingerprints_are_of_their_text(void) {
     static const struct build_sm sm[2][2] = {{{1, 13}, {2, 13}}, {{1, 13}, {2, 13}}};
@@ -181,7 +185,8 @@ static void fingerprints_are_of_their_text(void) {
         {.sm = 0, .bits = 8, .bit_offset = 96}, {.sm = 0, .bits = 8, .bit_offset = 96},
         {.sm = 0, .bits = 8, .bit_offset = 96}, {.sm = 0, .bits = 8, .bit_offset = 96},
         {.sm = 0, .bits = 8, .bit_offset = 96}, {.sm = 0, .bits = 8, .bit_offset = 96},
-        {.sm = 0, .bits = 8, .bit_offset = 96}, {.sm = 0, .bits = 8, .bit_offset = 96}};
+        {.sm = 0, .bits = 8, .bit_offset = 96}, {.sm = 0, .bits = 8, .bit_offset = 96},
+        {.sm = 0, .bits = 8, .bit_offset = 96}};
     const struct build build = {.subdevices = 2,
                                 .sm = sm,
                                 .copies = copies,
@@ -218,6 +223,7 @@ static void fingerprints_are_of_their_text(void) {
         put(r + 16, 0x11111111 + i, 4);
         put(r + 20, 0x22222222 + i, 4);
         put(r + 40, 0x700 + i, 2);
+        put(r + 44, i == 0, 4);
         r = record(plan, FSN_SEC_CONNECTION, i);
         put(r + 24, 0x300 + i, 2);
         put(r + 26, 0x400 + i, 2);
@@ -251,9 +257,9 @@ static void fingerprints_are_of_their_text(void) {
     begin("devices");
     for (unsigned i = 0; i < 2; i++) {
         add("device %u alias=%u position=%u vendor=0x%08x product=0x%08x revision=0x%08x-0x%08x "
-            "dc=0x%04x name=t\n",
+            "dc=0x%04x in_copy=1 name=t driver=%s\n",
             i, 0x100 + i, 0x200 + i, 0x12345678 + i, 0x9ABCDEF0 + i, 0x11111111 + i, 0x22222222 + i,
-            0x700 + i);
+            0x700 + i, i == 0 ? "t" : "");
     }
     add("sdo 0x8123:40 bytes=1 value=0x0000000000000010\n"
         "sdo 0x8124:41 bytes=4 value=0x0000000076543210\n"
@@ -272,13 +278,13 @@ static void fingerprints_are_of_their_text(void) {
             }
         }
     }
-    add("frame 0.2 byte=0 bytes=6 safe=1\nframe 0.3 byte=6 bytes=6 safe=1\n");
+    add("frame 0.2 byte=0 bytes=6 safe=1 copied=1\nframe 0.3 byte=6 bytes=6 safe=1 copied=1\n");
     for (unsigned i = 0; i < SYMBOLS; i++) {
         const uint64_t *s = symbols[i];
         add("symbol %u.%u bit=%u bits=%u type=%u output=%u restart=%u stop=0x%016" PRIx64
-            " factor=0x%016" PRIx64 " offset=0x%016" PRIx64 "\n",
+            " factor=0x%016" PRIx64 " offset=0x%016" PRIx64 " name=%s\n",
             (unsigned)s[0] / 2, (unsigned)s[0] + 2, (unsigned)s[1], (unsigned)s[2], (unsigned)s[3],
-            (unsigned)s[4] & 1, (unsigned)s[4] >> 1, s[5], s[6], s[7]);
+            (unsigned)s[4] & 1, (unsigned)s[4] >> 1, s[5], s[6], s[7], i == NAMED ? "t" : "");
     }
     is_of(&made, FSN_FINGERPRINT_PROCESS_DATA);
 
@@ -291,8 +297,10 @@ static void fingerprints_are_of_their_text(void) {
     is_of(&made, FSN_FINGERPRINT_COPIES);
 
     begin("connections");
-    add("connection 0 main=0 sub=1 id=%u address=- watchdog_ms=%u safe_to_sub=8 safe_to_main=10\n"
-        "connection 1 main=0 sub=1 id=- address=%u watchdog_ms=- safe_to_sub=7 safe_to_main=9\n",
+    add("connection 0 main=0 sub=1 id=%u address=- watchdog_ms=%u safe_to_sub=8 safe_to_main=10 "
+        "app_parameters= name=t net=t\n"
+        "connection 1 main=0 sub=1 id=- address=%u watchdog_ms=- safe_to_sub=7 safe_to_main=9 "
+        "app_parameters= name=t net=t\n",
         0x301, 0x501, 0x400);
     is_of(&made, FSN_FINGERPRINT_CONNECTIONS);
 
@@ -304,7 +312,7 @@ static void fingerprints_are_of_their_text(void) {
 
     static const char *const sections[] = {"devices",     "process_data", "copies",
                                            "connections", "cycle",        "safety_functions"};
-    snprintf(text, sizeof text, "fsoe-net fingerprint 1\n");
+    snprintf(text, sizeof text, "fsoe-net fingerprint 2\n");
     for (unsigned i = 0; i < FSN_FINGERPRINT_SECTIONS; i++) {
         CHECK(strcmp(fsn_fingerprint_section(i), sections[i]) == 0);
         add("%s ", sections[i]);

@@ -79,7 +79,13 @@ static void a_change_changes_its_section(void) {
         {{9, 0, 24, 2, 77, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_CONNECTIONS},
         {{9, 0, 30, 2, 3, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_CONNECTIONS},
         {{11, 0, 31, 1, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_SAFETY_FUNCTIONS},
-        {{1, 0, 42, 1, 0, FSN_OK, NULL}, 0}, /* a flag that says again what the copies say */
+        {{1, 0, 42, 1, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_DEVICES},
+        {{1, 0, 44, 1, 1, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_DEVICES},
+        {{7, 0, 12, 1, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
+        {{6, 0, 0, 4, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
+        {{9, 0, 0, 4, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_CONNECTIONS},
+        {{9, 0, 4, 4, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_CONNECTIONS},
+        {{2, 0, 0, 4, 0, FSN_OK, NULL}, 0}, /* what was there already */
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         CHECK(changed_by(&rows[i].change) == rows[i].section);
@@ -87,6 +93,30 @@ static void a_change_changes_its_section(void) {
     CHECK(fsn_plan_fingerprint(NULL, NULL) == FSN_E_ARG);
     CHECK(strcmp(fsn_fingerprint_section(FSN_FINGERPRINT_CYCLE), "cycle") == 0);
     CHECK(strcmp(fsn_fingerprint_section(FSN_FINGERPRINT_SECTIONS), "?") == 0);
+}
+
+/** Application parameters are in the text, and their length and CRC-32 in what is known. */
+static void application_parameters_are_stated(void) {
+    size_t len;
+    uint8_t *bytes = build_full(&len);
+    struct fsn_fingerprint before;
+    struct fsn_fingerprint after;
+    struct fsn_connection_info info;
+    struct fsn_plan *plan;
+    fingerprint_of_bytes(bytes, len, &before);
+    bytes = build_name(bytes, &len, FSN_SEC_CONNECTION, 0, "313233343536373839");
+    uint8_t *record = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_CONNECTION - 1) + 4);
+    memcpy(record + 36, record, 4);
+    fsn_put32(record, 1); /* its name, as it was */
+    build_fix_crc(bytes, len);
+    fingerprint_of_bytes(bytes, len, &after);
+    CHECK(memcmp(before.section[FSN_FINGERPRINT_CONNECTIONS],
+                 after.section[FSN_FINGERPRINT_CONNECTIONS], FSN_SHA256_BYTES) != 0);
+    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    CHECK(fsn_plan_connection(plan, 0, &info) == FSN_OK);
+    CHECK(info.app_bytes == 9 && info.app_crc == 0xCBF43926 && (info.known & FSN_STATED_APP) != 0);
+    fsn_plan_free(plan);
+    free(bytes);
 }
 
 static void format_1_1_is_read(void) {
@@ -124,6 +154,7 @@ int main(void) {
     sha256_is_right();
     sha256_takes_pieces();
     a_change_changes_its_section();
+    application_parameters_are_stated();
     format_1_1_is_read();
     CHECK(heap_alive() == alive);
     return 0;

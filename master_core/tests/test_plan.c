@@ -35,11 +35,9 @@ static const struct broken broken_rules[] = {
     {1, 0, 36, 4, 1, FSN_E_PLAN_REFERENCE,
      "PLAN_REFERENCE SubDevice 0+32: start-up SDOs do not follow those of the SubDevice before"},
     {1, 0, 42, 2, 2, FSN_E_PLAN_RESERVED,
-     "PLAN_RESERVED SubDevice 0+42: a flag of the SubDevice is unknown or its reserved field is "
-     "not zero"},
-    {1, 0, 44, 4, 1, FSN_E_PLAN_RESERVED,
-     "PLAN_RESERVED SubDevice 0+42: a flag of the SubDevice is unknown or its reserved field is "
-     "not zero"},
+     "PLAN_RESERVED SubDevice 0+42: a flag of the SubDevice is unknown"},
+    {1, 0, 44, 4, 9999, FSN_E_PLAN_STRING,
+     "PLAN_STRING SubDevice 0+44: what the driver reads lies outside the strings"},
     {2, 0, 0, 4, 1, FSN_E_PLAN_REFERENCE,
      "PLAN_REFERENCE sync manager 0+0: the sync manager belongs to another SubDevice"},
     {2, 0, 4, 1, 16, FSN_E_PLAN_VALUE,
@@ -135,13 +133,13 @@ static const struct broken broken_rules[] = {
     {9, 0, 16, 4, 2, FSN_E_PLAN_REFERENCE,
      "PLAN_REFERENCE connection 0+16: the connection's copy does not exist"},
     {9, 0, 30, 2, 8, FSN_E_PLAN_RESERVED,
-     "PLAN_RESERVED connection 0+30: a flag of the connection is unknown or its reserved field is "
-     "not zero"},
+     "PLAN_RESERVED connection 0+30: a flag of the connection is unknown"},
     {9, 0, 32, 2, 2, FSN_E_PLAN_VALUE,
      "PLAN_VALUE connection 0+16: the safe data do not match the length of the copy"},
-    {9, 0, 36, 4, 1, FSN_E_PLAN_RESERVED,
-     "PLAN_RESERVED connection 0+30: a flag of the connection is unknown or its reserved field is "
-     "not zero"},
+    {9, 0, 36, 4, 1, FSN_E_PLAN_STRING,
+     "PLAN_STRING connection 0+36: the application parameters are no pairs of hex digits"},
+    {9, 0, 36, 4, 9999, FSN_E_PLAN_STRING,
+     "PLAN_STRING connection 0+36: the application parameters are no pairs of hex digits"},
     {10, 0, 0, 1, 1, FSN_E_PLAN_STRING,
      "PLAN_STRING strings -1+0: strings start and end with a zero byte"},
     {10, 1, 0, 1, 0x1B, FSN_E_PLAN_STRING,

@@ -215,7 +215,7 @@ def test_an_fsn_master_that_tells_no_fingerprint():
     ("findings", "lines"),
     [
         ((), []),
-        ((1,), ["let pass: 1 warning, 0 steps of 6, each by name and reason"]),
+        ((1,), ["let pass: 1 warning, 0 others, each by name and reason"]),
     ],
 )
 def test_a_record_that_is_written(

@@ -12,7 +12,7 @@ from cli.tool import fsn
 from networks import PLAIN
 
 ESTOP = str(PLAIN / "estop" / "network.yaml")
-SHORT = "4A36 28D7 0E40 E052"
+SHORT = "7EA0 38E0 BA83 86E1"
 FUNCTION = "safety_functions:\n  - {name: f, elements: [{kind: input, sub: ek1914, time_ms: 4}]}\n"
 
 

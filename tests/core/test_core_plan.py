@@ -44,7 +44,10 @@ def poke(raw: bytes, kind: int, offset: int, layout: str, value: int) -> bytes:
         ((6, 28 + 4, "<I", 0x80000000), r"symbol 0: .*the factor is not 0"),
         ((7, 16 + 8, "<H", 8), r"FSoE block 1: an FSoE frame has"),
         ((9, 8, "<I", 1), r"connection 0: main and sub are the same"),
-        ((1, 48 + 44, "<I", 1), r"SubDevice 1: .*reserved"),
+        ((1, 48 + 42, "<H", 2), r"SubDevice 1: a flag of the SubDevice is unknown"),
+        ((1, 48 + 44, "<I", 0xFFFF), r"SubDevice 1: what the driver reads lies outside"),
+        ((9, 36, "<I", 0xFFFF), r"connection 0: the application parameters are no pairs"),
+        ((9, 36, "<I", 1), r"connection 0: the application parameters are no pairs"),
     ],
 )
 def test_refusal_names_record_and_rule(change: tuple[int, int, str, int], expected: str) -> None:

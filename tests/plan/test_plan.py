@@ -28,8 +28,8 @@ pytestmark = pytest.mark.usefixtures("said")
 
 # Changes of these are changes of the file format or of the examples: both belong in the changelog.
 GOLDEN = {
-    "estop": "3f00eb59239cba679a1f4c3b0129d011b306355a373849a64deb81d8af57abfa",
-    "el6910": "869f6ac41ced44d06ee414037059a6e5039dc905bc04d770b95b949a3b18d60a",
+    "estop": "5746e47d95c1cb84844d2928e84bcd43a7499d4f9f89371b5159d3db84f1aa6d",
+    "el6910": "5521ef0331db40c536e23245b3ba7e8e6c183cff66777982ca9997c9a325c995",
 }
 
 

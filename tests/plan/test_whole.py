@@ -322,7 +322,10 @@ def test_each_refusal_of_a_fingerprint_says_why() -> None:
     none = "no fingerprint; `fsoe-net fingerprint --format json` makes one"
     digits = "section 'copies' has no SHA-256 of 64 hexadecimal digits"
     whole = "the whole does not fit the sections: the fingerprint was changed"
-    form = "fingerprint of the form {!r}; this fsoe-net makes 'fsoe-net fingerprint 1'"
+    form = (
+        "fingerprint of the form {!r}; this fsoe-net makes 'fsoe-net fingerprint 2', which "
+        "holds more: make the fingerprint again, compare the report, and accept again"
+    )
     for wrong, words in [
         ([], none),
         (document | {"sections": None}, none),

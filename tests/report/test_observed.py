@@ -1,18 +1,16 @@
 """Parameters on the wire, beside those of the plan and of the files."""
 
 import zlib
+from dataclasses import replace
 
 import pytest
-from networks import EXAMPLES
-from report.made import inputs_of
 
-from fsoe_net.document.model import Verdict
+from fsoe_net.document.model import Level, Verdict
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters
 from fsoe_net.report.evidence import RunRow
 from fsoe_net.report.observed import observed_cell
 
 APP = bytes.fromhex("01000000")
-PLAN = FsoeParameters(connection_id=3, address=201, watchdog_ms=100)
 
 
 def sent(app=APP, **changes):
@@ -20,6 +18,7 @@ def sent(app=APP, **changes):
     return FsoeParameters(**values | changes, app_bytes=len(app), app_crc=zlib.crc32(app))
 
 
+PLAN = sent()
 AS_STATED = [
     ("clear", "as stated"),
     "ConnID 3, address 201, 100 ms, 4 bytes of application parameters",
@@ -51,17 +50,16 @@ DRIVE = "el6910-drive_1"
         ),
         (
             DRIVE,
-            sent(b""),
-            (),
-            [("error", f"{DRIVE}: 0 bytes of application parameters, 4 stated")],
-        ),
-        (
-            DRIVE,
             sent(b"abcd"),
-            (),
-            [("error", f"{DRIVE}: other application parameters than stated, 4 bytes")],
+            ("app_parameters",),
+            [
+                (
+                    "error",
+                    f"{DRIVE}: application parameters 4 bytes, CRC-32 0xed82cd11, 4 bytes, "
+                    "CRC-32 0x99f8b879 in the plan",
+                )
+            ],
         ),
-        ("of another network", sent(b"abcd"), (), AS_STATED),
     ],
 )
 def test_what_was_observed_is_judged(name, observed, differs, said):
@@ -69,5 +67,16 @@ def test_what_was_observed_is_judged(name, observed, differs, said):
         name=name, state="data_process", cycle_mean=4.0, cycle_max=4.0, watchdog=100.0, resets=0,
         reset_text="", configured=PLAN, observed=observed, differs=differs,
     )  # fmt: skip
-    found = observed_cell(name, row, inputs_of(EXAMPLES / "el6910" / "network.yaml"))
+    found = observed_cell(name, row)
     assert [(i.level.value, i.word) if isinstance(i, Verdict) else i.text for i in found] == said
+
+
+def test_application_parameters_that_nobody_states_are_not_compared():
+    row = RunRow(
+        name=DRIVE, state="data_process", cycle_mean=4.0, cycle_max=4.0, watchdog=100.0, resets=0,
+        reset_text="", configured=replace(PLAN, app_bytes=None, app_crc=None), observed=sent(),
+        differs=(),
+    )  # fmt: skip
+    verdict, words = observed_cell(DRIVE, row)
+    assert verdict == Verdict("application parameters not compared", Level.OPEN)
+    assert words.text == AS_STATED[1] + ", which the network does not state"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 
@@ -10,7 +11,7 @@ from fsoe_net.formats.own.schema import check_structure, schema_keys
 from fsoe_net.formats.own.type_words import type_bits
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, read_float, read_int, warn_decimal_index
-from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, load_yaml
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode, load_yaml
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
 
 __all__ = ["device_from_yaml", "load_device"]
@@ -24,6 +25,10 @@ _DEFAULT_SYNC_MANAGERS = (
 )
 
 _LARGEST_SCALE = 1e300  # a plan has finite numbers only, also after a shift
+
+# Keys of the driver that the core has no use for; they are in the fingerprint all the same.
+_DRIVER_SWITCHES = ("auto_fault_reset", "auto_state_transitions")
+_DRIVER_LISTS = ("sdo_check",)
 
 _SDO_BYTES = {"8": 1, "16": 2, "32": 4, "64": 8}
 
@@ -77,7 +82,33 @@ def device_from_yaml(root: MapNode, path: str, out: Collector) -> Device | None:
         rpdos=rpdos,
         tpdos=tpdos,
         sdos=_sdos(root, out),
+        driver=_driver(root, (*rpdos, *tpdos)),
     )
+
+
+def _driver(root: MapNode, pdos: tuple[Pdo, ...]) -> str:
+    """Return what only the driver acts on as JSON, equal for what means the same; else empty."""
+    rows: dict[str, object] = {key: True for key in _DRIVER_SWITCHES if root.truth(key)}
+    for key in _DRIVER_LISTS:
+        if (found := _plain(root.get(key))) is not None:
+            rows[key] = found
+    masks = {e.address: e.mask for pdo in pdos for e in pdo.entries if e.mask is not None}
+    if masks:
+        rows["mask"] = masks
+    return json.dumps(rows, sort_keys=True, separators=(",", ":")) if rows else ""
+
+
+def _plain(node: Node | None) -> object:
+    if isinstance(node, MapNode):
+        return {key: _plain(value) for key, value in node.pairs.items()}
+    if isinstance(node, SeqNode):
+        return [_plain(item) for item in node.items]
+    if node is None or node.is_null:
+        return None
+    try:
+        return int(node.text, 0)
+    except ValueError:
+        return node.text
 
 
 def _u32(root: MapNode, key: str, out: Collector) -> int | None:

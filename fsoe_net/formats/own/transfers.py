@@ -158,6 +158,7 @@ def _endpoint(node: Node | None, out: Collector) -> Endpoint | None:
     )
 
 
+_MOST_APP_PARAMETERS = 4096
 _FACTS = ("address", "connection_id", "watchdog_ms", "app_parameters", "unconfirmed")
 
 
@@ -207,6 +208,15 @@ def _parameters(node: MapNode, out: Collector) -> bytes:
             node.at("app_parameters"),
             f"app_parameters must be pairs of hex digits, found {why}",
             hint='quote them, two digits per byte: app_parameters: "01 00 2c 01"',
+        )
+        return b""
+    if len(digits) > 2 * _MOST_APP_PARAMETERS:
+        out.add(
+            "FSN306",
+            node.at("app_parameters"),
+            f"{len(digits) // 2} bytes of application parameters; a plan has "
+            f"{_MOST_APP_PARAMETERS} at most",
+            hint="check the parameter list of the device",
         )
         return b""
     return bytes.fromhex(digits)

@@ -51,8 +51,8 @@ struct fsn_direction {
     uint8_t reset_code;     /**< data byte of the last Reset */
 };
 
-/** Bits of what is known of the parameters of a connection, or differs in them; the first three are
- *  those of fsn_connection_info.known. */
+/** Bits of what is known of the parameters of a connection, or differs in them; those of
+ *  fsn_connection_info.known. */
 enum fsn_stated {
     FSN_STATED_CONNECTION_ID = 1,
     FSN_STATED_ADDRESS = 2,

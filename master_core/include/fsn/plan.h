@@ -77,6 +77,8 @@ struct fsn_connection_info {
     uint32_t main_subdevice, sub_subdevice, copy_to_sub, copy_to_main;
     uint16_t connection_id, address, watchdog_ms, known; /**< known: bit 0, 1, 2 in this order */
     uint16_t safe_to_sub, safe_to_main;
+    uint16_t app_bytes; /**< length of the application parameters; known: bit 3 */
+    uint32_t app_crc;   /**< CRC-32 (IEEE 802.3) of them */
 };
 
 /** Copies and proves a plan.
@@ -110,7 +112,7 @@ enum {
 };
 
 /** Name and version of the text that is hashed. */
-#define FSN_FINGERPRINT_FORM "fsoe-net fingerprint 1"
+#define FSN_FINGERPRINT_FORM "fsoe-net fingerprint 2"
 
 /** SHA-256 of each section and of the whole; docs/reference/fingerprint.md says of what. */
 struct fsn_fingerprint {

@@ -10,13 +10,19 @@
 static const char *const section_name[FSN_FINGERPRINT_SECTIONS] = {
     "devices", "process_data", "copies", "connections", "cycle", "safety_functions"};
 
+/** A symbol, and the number of its record. */
+struct by_place {
+    struct fsn_symbol_record record;
+    const char *name;
+};
+
 /** What the sections share: the tables, the hash that runs, canonical numbers. */
 struct text {
     const struct fsn_plan *plan;
     struct fsn_sha256_run run;
-    uint32_t *rank;                   /**< canonical number of each connection */
-    uint32_t *number;                 /**< connection of each canonical number */
-    struct fsn_symbol_record *symbol; /**< in canonical order */
+    uint32_t *rank;          /**< canonical number of each connection */
+    uint32_t *number;        /**< connection of each canonical number */
+    struct by_place *symbol; /**< in canonical order */
 };
 
 __attribute__((format(printf, 2, 3))) static void put(struct text *text, const char *format, ...) {
@@ -62,10 +68,12 @@ static void devices(struct text *text) {
         const struct fsn_subdevice_record r = fsn_read_subdevice(plan, n);
         put(text,
             "device %" PRIu32 " alias=%u position=%u vendor=0x%08" PRIx32 " product=0x%08" PRIx32
-            " revision=0x%08" PRIx32 "-0x%08" PRIx32 " dc=0x%04x name=",
+            " revision=0x%08" PRIx32 "-0x%08" PRIx32 " dc=0x%04x in_copy=%u name=",
             n, (unsigned)r.alias, (unsigned)r.position, r.vendor_id, r.product_code, r.revision_low,
-            r.revision_high, (unsigned)r.assign_activate);
+            r.revision_high, (unsigned)r.assign_activate, (unsigned)r.in_copy);
         put_word(text, r.name);
+        put(text, " driver=");
+        put_word(text, r.driver);
         put(text, "\n");
         for (uint32_t sdo = r.first_sdo; sdo < r.first_sdo + r.sdo_count; sdo++) {
             put_sdo(text, sdo);
@@ -83,13 +91,16 @@ static void put_pdo(struct text *text, uint32_t number) {
     }
 }
 
-static void put_symbol(struct text *text, const struct fsn_symbol_record *r) {
+static void put_symbol(struct text *text, const struct by_place *symbol) {
+    const struct fsn_symbol_record *r = &symbol->record;
     put_place(text, "symbol ", r->sm);
     put(text,
         " bit=%" PRIu32 " bits=%u type=%u output=%u restart=%u stop=0x%016" PRIx64
-        " factor=0x%016" PRIx64 " offset=0x%016" PRIx64 "\n",
+        " factor=0x%016" PRIx64 " offset=0x%016" PRIx64 " name=",
         r->bit_offset, (unsigned)r->bits, (unsigned)r->kind, r->flags & 1u, (r->flags >> 1) & 1u,
         r->stop_value, r->factor, r->offset);
+    put_word(text, r->name);
+    put(text, "\n");
 }
 
 static void process_data(struct text *text) {
@@ -106,8 +117,8 @@ static void process_data(struct text *text) {
     for (uint32_t n = 0; n < plan->count[FSN_SEC_BLOCK]; n++) { /* sorted: proved */
         const struct fsn_block_record r = fsn_read_block(plan, n);
         put_place(text, "frame ", r.sm);
-        put(text, " byte=%" PRIu32 " bytes=%u safe=%u\n", r.byte_offset, (unsigned)r.frame_bytes,
-            (unsigned)r.safe_bytes);
+        put(text, " byte=%" PRIu32 " bytes=%u safe=%u copied=%u\n", r.byte_offset,
+            (unsigned)r.frame_bytes, (unsigned)r.safe_bytes, (unsigned)r.copied);
     }
     for (uint32_t n = 0; n < plan->count[FSN_SEC_SYMBOL]; n++) {
         put_symbol(text, &text->symbol[n]);
@@ -150,8 +161,14 @@ static void connections(struct text *text) {
         put_stated(text, "id", r.connection_id, (r.known & 1u) != 0);
         put_stated(text, "address", r.address, (r.known & 2u) != 0);
         put_stated(text, "watchdog_ms", r.watchdog_ms, (r.known & 4u) != 0);
-        put(text, " safe_to_sub=%u safe_to_main=%u\n", (unsigned)r.safe_to_sub,
+        put(text, " safe_to_sub=%u safe_to_main=%u app_parameters=", (unsigned)r.safe_to_sub,
             (unsigned)r.safe_to_main);
+        put_word(text, r.app_parameters);
+        put(text, " name=");
+        put_word(text, r.name);
+        put(text, " net=");
+        put_word(text, r.net);
+        put(text, "\n");
     }
 }
 
@@ -183,8 +200,10 @@ static int order(uint64_t a, uint64_t b) {
 
 /** Symbols by place, then by everything else that the text says of them. */
 static int compare_symbols(const void *left, const void *right) {
-    const struct fsn_symbol_record *a = left;
-    const struct fsn_symbol_record *b = right;
+    const struct by_place *one = left;
+    const struct by_place *other = right;
+    const struct fsn_symbol_record *a = &one->record;
+    const struct fsn_symbol_record *b = &other->record;
     const int steps[] = {
         order(a->sm, b->sm),
         order(a->bit_offset, b->bit_offset),
@@ -195,6 +214,7 @@ static int compare_symbols(const void *left, const void *right) {
         order(a->stop_value, b->stop_value),
         order(a->factor, b->factor),
         order(a->offset, b->offset),
+        strcmp(one->name, other->name),
     };
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
         if (steps[i] != 0) {
@@ -207,7 +227,8 @@ static int compare_symbols(const void *left, const void *right) {
 static void order_symbols(struct text *text) {
     const uint32_t count = text->plan->count[FSN_SEC_SYMBOL];
     for (uint32_t n = 0; n < count; n++) {
-        text->symbol[n] = fsn_read_symbol(text->plan, n);
+        const struct fsn_symbol_record r = fsn_read_symbol(text->plan, n);
+        text->symbol[n] = (struct by_place){r, fsn_string(text->plan, r.name)};
     }
     qsort(text->symbol, count, sizeof text->symbol[0], compare_symbols);
 }

@@ -30,10 +30,7 @@ fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t secti
 static uint32_t crc32_with_hole(const uint8_t *bytes, uint32_t len, uint32_t hole) {
     uint32_t table[256];
     for (uint32_t n = 0; n < 256; n++) {
-        table[n] = n;
-        for (int bit = 0; bit < 8; bit++) {
-            table[n] = (table[n] >> 1) ^ (0xEDB88320u & (0u - (table[n] & 1u)));
-        }
+        table[n] = fsn_crc32_step(n, 0);
     }
     uint32_t crc = 0xFFFFFFFFu;
     for (uint32_t i = 0; i < len; i++) {
@@ -189,11 +186,6 @@ FSN_COUNT(copy, COPY)
 FSN_COUNT(connection, CONNECTION)
 #undef FSN_COUNT
 
-/** The proofs have shown that every string reference lies inside the table, which ends in zero. */
-static const char *text(const struct fsn_plan *plan, uint32_t offset) {
-    return (const char *)plan->bytes + plan->offset[FSN_SEC_STRINGS] + offset;
-}
-
 fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
                               struct fsn_subdevice_info *info) {
     if (number >= plan->count[FSN_SEC_SUBDEVICE]) {
@@ -201,7 +193,7 @@ fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
     }
     const struct fsn_subdevice_record r = fsn_read_subdevice(plan, number);
     *info = (struct fsn_subdevice_info){
-        .name = text(plan, r.name),
+        .name = fsn_string(plan, r.name),
         .alias = r.alias,
         .position = r.position,
         .vendor_id = r.vendor_id,
@@ -250,7 +242,7 @@ fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
     }
     const struct fsn_symbol_record r = fsn_read_symbol(plan, number);
     *info = (struct fsn_symbol_info){
-        .name = text(plan, r.name),
+        .name = fsn_string(plan, r.name),
         .sm = r.sm,
         .bit_offset = r.bit_offset,
         .bits = r.bits,
@@ -291,11 +283,28 @@ fsn_status fsn_plan_copy(const struct fsn_plan *plan, uint32_t number, struct fs
         .destination_sm = r.destination_sm,
         .destination_byte = r.destination_bit / 8,
         .size_bytes = r.bits / 8,
-        .net = text(plan, r.net),
+        .net = fsn_string(plan, r.net),
         .kind = r.kind,
         .connection = r.connection,
     };
     return FSN_OK;
+}
+
+static uint8_t hex_digit(char digit) {
+    return (uint8_t)(digit <= '9' ? digit - '0' : digit - 'a' + 10);
+}
+
+/** Length and CRC-32 of application parameters, which are proved to be pairs of digits. */
+static void measure_app(const char *digits, struct fsn_connection_info *info) {
+    uint32_t crc = UINT32_MAX;
+    for (; *digits != 0; digits += 2) {
+        crc = fsn_crc32_step(crc, (uint8_t)(hex_digit(digits[0]) << 4 | hex_digit(digits[1])));
+        info->app_bytes++;
+    }
+    if (info->app_bytes != 0) {
+        info->app_crc = ~crc;
+        info->known |= FSN_STATED_APP;
+    }
 }
 
 fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
@@ -305,8 +314,8 @@ fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
     }
     const struct fsn_connection_record r = fsn_read_connection(plan, number);
     *info = (struct fsn_connection_info){
-        .name = text(plan, r.name),
-        .net = text(plan, r.net),
+        .name = fsn_string(plan, r.name),
+        .net = fsn_string(plan, r.net),
         .main_subdevice = r.main,
         .sub_subdevice = r.sub,
         .copy_to_sub = r.copy_to_sub,
@@ -318,5 +327,6 @@ fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
         .safe_to_sub = r.safe_to_sub,
         .safe_to_main = r.safe_to_main,
     };
+    measure_app(fsn_string(plan, r.app_parameters), info);
     return FSN_OK;
 }

@@ -101,7 +101,9 @@ static inline struct fsn_parameters fsn_planned_parameters(const struct fsn_conn
     return (struct fsn_parameters){.known = info->known,
                                    .connection_id = info->connection_id,
                                    .address = info->address,
-                                   .watchdog_ms = info->watchdog_ms};
+                                   .watchdog_ms = info->watchdog_ms,
+                                   .app_bytes = info->app_bytes,
+                                   .app_crc = info->app_crc};
 }
 
 /** Entries of a sync manager: from the first to before `*behind` (proved: PDO by PDO without gaps).
@@ -139,6 +141,11 @@ fsn_status fsn_refuse_at(const struct fsn_at *at, fsn_status status, uint32_t fi
 
 /** Whether this is the offset of a string. */
 bool fsn_string_ok(const struct fsn_plan *plan, uint32_t offset);
+
+/** A string whose reference is proved; the table ends in zero. */
+static inline const char *fsn_string(const struct fsn_plan *plan, uint32_t offset) {
+    return (const char *)plan->bytes + plan->offset[FSN_SEC_STRINGS] + offset;
+}
 
 /** Proves strings, SubDevices, SDOs, sync managers, PDOs and entries. */
 fsn_status fsn_prove_layout(const struct fsn_plan *plan, struct fsn_fault *fault);

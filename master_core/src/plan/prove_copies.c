@@ -1,8 +1,12 @@
 /** The proofs of docs/reference/plan-format.md, “What a reader proves again”, second half: what
  * moves between the SubDevices. Blocks and copies are sorted, so every overlap shows at a neighbour
  * or by bisection: O(n log n) whatever the file says. */
+#include <string.h>
+
 #include "fsn/fsoe.h"
 #include "plan/plan_internal.h"
+
+enum { MOST_APP_BYTES = 4096 };
 
 static uint32_t safe_bytes_of(uint32_t frame_bytes) {
     return frame_bytes == 6 ? 1 : (frame_bytes - 3) / 2;
@@ -294,6 +298,12 @@ static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint3
     return FSN_OK;
 }
 
+/** Application parameters. What is longer would take a hostile plan long to prove. */
+static bool are_hex_pairs(const char *digits) {
+    const size_t count = strspn(digits, "0123456789abcdef");
+    return digits[count] == 0 && count % 2 == 0 && count / 2 <= MOST_APP_BYTES;
+}
+
 static fsn_status prove_connections(const struct fsn_plan *plan, struct fsn_fault *fault) {
     struct fsn_at at = {plan, fault, FSN_SEC_CONNECTION, 0};
     for (; at.number < plan->count[FSN_SEC_CONNECTION]; at.number++) {
@@ -306,10 +316,14 @@ static fsn_status prove_connections(const struct fsn_plan *plan, struct fsn_faul
             return fsn_refuse_at(&at, FSN_E_COPY_PAIR, FSN_AT(connection, main),
                                  "main and sub are the same SubDevice");
         }
-        if (r.known > 7 || r.reserved != 0) {
-            return fsn_refuse_at(
-                &at, FSN_E_PLAN_RESERVED, FSN_AT(connection, known),
-                "a flag of the connection is unknown or its reserved field is not zero");
+        if (r.known > 7) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_RESERVED, FSN_AT(connection, known),
+                                 "a flag of the connection is unknown");
+        }
+        if (!fsn_string_ok(plan, r.app_parameters) ||
+            !are_hex_pairs(fsn_string(plan, r.app_parameters))) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(connection, app_parameters),
+                                 "the application parameters are no pairs of hex digits");
         }
         fsn_status status = prove_direction(&at, FSN_AT(connection, copy_to_sub), r.copy_to_sub,
                                             r.main, r.sub, r.safe_to_sub);

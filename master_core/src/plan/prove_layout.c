@@ -60,10 +60,13 @@ static fsn_status prove_subdevices(const struct fsn_plan *plan, struct fsn_fault
             return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(subdevice, first_sdo),
                                  "start-up SDOs do not follow those of the SubDevice before");
         }
-        if (r.in_copy > 1 || r.reserved != 0) {
-            return fsn_refuse_at(
-                &at, FSN_E_PLAN_RESERVED, FSN_AT(subdevice, in_copy),
-                "a flag of the SubDevice is unknown or its reserved field is not zero");
+        if (r.in_copy > 1) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_RESERVED, FSN_AT(subdevice, in_copy),
+                                 "a flag of the SubDevice is unknown");
+        }
+        if (!fsn_string_ok(plan, r.driver)) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(subdevice, driver),
+                                 "what the driver reads lies outside the strings");
         }
     }
     if (sms != plan->count[FSN_SEC_SM] || sdos != plan->count[FSN_SEC_SDO]) {

@@ -31,7 +31,7 @@
     X(subdevice, u32, sdo_count, 36)                                                               \
     X(subdevice, u16, assign_activate, 40)                                                         \
     X(subdevice, u16, in_copy, 42)                                                                 \
-    X(subdevice, u32, reserved, 44)
+    X(subdevice, u32, driver, 44)
 
 /* Sync manager: type, name, first byte. */
 #define FSN_SM_FIELDS(X)                                                                           \
@@ -118,6 +118,6 @@
     X(connection, u16, known, 30)                                                                  \
     X(connection, u16, safe_to_sub, 32)                                                            \
     X(connection, u16, safe_to_main, 34)                                                           \
-    X(connection, u32, reserved, 36)
+    X(connection, u32, app_parameters, 36)
 
 #endif

@@ -32,4 +32,13 @@ static inline void fsn_put64(uint8_t *at, uint64_t value) {
     fsn_put32(at + 4, (uint32_t)(value >> 32));
 }
 
+/** One byte of a CRC-32 of IEEE 802.3, which begins with ~0 and is inverted at its end. */
+static inline uint32_t fsn_crc32_step(uint32_t crc, uint8_t byte) {
+    crc ^= byte;
+    for (unsigned bit = 0; bit < 8; bit++) {
+        crc = crc >> 1 ^ ((crc & 1) != 0 ? 0xEDB88320U : 0);
+    }
+    return crc;
+}
+
 #endif

@@ -198,21 +198,13 @@ static uint32_t safe_bytes(uint32_t size_bytes) {
     return size_bytes == FSN_MIN_FRAME_BYTES ? 1 : (size_bytes - 3) / 2;
 }
 
-static uint32_t crc32_step(uint32_t crc, uint8_t byte) {
-    crc ^= byte;
-    for (unsigned bit = 0; bit < 8; bit++) {
-        crc = crc >> 1 ^ ((crc & 1) != 0 ? 0xEDB88320U : 0);
-    }
-    return crc;
-}
-
 /** Takes one byte of a list; what is behind its end is padding. */
 static void take_byte(struct fsn_sent_list *list, uint8_t byte) {
     const uint32_t at = list->count++;
     if (at < sizeof list->head) {
         list->head[at] = byte;
     } else if (at - sizeof list->head < fsn_get16(list->head + 4)) {
-        list->crc = crc32_step(list->crc, byte);
+        list->crc = fsn_crc32_step(list->crc, byte);
     }
 }
 

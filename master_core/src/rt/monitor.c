@@ -48,7 +48,9 @@ static void compare(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
     const uint32_t unequal =
         (seen->connection_id != planned->connection_id ? FSN_STATED_CONNECTION_ID : 0U) |
         (seen->address != planned->address ? FSN_STATED_ADDRESS : 0U) |
-        (seen->watchdog_ms != planned->watchdog_ms ? FSN_STATED_WATCHDOG : 0U);
+        (seen->watchdog_ms != planned->watchdog_ms ? FSN_STATED_WATCHDOG : 0U) |
+        (seen->app_bytes != planned->app_bytes || seen->app_crc != planned->app_crc ? FSN_STATED_APP
+                                                                                    : 0U);
     const uint32_t differs = (status->differs & ~known) | (unequal & known);
     if (differs == status->differs) {
         return;

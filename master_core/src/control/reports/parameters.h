@@ -5,7 +5,7 @@
 #include "control/base/json.h"
 #include "fsn/monitor.h"
 
-enum { FSN_DIFFERS_BYTES = 160 };
+enum { FSN_DIFFERS_BYTES = 256 };
 
 /** Writes an object under a key; what is not known is null. */
 void fsn_report_parameters(struct fsn_json *json, const char *key,
