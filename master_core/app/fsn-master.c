@@ -11,6 +11,7 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
+#include "acceptance.h"
 #include "explain.h"
 #include "log.h"
 #include "master.h"
@@ -52,8 +53,10 @@ static uint8_t *read_file(const char *path, size_t *len) {
     return bytes;
 }
 
-/** Loads the plan.   @return -1, else the exit code; then it has said why. */
-static int load(const char *path, struct fsn_plan **plan) {
+/** Loads the plan, and has its signatures checked.
+ *  @return -1, else the exit code; then it has said why. */
+static int load(const struct options *o, struct fsn_plan **plan) {
+    const char *path = o->plan_file;
     size_t len;
     char text[640];
     struct fsn_fault fault;
@@ -63,14 +66,16 @@ static int load(const char *path, struct fsn_plan **plan) {
                  strerror(errno));
         return EXIT_USAGE;
     }
-    const fsn_status status = fsn_plan_load(bytes, len, plan, &fault);
-    free(bytes);
-    if (status != FSN_OK) {
+    int code = -1;
+    if (fsn_plan_load(bytes, len, plan, &fault) != FSN_OK) {
         explain_fault(&fault, NULL, text, sizeof text);
         log_line(FSN_LOG_ERROR, "%s: %s", path, text);
-        return EXIT_REFUSED;
+        code = EXIT_REFUSED;
+    } else if (o->acceptance != NULL) {
+        code = acceptance_check(bytes, len, o);
     }
-    return -1;
+    free(bytes);
+    return code;
 }
 
 static void hex_text(const uint8_t digest[FSN_SHA256_BYTES], char hash[2 * FSN_SHA256_BYTES + 1]) {
@@ -183,7 +188,7 @@ int main(int argc, char **argv) {
         return scan_run(&options, backend);
     }
     struct fsn_plan *plan = NULL;
-    code = load(options.plan_file, &plan);
+    code = load(&options, &plan);
     if (code == -1) {
         code = check_plan(plan, &options);
     }

@@ -65,7 +65,7 @@ static void host_status(void *self, struct fsn_control_status *status) {
         .interface = o->interface,
         .redundant = o->redundant,
         .plan_file = o->plan_file,
-        .accepted = o->accepted,
+        .accepted = o->accepted != NULL ? o->accepted : o->acceptance,
         .require_observed = o->require_observed,
         .policy = policy_name[m->policy],
         .started_ns = m->started_ns,

@@ -31,6 +31,11 @@ static const char usage_text[] =
     "  --record TIME      keeps the cycles of the last TIME; default 10s, at most 64 MiB\n"
     "  --wait TIME        tries again for so long while SubDevices are missing\n"
     "  --accepted HASH    refuses any plan but the one with this SHA-256 or fingerprint\n"
+    "  --acceptance RECORD  refuses any plan but the one of this record, as two persons signed "
+    "it;\n"
+    "                     fsoe-net, beside this program or on PATH, checks the signatures\n"
+    "  --signers FILE     who may sign: allowed signers, as ssh-keygen has them\n"
+    "  --revoked FILE     keys that no longer count\n"
     "  --require-observed other connection parameters on the bus than in the plan: an alarm, and\n"
     "                     exit code 4 at the end; no frame is altered or held back\n"
     "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
@@ -162,6 +167,9 @@ enum option_id {
     RECORD,
     WAIT,
     ACCEPTED,
+    ACCEPTANCE,
+    SIGNERS,
+    REVOKED,
     REQUIRE_OBSERVED,
     SOCKET,
     ALLOW_USER,
@@ -235,6 +243,15 @@ static bool take_plain(int id, const char *text, struct options *o) {
         return true;
     case INCIDENTS:
         o->incidents = text;
+        return true;
+    case ACCEPTANCE:
+        o->acceptance = text;
+        return true;
+    case SIGNERS:
+        o->signers = text;
+        return true;
+    case REVOKED:
+        o->revoked = text;
         return true;
     case FREE_RUN:
         o->free_run = true;
@@ -311,6 +328,15 @@ static int check_schedule(const struct options *o) {
     return -1;
 }
 
+static int check_signed(const struct options *o) {
+    if ((o->acceptance == NULL) != (o->signers == NULL)) {
+        return wrong("--acceptance", o->acceptance, "belongs together with --signers FILE");
+    }
+    return o->revoked == NULL || o->signers != NULL
+               ? -1
+               : wrong("--revoked", o->revoked, "goes with --signers FILE");
+}
+
 static int check_together(const struct options *o) {
     if (o->plan_file == NULL && !o->scan) {
         return wrong("PLAN", NULL, "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
@@ -318,7 +344,10 @@ static int check_together(const struct options *o) {
     if (o->plan_file != NULL && o->scan) {
         return wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
     }
-    const int code = check_bus(o);
+    int code = check_bus(o);
+    if (code == -1) {
+        code = check_signed(o);
+    }
     return code != -1 ? code : check_schedule(o);
 }
 
@@ -337,6 +366,9 @@ int options_read(int argc, char **argv, struct options *o) {
         {"record", required_argument, NULL, RECORD},
         {"wait", required_argument, NULL, WAIT},
         {"accepted", required_argument, NULL, ACCEPTED},
+        {"acceptance", required_argument, NULL, ACCEPTANCE},
+        {"signers", required_argument, NULL, SIGNERS},
+        {"revoked", required_argument, NULL, REVOKED},
         {"require-observed", no_argument, NULL, REQUIRE_OBSERVED},
         {"socket", required_argument, NULL, SOCKET},
         {"allow-user", required_argument, NULL, ALLOW_USER},
