@@ -15,7 +15,6 @@ from rich.console import Console
 from run.test_live_run import OPTIONS, RESOLUTION, Process
 
 from fsoe_net.cli import (
-    accept,
     campaign,
     campaign_output,
     emulate,
@@ -28,6 +27,7 @@ from fsoe_net.cli import (
     test_protocol_output,
 )
 from fsoe_net.cli import live_bus as cli_live_bus
+from fsoe_net.cli.accept_output import print_record
 from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.model.protocol import StepOutcome, StepResult
@@ -226,11 +226,11 @@ def test_a_record_that_is_written(
         whole="a2be4767288d92e3" + 48 * "0", author=person, verifier=person, findings=findings,
         steps_left_out=(), steps=6,
     )  # fmt: skip
-    accept._say("x.yaml", record, None)
+    print_record("x.yaml", record, None)
     assert capsys.readouterr().out.splitlines() == [
         "x.yaml: A2BE 4767 288D 92E3, author A, verifier A, 2026-11-21",
         *lines,
-        "Sign the report; keep it and this record under version control.",
+        "Sign the report and, with --sign, this record; keep both under version control.",
     ]
 
 
