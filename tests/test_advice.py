@@ -1,6 +1,11 @@
-"""No text advises another watchdog or cycle but with reaction times that are calculated again."""
+"""Advice that cannot hurt: about times, about the configuration, and about hands in a machine.
+
+Every text that touches one of these stands in `advice.txt`, read by a person. A new or changed one
+fails here: read it, correct it, then write the list anew with ``FSN_RECORD=1``.
+"""
 
 import ast
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,9 +30,10 @@ NO_ADVICE = (
 
 
 def texts_of(path: Path) -> Iterator[str]:
-    """Yield the texts of a module without docstrings, or the paragraphs of a page."""
+    """Yield the texts of a module without docstrings, or the prose of a page by paragraphs."""
     if path.suffix == ".md":
-        yield from re.split(r"\n\n|\n- |\n\d+\. |\n   - |\n\| ", path.read_text("utf-8"))
+        prose = re.sub(r"```.*?```", "", path.read_text("utf-8"), flags=re.DOTALL)
+        yield from re.split(r"\n\n|\n- |\n\d+\. |\n   - |\n\| ", prose)
         return
     tree = ast.parse(path.read_text("utf-8"))
     bare = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
@@ -49,4 +55,54 @@ def test_who_advises_another_time_says_that_it_is_calculated_again():
             known = any(text in words for text in NO_ADVICE)
             if CHANGES.search(words) and not AGAIN.search(words) and not known:
                 found.append(f"{path.relative_to(ROOT)}: {words}")
+    assert found == []
+
+
+TIMES = re.compile(r"\b(watchdogs?|bus cycle|reaction times?)\b", re.IGNORECASE)
+ADVISES = re.compile(
+    r"\b(set|raise|lower|change|correct|choose|write|give|allow|shorter|longer|at least)\b",
+    re.IGNORECASE,
+)
+HANDS = re.compile(
+    r"\b(unplug|plug in|reconnect|power[- ]cycle|switch(ed)? (it |the \S+ )?(off|on)|"
+    r"(press|replace|exchange|measure|move|check|look at|put|change|restore|repair)( \S+){0,5} "
+    r"(cables?|plugs?|connectors?|power|supply|wiring|fuse|devices?|button|reset))\b",
+    re.IGNORECASE,
+)
+SECURED = re.compile(r"\bsecured?\b", re.IGNORECASE)
+LIST = Path(__file__).with_name("advice.txt")
+
+
+def _sources() -> list[Path]:
+    return [*(ROOT / "fsoe_net").rglob("*.py"), *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
+
+
+def _touches() -> Iterator[str]:
+    for path in sorted(_sources()):
+        for text in texts_of(path):
+            words = " ".join(text.split())
+            if len(words.split()) < 4:
+                continue
+            hands, times = HANDS.search(words), TIMES.search(words) and ADVISES.search(words)
+            if hands or times:
+                kind = "hands" if hands else "times"
+                yield f"{path.relative_to(ROOT)} | {kind} | {words}"
+
+
+def test_every_text_about_times_and_hands_was_read():
+    text = "".join(f"{row}\n" for row in _touches())
+    if os.environ.get("FSN_RECORD"):
+        LIST.write_text(text, "utf-8")
+    known = LIST.read_text("utf-8").splitlines()
+    assert [row for row in text.splitlines() if row not in known] == []
+    assert [row for row in known if row not in text.splitlines()] == []
+
+
+def test_a_page_that_sends_hands_into_a_machine_begins_with_securing_it():
+    found = []
+    for path in (ROOT / "docs" / "diagnostics").glob("*.md"):
+        fix = path.read_text("utf-8").partition("## Fix\n")[2]
+        hands = HANDS.search(fix)
+        if hands and not SECURED.search(fix[: hands.start()]):
+            found.append(f"{path.name}: {hands[0]}")
     assert found == []

@@ -8,7 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CAUSES", "Cause"]
+__all__ = ["CAUSES", "SECURE", "Cause"]
+
+SECURE = (
+    "Secure the machine before anybody reaches into it: outputs can come on again as soon as a "
+    "connection is back in Data."
+)
+"""What stands before everything that sends hands to cables, plugs and devices."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +125,8 @@ _ROWS = (
         "device_restarted",
         "{device} has restarted: it no longer knew the running connection.",
         "{device} was back after a moment; the connection starts anew.",
-        "Measure its supply during the machine's heaviest load; read its error memory for a "
+        "Have a meter, fitted while the machine was secured, record its supply under the heaviest "
+        "load; read its error memory for a "
         "restart, a watchdog or an undervoltage.",
         "Repair the supply (own fuse, thicker wire, separate supply), or its firmware.",
     ),
@@ -127,8 +134,9 @@ _ROWS = (
         "device_interrupted",
         "{device} was gone from the bus for a while and came back: loose plug or supply dip.",
         "{device} falls out alone and returns by itself, often when something moves or switches.",
-        "Move its plugs and cables while `fsoe-net monitor` runs; measure its supply during the "
-        "machine's heaviest load; read its error memory for a restart.",
+        "With the machine secured, move its plugs and cables while `fsoe-net monitor` runs; have "
+        "a meter, fitted while it was secured, record the supply under the heaviest load; read the "
+        "device's error memory for a restart.",
         "Replace plug or cable, or repair the supply (own fuse, thicker wire, separate supply).",
     ),
     (

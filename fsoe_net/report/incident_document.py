@@ -25,6 +25,7 @@ from fsoe_net.document.model import (
     strong,
     words,
 )
+from fsoe_net.observe.causes_table import SECURE
 from fsoe_net.report.cycle_times import histogram_name, histogram_picture, percentiles_table
 from fsoe_net.report.incident_facts import NO_STATEMENT, FrameRow, IncidentFacts, LinkRow
 from fsoe_net.report.incident_window import IncidentWindow, Wrong, window_of
@@ -117,6 +118,7 @@ def _likely(facts: IncidentFacts) -> list[Part]:
         words(muted(found.looks)),
         words(strong("Evidence:")),
         Bullets(tuple(cell(fact) for fact in found.evidence)),
+        words(strong("First: "), Text(SECURE)),
         words(strong("Measure: "), *_with_code(found.measure)),
         words(strong("Change: "), *_with_code(found.change)),
     ]

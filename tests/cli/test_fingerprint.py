@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from networks import PLAIN
+from networks import EXAMPLES, PLAIN
 
 ESTOP = str(PLAIN / "estop" / "network.yaml")
 SHORT = "7EA0 38E0 BA83 86E1"
@@ -124,3 +124,11 @@ def test_the_same_network_as_urdf_with_transfers_in_another_file_is_the_same(acc
     urdf = str(PLAIN / "estop" / "estop.urdf.xacro")
     done = fsn("verify", urdf, "--accepted", accepted)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_readme_shows_the_plan_and_the_fingerprint_of_today(tmp_path: Path):
+    done = fsn(
+        "plan", str(EXAMPLES / "estop" / "network.yaml"), "-o", "estop.fsnplan", cwd=tmp_path
+    )
+    page = (EXAMPLES.parent / "README.md").read_text("utf-8")
+    assert f"\n{done.stdout.strip()}\n" in page
