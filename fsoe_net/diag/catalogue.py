@@ -205,10 +205,10 @@ FSN604 error   safety function may take longer than required
 FSN605 error   element of a safety function is not in the network
 FSN606 warning safety function cannot be judged: values are missing
 FSN607 warning nobody answers for a value of a safety function
-FSN608 error   sum of PFH_D is above the limit
+FSN608 error   sum of PFH is above the limit
 FSN609 error   two safety functions of one name
 FSN610 info    connection belongs to no safety function
-FSN611 warning reaction time holds only while the handshake of FSoE is not counted
+FSN611 error   reaction time holds only while the handshake of FSoE is not counted
 """
 
 CATALOGUE: dict[str, CodeInfo] = {

@@ -29,7 +29,7 @@ class SafetyElement(Located):
         sub: Name of the SubDevice; empty for what is no SubDevice, such as a contactor.
         name: What people call it; the name of the SubDevice when nothing else is given.
         time_ms: Processing time in ms as its manual states it; ``None`` when not stated.
-        pfh_per_hour: PFH_D per hour as its manual states it; ``None`` when not stated.
+        pfh_per_hour: PFH per hour as its manual states it; ``None`` when not stated.
         source: Where both come from, in words.
         manual: Revision of the manual that somebody has read; empty when nobody says so.
     """

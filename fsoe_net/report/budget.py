@@ -21,8 +21,7 @@ from fsoe_net.document.model import (
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.formulas import PartTimes
-from fsoe_net.timing.handshake import broken
-from fsoe_net.timing.reaction import FunctionBudget, Reaction, with_cycle
+from fsoe_net.timing.reaction import DISTURBED, FunctionBudget, Reaction, ResponseCase, with_cycle
 from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
 
 __all__ = ["budget_document", "budget_json", "budget_picture", "reaction_pictures"]
@@ -34,7 +33,7 @@ _LOOKS = {
     "error-free": ("", "#116329", "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z"),
     "ETG.5100, one failure": ("7 4", "#0550ae", "M-4,-4h8v8h-8z"),
     "Beckhoff, two watchdogs": ("2 3", "#953800", "M0,-5l5,9h-10z"),
-    "FSoE handshake, one failure": ("10 3 2 3 2 3", "#6639ba", "M0,-5l5,5l-5,5l-5,-5z"),
+    "FSoE handshake, one late": ("10 3 2 3 2 3", "#6639ba", "M0,-5l5,5l-5,5l-5,-5z"),
     "required": ("12 3 2 3", "#99286e", "M-4,-4l8,8m0,-8l-8,8"),
 }
 _LABEL = 15  # height of a label, so that two never touch
@@ -54,6 +53,7 @@ _STYLE = (
 
 # -- text -----------------------------------------------------------------------------------------
 _HANDSHAKE = "FSoE handshake counted"
+_LATE = {"input": "input", "output": "output", "both ways": "both ways of one"}
 _WATCHDOGS = (
     Column("connection"),
     Column("watchdog", number=True, rank=1),
@@ -69,7 +69,7 @@ _ELEMENTS = (
     Column("part"),
     Column("element"),
     Column("time", number=True),
-    Column("PFH_D", number=True, rank=1),
+    Column("PFH", number=True, rank=1),
     Column("source", rank=2, wraps=True),
 )
 _TIMES = (Column("response time"), Column("longest", number=True), Column("counted by", rank=1))
@@ -135,7 +135,7 @@ def _function(row: FunctionBudget) -> Section:
     parts.append(words(f"required {_ms(required)}: {row.verdict}" if required else row.verdict))
     limit = "" if row.pfh.limit is None else f" of {row.pfh.limit:.0e} 1/h"
     fsoe = f", {row.pfh.fsoe:.2e} of it for FSoE" if row.pfh.fsoe else ""
-    parts.append(words(f"PFH_D {row.pfh.total:.2e} 1/h{limit}{fsoe}: {row.pfh.verdict}"))
+    parts.append(words(f"PFH {row.pfh.total:.2e} 1/h{limit}{fsoe}: {row.pfh.verdict}"))
     title = f"{f.name}: {f.trigger or '?'} -> {f.reaction or '?'}"
     return Section(key=f.name, title=title, parts=tuple(parts))
 
@@ -150,7 +150,12 @@ def _times(r: Reaction) -> list[tuple[str, str, str]]:
         ("worst case, two watchdogs", _up(r.worst_beckhoff), "Beckhoff"),
         ("error-free, waits for the turn", _up(r.polled), _HANDSHAKE),
         ("one connection breaks", _up(r.broken), _HANDSHAKE),
-        ("both lost and late at will", _up(r.disturbed), f"{_HANDSHAKE}; not in the verdict"),
+        *(
+            (f"{_LATE[c.way]} late, then lost", _up(c.ms), f"{_HANDSHAKE} ({c.connection})")
+            for c in r.late
+            if c.connection
+        ),
+        ("both late, then lost", _up(r.disturbed), f"{_HANDSHAKE}; not in the verdict"),
     ]
 
 
@@ -221,6 +226,10 @@ def _quantity_json(q: Quantity) -> dict[str, Any]:
     return {"value": q.value, "unit": q.unit, "source": q.source, "unverified": not q.answered_for}
 
 
+def _case_json(case: ResponseCase) -> dict[str, Any]:
+    return {"way": case.way, "connection": case.connection or None, "ms": case.ms}
+
+
 def _function_json(row: FunctionBudget) -> dict[str, Any]:
     f, r = row.function, row.reaction
     reaction = None
@@ -234,9 +243,11 @@ def _function_json(row: FunctionBudget) -> dict[str, Any]:
             "worst_beckhoff_ms": r.worst_beckhoff,
             "handshake_error_free_ms": r.polled,
             "handshake_one_breaks_ms": r.broken,
+            "handshake_one_disturbed": [_case_json(c) for c in r.late if c.connection],
             "handshake_both_disturbed_ms": r.disturbed,
             "watchdog_in_ms": r.watchdog_in,
             "watchdog_out_ms": r.watchdog_out,
+            "decides": _case_json(r.decides),
         }
     return {
         "name": f.name,
@@ -332,7 +343,7 @@ def _over_cycle(row: FunctionBudget, drift: float) -> list[_Curve]:
         _Curve("error-free", tuple((c, r.error_free) for c, r in found)),
         _Curve("ETG.5100, one failure", tuple((c, r.worst_etg) for c, r in found)),
         _Curve("Beckhoff, two watchdogs", tuple((c, r.worst_beckhoff) for c, r in found)),
-        _Curve("FSoE handshake, one failure", tuple((c, r.counted) for c, r in found)),
+        _Curve("FSoE handshake, one late", tuple((c, r.decides.ms) for c, r in found)),
     ]
     return curves + _required(row, _CYCLES)
 
@@ -349,15 +360,15 @@ def _over_watchdog(row: FunctionBudget, r: Reaction, times: PartTimes, now: floa
             tuple((w, max(r.error_free, *(rest + w for rest in rests))) for w in spots),
         ),
         _Curve("Beckhoff, two watchdogs", tuple((w, actuator + len(rests) * w) for w in spots)),
-        _Curve("FSoE handshake, one failure", tuple((w, _counted(r, times, w)) for w in spots)),
+        _Curve("FSoE handshake, one late", tuple((w, _counted(r, times, w)) for w in spots)),
     ]
     return curves + _required(row, spots)
 
 
 def _counted(r: Reaction, times: PartTimes, watchdog: float) -> float:
-    """Return the longest response with one failure, handshake counted, at another watchdog."""
-    one, two = (None if dog is None else watchdog for dog in (r.watchdog_in, r.watchdog_out))
-    return broken(times, one, two)
+    """Return the longest response of one late and lost connection at another watchdog."""
+    late = [DISTURBED[c.way](times, watchdog) for c in r.late if c.connection]
+    return max([r.polled, *late])
 
 
 def _required(row: FunctionBudget, spots: Sequence[float]) -> list[_Curve]:

@@ -1,4 +1,4 @@
-"""Blocks 6 and 7: watchdogs and reaction times by both methods, and sums of PFH_D."""
+"""Blocks 6 and 7: watchdogs and reaction times by both methods, and sums of PFH."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.pfh import NOT_ASSESSED
-from fsoe_net.timing.reaction import FunctionBudget
+from fsoe_net.timing.reaction import FunctionBudget, Reaction
 from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
 
 __all__ = ["quantities", "timing"]
@@ -71,11 +71,6 @@ def timing(inputs: ReportInputs) -> ReportSection:
             points=(Point(PointKind.OPEN, "timing is not judged"),),
         )
     points = _assumed(budget)
-    points += [
-        Point(PointKind.OPEN, f"watchdog of {c.connection.name}: {c.verdict}")
-        for c in budget.connections
-        if c.judgement is WatchdogJudgement.PRINTED_ONLY
-    ]
     parts: list[Part] = [_basis(budget), *measured_cycle(inputs)]
     parts += [Heading("Watchdogs"), _watchdogs(budget), *_reasons(budget)]
     if budget.functions:
@@ -107,8 +102,8 @@ def _pictures(budget: Budget, row: FunctionBudget) -> list[Picture]:
     """Draw one function; one picture of all would be cut at the end of a page."""
     words = (
         "Error-free: solid, circle; ETG.5100: dashed, square; Beckhoff: dotted, triangle; FSoE "
-        "handshake: diamond; required: dash and dot, cross. The upright dotted line is the "
-        "configuration"
+        "handshake, one connection late: diamond; required: dash and dot, cross. The upright "
+        "dotted line is the configuration"
     )
     return [
         Picture(title=title, words=words, svg=svg) for title, svg in reaction_pictures(budget, row)
@@ -188,9 +183,9 @@ def _watchdogs(budget: Budget) -> Table:
         ),
         rows=tuple(rows),
         remark="At least: 1.2 x the longest round trip, for availability. At most: "
-        "what the required reaction times leave, as both methods print it (the smaller), and with "
-        "one failure and the handshake of FSoE counted; the smaller one counts. A watchdog that "
-        "only the printed formulas allow is not judged. Margin: configured over least.",
+        "what the required reaction times leave, as both methods print it (the smaller), and when "
+        "this connection is late up to its watchdog and then lost, the handshake of FSoE counted; "
+        "the smaller one counts. Margin: configured over least.",
     )
 
 
@@ -237,7 +232,7 @@ def _reactions(budget: Budget) -> Table:
                 cell(_bound(r.worst_etg if r else None, etg)),
                 cell(_bound(r.typical if r else None, typical)),
                 cell(_bound(r.worst_beckhoff if r else None, typical)),
-                cell(_bound(r.counted if r else None, _HANDSHAKE)),
+                _late(r),
                 cell(_bound(r.disturbed if r else None, _HANDSHAKE)),
                 cell(stated(required, "ms", "risk assessment, as the network file states it")),
                 cell(Verdict(row.verdict, _LEVELS[row.judgement])),
@@ -251,17 +246,29 @@ def _reactions(budget: Budget) -> Table:
             Column("ETG: worst case, one failure", number=True),
             Column("Beckhoff: typical", number=True),
             Column("Beckhoff: worst case, two watchdogs", number=True),
-            Column("FSoE: worst case, one failure", number=True),
-            Column("FSoE: both lost and late", number=True),
+            Column("FSoE: one connection late, then lost", number=True),
+            Column("FSoE: both late, then lost", number=True),
             Column("Required", number=True),
             Column("Verdict"),
         ),
         rows=tuple(rows),
-        remark="Both methods stand side by side; they do not agree, and the larger worst case is "
-        "compared with the required time. Neither counts the handshake of FSoE, in which a value "
-        "may have to wait for its turn: where one failure then takes longer than required, nothing "
-        "is judged. Both connections lost and late at will is shown and not judged.",
+        remark="Both methods stand side by side and do not agree. Neither counts the handshake of "
+        "FSoE, in which a value may have to wait for its turn. One connection that is late up to "
+        "its watchdog and is lost then is a single fault: the longest of these cases is never "
+        "shorter than a printed worst case, and it is judged. Both connections late and lost is "
+        "shown and not judged.",
     )
+
+
+def _late(r: Reaction | None) -> Cell:
+    """Return the response of each connection that is late, then lost; the judged one first."""
+    if r is None:
+        return cell(_bound(None, _HANDSHAKE))
+    items: list[Item] = []
+    for case in sorted(r.late, key=lambda c: -c.ms):
+        if case.connection or case is r.decides:
+            items += [_bound(case.ms, _HANDSHAKE), muted(case.way)]
+    return cell(*items)
 
 
 def _story(row: FunctionBudget) -> Paragraph:
@@ -304,21 +311,22 @@ def _elements(row: FunctionBudget) -> Table:
 
 
 def quantities(inputs: ReportInputs) -> ReportSection:
-    """PFH_D of every element with the sum, the claim limit, and the rate of safety PDUs."""
+    """PFH of every element with the sum, the claim limit, and the rate of safety PDUs."""
     budget = inputs.budget
     points: list[Point] = []
     parts: list[Part] = []
     for row in () if budget is None else budget.functions:
-        parts += [Heading(f"PFH_D of {row.function.name}"), _pfh(row), _level_words(row)]
+        parts += [Heading(f"PFH of {row.function.name}"), _pfh(row), _level_words(row)]
         points += [
-            Point(PointKind.OPEN, f"{row.function.name}: no PFH_D of {name}")
+            Point(PointKind.OPEN, f"{row.function.name}: no PFH of {name}")
             for name in row.pfh.missing
         ]
         if row.pfh.limit is None:
             words = f"{row.function.name}: no level (PL or SIL) is required"
             points.append(Point(PointKind.OPEN, words))
     if parts:
-        points.append(Point(PointKind.ASSUMPTION, f"sums of PFH_D only: {NOT_ASSESSED}"))
+        words = f"sums of PFH (in older data sheets PFH_D) only: {NOT_ASSESSED}"
+        points.append(Point(PointKind.ASSUMPTION, words))
         points.append(
             Point(
                 PointKind.ASSUMPTION,
@@ -327,8 +335,8 @@ def quantities(inputs: ReportInputs) -> ReportSection:
             )
         )
     else:
-        parts.append(Paragraph((Text("No safety function is stated: there is no sum of PFH_D."),)))
-        points.append(Point(PointKind.OPEN, "no PFH_D is summed: no safety function is stated"))
+        parts.append(Paragraph((Text("No safety function is stated: there is no sum of PFH."),)))
+        points.append(Point(PointKind.OPEN, "no PFH is summed: no safety function is stated"))
     if budget is not None and budget.connections:
         parts += [Heading("Rate of safety PDUs"), _rates(budget.connections)]
         points.append(
@@ -366,11 +374,11 @@ def _pfh(row: FunctionBudget) -> Table:
     total = stated(row.pfh.total, "1/h", "sum of the rows above", f"{row.pfh.total:.2e}")
     rows.append((cell(strong("sum")), cell(""), (total,), cell("sum of the rows above")))
     return Table(
-        name=f"PFH_D of {row.function.name}",
+        name=f"PFH of {row.function.name}",
         columns=(
             Column("Part"),
             Column("Element"),
-            Column("PFH_D", number=True),
+            Column("PFH", number=True),
             Column("Source"),
         ),
         rows=tuple(rows),
@@ -383,7 +391,7 @@ def _level_words(row: FunctionBudget) -> Paragraph:
     items: list[Item] = [Text(f"Required: {' and '.join(levels) or 'no level stated'}")]
     if row.pfh.limit is not None:
         items += [
-            Text(", PFH_D below "),
+            Text(", PFH below "),
             stated(
                 row.pfh.limit,
                 "1/h",

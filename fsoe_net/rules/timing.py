@@ -116,9 +116,9 @@ def _function(out: FindingList, row: FunctionBudget, *, hopeless: bool) -> None:
         out.add(
             "FSN608",
             function.at("required"),
-            f"{function.name}: PFH_D sum {row.pfh.total:.3g}/h is above the limit "
+            f"{function.name}: PFH sum {row.pfh.total:.3g}/h is above the limit "
             f"{row.pfh.limit:.3g}/h",
-            hint="the elements with the largest PFH_D come first",
+            hint="the elements with the largest PFH come first",
         )
 
 
@@ -129,22 +129,16 @@ def _reaction(out: FindingList, row: FunctionBudget) -> None:
         return
     if row.judgement is Judgement.ABOVE:
         method = "ETG.5100" if reaction.worst_etg >= reaction.worst_beckhoff else "Beckhoff"
+        required, case = function.required_reaction_ms or 0.0, reaction.decides
+        printed = exceeds(reaction.printed, required)
+        keeps = "exceeds that, too" if printed else "would keep that"
         out.add(
-            "FSN604",
+            "FSN604" if printed else "FSN611",
             place,
-            f"{function.name} may take {reaction.worst:g} ms ({method}), "
-            f"{function.required_reaction_ms:g} ms are required",
+            f"{function.name} may take {case.ms:g} ms when {case.words}; {required:g} ms are "
+            f"required; {reaction.printed:g} ms, as {method} prints it, {keeps}",
             hint="shorter watchdogs where their interval allows, a shorter bus cycle, faster "
             "parts; `fsoe-net timing` shows what each costs",
-        )
-    elif row.judgement is Judgement.PRINTED_ONLY:
-        out.add(
-            "FSN611",
-            place,
-            f"{function.name} keeps {function.required_reaction_ms:g} ms by both methods, but "
-            f"{reaction.counted:g} ms are possible with the handshake of FSoE counted",
-            hint="shorter watchdogs where their interval allows, or faster parts; the formulas of "
-            "the methods leave out that a value may have to wait for its turn",
         )
 
 

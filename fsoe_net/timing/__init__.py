@@ -1,1 +1,1 @@
-"""Times of a safety function: what the formulas say, what limits them, sums of PFH_D."""
+"""Times of a safety function: what the formulas say, what limits them, sums of PFH."""

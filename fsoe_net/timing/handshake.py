@@ -6,8 +6,8 @@ starts its watchdog anew with each frame it answers. The printed formulas
 parts exceed them:
 
 - A value that has just missed its turn waits a whole round trip until the connection asks again.
-- A connection that breaks while it carries the old value starts its watchdog once more; one that is
-  delayed up to its watchdog can do so twice.
+- A connection that breaks while it carries the old value starts its watchdog once more. One that is
+  late up to its watchdog and is lost then does so twice: this is one fault, and it is judged.
 
 Derivation, worked example and the search that tries these bounds: docs/explanation/timing.md.
 Every part is a task that reads at the start of a cycle, writes at its end and looks at its watchdog
@@ -21,12 +21,14 @@ from fsoe_net.timing.formulas import PartTimes, round_trip_input, round_trip_out
 __all__ = [
     "besides_input",
     "besides_output",
+    "besides_shared",
     "broken",
     "broken_input",
     "broken_output",
     "disturbed_both",
     "disturbed_input",
     "disturbed_output",
+    "disturbed_shared",
     "polled_error_free",
 ]
 
@@ -37,13 +39,18 @@ def polled_error_free(t: PartTimes) -> float:
 
 
 def besides_input(t: PartTimes) -> float:
-    """Return what `broken_input` counts besides the watchdog."""
-    return _around(t, t.input + t.transfer_in + 3 * t.logic, _polled_out(t))
+    """Return what `disturbed_input` counts besides two watchdogs."""
+    return _around(t, 2 * t.logic, _polled_out(t))
 
 
 def besides_output(t: PartTimes) -> float:
-    """Return what `broken_output` counts besides the watchdog."""
-    return _around(t, _polled_in(t), t.logic + t.transfer_out + 3 * t.output)
+    """Return what `disturbed_output` counts besides two watchdogs."""
+    return _around(t, _polled_in(t), 2 * t.output)
+
+
+def besides_shared(t: PartTimes) -> float:
+    """Return what `disturbed_shared` counts besides three watchdogs."""
+    return _around(t, 0.0, 2 * max(t.input, t.output))
 
 
 def broken_input(t: PartTimes, watchdog: float) -> float:
@@ -53,7 +60,8 @@ def broken_input(t: PartTimes, watchdog: float) -> float:
         t: Times of the parts.
         watchdog: Watchdog of that connection on the slowest clock, ms.
     """
-    return max(polled_error_free(t), watchdog + besides_input(t))
+    there = watchdog + t.input + t.transfer_in + 3 * t.logic
+    return max(polled_error_free(t), _around(t, there, _polled_out(t)))
 
 
 def broken_output(t: PartTimes, watchdog: float) -> float:
@@ -63,7 +71,8 @@ def broken_output(t: PartTimes, watchdog: float) -> float:
         t: Times of the parts.
         watchdog: Watchdog of that connection on the slowest clock, ms.
     """
-    return max(polled_error_free(t), watchdog + besides_output(t))
+    back = watchdog + t.logic + t.transfer_out + 3 * t.output
+    return max(polled_error_free(t), _around(t, _polled_in(t), back))
 
 
 def broken(t: PartTimes, watchdog_in: float | None, watchdog_out: float | None) -> float:
@@ -84,7 +93,9 @@ def broken(t: PartTimes, watchdog_in: float | None, watchdog_out: float | None) 
 
 
 def disturbed_input(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the input device's connection is lost and late at will.
+    """Return the longest response when the input device's connection is late and lost at will.
+
+    The worst is late up to its watchdog with the old value, and lost from then on.
 
     Args:
         t: Times of the parts.
@@ -94,13 +105,27 @@ def disturbed_input(t: PartTimes, watchdog: float) -> float:
 
 
 def disturbed_output(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the output device's connection is lost and late at will.
+    """Return the longest response when the output device's connection is late and lost at will.
 
     Args:
         t: Times of the parts.
         watchdog: Watchdog of that connection on the slowest clock, ms.
     """
     return _around(t, _polled_in(t), _disturbed_out(t, watchdog))
+
+
+def disturbed_shared(t: PartTimes, watchdog: float) -> float:
+    """Return the longest response when one connection carries both ways, late and lost at will.
+
+    The device samples the old value; each of its next three frames waits for an answer, at most its
+    watchdog: the new value goes out with the first, the logic may have just missed its own turn
+    with the second, the third answer has the decision or does not come.
+
+    Args:
+        t: Times of the parts.
+        watchdog: Watchdog of that connection on the slowest clock, ms.
+    """
+    return max(polled_error_free(t), 3 * watchdog + besides_shared(t))
 
 
 def disturbed_both(t: PartTimes, watchdog_in: float, watchdog_out: float) -> float:

@@ -22,7 +22,6 @@ class Judgement(enum.Enum):
 
     WITHIN = "within"
     ABOVE = "above"
-    PRINTED_ONLY = "printed only"  # within as vendors print it, above with the handshake counted
     UNVERIFIED = "unverified"  # within, but nobody answers for a value of it
     MISSING = "missing"  # not judged: something is not stated
     NONE = "none"  # nothing is required
@@ -35,7 +34,6 @@ class WatchdogJudgement(enum.Enum):
     EMPTY = "empty"  # no watchdog fits
     BELOW = "below"  # it may end without a fault
     ABOVE = "above"  # the required reaction time is not kept
-    PRINTED_ONLY = "printed only"  # within as vendors print it, above with the handshake counted
     UNLIMITED = "unlimited"  # not below the least; no reaction time is required
     UNSTATED = "unstated"
     NO_TIMES = "no times"

@@ -1,4 +1,7 @@
-"""Sums of PFH_D: vendor values are added up and never worked out here.
+"""Sums of PFH: vendor values are added up and never worked out here.
+
+PFH is the average frequency of a dangerous failure per hour, as ISO 13849-1:2023 and IEC 62061:2021
+name it; data sheets made before call it PFH_D or PFHd.
 
 The residual error of FSoE itself belongs to ETG and its certifier; Beckhoff's application guide
 charges 1.00E-09 per hour for Safety over EtherCAT, once per safety function.
@@ -56,23 +59,23 @@ class PfhSum:
         """What is said about the sum, in words; never that a function is good enough."""
         words = {
             Judgement.NONE: "no level is required",
-            Judgement.ABOVE: "PFH_D sum above the limit",
+            Judgement.ABOVE: "PFH sum above the limit",
             Judgement.MISSING: f"not judged: no PFH of {', '.join(self.missing)}",
             Judgement.UNVERIFIED: f"not judged: unverified PFH of {', '.join(self.unverified)}",
-            Judgement.WITHIN: "PFH_D sum within the limit",
+            Judgement.WITHIN: "PFH sum within the limit",
         }
         return f"{words[self.judgement]}; {NOT_ASSESSED}"
 
 
 def limit_of(function: SafetyFunction) -> float | None:
-    """Return the upper bound of PFH_D of the required level; the stricter one of PL and SIL."""
+    """Return the upper bound of PFH of the required level; the stricter one of PL and SIL."""
     found = (_PL.get(function.pl), _SIL.get(function.sil))
     bounds = [bound for bound in found if bound is not None]
     return min(bounds) if bounds else None
 
 
 def sum_pfh(function: SafetyFunction, parts: FunctionParts, *, crosses_bus: bool) -> PfhSum:
-    """Add up the PFH_D of all elements.
+    """Add up the PFH of all elements.
 
     Args:
         function: As stated.

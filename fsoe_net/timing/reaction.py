@@ -19,13 +19,22 @@ from fsoe_net.timing.formulas import (
     worst_case_input,
     worst_case_output,
 )
-from fsoe_net.timing.handshake import broken, disturbed_both, polled_error_free
+from fsoe_net.timing.handshake import (
+    broken,
+    disturbed_both,
+    disturbed_input,
+    disturbed_output,
+    disturbed_shared,
+    polled_error_free,
+)
 from fsoe_net.timing.judgement import Judgement, exceeds
 from fsoe_net.timing.pfh import PfhSum, sum_pfh
 
 __all__ = [
+    "DISTURBED",
     "FunctionBudget",
     "Reaction",
+    "ResponseCase",
     "function_budget",
     "longest_watchdog",
     "watchdog_of",
@@ -33,15 +42,45 @@ __all__ = [
 ]
 
 
+DISTURBED = {"input": disturbed_input, "output": disturbed_output, "both ways": disturbed_shared}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResponseCase:
+    """One connection that is late up to its watchdog and lost then; no fault; a printed formula.
+
+    Attributes:
+        way: ``input``, ``output``, ``both ways`` of one connection, as in `DISTURBED`; ``no
+            fault``; ``ETG.5100`` or ``Beckhoff``.
+        connection: Its name, the one with the longest watchdog; empty unless one is late.
+        ms: Longest response; the handshake of FSoE is counted unless a printed formula is meant.
+    """
+
+    way: str
+    connection: str = ""
+    ms: float
+
+    @property
+    def words(self) -> str:
+        """When it takes that long."""
+        if self.way == "no fault":
+            return "values wait for their turn"
+        if not self.connection:
+            return f"counted as {self.way} prints it"
+        ways = " both ways" if self.way == "both ways" else ""
+        return f"{self.connection} is late up to its watchdog{ways} and then lost"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reaction:
     """Response times of a safety function in ms, both methods, with the watchdogs they count.
 
     ``worst_etg`` is the larger of one failed input connection and one failed output connection;
-    ``worst_beckhoff`` counts both watchdogs and the actuator. ``worst`` is the larger of the two.
+    ``worst_beckhoff`` counts both watchdogs and the actuator. ``printed`` is the larger of the two.
     Neither method counts the handshake of FSoE (`fsoe_net.timing.handshake`): ``polled`` is the
     response without a fault that does, ``broken`` that with one connection broken for good,
-    ``disturbed`` that with both lost and late at will.
+    ``late`` is that without a fault and those with one connection late and lost at will,
+    ``disturbed`` that with both.
     """
 
     watchdog_in: float | None
@@ -53,6 +92,7 @@ class Reaction:
     worst_beckhoff: float
     polled: float
     broken: float
+    late: tuple[ResponseCase, ...]
     disturbed: float
 
     @property
@@ -62,12 +102,14 @@ class Reaction:
         return max([self.error_free, *failed])
 
     @property
-    def counted(self) -> float:
-        """Longest response with one failure and the handshake of FSoE counted."""
-        return max(self.polled, self.broken)
+    def decides(self) -> ResponseCase:
+        """The longest case, which is judged: a printed one only where a watchdog is too short."""
+        etg = ResponseCase(way="ETG.5100", ms=self.worst_etg)
+        beckhoff = ResponseCase(way="Beckhoff", ms=self.worst_beckhoff)
+        return max((*self.late, etg, beckhoff), key=lambda case: case.ms)
 
     @property
-    def worst(self) -> float:
+    def printed(self) -> float:
         """The larger of both methods."""
         return max(self.worst_etg, self.worst_beckhoff)
 
@@ -82,7 +124,7 @@ class FunctionBudget:
         times: Times in the formulas; ``None`` while one is missing.
         reaction: With the configured watchdogs; ``None`` while a time or a watchdog is missing.
         unstated: What has to be stated before there is a reaction time, in words.
-        pfh: Sum of PFH_D.
+        pfh: Sum of PFH.
     """
 
     function: SafetyFunction
@@ -105,24 +147,23 @@ class FunctionBudget:
             return Judgement.NONE
         if reaction is None:
             return Judgement.MISSING
-        if exceeds(reaction.worst, required):
+        if exceeds(reaction.decides.ms, required):
             return Judgement.ABOVE
-        if exceeds(reaction.counted, required):
-            return Judgement.PRINTED_ONLY
         return Judgement.UNVERIFIED if self.parts.unverified else Judgement.WITHIN
 
     @property
     def verdict(self) -> str:
-        """What is said about the required reaction time, in words."""
-        counted = 0.0 if self.reaction is None else self.reaction.counted
+        """What is said about the required reaction time, in words, with the case that decides."""
+        at_most = ""
+        if self.reaction is not None:
+            case = self.reaction.decides
+            at_most = f"{case.ms:g} ms when {case.words}"
         return {
             Judgement.NONE: "no reaction time is required",
             Judgement.MISSING: f"not judged: {'; '.join(self.missing)}",
-            Judgement.ABOVE: "above the required reaction time",
-            Judgement.PRINTED_ONLY: f"not judged: within by both methods, but {counted:g} ms are "
-            "possible with the handshake of FSoE counted",
+            Judgement.ABOVE: f"above the required reaction time: {at_most}",
             Judgement.UNVERIFIED: f"not judged: unverified: {', '.join(self.parts.unverified)}",
-            Judgement.WITHIN: "within the required reaction time",
+            Judgement.WITHIN: f"within the required reaction time: at most {at_most}",
         }[self.judgement]
 
 
@@ -185,6 +226,20 @@ def longest_watchdog(connections: Sequence[Connection], drift: float) -> float |
     return max(known) * (1 + drift) if known else None
 
 
+def _late(times: PartTimes, parts: FunctionParts, drift: float) -> list[ResponseCase]:
+    """Return the response without a fault, and with one connection late and lost, for each way."""
+    found = [ResponseCase(way="no fault", ms=polled_error_free(times))]
+    shared = tuple(c for c in parts.to_input if c in parts.to_output)
+    used = {"input": parts.to_input, "output": parts.to_output, "both ways": shared}
+    for way, connections in used.items():
+        watchdog = longest_watchdog(connections, drift)
+        if watchdog is not None:
+            slowest = max(connections, key=lambda c: watchdog_of(c) or 0.0)
+            ms = DISTURBED[way](times, watchdog)
+            found.append(ResponseCase(way=way, connection=slowest.name, ms=ms))
+    return found
+
+
 def _reaction(times: PartTimes, parts: FunctionParts, drift: float) -> Reaction:
     one, two = longest_watchdog(parts.to_input, drift), longest_watchdog(parts.to_output, drift)
     there, back = one or 0.0, two or 0.0
@@ -198,6 +253,7 @@ def _reaction(times: PartTimes, parts: FunctionParts, drift: float) -> Reaction:
         worst_beckhoff=beckhoff_worst_case(there, back, times.actuator),  # mutants: a sum
         polled=polled_error_free(times),
         broken=broken(times, one, two),
+        late=tuple(_late(times, parts, drift)),
         disturbed=disturbed_both(times, there, back),
     )
 

@@ -2,10 +2,9 @@
 
     least watchdog      availability: 1.2 x the round trip       ETG.5100 9.3, or as measured
     greatest, printed   the required reaction, by both methods   ETG.5100 9.3 and Beckhoff
-    greatest, handshake the required reaction, one failure       `fsoe_net.timing.handshake`
+    greatest, handshake the same, one late and lost connection   `fsoe_net.timing.handshake`
 
-The smaller of the two greatest ones counts. A watchdog that only the printed formulas allow is not
-judged; an interval without a value is an error.
+The smaller of the two greatest ones counts; an interval without a value is an error.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from fsoe_net.timing.formulas import (
     worst_case_input,
     worst_case_output,
 )
-from fsoe_net.timing.handshake import besides_input, besides_output
+from fsoe_net.timing.handshake import besides_input, besides_output, besides_shared
 from fsoe_net.timing.judgement import WatchdogJudgement, exceeds
 from fsoe_net.timing.reaction import FunctionBudget, longest_watchdog, watchdog_of
 
@@ -50,7 +49,8 @@ class ConnectionBudget:
         least: Smallest watchdog that a healthy connection keeps.
         printed: Largest one that the required reaction times allow by the formulas of both methods;
             ``None``: nothing asks.
-        handshake: The same with one failure and the handshake of FSoE counted.
+        handshake: The same when it is late up to its watchdog and lost then, the handshake of FSoE
+            counted.
         functions: Safety functions that use it.
         spdus_per_hour: Safety PDUs per hour, both directions.
     """
@@ -105,26 +105,21 @@ class ConnectionBudget:
             return WatchdogJudgement.UNSTATED
         if self.below_least:
             return WatchdogJudgement.BELOW
-        if self.printed is not None and exceeds(self.configured, self.printed.ms):
-            return WatchdogJudgement.ABOVE
-        if self.handshake is not None and exceeds(self.configured, self.handshake.ms):
-            return WatchdogJudgement.PRINTED_ONLY
         if self.greatest is None:
             return WatchdogJudgement.NO_TIMES if self.least is None else WatchdogJudgement.UNLIMITED
+        if exceeds(self.configured, self.greatest.ms):
+            return WatchdogJudgement.ABOVE
         return WatchdogJudgement.WITHIN
 
     @property
     def verdict(self) -> str:
         """The same in words."""
-        counted = 0.0 if self.handshake is None else self.handshake.ms
         return {
             WatchdogJudgement.EMPTY: "no watchdog fits",
             WatchdogJudgement.UNSTATED: "not judged: not stated",
             WatchdogJudgement.NO_TIMES: "not judged: no times",
             WatchdogJudgement.BELOW: "below the least",
             WatchdogJudgement.ABOVE: "above the greatest",
-            WatchdogJudgement.PRINTED_ONLY: "not judged: within as printed, above the "
-            f"{counted:.1f} ms that the handshake of FSoE leaves",
             WatchdogJudgement.UNLIMITED: "not below the least; nothing limits it above",
             WatchdogJudgement.WITHIN: "inside the interval",
         }[self.judgement]
@@ -166,7 +161,7 @@ def connection_budget(
                 why = f"{row.function.name}: 1.2 x {time:g} ms round trip of its {side}"
                 trip, least = time, Limit(ms=time * RESERVE, why=why)
             printed = _smallest(printed, _printed(connection, row, side, drift))
-            handshake = _smallest(handshake, _handshake(row, side, drift))
+            handshake = _smallest(handshake, _handshake(connection, row, side, drift))
     if measured is not None and (trip is None or measured > trip):
         trip = measured
         least = Limit(ms=measured * RESERVE, why=f"1.2 x {measured:g} ms round trip as measured")
@@ -199,7 +194,8 @@ def _smallest(*limits: Limit | None) -> Limit | None:
 def _room(row: FunctionBudget, rest: float, what: str, drift: float, *, share: int = 1) -> Limit:
     """Return what a required reaction time leaves for `share` watchdogs on a slow clock, each."""
     required = row.function.required_reaction_ms or 0.0
-    besides = f"{rest:g} ms besides the watchdog" + ("" if share == 1 else ", which counts twice")
+    counts = {1: "", 2: ", which counts twice", 3: ", which counts three times"}[share]
+    besides = f"{rest:g} ms besides the watchdog{counts}"
     return Limit(
         ms=(required - rest) / share / (1 + drift),
         why=f"{row.function.name}: {required:g} ms required, {besides} ({what})",
@@ -225,9 +221,16 @@ def _printed(connection: Connection, row: FunctionBudget, side: str, drift: floa
     return _smallest(by_etg, both, by_beckhoff)
 
 
-def _handshake(row: FunctionBudget, side: str, drift: float) -> Limit | None:
-    """Return the largest watchdog that keeps the required time when this connection breaks."""
+def _handshake(
+    connection: Connection, row: FunctionBudget, side: str, drift: float
+) -> Limit | None:
+    """Return the largest watchdog that keeps the required time when this one is late, then lost."""
     if row.function.required_reaction_ms is None or row.times is None:
         return None
     rest = besides_input(row.times) if side == "input" else besides_output(row.times)
-    return _room(row, rest, "one failure, FSoE handshake counted", drift)
+    one_way = _room(row, rest, "late, then lost; FSoE handshake counted", drift, share=2)
+    if connection not in row.parts.to_input or connection not in row.parts.to_output:
+        return one_way
+    what = "late both ways, then lost; FSoE handshake counted"
+    both = _room(row, besides_shared(row.times), what, drift, share=3)
+    return _smallest(one_way, both)

@@ -18,23 +18,31 @@ def test_the_budget_as_text() -> None:
     assert done.returncode == 0
     assert "bus cycle 1 ms, 2 bus cycles per direction, clocks exact" in done.stdout
     assert "worst case, two watchdogs       220.0 ms  Beckhoff" in done.stdout
-    assert "both lost and late at will      460.0 ms  FSoE handshake counted" in done.stdout
+    assert "both late, then lost            460.0 ms  FSoE handshake counted; not" in done.stdout
     assert "greatest: printed  handshake counted" in done.stdout
-    assert "19.2 ms           110.0 ms           144.0 ms" in done.stdout
-    assert "at most 141.0 ms: estop: 230 ms required, 89 ms besides" in done.stdout
-    assert "required 230.0 ms: within the required reaction time" in done.stdout
+    assert "19.2 ms           180.0 ms           111.0 ms" in done.stdout
+    assert "at most 109.0 ms: estop: 300 ms required, 82 ms besides" in done.stdout
+    assert (
+        "required 300.0 ms: within the required reaction time: at most 282 ms when logic-io2 is "
+        "late up to its watchdog and then lost"
+    ) in done.stdout
     assert "category, diagnostic coverage and common causes not assessed" in done.stdout
 
 
 def test_every_number_of_the_text_is_in_the_document() -> None:
     document = json.loads(fsn("timing", str(TIMED), "--format", "json").stdout)
     one, two = document["connections"]
-    assert (one["name"], one["least"]["ms"], one["greatest"]["ms"]) == ("logic-io", 19.2, 110.0)
-    assert (one["greatest_printed"]["ms"], one["greatest_handshake"]["ms"]) == (110.0, 144.0)
+    assert (one["name"], one["least"]["ms"], one["greatest"]["ms"]) == ("logic-io", 19.2, 111.0)
+    assert (one["greatest_printed"]["ms"], one["greatest_handshake"]["ms"]) == (180.0, 111.0)
     assert (one["judgement"], one["verdict"]) == ("within", "inside the interval")
     assert two["lost_cycles_survived"] == 85
     (function,) = document["functions"]
     assert function["times"]["worst_etg_ms"] == 168
+    assert function["times"]["handshake_one_disturbed"] == [
+        {"way": "input", "connection": "logic-io", "ms": 278.0},
+        {"way": "output", "connection": "logic-io2", "ms": 282.0},
+    ]
+    assert function["times"]["decides"] == function["times"]["handshake_one_disturbed"][1]
     assert function["elements"][0]["time"] == {
         "value": 5.0,
         "unit": "ms",
@@ -106,7 +114,7 @@ def test_the_picture_has_a_curve_of_each_school(tmp_path: Path) -> None:
     words = [t.text for t in root.iter(f"{svg}text")]
     for name in ("error-free", "ETG.5100, one failure", "Beckhoff, two watchdogs", "required"):
         assert words.count(name) == 2
-    assert words.count("FSoE handshake, one failure") == 2
+    assert words.count("FSoE handshake, one late") == 2
     dashes = {p.get("stroke-dasharray") for p in root.iter(f"{svg}polyline")}
     assert len(dashes) == 5
 

@@ -17,7 +17,7 @@ TIMED = BASE / "timed.yaml"
 MISTAKES = (
     ("connection_id: 11", "connection_id: 10"),
     ("address: 2,", "address: 1,"),
-    ("required_reaction_ms: 230", "required_reaction_ms: 100"),
+    ("required_reaction_ms: 300", "required_reaction_ms: 100"),
     ("index: 0xf200, subindex: 1", "index: 0x7000, subindex: 1"),
 )
 CODES = {"FSN302", "FSN301", "FSN603", "FSN233"}

@@ -26,7 +26,7 @@ from fsoe_net.report.model import PointKind
 from fsoe_net.report.section_copies import _copy_table
 
 SPARSE = (
-    ("    required_reaction_ms: 230\n", ""),
+    ("    required_reaction_ms: 300\n", ""),
     ("    required: {pl: d}\n", ""),
     (
         "name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, source: sheet of the maker",
@@ -55,7 +55,7 @@ Timing: local stop: no input is stated; write time_ms: 0 for what takes no time
 Timing: local stop: no output is stated; write time_ms: 0 for what takes no time
 Timing: local stop: no actuator is stated; write time_ms: 0 for what takes no time
 Timing: local stop: no required reaction time is stated
-Quantities: estop: no PFH_D of ES1
+Quantities: estop: no PFH of ES1
 Quantities: estop: no level (PL or SIL) is required
 Quantities: local stop: no level (PL or SIL) is required
 Bus evidence: no evidence of the machine: give --evidence scan.json or --interface IF
@@ -90,9 +90,9 @@ def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
     blocks = {b.key: b.parts for b in compose_report(inputs_of(sparse)).sections}
     rows = {p.name: p.rows for parts in blocks.values() for p in parts if isinstance(p, Table)}
     assert [said(row[0]) for row in rows["subdevices"]] == ["0", "1 alias 7", "2"]
-    assert next(said(row[2]) for row in rows["PFH_D of estop"]) == "not stated"
+    assert next(said(row[2]) for row in rows["PFH of estop"]) == "not stated"
     # A function without a connection has no share for the bus.
-    assert [said(row[1]) for row in rows["PFH_D of local stop"]] == ["relay", ""]
+    assert [said(row[1]) for row in rows["PFH of local stop"]] == ["relay", ""]
     told = [said(p.items) for p in blocks["quantities"] if isinstance(p, Paragraph)]
     assert told[-1].startswith("Required: no level stated .  ")
 

@@ -349,7 +349,7 @@ OTHERWISE = (
     ('app_parameters: "01 00"', 'app_parameters: "02 00"'),
     ("size: 1\n        kind: standard", "size: 2\n        kind: standard"),
     ("name: safety\n", "name: other\n"),
-    ("required_reaction_ms: 230", "required_reaction_ms: 231"),
+    ("required_reaction_ms: 300", "required_reaction_ms: 301"),
     ("time_ms: 20,", "time_ms: 21,"),
     ("{kind: output, sub: io2, time_ms: 3, pfh_per_hour: 1.25e-9, source: manual 3.0}",
      "{kind: output, name: relay, time_ms: 3}"),
