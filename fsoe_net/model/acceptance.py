@@ -106,7 +106,8 @@ class Acceptance(Located):
         author: Who made the configuration.
         verifier: Who checked it; somebody else.
         findings: Warnings that were let pass.
-        steps_left_out: Steps that were not done at the machine, or whose time is hard to believe.
+        steps_left_out: Steps that were not done at the machine, or whose time or day is hard to
+            believe; what nobody read at a device, and bus evidence that there is none of.
         interventions: All changes since the first record, oldest first.
         replaces: The record before; ``None`` for the first one.
     """

@@ -173,6 +173,15 @@ def test_a_revoked_key_does_not_count(folder: Path) -> None:
     assert fsn(*VERIFY, "--revoked", "revoked").returncode == 0
 
 
+def test_one_principal_is_not_two_persons(folder: Path) -> None:
+    replace(RECORD, BERT, ANNA.upper())
+    for key, role in (("anna", "author"), ("bert", "verifier")):
+        sign(folder, key, role)
+    done = fsn(*VERIFY)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "error[FSN163]: author and verifier are one person" in done.stderr
+
+
 def test_one_key_is_not_two_persons(folder: Path) -> None:
     sign(folder, "anna", "verifier")
     (folder / "signers").write_text(f"{ANNA},{BERT} {public_key(folder, 'anna')}")

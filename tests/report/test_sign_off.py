@@ -12,7 +12,7 @@ from said import Said
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import InputError
-from fsoe_net.model.acceptance import Intervention, SignedBy, same_person
+from fsoe_net.model.acceptance import Intervention, SignedBy, names_a_person, same_person
 from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome, StepResult
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report import sign_off as product
@@ -70,6 +70,10 @@ def test_nobody_verifies_himself(name: str) -> None:
 def test_names_that_differ_are_two_people() -> None:
     assert not same_person("A. Meier", "B. Meier")
     assert not same_person("Meier, A.", "A. Meier")  # an order of names is no proof of one person
+    assert not same_person("A. Meier <a@x>", "B. Kaya <b@x>")
+    assert same_person("A. Meier <a@x>", "A. Meier <b@x>")
+    assert same_person("A. Meier <a@x>", "B. Kaya <A@x>")
+    assert not names_a_person("A <ab@x>")
     assert refused(grounds_of(author=SignedBy(name=" ", date="2026-11-21"))) == [
         "the author has no name"
     ]
