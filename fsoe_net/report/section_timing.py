@@ -254,9 +254,9 @@ def _reactions(budget: Budget) -> Table:
         rows=tuple(rows),
         remark="Both methods stand side by side and do not agree. Neither counts the handshake of "
         "FSoE, in which a value may have to wait for its turn. One connection that is late up to "
-        "its watchdog and is lost then is a single fault: the longest of these cases is never "
-        "shorter than a printed worst case, and it is judged. Both connections late and lost is "
-        "shown and not judged.",
+        "its watchdog and is lost then is a single fault. The longest of these cases and the "
+        "printed worst cases is judged, and the verdict names it. Both connections late and lost "
+        "is shown and not judged.",
     )
 
 

@@ -27,7 +27,7 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> str:
         ("date: ''", "date: 21.11.26", "such as 2026-11-21", 2),
         ("result: ''", "result: as expected", "stays open: by and date not filled in", 0),
         ("- id: loss io2", "- id: loss io9", "step loss io2 of these files is missing", 1),
-        ("limit_ms: 230.0", "limit_ms: 999", "limit_ms is not what these files give", 1),
+        ("limit_ms: 300.0", "limit_ms: 999", "limit_ms is not what these files give", 1),
         ("fingerprint: ....", "fingerprint: 0000", "made for another configuration", 1),
     ],
 )

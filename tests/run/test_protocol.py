@@ -34,7 +34,7 @@ def test_steps_of_functions_connections_devices_and_faults() -> None:
     trigger = by_id(protocol)["trigger estop"]
     assert "ES1 is pressed" in trigger.what
     assert "K1 opens" in trigger.expected
-    assert trigger.limit_ms == 230
+    assert trigger.limit_ms == 300
     assert protocol.open_steps == protocol.machine_steps == protocol.steps[:6]
     assert protocol.failed_steps == ()
 

@@ -46,8 +46,8 @@ def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
     [
         ("kind: trigger", "kind: triggered", "triggered"),
         ("result: ''", "result: fine", "fine"),
-        ("limit_ms: 230.0", "limit_ms: soon", "soon"),
-        ("limit_ms: 230.0", "limit_ms: -1", "-1"),
+        ("limit_ms: 300.0", "limit_ms: soon", "soon"),
+        ("limit_ms: 300.0", "limit_ms: -1", "-1"),
         ("id: loss io2", "id: loss io", "twice"),
         ("emulated: null", "emulatd: null", "emulatd"),
         ("date: ''", "date: 21.11.2026", "such as 2026-11-21"),
@@ -151,9 +151,9 @@ SIGNED = {"result": "as expected", "by": "A. Person", "date": "2026-11-21"}
 
 
 def test_a_time_above_the_limit_is_not_as_expected(tmp_path: Path) -> None:
-    out, read = written(tmp_path, **SIGNED, measured_ms=231)
+    out, read = written(tmp_path, **SIGNED, measured_ms=301)
     assert read is None
-    assert "231 ms is longer than the limit of 230 ms" in out.diagnostics[0].message
+    assert "301 ms is longer than the limit of 300 ms" in out.diagnostics[0].message
     out, read = written(tmp_path, **{**SIGNED, "result": "not as expected"}, measured_ms=231)
     assert read is not None
     assert out.diagnostics == []
@@ -230,7 +230,7 @@ def test_a_step_that_failed_is_never_done() -> None:
     assert (failed.is_open, failed.is_failed, failed.is_done) == (False, True, False)
     unsigned = replace(failed, machine=replace(failed.machine, by=""))
     assert (unsigned.is_open, unsigned.is_failed) == (True, True)
-    late = replace(trigger, machine=replace(DONE, measured_ms=230.1))
+    late = replace(trigger, machine=replace(DONE, measured_ms=300.1))
     assert (late.is_late, late.is_failed, late.is_done) == (True, True, False)
     assert replace(protocol, steps=(fine, failed, late)).failed_steps == (failed, late)
     disputed = replace(fine, live=WRONG)

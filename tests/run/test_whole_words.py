@@ -362,7 +362,7 @@ def test_the_time_that_devices_stood_still():
         ({"what": "x"}, "do", "Outputs on. emergency stop button ES1 is pressed."),
         ({"expected": "x"}, "expect", "contactor K1 opens; stays so when the trigger is taken "
          "back, until a reset is pressed."),
-        ({"limit_ms": 1.0}, "limit_ms", 230.0),
+        ({"limit_ms": 1.0}, "limit_ms", 300.0),
     ],
 )  # fmt: skip
 def test_a_step_that_asks_for_something_else(change: dict[str, Any], key: str, value: object):
