@@ -166,6 +166,15 @@ def test_damage_is_a_finding_never_an_exception(damage: bytes, at: int) -> None:
         accepted_plan(record, out)
 
 
+def test_a_record_of_form_1_is_refused_by_name() -> None:
+    record, out = read(TEXT.replace("acceptance_record: 2", "acceptance_record: 1"))
+    assert record is None
+    (found,) = out.diagnostics
+    assert (found.code, str(found.span)) == ("FSN162", "acceptance.yaml:5:20")
+    assert found.message.startswith("a record of fingerprint form 1, which left out")
+    assert found.hint == "compare the report with the one that was signed, and accept again"
+
+
 def test_the_record_of_the_cases_is_a_whole_one() -> None:
     path = Path(__file__).parents[1] / "diagnostics" / "base" / "acceptance.yaml"
     record, out = read(path.read_text("utf-8"))

@@ -31,6 +31,7 @@ from fsoe_net.model.network import SourceFile
 __all__ = ["is_acceptance", "load_acceptance", "parse_acceptance"]
 
 _FIRST_KEY = re.compile(rb"^acceptance_record\s*:", re.MULTILINE)
+_WITH_FORM_1 = "1"
 _LOOKED_AT = 4096
 _HASH = re.compile(r"[0-9a-f]{64}")
 _MANY = 2**31 - 1
@@ -62,6 +63,15 @@ def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | Non
     if root is None:
         return None
     before = len(out.diagnostics)
+    if root.text("acceptance_record") == _WITH_FORM_1:
+        out.add(
+            "FSN162",
+            root.at("acceptance_record"),
+            "a record of fingerprint form 1, which left out application parameters, names of "
+            "values and what the driver acts on",
+            hint="compare the report with the one that was signed, and accept again",
+        )
+        return None
     check_structure(root, "acceptance", out)
     if len(out.diagnostics) > before:
         return None

@@ -26,7 +26,7 @@ _HEAD = """\
 def write_acceptance(record: Acceptance) -> str:
     """Return the text of a record; the same record gives the same text."""
     document: dict[str, Any] = {
-        "acceptance_record": 1,
+        "acceptance_record": 2,
         "project": record.project,
         "network": record.network,
         "made_with": record.made_with,
