@@ -105,7 +105,7 @@ def _timing(ctx: Context) -> None:
                     f"watchdog {fact.watchdog_ms} ms is shorter than {WATCHDOG_BUS_CYCLES} bus "
                     f"cycles of {cycle_ms:g} ms; it would expire without any fault",
                     hint=f"at least {least_ms:g} ms plus the cycle times of both devices, or a "
-                    "shorter bus cycle",
+                    "shorter bus cycle; then calculate the reaction times again, and accept again",
                 )
         least_hz = 1000 * WATCHDOG_BUS_CYCLES // _TWINSAFE_DEFAULT_MS
         unstated = not any(f.watchdog_ms for f in net.connections)

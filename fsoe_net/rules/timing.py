@@ -138,7 +138,7 @@ def _reaction(out: FindingList, row: FunctionBudget) -> None:
             f"{function.name} may take {case.ms:g} ms when {case.words}; {required:g} ms are "
             f"required; {reaction.printed:g} ms, as {method} prints it, {keeps}",
             hint="shorter watchdogs where their interval allows, a shorter bus cycle, faster "
-            "parts; `fsoe-net timing` shows what each costs",
+            "parts; `fsoe-net timing` shows what each costs; accept again after a change",
         )
 
 
@@ -147,7 +147,7 @@ def _connection(out: FindingList, row: ConnectionBudget) -> None:
     name = row.connection.name
     place = facts.at("watchdog_ms") if facts is not None else _place(row)
     if row.empty and row.least is not None and row.greatest is not None:
-        hint = "a shorter bus cycle or faster parts; then the reaction times are calculated again"
+        hint = "a shorter bus cycle or faster parts; then calculate again, and accept again"
         if row.printed is not None and not exceeds(row.least.ms, row.printed.ms):
             hint += f"; as vendors print it, {row.printed.ms:g} ms would be left"
         out.add(
