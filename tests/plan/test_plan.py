@@ -20,7 +20,7 @@ from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.compile import compile_plan, stop_value
 from fsoe_net.plan.image import igh_image
-from fsoe_net.plan.model import Plan, PlanSdo
+from fsoe_net.plan.model import NONE, Plan, PlanSdo
 from fsoe_net.plan.show import plan_json, plan_text
 from fsoe_net.project.check import check_files
 
@@ -242,3 +242,18 @@ def test_a_stated_revision_is_the_only_one_accepted(tmp_path):
     plan = compile_plan(checked.resolution)
     revisions = [(s.revision_low, s.revision_high) for s in plan.subdevices]
     assert revisions == [(7, 7), (0, 0xFFFFFFFF)]
+
+
+@pytest.mark.parametrize("digits", ["0", "0g", "0A", "00 00", "00" * 4097])
+def test_application_parameters_are_pairs_of_hex_digits(digits):
+    plan = compile_plan(example("estop"))
+    row = replace(plan.connections[0], app_parameters=digits)
+    data = replace(plan, connections=(row,)).to_bytes()
+    with pytest.raises(PlanFormatError, match="application parameters that are no pairs of hex"):
+        decode_plan(data)
+
+
+def test_a_copy_of_standard_data_is_shown_without_a_connection():
+    plan = compile_plan(example("el6910"))
+    copy = replace(plan.copies[0], connection=NONE, kind=2)
+    assert "standard data" in plan_text(replace(plan, copies=(copy, *plan.copies[1:])))

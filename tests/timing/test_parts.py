@@ -38,7 +38,7 @@ from fsoe_net.timing.handshake import (
 )
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.pfh import PfhSum
-from fsoe_net.timing.reaction import with_cycle
+from fsoe_net.timing.reaction import ResponseCase, with_cycle
 
 pytestmark = pytest.mark.usefixtures("said")
 
@@ -379,3 +379,21 @@ def test_an_element_that_is_no_subdevice(resolution_of: Maker, sub: str, hint: s
     found = check_timing(resolution.network, budget_of(resolution))
     (wrong,) = [d for d in found if d.code == "FSN605"]
     assert (wrong.hint or "").startswith(hint)
+
+
+def test_a_case_says_when_it_takes_that_long() -> None:
+    late = " is late up to its watchdog"
+    assert [
+        ResponseCase(way=way, connection=name, ms=1.0).words
+        for way, name in [
+            ("no fault", ""),
+            ("Beckhoff", ""),
+            ("input", "a-b"),
+            ("both ways", "a-b"),
+        ]
+    ] == [
+        "values wait for their turn",
+        "counted as Beckhoff prints it",
+        f"a-b{late} and then lost",
+        f"a-b{late} both ways and then lost",
+    ]
