@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from fsoe_net.fsoe.pdu import Command
 
 __all__ = [
+    "MOST_APP_BYTES",
     "NOT_OBSERVED",
     "STATED_PARAMETERS",
     "FsoeParameters",
@@ -24,6 +25,8 @@ _TEXTS = {
     "watchdog_ms": "watchdog",
     "app_parameters": "application parameters",
 }
+MOST_APP_BYTES = 4096
+"""Application parameters that a plan can state; proving a hostile one takes no longer for them."""
 _CONNECTION_BYTES = 4
 _HEAD_BYTES = 6
 _COMMUNICATION_BYTES = 2
@@ -53,7 +56,9 @@ class FsoeParameters:
             size = self.app_bytes
             return None if size is None else f"{size} bytes, CRC-32 0x{self.app_crc:08x}"
         value = getattr(self, name)
-        return None if value is None else f"{value} ms" if name == "watchdog_ms" else str(value)
+        if value is None:
+            return None
+        return f"{value} ms" if name == "watchdog_ms" else str(value)
 
     def to_json(self) -> dict[str, int | None]:
         """Return the stable JSON form."""

@@ -18,6 +18,7 @@ __all__ = [
     "JustifiedStep",
     "Replaced",
     "SignedBy",
+    "holds_a_place",
     "names_a_person",
     "principal_of",
     "same_person",
@@ -25,6 +26,7 @@ __all__ = [
 ]
 
 
+_PLACE_HOLDERS = r"fixme|later|na|none|open|tb[acd]|todo|unknown|x+|0x?0*"
 _WITH_PRINCIPAL = re.compile(r"([^<>]*)<([A-Za-z0-9][A-Za-z0-9._%+@-]{0,253})>\s*")
 
 
@@ -140,6 +142,16 @@ class Acceptance(Located):
 def says_something(text: str) -> bool:
     """Whether there is a letter or a digit in a text: spaces and invisible characters are none."""
     return any(map(str.isalnum, text))
+
+
+def holds_a_place(text: str, words: str = "") -> bool:
+    """Whether a text answers nothing: empty, ``0``, ``TBD`` and their like, by letters and digits.
+
+    Args:
+        text: What somebody wrote.
+        words: More words that answer nothing there, as a regular expression, ``|`` between them.
+    """
+    return re.fullmatch(rf"(?:{_PLACE_HOLDERS}|{words})?", _plain(text)) is not None
 
 
 def names_a_person(text: str) -> bool:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import enum
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from fsoe_net.model.acceptance import says_something
+from fsoe_net.model.acceptance import holds_a_place, says_something
 from fsoe_net.model.bus import Located
 
 __all__ = [
@@ -22,10 +21,6 @@ __all__ = [
 ]
 
 EMULATED_NOTE = "EMULATED, not evidence for this machine"
-_NO_ANSWER = re.compile(
-    r"(?:fixme|later|na|none|notapplicable|open|tb[acd]|todo|unknown|x+|0x?0*)?"
-)
-"""Words that hold a place, by their letters and digits; `not applicable` needs a reason behind."""
 
 
 class StepKind(enum.Enum):
@@ -187,12 +182,8 @@ class DeviceEntry(Located):
         """Yield the names of what nobody has answered, ``not applicable`` without a reason too."""
         for name in ("firmware", "serial", "safety_project_crc"):
             text = getattr(self, name)
-            if text is not None and _NO_ANSWER.fullmatch(_plain(text)):
+            if text is not None and holds_a_place(text, "notapplicable"):
                 yield name
-
-
-def _plain(text: str) -> str:
-    return "".join(filter(str.isalnum, text.casefold()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

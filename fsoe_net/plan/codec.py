@@ -13,6 +13,7 @@ from typing import Any
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import PlanFormatError
+from fsoe_net.fsoe.parameters import MOST_APP_BYTES
 from fsoe_net.plan.model import (
     NONE,
     Plan,
@@ -53,7 +54,7 @@ _ROW_TYPES = (
     PlanCopy,
     PlanConnection,
 )
-_APP_PARAMETERS = re.compile(r"(?:[0-9a-f]{2}){0,4096}")
+_APP_PARAMETERS = re.compile(rf"(?:[0-9a-f]{{2}}){{0,{MOST_APP_BYTES}}}")
 _KNOWN = ("connection_id", "address", "watchdog_ms")  # bit 0, 1 and 2 of `known`
 
 

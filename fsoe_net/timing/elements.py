@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fsoe_net.model.acceptance import holds_a_place
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.model.resolve import Connection, Resolution
@@ -13,9 +13,7 @@ from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 
 __all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
 
-_PLACE_HOLDER = re.compile(
-    r"0|assum\w*|estimat\w*|fixme|guess\w*|later|na|none|nosource|open|tb[acd]|todo|unknown|x{1,3}"
-)
+_NO_SOURCE = r"assum\w*|estimat\w*|guess\w*|nosource"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,8 +193,7 @@ def _row(element: SafetyElement, subs: dict[str, SubDevice], library: Library) -
 
 def _names_a_source(text: str) -> bool:
     """Whether somebody answers for a figure; a word that holds a place for one is no answer."""
-    plain = "".join(c for c in text.casefold() if c.isalnum())
-    return bool(plain) and _PLACE_HOLDER.fullmatch(plain) is None
+    return not holds_a_place(text, _NO_SOURCE)
 
 
 def _quantity(

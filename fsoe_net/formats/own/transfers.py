@@ -10,6 +10,7 @@ from fsoe_net.formats.own.schema import nearest_key
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, own_int, read_int, warn_decimal_index
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode
+from fsoe_net.fsoe.parameters import MOST_APP_BYTES
 from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, Transfer, TransferKind
 
 __all__ = ["ModuleRow", "modules_from_yaml", "nets_from_yaml"]
@@ -158,7 +159,6 @@ def _endpoint(node: Node | None, out: Collector) -> Endpoint | None:
     )
 
 
-_MOST_APP_PARAMETERS = 4096
 _FACTS = ("address", "connection_id", "watchdog_ms", "app_parameters", "unconfirmed")
 
 
@@ -210,12 +210,12 @@ def _parameters(node: MapNode, out: Collector) -> bytes:
             hint='quote them, two digits per byte: app_parameters: "01 00 2c 01"',
         )
         return b""
-    if len(digits) > 2 * _MOST_APP_PARAMETERS:
+    if len(digits) > 2 * MOST_APP_BYTES:
         out.add(
             "FSN306",
             node.at("app_parameters"),
             f"{len(digits) // 2} bytes of application parameters; a plan has "
-            f"{_MOST_APP_PARAMETERS} at most",
+            f"{MOST_APP_BYTES} at most",
             hint="check the parameter list of the device",
         )
         return b""

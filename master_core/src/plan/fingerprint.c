@@ -10,7 +10,7 @@
 static const char *const section_name[FSN_FINGERPRINT_SECTIONS] = {
     "devices", "process_data", "copies", "connections", "cycle", "safety_functions"};
 
-/** A symbol, and the number of its record. */
+/** A symbol with its name, by which equal ones are put in order. */
 struct by_place {
     struct fsn_symbol_record record;
     const char *name;
