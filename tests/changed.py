@@ -19,6 +19,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from fcntl import LOCK_EX, flock
+from functools import cache
 from pathlib import Path
 
 _NUMBER = re.compile(r"(?<![\w.])(0x|#x)?([0-9a-fA-F]+)(?![\w.])")
@@ -90,21 +91,33 @@ def bits(data: bytes, step: int = 1) -> Iterator[tuple[str, bytes]]:
 
 def whole(value: object, seen: dict[int, tuple[int, object]] | None = None) -> str:
     """Return all that a value holds, the same in each process; what comes again by its number."""
+    kind = type(value)
+    if kind in _PLAIN:  # most values, by far
+        return repr(value)
     seen = {} if seen is None else seen
-    if is_dataclass(value) and not isinstance(value, type):
+    names = _fields_of(kind)
+    if names is not None:
         if id(value) in seen:
             return f"#{seen[id(value)][0]}"
         seen[id(value)] = len(seen), value  # kept: what is made on demand must not go
-        inner = (f"{f.name}={whole(getattr(value, f.name), seen)}" for f in fields(value))
+        inner = [f"{name}={whole(getattr(value, name), seen)}" for name in names]
         return f"({', '.join(inner)})"
     if isinstance(value, tuple | list):
-        return f"[{', '.join(whole(v, seen) for v in value)}]"
+        return f"[{', '.join([whole(v, seen) for v in value])}]"
     if isinstance(value, set | frozenset):
         return f"{{{', '.join(sorted(whole(v, {}) for v in value))}}}"
     if isinstance(value, Mapping):
-        rows = (f"{whole(k, seen)}: {whole(v, seen)}" for k, v in value.items())
+        rows = [f"{whole(k, seen)}: {whole(v, seen)}" for k, v in value.items()]
         return f"{{{', '.join(rows)}}}"
     return repr(value)
+
+
+_PLAIN = {str, int, bool, float, bytes, type(None)}
+
+
+@cache
+def _fields_of(kind: type) -> tuple[str, ...] | None:
+    return tuple(f.name for f in fields(kind)) if is_dataclass(kind) else None
 
 
 def compare(test: str, name: str, results: Iterable[tuple[str, str]]) -> None:
