@@ -11,14 +11,8 @@ from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
-from fsoe_net.model.answers import (
-    AnsweredConnection,
-    AnsweredDevice,
-    AnsweredWord,
-    Answers,
-    Ask,
-    Question,
-)
+from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers, Ask, Question
+from fsoe_net.model.network import ConnectionFacts
 from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings
 
 __all__ = ["answered", "ask", "parse_ring", "refuse", "report_questions"]
@@ -109,7 +103,7 @@ def _with(question: Question, text: str, answers: Answers, made: Draft) -> Answe
         others = [AnsweredWord(span=_HERE, text=subs[n].name) for n in known]
         return replace(answers, main=(*others, *chosen))
     main, slot = chosen[0].text.rsplit(" ", 1)
-    row = AnsweredConnection(
+    row = ConnectionFacts(
         span=_HERE, sub=question.subject, sub_slot=question.sub_slot, main=main, slot=int(slot)
     )
     return replace(answers, connections=(*answers.connections, row))

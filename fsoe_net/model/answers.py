@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Located
+from fsoe_net.model.network import ConnectionFacts
 
-__all__ = ["AnsweredConnection", "AnsweredDevice", "AnsweredWord", "Answers", "Ask", "Question"]
+__all__ = ["AnsweredDevice", "AnsweredWord", "Answers", "Ask", "Question"]
 
 
 class Ask(enum.Enum):
@@ -41,19 +42,6 @@ class AnsweredWord(Located):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnsweredConnection(Located):
-    """A connection the user knows; the keys are those of ``connections`` in a network file."""
-
-    sub: str
-    main: str | None = None
-    slot: int | None = None
-    sub_slot: int | None = None
-    address: int | None = None
-    connection_id: int | None = None
-    watchdog_ms: int | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Answers(Located):
     """All answers.
 
@@ -74,7 +62,7 @@ class Answers(Located):
     main: tuple[AnsweredWord, ...] | None = None
     process_data: Mapping[str, AnsweredWord] = field(default_factory=dict)
     frames: Mapping[str, AnsweredWord] = field(default_factory=dict)
-    connections: tuple[AnsweredConnection, ...] = ()
+    connections: tuple[ConnectionFacts, ...] = ()
     passed: frozenset[tuple[Ask, str, int | None]] = frozenset()
 
 

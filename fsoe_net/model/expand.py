@@ -24,7 +24,7 @@ from fsoe_net.model.network import (
     TransferKind,
 )
 
-__all__ = ["ConnectionTrouble", "Expansion", "Obstacle", "expand"]
+__all__ = ["Expansion", "NotExpanded", "Obstacle", "expand"]
 
 
 class Obstacle(enum.Enum):
@@ -44,7 +44,7 @@ class Obstacle(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConnectionTrouble:
+class NotExpanded:
     """A connection of which no transfers were made.
 
     Attributes:
@@ -77,7 +77,7 @@ class Expansion:
     """
 
     network: NetworkConfig
-    troubles: tuple[ConnectionTrouble, ...] = ()
+    troubles: tuple[NotExpanded, ...] = ()
     left_out: frozenset[tuple[int, int]] = frozenset()
 
 
@@ -104,9 +104,9 @@ class _Refusal(Exception):
         self.obstacle, self.key, self.name, self.other = obstacle, key, name, other
         self.pairs, self.partners = pairs, partners
 
-    def trouble(self, net: Net, facts: ConnectionFacts) -> ConnectionTrouble:
+    def trouble(self, net: Net, facts: ConnectionFacts) -> NotExpanded:
         """Return it as a trouble of this connection."""
-        return ConnectionTrouble(
+        return NotExpanded(
             net=net,
             facts=facts,
             obstacle=self.obstacle,
@@ -174,7 +174,7 @@ class _NetCases:
         """Whether it is another net than it was."""
         return any(case.made or case.left_out for case in self.cases)
 
-    def troubles(self, net: Net) -> list[ConnectionTrouble]:
+    def troubles(self, net: Net) -> list[NotExpanded]:
         """Return those of its connections; `net` is what it has become."""
         return [c.refusal.trouble(net, c.facts) for c in self.cases if c.refusal is not None]
 

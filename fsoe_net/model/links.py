@@ -8,9 +8,10 @@ from itertools import product
 
 from fsoe_net.diag.diagnostic import FindingList, Span
 from fsoe_net.diag.words import counted
-from fsoe_net.model.answers import AnsweredConnection, Answers
+from fsoe_net.model.answers import Answers
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd, Description
 from fsoe_net.model.layout import FsoeBlock
+from fsoe_net.model.network import ConnectionFacts
 from fsoe_net.model.pairing import PairEnd
 from fsoe_net.model.roles import FrameEnd
 
@@ -275,8 +276,8 @@ def link_answers(
     by_name = {e.name: e for e in ends}
     for row in answers.connections:
         sub = _named(row, "sub", row.sub, by_name, out)
-        main = None if row.main is None else _named(row, "main", row.main, by_name, out)
-        if sub is None or (main is None and row.main is not None):
+        main = _named(row, "main", row.main, by_name, out) if row.main else None
+        if sub is None or (row.main and main is None):
             continue
         if _has_roles(row, main, sub, out):
             mains = [e for e in ends if e.role == "main"] if main is None else [main]
@@ -284,7 +285,7 @@ def link_answers(
 
 
 def _has_roles(
-    row: AnsweredConnection, main: FrameEnd | None, sub: FrameEnd, out: FindingList
+    row: ConnectionFacts, main: FrameEnd | None, sub: FrameEnd, out: FindingList
 ) -> bool:
     """Report an end that has the other role."""
     if main is not None and main.role != "main":
@@ -299,7 +300,7 @@ def _has_roles(
 
 
 def _named(
-    row: AnsweredConnection, key: str, name: str, ends: dict[str, FrameEnd], out: FindingList
+    row: ConnectionFacts, key: str, name: str, ends: dict[str, FrameEnd], out: FindingList
 ) -> FrameEnd | None:
     end = ends.get(name)
     if end is None:
@@ -314,7 +315,7 @@ def _named(
 
 
 def _link_answer(
-    row: AnsweredConnection,
+    row: ConnectionFacts,
     mains: list[FrameEnd],
     sub: FrameEnd,
     links: list[CopyLink],
@@ -344,13 +345,13 @@ def _in_slot(pairs: Sequence[PairEnd], slot: int | None) -> list[PairEnd]:
     return [pair for pair in pairs if slot in (None, pair.slot)]
 
 
-def _as_answered(row: AnsweredConnection) -> str:
+def _as_answered(row: ConnectionFacts) -> str:
     where = f"{row.span.file}:{row.span.line}" if row.span.line else "your answer"
     return f"as answered, {where}"
 
 
 def _is_linked(
-    row: AnsweredConnection,
+    row: ConnectionFacts,
     slots: list[PairEnd],
     subs: list[PairEnd],
     links: list[CopyLink],
@@ -374,7 +375,7 @@ def _is_linked(
     return True
 
 
-def _no_slot(row: AnsweredConnection, key: str, ends: Sequence[FrameEnd], out: FindingList) -> None:
+def _no_slot(row: ConnectionFacts, key: str, ends: Sequence[FrameEnd], out: FindingList) -> None:
     names = " and ".join(f"{e.name} has {_range(e)}" for e in ends) or "no MainInstance is known"
     stated = getattr(row, key)
     what = "a slot" if stated is None else f"{key} {stated}"
@@ -382,7 +383,7 @@ def _no_slot(row: AnsweredConnection, key: str, ends: Sequence[FrameEnd], out: F
 
 
 def _refuse(
-    row: AnsweredConnection,
+    row: ConnectionFacts,
     slots: list[PairEnd],
     subs: list[PairEnd],
     fitting: list[tuple[PairEnd, PairEnd]],
@@ -423,7 +424,7 @@ def _range(end: FrameEnd) -> str:
     return f"slots 0 to {len(end.pairs) - 1}" if len(end.pairs) > 1 else "slot 0"
 
 
-def _facts(row: AnsweredConnection) -> DescribedConnection:
+def _facts(row: ConnectionFacts) -> DescribedConnection:
     return DescribedConnection(
         span=row.span,
         fields=row.fields,
@@ -433,7 +434,7 @@ def _facts(row: AnsweredConnection) -> DescribedConnection:
     )
 
 
-def state_facts(link: CopyLink, row: AnsweredConnection, out: FindingList) -> None:
+def state_facts(link: CopyLink, row: ConnectionFacts, out: FindingList) -> None:
     """Put the facts of an answer to a connection.
 
     Args:

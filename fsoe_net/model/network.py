@@ -52,13 +52,14 @@ class Transfer(Located):
 class ConnectionFacts(Located):
     """A connection as the user states it: which frames, and what no PDO holds. ``None``: not said.
 
-    ``main`` and ``sub`` are SubDevice names. ``slot`` is the number of the frame pair of ``main``,
-    from 0 in the order of the process image (`frame_pairs`); ``sub_slot`` the same for ``sub``.
-    Transfers that the net does not have are made from it (`expand`). ``unconfirmed``: nobody has
-    held it against the safety project yet; the text says why, and may be empty.
+    ``main`` and ``sub`` are SubDevice names; an answer of the user may leave ``main`` empty.
+    ``slot`` is the number of the frame pair of ``main``, from 0 in the order of the process image
+    (`frame_pairs`); ``sub_slot`` the same for ``sub``. Transfers that the net does not have are
+    made from it (`expand`). ``unconfirmed``: nobody has compared it with the safety project yet;
+    the text says why, and may be empty.
     """
 
-    main: str
+    main: str = ""
     sub: str
     slot: int | None = None
     sub_slot: int | None = None

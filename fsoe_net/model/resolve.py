@@ -13,7 +13,7 @@ from functools import cached_property
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.model.bus import Direction, SubDevice, same_devices
 from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer, find_end
-from fsoe_net.model.expand import ConnectionTrouble, Obstacle, expand
+from fsoe_net.model.expand import NotExpanded, Obstacle, expand
 from fsoe_net.model.network import ConnectionFacts, Net, NetworkConfig, TransferKind
 
 __all__ = [
@@ -83,7 +83,7 @@ class Resolution:
     connections: tuple[Connection, ...]
     single: tuple[ResolvedTransfer, ...]
     unmatched_facts: tuple[UnmatchedFacts, ...]
-    troubles: tuple[ConnectionTrouble, ...] = ()
+    troubles: tuple[NotExpanded, ...] = ()
 
     @cached_property
     def numbers(self) -> Mapping[str, int]:
@@ -216,7 +216,7 @@ class _Pairing:
         self.connections: list[Connection] = []
         self.single: _Rows = []
         self.unmatched: list[UnmatchedFacts] = []
-        self.troubles: list[ConnectionTrouble] = []
+        self.troubles: list[NotExpanded] = []
 
     def add(
         self, net_number: int, net: Net, rows: _Rows, left_out: frozenset[tuple[int, int]]
@@ -274,7 +274,7 @@ class _Pairing:
             key, there, numbers = "sub", sub, frozenset().union(*(c.sub_slots for c in couples))
         pairs = there.layout.frame_pairs if there.layout is not None else ()
         self.troubles.append(
-            ConnectionTrouble(
+            NotExpanded(
                 net=net,
                 facts=fact,
                 obstacle=Obstacle.SEVERAL,

@@ -25,7 +25,6 @@ from fsoe_net.observe.json_object import JsonObject
 __all__ = [
     "BusSnapshot",
     "Layout",
-    "LayoutConnection",
     "LayoutCopy",
     "LayoutDatagram",
     "LayoutSm",
@@ -86,24 +85,6 @@ class SubDeviceSnapshot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlannedConnection:
-    """What files or a plan state about a connection; ``None``: nobody states it.
-
-    ``safe_bytes`` are the lengths of the safe data to the sub and to the main, 0 where a plan is
-    not at hand.
-    """
-
-    name: str
-    net: str = ""
-    main: str
-    sub: str
-    connection_id: int | None = None
-    address: int | None = None
-    watchdog_ms: int | None = None
-    safe_bytes: tuple[int, int] = (0, 0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class NamedConnection:
     """An FSoE connection as seen on the wire, with its names of the plan."""
 
@@ -152,18 +133,27 @@ class LayoutCopy:
     size_bytes: int
 
 
+_NO_COPY = LayoutCopy(source_byte=0, destination_byte=0, size_bytes=0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LayoutConnection:
-    """An FSoE connection and the copies of its frames; ``None`` for what nobody stated."""
+class PlannedConnection:
+    """What files, a plan or a layout state about a connection; ``None``: nobody states it.
+
+    ``safe_bytes`` are the lengths of the safe data to the sub and to the main, 0 where a plan is
+    not at hand; ``to_sub`` and ``to_main`` the copies of its frames, empty without a layout.
+    """
 
     name: str
+    net: str = ""
     main: str = ""
     sub: str = ""
-    address: int | None = None
     connection_id: int | None = None
+    address: int | None = None
     watchdog_ms: int | None = None
-    to_sub: LayoutCopy
-    to_main: LayoutCopy
+    safe_bytes: tuple[int, int] = (0, 0)
+    to_sub: LayoutCopy = _NO_COPY
+    to_main: LayoutCopy = _NO_COPY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +164,7 @@ class Layout:
     sms: tuple[LayoutSm, ...]
     datagrams: tuple[LayoutDatagram, ...]
     copies: tuple[LayoutCopy, ...]
-    connections: tuple[LayoutConnection, ...]
+    connections: tuple[PlannedConnection, ...]
 
 
 # -- snapshot -------------------------------------------------------------------------------------
@@ -335,8 +325,8 @@ def _copy(row: JsonObject, image_bytes: int) -> LayoutCopy:
     return copy
 
 
-def _connection(row: JsonObject, image_bytes: int) -> LayoutConnection:
-    return LayoutConnection(
+def _connection(row: JsonObject, image_bytes: int) -> PlannedConnection:
+    return PlannedConnection(
         name=row.label("name"),
         main=row.label("main"),
         sub=row.label("sub"),

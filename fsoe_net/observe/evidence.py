@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.observe.bus_documents import (
-    LayoutConnection,
     LayoutCopy,
     PlannedConnection,
     SubDeviceSnapshot,
@@ -301,7 +300,7 @@ def _first_bad(links: dict[str, LinkFacts]) -> str:
 
 
 def _pairs(
-    places: tuple[LayoutConnection, ...], watches: dict[str, LinkWatch], name: str
+    places: tuple[PlannedConnection, ...], watches: dict[str, LinkWatch], name: str
 ) -> list[PairWatch]:
     """Pair the ends of the connection of the trigger with those of others."""
     pairs: list[PairWatch] = []

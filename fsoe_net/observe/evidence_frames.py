@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from fsoe_net.fsoe.chain import fits_start
 from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_length
-from fsoe_net.observe.bus_documents import LayoutConnection, LayoutCopy
+from fsoe_net.observe.bus_documents import LayoutCopy, PlannedConnection
 
 __all__ = [
     "FrameSeen",
@@ -149,7 +149,7 @@ class LinkWatch:
 
     def __init__(
         self,
-        places: LayoutConnection,
+        places: PlannedConnection,
         moment_ns: int,
         *,
         bounds: tuple[tuple[int, int], tuple[int, int]],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fsoe_net.diag.diagnostic import Related
 from fsoe_net.diag.words import counted
-from fsoe_net.model.expand import ConnectionTrouble, Obstacle
+from fsoe_net.model.expand import NotExpanded, Obstacle
 from fsoe_net.model.layout import FramePair
 from fsoe_net.model.network import Net, Transfer
 from fsoe_net.rules.context import Context, few, nearest
@@ -58,7 +58,7 @@ def check_drivers(ctx: Context, runtime: Runtime) -> None:
         )
 
 
-def _say(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _say(ctx: Context, trouble: NotExpanded) -> None:
     match trouble.obstacle:
         case Obstacle.MODULE:
             _module(ctx, trouble)
@@ -78,7 +78,7 @@ def _say(ctx: Context, trouble: ConnectionTrouble) -> None:
             _used(ctx, trouble)
 
 
-def _module(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _module(ctx: Context, trouble: NotExpanded) -> None:
     span = trouble.facts.at(trouble.key)
     if trouble.key == "main" and is_main_device(trouble.name):
         ctx.add(
@@ -102,7 +102,7 @@ def _module(ctx: Context, trouble: ConnectionTrouble) -> None:
     )
 
 
-def _main(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _main(ctx: Context, trouble: NotExpanded) -> None:
     facts = trouble.facts
     if trouble.obstacle is Obstacle.SAME:
         ctx.add(
@@ -130,7 +130,7 @@ def _main(ctx: Context, trouble: ConnectionTrouble) -> None:
     )
 
 
-def _masters(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _masters(ctx: Context, trouble: NotExpanded) -> None:
     by_name = {s.name: s for s in reversed(ctx.resolution.network.subdevices)}
     main, sub = by_name[trouble.facts.main], by_name[trouble.facts.sub]
     ctx.add(
@@ -142,7 +142,7 @@ def _masters(ctx: Context, trouble: ConnectionTrouble) -> None:
     )
 
 
-def _no_slot(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _no_slot(ctx: Context, trouble: NotExpanded) -> None:
     facts, name, pairs = trouble.facts, trouble.name, trouble.pairs
     if trouble.obstacle is Obstacle.NO_FRAMES:
         ctx.add(
@@ -164,7 +164,7 @@ def _no_slot(ctx: Context, trouble: ConnectionTrouble) -> None:
     )
 
 
-def _unmatched(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _unmatched(ctx: Context, trouble: NotExpanded) -> None:
     name, hint = trouble.name, "write the two transfers out"
     if trouble.obstacle is Obstacle.HIDDEN:
         message = f"{name} is mapped twice, and a driver would get the other place than the frame"
@@ -184,7 +184,7 @@ def _unmatched(ctx: Context, trouble: ConnectionTrouble) -> None:
     ctx.add("FSN236", trouble.facts.at(trouble.key), message, hint=hint)
 
 
-def _lengths(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _lengths(ctx: Context, trouble: NotExpanded) -> None:
     facts, theirs = trouble.facts, trouble.partners
     ours = [p for p in trouble.pairs if facts.slot in (None, p.slot)]
     message = f"no slot of {facts.main} fits {facts.sub}"
@@ -209,7 +209,7 @@ def _lengths(ctx: Context, trouble: ConnectionTrouble) -> None:
     ctx.add("FSN236", facts.at(trouble.key), message, hint=hint)
 
 
-def _several(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _several(ctx: Context, trouble: NotExpanded) -> None:
     key = "slot" if trouble.key == "main" else "sub_slot"
     ctx.add(
         "FSN237",
@@ -224,7 +224,7 @@ def _named(pair: FramePair) -> str:
     return f"{pair.slot} ({', '.join(b.command.address for b in pair.blocks)})"
 
 
-def _used(ctx: Context, trouble: ConnectionTrouble) -> None:
+def _used(ctx: Context, trouble: NotExpanded) -> None:
     other = trouble.other
     what = "a transfer" if isinstance(other, Transfer) else "another connection"
     ctx.add(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from fsoe_net.core.snapshot import ConnectionSnapshot
@@ -241,21 +241,11 @@ def _facts(client: Client) -> tuple[PlannedConnection, ...]:
         stated = {c.name: c for c in client.layout().connections}
     except ControlRefused:
         stated = {}
-    rows = []
-    for c in names:
-        known = stated.get(c.name)
-        rows.append(
-            PlannedConnection(
-                name=c.name,
-                net=c.net,
-                main=c.main,
-                sub=c.sub,
-                connection_id=known.connection_id if known else None,
-                address=known.address if known else None,
-                watchdog_ms=known.watchdog_ms if known else None,
-            )
-        )
-    return tuple(rows)
+    unknown = PlannedConnection(name="")
+    return tuple(
+        replace(stated.get(c.name, unknown), name=c.name, net=c.net, main=c.main, sub=c.sub)
+        for c in names
+    )
 
 
 def _cause(name: str, wire: ConnectionSnapshot, events: BusEvents) -> str:

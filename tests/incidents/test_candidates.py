@@ -15,7 +15,6 @@ from fsoe_net.fsoe.pdu import Command, ResetCode
 from fsoe_net.observe import causes_bus, causes_ends, causes_places
 from fsoe_net.observe.bus_documents import (
     Layout,
-    LayoutConnection,
     LayoutCopy,
     NamedConnection,
     PlannedConnection,
@@ -42,7 +41,7 @@ MS = 1_000_000
 MOMENT = 1000 * MS
 WATCHDOG = "the watchdog is 100 ms"
 AREA = LayoutCopy(source_byte=0, destination_byte=0, size_bytes=6)
-PLACES = LayoutConnection(
+PLACES = PlannedConnection(
     name="a", to_sub=AREA, to_main=replace(AREA, source_byte=6, destination_byte=6)
 )
 

@@ -11,11 +11,12 @@ from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.twinsafe.read import load_twinsafe
-from fsoe_net.model.answers import AnsweredConnection, AnsweredWord, Answers, Ask
+from fsoe_net.model.answers import AnsweredWord, Answers, Ask
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 from fsoe_net.model.library import LibraryMapping
 from fsoe_net.model.library_fill import library_role
+from fsoe_net.model.network import ConnectionFacts
 from fsoe_net.model.project import match_project
 from fsoe_net.model.proposal import Proposal, propose
 
@@ -77,7 +78,7 @@ def test_input_and_output_of_one_length_are_never_told_apart(slots: int):
 
 
 def test_an_answer_leaves_one_way_for_the_other():
-    answer = AnsweredConnection(sub="motor", slot=0)
+    answer = ConnectionFacts(sub="motor", slot=0)
     made = proposed(
         sub("logic", LOGIC, SIX, SIX), EL1904, EL2904, answers=Answers(connections=(answer,))
     )
@@ -141,11 +142,11 @@ def test_a_connection_of_a_project_when_there_are_two_logics():
 @pytest.mark.parametrize(
     ("answers", "code"),
     [
-        (Answers(connections=(AnsweredConnection(sub="nobody"),)), "FSN155"),
-        (Answers(connections=(AnsweredConnection(sub="stop", main="nobody"),)), "FSN155"),
-        (Answers(connections=(AnsweredConnection(sub="stop", slot=9),)), "FSN155"),
-        (Answers(connections=(AnsweredConnection(sub="stop", slot=1),)), "FSN156"),
-        (Answers(connections=(AnsweredConnection(sub="logic", slot=0),)), "FSN156"),
+        (Answers(connections=(ConnectionFacts(sub="nobody"),)), "FSN155"),
+        (Answers(connections=(ConnectionFacts(sub="stop", main="nobody"),)), "FSN155"),
+        (Answers(connections=(ConnectionFacts(sub="stop", slot=9),)), "FSN155"),
+        (Answers(connections=(ConnectionFacts(sub="stop", slot=1),)), "FSN156"),
+        (Answers(connections=(ConnectionFacts(sub="logic", slot=0),)), "FSN156"),
         (Answers(main=(AnsweredWord(text="nobody"),)), "FSN155"),
         (Answers(process_data={"stop": AnsweredWord(text="device PDO")}), "FSN156"),
         (Answers(frames={"nobody": AnsweredWord(text="yes")}), "FSN155"),
@@ -159,7 +160,7 @@ def test_wrong_answers(answers: Answers, code: str):
 
 def test_a_value_that_a_file_contradicts():
     known = DescribedConnection(main=0, sub=1, slot=0, address=7, span=Span("project.xml", 4, 2))
-    answer = AnsweredConnection(sub="stop", slot=0, address=8)
+    answer = ConnectionFacts(sub="stop", slot=0, address=8)
     made = proposed(
         sub("logic", LOGIC, SIX),
         EL1904,

@@ -13,7 +13,7 @@ from model.fsoe_table import pdo
 from model.test_proposal import EL1904, EL2904, LIBRARY, LOGIC, SEVEN, SIX, device, sub
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.model.answers import AnsweredConnection, AnsweredWord, Answers
+from fsoe_net.model.answers import AnsweredWord, Answers
 from fsoe_net.model.bus import Device, Direction, SyncManager
 from fsoe_net.model.description import (
     DescribedConnection,
@@ -22,6 +22,7 @@ from fsoe_net.model.description import (
     DescribedSubDevice,
     Description,
 )
+from fsoe_net.model.network import ConnectionFacts
 from fsoe_net.model.proposal import Proposal, propose
 
 # A frame whose places are right and whose objects are not one: taken only when a person says so.
@@ -115,7 +116,7 @@ def _answers(ring: str) -> Iterator[tuple[str, Answers]]:
     for name, main, slot, sub_slot in product(
         names, [None, *names[:2]], [None, 0, 1, 9], [None, 0, 1]
     ):
-        row = AnsweredConnection(
+        row = ConnectionFacts(
             sub=name,
             main=main,
             slot=slot,
@@ -124,7 +125,7 @@ def _answers(ring: str) -> Iterator[tuple[str, Answers]]:
             span=Span("answers.yaml", 4, 3) if slot else Span(""),
         )
         yield f"{name} {main} {slot} {sub_slot}", Answers(connections=(row,))
-        second = AnsweredConnection(sub=names[-1], slot=0, connection_id=5, watchdog_ms=60)
+        second = ConnectionFacts(sub=names[-1], slot=0, connection_id=5, watchdog_ms=60)
         yield f"{name} {main} {slot} {sub_slot} two", Answers(connections=(row, second))
         if "drive" in names:
             taken = Answers(

@@ -8,7 +8,7 @@ from itertools import product
 import pytest
 from changed import compare
 
-from fsoe_net.model.answers import AnsweredConnection, AnsweredDevice, AnsweredWord, Answers, Ask
+from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers, Ask
 from fsoe_net.model.description import (
     ClockFacts,
     DescribedConnection,
@@ -19,6 +19,7 @@ from fsoe_net.model.description import (
     TypeFacts,
 )
 from fsoe_net.model.library import LibraryDevice, LibraryMapping
+from fsoe_net.model.network import ConnectionFacts
 from fsoe_net.model.protocol import (
     AtMachine,
     Protocol,
@@ -44,7 +45,7 @@ OTHERWISE = {("AnsweredDevice", "count"): 1, ("ClockFacts", "factor"): 1}
 
 def test_what_nobody_says_is_empty():
     kinds = [
-        *(AnsweredConnection, AnsweredDevice, AnsweredWord, Answers),
+        *(ConnectionFacts, AnsweredDevice, AnsweredWord, Answers),
         *(ClockFacts, DescribedConnection, DescribedCopy, DescribedSubDevice, Description),
         *(StartFacts, TypeFacts, LibraryDevice, LibraryMapping),
         *(AtMachine, Protocol, ProtocolStep, StepResult, SafetyElement, SafetyFunction),

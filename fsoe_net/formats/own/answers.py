@@ -8,7 +8,8 @@ from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, parse_yaml
-from fsoe_net.model.answers import AnsweredConnection, AnsweredDevice, AnsweredWord, Answers
+from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers
+from fsoe_net.model.network import ConnectionFacts
 
 __all__ = ["load_answers", "parse_answers"]
 
@@ -66,12 +67,12 @@ def _device(node: MapNode, out: Collector) -> AnsweredDevice:
     )
 
 
-def _connection(node: MapNode, out: Collector) -> AnsweredConnection:
-    return AnsweredConnection(
+def _connection(node: MapNode, out: Collector) -> ConnectionFacts:
+    return ConnectionFacts(
         span=node.span,
         fields=node.places(),
         sub=node.text("sub") or "",
-        main=node.text("main"),
+        main=node.text("main") or "",
         slot=own_int(node, "slot", 255, out),
         sub_slot=own_int(node, "sub_slot", 255, out),
         address=own_int(node, "address", _U16, out),
