@@ -60,14 +60,14 @@ fsn_status fsn_core_download(struct fsn_core *core, uint32_t subdevice,
 
 /* -- SII ------------------------------------------------------------------------------------ */
 
-/** How much of the SII is needed by what was read of it: up to the end of its categories. */
-static uint32_t needed(const uint8_t *sii, uint32_t have, uint32_t room) {
-    uint32_t at = SII_CATEGORIES;
-    while (at + 4 <= have && fsn_get16(sii + at) != SII_END) {
-        at += 4 + 2u * fsn_get16(sii + at + 2);
+/** How much of the SII is needed by what was read of it: up to the end of its categories. `at` is
+ * the first category not yet passed; it goes on from there. */
+static uint32_t needed(const uint8_t *sii, uint32_t have, uint32_t room, uint32_t *at) {
+    while (*at + 4 <= have && fsn_get16(sii + *at) != SII_END) {
+        *at += 4 + 2u * fsn_get16(sii + *at + 2);
     }
     /* mutants: both are even, and it is rounded up to 8 */
-    const uint32_t whole = (at + (at + 4 <= have ? 2u : 4u) + 7) / 8 * 8;
+    const uint32_t whole = (*at + (*at + 4 <= have ? 2u : 4u) + 7) / 8 * 8;
     return whole < room ? whole : room;
 }
 
@@ -75,13 +75,12 @@ fsn_status fsn_acyclic_read_sii(const struct fsn_bus_acyclic *acyclic, void *bus
                                 struct fsn_transfer *transfer) {
     const uint32_t room =
         (transfer->size_bytes < FSN_SII_BYTES ? transfer->size_bytes : FSN_SII_BYTES) / 8 * 8;
-    uint32_t have = 0;
+    uint32_t have = 0, category = SII_CATEGORIES, want;
     transfer->size_bytes = 0;
     if (acyclic->sii_read == NULL) {
         return FSN_E_ABSENT;
     }
-    for (uint32_t want = needed(transfer->data, 0, room); have < want;
-         want = needed(transfer->data, have, room)) {
+    while ((want = needed(transfer->data, have, room, &category)) > have) {
         const uint32_t step = want - have < SII_STEP ? want - have : SII_STEP;
         const fsn_status status =
             acyclic->sii_read(bus, transfer->position, have, transfer->data + have, step);
