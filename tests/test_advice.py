@@ -35,6 +35,10 @@ def texts_of(path: Path) -> Iterator[str]:
         prose = re.sub(r"```.*?```", "", path.read_text("utf-8"), flags=re.DOTALL)
         yield from re.split(r"\n\n|\n- |\n\d+\. |\n   - |\n\| ", prose)
         return
+    if path.suffix == ".c":
+        for text in re.findall(r'(?:"(?:[^"\\\n]|\\.)*"\s*)+', path.read_text("utf-8")):
+            yield re.sub(r'"\s*"', "", text).strip().strip('"')
+        return
     tree = ast.parse(path.read_text("utf-8"))
     bare = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
     for node in ast.walk(tree):
@@ -47,9 +51,8 @@ def texts_of(path: Path) -> Iterator[str]:
 
 
 def test_who_advises_another_time_says_that_it_is_calculated_again():
-    paths = [*(ROOT / "fsoe_net").rglob("*.py"), *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
     found = []
-    for path in paths:
+    for path in _sources():
         for text in texts_of(path):
             words = " ".join(text.split())
             known = any(text in words for text in NO_ADVICE)
@@ -74,7 +77,9 @@ LIST = Path(__file__).with_name("advice.txt")
 
 
 def _sources() -> list[Path]:
-    return [*(ROOT / "fsoe_net").rglob("*.py"), *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
+    core = [c for part in ("src", "app") for c in (ROOT / "master_core" / part).rglob("*.c")]
+    tool = (ROOT / "fsoe_net").rglob("*.py")
+    return [*core, *tool, *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
 
 
 def _touches() -> Iterator[str]:
@@ -105,4 +110,17 @@ def test_a_page_that_sends_hands_into_a_machine_begins_with_securing_it():
         hands = HANDS.search(fix)
         if hands and not SECURED.search(fix[: hands.start()]):
             found.append(f"{path.name}: {hands[0]}")
+    assert found == []
+
+
+def test_a_hint_about_what_is_on_the_bus_begins_with_securing_the_machine():
+    found = []
+    for path in (ROOT / "fsoe_net" / "rules").glob("scan*.py"):
+        tree = ast.parse(path.read_text("utf-8"))
+        for call in (n for n in ast.walk(tree) if isinstance(n, ast.Call)):
+            for hint in (k.value for k in call.keywords if k.arg == "hint"):
+                text = ast.unparse(hint)
+                hands = HANDS.search(text)
+                if hands and "SECURED" not in text[: hands.start()]:
+                    found.append(text)
     assert found == []

@@ -13,6 +13,8 @@ from fsoe_net.model.layout import FsoeBlock, SmLayout
 from fsoe_net.model.resolve import Resolution
 
 __all__ = [
+    "ACCEPTED",
+    "SECURED",
     "Context",
     "Guesses",
     "block_text",
@@ -24,6 +26,10 @@ __all__ = [
     "touched_bytes",
 ]
 
+ACCEPTED = "; after a change: calculate the reaction times again, accept again"
+"""End of a hint that lets somebody change what was accepted."""
+SECURED = "secure the machine, then "
+"""Begin of a hint that sends hands to a device or a cable."""
 _MOST_COMPARISONS = 200_000  # of two words; a second or two
 
 

@@ -16,6 +16,7 @@ from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scan import Scan, ScannedSubDevice
+from fsoe_net.rules.context import ACCEPTED, SECURED
 from fsoe_net.rules.scan_devices import check_health, check_layout, check_revision
 from fsoe_net.rules.scan_fsoe import check_fsoe_values
 from fsoe_net.rules.scan_match import Match, match_scan
@@ -70,7 +71,8 @@ def _silent(out: FindingList, sub: SubDevice, there: ScannedSubDevice) -> None:
         "FSN501",
         _place(sub),
         f"{sub.name} is missing: it was at position {there.position} and answers no more",
-        hint="look at its power and at the cable before it; the first silent one is where it broke",
+        hint=f"{SECURED}look at its power and at the cable before it; the first silent one is "
+        "where it broke",
         severity=None if sub.required else Severity.INFO,
     )
 
@@ -85,10 +87,13 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
             hint = "the bus is empty: is the interface right, the cable in, the power on?"
         elif place >= count:
             last = scan.subdevices[-1]
-            hint = f"the bus ends at position {last.position}, {_title(last)}: look at the cable "
-            hint += "behind it, and at the power of the next"
+            hint = (
+                f"the bus ends at position {last.position}, {_title(last)}: {SECURED}look at the "
+            )
+            hint += "cable behind it, and at the power of the next"
         else:
-            hint = "all behind it moved one place forward; put it back, or take it out here"
+            hint = f"all behind it moved one place forward; {SECURED}put it back, or take it out "
+            hint += f"here{ACCEPTED}"
         out.add(
             "FSN501",
             _place(sub),
@@ -103,7 +108,8 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
             _place(behind) if behind is not None else network.span,
             f"position {place}, which the network leaves free, is not there: all behind it moved "
             "one place forward",
-            hint="put the coupler or terminal back, or correct the positions here",
+            hint=f"{SECURED}put the coupler or terminal back, or correct the positions here"
+            f"{ACCEPTED}",
         )
 
 
@@ -114,7 +120,7 @@ def _order(out: FindingList, match: Match) -> None:
             _place(one),
             f"{one.name} and {two.name} are exchanged: {one.name} is at position "
             f"{found_one.position}, {two.name} at position {found_two.position}",
-            hint="change their places or cables, or the positions here",
+            hint=f"{SECURED}change their places or cables back, or the positions here{ACCEPTED}",
             related=(Related(span=_place(two), message=f"{two.name} is expected here"),),
         )
     for sub, place, found in match.moved:
@@ -122,7 +128,7 @@ def _order(out: FindingList, match: Match) -> None:
             "FSN503",
             _place(sub),
             f"{sub.name} is at position {found.position}, expected at position {place}",
-            hint="put it in its place, or correct the positions here",
+            hint=f"{SECURED}put it in its place, or correct the positions here{ACCEPTED}",
         )
 
 
@@ -138,7 +144,8 @@ def _other(out: FindingList, match: Match) -> None:
             "FSN504",
             _place(sub),
             f"position {found.position} is {_title(found)}; {sub.name} is {expected}",
-            hint="put the right device there, or name the file of this one as its config",
+            hint=f"{SECURED}put the right device there, or name the file of this one as its config"
+            f"{ACCEPTED}",
             related=(
                 (Related(span=device.at("product_id"), message="expected by this file"),)
                 if device is not None
@@ -160,8 +167,8 @@ def _extra(out: FindingList, network: NetworkConfig, match: Match) -> None:
             network.span,
             f"position {found.position} is {_title(found)}, which the network does not name; "
             f"{effect}",
-            hint="take it off the bus, or add it to the network; `fsoe-net scan -o DIR` writes its "
-            "file",
+            hint=f"{SECURED}take it off the bus, or add it to the network (`fsoe-net scan -o DIR` "
+            f"writes its file){ACCEPTED}",
         )
     for found in match.behind:
         out.add(

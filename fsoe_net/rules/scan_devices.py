@@ -7,7 +7,7 @@ from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, Pdo, SubDevice
 from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.scan import ScannedPdo, ScannedSm, ScannedSubDevice
-from fsoe_net.rules.context import few
+from fsoe_net.rules.context import ACCEPTED, SECURED, few
 from fsoe_net.rules.entries import assignment_words, first_difference, listed
 
 __all__ = ["check_health", "check_layout", "check_revision"]
@@ -25,7 +25,7 @@ def check_revision(out: FindingList, sub: SubDevice, found: ScannedSubDevice) ->
         f"{sub.name}: revision 0x{found.revision:08x} at position {found.position}, the network "
         f"says 0x{sub.revision:08x}",
         hint="was the device exchanged or its firmware updated? if its manual says that the two "
-        "are compatible, write the new revision here",
+        f"are compatible, write the new revision here{ACCEPTED}",
     )
 
 
@@ -49,7 +49,8 @@ def check_health(out: FindingList, span: Span, name: str, found: ScannedSubDevic
                 span,
                 f"{name} (position {found.position}), port {port.port}: {' and '.join(counts)} "
                 "since it was switched on",
-                hint="look at cable and plug of this port; the counters start again at power-up",
+                hint=f"{SECURED}look at cable and plug of this port; the counters start again at "
+                "power-up",
             )
     if problems:
         out.add(

@@ -9,7 +9,7 @@ from fsoe_net.diag.diagnostic import FindingList, Related
 from fsoe_net.diag.words import counted
 from fsoe_net.model.network import ConnectionFacts, NetworkConfig
 from fsoe_net.model.scan import ScannedConnection, ScannedSubDevice
-from fsoe_net.rules.context import few
+from fsoe_net.rules.context import ACCEPTED, SECURED, few
 
 __all__ = ["check_fsoe_values"]
 
@@ -123,8 +123,8 @@ def _addresses(
             fact.at("address"),
             f"{name} (position {found[name].position}) has FSoE address {address}{whose}; the "
             f"network says {fact.address}",
-            hint="set it at the device, or write it here and in the safety project; the connection "
-            "is refused (error 6) while they differ",
+            hint="find out which one the safety project has, and correct the other one; the "
+            f"connection is refused (error 6) while they differ{ACCEPTED}",
         )
     return [fact for name, fact in facts.items() if name not in read]
 
@@ -147,7 +147,7 @@ def _exchanged(
         one.at("address"),
         f"{one.sub} and {two.sub} are exchanged: position {found[one.sub].position} has FSoE "
         f"address {two.address}, position {found[two.sub].position} has {one.address}",
-        hint="were the two devices, or their cables, put in each other's place?",
+        hint=f"{SECURED}were the two devices, or their cables, put in each other's place?",
         related=(Related(span=two.at("address"), message=f"{two.sub} is expected here"),),
     )
 
@@ -265,7 +265,7 @@ def _compare(
                 fact.at(value.key),
                 f"{main}: the {value.what}s of {fact.sub} and {other.sub} are exchanged, {found} "
                 f"and {planned}; the network says {planned} and {found}",
-                hint="correct them here or in the safety project",
+                hint=f"correct them here or in the safety project{ACCEPTED}",
                 related=(Related(span=other.at(value.key), message=f"{other.sub}"),),
             )
             continue
@@ -275,5 +275,5 @@ def _compare(
             value.code,
             fact.at(value.key),
             f"{whose}; the network says {planned}{value.unit}",
-            hint="the safety project in the device counts: correct it there or here",
+            hint=f"the safety project in the device counts: correct it there or here{ACCEPTED}",
         )

@@ -47,9 +47,10 @@ const char *fsn_status_next_step(fsn_status status) {
         {FSN_E_CLOSED, "write only what the console's list shows as an output"},
         {FSN_E_ABSENT, "use a build that has it; fsn-master --version says what this one has"},
         {FSN_E_BUS_BUSY, "stop the other MainDevice first"},
-        {FSN_E_BUS_SILENT, "check cable, power and --interface; --wait 30s tries again"},
-        {FSN_E_BUS_MISSING,
-         "check cable and power behind the last SubDevice found; --wait 30s tries again"},
+        {FSN_E_BUS_SILENT,
+         "secure the machine, then check cable, power and --interface; --wait 30s tries again"},
+        {FSN_E_BUS_MISSING, "secure the machine, then check cable and power behind the last "
+                            "SubDevice found; --wait 30s tries again"},
         {FSN_E_BUS_IDENTITY, compare},
         {FSN_E_BUS_MAPPING, compare},
         {FSN_E_BUS_ADDRESS, compare},

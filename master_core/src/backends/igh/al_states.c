@@ -107,7 +107,8 @@ static void lose(struct fsn_igh *bus, struct igh_node *node) {
     pthread_mutex_unlock(&bus->all.lock);
     if (!noted) {
         igh_note(bus, node, FSN_FOUND_NOTHING,
-                 "no answer; look at its cable, its supply, and those of the SubDevices before it");
+                 "no answer; secure the machine, then look at its cable, its supply, and those of "
+                 "the SubDevices before it");
     }
 }
 
